@@ -1,0 +1,287 @@
+"""Camera models: projection to distorted pixels, back again, with analytic Jacobians.
+
+A point (x, y, z) in the optical frame (z forward, x right, y down, metres) becomes
+
+* ``none``                 u = fx x/z + cx
+* ``plumb_bob``            k1 k2 p1 p2 [k3]                 (Brown-Conrady, as in OpenCV)
+* ``rational_polynomial``  k1 k2 p1 p2 k3 k4 k5 k6          (as in OpenCV)
+* ``equidistant``          k1 k2 k3 k4                      (Kannala-Brandt, OpenCV's fisheye)
+
+Pixel (0, 0) is the centre of the top-left pixel. Names are those of sensor_msgs/CameraInfo;
+``fisheye`` is accepted for ``equidistant``.
+
+Points behind a camera: a pinhole would mirror them into the image, so that a camera that looks
+away could fit. Below ``NEAR_M`` the factor 1/z is continued along its tangent, and the
+distortion stops growing outside the field of view: a point that moves backwards moves steadily
+out of the image, and the residual pulls it back to the front.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Tuple
+
+import numpy as np
+
+NEAR_M = 0.05
+_COEFFICIENTS = {
+    "none": (0,),
+    "plumb_bob": (4, 5),
+    "rational_polynomial": (8,),
+    "equidistant": (4,),
+}
+_ALIASES = {"fisheye": "equidistant", "": "plumb_bob", "kannala_brandt4": "equidistant"}
+
+
+def distortion_model_name(name: str) -> str:
+    """Return the one name that this library uses for a distortion model.
+
+    Raises:
+        ValueError: the model is unknown.
+    """
+    model = _ALIASES.get(name, name)
+    if model not in _COEFFICIENTS:
+        known = ", ".join(sorted(_COEFFICIENTS))
+        raise ValueError(f"distortion model '{name}' is unknown; use one of {known}")
+    return model
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Intrinsics of one camera.
+
+    Attributes:
+        width: image columns.
+        height: image rows.
+        K: (3, 3) matrix with fx, fy, cx, cy [px] and zero skew.
+        D: (n,) distortion coefficients in the model's order.
+        model: none, plumb_bob, rational_polynomial or equidistant.
+
+    Raises:
+        ValueError: sizes, K or the number of coefficients do not fit the model.
+    """
+
+    width: int
+    height: int
+    K: np.ndarray
+    D: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    model: str = "plumb_bob"
+
+    def __post_init__(self):
+        object.__setattr__(self, "model", distortion_model_name(self.model))
+        K = np.array(self.K, dtype=float)
+        D = np.array(self.D, dtype=float).reshape(-1)
+        if K.size != 9:
+            raise ValueError(f"K has {K.size} numbers, 9 are needed (3 x 3, row by row)")
+        K = K.reshape(3, 3)
+        if D.size == 0 and self.model != "none":  # ROS drivers write D = [] for "no distortion"
+            object.__setattr__(self, "model", "none")
+        D = _trim_coefficients(self.model, D)
+        if not (np.all(np.isfinite(K)) and np.all(np.isfinite(D))):
+            raise ValueError("K and D must be finite numbers")
+        if K[0, 0] <= 0 or K[1, 1] <= 0:
+            raise ValueError(f"focal lengths in K must be positive, found {K[0, 0]}, {K[1, 1]}")
+        object.__setattr__(self, "K", K)
+        object.__setattr__(self, "D", D)
+        object.__setattr__(self, "_limit_square", self._radius_limit_square())
+
+    @property
+    def focal_px(self) -> np.ndarray:
+        """(2,) fx, fy."""
+        return np.array([self.K[0, 0], self.K[1, 1]])
+
+    @property
+    def centre_px(self) -> np.ndarray:
+        """(2,) cx, cy."""
+        return np.array([self.K[0, 2], self.K[1, 2]])
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """Return distorted pixels (n, 2) of points (n, 3) [m] in the optical frame."""
+        return self._project(points, want_jacobian=False)[0]
+
+    def project_with_jacobian(self, points: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+        """Return pixels (n, 2) and their derivatives (n, 2, 3) by the points [px/m]."""
+        return self._project(points, want_jacobian=True)
+
+    def in_image(self, points: np.ndarray, margin_px: float = 0.0) -> np.ndarray:
+        """Return (n,) bool: in front of the camera and projected into the image."""
+        pixels = self.project(points)
+        low, high = margin_px - 0.5, np.array([self.width, self.height]) - 0.5 - margin_px
+        inside = np.all((pixels >= low) & (pixels <= high), axis=1)
+        return inside & (points[:, 2] > NEAR_M) & self._in_distortion_range(points)
+
+    def normalise(self, pixels: np.ndarray) -> np.ndarray:
+        """Return x/z, y/z (n, 2) of distorted pixels (n, 2), by Newton's method."""
+        distorted = (np.asarray(pixels, dtype=float) - self.centre_px) / self.focal_px
+        if self.model == "none":
+            return distorted
+        if self.model == "equidistant":
+            return _undistort_equidistant(distorted, self.D)
+        point = distorted.copy()
+        for _ in range(25):
+            value, jacobian = self._distort(point)
+            step = np.linalg.solve(jacobian, (distorted - value)[..., None])[..., 0]
+            point += step
+            if step.size == 0 or np.max(np.abs(step)) < 1e-14:
+                break
+        return point
+
+    def ray_points(self, pixels: np.ndarray, depth_m: np.ndarray) -> np.ndarray:
+        """Return points (n, 3) [m] at the z-depths (n,) behind the pixels (n, 2)."""
+        xy = self.normalise(pixels)
+        return np.column_stack([xy * depth_m[:, None], depth_m])
+
+    def _in_distortion_range(self, points: np.ndarray) -> np.ndarray:
+        if self.model == "equidistant":
+            return np.ones(len(points), dtype=bool)
+        z = np.maximum(points[:, 2], NEAR_M)
+        return np.sum((points[:, :2] / z[:, None]) ** 2, axis=1) <= self._limit_square
+
+    def _radius_limit_square(self) -> float:
+        """Return r^2 (normalised) of the farthest image corner and a little more."""
+        if self.model in ("none", "equidistant"):
+            return np.inf
+        corners = np.array(
+            [[0, 0], [self.width, 0], [0, self.height], [self.width, self.height]], dtype=float
+        )
+        ideal = (corners - self.centre_px) / self.focal_px
+        largest = np.max(np.sum(ideal**2, axis=1))
+        # The undistorted corner may lie farther out than the ideal one: search the radius
+        # where the distorted one passes the image's corner, or turns back before it.
+        radius = np.sqrt(largest) * np.linspace(0.2, 3.0, 281)
+        factor, slope = _radial_factor(self.model, self.D, radius**2)
+        growing = factor + 2.0 * radius**2 * slope > 0.05
+        reached = radius * factor >= np.sqrt(largest) * 1.1
+        turned = np.flatnonzero(~growing)
+        past = np.flatnonzero(reached)
+        end = min([len(radius) - 1] + list(turned[:1] - 1) + list(past[:1]))
+        return float(radius[max(end, 0)] ** 2)
+
+    def _project(self, points, want_jacobian):
+        points = np.asarray(points, dtype=float)
+        if self.model == "equidistant":
+            normalised, jacobian = _project_equidistant(points, self.D)
+        else:
+            normalised, jacobian = self._project_pinhole(points)
+        pixels = normalised * self.focal_px + self.centre_px
+        return pixels, (jacobian * self.focal_px[:, None] if want_jacobian else None)
+
+    def _project_pinhole(self, points):
+        x, y, z = points[:, 0], points[:, 1], points[:, 2]
+        front = z >= NEAR_M
+        inverse_z = np.where(front, 1.0 / np.where(front, z, 1.0), (2 * NEAR_M - z) / NEAR_M**2)
+        slope = np.where(front, -(inverse_z**2), -1.0 / NEAR_M**2)
+        ideal = np.stack([x * inverse_z, y * inverse_z], axis=1)
+        by_point = np.zeros((len(points), 2, 3))
+        by_point[:, 0, 0] = by_point[:, 1, 1] = inverse_z
+        by_point[:, 0, 2], by_point[:, 1, 2] = x * slope, y * slope
+        if self.model == "none":
+            return ideal, by_point
+        distorted, by_ideal = self._distort(ideal)
+        return distorted, by_ideal @ by_point
+
+    def _distort(self, ideal: np.ndarray):
+        """Return distorted normalised coordinates (n, 2) and derivatives (n, 2, 2)."""
+        square = np.sum(ideal**2, axis=1)
+        if self.model == "none":
+            return ideal, np.broadcast_to(np.eye(2), (len(ideal), 2, 2))
+        # Outside the field of view the point is distorted as its neighbour on the limit.
+        limit = self._limit_square
+        outside = square > limit
+        shrink = np.where(outside, np.sqrt(limit / np.where(outside, square, 1.0)), 1.0)
+        near = ideal * shrink[:, None]
+        value, jacobian = _distort_inside(self.model, self.D, near)
+        if not np.any(outside):
+            return value, jacobian
+        value = np.where(outside[:, None], value / shrink[:, None], value)
+        # value = D(s p) / s with s = L/|p|; ds/dp = -s p/|p|^2
+        direction = ideal / np.maximum(square, 1e-300)[:, None]
+        radial = value - np.einsum("nij,nj->ni", jacobian, ideal)
+        extended = jacobian + radial[:, :, None] * direction[:, None, :]
+        return value, np.where(outside[:, None, None], extended, jacobian)
+
+
+def _trim_coefficients(model: str, D: np.ndarray) -> np.ndarray:
+    """Return D in the model's length: longer ones are accepted when the rest is zero."""
+    lengths = _COEFFICIENTS[model]
+    if D.size in lengths:
+        return D
+    longest = lengths[-1]
+    if D.size > longest and not np.any(D[longest:]):
+        return D[:longest]
+    wanted = " or ".join(str(n) for n in lengths)
+    raise ValueError(f"D has {D.size} numbers, the model {model} needs {wanted}")
+
+
+def _radial_factor(model: str, D: np.ndarray, square: np.ndarray):
+    """Return the radial factor and its derivative by r^2, of r^2."""
+    k1, k2 = D[0], D[1]
+    k3 = D[4] if D.size > 4 else 0.0
+    above = 1 + square * (k1 + square * (k2 + square * k3))
+    above_slope = k1 + square * (2 * k2 + 3 * square * k3)
+    if model != "rational_polynomial":
+        return above, above_slope
+    k4, k5, k6 = D[5:8]
+    below = 1 + square * (k4 + square * (k5 + square * k6))
+    below_slope = k4 + square * (2 * k5 + 3 * square * k6)
+    return above / below, (above_slope * below - above * below_slope) / below**2
+
+
+def _distort_inside(model: str, D: np.ndarray, ideal: np.ndarray):
+    x, y = ideal[:, 0], ideal[:, 1]
+    p1, p2 = D[2], D[3]
+    square = x * x + y * y
+    factor, slope = _radial_factor(model, D, square)
+    value = np.stack(
+        [
+            x * factor + 2 * p1 * x * y + p2 * (square + 2 * x * x),
+            y * factor + p1 * (square + 2 * y * y) + 2 * p2 * x * y,
+        ],
+        axis=1,
+    )
+    jacobian = np.empty((len(ideal), 2, 2))
+    jacobian[:, 0, 0] = factor + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x
+    jacobian[:, 0, 1] = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
+    jacobian[:, 1, 0] = jacobian[:, 0, 1]
+    jacobian[:, 1, 1] = factor + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x
+    return value, jacobian
+
+
+def _equidistant_angle(angle: np.ndarray, D: np.ndarray):
+    """Return the distorted angle [rad] and its derivative."""
+    square = angle * angle
+    k1, k2, k3, k4 = D
+    value = angle * (1 + square * (k1 + square * (k2 + square * (k3 + square * k4))))
+    slope = 1 + square * (3 * k1 + square * (5 * k2 + square * (7 * k3 + 9 * k4 * square)))
+    return value, slope
+
+
+def _project_equidistant(points: np.ndarray, D: np.ndarray):
+    x, y, z = points[:, 0], points[:, 1], points[:, 2]
+    radius = np.hypot(x, y)
+    angle = np.arctan2(radius, z)
+    value, slope = _equidistant_angle(angle, D)
+    distance_square = np.maximum(radius**2 + z**2, 1e-300)
+    axis = radius < 1e-9 * np.abs(z)  # on the optical axis the image is x/z
+    safe = np.where(axis, 1.0, radius)
+    scale = np.where(axis, 1.0 / np.where(axis, z, 1.0), value / safe)
+    # d(scale)/d(radius) and d(scale)/dz through angle = atan2(radius, z)
+    by_radius = np.where(axis, 0.0, (slope * z / distance_square - scale) / safe)
+    by_z = np.where(axis, -scale / np.where(axis, z, 1.0), -slope / distance_square)
+    jacobian = np.zeros((len(points), 2, 3))
+    for row, coordinate in enumerate((x, y)):
+        jacobian[:, row, 0] = coordinate * by_radius * np.where(axis, 0.0, x / safe)
+        jacobian[:, row, 1] = coordinate * by_radius * np.where(axis, 0.0, y / safe)
+        jacobian[:, row, 2] = coordinate * by_z
+        jacobian[:, row, row] += scale
+    return np.stack([x * scale, y * scale], axis=1), jacobian
+
+
+def _undistort_equidistant(distorted: np.ndarray, D: np.ndarray) -> np.ndarray:
+    radius = np.linalg.norm(distorted, axis=1)
+    angle = np.minimum(radius, 0.5 * np.pi)
+    for _ in range(30):
+        value, slope = _equidistant_angle(angle, D)
+        angle = np.clip(angle - (value - radius) / slope, 0.0, 0.499 * np.pi)
+    scale = np.where(radius < 1e-12, 1.0, np.tan(angle) / np.where(radius < 1e-12, 1.0, radius))
+    return distorted * scale[:, None]

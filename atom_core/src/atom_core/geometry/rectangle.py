@@ -1,0 +1,79 @@
+"""The rectangle of a board's border: signed distance to it, exact and continuous."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Tuple
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """An axis-aligned rectangle in a board's plane [m]."""
+
+    x_min: float
+    y_min: float
+    x_max: float
+    y_max: float
+
+    def __post_init__(self):
+        if not (self.x_max > self.x_min and self.y_max > self.y_min):
+            raise ValueError("a rectangle needs x_max > x_min and y_max > y_min")
+
+    @property
+    def centre(self) -> np.ndarray:
+        """(2,) [m]."""
+        return np.array([self.x_min + self.x_max, self.y_min + self.y_max]) / 2.0
+
+    @property
+    def half_size(self) -> np.ndarray:
+        """(2,) half of width and height [m]."""
+        return np.array([self.x_max - self.x_min, self.y_max - self.y_min]) / 2.0
+
+    @property
+    def corners(self) -> np.ndarray:
+        """(4, 2) top left, top right, bottom right, bottom left ("top" is the smaller y)."""
+        return np.array(
+            [
+                [self.x_min, self.y_min],
+                [self.x_max, self.y_min],
+                [self.x_max, self.y_max],
+                [self.x_min, self.y_max],
+            ]
+        )
+
+    def signed_distance(self, points: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+        """Return distances to the border, negative inside, and their gradients.
+
+        Args:
+            points: (n, 2) in the board's plane [m].
+
+        Returns:
+            (n,) distances [m] and (n, 2) unit gradients: the outward direction of the nearest
+            border point. On the ridge where two sides are equally near, the one found first.
+        """
+        points = np.asarray(points, dtype=float)
+        offset = points - self.centre
+        beyond = np.abs(offset) - self.half_size
+        outward = np.where(offset < 0, -1.0, 1.0)
+        positive = np.maximum(beyond, 0.0)
+        outside = np.linalg.norm(positive, axis=1)
+        inside = np.max(beyond, axis=1)
+        is_outside = outside > 0
+        nearest = np.argmax(beyond, axis=1)
+        gradient_inside = np.zeros_like(offset)
+        rows = np.arange(len(points))
+        gradient_inside[rows, nearest] = outward[rows, nearest]
+        safe = np.where(is_outside, outside, 1.0)[:, None]
+        gradient = np.where(is_outside[:, None], outward * positive / safe, gradient_inside)
+        return np.where(is_outside, outside, inside), gradient
+
+    def sample(self, step: float) -> np.ndarray:
+        """Return points (n, 2) along the whole border, at most ``step`` [m] apart."""
+        corners = self.corners
+        sides = []
+        for start, end in zip(corners, np.roll(corners, -1, axis=0)):
+            count = max(int(np.ceil(np.linalg.norm(end - start) / step)), 1)
+            sides.append(start + np.linspace(0, 1, count, endpoint=False)[:, None] * (end - start))
+        return np.concatenate(sides)

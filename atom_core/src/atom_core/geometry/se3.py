@@ -1,0 +1,214 @@
+"""Rigid motions: rotations, homogeneous transforms, and their derivatives.
+
+Every function takes one item or a stack of them: leading axes broadcast. A rotation is a
+(..., 3, 3) matrix, a transform ``parent_T_child`` is (..., 4, 4) and maps coordinates in child to
+coordinates in parent; a rotation vector is (..., 3) in radians; quaternions are x y z w; roll,
+pitch, yaw are about the fixed axes x, y, z as in URDF.
+
+Formulas: Sola, Deray, Atchuthan, "A micro Lie theory for state estimation in robotics" (2018).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+_SMALL_ANGLE = 1e-4  # below it the series of sin(a)/a and its kin are exact to the last digit
+
+
+def skew(vector: np.ndarray) -> np.ndarray:
+    """Return the (..., 3, 3) matrix with ``skew(a) @ b == cross(a, b)``."""
+    vector = np.asarray(vector, dtype=float)
+    matrix = np.zeros(vector.shape[:-1] + (3, 3))
+    x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
+    matrix[..., 0, 1], matrix[..., 0, 2] = -z, y
+    matrix[..., 1, 0], matrix[..., 1, 2] = z, -x
+    matrix[..., 2, 0], matrix[..., 2, 1] = -y, x
+    return matrix
+
+
+def _angle_coefficients(rotation_vector: np.ndarray):
+    """Return sin(a)/a, (1-cos(a))/a^2, (a-sin(a))/a^3 for the angles a, each (..., 1, 1)."""
+    angle = np.linalg.norm(rotation_vector, axis=-1)[..., None, None]
+    small = angle < _SMALL_ANGLE
+    safe = np.where(small, 1.0, angle)
+    square = angle * angle
+    first = np.where(small, 1.0 - square / 6.0, np.sin(safe) / safe)
+    half_sine = np.sin(0.5 * safe) / safe
+    second = np.where(small, 0.5 - square / 24.0, 2.0 * half_sine * half_sine)
+    third = np.where(small, 1.0 / 6.0 - square / 120.0, (safe - np.sin(safe)) / safe**3)
+    return first, second, third
+
+
+def rotation_from_rotation_vector(rotation_vector: np.ndarray) -> np.ndarray:
+    """Return exp of the rotation vectors (..., 3) [rad] as matrices (..., 3, 3)."""
+    rotation_vector = np.asarray(rotation_vector, dtype=float)
+    first, second, _ = _angle_coefficients(rotation_vector)
+    cross = skew(rotation_vector)
+    return np.eye(3) + first * cross + second * (cross @ cross)
+
+
+def right_jacobian(rotation_vector: np.ndarray) -> np.ndarray:
+    """Return J (..., 3, 3) with ``exp(r + dr) == exp(r) exp(J dr)`` to first order."""
+    rotation_vector = np.asarray(rotation_vector, dtype=float)
+    _, second, third = _angle_coefficients(rotation_vector)
+    cross = skew(rotation_vector)
+    return np.eye(3) - second * cross + third * (cross @ cross)
+
+
+def quaternion_from_rotation(rotation: np.ndarray) -> np.ndarray:
+    """Return unit quaternions (..., 4), x y z w with w >= 0, of the matrices (..., 3, 3)."""
+    rotation = np.asarray(rotation, dtype=float)
+    r = rotation
+    trace = r[..., 0, 0] + r[..., 1, 1] + r[..., 2, 2]
+    # The four candidates are the same quaternion scaled; the longest is the best conditioned.
+    candidates = np.stack(
+        [
+            _stack4(
+                1 + 2 * r[..., 0, 0] - trace,
+                r[..., 0, 1] + r[..., 1, 0],
+                r[..., 0, 2] + r[..., 2, 0],
+                r[..., 2, 1] - r[..., 1, 2],
+            ),
+            _stack4(
+                r[..., 0, 1] + r[..., 1, 0],
+                1 + 2 * r[..., 1, 1] - trace,
+                r[..., 1, 2] + r[..., 2, 1],
+                r[..., 0, 2] - r[..., 2, 0],
+            ),
+            _stack4(
+                r[..., 0, 2] + r[..., 2, 0],
+                r[..., 1, 2] + r[..., 2, 1],
+                1 + 2 * r[..., 2, 2] - trace,
+                r[..., 1, 0] - r[..., 0, 1],
+            ),
+            _stack4(
+                r[..., 2, 1] - r[..., 1, 2],
+                r[..., 0, 2] - r[..., 2, 0],
+                r[..., 1, 0] - r[..., 0, 1],
+                1 + trace,
+            ),
+        ],
+        axis=-2,
+    )
+    best = np.argmax(np.einsum("...ii->...i", candidates), axis=-1)
+    quaternion = np.take_along_axis(candidates, best[..., None, None], axis=-2)[..., 0, :]
+    quaternion = quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True)
+    return np.where(quaternion[..., 3:] < 0, -quaternion, quaternion)
+
+
+def _stack4(x, y, z, w) -> np.ndarray:
+    return np.stack([x, y, z, w], axis=-1)
+
+
+def rotation_from_quaternion(quaternion: np.ndarray) -> np.ndarray:
+    """Return matrices (..., 3, 3) of quaternions (..., 4), x y z w, normalised first.
+
+    Raises:
+        ValueError: a quaternion has no length or is not finite.
+    """
+    quaternion = np.asarray(quaternion, dtype=float)
+    length = np.linalg.norm(quaternion, axis=-1, keepdims=True)
+    if not np.all(np.isfinite(length)) or np.any(length < 1e-6):
+        raise ValueError("a quaternion of a rotation must be finite and longer than zero")
+    vector, w = quaternion[..., :3] / length, (quaternion[..., 3:] / length)[..., None]
+    cross = skew(vector)
+    return np.eye(3) + 2.0 * w * cross + 2.0 * (cross @ cross)
+
+
+def rotation_vector_from_rotation(rotation: np.ndarray) -> np.ndarray:
+    """Return log of the matrices (..., 3, 3): rotation vectors (..., 3), angle in [0, pi]."""
+    quaternion = quaternion_from_rotation(rotation)
+    vector, w = quaternion[..., :3], quaternion[..., 3:]
+    sine = np.linalg.norm(vector, axis=-1, keepdims=True)
+    angle = 2.0 * np.arctan2(sine, w)
+    scale = np.where(sine < 1e-12, 2.0, angle / np.where(sine < 1e-12, 1.0, sine))
+    return scale * vector
+
+
+def rotation_from_rpy(rpy: np.ndarray) -> np.ndarray:
+    """Return ``Rz(yaw) Ry(pitch) Rx(roll)`` (..., 3, 3) of roll, pitch, yaw (..., 3) [rad]."""
+    rpy = np.asarray(rpy, dtype=float)
+    axes = np.eye(3)
+    x, y, z = (rotation_from_rotation_vector(rpy[..., i : i + 1] * axes[i]) for i in range(3))
+    return z @ y @ x
+
+
+def rpy_from_rotation(rotation: np.ndarray) -> np.ndarray:
+    """Return roll, pitch, yaw (..., 3) [rad] about fixed axes; at pitch +-90 deg roll is 0."""
+    r = np.asarray(rotation, dtype=float)
+    cosine = np.hypot(r[..., 0, 0], r[..., 1, 0])
+    regular = cosine > 1e-9
+    roll = np.where(regular, np.arctan2(r[..., 2, 1], r[..., 2, 2]), 0.0)
+    pitch = np.arctan2(-r[..., 2, 0], cosine)
+    yaw = np.where(
+        regular, np.arctan2(r[..., 1, 0], r[..., 0, 0]), np.arctan2(-r[..., 0, 1], r[..., 1, 1])
+    )
+    return np.stack([roll, pitch, yaw], axis=-1)
+
+
+def transform(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
+    """Return (..., 4, 4) of rotations (..., 3, 3) and translations (..., 3) [m]."""
+    rotation, translation = np.asarray(rotation, dtype=float), np.asarray(translation, dtype=float)
+    shape = np.broadcast(rotation[..., 0, 0], translation[..., 0]).shape
+    matrix = np.zeros(shape + (4, 4))
+    matrix[..., :3, :3] = rotation
+    matrix[..., :3, 3] = translation
+    matrix[..., 3, 3] = 1.0
+    return matrix
+
+
+def inverse(a_T_b: np.ndarray) -> np.ndarray:
+    """Return ``b_T_a`` (..., 4, 4) of rigid transforms ``a_T_b``."""
+    b_R_a = np.swapaxes(np.asarray(a_T_b, dtype=float)[..., :3, :3], -1, -2)
+    return transform(b_R_a, -(b_R_a @ a_T_b[..., :3, 3:])[..., 0])
+
+
+def apply(a_T_b: np.ndarray, points_in_b: np.ndarray) -> np.ndarray:
+    """Return points (n, 3) in a of points (n, 3) in b; one transform, or one for each point."""
+    a_T_b = np.asarray(a_T_b, dtype=float)
+    if a_T_b.ndim == 2:
+        return points_in_b @ a_T_b[:3, :3].T + a_T_b[:3, 3]
+    return np.einsum("nij,nj->ni", a_T_b[:, :3, :3], points_in_b) + a_T_b[:, :3, 3]
+
+
+def adjoint(a_T_b: np.ndarray) -> np.ndarray:
+    """Return A (..., 6, 6) with ``T exp(x) T^-1 == exp(A x)`` for twists x = (rotation, move)."""
+    a_T_b = np.asarray(a_T_b, dtype=float)
+    rotation = a_T_b[..., :3, :3]
+    matrix = np.zeros(a_T_b.shape[:-2] + (6, 6))
+    matrix[..., :3, :3] = rotation
+    matrix[..., 3:, 3:] = rotation
+    matrix[..., 3:, :3] = skew(a_T_b[..., :3, 3]) @ rotation
+    return matrix
+
+
+def rotation_angle(rotation: np.ndarray) -> np.ndarray:
+    """Return the geodesic angle [rad] of the matrices (..., 3, 3)."""
+    return np.linalg.norm(rotation_vector_from_rotation(rotation), axis=-1)
+
+
+def mean_rotation(rotations: np.ndarray) -> np.ndarray:
+    """Return the chordal mean (3, 3) of rotations (n, 3, 3)."""
+    u, _, vt = np.linalg.svd(np.sum(rotations, axis=0))
+    return u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+
+
+def random_rotation(angle_rad: float, rng: np.random.Generator) -> np.ndarray:
+    """Return a rotation (3, 3) of the given angle [rad] about an isotropically random axis."""
+    return rotation_from_rotation_vector(angle_rad * random_direction(rng))
+
+
+def random_direction(rng: np.random.Generator) -> np.ndarray:
+    """Return an isotropically random unit vector (3,)."""
+    vector = rng.standard_normal(3)
+    return vector / np.linalg.norm(vector)
+
+
+def from_quaternion(translation: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
+    """Return ``parent_T_child`` (..., 4, 4) of a translation [m] and a quaternion x y z w."""
+    return transform(rotation_from_quaternion(quaternion), translation)
+
+
+def from_rpy(translation: np.ndarray, rpy: np.ndarray) -> np.ndarray:
+    """Return ``parent_T_child`` (..., 4, 4) of a URDF origin: xyz [m] and rpy [rad]."""
+    return transform(rotation_from_rpy(rpy), translation)

@@ -1,0 +1,340 @@
+"""ATOM's dataset format v3: JSON to model and back, losing nothing.
+
+The specification is section 3 of the format notes in docs/dataset_format.md. The reader keeps
+the whole document; the writer lays the changed transforms over it, so that unknown keys, label
+order and every digit survive. What older or damaged writers left is tolerated as listed there.
+"""
+
+from __future__ import annotations
+
+import json
+from copy import deepcopy
+from pathlib import Path
+from typing import Any, Dict, List, Mapping, Optional, Tuple
+
+import numpy as np
+
+from atom_core.errors import AtomError, DatasetError
+from atom_core.geometry import se3
+from atom_core.geometry.camera import Camera
+from atom_core.io.atomic import write_text_atomically
+from atom_core.io.data_files import FileDataSource
+from atom_core.model.config import CalibrationConfig
+from atom_core.model.dataset import Collection, DataSource, Dataset, Label, RangeLabel, RgbLabel
+from atom_core.model.pattern import (
+    Pattern,
+    border_from_document,
+    corners_from_document,
+    pattern_from_config,
+)
+from atom_core.model.sensor import DEPTH, RGB, Sensor
+from atom_core.model.transforms import Edge
+
+CURRENT_VERSION = "3.0"
+_MIGRATE = "python3 -m atom_core convert --from atom_v2 --to atom_v3 --dataset {} --output DIR"
+
+
+def read_dataset(path: Path) -> Dataset:
+    """Read a dataset's JSON; its data files are read later, when a label needs them.
+
+    Raises:
+        DatasetError: the file is absent, truncated, too old, or inconsistent.
+    """
+    path = Path(path)
+    document = read_document(path)
+    check_version(document, path)
+    return dataset_from_document(document, path, FileDataSource(path.parent, document))
+
+
+def read_document(path: Path) -> Dict[str, Any]:
+    """Return the JSON document of a dataset, unchecked but for being one."""
+    if not path.is_file():
+        raise DatasetError(f"{path}: no such file; give the dataset's JSON with --dataset")
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except UnicodeDecodeError as error:
+        raise DatasetError(f"{path}: not UTF-8 text ({error.reason} at byte {error.start})") from None
+    except json.JSONDecodeError as error:
+        raise DatasetError(
+            f"{path}:{error.lineno}: not valid JSON ({error.msg}); the file is damaged or "
+            f"truncated, restore it or collect again"
+        ) from None
+    if not isinstance(document, dict) or "sensors" not in document or "collections" not in document:
+        raise DatasetError(f"{path}: no ATOM dataset, it lacks 'sensors' or 'collections'")
+    return document
+
+
+def check_version(document: Mapping[str, Any], path: Path) -> None:
+    """Refuse a dataset that is older than version 3, and say how to migrate it."""
+    version = str(document.get("_metadata", {}).get("version", ""))
+    try:
+        number = float(version)
+    except ValueError:
+        raise DatasetError(
+            f"{path}: _metadata.version is '{version}'; it must be {CURRENT_VERSION}. If the "
+            f"dataset is older, migrate it: {_MIGRATE.format(path)}"
+        ) from None
+    if number < 3.0:
+        raise DatasetError(
+            f"{path}: dataset version {version} is older than {CURRENT_VERSION}; migrate it "
+            f"with: {_MIGRATE.format(path)}"
+        )
+
+
+def dataset_from_document(
+    document: Mapping[str, Any], source: Path, data: Optional[DataSource] = None
+) -> Dataset:
+    """Return the typed dataset of a JSON document.
+
+    Raises:
+        DatasetError: naming the file and the sensor, collection or pattern that is wrong.
+    """
+    reader = _Reader(document, str(source))
+    config = reader.config()
+    sensors = reader.sensors(config)
+    patterns = reader.patterns(config)
+    collections = {
+        key: reader.collection(key, sensors, patterns) for key in sorted_keys(document)
+    }
+    return Dataset(
+        source=Path(source),
+        config=config,
+        sensors=sensors,
+        patterns=patterns,
+        collections=collections,
+        edge_types=reader.edge_types(),
+        data=data or DataSource(),
+        document=document,
+        warnings=tuple(reader.warnings) + tuple(config.warnings),
+    )
+
+
+def sorted_keys(document: Mapping[str, Any]) -> List[str]:
+    """Return the collection keys, numbers first in their order."""
+
+    def order(key: str):
+        return (0, int(key), key) if key.isdigit() else (1, 0, key)
+
+    return sorted(document["collections"], key=order)
+
+
+class _Reader:
+    """Reads the parts of one document; knows its place for the messages."""
+
+    def __init__(self, document: Mapping[str, Any], where: str):
+        self.document, self.where = document, where
+        self.warnings: List[str] = []
+
+    def fail(self, what: str) -> DatasetError:
+        return DatasetError(f"{self.where}: {what}")
+
+    def config(self) -> CalibrationConfig:
+        if "calibration_config" not in self.document:
+            raise self.fail("'calibration_config' is absent")
+        try:
+            return CalibrationConfig.from_document(
+                self.document["calibration_config"], f"{self.where}: calibration_config"
+            )
+        except AtomError as error:
+            raise DatasetError(str(error)) from None
+
+    def sensors(self, config: CalibrationConfig) -> Dict[str, Sensor]:
+        names = list(self.document["sensors"])
+        in_order = [n for n in config.sensors if n in names]
+        return {n: self.sensor(n) for n in in_order + [n for n in names if n not in in_order]}
+
+    def sensor(self, name: str) -> Sensor:
+        entry = self.document["sensors"][name]
+        try:
+            modality = entry.get("modality") or _modality_of_message(entry.get("msg_type", ""))
+            camera = _camera(entry["camera_info"]) if modality in (RGB, DEPTH) else None
+            return Sensor(
+                name=name,
+                modality=modality,
+                frame=entry["parent"],
+                edge=Edge(entry["calibration_parent"], entry["calibration_child"]),
+                camera=camera,
+                topic=entry.get("topic", ""),
+            )
+        except KeyError as error:
+            raise self.fail(f"sensor '{name}' lacks {error}") from None
+        except (ValueError, TypeError) as error:
+            raise self.fail(f"sensor '{name}': {error}") from None
+
+    def patterns(self, config: CalibrationConfig) -> Dict[str, Pattern]:
+        stored = self.document.get("patterns") or {}
+        if "corners" in stored and len(config.calibration_patterns) == 1:  # layout of version 2
+            stored = {next(iter(config.calibration_patterns)): stored}
+        patterns = {}
+        for name, entry in config.calibration_patterns.items():
+            patterns[name] = self._pattern(name, pattern_from_config(name, entry), stored.get(name))
+        return patterns
+
+    def _pattern(self, name: str, pattern: Pattern, stored: Optional[Mapping[str, Any]]) -> Pattern:
+        if not stored or "corners" not in stored:
+            return pattern
+        try:
+            corners, border = corners_from_document(stored), pattern.border
+            if stored.get("frame", {}).get("corners"):
+                border = border_from_document(stored)
+        except (KeyError, ValueError, TypeError) as error:
+            raise self.fail(f"pattern '{name}': corners or frame are malformed ({error})") from None
+        same = corners.shape == pattern.corners_by_id.shape and np.allclose(
+            corners, pattern.corners_by_id, atol=1e-6, equal_nan=True
+        )
+        if not same:
+            self.warnings.append(
+                f"pattern '{name}': its corners differ from what the configuration says; "
+                f"the dataset's own corners are used"
+            )
+        values = {**pattern.__dict__, "corners_by_id": corners, "border": border}
+        return Pattern(**values)
+
+    def collection(self, key: str, sensors, patterns) -> Collection:
+        entry = self.document["collections"][key]
+        return Collection(
+            key=key,
+            labels=self.labels(key, entry, sensors, patterns),
+            transforms=self.transforms(key, entry),
+        )
+
+    def transforms(self, key: str, entry: Mapping[str, Any]) -> Dict[Edge, np.ndarray]:
+        transforms = {}
+        for name, value in (entry.get("transforms") or {}).items():
+            try:
+                translation = np.array(value["trans"], dtype=float).reshape(3)
+                quaternion = np.array(value["quat"], dtype=float).reshape(4)
+                if not np.all(np.isfinite(translation)):
+                    raise ValueError("the translation is not finite")
+                edge = Edge(value["parent"], value["child"])
+                transforms[edge] = se3.from_quaternion(translation, quaternion)
+            except (KeyError, ValueError, TypeError) as error:
+                raise self.fail(f"collection {key}, transform '{name}': {error}") from None
+        return transforms
+
+    def labels(self, key, entry, sensors, patterns) -> Dict[Tuple[str, str], Label]:
+        by_pattern = entry.get("labels") or {}
+        if _is_old_layout(by_pattern, sensors, patterns):
+            by_pattern = {next(iter(patterns)): by_pattern}
+        labels: Dict[Tuple[str, str], Label] = {}
+        for pattern_name, by_sensor in by_pattern.items():
+            if pattern_name not in patterns:
+                self.warnings.append(f"collection {key}: labels of unknown pattern '{pattern_name}'")
+                continue
+            for sensor_name, value in by_sensor.items():
+                if sensor_name in sensors and value.get("detected"):
+                    where = f"collection {key}, sensor '{sensor_name}', pattern '{pattern_name}'"
+                    label = self._label(value, sensors[sensor_name], patterns[pattern_name], where)
+                    if label.detected:
+                        labels[(sensor_name, pattern_name)] = label
+        return labels
+
+    def _label(self, value, sensor: Sensor, pattern: Pattern, where: str) -> Label:
+        try:
+            if sensor.modality == RGB:
+                return _rgb_label(value, pattern)
+            limit = value.get("idxs_limit_points", value.get("edge_idxs", []))
+            return RangeLabel(_indices(value["idxs"]), _indices(limit))
+        except KeyError as error:
+            raise self.fail(f"{where}: the label lacks {error}") from None
+        except (ValueError, TypeError) as error:
+            raise self.fail(f"{where}: {error}") from None
+
+    def edge_types(self) -> Dict[Edge, str]:
+        types = {}
+        for value in (self.document.get("transforms") or {}).values():
+            if isinstance(value, Mapping) and {"parent", "child", "type"} <= set(value):
+                types[Edge(value["parent"], value["child"])] = value["type"]
+        return types
+
+
+def _modality_of_message(message_type: str) -> str:
+    inferred = {"Image": RGB, "CompressedImage": RGB, "PointCloud2": "lidar3d", "LaserScan": "lidar2d"}
+    return inferred.get(message_type.split("/")[-1], "")
+
+
+def _camera(info: Mapping[str, Any]) -> Camera:
+    return Camera(
+        width=int(info["width"]),
+        height=int(info["height"]),
+        K=np.array(info["K"], dtype=float),
+        D=np.array(info["D"], dtype=float),
+        model=info.get("distortion_model") or "plumb_bob",
+    )
+
+
+def _is_old_layout(labels: Mapping[str, Any], sensors, patterns) -> bool:
+    """Tell version 2's ``labels[sensor]`` from version 3's ``labels[pattern][sensor]``."""
+    if len(patterns) != 1 or not labels:
+        return False
+    return all(key in sensors and key not in patterns for key in labels)
+
+
+def _rgb_label(value: Mapping[str, Any], pattern: Pattern) -> RgbLabel:
+    ids = np.array([int(entry["id"]) for entry in value["idxs"]], dtype=int)
+    pixels = np.array([[e["x"], e["y"]] for e in value["idxs"]], dtype=float).reshape(-1, 2)
+    bad = ~np.all(np.isfinite(pixels), axis=1)
+    if np.any(bad):
+        raise ValueError(
+            f"the pixel of corner {ids[bad][0]} is not a number; correct the label, or leave the "
+            f"collection out with -csf"
+        )
+    pattern.corners_of(ids)
+    unique, counts = np.unique(ids, return_counts=True)
+    if np.any(counts > 1):
+        raise ValueError(f"corner {unique[counts > 1][0]} is labelled more than once")
+    return RgbLabel(ids, pixels)
+
+
+def _indices(values: Any) -> np.ndarray:
+    array = np.array(values, dtype=float).reshape(-1)
+    if not np.all(np.isfinite(array)):
+        raise ValueError("an index of the label is not a number")
+    return array.astype(int)
+
+
+def document_of(dataset: Dataset) -> Dict[str, Any]:
+    """Return the JSON document of a dataset: what was read, with its transforms of now."""
+    document = deepcopy(dict(dataset.document))
+    for key, collection in dataset.collections.items():
+        stored = document["collections"][key].setdefault("transforms", {})
+        names = {Edge(value["parent"], value["child"]): name for name, value in stored.items()}
+        for edge, matrix in collection.transforms.items():
+            _lay_over(stored, names.get(edge, str(edge)), edge, matrix)
+    return document
+
+
+def transform_document(edge: Edge, parent_T_child: np.ndarray) -> Dict[str, Any]:
+    """Return an edge as it stands in a collection's transforms."""
+    return {
+        "parent": edge.parent,
+        "child": edge.child,
+        "trans": [float(v) for v in parent_T_child[:3, 3]],
+        "quat": [float(v) for v in se3.quaternion_from_rotation(parent_T_child[:3, :3])],
+    }
+
+
+def _lay_over(stored: Dict[str, Any], name: str, edge: Edge, matrix: np.ndarray) -> None:
+    """Write an edge unless the file already says the same, whose digits are then kept."""
+    if name in stored:
+        old = se3.from_quaternion(
+            np.array(stored[name]["trans"], dtype=float).reshape(3),
+            np.array(stored[name]["quat"], dtype=float).reshape(4),
+        )
+        if np.array_equal(old, matrix):
+            return
+    stored[name] = {**stored.get(name, {}), **transform_document(edge, matrix)}
+
+
+def dumps(document: Mapping[str, Any]) -> str:
+    """Return the text of a dataset as ATOM writes it: two spaces, keys sorted, all digits."""
+    return json.dumps(document, indent=2, sort_keys=True)
+
+
+def write_dataset(dataset: Dataset, path: Path) -> None:
+    """Write a dataset's JSON (not its data files).
+
+    Raises:
+        OutputError: the file cannot be written; an older one is left as it was.
+    """
+    write_text_atomically(Path(path), dumps(document_of(dataset)))
