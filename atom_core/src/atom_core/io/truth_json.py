@@ -1,0 +1,69 @@
+"""The truth file of a simulation: JSON with every calibrated edge and every board pose."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Dict
+
+import numpy as np
+
+from atom_core.errors import DatasetError
+from atom_core.geometry import se3
+from atom_core.io.atomic import write_json_atomically
+from atom_core.model.transforms import Edge
+from atom_core.model.truth import Truth
+
+VERSION = "1.0"
+
+
+def write_truth(truth: Truth, path: Path) -> None:
+    """Write the truth: ``edges`` by name, ``boards`` by pattern and collection."""
+    boards: Dict[str, Dict[str, Any]] = {}
+    for (pattern, collection), matrix in truth.boards.items():
+        boards.setdefault(pattern, {})[collection] = pose_document(matrix)
+    edges = {
+        str(edge): {"parent": edge.parent, "child": edge.child, **pose_document(matrix)}
+        for edge, matrix in truth.edges.items()
+    }
+    document = {"version": VERSION, "edges": edges, "boards": boards}
+    write_json_atomically(Path(path), document, sort_keys=True, indent=2)
+
+
+def read_truth(path: Path) -> Truth:
+    """Read a truth file.
+
+    Raises:
+        DatasetError: the file is absent or malformed.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise DatasetError(f"{path}: no such truth file")
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        edges = {
+            Edge(e["parent"], e["child"]): pose_from_document(e)
+            for e in document["edges"].values()
+        }
+        boards = {
+            (pattern, collection): pose_from_document(value)
+            for pattern, by_collection in document.get("boards", {}).items()
+            for collection, value in by_collection.items()
+        }
+    except (KeyError, ValueError, TypeError, AttributeError) as error:
+        raise DatasetError(f"{path}: not a truth file ({error})") from None
+    return Truth(edges, boards)
+
+
+def pose_document(parent_T_child: np.ndarray) -> Dict[str, Any]:
+    """Return a pose as ``translation_m`` and ``quaternion_xyzw``."""
+    return {
+        "translation_m": [float(v) for v in parent_T_child[:3, 3]],
+        "quaternion_xyzw": [float(v) for v in se3.quaternion_from_rotation(parent_T_child[:3, :3])],
+    }
+
+
+def pose_from_document(document: Dict[str, Any]) -> np.ndarray:
+    """Return the (4, 4) of ``translation_m`` and ``quaternion_xyzw``."""
+    translation = np.array(document["translation_m"], dtype=float).reshape(3)
+    return se3.from_quaternion(translation, np.array(document["quaternion_xyzw"], dtype=float))
