@@ -1,0 +1,72 @@
+# Entry points of the suite; `make help` lists them. Nothing has to be sourced beforehand.
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := help
+# The build belongs to this checkout alone, whatever workspace or Python the calling shell uses.
+unexport CMAKE_PREFIX_PATH ROS_PACKAGE_PATH PYTHONPATH PYTHONHOME VIRTUAL_ENV PYENV_VERSION
+
+JOBS := $(shell nproc)
+# Every recipe that runs Python, ROS or a tool of the virtual environment starts with this.
+ENV := source ./env.bash;
+PYTHON_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicate \
+	-- '*.py' ':(glob)**/scripts/*' | xargs -r ls -d 2>/dev/null)
+CPP_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicate \
+	-- '*.h' '*.cpp' | xargs -r ls -d 2>/dev/null)
+
+.PHONY: help setup build demo test test-quick lint format bench clean
+
+help: ## this list
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1	\2/p' Makefile | expand -t 14
+
+setup: ## system packages (apt, root or sudo) and the virtual environment .venv; only what is missing
+	@flock requirements bash requirements/setup.bash
+
+# The root is a catkin package that brings in the others, so one plain cmake build does it.
+# The interpreter is the virtual environment's, which sees Debian's ROS modules.
+CONFIGURE = cmake -S . -B build -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH= \
+	-DPYTHON_EXECUTABLE="$$PWD/.venv/bin/python3" -DCATKIN_ENABLE_TESTING=ON \
+	-DCATKIN_DEVEL_PREFIX="$$PWD/devel" -DCMAKE_INSTALL_PREFIX="$$PWD/install"
+COMPILE = flock CMakeLists.txt cmake --build build -j $(JOBS)
+
+build: setup ## compile into build/ and devel/
+	@[ build/build.ninja -nt Makefile ] || flock CMakeLists.txt $(CONFIGURE)
+	@$(COMPILE)
+
+demo: build ## the main job on the simulated cell, from data to evaluation; results in demo_output/
+	@$(ENV) python3 -m atom_core demo --output demo_output --overwrite
+
+test: build ## lint and every test: pytest, gtest, rostest
+	@$(ENV) failed=(); \
+	$(MAKE) --no-print-directory lint-only || failed+=(lint); \
+	python3 -m pytest || failed+=(pytest); \
+	$(COMPILE) --target tests || failed+=("tests' build"); \
+	(cd build && ctest -j $(JOBS) --output-on-failure) || failed+=(ctest); \
+	if [ "$${#failed[@]}" -gt 0 ]; then echo "make test: failed: $${failed[*]}" >&2; exit 1; fi
+
+test-quick: build ## unit tests, at most two minutes
+	@$(ENV) python3 -m pytest -m "not slow"
+
+lint: setup lint-only ## ruff, mypy, import-linter, clang-format, catkin_lint
+
+.PHONY: lint-only
+lint-only:
+	@$(ENV) failed=(); \
+	run() { echo "lint: $$1 $${2:-}"; "$$@" || failed+=("$$1 $${2:-}"); }; \
+	run ruff check $(PYTHON_FILES); \
+	run ruff format --check $(PYTHON_FILES); \
+	run mypy atom_core/src; \
+	PYTHONPATH=atom_core/src run lint-imports; \
+	run clang-format --dry-run -Werror $(CPP_FILES); \
+	if [ "$${#failed[@]}" -gt 0 ]; then echo "lint: failed: $${failed[*]}" >&2; exit 1; fi
+
+format: setup ## apply ruff and clang-format
+	@$(ENV) ruff check --fix --quiet $(PYTHON_FILES) || true
+	@$(ENV) ruff format $(PYTHON_FILES)
+	@$(ENV) clang-format -i $(CPP_FILES)
+
+bench: build ## measure speed and accuracy; results in bench_output/
+	@$(ENV) python3 tests/benchmarks/bench.py
+
+clean: ## remove build products and tool caches (keeps .venv and results)
+	rm -rf build devel install .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	find . -name __pycache__ -type d -not -path './.venv/*' -prune -exec rm -rf {} +

@@ -1,0 +1,66 @@
+#!/usr/bin/env python3
+"""What a node sees: the suite's packages, its Python modules and the commands of rosrun."""
+
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import rosgraph
+import rospkg
+import rospy
+import rosunit
+
+import atom_core
+
+PACKAGES = (
+    "atom",
+    "atom_core",
+    "atom_calibration",
+    "atom_rviz_plugins",
+    "atom_examples",
+    "collab_cell_description",
+)
+COMMANDS = ("calibrate", "check", "evaluate")
+
+
+def rosrun(command, *arguments):
+    return subprocess.run(
+        ["rosrun", "atom_calibration", command, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        universal_newlines=True,
+        timeout=60,
+    )
+
+
+class CommandsTest(unittest.TestCase):
+    def test_the_interpreter_of_a_node_reaches_the_master_and_the_library(self):
+        self.assertTrue(rosgraph.is_master_online())
+        self.assertTrue(rospy.core.is_initialized())
+        self.assertTrue(atom_core.__version__)
+
+    def test_every_package_is_found(self):
+        packages = rospkg.RosPack()
+        for name in PACKAGES:
+            self.assertTrue(os.path.isfile(os.path.join(packages.get_path(name), "package.xml")))
+
+    def test_every_command_explains_itself(self):
+        for command in COMMANDS:
+            answer = rosrun(command, "--help")
+            self.assertEqual(answer.returncode, 0, answer.stderr)
+            self.assertIn("--dataset" if command != "evaluate" else "--train", answer.stdout)
+
+    def test_a_missing_dataset_is_refused_in_one_line(self):
+        with tempfile.TemporaryDirectory() as folder:
+            absent = os.path.join(folder, "dataset.json")
+            answer = rosrun("check", "--dataset", absent)
+        self.assertEqual(answer.returncode, 2, answer.stderr)
+        self.assertEqual(len(answer.stderr.strip().splitlines()), 1, answer.stderr)
+        self.assertIn(absent, answer.stderr)
+
+
+if __name__ == "__main__":
+    rospy.init_node("commands_rostest")
+    rosunit.unitrun("atom_calibration", "commands", CommandsTest, sysargs=sys.argv)

@@ -1,0 +1,48 @@
+#!/usr/bin/env bash
+# System packages (apt.txt) and the virtual environment .venv (pip.txt). Does only what is missing.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+unset PYTHONPATH PYTHONHOME VIRTUAL_ENV PYENV_VERSION
+
+stop() {
+  printf 'setup: %s\n' "$1" >&2
+  exit 2
+}
+
+release=$(. /etc/os-release && printf '%s %s' "${ID:-unknown}" "${VERSION_ID:-}")
+[ "$release" = "debian 12" ] || stop "this machine is '$release'; apt.txt names Debian 12's packages. \
+Elsewhere install the dependencies of the package.xml files and build with catkin_make (CONTRIBUTING.md)."
+
+# An unknown package makes dpkg-query fail; it is simply not in its answer.
+mapfile -t wanted < <(sed 's/#.*//' requirements/apt.txt | xargs -n 1)
+installed=$(dpkg-query --show --showformat '${db:Status-Status} ${Package}\n' "${wanted[@]}" 2>/dev/null || true)
+missing=()
+for package in "${wanted[@]}"; do
+  grep -qx "installed $package" <<<"$installed" || missing+=("$package")
+done
+stamp=.venv/requirements.sha256
+checksum=$(cat requirements/pip.txt requirements/constraints.txt | sha256sum)
+venv_is_current() { [ "$(cat "$stamp" 2>/dev/null)" = "$checksum" ] && .venv/bin/python3 -c '' 2>/dev/null; }
+
+if [ "${#missing[@]}" -gt 0 ]; then
+  printf 'setup: installs %d Debian packages with apt-get: %s\n' "${#missing[@]}" "${missing[*]}"
+fi
+venv_is_current || printf 'setup: makes .venv with: %s\n' "$(sed 's/#.*//' requirements/pip.txt | xargs)"
+
+if [ "${#missing[@]}" -gt 0 ]; then
+  as_root=()
+  if [ "$(id -u)" -ne 0 ]; then
+    command -v sudo >/dev/null || stop "installing Debian packages needs root or sudo"
+    as_root=(sudo)
+  fi
+  apt_get=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -q -o DPkg::Lock::Timeout=300)
+  "${apt_get[@]}" update
+  "${apt_get[@]}" install --yes --no-install-recommends "${missing[@]}"
+fi
+
+if ! venv_is_current; then
+  /usr/bin/python3 -m venv --clear --system-site-packages .venv
+  .venv/bin/python3 -m pip install --quiet --disable-pip-version-check \
+    --requirement requirements/pip.txt --constraint requirements/constraints.txt
+  printf '%s' "$checksum" >"$stamp"
+fi
