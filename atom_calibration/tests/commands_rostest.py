@@ -28,9 +28,8 @@ COMMANDS = ("calibrate", "check", "evaluate")
 def rosrun(command, *arguments):
     return subprocess.run(
         ["rosrun", "atom_calibration", command, *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        universal_newlines=True,
+        capture_output=True,
+        text=True,
         timeout=60,
     )
 
