@@ -1,0 +1,202 @@
+"""Files that are either complete or not there: written beside their target, then renamed."""
+
+from __future__ import annotations
+
+import errno
+import json
+import math
+import os
+import secrets
+from pathlib import Path
+from typing import Any, Mapping, Optional, Sequence, Tuple, Union
+
+import numpy as np
+
+from atom_core.errors import OutputError
+
+PathLike = Union[str, "os.PathLike[str]"]
+
+_REMEDIES = {
+    errno.ENOSPC: "free some space or choose another folder",
+    errno.EDQUOT: "free some of your quota or choose another folder",
+    errno.EFBIG: "the file is larger than the system allows; raise the limit (ulimit -f)",
+    errno.EACCES: "make the folder writable or choose another one",
+    errno.EPERM: "make the folder writable or choose another one",
+    errno.EROFS: "the disk is read-only; choose another folder",
+    errno.ENOENT: "create the folder first",
+    errno.ENOTDIR: "a part of the path is a file; choose another folder",
+    errno.EISDIR: "a folder has this name; choose another name",
+    errno.ENAMETOOLONG: "choose a shorter name",
+}
+
+
+def write_text_atomically(path: PathLike, text: str) -> None:
+    """Write text as UTF-8; see `write_bytes_atomically`."""
+    write_bytes_atomically(path, text.encode("utf-8"))
+
+
+def write_bytes_atomically(path: PathLike, data: bytes) -> None:
+    """Write a whole file or leave everything as it was.
+
+    The data go to a temporary file in the same folder, to the disk, and then take the name of the
+    target in one step, so that no reader ever sees half a file. A symbolic link stays a link and
+    an existing file keeps its permissions.
+
+    Args:
+        path: the file; its folder must exist. An existing file is replaced.
+        data: the content.
+
+    Raises:
+        OutputError: the file cannot be written; an older one is intact.
+    """
+    target = Path(os.path.realpath(path))
+    if target.is_dir():
+        raise _output_error(path, OSError(errno.EISDIR, os.strerror(errno.EISDIR)))
+    temporary = target.with_name(f".{target.name[:200]}.{secrets.token_hex(6)}.tmp")
+    try:
+        _write_and_sync(temporary, target, data)
+        os.replace(temporary, target)
+    except OSError as error:
+        raise _output_error(path, error) from error
+    finally:  # also upon Ctrl-C; after the rename there is nothing left to remove
+        _remove_if_there(temporary)
+    _sync_folder(target.parent)
+
+
+def write_json_atomically(
+    path: PathLike,
+    document: Any,
+    *,
+    sort_keys: bool = True,
+    indent: Optional[int] = 2,
+    allow_nan: bool = False,
+) -> None:
+    """Write a document as JSON; see `write_bytes_atomically`.
+
+    Args:
+        path: the file.
+        document: mappings, lists, numbers, texts; numpy numbers and arrays become plain ones.
+        sort_keys: write keys in alphabetical order.
+        indent: spaces per level, None for one line.
+        allow_nan: write NaN and Infinity, which strict JSON readers refuse.
+
+    Raises:
+        OutputError: the file cannot be written, or a number is not finite (the message names it).
+    """
+    try:
+        text = json.dumps(
+            document, sort_keys=sort_keys, indent=indent, allow_nan=allow_nan, default=_plain
+        )
+    except ValueError as error:
+        place = _first_non_finite(document)
+        if place is None:
+            raise
+        raise OutputError(
+            f"{path}: not written, because {'.'.join(place[0]) or 'the document'} is {place[1]} "
+            f"and only finite numbers may be saved"
+        ) from error
+    write_text_atomically(path, text + "\n")
+
+
+def prepare_output_folder(path: PathLike, overwrite: bool = False) -> Path:
+    """Make a folder that results can be written to.
+
+    Nothing is deleted: with ``overwrite`` files of the same name will be replaced one by one,
+    others stay.
+
+    Args:
+        path: the folder; it and its parents are created when absent.
+        overwrite: accept a folder that already holds something.
+
+    Returns:
+        The folder.
+
+    Raises:
+        OutputError: it holds something and ``overwrite`` is False, a file has its name, or it
+            cannot be created or written to.
+    """
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        occupied = next(os.scandir(folder), None) is not None
+    except (FileExistsError, NotADirectoryError) as error:
+        raise OutputError(
+            f"{folder}: a file is in the way; move it or choose another folder"
+        ) from error
+    except OSError as error:
+        raise _output_error(folder, error) from error
+    if occupied and not overwrite:
+        raise OutputError(
+            f"{folder}: the folder is not empty; add --overwrite to replace the files in it, or "
+            f"choose another one"
+        )
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise _output_error(folder, OSError(errno.EACCES, os.strerror(errno.EACCES)))
+    return folder
+
+
+def _write_and_sync(temporary: Path, target: Path, data: bytes) -> None:
+    # O_EXCL and mode 0666: the user's umask decides, as for any file that a program creates.
+    descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+    with os.fdopen(descriptor, "wb") as stream:
+        if target.exists():
+            os.fchmod(stream.fileno(), target.stat().st_mode & 0o7777)
+        stream.write(data)
+        stream.flush()
+        os.fsync(stream.fileno())
+
+
+def _remove_if_there(path: Path) -> None:
+    try:
+        path.unlink()
+    except OSError:
+        pass  # renamed already, or never created
+
+
+def _sync_folder(folder: Path) -> None:
+    """Put the new name on the disk too; file systems that cannot do so are left alone."""
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except OSError:
+        return
+    try:
+        os.fsync(descriptor)
+    except OSError:
+        pass
+    finally:
+        os.close(descriptor)
+
+
+def _output_error(path: PathLike, error: OSError) -> OutputError:
+    reason = (error.strerror or str(error)).lower()
+    remedy = _REMEDIES.get(error.errno or 0, "choose another folder")
+    return OutputError(f"{path}: cannot be written ({reason}); {remedy}")
+
+
+def _plain(value: Any) -> Any:
+    """Turn what json does not know into what it knows."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, Mapping):
+        return dict(value)
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    raise TypeError(f"{type(value).__name__} cannot be written as JSON")
+
+
+def _first_non_finite(value: Any, place: Tuple[str, ...] = ()) -> Optional[Tuple[Any, float]]:
+    """Return (keys down to the number, number) of the first NaN or infinity, None if all finite."""
+    if isinstance(value, (np.ndarray, np.generic)):
+        value = value.tolist()
+    if isinstance(value, float):
+        return None if math.isfinite(value) else (place, value)
+    if isinstance(value, Mapping):
+        children = [(str(key), child) for key, child in value.items()]
+    elif isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
+        children = [(str(index), child) for index, child in enumerate(value)]
+    else:
+        return None
+    found = (_first_non_finite(child, (*place, key)) for key, child in children)
+    return next((hit for hit in found if hit is not None), None)
