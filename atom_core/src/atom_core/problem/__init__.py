@@ -1,0 +1,1 @@
+"""The calibration problem: parameters, residuals, initial values. No solver, no files."""

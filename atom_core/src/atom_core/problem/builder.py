@@ -1,0 +1,264 @@
+"""From a dataset to a problem: which edges are free, and every detection's chain and rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Dict, List, Mapping, Optional, Sequence, Tuple
+
+import numpy as np
+
+from atom_core.errors import CalibrationError
+from atom_core.geometry import se3
+from atom_core.model.dataset import MULTIPLE, Dataset, board_edge
+from atom_core.model.transforms import Chain, Edge, FrameGraph
+from atom_core.problem.initial_boards import BoardKey
+from atom_core.problem.measurements import (
+    CORNER_SIGMA_PX,
+    CornerMeasurement,
+    Measurement,
+    RangeMeasurement,
+)
+from atom_core.problem.parameters import (
+    ADDITIONAL_TF,
+    PATTERN,
+    SENSOR,
+    ParameterBlock,
+    Parameters,
+)
+from atom_core.problem.problem import PoseChains, Problem
+from atom_core.problem.residuals import (
+    BorderBlock,
+    OrthogonalBlock,
+    ReprojectionBlock,
+    ResidualBlock,
+)
+
+
+@dataclass(frozen=True)
+class FreeEdges:
+    """What is estimated and what is held.
+
+    Attributes:
+        anchored_sensors: sensors whose edge stays as it is.
+        additional_tfs: further edges to estimate, by name.
+        anchor_patterns: True to hold every board where it is.
+    """
+
+    anchored_sensors: Tuple[str, ...] = ()
+    additional_tfs: Mapping[str, Edge] = None  # type: ignore[assignment]
+    anchor_patterns: bool = False
+
+    def __post_init__(self):
+        object.__setattr__(self, "additional_tfs", dict(self.additional_tfs or {}))
+
+    def held_edges(self, dataset: Dataset) -> frozenset:
+        """Return the sensor edges that stay; one that sensors share stays for all of them."""
+        return frozenset(dataset.sensors[name].edge for name in self.anchored_sensors)
+
+
+def check_edges(dataset: Dataset, free: FreeEdges) -> None:
+    """Refuse a selected edge that does not stand where it must.
+
+    Raises:
+        CalibrationError: naming the sensor or additional tf, the edge and the chain.
+    """
+    graph = dataset.graph
+    for sensor in dataset.sensors.values():
+        chain = graph.chain(dataset.world, sensor.frame)
+        if sensor.edge not in [step.edge for step in chain]:
+            frames = " -> ".join([dataset.world] + [_far_frame(step) for step in chain])
+            raise CalibrationError(
+                f"sensor '{sensor.name}': edge '{sensor.edge}' is not on its chain {frames}; "
+                f"correct parent_link and child_link in the configuration"
+            )
+    known = {edge for c in dataset.collections.values() for edge in c.transforms}
+    for name, edge in free.additional_tfs.items():
+        if edge not in known:
+            raise CalibrationError(
+                f"additional_tfs '{name}': edge '{edge}' is in no collection's transforms"
+            )
+
+
+def _far_frame(step) -> str:
+    return step.edge.parent if step.inverted else step.edge.child
+
+
+def build_problem(
+    dataset: Dataset,
+    measurements: Sequence[Measurement],
+    boards: Mapping[BoardKey, np.ndarray],
+    free: FreeEdges,
+) -> Problem:
+    """Return the problem of a dataset.
+
+    Args:
+        dataset: its transforms are the initial values, and the values of what is held.
+        measurements: the detections to use; each board of theirs stands in ``boards``.
+        boards: initial (or, with ``anchor_patterns``, held) ``parent_T_pattern``.
+        free: what is estimated.
+    """
+    placed = _with_boards(dataset, boards)
+    used = {m.key.collection for m in measurements}
+    first = next(iter(sorted(used))) if used else ""
+    parameters = Parameters(
+        _sensor_blocks(placed, measurements, free, first)
+        + _additional_blocks(placed, free, sorted(used))
+        + _pattern_blocks(placed, boards, measurements, free)
+    )
+    ordered = sorted(measurements, key=lambda m: (m.key.sensor, m.key.collection, m.key.pattern))
+    chains = _chains(placed, ordered, parameters)
+    blocks = _residual_blocks(ordered)
+    return Problem(parameters, tuple(m.key for m in ordered), chains, tuple(blocks))
+
+
+def _with_boards(dataset: Dataset, boards: Mapping[BoardKey, np.ndarray]) -> Dataset:
+    changes: Dict[str, Dict[Edge, np.ndarray]] = {key: {} for key in dataset.collections}
+    for (pattern, collection), pose in boards.items():
+        edge = board_edge(dataset.patterns[pattern])
+        for key in dataset.collections if collection is None else [collection]:
+            changes[key][edge] = pose
+    return dataset.with_transforms(changes)
+
+
+def _sensor_blocks(dataset, measurements, free, first) -> List[ParameterBlock]:
+    seen = {m.key.sensor for m in measurements}
+    held = free.held_edges(dataset)
+    names: Dict[Edge, List[str]] = {}
+    for sensor in dataset.sensors.values():
+        if sensor.name in seen and sensor.edge not in held:
+            names.setdefault(sensor.edge, []).append(sensor.name)
+    return [
+        ParameterBlock(edge, SENSOR, None, _value(dataset, first, edge), tuple(sharing))
+        for edge, sharing in names.items()
+    ]
+
+
+def _additional_blocks(dataset, free, collections) -> List[ParameterBlock]:
+    blocks = []
+    held = free.held_edges(dataset)
+    sensor_edges = {s.edge for s in dataset.sensors.values()}
+    for name, edge in free.additional_tfs.items():
+        if edge in held or edge in sensor_edges:
+            continue
+        if dataset.edge_types.get(edge) == MULTIPLE:
+            blocks += [
+                ParameterBlock(edge, ADDITIONAL_TF, key, _value(dataset, key, edge), (name,))
+                for key in collections
+            ]
+        elif collections:
+            value = _value(dataset, collections[0], edge)
+            blocks.append(ParameterBlock(edge, ADDITIONAL_TF, None, value, (name,)))
+    return blocks
+
+
+def _pattern_blocks(dataset, boards, measurements, free) -> List[ParameterBlock]:
+    if free.anchor_patterns:
+        return []
+    seen = {(m.key.pattern, m.key.collection) for m in measurements}
+    seen |= {(pattern, None) for pattern, _ in seen}
+    return [
+        ParameterBlock(
+            board_edge(dataset.patterns[pattern]), PATTERN, collection, pose, (pattern,)
+        )
+        for (pattern, collection), pose in boards.items()
+        if (pattern, collection) in seen
+    ]
+
+
+def _value(dataset: Dataset, collection: str, edge: Edge) -> np.ndarray:
+    transforms = dataset.collections[collection].transforms
+    if edge not in transforms:
+        raise CalibrationError(f"collection {collection} lacks the transform '{edge}'")
+    return transforms[edge]
+
+
+def _chains(
+    dataset: Dataset, measurements: Sequence[Measurement], parameters: Parameters
+) -> PoseChains:
+    graph = dataset.graph
+    factored = [_factor(dataset, graph, m, parameters) for m in measurements]
+    depth = max([len(blocks) for _, blocks, _ in factored] + [0])
+    count = len(factored)
+    constants = np.tile(np.eye(4), (count, depth + 1, 1, 1))
+    block = np.full((count, depth), -1)
+    inverted = np.zeros((count, depth), dtype=bool)
+    for i, (matrices, blocks, turned) in enumerate(factored):
+        constants[i, : len(matrices)] = matrices
+        block[i, : len(blocks)] = blocks
+        inverted[i, : len(turned)] = turned
+    return PoseChains(constants, block, inverted)
+
+
+def _factor(dataset: Dataset, graph: FrameGraph, m: Measurement, parameters: Parameters):
+    """Return constants, block indices and inversions of ``sensor_T_pattern``."""
+    sensor, pattern = dataset.sensors[m.key.sensor], dataset.patterns[m.key.pattern]
+    chain: Chain = graph.chain(sensor.frame, pattern.frame)
+    matrices, blocks, turned = [np.eye(4)], [], []
+    for edge, inverted in chain:
+        index = parameters.find(edge, m.key.collection)
+        if index >= 0:
+            blocks.append(index)
+            turned.append(inverted)
+            matrices.append(np.eye(4))
+            continue
+        matrix = _value(dataset, m.key.collection, edge)
+        matrices[-1] = matrices[-1] @ (se3.inverse(matrix) if inverted else matrix)
+    return matrices, blocks, turned
+
+
+def _residual_blocks(measurements: Sequence[Measurement]) -> List[ResidualBlock]:
+    by_sensor: Dict[str, List[Tuple[int, Measurement]]] = {}
+    for i, m in enumerate(measurements):
+        by_sensor.setdefault(m.key.sensor, []).append((i, m))
+    blocks: List[ResidualBlock] = []
+    for sensor, items in by_sensor.items():
+        if isinstance(items[0][1], CornerMeasurement):
+            blocks.append(_reprojection(sensor, items))
+        else:
+            blocks.append(_orthogonal(sensor, items))
+            border = _border(sensor, items)
+            if border is not None:
+                blocks.append(border)
+    return blocks
+
+
+def _reprojection(sensor: str, items) -> ReprojectionBlock:
+    detection = _repeat([(i, len(m.ids)) for i, m in items])
+    return ReprojectionBlock(
+        sensor=sensor,
+        detection=detection,
+        sigma=np.full(len(detection), CORNER_SIGMA_PX),
+        ids=np.concatenate([m.ids for _, m in items]),
+        camera=items[0][1].camera,
+        corners_in_pattern=np.concatenate([m.corners_in_pattern for _, m in items]),
+        pixels=np.concatenate([m.pixels for _, m in items]),
+    )
+
+
+def _orthogonal(sensor: str, items: Sequence[Tuple[int, RangeMeasurement]]) -> OrthogonalBlock:
+    return OrthogonalBlock(
+        sensor=sensor,
+        detection=_repeat([(i, len(m.inside)) for i, m in items]),
+        sigma=np.concatenate([m.inside_sigma_m for _, m in items]),
+        ids=np.concatenate([np.arange(len(m.inside)) for _, m in items]),
+        points=np.concatenate([m.inside for _, m in items]),
+    )
+
+
+def _border(sensor: str, items: Sequence[Tuple[int, RangeMeasurement]]) -> Optional[BorderBlock]:
+    if not any(len(m.limit) for _, m in items):
+        return None
+    counts = [len(m.limit) for _, m in items]
+    return BorderBlock(
+        sensor=sensor,
+        detection=_repeat([(i, len(m.limit)) for i, m in items]),
+        sigma=np.concatenate([m.limit_sigma_m for _, m in items]),
+        ids=np.concatenate([np.arange(n) for n in counts]),
+        points=np.concatenate([m.limit for _, m in items]),
+        centre=np.repeat([m.border.centre for _, m in items], counts, axis=0),
+        half_size=np.repeat([m.border.half_size for _, m in items], counts, axis=0),
+    )
+
+
+def _repeat(counts: Sequence[Tuple[int, int]]) -> np.ndarray:
+    return np.repeat([i for i, _ in counts], [n for _, n in counts])

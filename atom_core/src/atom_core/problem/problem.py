@@ -1,0 +1,149 @@
+"""The problem: how rows depend on parameters, through the chains of transforms.
+
+The pose of a detection is a product over the chain from the sensor's frame to the pattern's:
+``sensor_T_pattern = C0 X1 C1 X2 C2 ...`` with constants C and parameter blocks X, some of them
+inverted. All detections are evaluated at once, as arrays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import List, NamedTuple, Sequence, Tuple
+
+import numpy as np
+from scipy import sparse
+
+from atom_core.geometry import se3
+from atom_core.model.dataset import DetectionKey
+from atom_core.problem.parameters import Parameters
+from atom_core.problem.residuals import ResidualBlock
+
+
+@dataclass(frozen=True)
+class PoseChains:
+    """The chains of d detections with at most k parameter blocks each.
+
+    Attributes:
+        constants: (d, k + 1, 4, 4) products of what is held still between the blocks.
+        block: (d, k) index of the parameter block, -1 where a chain is shorter.
+        inverted: (d, k) True where the block is walked from child to parent.
+    """
+
+    constants: np.ndarray
+    block: np.ndarray
+    inverted: np.ndarray
+
+    def poses(self, block_poses: np.ndarray) -> np.ndarray:
+        """Return ``sensor_T_pattern`` (d, 4, 4) at the blocks' poses (b, 4, 4)."""
+        return self._walk(block_poses)[-1]
+
+    def poses_and_maps(
+        self, block_poses: np.ndarray, block_twists: np.ndarray
+    ) -> Tuple[np.ndarray, np.ndarray]:
+        """Return poses (d, 4, 4) and M (d, k, 6, 6): left twist in the sensor by the numbers."""
+        prefixes = self._walk(block_poses)
+        maps = np.zeros(self.block.shape + (6, 6))
+        if len(block_poses) == 0:
+            return prefixes[-1], maps
+        for k in range(self.block.shape[1]):
+            used, inverted = self.block[:, k] >= 0, self.inverted[:, k]
+            # An inverted block's change acts after it: its prefix includes the block itself.
+            before, after = prefixes[2 * k], prefixes[2 * k + 1]
+            prefix = np.where(inverted[:, None, None], after, before)
+            sign = np.where(inverted, -1.0, 1.0)[:, None, None]
+            twist = sign * (se3.adjoint(prefix) @ block_twists[self.block[:, k]])
+            maps[:, k] = np.where(used[:, None, None], twist, 0.0)
+        return prefixes[-1], maps
+
+    def _walk(self, block_poses: np.ndarray) -> List[np.ndarray]:
+        """Return the products before and after each block, and the whole product last."""
+        product = self.constants[:, 0]
+        prefixes = []
+        for k in range(self.block.shape[1]):
+            prefixes.append(product)
+            used = self.block[:, k] >= 0
+            if np.any(used):
+                step = np.broadcast_to(np.eye(4), product.shape).copy()
+                chosen = block_poses[self.block[used, k]]
+                turned = self.inverted[used, k][:, None, None]
+                step[used] = np.where(turned, se3.inverse(chosen), chosen)
+                product = product @ step
+            prefixes.append(product)
+            product = product @ self.constants[:, k + 1]
+        return prefixes + [product]
+
+
+class Linearisation(NamedTuple):
+    """Rows of all residual blocks at one vector.
+
+    Attributes:
+        residuals: for each residual block, (n, dimension) in its unit.
+        by_twist: for each residual block, (n, dimension, 6).
+        maps: (d, k, 6, 6) twist of each detection by the numbers of its blocks.
+    """
+
+    residuals: List[np.ndarray]
+    by_twist: List[np.ndarray]
+    maps: np.ndarray
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A calibration problem, ready to be solved.
+
+    Attributes:
+        parameters: what is estimated.
+        detections: which detection each chain belongs to.
+        chains: how the detections' poses follow from the parameters.
+        residual_blocks: the rows.
+    """
+
+    parameters: Parameters
+    detections: Tuple[DetectionKey, ...]
+    chains: PoseChains
+    residual_blocks: Tuple[ResidualBlock, ...]
+
+    @property
+    def row_count(self) -> int:
+        """Number of scalar residuals."""
+        return sum(b.count * b.dimension for b in self.residual_blocks)
+
+    def residuals(self, x: np.ndarray) -> List[np.ndarray]:
+        """Return, for each residual block, (n, dimension) in its unit."""
+        poses = self.chains.poses(self.parameters.poses(x))
+        return [block.residuals(poses) for block in self.residual_blocks]
+
+    def linearise(self, x: np.ndarray) -> Linearisation:
+        """Return residuals and their derivatives at the vector x."""
+        block_poses = self.parameters.poses(x)
+        twists = self.parameters.twists(x, block_poses)
+        poses, maps = self.chains.poses_and_maps(block_poses, twists)
+        pairs = [block.linearise(poses) for block in self.residual_blocks]
+        return Linearisation([p[0] for p in pairs], [p[1] for p in pairs], maps)
+
+    def jacobian(self, x: np.ndarray, sigmas: Sequence[np.ndarray]) -> sparse.csr_matrix:
+        """Return d(rows / sigma)/dx as a sparse (rows, parameters) matrix.
+
+        Args:
+            x: the vector.
+            sigmas: for each residual block, (n,) in its unit.
+        """
+        line = self.linearise(x)
+        parts = [
+            self._rows(block, by_twist / sigma[:, None, None], line.maps)
+            for block, by_twist, sigma in zip(self.residual_blocks, line.by_twist, sigmas)
+        ]
+        return sparse.vstack(parts, format="csr")
+
+    def _rows(self, block: ResidualBlock, by_twist: np.ndarray, maps: np.ndarray):
+        rows = block.count * block.dimension
+        blocks = self.chains.block[block.detection]
+        values = np.einsum("nrt,nktp->nrkp", by_twist, maps[block.detection])
+        columns = 6 * blocks[:, None, :, None] + np.arange(6)
+        columns = np.broadcast_to(columns, values.shape)
+        row = np.broadcast_to(
+            np.arange(rows).reshape(block.count, block.dimension, 1, 1), values.shape
+        )
+        used = columns >= 0
+        shape = (rows, self.parameters.size)
+        return sparse.csr_matrix((values[used], (row[used], columns[used])), shape=shape)

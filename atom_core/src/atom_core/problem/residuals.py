@@ -1,0 +1,143 @@
+"""Residuals and their analytic Jacobians, vectorised; the specification of the native twin.
+
+A residual block holds all rows of one sensor and one kind. Its rows depend on the pose
+``sensor_T_pattern`` of their detection only. The Jacobian is taken by the *left twist*
+(rotation w, move v) of that pose in the sensor's frame: a pattern point p, seen in the sensor,
+moves by ``w x p + v``. The chain rule to the parameters is the problem's part.
+
+Kinds, after Rato et al. 2022, section 4, but as signed components:
+
+* ``reprojection`` eq. 3: projected minus detected pixel, x and y [px]
+* ``orthogonal``   eq. 4: z of a range point in the pattern's frame [m]
+* ``border``       eq. 5: signed XY distance of a limit point to the board's border [m]
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Tuple
+
+import numpy as np
+
+from atom_core.geometry import se3
+from atom_core.geometry.camera import Camera
+from atom_core.geometry.rectangle import signed_distance_to_rectangles
+
+REPROJECTION, ORTHOGONAL, BORDER = "reprojection", "orthogonal", "border"
+UNITS = {REPROJECTION: "px", ORTHOGONAL: "m", BORDER: "m"}
+
+
+@dataclass(frozen=True)
+class ResidualBlock:
+    """Rows of one sensor and one kind.
+
+    Attributes:
+        sensor: whose measurements.
+        detection: (n,) index of the detection of each item, ascending.
+        sigma: (n,) expected standard deviation of each item, in the kind's unit.
+        ids: (n,) corner id, or the position of the point in its detection.
+    """
+
+    sensor: str
+    detection: np.ndarray
+    sigma: np.ndarray
+    ids: np.ndarray
+
+    kind = ""
+    dimension = 1
+
+    @property
+    def count(self) -> int:
+        """Number of items; an item has ``dimension`` rows."""
+        return len(self.detection)
+
+    def residuals(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
+        """Return (n, dimension) at the poses (d, 4, 4) of the detections."""
+        return self.linearise(sensor_T_pattern)[0]
+
+    def linearise(self, sensor_T_pattern: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+        """Return residuals (n, dimension) and Jacobians (n, dimension, 6) by the left twist."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class ReprojectionBlock(ResidualBlock):
+    """Corners of one camera.
+
+    Attributes:
+        camera: its intrinsics.
+        corners_in_pattern: (n, 3) [m].
+        pixels: (n, 2) [px].
+    """
+
+    camera: Camera
+    corners_in_pattern: np.ndarray
+    pixels: np.ndarray
+
+    kind = REPROJECTION
+    dimension = 2
+
+    def residuals(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
+        """Return projected minus detected pixels (n, 2)."""
+        points = se3.apply(sensor_T_pattern[self.detection], self.corners_in_pattern)
+        return self.camera.project(points) - self.pixels
+
+    def linearise(self, sensor_T_pattern: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+        """Return residuals (n, 2) [px] and Jacobians (n, 2, 6)."""
+        points = se3.apply(sensor_T_pattern[self.detection], self.corners_in_pattern)
+        projected, by_point = self.camera.project_with_jacobian(points)
+        turned = np.cross(points[:, None, :], by_point)
+        return projected - self.pixels, np.concatenate([turned, by_point], axis=2)
+
+
+@dataclass(frozen=True)
+class OrthogonalBlock(ResidualBlock):
+    """Points of one range sensor on the boards; ``points`` (n, 3) in its frame [m]."""
+
+    points: np.ndarray
+
+    kind = ORTHOGONAL
+
+    def residuals(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
+        """Return heights (n, 1) over the board [m]."""
+        normal = sensor_T_pattern[:, :3, 2]
+        offset = np.einsum("di,di->d", normal, sensor_T_pattern[:, :3, 3])
+        height = np.einsum("ni,ni->n", normal[self.detection], self.points)
+        return (height - offset[self.detection])[:, None]
+
+    def linearise(self, sensor_T_pattern: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+        """Return residuals (n, 1) [m] and Jacobians (n, 1, 6)."""
+        normal = sensor_T_pattern[self.detection, :3, 2]
+        jacobian = -np.concatenate([np.cross(self.points, normal), normal], axis=1)
+        return self.residuals(sensor_T_pattern), jacobian[:, None, :]
+
+
+@dataclass(frozen=True)
+class BorderBlock(ResidualBlock):
+    """Limit points of one range sensor.
+
+    Attributes:
+        points: (n, 3) in its frame [m].
+        centre, half_size: (n, 2) of the board's border in the pattern's plane [m].
+    """
+
+    points: np.ndarray
+    centre: np.ndarray
+    half_size: np.ndarray
+
+    kind = BORDER
+
+    def linearise(self, sensor_T_pattern: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+        """Return signed distances (n, 1) [m], negative inside, and Jacobians (n, 1, 6)."""
+        sensor_R_pattern = sensor_T_pattern[self.detection, :3, :3]
+        offset = self.points - sensor_T_pattern[self.detection, :3, 3]
+        in_plane = np.einsum("nij,ni->nj", sensor_R_pattern[:, :, :2], offset)
+        distance, gradient = signed_distance_to_rectangles(in_plane, self.centre, self.half_size)
+        outward = np.einsum("nij,nj->ni", sensor_R_pattern[:, :, :2], gradient)
+        jacobian = -np.concatenate([np.cross(self.points, outward), outward], axis=1)
+        return distance[:, None], jacobian[:, None, :]
+
+
+def squared_norms(residuals: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+    """Return (n,) squared norms of residuals (n, dimension) in units of sigma (n,)."""
+    return np.sum((residuals / sigma[:, None]) ** 2, axis=1)

@@ -1,0 +1,1 @@
+"""Solvers: options in, summary out."""

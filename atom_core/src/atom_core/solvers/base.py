@@ -1,0 +1,109 @@
+"""What every solver takes and gives: options, summary, and the minimiser's contract."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Callable, Optional, Tuple
+
+import numpy as np
+
+from atom_core.problem.problem import Problem
+from atom_core.solvers.covariance import Covariance
+from atom_core.solvers.losses import CAUCHY, LOSSES, NONE
+
+SIGMA, ATOM = "sigma", "atom"
+CONVERGED, NOT_CONVERGED, FAILED = "converged", "not_converged", "failed"
+
+# cost, step norm: called after every accepted step
+Progress = Callable[[int, float], None]
+
+
+@dataclass(frozen=True)
+class SolverOptions:
+    """How to solve.
+
+    Attributes:
+        weights: ``sigma`` divides by standard deviations, re-estimated from the residuals;
+            ``atom`` by each modality's mean residual at the start, as ATOM does.
+        loss: none, huber or cauchy, its width in units of sigma.
+        max_iterations: over all rounds of reweighting.
+        reweighting_rounds: at most so many estimates of the sigmas.
+    """
+
+    weights: str = SIGMA
+    loss: str = CAUCHY
+    max_iterations: int = 200
+    reweighting_rounds: int = 10
+
+    def __post_init__(self):
+        if self.weights not in (SIGMA, ATOM):
+            raise ValueError(f"weights '{self.weights}' are unknown; use {SIGMA} or {ATOM}")
+        if self.loss not in LOSSES:
+            raise ValueError(f"loss '{self.loss}' is unknown; use {', '.join(LOSSES)}")
+        if self.max_iterations < 1:
+            raise ValueError("max_iterations must be at least 1")
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """Where a minimiser ended.
+
+    Attributes:
+        x: the vector.
+        cost: half the sum of rho at x.
+        iterations: accepted and refused steps.
+        converged: True only when a Newton step from x would move it by far less than a sigma.
+        message: why it ended.
+    """
+
+    x: np.ndarray
+    cost: float
+    iterations: int
+    converged: bool
+    message: str
+
+
+Minimise = Callable[[Problem, np.ndarray, Tuple[np.ndarray, ...], str, int], Minimum]
+
+
+@dataclass(frozen=True)
+class SolverSummary:
+    """The answer and how it came about.
+
+    Attributes:
+        x: the solution.
+        status: converged, not_converged or failed.
+        message: one sentence.
+        iterations: of all rounds.
+        cost_initial, cost_final: with the final weights and loss.
+        sigmas: for each residual block, (n,) standard deviations in its unit, as used last.
+        scales: for each residual block, the factor on its initial sigmas.
+        robust_weights: for each residual block, (n,) in 0..1.
+        covariance: of the parameters.
+    """
+
+    x: np.ndarray
+    status: str
+    message: str
+    iterations: int
+    cost_initial: float
+    cost_final: float
+    sigmas: Tuple[np.ndarray, ...]
+    scales: Tuple[float, ...]
+    robust_weights: Tuple[np.ndarray, ...]
+    covariance: Optional[Covariance] = field(default=None, repr=False)
+
+
+__all__ = [
+    "ATOM",
+    "CONVERGED",
+    "FAILED",
+    "NONE",
+    "NOT_CONVERGED",
+    "SIGMA",
+    "Minimise",
+    "Minimum",
+    "Progress",
+    "SolverOptions",
+    "SolverSummary",
+]

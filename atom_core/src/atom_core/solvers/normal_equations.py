@@ -1,0 +1,230 @@
+"""Normal equations in blocks: shared parameters dense, each collection's own eliminated.
+
+The rows of a detection reach the parameters through one six-vector, the twist of its pose. So
+each detection is first reduced to a 6 x 6 matrix and a six-vector; those few are then spread
+over the parameter blocks. Blocks of different collections never meet in a detection: they are
+eliminated one collection at a time (Schur complement), and the cost grows linearly with the
+collections. Triggs et al., "Bundle adjustment - a modern synthesis" (2000), section 6.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import List, Sequence, Tuple
+
+import numpy as np
+from scipy import linalg
+
+from atom_core.problem.parameters import Parameters
+from atom_core.problem.problem import Linearisation, Problem
+from atom_core.problem.residuals import ResidualBlock
+
+
+class Layout:
+    """Where each parameter block stands: among the shared ones, or in a collection's group."""
+
+    def __init__(self, parameters: Parameters):
+        """Lay out the blocks of the parameters."""
+        groups = parameters.local_groups()
+        self.shared = parameters.shared_count
+        self.groups = len(groups)
+        self.width = max([len(g) for g in groups] + [1])
+        self.group = np.full(len(parameters.blocks), -1)
+        self.position = np.arange(len(parameters.blocks))
+        for g, members in enumerate(groups):
+            self.group[members] = g
+            self.position[members] = np.arange(len(members))
+
+    def split(self, x: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+        """Return the shared part (s,) and the groups' part (g, w) of a vector, zero-padded."""
+        local = np.zeros((self.groups, self.width, 6))
+        mine = self.group >= 0
+        steps = x.reshape(-1, 6)
+        local[self.group[mine], self.position[mine]] = steps[mine]
+        return steps[: self.shared].ravel(), local.reshape(self.groups, -1)
+
+    def join(self, shared: np.ndarray, local: np.ndarray) -> np.ndarray:
+        """Return the vector of its two parts."""
+        steps = np.zeros((len(self.group), 6))
+        mine = self.group >= 0
+        steps[: self.shared] = shared.reshape(-1, 6)
+        by_position = local.reshape(self.groups, self.width, 6)
+        steps[mine] = by_position[self.group[mine], self.position[mine]]
+        return steps.ravel()
+
+
+@dataclass
+class NormalEquations:
+    """``H`` and ``g`` of the weighted rows, in blocks.
+
+    Attributes:
+        layout: where the blocks stand.
+        shared: (s, s) of the shared parameters.
+        cross: (g, w, s) between a collection's parameters and the shared ones.
+        local: (g, w, w) of each collection's own; unit diagonal where it is padded.
+        gradient_shared: (s,).
+        gradient_local: (g, w).
+        detection_information: for each residual block, (d, 6, 6) by detection.
+    """
+
+    layout: Layout
+    shared: np.ndarray
+    cross: np.ndarray
+    local: np.ndarray
+    gradient_shared: np.ndarray
+    gradient_local: np.ndarray
+    detection_information: List[np.ndarray]
+
+    @property
+    def diagonal(self) -> Tuple[np.ndarray, np.ndarray]:
+        """The diagonals of the shared part (s,) and the groups' part (g, w)."""
+        return np.diagonal(self.shared), np.diagonal(self.local, axis1=1, axis2=2)
+
+    def solve(self, damping: float) -> Tuple[np.ndarray, float]:
+        """Return the step of ``(H + damping * diag H) step = -g`` and the predicted decrease.
+
+        Raises:
+            numpy.linalg.LinAlgError: the damped matrix is not positive definite.
+        """
+        shared_diagonal, local_diagonal = (_floored(d) for d in self.diagonal)
+        shared = self.shared + damping * np.diag(shared_diagonal)
+        local = self.local.copy()
+        local[:, range(local.shape[1]), range(local.shape[1])] += damping * local_diagonal
+        reduction = _Elimination(local, self.cross)
+        reduced = shared - reduction.reduce(self.cross)
+        right = -self.gradient_shared + reduction.reduce_vector(self.gradient_local)
+        step_shared = _solve_positive(reduced, right)
+        step_local = reduction.back(self.gradient_local, step_shared)
+        step = self.layout.join(step_shared, step_local)
+        gradient = self.layout.join(self.gradient_shared, self.gradient_local)
+        damped = float(shared_diagonal @ step_shared**2 + np.sum(local_diagonal * step_local**2))
+        return step, 0.5 * float(damping * damped - gradient @ step)
+
+
+class _Elimination:
+    """Factors of the collections' own blocks, and what follows from them."""
+
+    def __init__(self, local: np.ndarray, cross: np.ndarray):
+        self.inverse = _inverse_positive(local)
+        self.solved_cross = self.inverse @ cross
+
+    def reduce(self, cross: np.ndarray) -> np.ndarray:
+        size = cross.shape[2]
+        return cross.reshape(-1, size).T @ self.solved_cross.reshape(-1, size)
+
+    def reduce_vector(self, gradient_local: np.ndarray) -> np.ndarray:
+        return np.einsum("gws,gw->s", self.solved_cross, gradient_local)
+
+    def back(self, gradient_local: np.ndarray, step_shared: np.ndarray) -> np.ndarray:
+        own = np.einsum("gvw,gw->gv", self.inverse, gradient_local)
+        return -own - self.solved_cross @ step_shared
+
+
+def _inverse_positive(matrices: np.ndarray) -> np.ndarray:
+    if len(matrices) == 0:
+        return matrices
+    np.linalg.cholesky(matrices)  # raises LinAlgError where one is not positive definite
+    return np.linalg.inv(matrices)
+
+
+def _solve_positive(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    if len(right) == 0:
+        return right
+    scale = 1.0 / np.sqrt(_floored(np.diagonal(matrix)))
+    factor = linalg.cho_factor(matrix * scale[:, None] * scale, lower=True)
+    return scale * linalg.cho_solve(factor, scale * right)
+
+
+def _floored(diagonal: np.ndarray) -> np.ndarray:
+    return np.maximum(diagonal, 1e-12)
+
+
+def normal_equations(
+    problem: Problem, layout: Layout, line: Linearisation, weights: Sequence[np.ndarray]
+) -> NormalEquations:
+    """Return the normal equations of a linearised problem.
+
+    Args:
+        problem: whose rows.
+        layout: where its parameter blocks stand.
+        line: residuals and derivatives.
+        weights: for each residual block, (n,): robust weight over sigma squared.
+    """
+    count = len(problem.detections)
+    information, gradient, parts = np.zeros((count, 6, 6)), np.zeros((count, 6)), []
+    for block, residual, by_twist, weight in zip(
+        problem.residual_blocks, line.residuals, line.by_twist, weights
+    ):
+        part, part_gradient = _reduce_detections(block, residual, by_twist, weight, count)
+        information += part
+        gradient += part_gradient
+        parts.append(part)
+    return _spread(problem, layout, line.maps, information, gradient, parts)
+
+
+def _reduce_detections(block: ResidualBlock, residual, by_twist, weight, count: int):
+    """Sum the rows of each detection into (count, 6, 6) and (count, 6)."""
+    information, gradient = np.zeros((count, 6, 6)), np.zeros((count, 6))
+    root = np.sqrt(weight)
+    rows = (by_twist * root[:, None, None]).reshape(-1, 6)
+    values = (residual * root[:, None]).ravel()
+    detections, starts = np.unique(block.detection, return_index=True)
+    ends = np.append(starts[1:], len(block.detection)) * block.dimension
+    for detection, start, end in zip(detections, starts * block.dimension, ends):
+        mine = rows[start:end]
+        information[detection] = mine.T @ mine
+        gradient[detection] = mine.T @ values[start:end]
+    return information, gradient
+
+
+def _spread(problem, layout: Layout, maps, information, gradient, parts) -> NormalEquations:
+    s, g, w = layout.shared, layout.groups, layout.width
+    shared, cross = np.zeros((s, s, 6, 6)), np.zeros((g, w, s, 6, 6))
+    local = np.zeros((g, w, w, 6, 6))
+    gradient_shared, gradient_local = np.zeros((s, 6)), np.zeros((g, w, 6))
+    index = problem.chains.block
+    for k in range(index.shape[1]):
+        reached = information @ maps[:, k]
+        for m in range(index.shape[1]):
+            both = (index[:, k] >= 0) & (index[:, m] >= 0)
+            values = np.swapaxes(maps[both, m], 1, 2) @ reached[both]
+            _add_pairs(layout, index[both, m], index[both, k], values, shared, cross, local)
+        used = index[:, k] >= 0
+        pulled = np.einsum("dij,di->dj", maps[used, k], gradient[used])
+        _add_vectors(layout, index[used, k], pulled, gradient_shared, gradient_local)
+    _pad(layout, local)
+    return NormalEquations(
+        layout,
+        shared.swapaxes(1, 2).reshape(6 * s, 6 * s),
+        cross.swapaxes(2, 3).reshape(g, 6 * w, 6 * s),
+        local.swapaxes(2, 3).reshape(g, 6 * w, 6 * w),
+        gradient_shared.ravel(),
+        gradient_local.reshape(g, 6 * w),
+        parts,
+    )
+
+
+def _add_pairs(layout: Layout, row, column, values, shared, cross, local) -> None:
+    group_row, group_column = layout.group[row], layout.group[column]
+    at_row, at_column = layout.position[row], layout.position[column]
+    both = (group_row < 0) & (group_column < 0)
+    np.add.at(shared, (at_row[both], at_column[both]), values[both])
+    mixed = (group_row >= 0) & (group_column < 0)
+    np.add.at(cross, (group_row[mixed], at_row[mixed], at_column[mixed]), values[mixed])
+    own = (group_row >= 0) & (group_column >= 0)
+    np.add.at(local, (group_row[own], at_row[own], at_column[own]), values[own])
+
+
+def _add_vectors(layout: Layout, index, values, gradient_shared, gradient_local) -> None:
+    group, position = layout.group[index], layout.position[index]
+    np.add.at(gradient_shared, position[group < 0], values[group < 0])
+    np.add.at(gradient_local, (group[group >= 0], position[group >= 0]), values[group >= 0])
+
+
+def _pad(layout: Layout, local: np.ndarray) -> None:
+    """Put a unit diagonal where a collection has fewer blocks than the widest."""
+    filled = np.zeros((layout.groups, layout.width), dtype=bool)
+    mine = layout.group >= 0
+    filled[layout.group[mine], layout.position[mine]] = True
+    group, position = np.nonzero(~filled)
+    local[group, position, position] = np.eye(6)

@@ -1,0 +1,165 @@
+"""Solve with weights that mean something: sigmas from the residuals, in rounds.
+
+Each sensor and kind of residual has one factor on its initial sigmas. After a solve the factor
+is re-estimated from the residuals and their redundancy (variance components, Foerstner 1979),
+until it stands still. With a robust loss the median absolute deviation takes the place of the
+mean square, so that gross errors do not count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import List, Sequence, Tuple
+
+import numpy as np
+
+from atom_core.model.sensor import RGB
+from atom_core.problem.problem import Problem
+from atom_core.problem.residuals import REPROJECTION, ResidualBlock, squared_norms
+from atom_core.solvers import losses
+from atom_core.solvers.base import (
+    ATOM,
+    CONVERGED,
+    FAILED,
+    NOT_CONVERGED,
+    Minimise,
+    Minimum,
+    SolverOptions,
+    SolverSummary,
+)
+from atom_core.solvers.covariance import Covariance
+from atom_core.solvers.normal_equations import Layout
+from atom_core.solvers.scipy_solver import equations_at, minimise, robust_weights, total_cost
+
+_STILL = 0.01  # relative change of a factor below which the sigmas count as settled
+_SMALLEST_SIGMA = {REPROJECTION: 0.01, "orthogonal": 1e-5, "border": 1e-4}
+# Median of |r| / sigma of a Gaussian in one and in two dimensions.
+_MEDIAN_OF_NORM = {1: 0.67449, 2: 1.17741}
+
+
+def solve(
+    problem: Problem, options: SolverOptions, minimiser: Minimise = minimise
+) -> SolverSummary:
+    """Solve a problem from its initial values.
+
+    Args:
+        problem: what to solve.
+        options: weights, loss, limits.
+        minimiser: which solver does the work of one round.
+    """
+    start = np.zeros(problem.parameters.size)
+    if options.weights == ATOM:
+        sigmas = atom_normalisers(problem, start)
+        end = minimiser(problem, start, sigmas, options.loss, options.max_iterations)
+        return _summary(problem, options, end, sigmas, end.iterations)
+    sigmas = tuple(block.sigma for block in problem.residual_blocks)
+    end = minimiser(problem, start, sigmas, losses.NONE, options.max_iterations)
+    return _reweighted(problem, options, minimiser, end, sigmas)
+
+
+def _reweighted(problem, options, minimiser, end: Minimum, sigmas) -> SolverSummary:
+    iterations = end.iterations
+    for _ in range(options.reweighting_rounds):
+        factors = _sigma_factors(problem, end.x, sigmas, options.loss)
+        sigmas = tuple(s * f for s, f in zip(sigmas, factors))
+        left = max(options.max_iterations - iterations, 1)
+        end = minimiser(problem, end.x, sigmas, options.loss, left)
+        iterations += end.iterations
+        settled = all(abs(f - 1.0) < _STILL for f in factors)
+        if settled or not end.converged or iterations >= options.max_iterations:
+            break
+    return _summary(problem, options, end, sigmas, iterations)
+
+
+def atom_normalisers(problem: Problem, x: np.ndarray) -> Tuple[np.ndarray, ...]:
+    """Return ATOM's weights as sigmas: each modality's mean residual at x (atom_reference 5.7).
+
+    All range residuals of one kind of sensor share one mean, as all cameras do. ATOM keeps
+    lidar3d and depth apart; a block's modality is told by its own initial sigmas.
+    """
+    magnitudes = [np.linalg.norm(r, axis=1) for r in problem.residuals(x)]
+    modalities = [_modality(block, problem) for block in problem.residual_blocks]
+    means = {
+        modality: max(
+            float(
+                np.mean(np.concatenate([m for m, o in zip(magnitudes, modalities) if o == modality]))
+            ),
+            1e-9,
+        )
+        for modality in set(modalities)
+    }
+    return tuple(np.full(len(m), means[o]) for m, o in zip(magnitudes, modalities))
+
+
+def _modality(block: ResidualBlock, problem: Problem) -> str:
+    if block.kind == REPROJECTION:
+        return RGB
+    mine = [b for b in problem.residual_blocks if b.sensor == block.sensor]
+    return "depth" if any(np.ptp(b.sigma) > 0 for b in mine if b.count) else "lidar3d"
+
+
+def _sigma_factors(
+    problem: Problem, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str
+) -> List[float]:
+    layout = Layout(problem.parameters)
+    line = problem.linearise(x)
+    equations = equations_at(problem, layout, x, sigmas, loss)
+    explained = Covariance(equations).explained(problem, equations, line.maps)
+    factors = []
+    for block, residual, sigma, used in zip(
+        problem.residual_blocks, line.residuals, sigmas, explained
+    ):
+        rows = block.count * block.dimension
+        redundancy = max(rows - used, 0.05 * rows)
+        squares = squared_norms(residual, sigma)
+        if loss == losses.NONE:
+            factor = np.sqrt(np.sum(squares) / redundancy)
+        else:
+            median = np.sqrt(np.median(squares)) / _MEDIAN_OF_NORM[block.dimension]
+            factor = median * np.sqrt(rows / redundancy)
+        smallest = _SMALLEST_SIGMA[block.kind] / float(np.median(sigma))
+        factors.append(float(max(factor, smallest)))
+    return factors
+
+
+def _summary(problem, options, end: Minimum, sigmas, iterations) -> SolverSummary:
+    start = np.zeros(problem.parameters.size)
+    first = problem.residuals(start)
+    cost_initial = total_cost(first, sigmas, options.loss)
+    residuals = problem.residuals(end.x)
+    cost_final = total_cost(residuals, sigmas, options.loss)
+    status = CONVERGED if end.converged else NOT_CONVERGED
+    summary = SolverSummary(
+        x=end.x,
+        status=status,
+        message=end.message,
+        iterations=iterations,
+        cost_initial=cost_initial,
+        cost_final=cost_final,
+        sigmas=tuple(sigmas),
+        scales=tuple(
+            float(np.median(s / b.sigma)) for s, b in zip(sigmas, problem.residual_blocks)
+        ),
+        robust_weights=tuple(robust_weights(residuals, sigmas, options.loss)),
+    )
+    if not np.isfinite(cost_final) or cost_final > cost_initial:
+        return replace(
+            summary,
+            x=start,
+            status=FAILED,
+            message="the solver ended worse than it started; the start is kept",
+            cost_final=cost_initial,
+            robust_weights=tuple(robust_weights(first, sigmas, options.loss)),
+        )
+    return summary
+
+
+def covariance_of(problem: Problem, summary: SolverSummary, options: SolverOptions) -> Covariance:
+    """Return the covariance of the parameters at the solution."""
+    layout = Layout(problem.parameters)
+    equations = equations_at(problem, layout, summary.x, summary.sigmas, options.loss)
+    scale = 1.0
+    if options.weights == ATOM:  # its weights are no variances: scale by the residuals
+        redundancy = max(problem.row_count - problem.parameters.size, 1)
+        scale = 2.0 * summary.cost_final / redundancy
+    return Covariance(equations, scale)
