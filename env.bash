@@ -34,6 +34,12 @@ _atom_env() {
   export PATH
   hash -r
 
+  # roscd, rosls and completion, which Debian does not load by itself.
+  if [[ $- == *i* && -r /usr/share/rosbash/rosbash ]]; then
+    # shellcheck disable=SC1091
+    source /usr/share/rosbash/rosbash
+  fi
+
   local devel
   for devel in "$root/devel" "$root/../../devel" /opt/ros/noetic; do
     if [ -f "$devel/.catkin" ] && [ -f "$devel/setup.bash" ]; then
