@@ -10,6 +10,7 @@ import numpy as np
 from atom_core.errors import CalibrationError
 from atom_core.geometry import se3
 from atom_core.model.dataset import MULTIPLE, Dataset, board_edge
+from atom_core.model.sensor import RGB
 from atom_core.model.transforms import Chain, Edge, FrameGraph
 from atom_core.problem.initial_boards import BoardKey
 from atom_core.problem.measurements import (
@@ -226,6 +227,7 @@ def _reprojection(sensor: str, items) -> ReprojectionBlock:
     detection = _repeat([(i, len(m.ids)) for i, m in items])
     return ReprojectionBlock(
         sensor=sensor,
+        modality=RGB,
         detection=detection,
         sigma=np.full(len(detection), CORNER_SIGMA_PX),
         ids=np.concatenate([m.ids for _, m in items]),
@@ -238,6 +240,7 @@ def _reprojection(sensor: str, items) -> ReprojectionBlock:
 def _orthogonal(sensor: str, items: Sequence[Tuple[int, RangeMeasurement]]) -> OrthogonalBlock:
     return OrthogonalBlock(
         sensor=sensor,
+        modality=items[0][1].modality,
         detection=_repeat([(i, len(m.inside)) for i, m in items]),
         sigma=np.concatenate([m.inside_sigma_m for _, m in items]),
         ids=np.concatenate([np.arange(len(m.inside)) for _, m in items]),
@@ -251,6 +254,7 @@ def _border(sensor: str, items: Sequence[Tuple[int, RangeMeasurement]]) -> Optio
     counts = [len(m.limit) for _, m in items]
     return BorderBlock(
         sensor=sensor,
+        modality=items[0][1].modality,
         detection=_repeat([(i, len(m.limit)) for i, m in items]),
         sigma=np.concatenate([m.limit_sigma_m for _, m in items]),
         ids=np.concatenate([np.arange(n) for n in counts]),

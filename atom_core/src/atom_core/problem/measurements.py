@@ -50,6 +50,7 @@ class RangeMeasurement:
 
     Attributes:
         key: whose detection.
+        modality: the sensor's.
         border: the board's edges in its plane [m].
         inside: (n, 3) points on the board [m].
         limit: (m, 3) points on its border [m].
@@ -58,6 +59,7 @@ class RangeMeasurement:
     """
 
     key: DetectionKey
+    modality: str
     border: Rectangle
     inside: np.ndarray
     limit: np.ndarray
@@ -102,4 +104,6 @@ def _range_measurement(key, sensor, border, points) -> RangeMeasurement:
     else:
         inside_sigma = np.full(len(points.inside), LIDAR_SIGMA_M)
         limit_sigma = np.full(len(points.limit), LIDAR_SIGMA_M)
-    return RangeMeasurement(key, border, points.inside, points.limit, inside_sigma, limit_sigma)
+    return RangeMeasurement(
+        key, sensor.modality, border, points.inside, points.limit, inside_sigma, limit_sigma
+    )

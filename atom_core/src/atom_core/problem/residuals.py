@@ -33,12 +33,14 @@ class ResidualBlock:
 
     Attributes:
         sensor: whose measurements.
+        modality: the sensor's.
         detection: (n,) index of the detection of each item, ascending.
         sigma: (n,) expected standard deviation of each item, in the kind's unit.
         ids: (n,) corner id, or the position of the point in its detection.
     """
 
     sensor: str
+    modality: str
     detection: np.ndarray
     sigma: np.ndarray
     ids: np.ndarray

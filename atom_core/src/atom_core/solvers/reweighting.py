@@ -13,9 +13,8 @@ from typing import List, Sequence, Tuple
 
 import numpy as np
 
-from atom_core.model.sensor import RGB
 from atom_core.problem.problem import Problem
-from atom_core.problem.residuals import REPROJECTION, ResidualBlock, squared_norms
+from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION, squared_norms
 from atom_core.solvers import losses
 from atom_core.solvers.base import (
     ATOM,
@@ -32,7 +31,8 @@ from atom_core.solvers.normal_equations import Layout
 from atom_core.solvers.scipy_solver import equations_at, minimise, robust_weights, total_cost
 
 _STILL = 0.01  # relative change of a factor below which the sigmas count as settled
-_SMALLEST_SIGMA = {REPROJECTION: 0.01, "orthogonal": 1e-5, "border": 1e-4}
+_SMALLEST_SIGMA = {REPROJECTION: 0.01, ORTHOGONAL: 1e-5, BORDER: 1e-4}  # px, m, m
+_SMALLEST_NORMALISER = 1e-9  # a perfect guess must not divide by zero
 # Median of |r| / sigma of a Gaussian in one and in two dimensions.
 _MEDIAN_OF_NORM = {1: 0.67449, 2: 1.17741}
 
@@ -74,28 +74,15 @@ def _reweighted(problem, options, minimiser, end: Minimum, sigmas) -> SolverSumm
 def atom_normalisers(problem: Problem, x: np.ndarray) -> Tuple[np.ndarray, ...]:
     """Return ATOM's weights as sigmas: each modality's mean residual at x (atom_reference 5.7).
 
-    All range residuals of one kind of sensor share one mean, as all cameras do. ATOM keeps
-    lidar3d and depth apart; a block's modality is told by its own initial sigmas.
+    Orthogonal and border residuals of a modality share one mean.
     """
     magnitudes = [np.linalg.norm(r, axis=1) for r in problem.residuals(x)]
-    modalities = [_modality(block, problem) for block in problem.residual_blocks]
-    means = {
-        modality: max(
-            float(
-                np.mean(np.concatenate([m for m, o in zip(magnitudes, modalities) if o == modality]))
-            ),
-            1e-9,
-        )
-        for modality in set(modalities)
-    }
-    return tuple(np.full(len(m), means[o]) for m, o in zip(magnitudes, modalities))
-
-
-def _modality(block: ResidualBlock, problem: Problem) -> str:
-    if block.kind == REPROJECTION:
-        return RGB
-    mine = [b for b in problem.residual_blocks if b.sensor == block.sensor]
-    return "depth" if any(np.ptp(b.sigma) > 0 for b in mine if b.count) else "lidar3d"
+    modalities = [block.modality for block in problem.residual_blocks]
+    means = {}
+    for modality in modalities:
+        mine = [m for m, owner in zip(magnitudes, modalities) if owner == modality]
+        means[modality] = max(float(np.mean(np.concatenate(mine))), _SMALLEST_NORMALISER)
+    return tuple(np.full(len(m), means[owner]) for m, owner in zip(magnitudes, modalities))
 
 
 def _sigma_factors(

@@ -1,0 +1,1 @@
+"""The calibration from dataset to result: checks, initial values, solve, what is weak."""

@@ -1,0 +1,96 @@
+"""Whether the sensors hang together through the boards they share, and what ties them to world."""
+
+from __future__ import annotations
+
+from typing import Dict, Hashable, Iterable, List, Sequence
+
+import networkx
+
+from atom_core.errors import CalibrationError
+from atom_core.model.dataset import Dataset
+from atom_core.problem.builder import FreeEdges
+from atom_core.problem.measurements import Measurement
+
+
+def components(dataset: Dataset, measurements: Sequence[Measurement]) -> List[List[str]]:
+    """Return the groups of sensors that shared boards connect, largest first."""
+    graph = networkx.Graph()
+    for m in measurements:
+        graph.add_edge(_sensor_node(dataset, m.key.sensor), _board_node(dataset, m))
+    groups = []
+    for nodes in networkx.connected_components(graph):
+        edges = {node[1] for node in nodes if node[0] == "edge"}
+        groups.append([s.name for s in dataset.sensors.values() if s.edge in edges])
+    return sorted(groups, key=lambda group: (-len(group), group))
+
+
+def _sensor_node(dataset: Dataset, sensor: str) -> Hashable:
+    return ("edge", dataset.sensors[sensor].edge)
+
+
+def _board_node(dataset: Dataset, m: Measurement) -> Hashable:
+    fixed = dataset.patterns[m.key.pattern].fixed
+    return ("board", m.key.pattern, None if fixed else m.key.collection)
+
+
+def check_connected(
+    dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges
+) -> None:
+    """Refuse sensors without a detection, and groups that nothing connects.
+
+    Raises:
+        CalibrationError: naming the sensors, or the components.
+    """
+    seen = {m.key.sensor for m in measurements}
+    blind = [name for name in dataset.sensors if name not in seen]
+    if blind:
+        raise CalibrationError(
+            f"sensor {_list(blind)} has no detection in any collection used; collect again, or "
+            f"leave it out with -ssf"
+        )
+    if free.anchor_patterns:
+        return
+    groups = components(dataset, measurements)
+    held = set(free.anchored_sensors)
+    loose = [group for group in groups if not held & set(group)]
+    if len(groups) > 1 and loose:
+        named = "; ".join(f"{{{', '.join(group)}}}" for group in groups)
+        raise CalibrationError(
+            f"the sensors are not connected through shared boards: components {named}; add "
+            f"collections in which sensors of different components see the board together, or "
+            f"select one component with -ssf"
+        )
+
+
+def floats_freely(
+    dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges
+) -> bool:
+    """Tell whether the whole solution could move as one rigid body (gauge freedom).
+
+    It can when nothing is anchored and no motion of the robot or the boards' parents ties the
+    solution to world: then every sensor and every board may move along.
+    """
+    if free.anchored_sensors or free.anchor_patterns:
+        return False
+    graph = dataset.graph
+    collections = sorted({m.key.collection for m in measurements})
+    chains = []
+    for sensor in {m.key.sensor for m in measurements}:
+        edge = dataset.sensors[sensor].edge
+        chains.append(graph.chain(dataset.world, edge.parent))
+    for pattern in {m.key.pattern for m in measurements}:
+        chains.append(graph.chain(dataset.world, dataset.patterns[pattern].parent_frame))
+    edges = {step.edge for chain in chains for step in chain}
+    return all(_constant(dataset, edge, collections) for edge in edges)
+
+
+def _constant(dataset: Dataset, edge, collections: Iterable[str]) -> bool:
+    values: Dict[bytes, None] = {}
+    for key in collections:
+        matrix = dataset.collections[key].transforms.get(edge)
+        values[b"" if matrix is None else matrix.round(9).tobytes()] = None
+    return len(values) <= 1
+
+
+def _list(names: Sequence[str]) -> str:
+    return ", ".join(f"'{name}'" for name in names)
