@@ -40,7 +40,7 @@ test: build ## lint and every test: pytest, gtest, rostest
 	$(MAKE) --no-print-directory lint-only || failed+=(lint); \
 	python3 -m pytest || failed+=(pytest); \
 	$(COMPILE) --target tests || failed+=("tests' build"); \
-	(cd build && ctest -j $(JOBS) --output-on-failure) || failed+=(ctest); \
+	(cd build && ROS_HOME="$$PWD/ros_home" ctest -j $(JOBS) --output-on-failure) || failed+=(ctest); \
 	if [ "$${#failed[@]}" -gt 0 ]; then echo "make test: failed: $${failed[*]}" >&2; exit 1; fi
 
 test-quick: build ## unit tests, at most two minutes

@@ -34,26 +34,31 @@ _atom_env() {
   export PATH
   hash -r
 
+  # The scripts sourced below read unset variables and let commands fail.
+  local flags=$-
+  set +eu
+
   # roscd, rosls and completion, which Debian does not load by itself.
-  if [[ $- == *i* && -r /usr/share/rosbash/rosbash ]]; then
+  if [[ $flags == *i* && -r /usr/share/rosbash/rosbash ]]; then
     # shellcheck disable=SC1091
     source /usr/share/rosbash/rosbash
   fi
 
-  local devel
+  local devel found=""
   for devel in "$root/devel" "$root/../../devel" /opt/ros/noetic; do
     if [ -f "$devel/.catkin" ] && [ -f "$devel/setup.bash" ]; then
-      # catkin's scripts read unset variables and look at failing commands.
-      local flags=$-
-      set +eu
+      found=$(realpath -- "$devel")
       # shellcheck disable=SC1091
-      source "$(realpath -- "$devel")/setup.bash"
-      case $flags in *u*) set -u ;; esac
-      case $flags in *e*) set -e ;; esac
-      return 0
+      source "$found/setup.bash"
+      break
     fi
   done
-  echo "env.bash: not built yet; run 'make build' here, or catkin_make in your workspace" >&2
+
+  case $flags in *u*) set -u ;; esac
+  case $flags in *e*) set -e ;; esac
+  case $found in
+    "" | /opt/*) echo "env.bash: not built yet; run 'make build' here, or catkin_make in your workspace" >&2 ;;
+  esac
 }
 
 _atom_env
