@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import json
 import math
@@ -147,10 +148,8 @@ def _write_and_sync(temporary: Path, target: Path, data: bytes) -> None:
 
 
 def _remove_if_there(path: Path) -> None:
-    try:
+    with contextlib.suppress(OSError):  # renamed already, or never created
         path.unlink()
-    except OSError:
-        pass  # renamed already, or never created
 
 
 def _sync_folder(folder: Path) -> None:
@@ -159,12 +158,9 @@ def _sync_folder(folder: Path) -> None:
         descriptor = os.open(folder, os.O_RDONLY)
     except OSError:
         return
-    try:
+    with contextlib.suppress(OSError):
         os.fsync(descriptor)
-    except OSError:
-        pass
-    finally:
-        os.close(descriptor)
+    os.close(descriptor)
 
 
 def _output_error(path: PathLike, error: OSError) -> OutputError:
