@@ -1,0 +1,299 @@
+"""The collaborative cell of the paper: 3 RGB, 1 depth, 3 LiDAR, and its two sets of collections.
+
+Rato et al., "A sensor-to-pattern calibration framework for multi-modal industrial collaborative
+cells", J. Manufacturing Systems 64 (2022) 497-507: train set of 23 collections, 5 of them
+complete, with 35 partial detections by the cameras; test set of 17, 4 and 26.
+"""
+
+from __future__ import annotations
+
+from typing import Dict, List, NamedTuple
+
+import numpy as np
+
+from atom_core.geometry import se3
+from atom_core.geometry.camera import Camera
+from atom_core.model.dataset import Dataset, RgbLabel, is_complete
+from atom_core.model.pattern import Pattern, board_border, grid_corners
+from atom_core.model.sensor import DEPTH, LIDAR3D, RGB
+from atom_core.model.transforms import Edge
+from atom_core.synthetic import depth, lidar, rgb
+from atom_core.synthetic.board import charuco
+from atom_core.synthetic.dataset import (
+    Disturbance,
+    Sampling,
+    SyntheticDataset,
+    disturbed,
+    make_dataset,
+)
+from atom_core.synthetic.noise import Noise
+from atom_core.synthetic.rig import (
+    Rig,
+    Room,
+    assemble,
+    camera_mount,
+    jittered,
+    lidar_mount,
+    pinhole,
+)
+
+BIG, SMALL_1, SMALL_2 = (
+    "bigbeam1_gantry",
+    "smallbeam1_bigbeam1_gantry",
+    "smallbeam2_bigbeam1_gantry",
+)
+_RECTANGULAR = "rectangularbeam{}_gantry"
+_PLACED_M, _PLACED_RAD = 0.02, 0.02  # how far a real mount is from the drawing
+_RIG, _DISTURBANCE, _NOISE = 1, 2, 3  # streams of random numbers of one seed
+_CANDIDATES = 240
+
+
+class Scenario(NamedTuple):
+    """What a set of collections must look like (the paper's Table 1), and its residual rows."""
+
+    stream: int
+    collections: int
+    complete: int
+    partial: int
+    rows: int
+
+
+SCENARIOS = {"train": Scenario(10, 23, 5, 35, 67000), "test": Scenario(20, 17, 4, 26, 49500)}
+
+
+def cell_structure() -> Dict[Edge, np.ndarray]:
+    """Return the gantry: world -> gantry -> leg -> beams (atom_reference 10.2, variant A)."""
+
+    def fixed(*xyz: float, rpy=(0.0, 0.0, 0.0)) -> np.ndarray:
+        return se3.from_rpy(np.array(xyz), np.array(rpy))
+
+    edges = {
+        Edge("world", "gantry"): fixed(0.0, 0.0, 0.0),
+        Edge("gantry", "leg1_gantry"): fixed(-1.91, 1.31, 0.0),
+        Edge("leg1_gantry", BIG): fixed(-0.5, 0.0, 2.29),
+        Edge(BIG, SMALL_1): fixed(0.59, -3.2, 0.09),
+        Edge(BIG, SMALL_2): fixed(4.39, -3.2, 0.09),
+    }
+    for number, x in enumerate((1.455, 2.455, 3.455), start=1):
+        edges[Edge(BIG, _RECTANGULAR.format(number))] = fixed(x, -2.8, 0.0, rpy=(0, np.pi / 2, 0))
+    return edges
+
+
+def cell_rig(seed: int) -> Rig:
+    """Return the true cell of a seed: the drawn mounts, each a little displaced."""
+    rng = np.random.default_rng([seed, _RIG])
+
+    def placed(*numbers: float) -> np.ndarray:
+        drawn = se3.from_rpy(np.array(numbers[:3]), np.array(numbers[3:]))
+        return jittered(drawn, _PLACED_M, _PLACED_RAD, rng)
+
+    colour = pinhole(1280, 800, 1050.0, (-0.05, 0.01, 0.0005, -0.0005, 0.0))
+    kinect = pinhole(640, 480, 320.0 / np.tan(np.radians(30.0)))
+    sixth = np.pi / 6
+    mounts = [
+        camera_mount("rgb_1", RGB, SMALL_1, placed(0.09, 2.0, -0.09, 0, sixth, -sixth), colour),
+        camera_mount(
+            "rgb_2", RGB, SMALL_2, placed(-0.09, 2.0, -0.1, 0, sixth, sixth + np.pi), colour
+        ),
+        camera_mount(
+            "rgb_3",
+            RGB,
+            BIG,
+            placed(2.502082, -0.041751, -0.096351, 0.001135, 0.526768, -1.568957),
+            colour,
+        ),
+        camera_mount(
+            "depth_1", DEPTH, BIG, placed(2.8, 0, -0.09, 0, sixth, -np.pi / 2), kinect, -0.02
+        ),
+        lidar_mount(
+            "lidar_1",
+            _RECTANGULAR.format(3),
+            placed(0.077909, 1.440966, -0.008898, -0.477284, 1.171494, -0.005860),
+        ),
+        lidar_mount(
+            "lidar_2",
+            _RECTANGULAR.format(2),
+            placed(0.071186, 2.307923, -0.150058, -1.672051, 0.025935, -1.144275),
+        ),
+        lidar_mount(
+            "lidar_3",
+            _RECTANGULAR.format(1),
+            placed(-0.134778, 1.384628, -0.135063, -2.116755, 0.274079, -1.389253),
+        ),
+    ]
+    return assemble(
+        "world",
+        cell_structure(),
+        mounts,
+        anchored="rgb_3",
+        room=Room((-4.0, -4.5, 0.0), (4.0, 3.5, 3.2)),
+        centre=(0.0, -0.6, 1.0),
+    )
+
+
+def paper_cell(
+    seed: int,
+    scenario: str = "train",
+    noise: Noise = Noise(),  # noqa: B008 (frozen)
+    disturbance: Disturbance = (0.0, 0.0),
+    *,
+    sampling: Sampling = Sampling(),  # noqa: B008 (frozen)
+) -> SyntheticDataset:
+    """Simulate the paper's cell.
+
+    Args:
+        seed: the rig and the disturbance depend on it alone; board poses and noise on it and the
+            scenario, so that a train and a test set of one seed share the rig.
+        scenario: "train" (23 collections) or "test" (17).
+        noise: how wrong the measurements are.
+        disturbance: metres and radians by which each free edge of the dataset is wrong.
+        sampling: density of clouds and labels.
+
+    Raises:
+        ValueError: the scenario is unknown.
+    """
+    if scenario not in SCENARIOS:
+        raise ValueError(f"scenario '{scenario}' is unknown; use {', '.join(SCENARIOS)}")
+    wanted, rig = SCENARIOS[scenario], cell_rig(seed)
+    poses = _board_poses(rig, wanted, np.random.default_rng([seed, wanted.stream]))
+    exact = make_dataset(
+        rig,
+        {"pattern_1": poses},
+        noise,
+        np.random.default_rng([seed, wanted.stream, _NOISE]),
+        sampling=sampling,
+        name=f"paper_cell_{scenario}_{seed}",
+    )
+    return disturbed(exact, disturbance, np.random.default_rng([seed, _DISTURBANCE]))
+
+
+class Statistics(NamedTuple):
+    """What a dataset holds; ``detections`` by sensor, ``rows`` = rows of its residual vector."""
+
+    collections: int
+    complete: int
+    partial: int
+    detections: Dict[str, int]
+    rows: int
+
+
+def statistics(dataset: Dataset) -> Statistics:
+    """Count collections, complete ones, partial detections of cameras, and residual rows."""
+    detections = dict.fromkeys(dataset.sensors, 0)
+    partial = rows = 0
+    for key, label in dataset.detections():
+        detections[key.sensor] += 1
+        if isinstance(label, RgbLabel):
+            partial += len(label.ids) < dataset.patterns[key.pattern].corner_count
+            rows += 2 * len(label.ids)
+        else:
+            rows += len(label.indices) + len(label.limit_indices)
+    complete = sum(is_complete(dataset, key) for key in dataset.collections)
+    return Statistics(len(dataset.collections), complete, partial, detections, rows)
+
+
+class _Candidate(NamedTuple):
+    """A board pose, which sensors (7,) detect it, how many cameras in part, about how many rows."""
+
+    world_T_pattern: np.ndarray
+    seen: np.ndarray
+    partial: int
+    rows: float
+
+
+def _board_poses(rig: Rig, wanted: Scenario, rng: np.random.Generator) -> List[np.ndarray]:
+    """Draw board poses whose detections match the scenario, in random order."""
+    pattern = _paper_board()
+    sensor_T_world = {s: se3.inverse(rig.pose(x.frame)) for s, x in rig.sensors.items()}
+    candidates = [
+        _judge(rig, pattern, sensor_T_world, _draw_pose(pattern, rng)) for _ in range(_CANDIDATES)
+    ]
+    complete = [c for c in candidates if np.all(c.seen)]
+    others = [c for c in candidates if 2 <= np.sum(c.seen) < len(c.seen)]
+    # Partial views are rarer in a free draw than in the paper's hands: prefer them.
+    weight = np.exp([0.8 * c.partial for c in others])
+    best, lowest = [], np.inf
+    for _ in range(500):
+        chosen = [complete[i] for i in rng.choice(len(complete), wanted.complete, replace=False)]
+        rest = wanted.collections - wanted.complete
+        picked = rng.choice(len(others), rest, replace=False, p=weight / weight.sum())
+        chosen += [others[i] for i in picked]
+        badness = _badness(chosen, wanted)
+        if badness < lowest:
+            best, lowest = chosen, badness
+        if badness == 0:
+            break
+    return [best[i].world_T_pattern for i in rng.permutation(len(best))]
+
+
+def _badness(chosen: List[_Candidate], wanted: Scenario) -> float:
+    """Return 0 when every sensor has four detections and all counts are as wanted."""
+    lacking = np.sum(np.maximum(4 - np.sum([c.seen for c in chosen], axis=0), 0))
+    partial = abs(sum(c.partial for c in chosen) - wanted.partial)
+    rows = abs(sum(c.rows for c in chosen) / wanted.rows - 1.0)
+    return 10.0 * lacking + partial + (0.0 if rows < 0.05 else 20.0 * rows)
+
+
+def _draw_pose(pattern: Pattern, rng: np.random.Generator) -> np.ndarray:
+    """Return ``world_T_pattern``: somewhere in the cell, facing its sensors roughly, any roll."""
+    centre = rng.uniform((-1.3, -1.8, 0.5), (1.3, 0.4, 1.6))
+    eye = np.array([rng.uniform(-1.5, 1.5), rng.uniform(-0.2, 1.3), 2.3])
+    away = (centre - eye) / np.linalg.norm(centre - eye)
+    z = se3.rotation_from_rotation_vector(0.35 * rng.standard_normal(3)) @ away
+    x = np.cross([0.0, 0.0, 1.0], z)
+    x /= np.linalg.norm(x)
+    upright = np.column_stack([x, np.cross(z, x), z])
+    world_R_pattern = upright @ se3.rotation_from_rpy(np.array([0, 0, rng.uniform(-np.pi, np.pi)]))
+    middle = np.append(pattern.border.centre, 0.0)
+    return se3.transform(world_R_pattern, centre - world_R_pattern @ middle)
+
+
+def _judge(rig: Rig, pattern: Pattern, sensor_T_world, world_T_pattern) -> _Candidate:
+    seen, partial, rows = [], 0, 0.0
+    for name, sensor in rig.sensors.items():
+        pose = sensor_T_world[name] @ world_T_pattern
+        if sensor.modality == RGB:
+            count = len(rgb.visible_corners(sensor.camera, pose, pattern))
+            partial += 0 < count < pattern.corner_count
+            rows += 2 * count
+            seen.append(count > 0)
+        elif sensor.modality == LIDAR3D:
+            model = rig.lidars[name]
+            beams, _ = lidar.beams_on_board(model, pose, pattern)
+            seen.append(lidar.is_detected(model, beams, pose, pattern))
+            rows += len(beams) if seen[-1] else 0
+        else:
+            seen.append(depth.is_detected(sensor.camera, pose, pattern))
+            rows += _depth_rows(sensor.camera, pose, pattern) if seen[-1] else 0.0
+    return _Candidate(world_T_pattern, np.array(seen), partial, rows)
+
+
+def _depth_rows(camera: Camera, camera_T_pattern: np.ndarray, pattern: Pattern) -> float:
+    """Return about how many rows a board gives: pixels of the grid inside, and of the border."""
+    corners = np.column_stack([pattern.border.corners, np.zeros(4)])
+    pixels = camera.project(se3.apply(camera_T_pattern, corners))
+    clipped = np.clip(pixels, 0.0, [camera.width, camera.height])
+    (x, y), (next_x, next_y) = clipped.T, np.roll(clipped, -1, axis=0).T
+    sides = np.hypot(next_x - x, next_y - y)
+    return float(
+        abs(np.sum(x * next_y - next_x * y)) / 2 / Sampling().depth_step ** 2 + sides.sum()
+    )
+
+
+def _paper_board() -> Pattern:
+    board = charuco()
+    columns, rows = board["dimension"]["x"], board["dimension"]["y"]
+    border = (board["border_size"]["x"], board["border_size"]["y"])
+    size = board["size"]
+    return Pattern(
+        name="pattern_1",
+        kind=board["pattern_type"],
+        frame=board["link"],
+        parent_frame=board["parent_link"],
+        fixed=board["fixed"],
+        columns=columns,
+        rows=rows,
+        square_m=size,
+        corners_by_id=grid_corners(board["pattern_type"], columns, rows, size),
+        border=board_border(board["pattern_type"], columns, rows, size, border),
+    )

@@ -1,0 +1,126 @@
+"""What a depth camera sees and labels: a depth image with the boards before the room."""
+
+from __future__ import annotations
+
+from typing import Dict, Mapping, Tuple
+
+import numpy as np
+
+from atom_core.geometry import se3
+from atom_core.geometry.camera import Camera
+from atom_core.model.dataset import RangeLabel
+from atom_core.model.pattern import Pattern
+from atom_core.synthetic.board import border_points, facing, hits
+from atom_core.synthetic.noise import Noise
+from atom_core.synthetic.rig import Room
+
+LARGEST_ANGLE_DEG = 75.0  # between the ray and the board's normal
+LEAST_SHARE = 0.4  # of the board that must lie in the image
+RANGE_M = (0.3, 6.5)  # z-depths; ATOM's files hold up to 6.5535 m
+
+
+class DepthCamera:
+    """A depth camera with the rays of its pixels and the room behind its boards, kept."""
+
+    def __init__(self, camera: Camera, room: Room):
+        """Prepare the rays of all pixels."""
+        self.camera, self.room = camera, room
+        row, column = np.mgrid[0 : camera.height, 0 : camera.width]
+        normalised = camera.normalise(np.column_stack([column.ravel(), row.ravel()]))
+        self.rays = np.column_stack([normalised, np.ones(len(normalised))])
+        self._pose = np.full((4, 4), np.nan)
+        self._background = np.zeros(0)
+
+    def background(self, world_T_camera: np.ndarray) -> np.ndarray:
+        """Return the room's z-depths (height * width,) [m]."""
+        if not np.array_equal(self._pose, world_T_camera):
+            in_world = self.rays @ world_T_camera[:3, :3].T
+            self._background = self.room.distance(world_T_camera[:3, 3], in_world)
+            self._pose = world_T_camera
+        return self._background
+
+    def board(
+        self, camera_T_pattern: np.ndarray, pattern: Pattern
+    ) -> Tuple[np.ndarray, np.ndarray]:
+        """Return the pixels (n,) that a board covers and their z-depths (n,) [m]."""
+        window = self._window(camera_T_pattern, pattern)
+        z, _ = hits(camera_T_pattern, pattern.border, self.rays[window])
+        good = (z >= RANGE_M[0]) & (z <= RANGE_M[1])
+        return window[good], z[good]
+
+    def _window(self, camera_T_pattern: np.ndarray, pattern: Pattern) -> np.ndarray:
+        """Return the pixels (n,) around a board's outline; all of them if it reaches behind."""
+        outline = se3.apply(camera_T_pattern, border_points(pattern))
+        width, height = self.camera.width, self.camera.height
+        if np.min(outline[:, 2]) < RANGE_M[0]:
+            return np.arange(width * height)
+        pixels = self.camera.project(outline)
+        low = np.clip(np.floor(pixels.min(axis=0)).astype(int) - 2, 0, [width, height])
+        high = np.clip(np.ceil(pixels.max(axis=0)).astype(int) + 3, 0, [width, height])
+        rows, columns = np.arange(low[1], high[1]), np.arange(low[0], high[0])
+        return (rows[:, None] * width + columns).ravel()
+
+
+def is_detected(camera: Camera, camera_T_pattern: np.ndarray, pattern: Pattern) -> bool:
+    """Tell whether enough of a board stands before the camera, not too slanted."""
+    if abs(facing(camera_T_pattern, pattern.border)) < np.cos(np.radians(LARGEST_ANGLE_DEG)):
+        return False
+    steps = np.linspace(-0.95, 0.95, 9)
+    grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    on_board = pattern.border.centre + grid * pattern.border.half_size
+    points = se3.apply(camera_T_pattern, np.column_stack([on_board, np.zeros(len(grid))]))
+    good = camera.in_image(points) & (points[:, 2] > RANGE_M[0]) & (points[:, 2] < RANGE_M[1])
+    return float(np.mean(good)) >= LEAST_SHARE
+
+
+def capture(
+    device: DepthCamera,
+    camera_T_patterns: Mapping[str, np.ndarray],
+    patterns: Mapping[str, Pattern],
+    world_T_camera: np.ndarray,
+    noise: Noise,
+    rng: np.random.Generator,
+    grid_step: int,
+) -> Tuple[np.ndarray, Dict[str, RangeLabel]]:
+    """Return the depth image (height, width) [m], NaN where there is none, and the labels.
+
+    Labels hold every ``grid_step``-th pixel of a board in both directions, and the board's
+    outermost pixels where its border lies in the image.
+    """
+    shape = (device.camera.height, device.camera.width)
+    z = device.background(world_T_camera).copy()
+    owner = np.full(z.shape, -1)
+    for number, (name, camera_T_pattern) in enumerate(camera_T_patterns.items()):
+        pixels, depth = device.board(camera_T_pattern, patterns[name])
+        before = depth < z[pixels]
+        z[pixels[before]], owner[pixels[before]] = depth[before], number
+    lost = (owner >= 0) & (rng.random(len(owner)) < noise.dropout)
+    labels: Dict[str, RangeLabel] = {}
+    for number, (name, camera_T_pattern) in enumerate(camera_T_patterns.items()):
+        if is_detected(device.camera, camera_T_pattern, patterns[name]):
+            label = _label(owner.reshape(shape) == number, lost, grid_step)
+            if label.detected:
+                labels[name] = label
+    if noise.depth_scale > 0:
+        z += noise.depth_sigma_m(z) * rng.standard_normal(len(z))
+    for label in labels.values():
+        labelled = np.union1d(label.indices, label.limit_indices)
+        along_ray = np.linalg.norm(device.rays[labelled], axis=1)
+        z[labelled] += noise.gross_range_errors(len(labelled), rng) / along_ray
+    z[lost | (z < RANGE_M[0]) | (z > RANGE_M[1])] = np.nan
+    return noise.round(z.reshape(shape)), labels
+
+
+def outermost(mask: np.ndarray) -> np.ndarray:
+    """Return (height, width) bool: pixels of the mask beside one outside it, within the image."""
+    padded = np.pad(mask, 1, mode="edge")  # the image's edge is not the board's
+    whole = padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
+    return mask & ~whole
+
+
+def _label(mask: np.ndarray, lost: np.ndarray, grid_step: int) -> RangeLabel:
+    grid = np.zeros_like(mask)
+    grid[::grid_step, ::grid_step] = True
+    kept = ~lost.reshape(mask.shape)
+    inside = np.flatnonzero(mask & grid & kept)
+    return RangeLabel(inside, np.flatnonzero(outermost(mask) & kept))

@@ -1,0 +1,129 @@
+"""What a spinning LiDAR sees and labels: beams on the boards, and the room behind them."""
+
+from __future__ import annotations
+
+from typing import Dict, List, Mapping, NamedTuple, Tuple
+
+import numpy as np
+
+from atom_core.geometry import se3
+from atom_core.model.dataset import RangeLabel
+from atom_core.model.pattern import Pattern
+from atom_core.synthetic.board import centre_in_sensor, facing, hits
+from atom_core.synthetic.noise import Noise
+from atom_core.synthetic.rig import LidarModel, Room
+
+LARGEST_ANGLE_DEG = 80.0  # between the beam and the board's normal
+LEAST_RINGS = 3
+LEAST_POINTS = 30
+
+
+class BoardBeams(NamedTuple):
+    """Beams that hit a board: ids (n,) ring by ring, ranges (n,) [m], first and last of rings."""
+
+    beams: np.ndarray
+    ranges: np.ndarray
+    limit: np.ndarray
+
+
+def beams_on_board(
+    model: LidarModel, lidar_T_pattern: np.ndarray, pattern: Pattern
+) -> Tuple[np.ndarray, np.ndarray]:
+    """Return the ids (n,) of the beams that hit a board, in order, and their ranges (n,) [m]."""
+    centre = centre_in_sensor(lidar_T_pattern, pattern.border)
+    distance, radius = np.linalg.norm(centre), np.linalg.norm(pattern.border.half_size)
+    candidates = np.arange(len(model.directions))
+    if distance > radius:  # only beams in the cone around the board can hit it
+        cosine = np.sqrt(1.0 - (radius / distance) ** 2)
+        candidates = np.flatnonzero(model.directions @ (centre / distance) >= cosine)
+    ranges, _ = hits(lidar_T_pattern, pattern.border, model.directions[candidates])
+    good = (ranges >= model.range_m[0]) & (ranges <= model.range_m[1])
+    return candidates[good], ranges[good]
+
+
+def is_detected(
+    model: LidarModel, beams: np.ndarray, lidar_T_pattern: np.ndarray, pattern: Pattern
+) -> bool:
+    """Tell whether the beams on a board suffice for a label."""
+    if abs(facing(lidar_T_pattern, pattern.border)) < np.cos(np.radians(LARGEST_ANGLE_DEG)):
+        return False
+    rings = len(np.unique(beams // model.azimuth_steps))
+    return rings >= LEAST_RINGS and len(beams) >= LEAST_POINTS
+
+
+def first_and_last(model: LidarModel, beams: np.ndarray, centre: np.ndarray) -> np.ndarray:
+    """Return the first and the last beam (m,) of each ring, as seen from the board's middle.
+
+    Args:
+        model: the LiDAR.
+        beams: (n,) ids of the beams on the board.
+        centre: (3,) middle of the board in the LiDAR's frame; azimuths are counted from there,
+            so that a board across the seam of the scan is one piece.
+    """
+    steps = model.azimuth_steps
+    middle = int((np.arctan2(centre[1], centre[0]) + np.pi) / model.azimuth_step_rad)
+    ring, azimuth = np.divmod(beams, steps)
+    order = np.lexsort(((azimuth - middle + steps // 2) % steps, ring))
+    sorted_ring = ring[order]
+    first = np.flatnonzero(np.diff(sorted_ring, prepend=-1))
+    last = np.append(first[1:], len(order)) - 1
+    return np.unique(beams[order[np.concatenate([first, last])]])
+
+
+def scan(
+    model: LidarModel,
+    lidar_T_patterns: Mapping[str, np.ndarray],
+    patterns: Mapping[str, Pattern],
+    world_T_lidar: np.ndarray,
+    room: Room,
+    noise: Noise,
+    rng: np.random.Generator,
+    background_step: int,
+    exact_border: bool,
+) -> Tuple[np.ndarray, Dict[str, RangeLabel]]:
+    """Return the cloud (n, 3) [m] in the LiDAR's frame and the labels of the boards in it.
+
+    The cloud is in the order of the beams; of the room it holds every ``background_step``-th
+    return. With ``exact_border`` the limit points are moved onto the board's true border.
+    """
+    nearest = np.full(len(model.directions), np.inf)
+    nearest[::background_step] = room.distance(
+        world_T_lidar[:3, 3], model.directions[::background_step] @ world_T_lidar[:3, :3].T
+    )
+    seen: Dict[str, np.ndarray] = {}
+    for name, lidar_T_pattern in lidar_T_patterns.items():
+        beams, ranges = beams_on_board(model, lidar_T_pattern, patterns[name])
+        kept = (rng.random(len(beams)) >= noise.dropout) & (ranges < nearest[beams])
+        nearest[beams[kept]] = ranges[kept]
+        seen = {other: np.setdiff1d(ids, beams[kept]) for other, ids in seen.items()}
+        seen[name] = beams[kept]
+    returned = np.flatnonzero(np.isfinite(nearest))
+    points = model.directions[returned] * nearest[returned, None]
+    labels: Dict[str, RangeLabel] = {}
+    for name, beams in seen.items():
+        lidar_T_pattern, pattern = lidar_T_patterns[name], patterns[name]
+        if is_detected(model, beams, lidar_T_pattern, pattern):
+            centre = centre_in_sensor(lidar_T_pattern, pattern.border)
+            limit = np.searchsorted(returned, first_and_last(model, beams, centre))
+            labels[name] = RangeLabel(np.searchsorted(returned, beams), limit)
+            if exact_border:
+                points[limit] = _moved_to_border(points[limit], lidar_T_pattern, pattern)
+    return noise.round(_with_noise(points, list(labels.values()), noise, rng)), labels
+
+
+def _moved_to_border(points: np.ndarray, lidar_T_pattern: np.ndarray, pattern: Pattern):
+    in_pattern = se3.apply(se3.inverse(lidar_T_pattern), points)
+    distance, outward = pattern.border.signed_distance(in_pattern[:, :2])
+    in_pattern[:, :2] -= distance[:, None] * outward
+    return se3.apply(lidar_T_pattern, in_pattern)
+
+
+def _with_noise(
+    points: np.ndarray, labels: List[RangeLabel], noise: Noise, rng: np.random.Generator
+) -> np.ndarray:
+    """Return the points with noise along their beams, gross errors only on labelled ones."""
+    error = noise.lidar_m * rng.standard_normal(len(points))
+    for label in labels:
+        error[label.indices] += noise.gross_range_errors(len(label.indices), rng)
+    ranges = np.linalg.norm(points, axis=1)
+    return points * (1.0 + error / ranges)[:, None]
