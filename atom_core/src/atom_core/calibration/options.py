@@ -1,0 +1,39 @@
+"""What a user may ask of a calibration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Tuple
+
+from atom_core.solvers.base import SolverOptions
+
+
+@dataclass(frozen=True)
+class CalibrationOptions:
+    """Options of one calibration; names as in the command line.
+
+    Attributes:
+        solver: weights, loss, limits.
+        anchor_sensors: held still beside the configuration's anchored sensor.
+        ignore_anchored_sensor: do not hold the configuration's anchored sensor.
+        anchor_patterns: hold the boards where the dataset has them.
+        complete_only: use only collections in which every sensor sees every pattern.
+        noisy_initial_guess: metres and radians by which each free edge is moved at the start.
+        seed: of that disturbance.
+        undetermined_limit: metres and radians; a larger predicted sigma is undetermined.
+    """
+
+    solver: SolverOptions = field(default_factory=SolverOptions)
+    anchor_sensors: Tuple[str, ...] = ()
+    ignore_anchored_sensor: bool = False
+    anchor_patterns: bool = False
+    complete_only: bool = False
+    noisy_initial_guess: Tuple[float, float] = (0.0, 0.0)
+    seed: int = 0
+    undetermined_limit: Tuple[float, float] = (0.05, 0.05)
+
+    def __post_init__(self):
+        if min(self.noisy_initial_guess) < 0:
+            raise ValueError("noisy_initial_guess needs two numbers >= 0: metres and radians")
+        if min(self.undetermined_limit) <= 0:
+            raise ValueError("undetermined_limit needs two numbers > 0: metres and radians")

@@ -1,0 +1,136 @@
+"""The document ``calibration.json`` of a calibration; its keys are a stable interface."""
+
+from __future__ import annotations
+
+from typing import Any, Dict, List, Optional
+
+import numpy as np
+
+from atom_core.calibration.calibrate import Calibration
+from atom_core.calibration.statistics import Table, kinds_of, outlier_counts, residual_table
+from atom_core.calibration.weak_directions import edge_covariance
+from atom_core.geometry import se3
+from atom_core.model.transforms import Edge
+from atom_core.problem.residuals import UNITS
+
+VERSION = "1.0"
+
+
+def result_document(
+    calibration: Calibration, options: Dict[str, Any], solver_name: str
+) -> Dict[str, Any]:
+    """Return the document; all numbers finite, SI units.
+
+    Args:
+        calibration: the answer.
+        options: the command's options, to be repeated.
+        solver_name: which minimiser did the work.
+    """
+    table = residual_table(calibration.problem, calibration.summary.x)
+    return {
+        "version": VERSION,
+        "dataset": str(calibration.dataset.source),
+        "seed": calibration.seed,
+        "options": options,
+        "status": calibration.status,
+        "message": calibration.message,
+        "solver": _solver(calibration, solver_name),
+        "edges": edges_document(calibration),
+        "sensors": _sensors(calibration, table),
+        "collections": _collections(calibration, table),
+        "weak_directions": [
+            {"parameters": list(w.parameters), "sigma": w.sigma, "unit": w.unit, "why": w.why}
+            for w in calibration.weak_directions
+        ],
+        "warnings": list(calibration.warnings),
+    }
+
+
+def _solver(calibration: Calibration, name: str) -> Dict[str, Any]:
+    summary = calibration.summary
+    return {
+        "name": name,
+        "iterations": summary.iterations,
+        "residuals": calibration.problem.row_count,
+        "parameters": calibration.problem.parameters.size,
+        "cost_initial": _finite(summary.cost_initial),
+        "cost_final": _finite(summary.cost_final),
+        "seconds": dict(calibration.seconds),
+    }
+
+
+def _finite(value: float) -> float:
+    return float(np.nan_to_num(value, nan=1e300, posinf=1e300))
+
+
+def edges_document(calibration: Calibration) -> Dict[str, Any]:
+    """Return every selected edge: estimated ones with sigmas, anchored ones with zeros."""
+    dataset = calibration.dataset
+    shared: Dict[Edge, List[str]] = {}
+    for sensor in dataset.sensors.values():
+        shared.setdefault(sensor.edge, []).append(sensor.name)
+    for edge in calibration.free.additional_tfs.values():
+        shared.setdefault(edge, [])
+    held = calibration.free.held_edges(dataset)
+    return {str(e): _edge(calibration, e, names, e in held) for e, names in shared.items()}
+
+
+def _edge(calibration: Calibration, edge: Edge, sensors: List[str], anchored: bool):
+    transforms = next(
+        c.transforms for c in calibration.dataset.collections.values() if edge in c.transforms
+    )
+    matrix = transforms[edge]
+    variance = edge_variance(calibration, edge)
+    sigma = np.zeros(6) if variance is None else np.sqrt(np.minimum(variance, 1e12))
+    return {
+        "parent": edge.parent,
+        "child": edge.child,
+        "sensors": sensors,
+        "anchored": anchored,
+        "translation_m": [float(v) for v in matrix[:3, 3]],
+        "quaternion_xyzw": [float(v) for v in se3.quaternion_from_rotation(matrix[:3, :3])],
+        "sigma_translation_m": [float(v) for v in sigma[3:]],
+        "sigma_rotation_rad": [float(v) for v in sigma[:3]],
+    }
+
+
+def edge_variance(calibration: Calibration, edge: Edge) -> Optional[np.ndarray]:
+    """Return (6,) variances of rotation and translation in the parent's axes; None if held."""
+    parameters = calibration.problem.parameters
+    for i, block in enumerate(parameters.blocks):
+        if block.edge == edge:
+            x = calibration.summary.x[6 * i : 6 * i + 6]
+            return np.diagonal(edge_covariance(block, x, calibration.covariance.block(i)))
+    return None
+
+
+def _sensors(calibration: Calibration, table: Table) -> Dict[str, Any]:
+    problem, summary = calibration.problem, calibration.summary
+    outliers = outlier_counts(problem, summary.x, summary.sigmas)
+    document = {}
+    for name, sensor in calibration.dataset.sensors.items():
+        kinds = kinds_of(table, name)
+        document[name] = {
+            "modality": sensor.modality,
+            "detections": sum(key.sensor == name for key in problem.detections),
+            "outliers": outliers.get(name, 0),
+            "residuals": {kind: table[(name, kind, None)].document() for kind in kinds},
+            "sigma": {
+                f"{block.kind}_{UNITS[block.kind]}": float(np.median(sigma))
+                for block, sigma in zip(problem.residual_blocks, summary.sigmas)
+                if block.sensor == name
+            },
+        }
+    return document
+
+
+def _collections(calibration: Calibration, table: Table) -> Dict[str, Any]:
+    document = {}
+    for key in calibration.dataset.collections:
+        residuals: Dict[str, Any] = {}
+        for (sensor, kind, collection), value in table.items():
+            if collection == key:
+                residuals.setdefault(sensor, {})[kind] = value.document()
+        reason = calibration.unused.get(key)
+        document[key] = {"used": reason is None, "reason": reason, "residuals": residuals}
+    return document

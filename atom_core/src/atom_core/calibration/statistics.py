@@ -1,0 +1,93 @@
+"""Statistics of residuals, by sensor, kind and collection."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Dict, List, Mapping, Tuple
+
+import numpy as np
+
+from atom_core.problem.problem import Problem
+from atom_core.problem.residuals import UNITS
+
+_OUTLIER_SIGMAS = 4.0
+
+
+@dataclass(frozen=True)
+class ResidualStatistics:
+    """Summary of the norms of some residuals.
+
+    Attributes:
+        unit: px or m.
+        count: number of corners or points.
+        mean: mean norm (for corners the mean Euclidean pixel distance, ATOM's figure).
+        rms: root of the mean squared norm.
+        median, max: of the norms.
+    """
+
+    unit: str
+    count: int
+    mean: float
+    rms: float
+    median: float
+    max: float
+
+    def document(self) -> Dict[str, object]:
+        """Return it as it stands in a result file."""
+        return dict(self.__dict__)
+
+
+def statistics(norms: np.ndarray, unit: str) -> ResidualStatistics:
+    """Return the summary of norms (n,), n > 0."""
+    return ResidualStatistics(
+        unit,
+        len(norms),
+        float(np.mean(norms)),
+        float(np.sqrt(np.mean(norms**2))),
+        float(np.median(norms)),
+        float(np.max(norms)),
+    )
+
+
+# by (sensor, kind, collection); collection None is all of them
+Table = Dict[Tuple[str, str, object], ResidualStatistics]
+
+
+def residual_table(problem: Problem, x: np.ndarray) -> Table:
+    """Return the statistics at the vector x, in all and by collection."""
+    collections = np.array([key.collection for key in problem.detections])
+    table: Table = {}
+    for block, residual in zip(problem.residual_blocks, problem.residuals(x)):
+        norms = np.linalg.norm(residual, axis=1)
+        unit, of_item = UNITS[block.kind], collections[block.detection]
+        table[(block.sensor, block.kind, None)] = statistics(norms, unit)
+        for collection in np.unique(of_item):
+            mine = statistics(norms[of_item == collection], unit)
+            table[(block.sensor, block.kind, str(collection))] = mine
+    return table
+
+
+def mean_over_collections(table: Mapping, sensor: str, kind: str) -> float:
+    """Return the mean over collections of the collections' means, as ATOM's tables do."""
+    means = [
+        value.mean
+        for (name, what, collection), value in table.items()
+        if name == sensor and what == kind and collection is not None
+    ]
+    return float(np.mean(means))
+
+
+def outlier_counts(
+    problem: Problem, x: np.ndarray, sigmas: Tuple[np.ndarray, ...]
+) -> Dict[str, int]:
+    """Return, by sensor, how many corners or points lie beyond four sigmas."""
+    counts: Dict[str, int] = {}
+    for block, residual, sigma in zip(problem.residual_blocks, problem.residuals(x), sigmas):
+        beyond = np.linalg.norm(residual, axis=1) > _OUTLIER_SIGMAS * sigma
+        counts[block.sensor] = counts.get(block.sensor, 0) + int(np.sum(beyond))
+    return counts
+
+
+def kinds_of(table: Mapping, sensor: str) -> List[str]:
+    """Return the kinds of residuals that a sensor has."""
+    return list(dict.fromkeys(kind for name, kind, _ in table if name == sensor))

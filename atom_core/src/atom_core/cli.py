@@ -1,0 +1,61 @@
+"""``python3 -m atom_core COMMAND``: dispatch, exit codes, one line for every refusal.
+
+Exit codes: 0 done, 1 finished but not acceptable (results are written), 2 bad input or usage
+(nothing is written).
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Dict, List, Optional
+
+import atom_core
+from atom_core.commands import calibrate, check, convert, demo, evaluate
+from atom_core.errors import AtomError
+
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+_COMMANDS: Dict[str, object] = {
+    "check": check,
+    "calibrate": calibrate,
+    "evaluate": evaluate,
+    "convert": convert,
+    "demo": demo,
+}
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of all commands."""
+    parser = argparse.ArgumentParser(
+        prog="python3 -m atom_core",
+        description="Calibrate the sensors of a robotic cell in one optimisation.",
+    )
+    parser.add_argument("--version", action="version", version=atom_core.__version__)
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for name, module in _COMMANDS.items():
+        summary = str(module.__doc__).splitlines()[0]
+        sub = commands.add_parser(
+            name,
+            help=summary,
+            description=summary,
+            epilog=f"example: {module.EXAMPLE}",  # type: ignore[attr-defined]
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        module.add_arguments(sub)  # type: ignore[attr-defined]
+        sub.set_defaults(run=module.run)  # type: ignore[attr-defined]
+    return parser
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run one command; return its exit code."""
+    args = build_parser().parse_args(argv)
+    try:
+        return args.run(args)
+    except AtomError as error:
+        print(f"{args.command}: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print(f"{args.command}: interrupted, nothing more is written", file=sys.stderr)
+        return INTERRUPTED

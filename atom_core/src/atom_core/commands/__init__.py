@@ -1,0 +1,1 @@
+"""The commands: arguments, files, tables; the work is done by the library."""

@@ -1,0 +1,174 @@
+"""Estimate the selected edges of a dataset and say how good the answer is."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+from typing import Any, Dict, Optional
+
+from atom_core.calibration.calibrate import Calibration, calibrate
+from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.result import result_document
+from atom_core.commands import common
+from atom_core.errors import CalibrationError, DescriptionError
+from atom_core.evaluation.ground_truth import ground_truth_errors
+from atom_core.io.atomic import prepare_output_folder, write_json_atomically
+from atom_core.io.dataset_json import write_dataset
+from atom_core.io.results import write_parameters_yaml
+from atom_core.io.truth_json import read_truth
+from atom_core.io.urdf import Description, read_description, write_calibrated_description
+from atom_core.report.calibration_tables import calibration_report
+from atom_core.solvers.base import CONVERGED, SolverOptions
+
+EXAMPLE = "python3 -m atom_core calibrate --dataset data/dataset.json --output results"
+DATASET_FILE, RESULT_FILE = "atom_calibration.json", "calibration.json"
+PARAMETERS_FILE, DESCRIPTION_FILE = "atom_calibration_params.yml", "optimized.urdf.xacro"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    common.add_dataset_options(parser)
+    common.add_output_options(parser)
+    _add_solver_options(parser)
+    _add_freedom_options(parser)
+    common.add_option(
+        parser, "description", type=Path, metavar="URDF_OR_XACRO",
+        help="robot description to write back with the calibrated edges (default: the one that "
+        "the configuration names, where it exists)",
+    )  # fmt: skip
+    common.add_option(
+        parser, "truth", type=Path, metavar="FILE", help="a simulation's truth, to compare with"
+    )
+
+
+def _add_solver_options(parser: argparse.ArgumentParser) -> None:
+    defaults = SolverOptions()
+    add = common.add_option
+    add(parser, "solver", choices=["scipy"], default="scipy", help="which solver (default: scipy)")
+    add(
+        parser, "weights", choices=["sigma", "atom"], default=defaults.weights,
+        help="sigma: by standard deviations, re-estimated; atom: by the mean initial residual",
+    )  # fmt: skip
+    add(
+        parser, "loss", choices=["none", "huber", "cauchy"], default=defaults.loss,
+        help=f"robust loss (default: {defaults.loss})",
+    )  # fmt: skip
+    add(
+        parser, "max_iterations", type=int, default=defaults.max_iterations, metavar="N",
+        help=f"limit of the solver's steps (default: {defaults.max_iterations})",
+    )  # fmt: skip
+    add(
+        parser, "noisy_initial_guess", "-nig", nargs=2, type=float, default=(0.0, 0.0),
+        metavar=("T", "R"), help="move each free edge by T metres and R radians before solving",
+    )  # fmt: skip
+    add(
+        parser, "sample_seed", "-ss", type=int, default=0, metavar="N",
+        help="seed of that disturbance (default: 0)",
+    )  # fmt: skip
+    add(
+        parser, "undetermined_limit", nargs=2, type=float, default=(0.05, 0.05),
+        metavar=("M", "RAD"), help="a larger predicted sigma counts as undetermined",
+    )  # fmt: skip
+
+
+def _add_freedom_options(parser: argparse.ArgumentParser) -> None:
+    add = common.add_option
+    add(parser, "anchor_sensors", "-as", nargs="+", metavar="S", help="further sensors to hold")
+    add(
+        parser, "ignore_anchored_sensor", "-ias", action="store_true",
+        help="do not hold the configuration's anchored sensor",
+    )  # fmt: skip
+    add(
+        parser, "anchor_patterns", "-ap", action="store_true",
+        help="hold the boards where the dataset has them",
+    )  # fmt: skip
+    add(
+        parser, "use_incomplete_collections", "-uic", action="store_true",
+        help="accepted for ATOM's sake: incomplete collections are always used",
+    )  # fmt: skip
+    add(
+        parser, "complete_only", action="store_true",
+        help="use only collections in which every sensor sees every pattern",
+    )  # fmt: skip
+
+
+def run(args: argparse.Namespace) -> int:
+    """Calibrate, write the results, print the tables; 1 when the answer is not acceptable."""
+    began = time.perf_counter()
+    options = _options(args)
+    common.refuse_occupied(args.output, args.overwrite)
+    truth = read_truth(args.truth) if args.truth else None
+    dataset = common.selected_dataset(args)
+    description = _description(args, dataset.config.description_file)
+    load_seconds = time.perf_counter() - began
+    calibration = calibrate(dataset, options)
+    document = result_document(calibration, common.options_document(args), args.solver)
+    if truth is not None:
+        document["ground_truth"] = ground_truth_errors(calibration.dataset, truth)
+    writing = time.perf_counter()
+    folder = prepare_output_folder(args.output, args.overwrite)
+    document["warnings"] += _write_files(folder, calibration, description)
+    seconds = document["solver"]["seconds"]
+    seconds["load"] = load_seconds
+    seconds["write"] = time.perf_counter() - writing
+    seconds["total"] = time.perf_counter() - began
+    write_json_atomically(folder / RESULT_FILE, document, sort_keys=False)
+    print(calibration_report(document, verbose=args.verbose))
+    print(f"results: {folder}")
+    return 0 if calibration.status == CONVERGED else 1
+
+
+def _options(args: argparse.Namespace) -> CalibrationOptions:
+    try:
+        return CalibrationOptions(
+            solver=SolverOptions(
+                weights=args.weights, loss=args.loss, max_iterations=args.max_iterations
+            ),
+            anchor_sensors=tuple(common.strings(args.anchor_sensors)),
+            ignore_anchored_sensor=args.ignore_anchored_sensor,
+            anchor_patterns=args.anchor_patterns,
+            complete_only=args.complete_only,
+            noisy_initial_guess=tuple(args.noisy_initial_guess),
+            seed=args.sample_seed,
+            undetermined_limit=tuple(args.undetermined_limit),
+        )
+    except ValueError as error:
+        raise CalibrationError(str(error)) from None
+
+
+def _description(args: argparse.Namespace, configured: Optional[str]) -> Optional[Description]:
+    """Read the description that was asked for; the configuration's only where it can be found."""
+    if args.description:
+        return read_description(args.description)
+    if not configured:
+        return None
+    try:
+        return read_description(configured)
+    except DescriptionError:
+        return None
+
+
+def _write_files(
+    folder: Path, calibration: Calibration, description: Optional[Description]
+) -> list:
+    """Write dataset, parameters and description; return what the user should know."""
+    write_dataset(calibration.dataset, folder / DATASET_FILE)
+    write_parameters_yaml(folder / PARAMETERS_FILE, calibration.dataset, calibration.free.additional_tfs)
+    if description is None:
+        return ["no robot description found: optimized.urdf.xacro is not written (--description)"]
+    return _write_description(folder / DESCRIPTION_FILE, calibration, description)
+
+
+def _write_description(path: Path, calibration: Calibration, description: Description) -> list:
+    dataset = calibration.dataset
+    edges: Dict[Any, Any] = {}
+    for edge in [s.edge for s in dataset.sensors.values()] + list(
+        calibration.free.additional_tfs.values()
+    ):
+        for collection in dataset.collections.values():
+            if edge in collection.transforms:
+                edges[edge] = collection.transforms[edge]
+                break
+    report = write_calibrated_description(description, edges, path)
+    return [f"edge '{edge}' is not in the robot description: {why}" for edge, why in report.missing]

@@ -1,0 +1,118 @@
+"""What the commands share: options with both spellings, datasets, selections, output folders."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+from typing import Any, Dict, List, Optional
+
+from atom_core.errors import OutputError
+from atom_core.io.dataset_json import read_dataset
+from atom_core.model.dataset import Dataset
+from atom_core.model.selection import select_names
+
+
+def add_option(parser: Any, name: str, *short: str, **settings: Any) -> None:
+    """Add a long option that is accepted with ``_`` and with ``-``, and ATOM's short ones.
+
+    Args:
+        parser: an argument parser or group.
+        name: the long name without dashes, words joined by ``_``.
+        short: ATOM's short options, as they are typed.
+        settings: passed on to ``add_argument``.
+    """
+    dashed = "--" + name.replace("_", "-")
+    spellings = dict.fromkeys(["--" + name, dashed, *short])
+    parser.add_argument(*spellings, dest=name, **settings)
+
+
+def add_dataset_options(parser: argparse.ArgumentParser) -> None:
+    """Add the dataset and the selections."""
+    add_option(
+        parser, "dataset", "-json", "--json_file", required=True, type=Path, metavar="FILE",
+        help="the dataset's JSON (ATOM v3)",
+    )  # fmt: skip
+    add_selection_options(parser)
+
+
+def add_selection_options(parser: argparse.ArgumentParser) -> None:
+    """Add ATOM's selections of sensors, collections and patterns."""
+    for name, short, what in (
+        ("sensor_selection_function", "-ssf", "sensors"),
+        ("collection_selection_function", "-csf", "collections"),
+        ("pattern_selection_function", "-psf", "patterns"),
+    ):
+        add_option(
+            parser, name, short, nargs="+", metavar="SELECTION",
+            help=f"{what} to use: names, globs, '!name' to leave one out, or ATOM's lambda strings",
+        )  # fmt: skip
+
+
+def add_output_options(parser: argparse.ArgumentParser) -> None:
+    """Add the output folder, overwriting and verbosity."""
+    add_option(
+        parser, "output", "-o", required=True, type=Path, metavar="DIR",
+        help="folder for the results; must be empty or absent unless --overwrite is given",
+    )  # fmt: skip
+    add_option(
+        parser, "overwrite", "-ow", action="store_true", help="replace results of an earlier run"
+    )
+    add_verbose_option(parser)
+
+
+def add_verbose_option(parser: argparse.ArgumentParser) -> None:
+    """Add the switch for more words."""
+    add_option(parser, "verbose", "-v", action="store_true", help="say more while working")
+
+
+def selected_dataset(args: argparse.Namespace) -> Dataset:
+    """Read the dataset and reduce it to the selections.
+
+    Raises:
+        AtomError: the dataset is unusable, or a selection names nothing.
+    """
+    return apply_selections(read_dataset(args.dataset), args)
+
+
+def apply_selections(dataset: Dataset, args: argparse.Namespace) -> Dataset:
+    """Reduce a dataset to the selected sensors, collections and patterns."""
+    return dataset.selected(
+        sensors=select_names(dataset.sensors, args.sensor_selection_function, "sensor"),
+        collections=select_names(
+            dataset.collections, args.collection_selection_function, "collection"
+        ),
+        patterns=select_names(dataset.patterns, args.pattern_selection_function, "pattern"),
+    )
+
+
+def refuse_occupied(folder: Path, overwrite: bool) -> None:
+    """Refuse a folder that holds something, before any work is done; nothing is created.
+
+    Raises:
+        OutputError: naming the folder and --overwrite.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"{folder}: a file is in the way; choose another folder for --output")
+    if folder.is_dir() and any(os.scandir(folder)) and not overwrite:
+        raise OutputError(
+            f"{folder}: the folder is not empty; add --overwrite to replace the results in it, "
+            f"or choose another one"
+        )
+
+
+def options_document(args: argparse.Namespace) -> Dict[str, Any]:
+    """Return the options of a command as they go into its result."""
+    skipped = ("run", "command", "verbose")
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, Path):
+            return str(value)
+        return list(value) if isinstance(value, tuple) else value
+
+    return {name: plain(value) for name, value in vars(args).items() if name not in skipped}
+
+
+def strings(values: Optional[List[str]]) -> List[str]:
+    """Return a list for an option that may be absent."""
+    return list(values or [])

@@ -1,0 +1,48 @@
+"""Results for other programs: ATOM's parameter file, with angles as URDF has them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Dict
+
+import numpy as np
+import yaml
+
+from atom_core.geometry import se3
+from atom_core.io.atomic import write_text_atomically
+from atom_core.model.dataset import Dataset
+from atom_core.model.transforms import Edge
+
+_HEADER = (
+    "# Calibrated edges, parent_T_child: metres; roll, pitch, yaw in radians about fixed axes\n"
+    "# (URDF rpy); the same rotation as a quaternion x y z w.\n"
+)
+
+
+def write_parameters_yaml(path: Path, dataset: Dataset, additional: Dict[str, Edge]) -> None:
+    """Write ``atom_calibration_params.yml``.
+
+    Args:
+        path: the file.
+        dataset: the calibrated dataset.
+        additional: additional tfs that were estimated, by name.
+    """
+    document: Dict[str, Any] = {
+        "sensors": {s.name: _values(dataset, s.edge) for s in dataset.sensors.values()}
+    }
+    if additional:
+        document["additional_tfs"] = {n: _values(dataset, e) for n, e in additional.items()}
+    text = _HEADER + yaml.safe_dump(document, sort_keys=False, default_flow_style=None)
+    write_text_atomically(path, text)
+
+
+def _values(dataset: Dataset, edge: Edge) -> Dict[str, Any]:
+    """Return an edge's numbers; of one with a value for each collection, the first."""
+    matrix = next(
+        c.transforms[edge] for c in dataset.collections.values() if edge in c.transforms
+    )
+    rpy = se3.rpy_from_rotation(matrix[:3, :3])
+    values = np.concatenate([matrix[:3, 3], rpy])
+    named = dict(zip(("x", "y", "z", "roll", "pitch", "yaw"), (float(v) for v in values)))
+    quaternion = [float(v) for v in se3.quaternion_from_rotation(matrix[:3, :3])]
+    return {**named, "quaternion_xyzw": quaternion}

@@ -1,0 +1,120 @@
+"""Camera models against OpenCV, their Jacobians, their inverses, and points behind them."""
+
+import cv2
+import numpy as np
+import pytest
+from atom_core.geometry.camera import Camera, distortion_model_name
+
+K = np.array([[1040.0, 0, 663.0], [0, 1027.0, 401.0], [0, 0, 1]])
+CAMERAS = {
+    "none": Camera(1280, 800, K, [], "none"),
+    "plumb_bob": Camera(1280, 800, K, [-0.25, 0.1, 0.001, -0.002, -0.03], "plumb_bob"),
+    "plumb_bob_4": Camera(1280, 800, K, [-0.25, 0.1, 0.001, -0.002], "plumb_bob"),
+    "rational_polynomial": Camera(
+        1280, 800, K, [0.3, -0.1, 0.001, -0.002, 0.01, 0.5, -0.1, 0.02], "rational_polynomial"
+    ),
+    "equidistant": Camera(1280, 800, K, [-0.03, 0.01, -0.004, 0.001], "equidistant"),
+}
+
+
+def points_in_view(count=200, seed=0):
+    rng = np.random.default_rng(seed)
+    xy = rng.uniform([-0.6, -0.38], [0.58, 0.38], (count, 2))
+    depth = rng.uniform(0.4, 5.0, count)
+    return np.column_stack([xy * depth[:, None], depth])
+
+
+@pytest.mark.parametrize("name", [n for n in CAMERAS if n != "equidistant"])
+def test_projection_is_opencvs(name):
+    camera, points = CAMERAS[name], points_in_view()
+    expected, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), K, camera.D)
+    np.testing.assert_allclose(camera.project(points), expected[:, 0], atol=1e-9)
+
+
+def test_equidistant_is_opencvs_fisheye():
+    camera, points = CAMERAS["equidistant"], points_in_view()
+    expected, _ = cv2.fisheye.projectPoints(points[:, None], np.zeros(3), np.zeros(3), K, camera.D)
+    np.testing.assert_allclose(camera.project(points), expected[:, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_jacobian_against_central_differences(name):
+    camera, points, h = CAMERAS[name], points_in_view(), 1e-6
+    _, jacobian = camera.project_with_jacobian(points)
+    for i in range(3):
+        step = np.zeros(3)
+        step[i] = h
+        numeric = (camera.project(points + step) - camera.project(points - step)) / (2 * h)
+        scale = np.max(np.abs(jacobian))
+        np.testing.assert_allclose(jacobian[:, :, i], numeric, atol=1e-6 * scale)
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_jacobian_outside_the_view_and_behind(name):
+    camera, h = CAMERAS[name], 1e-6
+    rng = np.random.default_rng(5)
+    points = rng.uniform(-2, 2, (300, 3))
+    _, jacobian = camera.project_with_jacobian(points)
+    for i in range(3):
+        step = np.zeros(3)
+        step[i] = h
+        numeric = (camera.project(points + step) - camera.project(points - step)) / (2 * h)
+        scale = np.maximum(np.max(np.abs(jacobian), axis=(1, 2)), 1.0)[:, None]
+        close = np.abs(jacobian[:, :, i] - numeric) < 1e-4 * scale
+        assert np.mean(close) > 0.99  # the limit itself has a kink, a sample may straddle it
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_normalise_inverts_projection(name):
+    camera, points = CAMERAS[name], points_in_view()
+    rays = camera.normalise(camera.project(points))
+    np.testing.assert_allclose(rays, points[:, :2] / points[:, 2:], atol=1e-10)
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_ray_points_return_the_points(name):
+    camera, points = CAMERAS[name], points_in_view()
+    again = camera.ray_points(camera.project(points), points[:, 2])
+    np.testing.assert_allclose(again, points, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_a_point_behind_is_not_taken_for_one_in_front(name):
+    camera, points = CAMERAS[name], points_in_view()
+    mirrored = -points  # a pinhole without a guard would project these into the same pixels
+    distance = np.linalg.norm(camera.project(mirrored) - camera.project(points), axis=1)
+    assert np.min(distance) > 100.0
+    assert not np.any(camera.in_image(mirrored))
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_moving_backwards_moves_out_of_the_image(name):
+    camera = CAMERAS[name]
+    depth = np.linspace(1.0, -3.0, 400)
+    points = np.column_stack([np.full(400, 0.3), np.full(400, 0.2), depth])
+    radius = np.linalg.norm(camera.project(points) - camera.centre_px, axis=1)
+    assert np.all(np.diff(radius) > 0)
+
+
+def test_names_of_models():
+    assert distortion_model_name("fisheye") == "equidistant"
+    with pytest.raises(ValueError, match="division"):
+        distortion_model_name("division")
+
+
+@pytest.mark.parametrize(
+    "model, D", [("plumb_bob", [0.1] * 3), ("rational_polynomial", [0.1] * 5), ("equidistant", [1, 2])]
+)
+def test_wrong_number_of_coefficients_is_refused(model, D):
+    with pytest.raises(ValueError, match=f"D has {len(D)} numbers"):
+        Camera(640, 480, K, D, model)
+
+
+def test_wrong_length_of_K_is_refused():
+    with pytest.raises(ValueError, match="K has 8 numbers"):
+        Camera(640, 480, np.ones(8), [])
+
+
+def test_integer_K_and_D_are_numbers_like_others():
+    camera = Camera(640, 480, [[600, 0, 320], [0, 600, 240], [0, 0, 1]], [0, 0, 0, 0, 0])
+    np.testing.assert_allclose(camera.project(np.array([[0.5, 0.0, 1.0]])), [[620, 240]])
