@@ -1,21 +1,22 @@
-"""Pictures of boards: the texture of a pattern, warped into a camera's image."""
+"""Pictures of boards: the print of a pattern, seen by a camera before a grey background."""
 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any, List, Mapping, Tuple
+from typing import Any, List, Mapping, Optional, Tuple
 
 import cv2
 import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
-from atom_core.geometry.rectangle import Rectangle
 from atom_core.model.pattern import CHARUCO, Pattern
+from atom_core.synthetic.board import border_points, facing
 
 GREY, WHITE = 110, 255
-_PIXELS_PER_SQUARE = 40  # of the texture
+_PIXELS_PER_SQUARE = 40  # of the print
 _FINER = 2  # the picture is sampled finer and averaged, so that edges keep their place
+_COARSE_PX = 4  # grid on which the lens distortion is undone exactly; linear in between
 
 Board = Tuple[Tuple[Pattern, Mapping[str, Any]], np.ndarray]
 
@@ -27,43 +28,52 @@ def render(camera: Camera, boards: List[Board]) -> np.ndarray:
         camera: intrinsics, distortion included.
         boards: each a pattern with its configuration, and ``camera_T_pattern`` (4, 4).
     """
-    grey = np.full((camera.height, camera.width), GREY, dtype=np.uint8)
+    picture = np.full((camera.height, camera.width), GREY, dtype=np.uint8)
     farthest_first = sorted(boards, key=lambda board: -float(np.linalg.norm(board[1][:3, 3])))
     for (pattern, config), camera_T_pattern in farthest_first:
-        _draw(grey, camera, pattern, config, camera_T_pattern)
-    return cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)
+        window = _window(camera, pattern, camera_T_pattern)
+        if window is not None:
+            _draw(picture, camera, pattern, config, camera_T_pattern, window)
+    return cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
 
 
-def _draw(grey, camera: Camera, pattern: Pattern, config, camera_T_pattern: np.ndarray) -> None:
-    """Draw one board by asking, for each pixel of its window, where its ray meets the board."""
-    window = _window(camera, pattern, camera_T_pattern)
-    if window is None:
-        return
+def _draw(
+    picture: np.ndarray,
+    camera: Camera,
+    pattern: Pattern,
+    config: Mapping[str, Any],
+    camera_T_pattern: np.ndarray,
+    window: Tuple[np.ndarray, np.ndarray],
+) -> None:
+    """Draw one board: for each pixel of its window, what its ray meets in the board's plane."""
     (left, top), (right, bottom) = window
-    offset = (np.arange(_FINER) + 0.5) / _FINER - 0.5
-    columns = (np.arange(left, right)[:, None] + offset).ravel()
-    rows = (np.arange(top, bottom)[:, None] + offset).ravel()
-    uv = np.stack(np.meshgrid(columns, rows), axis=-1)
-    xy, in_front = _on_board(camera, camera_T_pattern, uv.reshape(-1, 2))
-    picture = texture(pattern, config)
-    scale, border = _PIXELS_PER_SQUARE / pattern.square_m, pattern.border
-    pixel = (xy - [border.x_min, border.y_min]) * scale - 0.5
-    pixel[~in_front] = -1e4
-    maps = pixel.reshape(uv.shape).astype(np.float32)
-    drawn = cv2.remap(
-        picture, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR, borderValue=(0.0, 0.0)
-    ).astype(np.float32)
-    size = (right - left, bottom - top)
-    value, cover = cv2.split(cv2.resize(drawn, size, interpolation=cv2.INTER_AREA) / 255.0)
-    part = grey[top:bottom, left:right]
-    part[:] = np.clip(np.rint(part * (1 - cover) + 255.0 * value), 0, 255).astype(np.uint8)
+    x, y, in_front = _in_plane(camera, camera_T_pattern, left, top, right, bottom)
+    border = pattern.border
+    covered = in_front & (np.abs(x - border.centre[0]) <= border.half_size[0])
+    covered &= np.abs(y - border.centre[1]) <= border.half_size[1]
+    grey = np.full(x.shape, WHITE, dtype=np.uint8)
+    if facing(camera_T_pattern, border) > 0:  # the back is blank
+        # pixel i of the print covers i to i + 1 in units of its side, hence the half
+        start = 0.0 if pattern.kind == CHARUCO else -pattern.square_m
+        scale = _PIXELS_PER_SQUARE / pattern.square_m
+        maps = [np.where(covered, (v - start) * scale - 0.5, -10.0) for v in (x, y)]
+        grey = cv2.remap(
+            printed(pattern, config),
+            maps[0].astype(np.float32),
+            maps[1].astype(np.float32),
+            cv2.INTER_LINEAR,
+            borderValue=WHITE,
+        )
+    part = picture[top:bottom, left:right]
+    fine = np.where(covered, grey, np.repeat(np.repeat(part, _FINER, axis=0), _FINER, axis=1))
+    part[:] = cv2.resize(fine, (right - left, bottom - top), interpolation=cv2.INTER_AREA)
 
 
-def _window(camera: Camera, pattern: Pattern, camera_T_pattern: np.ndarray):
-    outline = np.column_stack(
-        [pattern.border.sample(0.05), np.zeros(len(pattern.border.sample(0.05)))]
-    )
-    in_camera = se3.apply(camera_T_pattern, outline)
+def _window(
+    camera: Camera, pattern: Pattern, camera_T_pattern: np.ndarray
+) -> Optional[Tuple[np.ndarray, np.ndarray]]:
+    """Return the first and one past the last pixel (x, y) around a board, None if out of view."""
+    in_camera = se3.apply(camera_T_pattern, border_points(pattern))
     if np.max(in_camera[:, 2]) < 0.05:
         return None
     limit = np.array([camera.width, camera.height])
@@ -75,63 +85,54 @@ def _window(camera: Camera, pattern: Pattern, camera_T_pattern: np.ndarray):
     return (low, high) if np.all(high > low) else None
 
 
-def _on_board(camera: Camera, camera_T_pattern: np.ndarray, uv: np.ndarray):
-    """Return where the rays of pixels (n, 2) meet the board's plane (n, 2) [m], and if before."""
-    normalised = camera.normalise(uv)
-    plane_from_ray = np.linalg.inv(camera_T_pattern[:3, [0, 1, 3]])
-    h = np.column_stack([normalised, np.ones(len(uv))]) @ plane_from_ray.T
-    in_front = h[:, 2] > 0
-    return h[:, :2] / np.where(in_front, h[:, 2], 1.0)[:, None], in_front
+def _in_plane(
+    camera: Camera, camera_T_pattern: np.ndarray, left: int, top: int, right: int, bottom: int
+) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return x, y [m] in the board's plane of a window's fine pixels, and whether in front."""
+    to_columns, columns = _interpolation(left, right)
+    to_rows, rows = _interpolation(top, bottom)
+    coarse = camera.normalise(np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2))
+    u, v = (to_rows @ c.reshape(len(rows), -1) @ to_columns.T for c in coarse.T)
+    # ray = s [first axis, second axis, origin] (x, y, 1) with s > 0 for what lies in front
+    h = np.linalg.inv(camera_T_pattern[:3, [0, 1, 3]])
+    x, y, w = (row[0] * u + row[1] * v + row[2] for row in h)
+    in_front = w > 0
+    safe = np.where(in_front, w, 1.0)
+    return x / safe, y / safe, in_front
 
 
-def texture(pattern: Pattern, config: Mapping[str, Any]) -> np.ndarray:
-    """Return the printed board (height, width, 2): grey value and coverage, both 0 to 255.
+def _interpolation(first: int, end: int) -> Tuple[np.ndarray, np.ndarray]:
+    """Return the matrix from values at knots to those at fine pixels, and the knots [px]."""
+    knots = np.arange(first - _COARSE_PX, end + 2 * _COARSE_PX, _COARSE_PX, dtype=float)
+    fine = (np.arange(first * _FINER, end * _FINER) + 0.5) / _FINER - 0.5
+    distance = np.abs(fine[:, None] - knots) / _COARSE_PX
+    return np.maximum(1.0 - distance, 0.0), knots
 
-    Its first pixel lies at the border's x_min, y_min.
-    """
-    border: Rectangle = pattern.border
-    key = (
-        pattern.kind,
-        pattern.columns + 1,
-        pattern.rows + 1,
-        pattern.square_m,
-        float(config.get("inner_size", 0.75 * pattern.square_m)),
-        str(config.get("dictionary", "DICT_5X5_100")),
-        tuple(2.0 * border.half_size),
-    )
-    return _texture(*key)
+
+def printed(pattern: Pattern, config: Mapping[str, Any]) -> np.ndarray:
+    """Return the printed squares of a pattern (height, width), grey values."""
+    squares = (pattern.columns + 1, pattern.rows + 1)
+    if pattern.kind != CHARUCO:
+        return _chessboard(squares)
+    marker_share = float(config.get("inner_size", 0.75 * pattern.square_m)) / pattern.square_m
+    return _charuco(squares, marker_share, str(config.get("dictionary", "DICT_5X5_100")))
 
 
 @lru_cache(maxsize=8)
-def _texture(kind, squares_x, squares_y, square_m, marker_m, dictionary, size_m) -> np.ndarray:
-    scale = _PIXELS_PER_SQUARE / square_m
-    width, height = (int(round(side * scale)) for side in size_m)
-    sheet = np.full((height, width), WHITE, dtype=np.uint8)
-    printed = (
-        _charuco_print(squares_x, squares_y, square_m, marker_m, dictionary)
-        if kind == CHARUCO
-        else _chessboard_print(squares_x, squares_y)
-    )
-    top, left = (height - printed.shape[0]) // 2, (width - printed.shape[1]) // 2
-    sheet[top : top + printed.shape[0], left : left + printed.shape[1]] = printed
-    return np.dstack([sheet, np.full_like(sheet, 255)])
+def _chessboard(squares: Tuple[int, int]) -> np.ndarray:
+    row, column = np.mgrid[0 : squares[1], 0 : squares[0]]
+    fields = np.where((row + column) % 2 == 0, 0, WHITE).astype(np.uint8)
+    return np.kron(fields, np.ones((_PIXELS_PER_SQUARE, _PIXELS_PER_SQUARE), dtype=np.uint8))
 
 
-def _chessboard_print(squares_x: int, squares_y: int) -> np.ndarray:
-    row, column = np.mgrid[0:squares_y, 0:squares_x]
-    squares = np.where((row + column) % 2 == 0, 0, WHITE).astype(np.uint8)
-    return np.kron(squares, np.ones((_PIXELS_PER_SQUARE, _PIXELS_PER_SQUARE), dtype=np.uint8))
-
-
-def _charuco_print(squares_x, squares_y, square_m, marker_m, dictionary) -> np.ndarray:
+@lru_cache(maxsize=8)
+def _charuco(squares: Tuple[int, int], marker_share: float, dictionary: str) -> np.ndarray:
     """Return the print of a ChArUco; OpenCV renamed everything at 4.7."""
     aruco = cv2.aruco
-    size = (squares_x * _PIXELS_PER_SQUARE, squares_y * _PIXELS_PER_SQUARE)
+    size = (squares[0] * _PIXELS_PER_SQUARE, squares[1] * _PIXELS_PER_SQUARE)
     number = getattr(aruco, dictionary)
     if hasattr(aruco, "CharucoBoard_create"):
         markers = aruco.Dictionary_get(number)
-        board = aruco.CharucoBoard_create(squares_x, squares_y, square_m, marker_m, markers)
-        return board.draw(size)
+        return aruco.CharucoBoard_create(*squares, 1.0, marker_share, markers).draw(size)
     markers = aruco.getPredefinedDictionary(number)
-    board = aruco.CharucoBoard((squares_x, squares_y), square_m, marker_m, markers)
-    return board.generateImage(size)
+    return aruco.CharucoBoard(squares, 1.0, marker_share, markers).generateImage(size)

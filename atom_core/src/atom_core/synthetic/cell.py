@@ -7,7 +7,7 @@ complete, with 35 partial detections by the cameras; test set of 17, 4 and 26.
 
 from __future__ import annotations
 
-from typing import Dict, List, NamedTuple
+from typing import Dict, List, Mapping, NamedTuple, Tuple
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from atom_core.synthetic.rig import (
     Room,
     assemble,
     camera_mount,
+    camera_of,
     jittered,
     lidar_mount,
     pinhole,
@@ -64,7 +65,7 @@ SCENARIOS = {"train": Scenario(10, 23, 5, 35, 67000), "test": Scenario(20, 17, 4
 def cell_structure() -> Dict[Edge, np.ndarray]:
     """Return the gantry: world -> gantry -> leg -> beams (atom_reference 10.2, variant A)."""
 
-    def fixed(*xyz: float, rpy=(0.0, 0.0, 0.0)) -> np.ndarray:
+    def fixed(*xyz: float, rpy: Tuple[float, ...] = (0.0, 0.0, 0.0)) -> np.ndarray:
         return se3.from_rpy(np.array(xyz), np.array(rpy))
 
     edges = {
@@ -248,12 +249,18 @@ def _draw_pose(pattern: Pattern, rng: np.random.Generator) -> np.ndarray:
     return se3.transform(world_R_pattern, centre - world_R_pattern @ middle)
 
 
-def _judge(rig: Rig, pattern: Pattern, sensor_T_world, world_T_pattern) -> _Candidate:
+def _judge(
+    rig: Rig,
+    pattern: Pattern,
+    sensor_T_world: Mapping[str, np.ndarray],
+    world_T_pattern: np.ndarray,
+) -> _Candidate:
+    """Find out which sensors would detect a board."""
     seen, partial, rows = [], 0, 0.0
     for name, sensor in rig.sensors.items():
         pose = sensor_T_world[name] @ world_T_pattern
         if sensor.modality == RGB:
-            count = len(rgb.visible_corners(sensor.camera, pose, pattern))
+            count = len(rgb.visible_corners(camera_of(sensor), pose, pattern))
             partial += 0 < count < pattern.corner_count
             rows += 2 * count
             seen.append(count > 0)
@@ -263,8 +270,8 @@ def _judge(rig: Rig, pattern: Pattern, sensor_T_world, world_T_pattern) -> _Cand
             seen.append(lidar.is_detected(model, beams, pose, pattern))
             rows += len(beams) if seen[-1] else 0
         else:
-            seen.append(depth.is_detected(sensor.camera, pose, pattern))
-            rows += _depth_rows(sensor.camera, pose, pattern) if seen[-1] else 0.0
+            seen.append(depth.is_detected(camera_of(sensor), pose, pattern))
+            rows += _depth_rows(camera_of(sensor), pose, pattern) if seen[-1] else 0.0
     return _Candidate(world_T_pattern, np.array(seen), partial, rows)
 
 

@@ -14,16 +14,18 @@ from atom_core.model.config import CalibrationConfig
 from atom_core.model.dataset import MULTIPLE, Collection, Dataset, DataSource, Label
 from atom_core.model.pattern import Pattern, pattern_from_config
 from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
-from atom_core.model.transforms import Edge
+from atom_core.model.transforms import Edge, Transforms
 from atom_core.model.truth import Truth
 from atom_core.synthetic import depth, lidar, rgb
 from atom_core.synthetic.board import charuco
 from atom_core.synthetic.board_image import render
 from atom_core.synthetic.noise import Noise
-from atom_core.synthetic.rig import Rig
+from atom_core.synthetic.rig import Rig, camera_of
 
 Disturbance = Tuple[float, float]
 Motion = Sequence[Mapping[Edge, np.ndarray]]
+Poses = Mapping[str, np.ndarray]
+Labels = Mapping[str, Label]
 BoardPoses = Mapping[str, Sequence[Optional[np.ndarray]]]
 
 
@@ -134,7 +136,7 @@ def make_dataset(
     collections, boards = {}, {}
     for index in range(count):
         key, moving = f"{index:03d}", (motion[index] if motion else {})
-        present = {n: p[index] for n, p in board_poses.items() if p[index] is not None}
+        present = {n: pose for n, p in board_poses.items() if (pose := p[index]) is not None}
         labels = observer.observe(key, present, moving)
         collections[key] = Collection(key, labels, {**rig.transforms, **moving})
         boards.update({(pattern, key): pose for pattern, pose in present.items()})
@@ -149,16 +151,24 @@ def make_dataset(
 class _Observer:
     """Lets every sensor of a rig look at the boards of a collection."""
 
-    def __init__(self, rig, patterns, noise, rng, sampling: Sampling, data: MemoryDataSource):
+    def __init__(
+        self,
+        rig: Rig,
+        patterns: Mapping[str, Pattern],
+        noise: Noise,
+        rng: np.random.Generator,
+        sampling: Sampling,
+        data: MemoryDataSource,
+    ):
         self.rig, self.patterns, self.noise, self.rng = rig, patterns, noise, rng
         self.sampling, self.data = sampling, data
         self.devices = {
-            name: depth.DepthCamera(sensor.camera, rig.room)
+            name: depth.DepthCamera(camera_of(sensor), rig.room)
             for name, sensor in rig.sensors.items()
             if sensor.modality == DEPTH
         }
 
-    def observe(self, key: str, present, moving) -> Dict[Tuple[str, str], Label]:
+    def observe(self, key: str, present: Poses, moving: Transforms) -> Dict[Tuple[str, str], Label]:
         """Return the labels of a collection and keep its data."""
         world_T_patterns = {
             name: self.rig.pose(self.patterns[name].parent_frame, moving) @ pose
@@ -174,15 +184,17 @@ class _Observer:
                 labels[(sensor.name, pattern)] = label
         return labels
 
-    def _rgb(self, key, sensor: Sensor, poses, _) -> Dict[str, Label]:
+    def _rgb(self, key: str, sensor: Sensor, poses: Poses, _: np.ndarray) -> Labels:
         self.data.add_view(key, sensor, poses)
         labels = {
-            name: rgb.label_corners(sensor.camera, pose, self.patterns[name], self.noise, self.rng)
+            name: rgb.label_corners(
+                camera_of(sensor), pose, self.patterns[name], self.noise, self.rng
+            )
             for name, pose in poses.items()
         }
         return {name: label for name, label in labels.items() if label is not None}
 
-    def _lidar(self, key, sensor: Sensor, poses, world_T_sensor):
+    def _lidar(self, key: str, sensor: Sensor, poses: Poses, world_T_sensor: np.ndarray) -> Labels:
         cloud, labels = lidar.scan(
             self.rig.lidars[sensor.name],
             poses,
@@ -197,7 +209,7 @@ class _Observer:
         self.data.add_array(key, sensor.name, cloud)
         return labels
 
-    def _depth(self, key, sensor: Sensor, poses, world_T_sensor):
+    def _depth(self, key: str, sensor: Sensor, poses: Poses, world_T_sensor: np.ndarray) -> Labels:
         image, labels = depth.capture(
             self.devices[sensor.name],
             poses,
@@ -237,7 +249,9 @@ def disturbed(
     )
 
 
-def _config_document(rig: Rig, patterns, name: str) -> Dict[str, Any]:
+def _config_document(
+    rig: Rig, patterns: Mapping[str, Mapping[str, Any]], name: str
+) -> Dict[str, Any]:
     return {
         "description_file": "",
         "bag_file": "",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Dict, List, Mapping, NamedTuple, Tuple
+from typing import Dict, List, Mapping, Tuple
 
 import numpy as np
 
@@ -16,14 +16,6 @@ from atom_core.synthetic.rig import LidarModel, Room
 LARGEST_ANGLE_DEG = 80.0  # between the beam and the board's normal
 LEAST_RINGS = 3
 LEAST_POINTS = 30
-
-
-class BoardBeams(NamedTuple):
-    """Beams that hit a board: ids (n,) ring by ring, ranges (n,) [m], first and last of rings."""
-
-    beams: np.ndarray
-    ranges: np.ndarray
-    limit: np.ndarray
 
 
 def beams_on_board(
@@ -111,7 +103,9 @@ def scan(
     return noise.round(_with_noise(points, list(labels.values()), noise, rng)), labels
 
 
-def _moved_to_border(points: np.ndarray, lidar_T_pattern: np.ndarray, pattern: Pattern):
+def _moved_to_border(
+    points: np.ndarray, lidar_T_pattern: np.ndarray, pattern: Pattern
+) -> np.ndarray:
     in_pattern = se3.apply(se3.inverse(lidar_T_pattern), points)
     distance, outward = pattern.border.signed_distance(in_pattern[:, :2])
     in_pattern[:, :2] -= distance[:, None] * outward

@@ -30,7 +30,9 @@ def visible_corners(camera: Camera, camera_T_pattern: np.ndarray, pattern: Patte
     return ids[seen] if np.sum(seen) >= LEAST_SHARE * len(ids) else none
 
 
-def _square_px(camera: Camera, camera_T_pattern, in_camera, square_m: float) -> np.ndarray:
+def _square_px(
+    camera: Camera, camera_T_pattern: np.ndarray, in_camera: np.ndarray, square_m: float
+) -> np.ndarray:
     """Return the width (n,) of a square at each corner where it is most foreshortened [px]."""
     _, by_point = camera.project_with_jacobian(in_camera)
     by_xy = by_point @ camera_T_pattern[:3, :2]

@@ -128,9 +128,15 @@ class Rig:
 
 
 def assemble(
-    world: str, structure: Mapping[Edge, np.ndarray], mounts: Iterable[Mount], **options
+    world: str,
+    structure: Mapping[Edge, np.ndarray],
+    mounts: Iterable[Mount],
+    *,
+    anchored: Optional[str] = None,
+    room: Room = Room(),
+    centre: Tuple[float, float, float] = (0.0, 0.0, 1.0),
 ) -> Rig:
-    """Return the rig of a structure's edges and the sensors mounted on it."""
+    """Return the rig of a structure's edges and the sensors mounted on it (see ``Rig``)."""
     transforms: Dict[Edge, np.ndarray] = dict(structure)
     sensors, lidars = {}, {}
     for mount in mounts:
@@ -138,7 +144,7 @@ def assemble(
         sensors[mount.sensor.name] = mount.sensor
         if mount.lidar is not None:
             lidars[mount.sensor.name] = mount.lidar
-    return Rig(world, sensors, transforms, lidars, **options)
+    return Rig(world, sensors, transforms, lidars, anchored, room, centre)
 
 
 def camera_mount(
@@ -154,8 +160,8 @@ def camera_mount(
     edge = Edge(beam, link)
     edges = {
         edge: beam_T_link,
-        Edge(link, frame): se3.from_rpy((0.0, lens_y_m, 0.0), np.zeros(3)),
-        Edge(frame, optical): se3.from_rpy(np.zeros(3), OPTICAL_RPY),
+        Edge(link, frame): se3.transform(np.eye(3), np.array([0.0, lens_y_m, 0.0])),
+        Edge(frame, optical): se3.from_rpy(np.zeros(3), np.array(OPTICAL_RPY)),
     }
     return Mount(Sensor(name, modality, optical, edge, camera, _topic(name, modality)), edges)
 
@@ -167,7 +173,7 @@ def lidar_mount(
     edge = Edge(beam, f"{name}_base_link")
     edges = {
         edge: beam_T_base,
-        Edge(edge.child, name): se3.from_rpy((0.0, 0.0, LIDAR_HEIGHT_M), np.zeros(3)),
+        Edge(edge.child, name): se3.transform(np.eye(3), np.array([0.0, 0.0, LIDAR_HEIGHT_M])),
     }
     sensor = Sensor(name, LIDAR3D, name, edge, topic=_topic(name, LIDAR3D))
     return Mount(sensor, edges, model or LidarModel())
@@ -212,6 +218,12 @@ def pinhole(
         ]
     )
     return Camera(width, height, K, np.array(D, dtype=float), model)
+
+
+def camera_of(sensor: Sensor) -> Camera:
+    """Return the intrinsics of a sensor that must have them."""
+    assert sensor.camera is not None, f"{sensor.name} is no camera"
+    return sensor.camera
 
 
 def _topic(name: str, modality: str) -> str:
