@@ -17,14 +17,21 @@ from atom_core.model.dataset import Dataset, board_edge, is_complete, pose
 from atom_core.model.sensor import LIDAR2D, RANGE_MODALITIES
 from atom_core.model.transforms import Edge
 from atom_core.problem.builder import FreeEdges, build_problem, check_edges
-from atom_core.problem.initial_boards import BoardKey, estimate_boards
+from atom_core.problem.initial_boards import (
+    BoardKey,
+    Placement,
+    better_boards,
+    estimate_boards,
+)
 from atom_core.problem.measurements import Measurement, read_measurements
+from atom_core.problem.parameters import PATTERN
 from atom_core.problem.problem import Problem
-from atom_core.solvers.base import CONVERGED, SolverSummary
+from atom_core.solvers.base import CONVERGED, SolverOptions, SolverSummary
 from atom_core.solvers.covariance import Covariance
-from atom_core.solvers.reweighting import covariance_of, solve
+from atom_core.solvers.reweighting import covariance_of, rough_minimum, solve
 
 RANK_DEFICIENT = "rank_deficient"
+_BOARD_ROUNDS = 3
 
 
 @dataclass(frozen=True)
@@ -95,7 +102,8 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
         raise CalibrationError("nothing is left to estimate: every sensor and board is held")
     clock.lap("initialise")
 
-    summary = solve(problem, options.solver)
+    problem, start = settle_boards(initial, problem, measurements, options.solver)
+    summary = solve(problem, options.solver, start)
     clock.lap("solve")
     covariance = covariance_of(problem, summary, options.solver)
     weak = weak_directions(
@@ -219,18 +227,66 @@ def initial_boards(
     """
     if free.anchor_patterns:
         return _held_boards(dataset, measurements)
+    return estimate_boards(measurements, _fixed_patterns(dataset), placement(dataset, measurements))
+
+
+def _fixed_patterns(dataset: Dataset) -> List[str]:
+    return [p.name for p in dataset.patterns.values() if p.fixed]
+
+
+def placement(dataset: Dataset, measurements: Sequence[Measurement]) -> Placement:
+    """Return where the sensors and the patterns' parents stand in the dataset's transforms."""
     graph = dataset.graph
     world_T_sensor, world_T_parent = {}, {}
     for m in measurements:
-        collection = dataset.collections[m.key.collection]
+        collection, world = dataset.collections[m.key.collection], dataset.world
         world_T_sensor[(m.key.collection, m.key.sensor)] = pose(
-            collection, graph, dataset.world, dataset.sensors[m.key.sensor].frame
+            collection, graph, world, dataset.sensors[m.key.sensor].frame
         )
         world_T_parent[(m.key.collection, m.key.pattern)] = pose(
-            collection, graph, dataset.world, dataset.patterns[m.key.pattern].parent_frame
+            collection, graph, world, dataset.patterns[m.key.pattern].parent_frame
         )
-    fixed = [p.name for p in dataset.patterns.values() if p.fixed]
-    return estimate_boards(measurements, fixed, world_T_sensor, world_T_parent)
+    return Placement(world_T_sensor, world_T_parent)
+
+
+def settle_boards(
+    initial: Dataset,
+    problem: Problem,
+    measurements: Sequence[Measurement],
+    options: SolverOptions,
+) -> Tuple[Problem, np.ndarray]:
+    """Solve roughly, and place boards anew that turn out to stand in the wrong solution.
+
+    Returns:
+        The problem, and where to go on from.
+    """
+    x = rough_minimum(problem, np.zeros(problem.parameters.size), options).x
+    for _ in range(_BOARD_ROUNDS):
+        poses = problem.parameters.poses(x)
+        boards: Dict[BoardKey, int] = {
+            (block.names[0], block.collection): i
+            for i, block in enumerate(problem.parameters.blocks)
+            if block.kind == PATTERN
+        }
+        better = better_boards(
+            [m for m in measurements if _board_key(initial, m) in boards],
+            _fixed_patterns(initial),
+            placement(solved_dataset(initial, problem, x, {}), measurements),
+            {key: poses[i] for key, i in boards.items()},
+        )
+        if not better:
+            break
+        replaced = {boards[key]: pose_ for key, pose_ in better.items()}
+        problem = replace(problem, parameters=problem.parameters.with_initial(replaced))
+        x = x.copy()
+        x.reshape(-1, 6)[list(replaced)] = 0.0
+        x = rough_minimum(problem, x, options).x
+    return problem, x
+
+
+def _board_key(dataset: Dataset, m: Measurement) -> BoardKey:
+    fixed = dataset.patterns[m.key.pattern].fixed
+    return (m.key.pattern, None if fixed else m.key.collection)
 
 
 def _held_boards(dataset: Dataset, measurements: Sequence[Measurement]):

@@ -8,6 +8,7 @@ settled by the others.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 import cv2
@@ -19,11 +20,12 @@ from atom_core.geometry.rectangle import Rectangle
 from atom_core.problem.measurements import CornerMeasurement, Measurement, RangeMeasurement
 
 _MIN_CORNERS = 6
-_JUDGE_PX, _JUDGE_M = 30.0, 0.1  # generous: the sensors' own poses are only guesses
+_JUDGE_M_PER_PX = 0.1 / 30.0  # how metres and pixels are weighed against each other
+GUESSED_M, SOLVED_M = 0.1, 0.02  # errors to expect while sensors are guesses, and after a solve
 _CANDIDATE_SENSORS = 8
+_GOOD_ENOUGH = 0.05  # mean misfit of a detection that needs no second look
 
 BoardKey = Tuple[str, Optional[str]]  # pattern, collection (None for a fixed pattern)
-World_T_Sensor = Mapping[Tuple[str, str], np.ndarray]  # by (collection, sensor)
 
 
 def board_candidates(measurement: Measurement) -> List[np.ndarray]:
@@ -104,74 +106,117 @@ def _fit_rectangle(outline: np.ndarray, inside: np.ndarray, border: Rectangle) -
     return best_pose
 
 
-def misfit(measurement: Measurement, sensor_T_pattern: np.ndarray) -> float:
-    """Return how badly a pose explains a detection: 0 is perfect, 1 hopeless."""
+def misfit(measurement: Measurement, sensor_T_pattern: np.ndarray, expected_m: float) -> float:
+    """Return how badly a pose explains a detection: 0 is perfect, 1 hopeless.
+
+    Args:
+        measurement: the detection.
+        sensor_T_pattern: (4, 4).
+        expected_m: the size of error that is nothing unusual.
+    """
     if isinstance(measurement, CornerMeasurement):
         points = se3.apply(sensor_T_pattern, measurement.corners_in_pattern)
         error = np.linalg.norm(measurement.camera.project(points) - measurement.pixels, axis=1)
-        squares = (error / _JUDGE_PX) ** 2
+        errors = error * _JUDGE_M_PER_PX
     else:
         pattern_T_sensor = se3.inverse(sensor_T_pattern)
         step = max(len(measurement.inside) // 200, 1)
         height = se3.apply(pattern_T_sensor, measurement.inside[::step])[:, 2]
         limit = se3.apply(pattern_T_sensor, measurement.limit)[:, :2]
-        distance, _ = measurement.border.signed_distance(limit)
-        squares = (np.concatenate([height, distance]) / _JUDGE_M) ** 2
+        errors = np.concatenate([height, measurement.border.signed_distance(limit)[0]])
+    squares = (errors / expected_m) ** 2
     return float(np.mean(squares / (1.0 + squares)))
 
 
+@dataclass(frozen=True)
+class Placement:
+    """Where sensors and boards' parents are believed to be.
+
+    Attributes:
+        world_T_sensor: data frames (4, 4) by (collection, sensor).
+        world_T_parent: parent frames of the patterns (4, 4) by (collection, pattern).
+    """
+
+    world_T_sensor: Mapping[Tuple[str, str], np.ndarray]
+    world_T_parent: Mapping[Tuple[str, str], np.ndarray]
+
+    def sensor_T_parent(self, m: Measurement) -> np.ndarray:
+        """Return the pose (4, 4) of the pattern's parent in the sensor's data frame."""
+        sensor_T_world = se3.inverse(self.world_T_sensor[(m.key.collection, m.key.sensor)])
+        return sensor_T_world @ self.world_T_parent[(m.key.collection, m.key.pattern)]
+
+
 def estimate_boards(
-    measurements: Sequence[Measurement],
-    fixed_patterns: Sequence[str],
-    world_T_sensor: World_T_Sensor,
-    world_T_parent: Mapping[Tuple[str, str], np.ndarray],
+    measurements: Sequence[Measurement], fixed_patterns: Sequence[str], placement: Placement
 ) -> Dict[BoardKey, np.ndarray]:
     """Return ``parent_T_pattern`` (4, 4) of every board that some sensor allows to place.
 
     Args:
         measurements: all detections.
         fixed_patterns: names of patterns with one pose for all collections.
-        world_T_sensor: data frames of the sensors as they are believed to be.
-        world_T_parent: the patterns' parent frames, by (collection, pattern).
+        placement: where the sensors are guessed to be.
     """
+    estimates = {}
+    for key, seen in _by_board(measurements, fixed_patterns).items():
+        proposals = _proposals(seen, placement)
+        if proposals:
+            estimates[key] = min(
+                proposals, key=lambda pose: _total_misfit(seen, pose, placement, GUESSED_M)
+            )
+    return estimates
+
+
+def better_boards(
+    measurements: Sequence[Measurement],
+    fixed_patterns: Sequence[str],
+    placement: Placement,
+    boards: Mapping[BoardKey, np.ndarray],
+) -> Dict[BoardKey, np.ndarray]:
+    """Return other poses for boards that stand wrong, now that the sensors are better known.
+
+    A board that began in the mirrored solution of its plane stays there in a local minimum. It
+    is found by a candidate that explains its detections at least twice as well.
+    """
+    better = {}
+    for key, seen in _by_board(measurements, fixed_patterns).items():
+        now = _total_misfit(seen, boards[key], placement, SOLVED_M)
+        if now < _GOOD_ENOUGH * len(seen):
+            continue
+        proposals = _proposals(seen, placement)
+        costs = [_total_misfit(seen, pose, placement, SOLVED_M) for pose in proposals]
+        if costs and min(costs) < 0.5 * now:
+            better[key] = proposals[int(np.argmin(costs))]
+    return better
+
+
+def _by_board(
+    measurements: Sequence[Measurement], fixed_patterns: Sequence[str]
+) -> Dict[BoardKey, List[Measurement]]:
     boards: Dict[BoardKey, List[Measurement]] = {}
     for m in measurements:
         collection = None if m.key.pattern in fixed_patterns else m.key.collection
         boards.setdefault((m.key.pattern, collection), []).append(m)
-    estimates = {}
-    for key, seen in boards.items():
-        pose = _best_pose(seen, world_T_sensor, world_T_parent)
-        if pose is not None:
-            estimates[key] = pose
-    return estimates
+    return boards
 
 
-def _best_pose(
-    seen: Sequence[Measurement], world_T_sensor: World_T_Sensor, world_T_parent
-) -> Optional[np.ndarray]:
+def _total_misfit(seen, parent_T_pattern: np.ndarray, placement: Placement, expected_m) -> float:
+    return sum(
+        misfit(m, placement.sensor_T_parent(m) @ parent_T_pattern, expected_m) for m in seen
+    )
+
+
+def _proposals(seen: Sequence[Measurement], placement: Placement) -> List[np.ndarray]:
+    """Return candidate poses in the parent: the cameras', or else the range sensors'."""
     cameras = [m for m in seen if isinstance(m, CornerMeasurement)]
-    proposals = _propose(cameras, world_T_sensor, world_T_parent)
-    if not proposals:
-        proposals = _propose(seen, world_T_sensor, world_T_parent)
-    if not proposals:
-        return None
-
-    def judge(parent_T_pattern: np.ndarray) -> float:
-        total = 0.0
-        for m in seen:
-            sensor_T_parent = _sensor_T_parent(m, world_T_sensor, world_T_parent)
-            total += misfit(m, sensor_T_parent @ parent_T_pattern)
-        return total
-
-    return min(proposals, key=judge)
+    return _propose(cameras, placement) or _propose(seen, placement)
 
 
-def _propose(measurements, world_T_sensor, world_T_parent) -> List[np.ndarray]:
+def _propose(measurements: Sequence[Measurement], placement: Placement) -> List[np.ndarray]:
     proposals: List[np.ndarray] = []
     proposing = 0
     for m in sorted(measurements, key=_information, reverse=True):
         candidates = board_candidates(m)
-        parent_T_sensor = se3.inverse(_sensor_T_parent(m, world_T_sensor, world_T_parent))
+        parent_T_sensor = se3.inverse(placement.sensor_T_parent(m))
         proposals += [parent_T_sensor @ sensor_T_pattern for sensor_T_pattern in candidates]
         proposing += bool(candidates)
         if proposing == _CANDIDATE_SENSORS:
@@ -183,11 +228,6 @@ def _information(measurement: Measurement) -> int:
     if isinstance(measurement, CornerMeasurement):
         return len(measurement.ids)
     return len(measurement.limit)
-
-
-def _sensor_T_parent(m: Measurement, world_T_sensor, world_T_parent) -> np.ndarray:
-    sensor_T_world = se3.inverse(world_T_sensor[(m.key.collection, m.key.sensor)])
-    return sensor_T_world @ world_T_parent[(m.key.collection, m.key.pattern)]
 
 
 def _on_a_line(points: np.ndarray) -> bool:

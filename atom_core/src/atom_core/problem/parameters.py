@@ -7,8 +7,8 @@ block and not in the vector.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Dict, List, Optional, Sequence, Tuple
+from dataclasses import dataclass, replace
+from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -64,6 +64,12 @@ class Parameters:
     def size(self) -> int:
         """Length of the vector."""
         return 6 * len(self.blocks)
+
+    def with_initial(self, poses: Mapping[int, np.ndarray]) -> Parameters:
+        """Return the same blocks with other initial values (4, 4), by index."""
+        return Parameters(
+            [replace(b, initial=poses.get(i, b.initial)) for i, b in enumerate(self.blocks)]
+        )
 
     def find(self, edge: Edge, collection: str) -> int:
         """Return the index of the block that holds the edge in the collection, or -1."""

@@ -9,13 +9,15 @@ import numpy as np
 
 from atom_core.problem.problem import Problem
 from atom_core.solvers.covariance import Covariance
-from atom_core.solvers.losses import CAUCHY, LOSSES, NONE
+from atom_core.solvers.losses import CAUCHY, LOSSES
 
 SIGMA, ATOM = "sigma", "atom"
 CONVERGED, NOT_CONVERGED, FAILED = "converged", "not_converged", "failed"
 
-# cost, step norm: called after every accepted step
-Progress = Callable[[int, float], None]
+# A minimiser stops when a Newton step would lower the cost by less than this many squared
+# sigmas. EXACT moves no parameter by more than 1e-5 of its standard deviation; ROUGH, by a
+# tenth, is enough while weights or boards are still to change.
+EXACT, ROUGH = 1e-10, 1e-2
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,8 @@ class Minimum:
     message: str
 
 
-Minimise = Callable[[Problem, np.ndarray, Tuple[np.ndarray, ...], str, int], Minimum]
+# problem, start, sigmas of each residual block, loss, limit of iterations, EXACT or ROUGH
+Minimise = Callable[[Problem, np.ndarray, Tuple[np.ndarray, ...], str, int, float], Minimum]
 
 
 @dataclass(frozen=True)
@@ -92,18 +95,3 @@ class SolverSummary:
     scales: Tuple[float, ...]
     robust_weights: Tuple[np.ndarray, ...]
     covariance: Optional[Covariance] = field(default=None, repr=False)
-
-
-__all__ = [
-    "ATOM",
-    "CONVERGED",
-    "FAILED",
-    "NONE",
-    "NOT_CONVERGED",
-    "SIGMA",
-    "Minimise",
-    "Minimum",
-    "Progress",
-    "SolverOptions",
-    "SolverSummary",
-]

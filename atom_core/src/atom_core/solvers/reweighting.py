@@ -9,7 +9,7 @@ mean square, so that gross errors do not count.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import List, Sequence, Tuple
+from typing import List, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -19,8 +19,10 @@ from atom_core.solvers import losses
 from atom_core.solvers.base import (
     ATOM,
     CONVERGED,
+    EXACT,
     FAILED,
     NOT_CONVERGED,
+    ROUGH,
     Minimise,
     Minimum,
     SolverOptions,
@@ -37,38 +39,56 @@ _SMALLEST_NORMALISER = 1e-9  # a perfect guess must not divide by zero
 _MEDIAN_OF_NORM = {1: 0.67449, 2: 1.17741}
 
 
+def rough_minimum(
+    problem: Problem, start: np.ndarray, options: SolverOptions, minimiser: Minimise = minimise
+) -> Minimum:
+    """Return a first answer with the initial sigmas and no robust loss.
+
+    Far from the solution every residual is large, and a robust loss would drop them all.
+    """
+    sigmas = tuple(block.sigma for block in problem.residual_blocks)
+    return minimiser(problem, start, sigmas, losses.NONE, options.max_iterations, ROUGH)
+
+
 def solve(
-    problem: Problem, options: SolverOptions, minimiser: Minimise = minimise
+    problem: Problem,
+    options: SolverOptions,
+    start: Optional[np.ndarray] = None,
+    minimiser: Minimise = minimise,
 ) -> SolverSummary:
-    """Solve a problem from its initial values.
+    """Solve a problem.
 
     Args:
         problem: what to solve.
         options: weights, loss, limits.
+        start: (p,) where to start; the initial values if None.
         minimiser: which solver does the work of one round.
     """
-    start = np.zeros(problem.parameters.size)
+    zero = np.zeros(problem.parameters.size)
+    x = zero if start is None else start
     if options.weights == ATOM:
-        sigmas = atom_normalisers(problem, start)
-        end = minimiser(problem, start, sigmas, options.loss, options.max_iterations)
+        sigmas = atom_normalisers(problem, zero)
+        end = minimiser(problem, x, sigmas, options.loss, options.max_iterations, EXACT)
         return _summary(problem, options, end, sigmas, end.iterations)
+    if start is None:
+        first = rough_minimum(problem, x, options, minimiser)
+        return _reweighted(problem, options, minimiser, first.x, first.iterations)
+    return _reweighted(problem, options, minimiser, x, 0)
+
+
+def _reweighted(problem, options, minimiser, x, iterations) -> SolverSummary:
     sigmas = tuple(block.sigma for block in problem.residual_blocks)
-    end = minimiser(problem, start, sigmas, losses.NONE, options.max_iterations)
-    return _reweighted(problem, options, minimiser, end, sigmas)
-
-
-def _reweighted(problem, options, minimiser, end: Minimum, sigmas) -> SolverSummary:
-    iterations = end.iterations
     for _ in range(options.reweighting_rounds):
-        factors = _sigma_factors(problem, end.x, sigmas, options.loss)
+        factors = _sigma_factors(problem, x, sigmas, options.loss)
         sigmas = tuple(s * f for s, f in zip(sigmas, factors))
-        left = max(options.max_iterations - iterations, 1)
-        end = minimiser(problem, end.x, sigmas, options.loss, left)
-        iterations += end.iterations
-        settled = all(abs(f - 1.0) < _STILL for f in factors)
-        if settled or not end.converged or iterations >= options.max_iterations:
+        if all(abs(f - 1.0) < _STILL for f in factors):
             break
-    return _summary(problem, options, end, sigmas, iterations)
+        left = max(options.max_iterations - iterations, 1)
+        end = minimiser(problem, x, sigmas, options.loss, left, ROUGH)
+        x, iterations = end.x, iterations + end.iterations
+    left = max(options.max_iterations - iterations, 1)
+    end = minimiser(problem, x, sigmas, options.loss, left, EXACT)
+    return _summary(problem, options, end, sigmas, iterations + end.iterations)
 
 
 def atom_normalisers(problem: Problem, x: np.ndarray) -> Tuple[np.ndarray, ...]:

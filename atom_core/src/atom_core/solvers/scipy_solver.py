@@ -15,13 +15,14 @@ import numpy as np
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import squared_norms
 from atom_core.solvers import losses
-from atom_core.solvers.base import Minimum
+from atom_core.solvers.base import EXACT, Minimum
 from atom_core.solvers.normal_equations import Layout, NormalEquations, normal_equations
 
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-12, 1e12
-# A Newton step that would lower the cost by less than this (in squared sigmas) moves no
-# parameter by more than 1e-5 of its standard deviation.
-_NEGLIGIBLE_DECREASE = 1e-10
+_ROUNDING = 1e-13  # relative; a smaller decrease drowns in the rounding of the cost
+# The linearisation holds no farther: without this limit a direction that the data hardly see
+# can be thrown metres away in the first steps, into another basin.
+_LONGEST_STEP_M, _LONGEST_STEP_RAD = 0.5, 0.5
 
 
 def total_cost(
@@ -53,6 +54,7 @@ def minimise(
     sigmas: Tuple[np.ndarray, ...],
     loss: str,
     max_iterations: int,
+    tolerance: float = EXACT,
 ) -> Minimum:
     """Minimise the cost from x; the result is never worse than the start.
 
@@ -62,36 +64,48 @@ def minimise(
         sigmas: for each residual block, (n,) in its unit.
         loss: none, huber or cauchy.
         max_iterations: steps to try.
+        tolerance: decrease of the cost, in squared sigmas, that is not worth a step.
     """
     layout = Layout(problem.parameters)
     cost = total_cost(problem.residuals(x), sigmas, loss)
     if not np.isfinite(cost):
         return Minimum(x, cost, 0, False, "the cost is not finite at the start")
-    negligible = _NEGLIGIBLE_DECREASE * max(1.0, 2.0 * cost / max(problem.row_count, 1))
     damping, growth = _FIRST_DAMPING, 2.0
     equations = equations_at(problem, layout, x, sigmas, loss)
     for iteration in range(max_iterations):
-        if _newton_decrease(equations) < negligible:
+        if _newton_decrease(equations) < tolerance * _unit_cost(problem, cost):
             return Minimum(x, cost, iteration, True, "a further step would change nothing")
-        accepted = None
         step, predicted = _try_solve(equations, damping)
-        if step is not None:
+        gain, trial, trial_cost = -1.0, x, cost
+        if step is not None and _within_reach(step):
             trial = x + step
             trial_cost = total_cost(problem.residuals(trial), sigmas, loss)
-            accepted = (cost - trial_cost) / predicted if trial_cost < cost else None
-        if accepted is None:
-            if _stalled(predicted, cost):
+            gain = (cost - trial_cost) / predicted
+        if not trial_cost < cost:
+            if predicted < _ROUNDING * cost:
                 return Minimum(x, cost, iteration, True, "no step lowers the cost any more")
             damping, growth = damping * growth, growth * 2.0
             if damping > _MOST_DAMPING:
                 return Minimum(x, cost, iteration, False, "no step lowers the cost")
             continue
-        x, cost = trial, trial_cost
-        damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * accepted - 1.0) ** 3), _LEAST_DAMPING)
-        growth = 2.0
-        negligible = _NEGLIGIBLE_DECREASE * max(1.0, 2.0 * cost / max(problem.row_count, 1))
+        x, cost, growth = trial, trial_cost, 2.0
+        damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3), _LEAST_DAMPING)
         equations = equations_at(problem, layout, x, sigmas, loss)
     return Minimum(x, cost, max_iterations, False, f"not done after {max_iterations} iterations")
+
+
+def _unit_cost(problem: Problem, cost: float) -> float:
+    """Return the mean squared residual where it exceeds one: sigmas may be far off."""
+    return max(1.0, 2.0 * cost / max(problem.row_count, 1))
+
+
+def _within_reach(step: np.ndarray) -> bool:
+    blocks = step.reshape(-1, 6)
+    if blocks.size == 0:
+        return True
+    turn = np.max(np.linalg.norm(blocks[:, :3], axis=1))
+    move = np.max(np.linalg.norm(blocks[:, 3:], axis=1))
+    return bool(turn < _LONGEST_STEP_RAD and move < _LONGEST_STEP_M)
 
 
 def _try_solve(equations: NormalEquations, damping: float):
@@ -108,8 +122,3 @@ def _newton_decrease(equations: NormalEquations) -> float:
         if step is not None and np.isfinite(predicted):
             return abs(predicted)
     return np.inf
-
-
-def _stalled(predicted: float, cost: float) -> bool:
-    """Tell whether the predicted decrease drowns in the rounding of the cost."""
-    return predicted < 1e-13 * cost
