@@ -1,0 +1,1 @@
+"""How good a calibration is: pair by pair on a test set, and against the truth."""

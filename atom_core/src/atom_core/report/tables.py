@@ -1,0 +1,51 @@
+"""Plain-text tables, one look for all commands."""
+
+from __future__ import annotations
+
+from typing import Any, Iterable, Optional, Sequence
+
+import numpy as np
+from tabulate import tabulate
+
+ABSENT = "---"
+
+
+def text_table(
+    headers: Sequence[str],
+    rows: Iterable[Sequence[Any]],
+    title: Optional[str] = None,
+    digits: int = 4,
+) -> str:
+    """Return a table; numbers to the right, words to the left.
+
+    Args:
+        headers: one for each column, with the unit, as in "RMS [px]".
+        rows: cells are texts, integers, floats, or None for what is not known.
+        title: a line above the table.
+        digits: decimals of floats.
+    """
+    rows = [list(row) for row in rows]
+    numeric = [all(_is_number(row[i]) for row in rows) for i in range(len(headers))]
+    body = tabulate(
+        [[_cell(value, digits) for value in row] for row in rows],
+        headers=list(headers),
+        tablefmt="simple",
+        colalign=["right" if n else "left" for n in numeric] if rows else None,
+        disable_numparse=True,
+    )
+    return f"{title}\n{body}" if title else body
+
+
+def _is_number(value: Any) -> bool:
+    is_bool = isinstance(value, (bool, np.bool_))
+    return value is None or (isinstance(value, (int, float, np.number)) and not is_bool)
+
+
+def _cell(value: Any, digits: int) -> str:
+    if value is None:
+        return ABSENT
+    if isinstance(value, (bool, np.bool_)):
+        return "yes" if value else "no"
+    if isinstance(value, (float, np.floating)):
+        return f"{value:.{digits}f}" if np.isfinite(value) else ABSENT
+    return str(value)
