@@ -2,51 +2,60 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, Tuple
+from typing import Tuple
 
 import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.geometry.rectangle import Rectangle
+from atom_core.model.config import PatternConfig
 from atom_core.model.pattern import CHARUCO, CHESSBOARD, Pattern
 
 
 def charuco(
     parent_link: str = "world",
     link: str = "pattern_link",
+    *,
     fixed: bool = False,
     dimension: Tuple[int, int] = (11, 8),
     size: float = 0.06,
     inner_size: float = 0.045,
-    border: Tuple[float, float] = (0.04, 0.03),
+    border_size: Tuple[float, float] = (0.04, 0.03),
     dictionary: str = "DICT_5X5_100",
-) -> Dict[str, Any]:
-    """Return the configuration of a ChArUco; the default is the paper's 800 x 600 mm board."""
-    return {
-        "link": link,
-        "parent_link": parent_link,
-        "fixed": fixed,
-        "pattern_type": CHARUCO,
-        "dictionary": dictionary,
-        "mesh_file": "",
-        "border_size": {"x": border[0], "y": border[1]},
-        "dimension": {"x": dimension[0], "y": dimension[1]},
-        "size": size,
-        "inner_size": inner_size,
-    }
+) -> PatternConfig:
+    """Return a ChArUco; the default is the paper's 800 x 600 mm board."""
+    return PatternConfig(
+        link=link,
+        parent_link=parent_link,
+        fixed=fixed,
+        pattern_type=CHARUCO,
+        dimension=dimension,
+        size=size,
+        border_size=border_size,
+        inner_size=inner_size,
+        dictionary=dictionary,
+    )
 
 
 def chessboard(
     parent_link: str = "world",
     link: str = "chessboard_link",
+    *,
     fixed: bool = False,
     dimension: Tuple[int, int] = (9, 6),
     size: float = 0.06,
-    border: Tuple[float, float] = (0.04, 0.04),
-) -> Dict[str, Any]:
-    """Return the configuration of a chessboard."""
-    document = charuco(parent_link, link, fixed, dimension, size, size * 0.75, border)
-    return {**document, "pattern_type": CHESSBOARD}
+    border_size: Tuple[float, float] = (0.04, 0.04),
+) -> PatternConfig:
+    """Return a chessboard."""
+    return PatternConfig(
+        link=link,
+        parent_link=parent_link,
+        fixed=fixed,
+        pattern_type=CHESSBOARD,
+        dimension=dimension,
+        size=size,
+        border_size=border_size,
+    )
 
 
 def hits(
@@ -81,6 +90,32 @@ def facing(sensor_T_pattern: np.ndarray, border: Rectangle) -> float:
     """
     to_sensor = se3.inverse(sensor_T_pattern)[:3, 3] - np.append(border.centre, 0.0)
     return float(-to_sensor[2] / np.linalg.norm(to_sensor))
+
+
+def held_before(
+    eye: np.ndarray,
+    centre: np.ndarray,
+    border: Rectangle,
+    rng: np.random.Generator,
+    tilt_rad: float = 0.35,
+) -> np.ndarray:
+    """Return ``world_T_pattern`` (4, 4) of a board held so that its print looks at ``eye``.
+
+    Args:
+        eye: (3,) in world [m]; not straight above the board.
+        centre: (3,) where the board's middle is, in world [m].
+        border: the board's edges.
+        rng: draws the roll, uniformly, and the tilt.
+        tilt_rad: standard deviation of the tilt about each axis.
+    """
+    away = (centre - eye) / np.linalg.norm(centre - eye)
+    z = se3.rotation_from_rotation_vector(tilt_rad * rng.standard_normal(3)) @ away
+    x = np.cross([0.0, 0.0, 1.0], z)
+    x /= np.linalg.norm(x)
+    upright = np.column_stack([x, np.cross(z, x), z])
+    world_R_pattern = upright @ se3.rotation_from_rpy(np.array([0, 0, rng.uniform(-np.pi, np.pi)]))
+    middle = np.append(border.centre, 0.0)
+    return se3.transform(world_R_pattern, centre - world_R_pattern @ middle)
 
 
 def centre_in_sensor(sensor_T_pattern: np.ndarray, border: Rectangle) -> np.ndarray:

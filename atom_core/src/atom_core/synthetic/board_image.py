@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any, List, Mapping, Optional, Tuple
+from typing import List, Optional, Tuple
 
 import cv2
 import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
+from atom_core.model.config import PatternConfig
 from atom_core.model.pattern import CHARUCO, Pattern
 from atom_core.synthetic.board import border_points, facing
 
@@ -18,7 +19,7 @@ _PIXELS_PER_SQUARE = 40  # of the print
 _FINER = 2  # the picture is sampled finer and averaged, so that edges keep their place
 _COARSE_PX = 4  # grid on which the lens distortion is undone exactly; linear in between
 
-Board = Tuple[Tuple[Pattern, Mapping[str, Any]], np.ndarray]
+Board = Tuple[Tuple[Pattern, PatternConfig], np.ndarray]
 
 
 def render(camera: Camera, boards: List[Board]) -> np.ndarray:
@@ -41,7 +42,7 @@ def _draw(
     picture: np.ndarray,
     camera: Camera,
     pattern: Pattern,
-    config: Mapping[str, Any],
+    config: PatternConfig,
     camera_T_pattern: np.ndarray,
     window: Tuple[np.ndarray, np.ndarray],
 ) -> None:
@@ -109,13 +110,13 @@ def _interpolation(first: int, end: int) -> Tuple[np.ndarray, np.ndarray]:
     return np.maximum(1.0 - distance, 0.0), knots
 
 
-def printed(pattern: Pattern, config: Mapping[str, Any]) -> np.ndarray:
+def printed(pattern: Pattern, config: PatternConfig) -> np.ndarray:
     """Return the printed squares of a pattern (height, width), grey values."""
     squares = (pattern.columns + 1, pattern.rows + 1)
     if pattern.kind != CHARUCO:
         return _chessboard(squares)
-    marker_share = float(config.get("inner_size", 0.75 * pattern.square_m)) / pattern.square_m
-    return _charuco(squares, marker_share, str(config.get("dictionary", "DICT_5X5_100")))
+    assert config.inner_size is not None and config.dictionary is not None
+    return _charuco(squares, config.inner_size / pattern.square_m, config.dictionary)
 
 
 @lru_cache(maxsize=8)

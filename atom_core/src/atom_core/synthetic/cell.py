@@ -14,11 +14,11 @@ import numpy as np
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.model.dataset import Dataset, RgbLabel, is_complete
-from atom_core.model.pattern import Pattern, board_border, grid_corners
+from atom_core.model.pattern import Pattern, pattern_from_config
 from atom_core.model.sensor import DEPTH, LIDAR3D, RGB
 from atom_core.model.transforms import Edge
 from atom_core.synthetic import depth, lidar, rgb
-from atom_core.synthetic.board import charuco
+from atom_core.synthetic.board import charuco, held_before
 from atom_core.synthetic.dataset import (
     Disturbance,
     Sampling,
@@ -204,7 +204,7 @@ class _Candidate(NamedTuple):
 
 def _board_poses(rig: Rig, wanted: Scenario, rng: np.random.Generator) -> List[np.ndarray]:
     """Draw board poses whose detections match the scenario, in random order."""
-    pattern = _paper_board()
+    pattern = pattern_from_config("pattern_1", charuco())
     sensor_T_world = {s: se3.inverse(rig.pose(x.frame)) for s, x in rig.sensors.items()}
     candidates = [
         _judge(rig, pattern, sensor_T_world, _draw_pose(pattern, rng)) for _ in range(_CANDIDATES)
@@ -239,14 +239,7 @@ def _draw_pose(pattern: Pattern, rng: np.random.Generator) -> np.ndarray:
     """Return ``world_T_pattern``: somewhere in the cell, facing its sensors roughly, any roll."""
     centre = rng.uniform((-1.3, -1.8, 0.5), (1.3, 0.4, 1.6))
     eye = np.array([rng.uniform(-1.5, 1.5), rng.uniform(-0.2, 1.3), 2.3])
-    away = (centre - eye) / np.linalg.norm(centre - eye)
-    z = se3.rotation_from_rotation_vector(0.35 * rng.standard_normal(3)) @ away
-    x = np.cross([0.0, 0.0, 1.0], z)
-    x /= np.linalg.norm(x)
-    upright = np.column_stack([x, np.cross(z, x), z])
-    world_R_pattern = upright @ se3.rotation_from_rpy(np.array([0, 0, rng.uniform(-np.pi, np.pi)]))
-    middle = np.append(pattern.border.centre, 0.0)
-    return se3.transform(world_R_pattern, centre - world_R_pattern @ middle)
+    return held_before(eye, centre, pattern.border, rng)
 
 
 def _judge(
@@ -284,23 +277,4 @@ def _depth_rows(camera: Camera, camera_T_pattern: np.ndarray, pattern: Pattern) 
     sides = np.hypot(next_x - x, next_y - y)
     return float(
         abs(np.sum(x * next_y - next_x * y)) / 2 / Sampling().depth_step ** 2 + sides.sum()
-    )
-
-
-def _paper_board() -> Pattern:
-    board = charuco()
-    columns, rows = board["dimension"]["x"], board["dimension"]["y"]
-    border = (board["border_size"]["x"], board["border_size"]["y"])
-    size = board["size"]
-    return Pattern(
-        name="pattern_1",
-        kind=board["pattern_type"],
-        frame=board["link"],
-        parent_frame=board["parent_link"],
-        fixed=board["fixed"],
-        columns=columns,
-        rows=rows,
-        square_m=size,
-        corners_by_id=grid_corners(board["pattern_type"], columns, rows, size),
-        border=board_border(board["pattern_type"], columns, rows, size, border),
     )

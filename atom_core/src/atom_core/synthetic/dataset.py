@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Dict, Mapping, Optional, Sequence, Tuple
+from typing import Dict, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
 from atom_core.errors import DatasetError
 from atom_core.geometry import se3
-from atom_core.model.config import CalibrationConfig
+from atom_core.model.config import CalibrationConfig, PatternConfig, SensorConfig
 from atom_core.model.dataset import MULTIPLE, Collection, Dataset, DataSource, Label
 from atom_core.model.pattern import Pattern, pattern_from_config
 from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
@@ -56,7 +56,7 @@ class Sampling:
 class MemoryDataSource(DataSource):
     """Clouds and depth images held in memory; pictures are rendered when asked for."""
 
-    def __init__(self, patterns: Mapping[str, Tuple[Pattern, Mapping[str, Any]]]):
+    def __init__(self, patterns: Mapping[str, Tuple[Pattern, PatternConfig]]):
         """Start empty.
 
         Args:
@@ -106,7 +106,7 @@ def make_dataset(
     noise: Noise,
     rng: np.random.Generator,
     *,
-    patterns: Optional[Mapping[str, Mapping[str, Any]]] = None,
+    patterns: Optional[Mapping[str, PatternConfig]] = None,
     motion: Motion = (),
     sampling: Optional[Sampling] = None,
     name: str = "synthetic",
@@ -119,7 +119,7 @@ def make_dataset(
             the pattern is away.
         noise: how wrong the measurements are.
         rng: source of all randomness.
-        patterns: by name, their part of the configuration; default one ChArUco, "pattern_1".
+        patterns: by name; default one ChArUco, "pattern_1".
         motion: for each collection, edges that move; empty for a rig that stands still.
         sampling: density of clouds and labels.
         name: the dataset's name.
@@ -127,10 +127,9 @@ def make_dataset(
     Returns:
         The dataset with the true transforms (``disturbed`` moves them), and the truth.
     """
-    documents = dict(patterns or {"pattern_1": charuco()})
-    config = CalibrationConfig.from_document(_config_document(rig, documents, name), name)
+    config = _config(rig, patterns or {"pattern_1": charuco()}, name)
     typed = {n: pattern_from_config(n, c) for n, c in config.calibration_patterns.items()}
-    data = MemoryDataSource({n: (typed[n], documents[n]) for n in typed})
+    data = MemoryDataSource({n: (typed[n], c) for n, c in config.calibration_patterns.items()})
     observer = _Observer(rig, typed, noise, rng, sampling or Sampling(), data)
     count = len(next(iter(board_poses.values())))
     collections, boards = {}, {}
@@ -249,29 +248,20 @@ def disturbed(
     )
 
 
-def _config_document(
-    rig: Rig, patterns: Mapping[str, Mapping[str, Any]], name: str
-) -> Dict[str, Any]:
-    return {
-        "description_file": "",
-        "bag_file": "",
-        "world_link": rig.world,
-        "sensors": {
-            sensor.name: {
-                "link": sensor.frame,
-                "parent_link": sensor.edge.parent,
-                "child_link": sensor.edge.child,
-                "topic_name": sensor.topic,
-                "modality": sensor.modality,
-                "throttle": None,
-            }
+def _config(rig: Rig, patterns: Mapping[str, PatternConfig], name: str) -> CalibrationConfig:
+    return CalibrationConfig(
+        world_link=rig.world,
+        sensors={
+            sensor.name: SensorConfig(
+                link=sensor.frame,
+                parent_link=sensor.edge.parent,
+                child_link=sensor.edge.child,
+                topic_name=sensor.topic,
+                modality=sensor.modality,
+            )
             for sensor in rig.sensors.values()
         },
-        "additional_tfs": None,
-        "joints": None,
-        "calibration_patterns": {n: dict(document) for n, document in patterns.items()},
-        "anchored_sensor": rig.anchored,
-        "max_duration_between_msgs": 1000,
-        "package_name": f"{name}_calibration",
-        "version": "3.0",
-    }
+        calibration_patterns=patterns,
+        anchored_sensor=rig.anchored,
+        package_name=f"{name}_calibration",
+    )

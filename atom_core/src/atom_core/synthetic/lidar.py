@@ -79,9 +79,11 @@ def scan(
     return. With ``exact_border`` the limit points are moved onto the board's true border.
     """
     nearest = np.full(len(model.directions), np.inf)
-    nearest[::background_step] = room.distance(
+    walls = room.distance(
         world_T_lidar[:3, 3], model.directions[::background_step] @ world_T_lidar[:3, :3].T
     )
+    in_range = (walls >= model.range_m[0]) & (walls <= model.range_m[1])
+    nearest[::background_step] = np.where(in_range, walls, np.inf)
     seen: Dict[str, np.ndarray] = {}
     for name, lidar_T_pattern in lidar_T_patterns.items():
         beams, ranges = beams_on_board(model, lidar_T_pattern, patterns[name])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from atom_core.model.transforms import Edge, FrameGraph, chain_transform
 
 OPTICAL_RPY = (-np.pi / 2, 0.0, -np.pi / 2)
 LIDAR_HEIGHT_M = 0.0377  # a VLP-16's optical centre above its base
+Point = Union[Sequence[float], np.ndarray]
 _MESSAGES = {RGB: "image_raw", DEPTH: "image_raw", LIDAR3D: "points"}
 
 
@@ -179,7 +180,7 @@ def lidar_mount(
     return Mount(sensor, edges, model or LidarModel())
 
 
-def looking_at(eye: Sequence[float], target: Sequence[float], roll_rad: float = 0.0) -> np.ndarray:
+def looking_at(eye: Point, target: Point, roll_rad: float = 0.0) -> np.ndarray:
     """Return ``world_T_link`` (4, 4) of a body at ``eye`` whose x axis points to ``target``."""
     x = np.asarray(target, dtype=float) - np.asarray(eye, dtype=float)
     x /= np.linalg.norm(x)

@@ -1,0 +1,318 @@
+"""Small simulated scenes, each with one property that a test needs; a second or less each.
+
+Every scene takes the seed and, by keyword, the number of collections, the noise, the disturbance
+of the free edges (metres, radians) and the density of labels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
+
+import numpy as np
+
+from atom_core.geometry import se3
+from atom_core.geometry.camera import Camera
+from atom_core.geometry.rectangle import Rectangle
+from atom_core.model.config import PatternConfig
+from atom_core.model.pattern import pattern_from_config
+from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
+from atom_core.model.transforms import Edge
+from atom_core.synthetic.board import charuco, chessboard, held_before
+from atom_core.synthetic.dataset import (
+    BoardPoses,
+    Disturbance,
+    Motion,
+    Sampling,
+    SyntheticDataset,
+    disturbed,
+    make_dataset,
+)
+from atom_core.synthetic.noise import Noise
+from atom_core.synthetic.rig import (
+    LidarModel,
+    Mount,
+    Rig,
+    Room,
+    assemble,
+    camera_mount,
+    jittered,
+    lidar_mount,
+    looking_at,
+    pinhole,
+)
+
+COLOUR_CAMERA = pinhole(1280, 800, 900.0, (-0.05, 0.01, 0.0005, -0.0005, 0.0))
+DEPTH_CAMERA = pinhole(640, 480, 320.0 / np.tan(np.radians(30.0)))
+_BASE, _ROOM = "rig_base", Room((-7.0, -7.0, 0.0), (7.0, 7.0, 3.5))
+_FLANGE = "flange"
+
+
+@dataclass(frozen=True)
+class SceneOptions:
+    """What every scene has in common."""
+
+    collections: int = 10
+    noise: Noise = Noise()
+    disturbance: Disturbance = (0.0, 0.0)
+    sampling: Sampling = Sampling()
+
+
+# ---------------------------------------------------------------------------------- rigs
+
+
+def random_rig(
+    rng: np.random.Generator,
+    rgb: int = 2,
+    depth: int = 1,
+    lidar3d: int = 1,
+    *,
+    centre: Tuple[float, float, float] = (0.0, 0.0, 1.0),
+    colour_camera: Camera = COLOUR_CAMERA,
+    anchored: Optional[str] = "first",
+) -> Rig:
+    """Return sensors on an arc around a working volume, looking at it.
+
+    Args:
+        rng: places the sensors.
+        rgb: number of cameras, rgb_1 and so on.
+        depth: number of depth cameras.
+        lidar3d: number of LiDARs.
+        centre: middle of the volume in world [m].
+        colour_camera: intrinsics of the cameras.
+        anchored: a sensor's name, "first", or None.
+    """
+    names = [(f"rgb_{i + 1}", RGB) for i in range(rgb)]
+    names += [(f"depth_{i + 1}", DEPTH) for i in range(depth)]
+    names += [(f"lidar_{i + 1}", LIDAR3D) for i in range(lidar3d)]
+    structure, mounts = _base(rng), []
+    widest = min(1.0, 0.3 * len(names))
+    bearings = rng.permutation(np.linspace(-widest, widest, len(names)))
+    for (name, modality), bearing in zip(names, bearings):
+        eye = _around(centre, bearing, rng)
+        mounts.append(_mounted(name, modality, eye, centre, structure, rng, colour_camera))
+    held = (names[0][0] if names else None) if anchored == "first" else anchored
+    return assemble("world", structure, mounts, anchored=held, room=_ROOM, centre=centre)
+
+
+def _base(rng: np.random.Generator) -> Dict[Edge, np.ndarray]:
+    return {Edge("world", _BASE): jittered(np.eye(4), 0.5, 0.3, rng)}
+
+
+def _around(
+    centre: Sequence[float], bearing_rad: float, rng: np.random.Generator, metres: float = 2.2
+) -> np.ndarray:
+    """Return a place (3,) around a centre; bearing 0 is +y of the world."""
+    distance, height = metres + rng.uniform(-0.3, 0.3), rng.uniform(0.1, 1.0)
+    away = distance * np.array([np.sin(bearing_rad), np.cos(bearing_rad), 0.0])
+    return np.asarray(centre) + away + [0.0, 0.0, height]
+
+
+def _mounted(
+    name: str,
+    modality: str,
+    eye: np.ndarray,
+    target: Sequence[float],
+    structure: Dict[Edge, np.ndarray],
+    rng: np.random.Generator,
+    camera: Camera = COLOUR_CAMERA,
+    lidar: Optional[LidarModel] = None,
+) -> Mount:
+    """Mount a sensor at ``eye`` on a post of its own, which is added to the structure."""
+    world_T_link = looking_at(eye, target, rng.uniform(-0.2, 0.2))
+    world_T_post = jittered(world_T_link, 0.15, 0.3, rng)
+    world_T_base = structure[Edge("world", _BASE)]
+    structure[Edge(_BASE, f"{name}_post")] = se3.inverse(world_T_base) @ world_T_post
+    post_T_link = se3.inverse(world_T_post) @ world_T_link
+    if modality == LIDAR3D:
+        return lidar_mount(name, f"{name}_post", post_T_link, lidar)
+    intrinsics = camera if modality == RGB else DEPTH_CAMERA
+    return camera_mount(name, modality, f"{name}_post", post_T_link, intrinsics)
+
+
+# -------------------------------------------------------------------------------- scenes
+
+
+def random_scene(
+    seed: int = 0, *, rgb: int = 2, depth: int = 1, lidar3d: int = 1, **options: Any
+) -> SyntheticDataset:
+    """Simulate a random rig of the given sensors, one ChArUco, the first sensor anchored."""
+    rng = np.random.default_rng([seed, 100])
+    rig = random_rig(rng, rgb, depth, lidar3d)
+    return _simulate("random_scene", rig, rng, SceneOptions(**options))
+
+
+def two_cameras(
+    seed: int = 0, *, camera: Camera = COLOUR_CAMERA, **options: Any
+) -> SyntheticDataset:
+    """Simulate two cameras of any model, the first one anchored."""
+    rng = np.random.default_rng([seed, 101])
+    rig = random_rig(rng, 2, 0, 0, colour_camera=camera)
+    return _simulate("two_cameras", rig, rng, SceneOptions(**options))
+
+
+def lidar_only(seed: int = 0, *, lidar3d: int = 3, **options: Any) -> SyntheticDataset:
+    """Simulate LiDARs without any camera, the first one anchored."""
+    rng = np.random.default_rng([seed, 102])
+    rig = random_rig(rng, 0, 0, lidar3d)
+    return _simulate("lidar_only", rig, rng, SceneOptions(**options))
+
+
+def shared_edge(seed: int = 0, **options: Any) -> SyntheticDataset:
+    """Simulate rgb_2 and depth_1 in one device below one calibrated edge; rgb_1 anchored."""
+    rng = np.random.default_rng([seed, 103])
+    centre, structure = (0.0, 0.0, 1.0), _base(rng)
+    first = _mounted("rgb_1", RGB, _around(centre, -0.5, rng), centre, structure, rng)
+    device = _mounted("rgb_2", RGB, _around(centre, 0.5, rng), centre, structure, rng)
+    edge = device.sensor.edge
+    lens = camera_mount("depth_1", DEPTH, edge.parent, np.eye(4), DEPTH_CAMERA, lens_y_m=0.02)
+    frame = Edge("depth_1_link", "depth_1_frame")
+    edges = {Edge(edge.child, "depth_1_frame"): lens.edges[frame]}
+    edges.update({e: m for e, m in lens.edges.items() if e.parent == frame.child})
+    depth = Sensor("depth_1", DEPTH, lens.sensor.frame, edge, DEPTH_CAMERA, lens.sensor.topic)
+    mounts = [first, device, Mount(depth, edges)]
+    rig = assemble("world", structure, mounts, anchored="rgb_1", room=_ROOM, centre=centre)
+    return _simulate("shared_edge", rig, rng, SceneOptions(**options))
+
+
+def disconnected(seed: int = 0, **options: Any) -> SyntheticDataset:
+    """Simulate two groups of sensors that never see the same board.
+
+    rgb_1 (anchored) and rgb_2 see it in even collections, rgb_3 and lidar_1 in odd ones.
+    """
+    rng, chosen = np.random.default_rng([seed, 104]), SceneOptions(**options)
+    structure, mounts = _base(rng), []
+    groups = {
+        (-3.0, 0.0, 1.0): [("rgb_1", RGB), ("rgb_2", RGB)],
+        (3.0, 0.0, 1.0): [("rgb_3", RGB), ("lidar_1", LIDAR3D)],
+    }
+    for centre, sensors in groups.items():
+        for (name, modality), bearing in zip(sensors, (-0.3, 0.3)):
+            eye = _around(centre, bearing, rng)
+            short = LidarModel(range_m=(0.3, 4.0))  # it looks all around, but not as far
+            mounts.append(_mounted(name, modality, eye, centre, structure, rng, lidar=short))
+    rig = assemble("world", structure, mounts, anchored="rgb_1", room=_ROOM)
+    centres = list(groups)
+    poses = [_before(centres[i % 2], rng, bearings=(-0.3, 0.3)) for i in range(chosen.collections)]
+    return _finish("disconnected", rig, {"pattern_1": poses}, rng, chosen)
+
+
+def two_patterns(seed: int = 0, **options: Any) -> SyntheticDataset:
+    """Simulate two patterns side by side; rgb_2 (anchored) sees both.
+
+    rgb_1 sees only "left", a ChArUco, and depth_1 only "right", a chessboard.
+    """
+    rng, chosen = np.random.default_rng([seed, 105]), SceneOptions(**options)
+    left, right, structure = (-0.75, 0.0, 1.0), (0.75, 0.0, 1.0), _base(rng)
+    mounts = [
+        _mounted("rgb_1", RGB, np.array([-1.2, 1.5, 1.3]), (-0.9, 0.0, 1.0), structure, rng),
+        _mounted("rgb_2", RGB, np.array([0.0, 2.6, 1.5]), (0.0, 0.0, 1.0), structure, rng),
+        _mounted("depth_1", DEPTH, np.array([1.2, 1.5, 1.3]), (1.0, 0.0, 1.0), structure, rng),
+    ]
+    rig = assemble("world", structure, mounts, anchored="rgb_2", room=_ROOM)
+    patterns = {
+        "left": charuco(link="left_link", dimension=(6, 5)),
+        "right": chessboard(link="right_link", dimension=(7, 5)),
+    }
+    poses = {
+        name: [
+            _before(
+                centre, rng, bearings=(-0.2, 0.2), spread_m=0.12, border=_border(patterns[name])
+            )
+            for _ in range(chosen.collections)
+        ]
+        for name, centre in (("left", left), ("right", right))
+    }
+    return _finish("two_patterns", rig, poses, rng, chosen, patterns=patterns)
+
+
+def hand_eye(seed: int = 0, **options: Any) -> SyntheticDataset:
+    """Simulate a camera on a moving flange before a board that stands still; nothing anchored."""
+    rng, chosen = np.random.default_rng([seed, 106]), SceneOptions(**options)
+    flange_T_link = jittered(se3.from_rpy(np.array([0.05, 0.0, 0.08]), np.zeros(3)), 0.02, 0.2, rng)
+    mount = camera_mount("rgb_1", RGB, _FLANGE, flange_T_link, COLOUR_CAMERA)
+    rig = assemble("world", _base(rng), [mount], room=_ROOM)
+    centre = np.array([0.0, 0.0, 1.0])
+    board = _before((0.0, 0.0, 1.0), rng, bearings=(0.0, 0.0), spread_m=0.0)
+    moving: List[Dict[Edge, np.ndarray]] = []
+    for _ in range(chosen.collections):
+        eye = _around((0.0, 0.0, 0.6), rng.uniform(-0.7, 0.7), rng, metres=1.6)
+        target = centre + rng.uniform(-0.1, 0.1, 3)
+        world_T_link = looking_at(eye, target, rng.uniform(-1.0, 1.0))
+        moving.append(_flange_at(rig, world_T_link @ se3.inverse(flange_T_link)))
+    poses = {"pattern_1": [board] * chosen.collections}
+    patterns = {"pattern_1": charuco(fixed=True)}
+    return _finish("hand_eye", rig, poses, rng, chosen, patterns=patterns, motion=moving)
+
+
+def board_on_arm(seed: int = 0, **options: Any) -> SyntheticDataset:
+    """Simulate a board on a moving flange before a camera that stands still; nothing anchored."""
+    rng, chosen = np.random.default_rng([seed, 107]), SceneOptions(**options)
+    centre, structure = (0.0, 0.0, 1.0), _base(rng)
+    mount = _mounted("rgb_1", RGB, _around(centre, 0.0, rng), centre, structure, rng)
+    rig = assemble("world", structure, [mount], room=_ROOM)
+    flange_T_pattern = jittered(
+        se3.from_rpy(np.array([0.1, 0.05, 0.2]), np.zeros(3)), 0.05, 0.3, rng
+    )
+    moving = []
+    for _ in range(chosen.collections):
+        world_T_pattern = _before(centre, rng, bearings=(-0.5, 0.5), spread_m=0.2)
+        moving.append(_flange_at(rig, world_T_pattern @ se3.inverse(flange_T_pattern)))
+    poses = {"pattern_1": [flange_T_pattern] * chosen.collections}
+    patterns = {"pattern_1": charuco(parent_link=_FLANGE, fixed=True)}
+    return _finish("board_on_arm", rig, poses, rng, chosen, patterns=patterns, motion=moving)
+
+
+# --------------------------------------------------------------------------------- parts
+
+
+def _flange_at(rig: Rig, world_T_flange: np.ndarray) -> Dict[Edge, np.ndarray]:
+    return {Edge(_BASE, _FLANGE): se3.inverse(rig.pose(_BASE)) @ world_T_flange}
+
+
+def _border(pattern: PatternConfig) -> Rectangle:
+    return pattern_from_config("", pattern).border
+
+
+def _before(
+    centre: Sequence[float],
+    rng: np.random.Generator,
+    *,
+    bearings: Tuple[float, float] = (-0.6, 0.6),
+    spread_m: float = 0.35,
+    border: Optional[Rectangle] = None,
+) -> np.ndarray:
+    """Return ``world_T_pattern`` of a board near a centre, held towards the sensors' arc."""
+    eye = _around(centre, rng.uniform(*bearings), rng)
+    place = np.asarray(centre) + rng.uniform(-spread_m, spread_m, 3)
+    return held_before(eye, place, border or _border(charuco()), rng)
+
+
+def _simulate(
+    name: str, rig: Rig, rng: np.random.Generator, options: SceneOptions
+) -> SyntheticDataset:
+    poses = [_before(rig.centre, rng) for _ in range(options.collections)]
+    return _finish(name, rig, {"pattern_1": poses}, rng, options)
+
+
+def _finish(
+    name: str,
+    rig: Rig,
+    poses: BoardPoses,
+    rng: np.random.Generator,
+    options: SceneOptions,
+    *,
+    patterns: Optional[Mapping[str, PatternConfig]] = None,
+    motion: Motion = (),
+) -> SyntheticDataset:
+    exact = make_dataset(
+        rig,
+        poses,
+        options.noise,
+        rng,
+        patterns=patterns,
+        motion=motion,
+        sampling=options.sampling,
+        name=name,
+    )
+    return disturbed(exact, options.disturbance, rng)
