@@ -175,9 +175,7 @@ def _parse_file_text(
     try:
         return parse_urdf(urdf)
     except DescriptionError as error:
-        remedy = "mend the file (`check_urdf` says the same of a URDF)"
-        if is_xacro:
-            remedy = "mend the xacro (`xacro FILE` shows the URDF that it makes)"
+        remedy = "mend the xacro (`xacro FILE` shows its URDF)" if is_xacro else "mend the file"
         raise DescriptionError(f"{path}: {error}{_xml_flaw(urdf)}; {remedy}") from error
 
 
@@ -348,8 +346,9 @@ def _edited_text(
         _check_result(description, parse_urdf(text)[0], wanted)
         return text, ""
     if not_literal:
+        verb = "is" if len(not_literal) == 1 else "are"
         reason = (
-            f"{_names(wanted, not_literal)} of {description.path.name} come from a macro, an "
+            f"{_names(wanted, not_literal)} of {description.path.name} {verb} made by a macro, an "
             f"include or a property"
         )
     elif output_path.suffix != ".xacro":
