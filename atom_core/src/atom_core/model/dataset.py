@@ -97,6 +97,10 @@ class DataSource:
         """Return the depth image (height, width) [m], NaN where there is none."""
         raise DatasetError(f"collection {collection} has no depth image of sensor '{sensor}'")
 
+    def colour_image(self, collection: str, sensor: str) -> np.ndarray:
+        """Return the image (height, width, 3), blue green red."""
+        raise DatasetError(f"collection {collection} has no image of sensor '{sensor}'")
+
     def has_data(self, collection: str, sensor: str) -> bool:
         """Tell whether the data can be read, without reading them."""
         return False

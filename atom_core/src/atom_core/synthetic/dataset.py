@@ -8,7 +8,6 @@ from typing import Dict, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
-from atom_core.errors import DatasetError
 from atom_core.geometry import se3
 from atom_core.model.config import CalibrationConfig, PatternConfig, SensorConfig
 from atom_core.model.dataset import MULTIPLE, Collection, Dataset, DataSource, Label
@@ -93,7 +92,7 @@ class MemoryDataSource(DataSource):
     def colour_image(self, collection: str, sensor: str) -> np.ndarray:
         """Render the picture (height, width, 3), blue green red, of the boards before grey."""
         if (collection, sensor) not in self._views:
-            raise DatasetError(f"collection {collection} has no picture of sensor '{sensor}'")
+            return super().colour_image(collection, sensor)
         viewer, camera_T_patterns = self._views[(collection, sensor)]
         assert viewer.camera is not None
         boards = [(self._patterns[n], pose) for n, pose in camera_T_patterns.items()]
