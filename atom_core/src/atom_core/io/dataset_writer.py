@@ -1,0 +1,270 @@
+"""A new ATOM v3 dataset from the model: the whole document, and its data files.
+
+``dataset_json`` lays changes over a document that was read; here there is none yet. The format
+is described in docs/dataset_format.md.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any, Dict, List, Mapping, Optional, Tuple
+
+import numpy as np
+
+from atom_core.geometry.camera import Camera
+from atom_core.io.atomic import prepare_output_folder, write_text_atomically
+from atom_core.io.dataset_json import CURRENT_VERSION, dumps, transform_document
+from atom_core.io.images import write_depth_png, write_image
+from atom_core.io.pcd import write_pcd
+from atom_core.model.dataset import Collection, Dataset, Label, RgbLabel, board_edge
+from atom_core.model.pattern import geometry_document
+from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
+
+DATASET_FILE = "dataset.json"
+_ENDINGS = {RGB: ".jpg", DEPTH: ".png", LIDAR3D: ".pcd"}
+_MESSAGES = {RGB: "Image", DEPTH: "Image", LIDAR3D: "PointCloud2"}
+_FLOAT32 = 7  # sensor_msgs/PointField
+
+InitialBoards = Mapping[Tuple[str, str], Tuple[str, np.ndarray]]
+Stamps = Mapping[Tuple[str, str], float]
+
+
+def new_document(
+    dataset: Dataset,
+    *,
+    name: str,
+    time_s: float = 0.0,
+    user: str = "",
+    robot_name: str = "",
+    stamps: Optional[Stamps] = None,
+    initial_boards: Optional[InitialBoards] = None,
+) -> Dict[str, Any]:
+    """Return the document of a dataset that has none yet.
+
+    Args:
+        dataset: sensors, patterns, labels and transforms; its data source gives the clouds' sizes.
+        name: the dataset's name.
+        time_s: when it was made, seconds since 1970 (UTC); given so that files are reproducible.
+        user: who made it.
+        robot_name: what stands in the description.
+        stamps: time of the data [s] by (collection, sensor); default the collection's number.
+        initial_boards: the sensor that placed a board and ``parent_T_pattern`` (4, 4), by
+            (pattern, collection), where known.
+    """
+    return {
+        "_metadata": {
+            "timestamp": str(time_s),
+            "date": time.strftime("%a %b %d %H:%M:%S %Y", time.gmtime(time_s)),
+            "user": user,
+            "version": CURRENT_VERSION,
+            "robot_name": robot_name,
+            "dataset_name": name,
+            "package_name": dataset.config.package_name or "",
+        },
+        "calibration_config": dataset.config.to_document(),
+        "additional_sensor_data": {},
+        "sensors": {s.name: _sensor(dataset, s) for s in dataset.sensors.values()},
+        "collections": {
+            key: _collection(dataset, collection, number, stamps or {})
+            for number, (key, collection) in enumerate(dataset.collections.items())
+        },
+        "transforms": _edges(dataset),
+        "patterns": _patterns(dataset, initial_boards or {}),
+    }
+
+
+def write_dataset_folder(
+    dataset: Dataset, folder: Path, *, name: str, overwrite: bool = False, **options: Any
+) -> Path:
+    """Write a dataset: its data files first, ``dataset.json`` last, so that it is whole or absent.
+
+    Args:
+        dataset: what to write, with its data.
+        folder: where; made when absent.
+        name: the dataset's name.
+        overwrite: accept a folder that holds something, and replace files of the same name.
+        options: further arguments of ``new_document``.
+
+    Returns:
+        The path of ``dataset.json``.
+
+    Raises:
+        OutputError: the folder is not empty or cannot be written to.
+    """
+    folder = prepare_output_folder(folder, overwrite)
+    document = new_document(dataset, name=name, **options)
+    for key in dataset.collections:
+        for sensor in dataset.sensors.values():
+            if dataset.data.has_data(key, sensor.name):
+                _write_data(dataset, key, sensor, folder / data_file_name(sensor, key))
+    path = folder / DATASET_FILE
+    write_text_atomically(path, dumps(document))
+    return path
+
+
+def data_file_name(sensor: Sensor, collection: str) -> str:
+    """Return the name of the data file of a sensor in a collection."""
+    return f"{sensor.name}_{collection}{_ENDINGS[sensor.modality]}"
+
+
+def camera_info_document(camera: Camera, frame: str) -> Dict[str, Any]:
+    """Return intrinsics as a CameraInfo message; every number of D, K, R, P is a float.
+
+    A camera without distortion is written as plumb_bob with zeros, which every reader knows.
+    """
+    plain = camera.model in ("none", "plumb_bob")
+    coefficients = [float(v) for v in camera.D]
+    if plain:
+        coefficients += [0.0] * (5 - len(coefficients))
+    return {
+        "header": _header(frame, 0.0, 0),
+        "height": camera.height,
+        "width": camera.width,
+        "distortion_model": "plumb_bob" if plain else camera.model,
+        "D": coefficients,
+        "K": [float(v) for v in camera.K.ravel()],
+        "R": [float(v) for v in np.eye(3).ravel()],
+        "P": [float(v) for v in np.column_stack([camera.K, np.zeros(3)]).ravel()],
+        "binning_x": 0,
+        "binning_y": 0,
+        "roi": {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False},
+    }
+
+
+def label_document(modality: str, label: Optional[Label]) -> Dict[str, Any]:
+    """Return a label, or of None the empty label of what was not detected."""
+    if modality == RGB:
+        idxs: List[Any] = []
+        if isinstance(label, RgbLabel):
+            idxs = [
+                {"id": int(i), "x": float(x), "y": float(y)}
+                for i, (x, y) in zip(label.ids, label.pixels)
+            ]
+        return {"detected": bool(idxs), "idxs": idxs}
+    if label is None or isinstance(label, RgbLabel):
+        return {"detected": False, "idxs": [], "idxs_limit_points": []}
+    return {
+        "detected": label.detected,
+        "idxs": [int(i) for i in label.indices],
+        "idxs_limit_points": [int(i) for i in label.limit_indices],
+    }
+
+
+def _sensor(dataset: Dataset, sensor: Sensor) -> Dict[str, Any]:
+    chain = dataset.graph.chain(dataset.world, sensor.frame)
+    document = {
+        "_name": sensor.name,
+        "modality": sensor.modality,
+        "parent": sensor.frame,
+        "calibration_parent": sensor.edge.parent,
+        "calibration_child": sensor.edge.child,
+        "topic": sensor.topic,
+        "msg_type": _MESSAGES[sensor.modality],
+        "chain": [
+            {"key": str(edge), "parent": edge.parent, "child": edge.child} for edge, _ in chain
+        ],
+    }
+    if sensor.camera is not None:
+        folder = sensor.topic.rpartition("/")[0]
+        document["camera_info_topic"] = f"{folder}/camera_info"
+        document["camera_info"] = camera_info_document(sensor.camera, sensor.frame)
+    return document
+
+
+def _collection(
+    dataset: Dataset, collection: Collection, number: int, stamps: Stamps
+) -> Dict[str, Any]:
+    data = {}
+    for sensor in dataset.sensors.values():
+        if dataset.data.has_data(collection.key, sensor.name):
+            stamp = stamps.get((collection.key, sensor.name), float(number))
+            data[sensor.name] = _data(dataset, collection.key, sensor, stamp, number)
+    return {
+        "data": data,
+        "labels": {
+            pattern: {
+                name: label_document(sensor.modality, collection.labels.get((name, pattern)))
+                for name, sensor in dataset.sensors.items()
+            }
+            for pattern in dataset.patterns
+        },
+        "transforms": {
+            str(edge): transform_document(edge, matrix)
+            for edge, matrix in collection.transforms.items()
+        },
+        "joints": {},
+        "additional_data": {},
+    }
+
+
+def _data(dataset: Dataset, key: str, sensor: Sensor, stamp: float, seq: int) -> Dict[str, Any]:
+    """Return the message of a sensor without its data, and the name of the file that has them."""
+    document: Dict[str, Any] = {
+        "header": _header(sensor.frame, stamp, seq),
+        "data_file": data_file_name(sensor, key),
+        "is_bigendian": 0,
+    }
+    if sensor.modality == LIDAR3D:
+        cloud = dataset.data.cloud(key, sensor.name)
+        fields = [
+            {"name": axis, "offset": 4 * i, "datatype": _FLOAT32, "count": 1}
+            for i, axis in enumerate("xyz")
+        ]
+        width = len(cloud)
+        size = {"height": 1, "width": width, "point_step": 12, "row_step": 12 * width}
+        dense = bool(np.all(np.isfinite(cloud)))
+        return {**document, **size, "fields": fields, "is_bigendian": False, "is_dense": dense}
+    assert sensor.camera is not None
+    encoding, bytes_per_pixel = ("32FC1", 4) if sensor.modality == DEPTH else ("bgr8", 3)
+    return {
+        **document,
+        "height": sensor.camera.height,
+        "width": sensor.camera.width,
+        "encoding": encoding,
+        "step": bytes_per_pixel * sensor.camera.width,
+    }
+
+
+def _header(frame: str, stamp_s: float, seq: int) -> Dict[str, Any]:
+    nanoseconds = int(round(stamp_s * 1e9))
+    secs, nsecs = divmod(nanoseconds, 10**9)
+    return {"seq": seq, "stamp": {"secs": secs, "nsecs": nsecs}, "frame_id": frame}
+
+
+def _edges(dataset: Dataset) -> Dict[str, Any]:
+    """Return every edge of any collection with its type."""
+    calibrated = {sensor.edge for sensor in dataset.sensors.values()}
+    edges = dict.fromkeys(e for c in dataset.collections.values() for e in c.transforms)
+    return {
+        str(edge): {
+            "parent": edge.parent,
+            "child": edge.child,
+            "type": dataset.edge_types.get(edge, "fixed"),
+            "is_transformation_calibrated": edge in calibrated,
+        }
+        for edge in edges
+    }
+
+
+def _patterns(dataset: Dataset, initial_boards: InitialBoards) -> Dict[str, Any]:
+    documents = {}
+    for name, pattern in dataset.patterns.items():
+        initial: Dict[str, Any] = {}
+        for key in dataset.collections:
+            initial[key] = {"detected": False}
+            if (name, key) in initial_boards:
+                sensor, parent_T_pattern = initial_boards[(name, key)]
+                pose = transform_document(board_edge(pattern), parent_T_pattern)
+                initial[key] = {"detected": True, "sensor": sensor, **pose}
+        documents[name] = {**geometry_document(pattern), "transforms_initial": initial}
+    return documents
+
+
+def _write_data(dataset: Dataset, key: str, sensor: Sensor, path: Path) -> None:
+    if sensor.modality == LIDAR3D:
+        write_pcd(path, dataset.data.cloud(key, sensor.name))
+    elif sensor.modality == DEPTH:
+        write_depth_png(path, dataset.data.depth_image(key, sensor.name))
+    else:
+        write_image(path, dataset.data.colour_image(key, sensor.name))
