@@ -26,7 +26,7 @@ from atom_core.problem.initial_boards import (
 from atom_core.problem.measurements import Measurement, read_measurements
 from atom_core.problem.parameters import PATTERN
 from atom_core.problem.problem import Problem
-from atom_core.solvers.base import CONVERGED, SolverOptions, SolverSummary
+from atom_core.solvers.base import CONVERGED, Minimum, SolverOptions, SolverSummary
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.reweighting import covariance_of, rough_minimum, solve
 
@@ -102,8 +102,8 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
         raise CalibrationError("nothing is left to estimate: every sensor and board is held")
     clock.lap("initialise")
 
-    problem, start = settle_boards(initial, problem, measurements, options.solver)
-    summary = solve(problem, options.solver, start)
+    problem, rough = settle_boards(initial, problem, measurements, options.solver)
+    summary = solve(problem, options.solver, rough)
     clock.lap("solve")
     covariance = covariance_of(problem, summary, options.solver)
     weak = weak_directions(
@@ -138,19 +138,23 @@ def check_modalities(dataset: Dataset) -> None:
             )
 
 
-def check_data_present(dataset: Dataset) -> None:
-    """Refuse a range sensor whose labels refer to data files that are absent."""
+def absent_data(dataset: Dataset) -> Dict[str, List[str]]:
+    """Return, by range sensor, the collections whose labels refer to absent data files."""
     absent: Dict[str, List[str]] = {}
     for key, _ in dataset.detections():
-        sensor = dataset.sensors[key.sensor]
-        if sensor.modality in RANGE_MODALITIES:
+        if dataset.sensors[key.sensor].modality in RANGE_MODALITIES:
             if not dataset.data.has_data(key.collection, key.sensor):
                 absent.setdefault(key.sensor, []).append(key.collection)
-    for sensor_name, collections in absent.items():
+    return absent
+
+
+def check_data_present(dataset: Dataset) -> None:
+    """Refuse a range sensor whose labels refer to data files that are absent."""
+    for sensor, collections in absent_data(dataset).items():
         raise CalibrationError(
-            f"{dataset.source}: the data files of sensor '{sensor_name}' are absent (collections "
+            f"{dataset.source}: the data files of sensor '{sensor}' are absent (collections "
             f"{', '.join(dict.fromkeys(collections))}); put them beside the dataset, or leave the "
-            f"sensor out with -ssf '!{sensor_name}'"
+            f"sensor out with -ssf '!{sensor}'"
         )
 
 
@@ -254,15 +258,15 @@ def settle_boards(
     problem: Problem,
     measurements: Sequence[Measurement],
     options: SolverOptions,
-) -> Tuple[Problem, np.ndarray]:
+) -> Tuple[Problem, Minimum]:
     """Solve roughly, and place boards anew that turn out to stand in the wrong solution.
 
     Returns:
         The problem, and where to go on from.
     """
-    x = rough_minimum(problem, np.zeros(problem.parameters.size), options).x
+    rough = rough_minimum(problem, np.zeros(problem.parameters.size), options)
     for _ in range(_BOARD_ROUNDS):
-        poses = problem.parameters.poses(x)
+        poses = problem.parameters.poses(rough.x)
         boards: Dict[BoardKey, int] = {
             (block.names[0], block.collection): i
             for i, block in enumerate(problem.parameters.blocks)
@@ -271,17 +275,18 @@ def settle_boards(
         better = better_boards(
             [m for m in measurements if _board_key(initial, m) in boards],
             _fixed_patterns(initial),
-            placement(solved_dataset(initial, problem, x, {}), measurements),
+            placement(solved_dataset(initial, problem, rough.x, {}), measurements),
             {key: poses[i] for key, i in boards.items()},
         )
         if not better:
             break
         replaced = {boards[key]: pose_ for key, pose_ in better.items()}
         problem = replace(problem, parameters=problem.parameters.with_initial(replaced))
-        x = x.copy()
+        x = rough.x.copy()
         x.reshape(-1, 6)[list(replaced)] = 0.0
-        x = rough_minimum(problem, x, options).x
-    return problem, x
+        again = rough_minimum(problem, x, options)
+        rough = replace(again, iterations=rough.iterations + again.iterations)
+    return problem, rough
 
 
 def _board_key(dataset: Dataset, m: Measurement) -> BoardKey:

@@ -63,23 +63,45 @@ def _finite(value: float) -> float:
     return float(np.nan_to_num(value, nan=1e300, posinf=1e300))
 
 
+def selected_edges(calibration: Calibration) -> Dict[Edge, np.ndarray]:
+    """Return ``parent_T_child`` (4, 4) of every selected edge, estimated or anchored.
+
+    Of an edge with a value for each collection, the first.
+    """
+    dataset = calibration.dataset
+    edges = [s.edge for s in dataset.sensors.values()]
+    edges += list(calibration.free.additional_tfs.values())
+    return {
+        edge: next(
+            c.transforms[edge] for c in dataset.collections.values() if edge in c.transforms
+        )
+        for edge in edges
+    }
+
+
+def sigma_text(calibration: Calibration, edge: Edge) -> str:
+    """Return an edge's standard deviations in words, for a comment."""
+    variance = edge_variance(calibration, edge)
+    sigma = np.sqrt(np.zeros(6) if variance is None else variance)
+    move = ", ".join(f"{1e3 * s:.2g}" for s in sigma[3:])
+    turn = ", ".join(f"{np.rad2deg(s):.2g}" for s in sigma[:3])
+    return f"calibrated; sigma x y z: {move} mm, about x y z: {turn} deg"
+
+
 def edges_document(calibration: Calibration) -> Dict[str, Any]:
     """Return every selected edge: estimated ones with sigmas, anchored ones with zeros."""
     dataset = calibration.dataset
-    shared: Dict[Edge, List[str]] = {}
-    for sensor in dataset.sensors.values():
-        shared.setdefault(sensor.edge, []).append(sensor.name)
-    for edge in calibration.free.additional_tfs.values():
-        shared.setdefault(edge, [])
     held = calibration.free.held_edges(dataset)
-    return {str(e): _edge(calibration, e, names, e in held) for e, names in shared.items()}
+    document = {}
+    for edge, matrix in selected_edges(calibration).items():
+        sensors = [s.name for s in dataset.sensors.values() if s.edge == edge]
+        document[str(edge)] = _edge(calibration, edge, matrix, sensors, edge in held)
+    return document
 
 
-def _edge(calibration: Calibration, edge: Edge, sensors: List[str], anchored: bool):
-    transforms = next(
-        c.transforms for c in calibration.dataset.collections.values() if edge in c.transforms
-    )
-    matrix = transforms[edge]
+def _edge(
+    calibration: Calibration, edge: Edge, matrix: np.ndarray, sensors: List[str], anchored: bool
+) -> Dict[str, Any]:
     variance = edge_variance(calibration, edge)
     sigma = np.zeros(6) if variance is None else np.sqrt(np.minimum(variance, 1e12))
     return {

@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import time
 from pathlib import Path
-from typing import Any, Dict, Optional
+from typing import Optional
 
 from atom_core.calibration.calibrate import Calibration, calibrate
 from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.result import result_document
+from atom_core.calibration.result import result_document, selected_edges, sigma_text
 from atom_core.commands import common
 from atom_core.errors import CalibrationError, DescriptionError
 from atom_core.evaluation.ground_truth import ground_truth_errors
@@ -161,14 +161,13 @@ def _write_files(
 
 
 def _write_description(path: Path, calibration: Calibration, description: Description) -> list:
-    dataset = calibration.dataset
-    edges: Dict[Any, Any] = {}
-    for edge in [s.edge for s in dataset.sensors.values()] + list(
-        calibration.free.additional_tfs.values()
-    ):
-        for collection in dataset.collections.values():
-            if edge in collection.transforms:
-                edges[edge] = collection.transforms[edge]
-                break
-    report = write_calibrated_description(description, edges, path)
-    return [f"edge '{edge}' is not in the robot description: {why}" for edge, why in report.missing]
+    edges, comments = {}, {}
+    held = calibration.free.held_edges(calibration.dataset)
+    for edge, matrix in selected_edges(calibration).items():
+        edges[edge] = matrix
+        comments[edge] = "anchored" if edge in held else sigma_text(calibration, edge)
+    report = write_calibrated_description(description, edges, path, comments)
+    remarks = [f"edge '{e}' is not written to {path.name}: {why}" for e, why in report.missing]
+    if report.flattened:
+        remarks.append(f"{path.name} is the expanded description: {report.reason}")
+    return remarks

@@ -53,21 +53,7 @@ class Rectangle:
             (n,) distances [m] and (n, 2) unit gradients: the outward direction of the nearest
             border point. On the ridge where two sides are equally near, the one found first.
         """
-        points = np.asarray(points, dtype=float)
-        offset = points - self.centre
-        beyond = np.abs(offset) - self.half_size
-        outward = np.where(offset < 0, -1.0, 1.0)
-        positive = np.maximum(beyond, 0.0)
-        outside = np.linalg.norm(positive, axis=1)
-        inside = np.max(beyond, axis=1)
-        is_outside = outside > 0
-        nearest = np.argmax(beyond, axis=1)
-        gradient_inside = np.zeros_like(offset)
-        rows = np.arange(len(points))
-        gradient_inside[rows, nearest] = outward[rows, nearest]
-        safe = np.where(is_outside, outside, 1.0)[:, None]
-        gradient = np.where(is_outside[:, None], outward * positive / safe, gradient_inside)
-        return np.where(is_outside, outside, inside), gradient
+        return signed_distance_to_rectangles(points, self.centre, self.half_size)
 
     def sample(self, step: float) -> np.ndarray:
         """Return points (n, 2) along the whole border, at most ``step`` [m] apart."""
@@ -77,3 +63,27 @@ class Rectangle:
             count = max(int(np.ceil(np.linalg.norm(end - start) / step)), 1)
             sides.append(start + np.linspace(0, 1, count, endpoint=False)[:, None] * (end - start))
         return np.concatenate(sides)
+
+
+def signed_distance_to_rectangles(
+    points: np.ndarray, centre: np.ndarray, half_size: np.ndarray
+) -> Tuple[np.ndarray, np.ndarray]:
+    """Return signed distances (n,) and gradients (n, 2); one rectangle, or one for each point.
+
+    Args:
+        points: (n, 2) [m].
+        centre: (2,) or (n, 2) [m].
+        half_size: (2,) or (n, 2) half of width and height [m].
+    """
+    offset = np.asarray(points, dtype=float) - centre
+    beyond = np.abs(offset) - half_size
+    outward = np.where(offset < 0, -1.0, 1.0)
+    positive = np.maximum(beyond, 0.0)
+    outside = np.linalg.norm(positive, axis=1)
+    is_outside = outside > 0
+    rows, nearest = np.arange(len(offset)), np.argmax(beyond, axis=1)
+    gradient_inside = np.zeros_like(offset)
+    gradient_inside[rows, nearest] = outward[rows, nearest]
+    safe = np.where(is_outside, outside, 1.0)[:, None]
+    gradient = np.where(is_outside[:, None], outward * positive / safe, gradient_inside)
+    return np.where(is_outside, outside, np.max(beyond, axis=1)), gradient

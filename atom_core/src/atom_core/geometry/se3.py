@@ -134,15 +134,17 @@ def rotation_from_rpy(rpy: np.ndarray) -> np.ndarray:
 
 
 def rpy_from_rotation(rotation: np.ndarray) -> np.ndarray:
-    """Return roll, pitch, yaw (..., 3) [rad] about fixed axes; at pitch +-90 deg roll is 0."""
+    """Return roll, pitch, yaw (..., 3) [rad] that give the rotation back, at any pitch.
+
+    Near pitch +-90 deg yaw alone is ill determined: it is taken first and undone, so that the
+    roll makes good its error.
+    """
     r = np.asarray(rotation, dtype=float)
-    cosine = np.hypot(r[..., 0, 0], r[..., 1, 0])
-    regular = cosine > 1e-9
-    roll = np.where(regular, np.arctan2(r[..., 2, 1], r[..., 2, 2]), 0.0)
-    pitch = np.arctan2(-r[..., 2, 0], cosine)
-    yaw = np.where(
-        regular, np.arctan2(r[..., 1, 0], r[..., 0, 0]), np.arctan2(-r[..., 0, 1], r[..., 1, 1])
-    )
+    regular = np.hypot(r[..., 0, 0], r[..., 1, 0]) > 1e-15
+    yaw = np.where(regular, np.arctan2(r[..., 1, 0], r[..., 0, 0]), 0.0)
+    c, s = np.cos(yaw), np.sin(yaw)
+    pitch = np.arctan2(-r[..., 2, 0], c * r[..., 0, 0] + s * r[..., 1, 0])
+    roll = np.arctan2(s * r[..., 0, 2] - c * r[..., 1, 2], c * r[..., 1, 1] - s * r[..., 0, 1])
     return np.stack([roll, pitch, yaw], axis=-1)
 
 

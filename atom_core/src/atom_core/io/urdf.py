@@ -221,7 +221,7 @@ class _Origin:
     def as_edit(self) -> OriginEdit:
         if not self.is_new:
             return OriginEdit(None, None, self.comment)
-        xyz, rpy = self.parent_T_child[:3, 3], _rpy_of(self.parent_T_child[:3, :3])
+        xyz, rpy = self.parent_T_child[:3, 3], se3.rpy_from_rotation(self.parent_T_child[:3, :3])
         return OriginEdit(xyz, rpy, self.comment)
 
 
@@ -411,17 +411,3 @@ def _unwritable(description: Description, flaw: str) -> DescriptionError:
 def _names(wanted: Mapping[Edge, _Origin], edges: Tuple[Edge, ...]) -> str:
     names = ", ".join(f"'{wanted[edge].joint.name}'" for edge in edges)
     return f"joint {names}" if len(edges) == 1 else f"joints {names}"
-
-
-def _rpy_of(rotation: np.ndarray) -> np.ndarray:
-    """Return roll, pitch, yaw (3,) that give the rotation back to rounding, at any pitch.
-
-    Near pitch = +-90 deg yaw alone is ill determined. It is taken first and undone, so that the
-    roll makes good its error; the file is checked to 1e-9.
-    """
-    r = rotation
-    yaw = np.arctan2(r[1, 0], r[0, 0]) if np.hypot(r[0, 0], r[1, 0]) > 1e-15 else 0.0
-    c, s = np.cos(yaw), np.sin(yaw)
-    pitch = np.arctan2(-r[2, 0], c * r[0, 0] + s * r[1, 0])
-    roll = np.arctan2(s * r[0, 2] - c * r[1, 2], c * r[1, 1] - s * r[0, 1])
-    return np.array([roll, pitch, yaw])

@@ -53,7 +53,7 @@ def rough_minimum(
 def solve(
     problem: Problem,
     options: SolverOptions,
-    start: Optional[np.ndarray] = None,
+    rough: Optional[Minimum] = None,
     minimiser: Minimise = minimise,
 ) -> SolverSummary:
     """Solve a problem.
@@ -61,22 +61,21 @@ def solve(
     Args:
         problem: what to solve.
         options: weights, loss, limits.
-        start: (p,) where to start; the initial values if None.
+        rough: a first answer to go on from; found here if None.
         minimiser: which solver does the work of one round.
     """
     zero = np.zeros(problem.parameters.size)
-    x = zero if start is None else start
+    rough = rough or rough_minimum(problem, zero, options, minimiser)
+    left = max(options.max_iterations - rough.iterations, 1)
     if options.weights == ATOM:
         sigmas = atom_normalisers(problem, zero)
-        end = minimiser(problem, x, sigmas, options.loss, options.max_iterations, EXACT)
-        return _summary(problem, options, end, sigmas, end.iterations)
-    if start is None:
-        first = rough_minimum(problem, x, options, minimiser)
-        return _reweighted(problem, options, minimiser, first.x, first.iterations)
-    return _reweighted(problem, options, minimiser, x, 0)
+        end = minimiser(problem, rough.x, sigmas, options.loss, left, EXACT)
+        return _summary(problem, options, end, sigmas, rough.iterations + end.iterations)
+    return _reweighted(problem, options, minimiser, rough)
 
 
-def _reweighted(problem, options, minimiser, x, iterations) -> SolverSummary:
+def _reweighted(problem, options, minimiser, rough: Minimum) -> SolverSummary:
+    x, iterations = rough.x, rough.iterations
     sigmas = tuple(block.sigma for block in problem.residual_blocks)
     for _ in range(options.reweighting_rounds):
         factors = _sigma_factors(problem, x, sigmas, options.loss)

@@ -1,0 +1,199 @@
+"""The look before the flight: who sees which board, what hangs together, what is implausible."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Dict, List, Mapping, Optional, Sequence, Tuple
+
+import numpy as np
+
+from atom_core.calibration.calibrate import absent_data, check_modalities, free_edges
+from atom_core.calibration.connectivity import check_connected, floats_freely
+from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.statistics import Table, residual_table
+from atom_core.errors import AtomError
+from atom_core.geometry import se3
+from atom_core.geometry.plane import fit_plane
+from atom_core.model.dataset import Dataset, DetectionKey, RgbLabel, board_edge, is_complete, place
+from atom_core.problem.builder import FreeEdges, build_problem, check_edges
+from atom_core.problem.initial_boards import camera_candidates
+from atom_core.problem.measurements import (
+    CornerMeasurement,
+    Measurement,
+    RangeMeasurement,
+    read_measurements,
+)
+
+_PNP_LIMIT_PX = 3.0  # RMS of one board's corners about its own pose
+_PLANE_LIMIT_M = 0.05
+_SIZE_LIMIT = 1.15  # labelled extent over the board's diagonal
+_FEW_DETECTIONS = 3
+
+
+@dataclass(frozen=True)
+class Preflight:
+    """What is known before a calibration.
+
+    Attributes:
+        detections: text for each (sensor, collection, pattern) that was detected.
+        complete: collections in which every sensor sees every pattern.
+        free_parameters: numbers to estimate, boards included.
+        rows: residuals.
+        problems: what stands in the way of a calibration.
+        warnings: what should be looked at.
+        residuals: at the poses that the dataset carries; None when it carries none.
+    """
+
+    detections: Mapping[DetectionKey, str]
+    complete: Tuple[str, ...]
+    free_parameters: int
+    rows: int
+    problems: Tuple[str, ...]
+    warnings: Tuple[str, ...]
+    residuals: Optional[Table]
+
+
+def preflight(dataset: Dataset) -> Preflight:
+    """Examine a dataset; what is wrong is collected rather than raised."""
+    problems: List[str] = []
+    warnings: List[str] = list(dataset.warnings)
+    for sensor, collections in absent_data(dataset).items():
+        problems.append(
+            f"the data files of sensor '{sensor}' are absent ({len(collections)} collections); "
+            f"calibrate without it: -ssf '!{sensor}'"
+        )
+    present = _with_data(dataset)
+    measurements, remarks = read_measurements(present)
+    free = _free_edges(dataset, problems)
+    for check in (
+        lambda: check_modalities(dataset),
+        lambda: check_edges(dataset, free),
+        lambda: check_connected(present, measurements, free),
+    ):
+        _collect(check, problems)
+    warnings += remarks + _implausible(present, measurements)
+    if floats_freely(present, measurements, free):
+        warnings.append(
+            "nothing ties the rig to world: the first sensor will be held (anchored_sensor, -as)"
+        )
+    held = _problem_at_held_boards(present, measurements, free)
+    return Preflight(
+        detections=_detections(dataset),
+        complete=tuple(key for key in dataset.collections if is_complete(dataset, key)),
+        free_parameters=_parameter_count(present, measurements, free),
+        rows=sum(_rows(m) for m in measurements),
+        problems=tuple(problems),
+        warnings=tuple(warnings),
+        residuals=residual_table(held, np.zeros(0)) if held else None,
+    )
+
+
+def _collect(check, problems: List[str]) -> None:
+    try:
+        check()
+    except AtomError as error:
+        problems.append(str(error))
+
+
+def _free_edges(dataset: Dataset, problems: List[str]) -> FreeEdges:
+    try:
+        return free_edges(dataset, CalibrationOptions())
+    except AtomError as error:
+        problems.append(str(error))
+        return FreeEdges()
+
+
+def _with_data(dataset: Dataset) -> Dataset:
+    absent = absent_data(dataset)
+    return dataset.selected(sensors=[s for s in dataset.sensors if s not in absent])
+
+
+def _detections(dataset: Dataset) -> Dict[DetectionKey, str]:
+    texts = {}
+    for key, label in dataset.detections():
+        if isinstance(label, RgbLabel):
+            count = dataset.patterns[key.pattern].corner_count
+            texts[key] = f"{len(label.ids)}/{count}" if len(label.ids) < count else str(count)
+        else:
+            texts[key] = f"{len(label.indices)}+{len(label.limit_indices)}"
+    return texts
+
+
+def _rows(m: Measurement) -> int:
+    return 2 * len(m.ids) if isinstance(m, CornerMeasurement) else len(m.inside) + len(m.limit)
+
+
+def _parameter_count(dataset: Dataset, measurements: Sequence[Measurement], free) -> int:
+    edges = {dataset.sensors[m.key.sensor].edge for m in measurements} - free.held_edges(dataset)
+    boards = {
+        (m.key.pattern, None if dataset.patterns[m.key.pattern].fixed else m.key.collection)
+        for m in measurements
+    }
+    return 6 * (len(edges) + len(free.additional_tfs) + len(boards))
+
+
+def _implausible(dataset: Dataset, measurements: Sequence[Measurement]) -> List[str]:
+    remarks = []
+    counts: Dict[str, int] = {}
+    for m in measurements:
+        counts[m.key.sensor] = counts.get(m.key.sensor, 0) + 1
+        if isinstance(m, CornerMeasurement):
+            remarks += _implausible_corners(m)
+        else:
+            remarks += _implausible_range(m)
+    for sensor, count in counts.items():
+        if count < _FEW_DETECTIONS:
+            remarks.append(f"sensor '{sensor}' has only {count} detection(s)")
+    for sensor in dataset.sensors.values():
+        if sensor.camera is not None and "rect" in sensor.topic and np.any(sensor.camera.D):
+            remarks.append(
+                f"sensor '{sensor.name}': topic '{sensor.topic}' looks rectified but its "
+                f"camera_info has distortion; one of the two is wrong"
+            )
+    return remarks
+
+
+def _implausible_corners(m: CornerMeasurement) -> List[str]:
+    candidates = camera_candidates(m)
+    if not candidates:
+        return [f"{place(m.key)}: too few or collinear corners to place the board"]
+    points = se3.apply(candidates[0], m.corners_in_pattern)
+    rms = np.sqrt(np.mean(np.sum((m.camera.project(points) - m.pixels) ** 2, axis=1)))
+    if rms > _PNP_LIMIT_PX:
+        return [
+            f"{place(m.key)}: the corners fit no board pose (RMS {rms:.1f} px); look at the "
+            f"label, the board's dimension and size, and the intrinsics"
+        ]
+    return []
+
+
+def _implausible_range(m: RangeMeasurement) -> List[str]:
+    try:
+        _, _, rms = fit_plane(m.inside)
+    except ValueError as error:
+        return [f"{place(m.key)}: {error}"]
+    remarks = []
+    if rms > _PLANE_LIMIT_M:
+        remarks.append(f"{place(m.key)}: the labelled points are no plane (RMS {rms:.3f} m)")
+    extent = np.linalg.norm(np.ptp(m.inside, axis=0))
+    diagonal = 2.0 * np.linalg.norm(m.border.half_size)
+    if extent > _SIZE_LIMIT * diagonal:
+        remarks.append(
+            f"{place(m.key)}: the label is {extent:.2f} m across, the board only {diagonal:.2f} m"
+        )
+    return remarks
+
+
+def _problem_at_held_boards(dataset: Dataset, measurements: Sequence[Measurement], free):
+    """Return the problem with every pose as the dataset carries it; None if it carries no board."""
+    boards = {}
+    for m in measurements:
+        edge = board_edge(dataset.patterns[m.key.pattern])
+        transforms = dataset.collections[m.key.collection].transforms
+        if edge in transforms:
+            boards[(m.key.pattern, m.key.collection)] = transforms[edge]
+    placed = [m for m in measurements if (m.key.pattern, m.key.collection) in boards]
+    if not placed:
+        return None
+    everything_held = FreeEdges(tuple(dataset.sensors), {}, anchor_patterns=True)
+    return build_problem(dataset, placed, boards, everything_held)

@@ -1,0 +1,67 @@
+"""Say what a dataset holds, whether it can be calibrated, and what looks wrong in it."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any, Dict, List
+
+import numpy as np
+
+from atom_core.calibration.preflight import preflight
+from atom_core.commands import common
+from atom_core.geometry import se3
+from atom_core.io.urdf import read_description
+from atom_core.model.dataset import Dataset
+from atom_core.report.calibration_tables import moved_report, preflight_report
+
+EXAMPLE = "python3 -m atom_core check --dataset data/dataset.json"
+_MOVED_M, _MOVED_DEG = 0.001, 0.05
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    common.add_dataset_options(parser)
+    common.add_option(
+        parser, "against", type=Path, metavar="URDF",
+        help="compare the calibrated edges with this description: has the rig moved?",
+    )  # fmt: skip
+    common.add_verbose_option(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the tables; 1 when the dataset cannot be calibrated or the rig has moved."""
+    dataset = common.selected_dataset(args)
+    result = preflight(dataset)
+    print(preflight_report(dataset, result))
+    moved = False
+    if args.against:
+        rows = _compare(dataset, args.against)
+        print("\n" + moved_report(rows))
+        moved = any(r["translation_m"] > _MOVED_M or r["rotation_deg"] > _MOVED_DEG for r in rows)
+        print("\nthe rig has moved" if moved else "\nthe rig stands as described")
+    return 1 if result.problems or moved else 0
+
+
+def _compare(dataset: Dataset, path: Path) -> List[Dict[str, Any]]:
+    joints = read_description(path).robot.joints.values()
+    described = {(j.parent_link, j.child_link): j.parent_T_child(0.0) for j in joints}
+    collection = next(iter(dataset.collections.values()))
+    rows = []
+    for sensor in dataset.sensors.values():
+        if sensor.edge not in described or sensor.edge not in collection.transforms:
+            rows.append(_row(sensor, np.nan, np.nan))
+            continue
+        now, then = collection.transforms[sensor.edge], described[sensor.edge]
+        turned = np.rad2deg(se3.rotation_angle(then[:3, :3].T @ now[:3, :3]))
+        rows.append(_row(sensor, np.linalg.norm(now[:3, 3] - then[:3, 3]), turned))
+    return rows
+
+
+def _row(sensor, translation_m: float, rotation_deg: float) -> Dict[str, Any]:
+    return {
+        "sensor": sensor.name,
+        "edge": str(sensor.edge),
+        "translation_m": float(translation_m),
+        "rotation_deg": float(rotation_deg),
+    }

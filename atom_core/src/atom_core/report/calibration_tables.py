@@ -1,0 +1,153 @@
+"""Tables of ``calibrate`` and ``check``, as users know them from ATOM."""
+
+from __future__ import annotations
+
+from typing import Any, Dict, List, Mapping, Optional
+
+from atom_core.calibration.preflight import Preflight
+from atom_core.calibration.statistics import Table, kinds_of, mean_over_collections
+from atom_core.model.dataset import Dataset, DetectionKey
+from atom_core.report.tables import ABSENT, text_table
+
+_SHOWN = {"reprojection": ("px", 1.0, 4), "orthogonal": ("mm", 1e3, 2), "border": ("mm", 1e3, 2)}
+
+
+def calibration_report(document: Mapping[str, Any], verbose: bool = False) -> str:
+    """Return what ``calibrate`` prints, from the document ``calibration.json``."""
+    parts = [_edges_table(document), _sensors_table(document)]
+    if verbose:
+        parts.append(_collections_table(document))
+    if "ground_truth" in document:
+        parts.append(_truth_table(document["ground_truth"]))
+    unused = [f"{k} ({v['reason']})" for k, v in document["collections"].items() if not v["used"]]
+    if unused:
+        parts.append("collections not used: " + "; ".join(unused))
+    parts += [f"warning: {w}" for w in document["warnings"]]
+    for weak in document["weak_directions"]:
+        parts.append(
+            f"undetermined: {', '.join(weak['parameters'])} (sigma {weak['sigma']:.3g} "
+            f"{weak['unit']}): {weak['why']}"
+        )
+    solver = document["solver"]
+    parts.append(
+        f"{document['status']}: {document['message']} ({solver['iterations']} iterations, "
+        f"{solver['residuals']} residuals, {solver['parameters']} parameters, solved in "
+        f"{solver['seconds']['solve']:.2f} s)"
+    )
+    return "\n\n".join(parts)
+
+
+def _edges_table(document: Mapping[str, Any]) -> str:
+    rows = []
+    for name, edge in document["edges"].items():
+        sigmas = [1e3 * max(edge["sigma_translation_m"]), _deg(max(edge["sigma_rotation_rad"]))]
+        state = "anchored" if edge["anchored"] else "estimated"
+        rows.append([", ".join(edge["sensors"]), name, state, *edge["translation_m"], *sigmas])
+    headers = [
+        "Sensors", "Edge (parent-child)", "", "x [m]", "y [m]", "z [m]",
+        "sigma [mm]", "sigma [deg]",
+    ]  # fmt: skip
+    return text_table(headers, rows, "Calibrated edges (sigma: the largest of three axes)")
+
+
+def _sensors_table(document: Mapping[str, Any]) -> str:
+    rows = []
+    for name, sensor in document["sensors"].items():
+        row: List[Any] = [name, sensor["modality"], sensor["detections"], sensor["outliers"]]
+        for kind, (_, factor, digits) in _SHOWN.items():
+            value = sensor["residuals"].get(kind)
+            row += [None, None] if value is None else [
+                f"{factor * value['mean']:.{digits}f}", f"{factor * value['rms']:.{digits}f}",
+            ]  # fmt: skip
+        rows.append(row)
+    headers = ["Sensor", "Modality", "Detections", "Outliers"]
+    for kind, (unit, _, _) in _SHOWN.items():
+        headers += [f"{kind} mean [{unit}]", f"rms [{unit}]"]
+    return text_table(headers, rows, "Residuals at the solution")
+
+
+def _collections_table(document: Mapping[str, Any]) -> str:
+    columns = [
+        (name, kind) for name, s in document["sensors"].items() for kind in s["residuals"]
+    ]
+    rows = []
+    for key, collection in document["collections"].items():
+        row: List[Any] = [key]
+        for name, kind in columns:
+            value = collection["residuals"].get(name, {}).get(kind)
+            _, factor, digits = _SHOWN[kind]
+            row.append(None if value is None else f"{factor * value['mean']:.{digits}f}")
+        rows.append(row)
+    headers = ["Collection"] + [f"{n} {k} [{_SHOWN[k][0]}]" for n, k in columns]
+    return text_table(headers, rows, "Mean residuals by collection")
+
+
+def _truth_table(ground_truth: Mapping[str, Any]) -> str:
+    rows = [
+        [name, 1e3 * value["translation_error_m"], value["rotation_error_deg"]]
+        for name, value in ground_truth.items()
+    ]
+    return text_table(["Sensor", "Translation [mm]", "Rotation [deg]"], rows, "Errors against truth", 3)
+
+
+def _deg(radians: float) -> float:
+    return radians * 57.29577951308232
+
+
+def preflight_report(dataset: Dataset, result: Preflight) -> str:
+    """Return what ``check`` prints."""
+    parts = [_detection_table(dataset, result)]
+    parts.append(
+        f"{len(dataset.collections)} collections, {len(result.complete)} complete; "
+        f"{result.rows} residuals, {result.free_parameters} free parameters"
+    )
+    if result.residuals is not None:
+        parts.append(_residual_table(dataset, result.residuals))
+    parts += [f"warning: {w}" for w in result.warnings]
+    parts += [f"problem: {p}" for p in result.problems]
+    parts.append("not ready to calibrate" if result.problems else "ready to calibrate")
+    return "\n\n".join(parts)
+
+
+def _detection_table(dataset: Dataset, result: Preflight) -> str:
+    rows = []
+    for key in dataset.collections:
+        cells = [_detection_cell(dataset, result.detections, key, s) for s in dataset.sensors]
+        rows.append([key] + cells)
+    totals: List[Any] = ["seen in"]
+    for sensor in dataset.sensors:
+        totals.append(str(len({k.collection for k in result.detections if k.sensor == sensor})))
+    title = "Detections (corners found/of all; range points inside+border)"
+    return text_table(["Collection"] + list(dataset.sensors), rows + [totals], title)
+
+
+def _detection_cell(dataset, detections: Mapping[DetectionKey, str], key: str, sensor: str):
+    cells = [detections.get(DetectionKey(key, sensor, p), ABSENT) for p in dataset.patterns]
+    return " | ".join(cells)
+
+
+def _residual_table(dataset: Dataset, table: Table) -> str:
+    """Return ATOM's table of errors, at the poses that the dataset carries."""
+    columns = [(s, kind) for s in dataset.sensors for kind in kinds_of(table, s)]
+    rows = []
+    for key in dataset.collections:
+        row: List[Any] = [key]
+        for sensor, kind in columns:
+            value = table.get((sensor, kind, key))
+            row.append(None if value is None else value.mean)
+        rows.append(row)
+    averages: List[Any] = ["Averages"]
+    averages += [mean_over_collections(table, sensor, kind) for sensor, kind in columns]
+    units = {"reprojection": "px", "orthogonal": "m", "border": "m"}
+    headers = ["Collection"] + [f"{s} {kind} [{units[kind]}]" for s, kind in columns]
+    title = "Residuals at the poses in the dataset (mean of each collection)"
+    return text_table(headers, rows + [averages], title)
+
+
+def moved_report(rows: List[Dict[str, Any]], limit: Optional[str] = None) -> str:
+    """Return the table of ``check --against``."""
+    cells = [
+        [r["sensor"], r["edge"], 1e3 * r["translation_m"], r["rotation_deg"]] for r in rows
+    ]
+    headers = ["Sensor", "Edge", "Moved [mm]", "Turned [deg]"]
+    return text_table(headers, cells, "Dataset against description", 3)
