@@ -108,7 +108,9 @@ def _syntax_error(path: PathLike, text: str, error: Exception) -> ConfigError:
         return ConfigError(f"{path}:{line}: a character that YAML does not allow; remove it")
     if isinstance(error, RecursionError):
         return ConfigError(f"{path}: lists or maps are nested too deeply")
-    mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
+    start, mark = getattr(error, "context_mark", None), getattr(error, "problem_mark", None)
+    if mark is None or (start is not None and mark.index >= len(text.rstrip())):
+        mark = start  # what began there was not closed until the end of the file
     if mark is None:
         return ConfigError(f"{path}: this is not valid YAML: {error}")
     place = f"{path}:{mark.line + 1}:{mark.column + 1}"
