@@ -39,9 +39,10 @@ _atom_env() {
   set +eu
 
   # roscd, rosls and completion, which Debian does not load by itself.
-  if [[ $flags == *i* && -r /usr/share/rosbash/rosbash ]]; then
-    # shellcheck disable=SC1091
-    source /usr/share/rosbash/rosbash
+  local rosbash=/usr/share/bash-completion/completions/rosbash
+  if [[ $flags == *i* && -r $rosbash ]]; then
+    # shellcheck disable=SC1090
+    source "$rosbash"
   fi
 
   local devel found=""
