@@ -153,7 +153,7 @@ def label_document(modality: str, label: Optional[Label]) -> Dict[str, Any]:
 
 def _sensor(dataset: Dataset, sensor: Sensor) -> Dict[str, Any]:
     chain = dataset.graph.chain(dataset.world, sensor.frame)
-    document = {
+    document: Dict[str, Any] = {
         "_name": sensor.name,
         "modality": sensor.modality,
         "parent": sensor.frame,
