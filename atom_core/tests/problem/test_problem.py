@@ -1,0 +1,133 @@
+"""Residuals and their Jacobians through every kind of chain, and what they are at the truth."""
+
+import numpy as np
+import pytest
+from atom_core.calibration.calibrate import free_edges, initial_boards
+from atom_core.calibration.disturb import disturbed
+from atom_core.calibration.options import CalibrationOptions
+from atom_core.geometry.camera import Camera
+from atom_core.model.dataset import board_edge
+from atom_core.model.truth import with_truth
+from atom_core.problem.builder import build_problem
+from atom_core.problem.measurements import read_measurements
+from atom_core.synthetic import Noise, paper_cell, scenes
+
+K = np.array([[900.0, 0, 640.0], [0, 890.0, 400.0], [0, 0, 1]])
+MODELS = {
+    "none": [],
+    "plumb_bob": [-0.2, 0.05, 0.001, -0.002, 0.01],
+    "rational_polynomial": [0.3, -0.1, 0.001, -0.002, 0.01, 0.5, -0.1, 0.02],
+    "equidistant": [-0.03, 0.01, -0.004, 0.001],
+}
+SCENES = {
+    "random_scene": lambda: scenes.random_scene(1, collections=4),
+    "shared_edge": lambda: scenes.shared_edge(1, collections=4),
+    "hand_eye": lambda: scenes.hand_eye(1, collections=4),
+    "board_on_arm": lambda: scenes.board_on_arm(1, collections=4),
+    "two_patterns": lambda: scenes.two_patterns(1, collections=4),
+}
+for _model in MODELS:
+    SCENES[_model] = lambda model=_model: scenes.two_cameras(
+        1, camera=Camera(1280, 800, K, MODELS[model], model), collections=3
+    )
+
+
+def problem_of(dataset, boards=None):
+    free = free_edges(dataset, CalibrationOptions())
+    measurements, _ = read_measurements(dataset)
+    boards = boards or initial_boards(dataset, measurements, free)
+    return build_problem(dataset, measurements, boards, free)
+
+
+def stacked(problem, x, sigmas):
+    rows = [(r / s[:, None]).ravel() for r, s in zip(problem.residuals(x), sigmas)]
+    return np.concatenate(rows)
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_jacobian_against_central_differences(scene):
+    problem = problem_of(SCENES[scene]().dataset)
+    rng = np.random.default_rng(0)
+    x = 0.03 * rng.standard_normal(problem.parameters.size)
+    sigmas = [block.sigma for block in problem.residual_blocks]
+    analytic, h = problem.jacobian(x, sigmas).toarray(), 1e-6
+    numeric = np.empty_like(analytic)
+    for i in range(len(x)):
+        step = np.zeros_like(x)
+        step[i] = h
+        ahead, behind = stacked(problem, x + step, sigmas), stacked(problem, x - step, sigmas)
+        numeric[:, i] = (ahead - behind) / (2 * h)
+    scale = np.max(np.abs(analytic), axis=1, keepdims=True)
+    np.testing.assert_allclose(analytic / scale, numeric / scale, atol=1e-6)
+
+
+def test_every_free_parameter_moves_some_residual():
+    problem = problem_of(paper_cell(0).dataset)
+    sigmas = [block.sigma for block in problem.residual_blocks]
+    jacobian = problem.jacobian(np.zeros(problem.parameters.size), sigmas)
+    assert np.all(np.asarray(abs(jacobian).sum(axis=0)) > 0)
+
+
+def test_residuals_vanish_at_the_truth_of_exact_measurements():
+    scene = scenes.random_scene(
+        2, collections=4, noise=Noise.none(), sampling=scenes.Sampling(exact_border=True)
+    )
+    dataset = with_truth(scene.dataset, scene.truth)
+    problem = problem_of(dataset, dict(scene.truth.boards))
+    for block, residual in zip(
+        problem.residual_blocks, problem.residuals(np.zeros(problem.parameters.size))
+    ):
+        if block.modality == "depth" and block.kind == "border":
+            continue  # a pixel's border is quantised
+        assert np.max(np.abs(residual)) < 1e-6, (block.sensor, block.kind)
+
+
+def test_constants_are_not_in_the_vector():
+    dataset = paper_cell(0).dataset
+    problem = problem_of(dataset)
+    held = dataset.sensors[dataset.config.anchored_sensor].edge
+    assert held not in [block.edge for block in problem.parameters.blocks]
+    free_sensors = len(dataset.sensors) - 1
+    assert problem.parameters.size == 6 * (free_sensors + len(dataset.collections))
+
+
+def test_sensors_that_share_an_edge_share_one_block():
+    problem = problem_of(scenes.shared_edge(0).dataset)
+    names = [b.names for b in problem.parameters.blocks if b.kind == "sensor"]
+    assert names == [("rgb_2", "depth_1")]
+
+
+def test_a_fixed_pattern_is_one_block():
+    scene = scenes.hand_eye(0)
+    boards = [b for b in problem_of(scene.dataset).parameters.blocks if b.kind == "pattern"]
+    assert len(boards) == 1 and boards[0].collection is None
+
+
+def test_initial_boards_are_right_when_the_sensors_are():
+    scene = paper_cell(3)
+    dataset = with_truth(scene.dataset, scene.truth)
+    free = free_edges(dataset, CalibrationOptions())
+    boards = initial_boards(dataset, read_measurements(dataset)[0], free)
+    errors = [
+        np.linalg.norm(pose[:3, 3] - scene.truth.boards[key][:3, 3])
+        for key, pose in boards.items()
+    ]
+    assert np.median(errors) < 0.01
+    assert np.max(errors) < 0.05
+
+
+def test_disturbance_has_the_asked_size_and_spares_the_anchor_and_the_boards():
+    scene = paper_cell(0)
+    dataset, options = scene.dataset, CalibrationOptions()
+    free = free_edges(dataset, options)
+    moved = disturbed(dataset, free, 0.1, 0.2, np.random.default_rng(5))
+    key = next(iter(dataset.collections))
+    before, after = dataset.collections[key].transforms, moved.collections[key].transforms
+    anchored = dataset.config.anchored_sensor
+    for sensor in dataset.sensors.values():
+        shift = np.linalg.norm(after[sensor.edge][:3, 3] - before[sensor.edge][:3, 3])
+        turn = before[sensor.edge][:3, :3].T @ after[sensor.edge][:3, :3]
+        angle = np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1))
+        expected = (0.0, 0.0) if sensor.name == anchored else (0.1, 0.2)
+        np.testing.assert_allclose((shift, angle), expected, atol=1e-7)
+    assert board_edge(dataset.patterns["pattern_1"]) not in after
