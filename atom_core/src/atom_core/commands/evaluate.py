@@ -1,0 +1,104 @@
+"""Measure a calibration on a test set, pair by pair, and against the truth where it is known."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import List, Optional
+
+from atom_core.commands import common
+from atom_core.evaluation.document import evaluation_document
+from atom_core.evaluation.evaluate import Evaluation, evaluate
+from atom_core.io.annotations import read_annotations
+from atom_core.io.atomic import (
+    prepare_output_folder,
+    write_json_atomically,
+    write_text_atomically,
+)
+from atom_core.io.dataset_json import read_dataset
+from atom_core.io.truth_json import read_truth
+from atom_core.model.dataset import Dataset
+from atom_core.model.selection import select_names
+from atom_core.report.evaluation_csv import csv_texts
+from atom_core.report.evaluation_tables import evaluation_report
+
+EXAMPLE = (
+    "python3 -m atom_core evaluate --train results/atom_calibration.json "
+    "--test test/dataset.json --output evaluation"
+)
+RESULT_FILE = "evaluation.json"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    add = common.add_option
+    add(
+        parser, "train", "-train_json", "--train_json", required=True, type=Path, metavar="FILE",
+        help="the calibrated dataset (atom_calibration.json)",
+    )  # fmt: skip
+    add(
+        parser, "test", "-test_json", "--test_json", required=True, type=Path, metavar="FILE",
+        help="the dataset to measure on",
+    )  # fmt: skip
+    common.add_output_options(parser)
+    add(
+        parser, "truth", type=Path, metavar="FILE",
+        help="a simulation's truth: the floor of every metric, and the sensors' errors",
+    )  # fmt: skip
+    add(
+        parser, "pairs", nargs="+", metavar="A:B",
+        help="only these pairs of sensors; names or globs, in either order",
+    )  # fmt: skip
+    add(
+        parser, "compare", type=Path, metavar="OTHER",
+        help="another calibrated dataset, to stand beside the first",
+    )  # fmt: skip
+    common.add_selection_options(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Evaluate, write the results, print the tables; 1 when no pair could be measured."""
+    common.refuse_occupied(args.output, args.overwrite)
+    test = read_dataset(args.test)
+    evaluation = _evaluate(args, args.train, test)
+    compared = _evaluate(args, args.compare, test) if args.compare else None
+    folder = prepare_output_folder(args.output, args.overwrite)
+    for name, text in csv_texts(evaluation).items():
+        write_text_atomically(folder / name, text)
+    document = evaluation_document(evaluation, compared)
+    document["options"] = common.options_document(args)
+    write_json_atomically(folder / RESULT_FILE, document, sort_keys=False)
+    print(evaluation_report(evaluation, compared, verbose=args.verbose))
+    print(f"\nresults: {folder}")
+    return 0 if evaluation.measured else 1
+
+
+def _evaluate(args: argparse.Namespace, path: Path, test: Dataset) -> Evaluation:
+    train = read_dataset(path)
+    test = _selected(args, test)
+    return evaluate(
+        train,
+        test,
+        truth=read_truth(args.truth) if args.truth else None,
+        sensors=_sensors(args, train, test),
+        pairs=args.pairs,
+        annotations=read_annotations(args.test.parent, test.sensors, test.patterns),
+    )
+
+
+def _selected(args: argparse.Namespace, test: Dataset) -> Dataset:
+    """Reduce the test set to the selected collections and patterns."""
+    return test.selected(
+        collections=select_names(
+            test.collections, args.collection_selection_function, "collection"
+        ),
+        patterns=select_names(test.patterns, args.pattern_selection_function, "pattern"),
+    )
+
+
+def _sensors(args: argparse.Namespace, train: Dataset, test: Dataset) -> Optional[List[str]]:
+    """Return the selected sensors of both files; None for all."""
+    if not args.sensor_selection_function:
+        return None
+    names = list(dict.fromkeys([*test.sensors, *train.sensors]))
+    return select_names(names, args.sensor_selection_function, "sensor")

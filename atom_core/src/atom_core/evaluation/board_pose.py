@@ -1,0 +1,71 @@
+"""The board's pose from the corners of one image alone: planar PnP, refined in pixels."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Optional, Tuple
+
+import numpy as np
+
+from atom_core.geometry import se3
+from atom_core.geometry.camera import Camera
+from atom_core.problem.initial_boards import camera_candidates
+from atom_core.problem.measurements import CornerMeasurement
+
+_ITERATIONS = 50
+_SMALL_STEP = 1e-12
+
+
+class BoardPose(NamedTuple):
+    """``camera_T_pattern`` (4, 4) and the root mean square of its reprojection errors [px]."""
+
+    camera_T_pattern: np.ndarray
+    rms_px: float
+
+
+def board_pose(measurement: CornerMeasurement) -> Optional[BoardPose]:
+    """Return the pose that explains the corners best; None if they do not determine one.
+
+    Both solutions of the planar ambiguity are refined, the better one is returned.
+    """
+    refined = [refine_pose(measurement, start) for start in camera_candidates(measurement)]
+    return min(refined, key=lambda found: found.rms_px) if refined else None
+
+
+def refine_pose(measurement: CornerMeasurement, camera_T_pattern: np.ndarray) -> BoardPose:
+    """Minimise the distances between detected and projected (distorted) pixels.
+
+    Levenberg-Marquardt; a step is a rotation about the pattern's origin and a translation, both
+    in the camera's axes.
+    """
+    corners, pixels = measurement.corners_in_pattern, measurement.pixels
+    pose, damping = camera_T_pattern, 1e-6
+    error, jacobian = _linearise(measurement.camera, pose, corners, pixels)
+    for _ in range(_ITERATIONS):
+        normal = jacobian.T @ jacobian
+        damped = normal + damping * np.diag(np.diagonal(normal))
+        step = np.linalg.solve(damped, -jacobian.T @ error)
+        candidate = _moved(pose, step)
+        new_error, new_jacobian = _linearise(measurement.camera, candidate, corners, pixels)
+        if new_error @ new_error > error @ error:
+            damping *= 10.0
+        else:
+            pose, error, jacobian = candidate, new_error, new_jacobian
+            damping = max(damping / 10.0, 1e-12)
+        if np.max(np.abs(step)) < _SMALL_STEP:
+            break
+    return BoardPose(pose, float(np.sqrt(error @ error / len(corners))))
+
+
+def _linearise(
+    camera: Camera, pose: np.ndarray, corners: np.ndarray, pixels: np.ndarray
+) -> Tuple[np.ndarray, np.ndarray]:
+    """Return errors (2n,) [px] and their derivatives (2n, 6) by rotation and translation."""
+    turned = corners @ pose[:3, :3].T
+    projected, by_point = camera.project_with_jacobian(turned + pose[:3, 3])
+    jacobian = np.concatenate([-by_point @ se3.skew(turned), by_point], axis=2)
+    return (projected - pixels).ravel(), jacobian.reshape(-1, 6)
+
+
+def _moved(pose: np.ndarray, step: np.ndarray) -> np.ndarray:
+    rotation = se3.rotation_from_rotation_vector(step[:3])
+    return se3.transform(rotation @ pose[:3, :3], pose[:3, 3] + step[3:])

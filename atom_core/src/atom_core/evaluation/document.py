@@ -1,0 +1,85 @@
+"""The document ``evaluation.json``; its keys are a stable interface."""
+
+from __future__ import annotations
+
+from typing import Any, Dict, Optional
+
+from atom_core.evaluation.evaluate import Average, Evaluation, PairFigures, PairResult
+
+VERSION = "1.0"
+
+
+def evaluation_document(
+    evaluation: Evaluation, compared: Optional[Evaluation] = None
+) -> Dict[str, Any]:
+    """Return the document; all numbers finite, lengths in the unit that stands beside them.
+
+    Args:
+        evaluation: of the calibration under test.
+        compared: of another calibration on the same test set.
+    """
+    document = {
+        "version": VERSION,
+        "train": evaluation.train,
+        "test": evaluation.test,
+        **_results(evaluation),
+        "baselines": {},
+    }
+    if compared is not None:
+        document["compared_with"] = {"train": compared.train, **_results(compared)}
+    return document
+
+
+def _results(evaluation: Evaluation) -> Dict[str, Any]:
+    return {
+        "pairs": [pair_document(result) for result in evaluation.pairs],
+        "averages": {kind: _average(value) for kind, value in evaluation.averages.items()},
+        "ground_truth": evaluation.ground_truth,
+    }
+
+
+def pair_document(result: PairResult) -> Dict[str, Any]:
+    """Return the entry of one pair; figures are null where it was skipped."""
+    pair, measured = result.pair, result.measured
+    names = ("rms", "pooled_rms", "mean", "median")
+    found = dict.fromkeys(names) if measured is None else _figures(measured)
+    per_collection = {} if measured is None else measured.per_collection
+    return {
+        "source": pair.source,
+        "target": pair.target,
+        "kind": pair.kind.name,
+        "metric": pair.kind.metric,
+        "unit": pair.kind.unit,
+        "reverse": pair.reverse,
+        "collections": len(per_collection),
+        "points": 0 if measured is None else measured.pooled.points,
+        "points_out_of_image": result.unseen,
+        **found,
+        "at_truth": None if result.at_truth is None else _figures(result.at_truth),
+        "per_collection": {key: value.document() for key, value in per_collection.items()},
+        "not_measured": dict(result.unmeasured),
+        "skipped": result.skipped,
+    }
+
+
+def _figures(measured: PairFigures) -> Dict[str, float]:
+    optional = {
+        name: getattr(measured, name)
+        for name in ("x_mean_abs", "y_mean_abs", "translation_mm", "rotation_deg")
+    }
+    return {
+        "rms": measured.rms,
+        "pooled_rms": measured.pooled.rms,
+        "mean": measured.pooled.mean,
+        "median": measured.pooled.median,
+        **{name: value for name, value in optional.items() if value is not None},
+    }
+
+
+def _average(average: Average) -> Dict[str, Any]:
+    return {
+        "unit": average.unit,
+        **average.values,
+        "at_truth": average.at_truth,
+        "pairs": average.pairs,
+    }

@@ -1,0 +1,239 @@
+"""Evaluate a calibration: every pair of sensors on a test set, and every sensor against a truth."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Dict, List, Mapping, Optional, Sequence, Tuple
+
+from atom_core.evaluation.ground_truth import ground_truth_errors
+from atom_core.evaluation.mixed import mixed_dataset
+from atom_core.evaluation.observed import Borders, NotMeasurableError, Observed
+from atom_core.evaluation.pairs import Pair, pairs_of
+from atom_core.evaluation.statistics import Errors, Figures, figures, mean_of
+from atom_core.model.dataset import Dataset, DetectionKey, pose
+from atom_core.model.truth import Truth, with_truth
+
+
+@dataclass(frozen=True)
+class Row:
+    """Figures of one collection and one pattern."""
+
+    collection: str
+    pattern: str
+    figures: Figures
+
+
+@dataclass(frozen=True)
+class PairFigures:
+    """Figures of a pair of sensors.
+
+    Attributes:
+        rows: by collection and pattern.
+        per_collection: by collection, its patterns pooled.
+        rms, x_mean_abs, y_mean_abs, translation_mm, rotation_deg: unweighted means over the
+            collections, as ATOM's table has them.
+        pooled: figures of all errors of all collections together.
+    """
+
+    rows: Tuple[Row, ...]
+    per_collection: Mapping[str, Figures]
+    rms: float
+    x_mean_abs: Optional[float]
+    y_mean_abs: Optional[float]
+    translation_mm: Optional[float]
+    rotation_deg: Optional[float]
+    pooled: Figures
+
+
+@dataclass(frozen=True)
+class PairResult:
+    """A pair, measured or skipped.
+
+    Attributes:
+        pair: which sensors, and how they are compared.
+        measured: with the calibrated edges; None when skipped.
+        at_truth: the same labels with the true edges; None without a truth.
+        skipped: why nothing was measured.
+        unmeasured: why, of collections in which both detect the same pattern.
+        unseen: points that the target image does not show.
+    """
+
+    pair: Pair
+    measured: Optional[PairFigures]
+    at_truth: Optional[PairFigures] = None
+    skipped: Optional[str] = None
+    unmeasured: Mapping[str, str] = field(default_factory=dict)
+    unseen: int = 0
+
+
+@dataclass(frozen=True)
+class Average:
+    """Mean over the pairs of a kind that were measured, reverse ones left out."""
+
+    unit: str
+    pairs: int
+    values: Mapping[str, float]
+    at_truth: Optional[float]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What is known of a calibration.
+
+    Attributes:
+        train, test: the files.
+        pairs: in the order of kinds and configuration.
+        averages: by kind.
+        ground_truth: errors of the sensors, see `ground_truth_errors`; None without a truth.
+    """
+
+    train: str
+    test: str
+    pairs: Tuple[PairResult, ...]
+    averages: Mapping[str, Average]
+    ground_truth: Optional[Mapping[str, Mapping[str, float]]] = None
+
+    @property
+    def measured(self) -> bool:
+        """Tell whether any pair was measured."""
+        return any(result.measured for result in self.pairs)
+
+
+def evaluate(
+    train: Dataset,
+    test: Dataset,
+    *,
+    truth: Optional[Truth] = None,
+    sensors: Optional[Sequence[str]] = None,
+    pairs: Optional[Sequence[str]] = None,
+    annotations: Optional[Borders] = None,
+) -> Evaluation:
+    """Measure every pair of sensors on a test set.
+
+    Args:
+        train: the calibrated dataset.
+        test: the dataset to measure on; the same file is allowed.
+        truth: true edges of a simulation, for the floor of the metrics and the sensors' errors.
+        sensors: names of the sensors to compare; None: all.
+        pairs: only these pairs, see `pairs_of`.
+        annotations: hand-drawn borders of the test set, by collection, sensor and pattern.
+
+    Raises:
+        DatasetError: the files do not belong together, or a label does not fit its data.
+        SelectionError: ``pairs`` names no pair.
+    """
+    mixed = mixed_dataset(train, test, sensors)
+    true = None if truth is None else with_truth(mixed, truth)
+    observed = Observed(mixed, annotations)
+    results = tuple(
+        _evaluate_pair(pair, observed, mixed, true) for pair in pairs_of(mixed.sensors, pairs)
+    )
+    return Evaluation(
+        train=str(train.source),
+        test=str(test.source),
+        pairs=results,
+        averages=averages_of(results),
+        ground_truth=None if truth is None else ground_truth_errors(mixed, truth),
+    )
+
+
+def averages_of(results: Sequence[PairResult]) -> Dict[str, Average]:
+    """Return the mean over the measured pairs of each kind, reverse ones left out."""
+    by_kind: Dict[str, List[PairResult]] = {}
+    for result in results:
+        if result.measured is not None and not result.pair.reverse:
+            by_kind.setdefault(result.pair.kind.name, []).append(result)
+    return {kind: _average(found) for kind, found in by_kind.items()}
+
+
+def _average(results: Sequence[PairResult]) -> Average:
+    measured = [result.measured for result in results]
+    names = ("rms", "x_mean_abs", "y_mean_abs", "translation_mm", "rotation_deg")
+    values = {name: mean_of([getattr(m, name) for m in measured]) for name in names}
+    return Average(
+        unit=results[0].pair.kind.unit,
+        pairs=len(results),
+        values={name: value for name, value in values.items() if value is not None},
+        at_truth=mean_of([r.at_truth.rms for r in results if r.at_truth is not None]),
+    )
+
+
+def _evaluate_pair(
+    pair: Pair, observed: Observed, mixed: Dataset, true: Optional[Dataset]
+) -> PairResult:
+    errors, reasons = _measure(pair, observed, mixed)
+    if not errors:
+        return PairResult(pair, None, skipped=_why_skipped(pair, reasons), unmeasured=reasons)
+    return PairResult(
+        pair,
+        summarised(errors),
+        at_truth=None if true is None else _floor(pair, observed, true),
+        unmeasured=reasons,
+        unseen=sum(e.unseen for e in errors.values()),
+    )
+
+
+def _floor(pair: Pair, observed: Observed, true: Dataset) -> Optional[PairFigures]:
+    errors, _ = _measure(pair, observed, true)
+    return summarised(errors) if errors else None
+
+
+def _measure(
+    pair: Pair, observed: Observed, dataset: Dataset
+) -> Tuple[Dict[Tuple[str, str], Errors], Dict[str, str]]:
+    """Return errors by (collection, pattern), and by collection why others have none."""
+    source, target = dataset.sensors[pair.source], dataset.sensors[pair.target]
+    graph = dataset.graph
+    errors: Dict[Tuple[str, str], Errors] = {}
+    reasons: Dict[str, str] = {}
+    for key, collection in dataset.collections.items():
+        shared = [
+            pattern
+            for pattern in dataset.patterns
+            if all((name, pattern) in collection.labels for name in (pair.source, pair.target))
+        ]
+        if not shared:
+            continue
+        target_T_source = pose(collection, graph, target.frame, source.frame)
+        for pattern in shared:
+            try:
+                errors[(key, pattern)] = pair.kind.measure(
+                    observed,
+                    DetectionKey(key, pair.source, pattern),
+                    DetectionKey(key, pair.target, pattern),
+                    target_T_source,
+                )
+            except NotMeasurableError as reason:
+                reasons[key] = str(reason)
+    return errors, {key: why for key, why in reasons.items() if not _has(errors, key)}
+
+
+def _has(errors: Mapping[Tuple[str, str], Errors], collection: str) -> bool:
+    return any(key == collection for key, _ in errors)
+
+
+def _why_skipped(pair: Pair, reasons: Mapping[str, str]) -> str:
+    if not reasons:
+        return f"no collection in which '{pair.source}' and '{pair.target}' detect the same pattern"
+    counted = Counter(reasons.values()).most_common()
+    return "; ".join(f"{why} ({count} collections)" for why, count in counted)
+
+
+def summarised(errors: Mapping[Tuple[str, str], Errors]) -> PairFigures:
+    """Return the figures of a pair from its errors by (collection, pattern)."""
+    by_collection: Dict[str, List[Errors]] = {}
+    for (collection, _), part in errors.items():
+        by_collection.setdefault(collection, []).append(part)
+    per_collection = {key: figures(parts) for key, parts in by_collection.items()}
+    values = list(per_collection.values())
+    return PairFigures(
+        rows=tuple(Row(key, pattern, figures([e])) for (key, pattern), e in errors.items()),
+        per_collection=per_collection,
+        rms=float(mean_of([v.rms for v in values]) or 0.0),
+        x_mean_abs=mean_of([v.x_mean_abs for v in values]),
+        y_mean_abs=mean_of([v.y_mean_abs for v in values]),
+        translation_mm=mean_of([v.translation_mm for v in values]),
+        rotation_deg=mean_of([v.rotation_deg for v in values]),
+        pooled=figures(list(errors.values())),
+    )

@@ -1,0 +1,91 @@
+"""The dataset under test: the test set's measurements with the train file's calibration."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Collection, Dict, List, Optional
+
+import numpy as np
+
+from atom_core.errors import DatasetError
+from atom_core.model.dataset import MULTIPLE, Dataset
+from atom_core.model.sensor import Sensor
+from atom_core.model.transforms import Edge
+
+
+def mixed_dataset(
+    train: Dataset, test: Dataset, sensors: Optional[Collection[str]] = None
+) -> Dataset:
+    """Return the test set with the edges and intrinsics that the train file estimated.
+
+    Edges: of every sensor, and the configuration's additional tfs; an edge with a value of its
+    own in each collection (type ``multiple``) stays the test's own. The value is that of the
+    first train collection which holds the edge. The boards are the test's own.
+
+    Args:
+        train: the calibrated dataset.
+        test: the dataset to measure on.
+        sensors: names of the sensors to compare; None: all.
+
+    Raises:
+        DatasetError: the two do not hold the same sensors, or the train file lacks an edge.
+    """
+    _check_same_sensors(train, test, sensors)
+    mixed = test.with_transforms(dict.fromkeys(test.collections, calibrated_edges(train, test)))
+    shared = {
+        name: replace(sensor, camera=train.sensors[name].camera)
+        for name, sensor in test.sensors.items()
+        if name in train.sensors and (sensors is None or name in sensors)
+    }
+    return replace(mixed, sensors=shared)
+
+
+def calibrated_edges(train: Dataset, test: Dataset) -> Dict[Edge, np.ndarray]:
+    """Return ``parent_T_child`` (4, 4) of the train file's estimated edges.
+
+    Raises:
+        DatasetError: an edge is in no collection of the train file.
+    """
+    values: Dict[Edge, np.ndarray] = {}
+    for edge in _estimated(train, test):
+        if MULTIPLE in (train.edge_types.get(edge), test.edge_types.get(edge)):
+            continue
+        found = [c.transforms[edge] for c in train.collections.values() if edge in c.transforms]
+        if not found:
+            raise DatasetError(f"{train.source}: transform '{edge}' is in no collection")
+        values[edge] = found[0]
+    return values
+
+
+def _estimated(train: Dataset, test: Dataset) -> List[Edge]:
+    edges = [sensor.edge for name, sensor in train.sensors.items() if name in test.sensors]
+    additional = [
+        Edge(tf.parent_link, tf.child_link) for tf in train.config.additional_tfs.values()
+    ]
+    return list(dict.fromkeys(edges + additional))
+
+
+def _check_same_sensors(train: Dataset, test: Dataset, selected: Optional[Collection[str]]) -> None:
+    for one, other in ((train, test), (test, train)):
+        for name in one.sensors:
+            if name not in other.sensors and (selected is None or name in selected):
+                raise DatasetError(
+                    f"{other.source}: sensor '{name}' of {one.source} is absent; give a train "
+                    f"and a test set of the same rig, or leave it out with -ssf '!{name}'"
+                )
+    for name in test.sensors:
+        if name in train.sensors:
+            _check_same_place(name, train.sensors[name], test.sensors[name])
+
+
+def _check_same_place(name: str, train: Sensor, test: Sensor) -> None:
+    if train.modality != test.modality:
+        raise DatasetError(
+            f"sensor '{name}' is {train.modality} in the train file and {test.modality} in the "
+            f"test file; give files of the same rig"
+        )
+    if train.edge != test.edge:
+        raise DatasetError(
+            f"sensor '{name}': the train file estimates edge '{train.edge}', the test file "
+            f"'{test.edge}'; give files of the same configuration"
+        )

@@ -1,0 +1,222 @@
+"""The kinds of pairs, which pairs a rig has, and how one detection pair is measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Callable, Iterable, List, Mapping, Optional, Sequence, Tuple
+
+import numpy as np
+
+from atom_core.errors import SelectionError
+from atom_core.evaluation import metrics
+from atom_core.evaluation.observed import NotMeasurableError, Observed
+from atom_core.evaluation.statistics import Errors
+from atom_core.geometry import se3
+from atom_core.model.dataset import DetectionKey
+from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
+
+MM_PER_M = 1000.0
+
+Measure = Callable[[Observed, DetectionKey, DetectionKey, np.ndarray], Errors]
+
+
+@dataclass(frozen=True)
+class PairKind:
+    """One way to compare two sensors.
+
+    Attributes:
+        name: as in ``evaluation.json``.
+        source, target: modalities.
+        metric: what is measured, in words for files.
+        unit: px or mm.
+        directed: the metric is another one when source and target change places.
+        measure: errors of one detection pair, given ``target_T_source`` (4, 4).
+    """
+
+    name: str
+    source: str
+    target: str
+    metric: str
+    unit: str
+    directed: bool
+    measure: Measure
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two sensors and how they are compared; ``reverse`` pairs are not averaged."""
+
+    kind: PairKind
+    source: str
+    target: str
+    reverse: bool = False
+
+
+def rgb_rgb(
+    observed: Observed, source: DetectionKey, target: DetectionKey, target_T_source: np.ndarray
+) -> Errors:
+    """Carry the source's corners to the target image over the board's plane [px].
+
+    As ATOM does: the plane comes from the source's own corners, the pose difference is that of
+    the board at its first corner, by the corners of either camera.
+    """
+    there, here = observed.corners(source), observed.corners(target)
+    _, of_source, of_target = np.intersect1d(there.ids, here.ids, return_indices=True)
+    if len(of_source) == 0:
+        raise NotMeasurableError("the cameras have no corner in common")
+    source_T_pattern = observed.camera_T_pattern(source)
+    carried = metrics.carried_corners(
+        there.camera, here.camera, source_T_pattern, target_T_source, there.pixels[of_source]
+    )
+    offsets = carried - here.pixels[of_target]
+    pattern_T_corner = observed.first_corner(source.pattern)
+    move, turn = metrics.pose_difference(
+        target_T_source @ source_T_pattern @ pattern_T_corner,
+        observed.camera_T_pattern(target) @ pattern_T_corner,
+    )
+    return Errors(
+        np.linalg.norm(offsets, axis=1), offsets, MM_PER_M * move, float(np.degrees(turn))
+    )
+
+
+def border_in_image(
+    observed: Observed, source: DetectionKey, target: DetectionKey, target_T_source: np.ndarray
+) -> Errors:
+    """Project a range sensor's limit points; distance to the continuous border [px]."""
+    points = se3.apply(target_T_source, observed.limit_points(source))
+    offsets, unseen = metrics.border_offsets(
+        observed.camera(target.sensor), points, observed.border(target)
+    )
+    return _in_image(offsets, unseen, source, target)
+
+
+def border_in_depth_image(
+    observed: Observed, source: DetectionKey, target: DetectionKey, target_T_source: np.ndarray
+) -> Errors:
+    """Project a range sensor's limit points; distance to the depth image's labelled border [px].
+
+    A hand annotation of the depth image takes the labelled border's place.
+    """
+    if observed.has_annotation(target):
+        return border_in_image(observed, source, target, target_T_source)
+    points = se3.apply(target_T_source, observed.limit_points(source))
+    offsets, unseen = metrics.pixel_offsets(
+        observed.camera(target.sensor), points, observed.limit_pixels(target)
+    )
+    return _in_image(offsets, unseen, source, target)
+
+
+def nearest_points(
+    observed: Observed, source: DetectionKey, target: DetectionKey, target_T_source: np.ndarray
+) -> Errors:
+    """Nearest neighbours over all labelled board points, in both directions [mm]."""
+    there, here = _board_points(observed, source), _board_points(observed, target)
+    carried = se3.apply(target_T_source, there)
+    return Errors(MM_PER_M * metrics.mutual_nearest_distances(carried, here))
+
+
+def nearest_limit_points(
+    observed: Observed, source: DetectionKey, target: DetectionKey, target_T_source: np.ndarray
+) -> Errors:
+    """For each limit point of the target the nearest one of the source, as ATOM does [mm]."""
+    carried = se3.apply(target_T_source, observed.limit_points(source))
+    return Errors(MM_PER_M * metrics.nearest_distances(observed.limit_points(target), carried))
+
+
+def points_to_plane(
+    observed: Observed, source: DetectionKey, target: DetectionKey, target_T_source: np.ndarray
+) -> Errors:
+    """Distances of the target's board points to the plane through the source's [mm]."""
+    there, here = _board_points(observed, source), _board_points(observed, target)
+    try:
+        signed = metrics.plane_distances(here, se3.apply(target_T_source, there))
+    except ValueError as error:
+        raise NotMeasurableError(
+            f"the points of '{source.sensor}' have no plane: {error}"
+        ) from None
+    return Errors(MM_PER_M * np.abs(signed))
+
+
+def _board_points(observed: Observed, key: DetectionKey) -> np.ndarray:
+    inside = observed.points(key).inside
+    if len(inside) == 0:
+        raise NotMeasurableError(f"'{key.sensor}' has no labelled point with a value")
+    return inside
+
+
+def _in_image(
+    offsets: np.ndarray, unseen: int, source: DetectionKey, target: DetectionKey
+) -> Errors:
+    if len(offsets) == 0:
+        raise NotMeasurableError(f"no limit point of '{source.sensor}' is in the image of "
+                            f"'{target.sensor}'")  # fmt: skip
+    return Errors.in_image(offsets, unseen)
+
+
+KINDS: Tuple[PairKind, ...] = (
+    PairKind("rgb-rgb", RGB, RGB, "corner_transfer", "px", True, rgb_rgb),
+    PairKind("lidar3d-rgb", LIDAR3D, RGB, "border_reprojection", "px", False, border_in_image),
+    PairKind("depth-rgb", DEPTH, RGB, "border_reprojection", "px", False, border_in_image),
+    PairKind(
+        "lidar3d-depth", LIDAR3D, DEPTH, "border_reprojection", "px", False, border_in_depth_image
+    ),
+    PairKind(
+        "depth-depth", DEPTH, DEPTH, "border_reprojection", "px", True, border_in_depth_image
+    ),
+    PairKind("lidar3d-lidar3d", LIDAR3D, LIDAR3D, "nearest_point", "mm", False, nearest_points),
+    PairKind(
+        "lidar3d-lidar3d_limit", LIDAR3D, LIDAR3D, "nearest_limit_point", "mm", True,
+        nearest_limit_points,
+    ),
+    PairKind(
+        "lidar3d-lidar3d_plane", LIDAR3D, LIDAR3D, "point_to_plane", "mm", True, points_to_plane
+    ),
+)  # fmt: skip
+
+
+def pairs_of(sensors: Mapping[str, Sensor], chosen: Optional[Sequence[str]] = None) -> List[Pair]:
+    """Return the pairs of a rig, kind by kind, in the order of the configuration.
+
+    Args:
+        sensors: of the rig, in the order of the configuration.
+        chosen: only these, as "A:B" in either order; A and B are names or globs. None: all.
+
+    Raises:
+        SelectionError: an entry of ``chosen`` is malformed or names no pair.
+    """
+    pairs = [pair for kind in KINDS for pair in _of_kind(kind, list(sensors.values()))]
+    if chosen is None:
+        return pairs
+    wanted = [_split(text) for text in chosen]
+    for text, names in zip(chosen, wanted):
+        if not any(_matches(pair, names) for pair in pairs):
+            raise SelectionError(
+                f"--pairs {text}: no such pair can be compared; the sensors are "
+                f"{', '.join(f'{s.name} ({s.modality})' for s in sensors.values())}"
+            )
+    return [pair for pair in pairs if any(_matches(pair, names) for names in wanted)]
+
+
+def _of_kind(kind: PairKind, sensors: Sequence[Sensor]) -> Iterable[Pair]:
+    for i, one in enumerate(sensors):
+        for j, other in enumerate(sensors):
+            if i == j or one.modality != kind.source or other.modality != kind.target:
+                continue
+            reverse = kind.source == kind.target and i > j
+            if kind.directed or not reverse:
+                yield Pair(kind, one.name, other.name, reverse)
+
+
+def _split(text: str) -> Tuple[str, str]:
+    source, colon, target = text.partition(":")
+    if not (source and colon and target):
+        raise SelectionError(f"--pairs {text}: write two sensors as A:B")
+    return source, target
+
+
+def _matches(pair: Pair, names: Tuple[str, str]) -> bool:
+    def match(one: str, other: str) -> bool:
+        return fnmatchcase(pair.source, one) and fnmatchcase(pair.target, other)
+
+    return match(*names) or match(*reversed(names))

@@ -1,0 +1,85 @@
+"""Hand annotations of a board's border in the images of a camera, as ATOM's tool writes them.
+
+``annotation_<sensor>.json`` stands beside the dataset. Per collection it holds the sides of one
+board, ``{side: {xs, ys, ...}}``: pixels of the clicked polyline. ATOM has no level for the
+pattern; where a dataset has several, ``{pattern: {side: ...}}`` is read as well.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Collection, Dict, Iterable, Mapping, Tuple
+
+import numpy as np
+
+from atom_core.errors import DatasetError
+from atom_core.geometry.polyline import segments_of
+
+SIDES = ("top", "right", "bottom", "left")
+
+BorderKey = Tuple[str, str, str]  # collection, sensor, pattern
+
+
+def annotation_path(folder: Path, sensor: str) -> Path:
+    """Return where the annotations of a sensor are kept beside a dataset in a folder."""
+    return Path(folder) / f"annotation_{sensor}.json"
+
+
+def read_annotations(
+    folder: Path, sensors: Iterable[str], patterns: Collection[str]
+) -> Dict[BorderKey, np.ndarray]:
+    """Return the annotated borders as segments (m, 2, 2) [px]; sensors without a file have none.
+
+    Raises:
+        DatasetError: a file is malformed.
+    """
+    borders: Dict[BorderKey, np.ndarray] = {}
+    for sensor in sensors:
+        path = annotation_path(folder, sensor)
+        if path.is_file():
+            for (collection, pattern), segments in _read(path, patterns).items():
+                borders[(collection, sensor, pattern)] = segments
+    return borders
+
+
+def _read(path: Path, patterns: Collection[str]) -> Dict[Tuple[str, str], np.ndarray]:
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        entries = {key: value for key, value in document.items() if key != "_metadata"}
+        borders = {}
+        for collection, entry in entries.items():
+            for pattern, sides in _by_pattern(entry, patterns).items():
+                segments = _segments(sides)
+                if len(segments):
+                    borders[(collection, pattern)] = segments
+        return borders
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise DatasetError(
+            f"{path}: not a file of border annotations ({error}); annotate again, or move the "
+            f"file away to use the board's pose instead"
+        ) from None
+
+
+def _by_pattern(entry: Mapping[str, Any], patterns: Collection[str]) -> Mapping[str, Any]:
+    if any(side in entry for side in SIDES):
+        if len(patterns) > 1:
+            raise ValueError("the dataset has several patterns, the sides must name theirs")
+        return {next(iter(patterns)): entry}
+    return entry
+
+
+def _segments(sides: Mapping[str, Any]) -> np.ndarray:
+    """Return the segments of all sides; the clicked points, else the interpolated ones."""
+    found = [np.zeros((0, 2, 2))]
+    for side in SIDES:
+        entry = sides.get(side) or {}
+        xs, ys = (entry.get(name) or entry.get("i" + name) or [] for name in ("xs", "ys"))
+        if len(xs) != len(ys):
+            raise ValueError(f"side {side} has {len(xs)} xs and {len(ys)} ys")
+        points = np.column_stack([np.array(xs, dtype=float), np.array(ys, dtype=float)])
+        if not np.all(np.isfinite(points)):
+            raise ValueError(f"side {side} holds a number that is not finite")
+        if len(points):
+            found.append(segments_of(points))
+    return np.concatenate(found)
