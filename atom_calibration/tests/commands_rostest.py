@@ -13,6 +13,8 @@ import rospy
 import rosunit
 
 import atom_core
+from atom_core.io.dataset_writer import write_dataset_folder
+from atom_core.synthetic import scenes
 
 PACKAGES = (
     "atom",
@@ -50,6 +52,15 @@ class CommandsTest(unittest.TestCase):
             answer = rosrun(command, "--help")
             self.assertEqual(answer.returncode, 0, answer.stderr)
             self.assertIn("--dataset" if command != "evaluate" else "--train", answer.stdout)
+
+    def test_check_tells_a_sound_dataset_from_one_that_falls_apart(self):
+        with tempfile.TemporaryDirectory() as folder:
+            for scene, code in ((scenes.two_cameras, 0), (scenes.disconnected, 1)):
+                path = os.path.join(folder, scene.__name__)
+                dataset = write_dataset_folder(scene().dataset, path, name=scene.__name__)
+                answer = rosrun("check", "--dataset", str(dataset))
+                self.assertEqual(answer.returncode, code, answer.stdout + answer.stderr)
+                self.assertIn("rgb_1", answer.stdout)
 
     def test_a_missing_dataset_is_refused_in_one_line(self):
         with tempfile.TemporaryDirectory() as folder:

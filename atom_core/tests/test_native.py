@@ -5,9 +5,9 @@ import sys
 
 import numpy as np
 import pytest
-from atom_core.errors import NativeModuleError
 
 from atom_core import native
+from atom_core.errors import NativeModuleError
 
 
 def test_absence_names_feature_and_remedy(monkeypatch):

@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+
 from atom_core.geometry.camera import Camera, distortion_model_name
 
 K = np.array([[1040.0, 0, 663.0], [0, 1027.0, 401.0], [0, 0, 1]])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from atom_core.geometry.rectangle import Rectangle
 
 BOARD = Rectangle(-0.04, -0.03, 0.76, 0.57)

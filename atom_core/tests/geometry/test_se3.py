@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from atom_core.geometry import se3
 
 ANGLES = [0.0, 1e-9, 1e-5, 0.3, 2.0, np.pi - 1e-7, np.pi]

@@ -9,6 +9,7 @@ import sys
 
 import numpy as np
 import pytest
+
 from atom_core.errors import OutputError
 from atom_core.io import atomic
 from atom_core.io.atomic import (

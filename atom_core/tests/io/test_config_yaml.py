@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+
 from atom_core.errors import ConfigError, OutputError
 from atom_core.io.config_yaml import read_config, write_config
 

@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+
 from atom_core.errors import DatasetError, OutputError
 from atom_core.io.images import (
     MAX_DEPTH_M,

@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 import pytest
+
 from atom_core.io import lzf
 
 RNG_SEED = 11

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+
 from atom_core.errors import ConfigError
 from atom_core.io.paths import resolve_path
 

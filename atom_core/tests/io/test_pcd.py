@@ -5,6 +5,7 @@ import struct
 
 import numpy as np
 import pytest
+
 from atom_core.errors import DatasetError, OutputError
 from atom_core.io.pcd import ENCODINGS, PointCloud, read_pcd, write_pcd
 

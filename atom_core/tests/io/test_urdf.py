@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 import pytest
+
 from atom_core.errors import DescriptionError, OutputError
 from atom_core.geometry import se3
 from atom_core.io.urdf import parse_urdf, read_description, write_calibrated_description

@@ -6,6 +6,7 @@ import json
 import pickle
 
 import pytest
+
 from atom_core.errors import ConfigError
 from atom_core.model.config import (
     DICTIONARIES,

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from atom_core.errors import DescriptionError
 from atom_core.geometry import se3
 from atom_core.model.robot import Joint, JointMimic, RobotDescription

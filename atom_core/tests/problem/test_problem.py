@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from atom_core.calibration.calibrate import free_edges, initial_boards
 from atom_core.calibration.disturb import disturbed
 from atom_core.calibration.options import CalibrationOptions

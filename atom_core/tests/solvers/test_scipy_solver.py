@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
+
 from atom_core.calibration.calibrate import free_edges, initial_boards
 from atom_core.calibration.disturb import disturbed
 from atom_core.calibration.options import CalibrationOptions
@@ -14,7 +16,6 @@ from atom_core.solvers.normal_equations import Layout
 from atom_core.solvers.reweighting import atom_normalisers, solve
 from atom_core.solvers.scipy_solver import equations_at, minimise, total_cost
 from atom_core.synthetic import scenes
-from scipy.optimize import least_squares
 
 SCENES = {
     "random_scene": scenes.random_scene,

@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+
 from atom_core.geometry import se3
 from atom_core.model.pattern import pattern_from_config
 from atom_core.synthetic import Noise, board_image, paper_cell, scenes

@@ -5,6 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+
 from atom_core.geometry import se3
 from atom_core.model.dataset import RgbLabel
 from atom_core.model.transforms import Edge

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from atom_core.geometry import se3
 from atom_core.model.dataset import MULTIPLE, pose
 from atom_core.model.sensor import LIDAR3D, RGB

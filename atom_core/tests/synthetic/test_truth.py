@@ -4,6 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.model.dataset import RgbLabel, pose, range_points

@@ -20,7 +20,7 @@ from atom_core.geometry.camera import Camera
 from atom_core.io.atomic import write_text_atomically
 from atom_core.io.data_files import FileDataSource
 from atom_core.model.config import CalibrationConfig
-from atom_core.model.dataset import Collection, DataSource, Dataset, Label, RangeLabel, RgbLabel
+from atom_core.model.dataset import Collection, Dataset, DataSource, Label, RangeLabel, RgbLabel
 from atom_core.model.pattern import (
     Pattern,
     border_from_document,
