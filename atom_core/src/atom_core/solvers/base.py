@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Callable, Optional, Tuple
+from typing import Callable, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -14,10 +14,23 @@ from atom_core.solvers.losses import CAUCHY, LOSSES
 SIGMA, ATOM = "sigma", "atom"
 CONVERGED, NOT_CONVERGED, FAILED = "converged", "not_converged", "failed"
 
-# A minimiser stops when a Newton step would lower the cost by less than this many squared
-# sigmas. EXACT moves no parameter by more than 1e-5 of its standard deviation; ROUGH, by a
-# tenth, is enough while weights or boards are still to change.
-EXACT, ROUGH = 1e-10, 1e-2
+
+class Tolerance(NamedTuple):
+    """When a minimiser has done enough.
+
+    Attributes:
+        decrease: what a Newton step would lower the cost by at most, in squared sigmas.
+        relative: or what two steps in a row lowered the cost by at most, relative to it.
+    """
+
+    decrease: float
+    relative: float
+
+
+# EXACT moves no parameter by more than 1e-5 of its standard deviation any more. ROUGH, by a
+# tenth, is enough while weights or boards are still to change; it does not follow a valley that
+# the data hardly see, which in a wrong basin may lead metres away.
+EXACT, ROUGH = Tolerance(1e-10, 0.0), Tolerance(1e-2, 1e-3)
 
 
 @dataclass(frozen=True)
@@ -66,7 +79,7 @@ class Minimum:
 
 
 # problem, start, sigmas of each residual block, loss, limit of iterations, EXACT or ROUGH
-Minimise = Callable[[Problem, np.ndarray, Tuple[np.ndarray, ...], str, int, float], Minimum]
+Minimise = Callable[[Problem, np.ndarray, Tuple[np.ndarray, ...], str, int, Tolerance], Minimum]
 
 
 @dataclass(frozen=True)

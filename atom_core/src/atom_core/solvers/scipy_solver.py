@@ -15,7 +15,7 @@ import numpy as np
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import squared_norms
 from atom_core.solvers import losses
-from atom_core.solvers.base import EXACT, Minimum
+from atom_core.solvers.base import EXACT, Minimum, Tolerance
 from atom_core.solvers.normal_equations import Layout, NormalEquations, normal_equations
 
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-12, 1e12
@@ -54,7 +54,7 @@ def minimise(
     sigmas: Tuple[np.ndarray, ...],
     loss: str,
     max_iterations: int,
-    tolerance: float = EXACT,
+    tolerance: Tolerance = EXACT,
 ) -> Minimum:
     """Minimise the cost from x; the result is never worse than the start.
 
@@ -64,16 +64,16 @@ def minimise(
         sigmas: for each residual block, (n,) in its unit.
         loss: none, huber or cauchy.
         max_iterations: steps to try.
-        tolerance: decrease of the cost, in squared sigmas, that is not worth a step.
+        tolerance: when it is enough.
     """
     layout = Layout(problem.parameters)
     cost = total_cost(problem.residuals(x), sigmas, loss)
     if not np.isfinite(cost):
         return Minimum(x, cost, 0, False, "the cost is not finite at the start")
-    damping, growth = _FIRST_DAMPING, 2.0
+    damping, growth, slow = _FIRST_DAMPING, 2.0, 0
     equations = equations_at(problem, layout, x, sigmas, loss)
     for iteration in range(max_iterations):
-        if _newton_decrease(equations) < tolerance * _unit_cost(problem, cost):
+        if _newton_decrease(equations) < tolerance.decrease * _unit_cost(problem, cost) or slow == 2:
             return Minimum(x, cost, iteration, True, "a further step would change nothing")
         step, predicted = _try_solve(equations, damping)
         gain, trial, trial_cost = -1.0, x, cost
@@ -88,6 +88,7 @@ def minimise(
             if damping > _MOST_DAMPING:
                 return Minimum(x, cost, iteration, False, "no step lowers the cost")
             continue
+        slow = slow + 1 if cost - trial_cost < tolerance.relative * cost else 0
         x, cost, growth = trial, trial_cost, 2.0
         damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3), _LEAST_DAMPING)
         equations = equations_at(problem, layout, x, sigmas, loss)
