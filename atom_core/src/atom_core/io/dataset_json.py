@@ -53,7 +53,9 @@ def read_document(path: Path) -> Dict[str, Any]:
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except UnicodeDecodeError as error:
-        raise DatasetError(f"{path}: not UTF-8 text ({error.reason} at byte {error.start})") from None
+        raise DatasetError(
+            f"{path}: not UTF-8 text ({error.reason} at byte {error.start})"
+        ) from None
     except json.JSONDecodeError as error:
         raise DatasetError(
             f"{path}:{error.lineno}: not valid JSON ({error.msg}); the file is damaged or "
@@ -61,7 +63,30 @@ def read_document(path: Path) -> Dict[str, Any]:
         ) from None
     if not isinstance(document, dict) or "sensors" not in document or "collections" not in document:
         raise DatasetError(f"{path}: no ATOM dataset, it lacks 'sensors' or 'collections'")
+    _check_maps(document, path)
     return document
+
+
+def _check_maps(document: Mapping[str, Any], path: Path) -> None:
+    """Refuse a document whose upper levels are not maps: the reader relies on them."""
+    for key in ("_metadata", "sensors", "collections"):
+        _check_map(document.get(key, {}), key, path)
+    for name, sensor in document["sensors"].items():
+        _check_map(sensor, f"sensor '{name}'", path)
+    for key, collection in document["collections"].items():
+        _check_map(collection, f"collection {key}", path)
+        for part in ("data", "labels", "transforms"):
+            _check_map(collection.get(part) or {}, f"collection {key}, {part}", path)
+        for name, labels in (collection.get("labels") or {}).items():
+            _check_map(labels, f"collection {key}, labels of '{name}'", path)
+
+
+def _check_map(value: Any, what: str, path: Path) -> None:
+    if not isinstance(value, Mapping):
+        raise DatasetError(
+            f"{path}: {what} is {json.dumps(value)[:40]}, where names with values should stand; "
+            f"restore the file or collect again"
+        )
 
 
 def check_version(document: Mapping[str, Any], path: Path) -> None:
@@ -74,7 +99,7 @@ def check_version(document: Mapping[str, Any], path: Path) -> None:
             f"{path}: _metadata.version is '{version}'; it must be {CURRENT_VERSION}. If the "
             f"dataset is older, migrate it: {_MIGRATE.format(path)}"
         ) from None
-    if number < 3.0:
+    if not number >= 3.0:  # also what is no number, NaN
         raise DatasetError(
             f"{path}: dataset version {version} is older than {CURRENT_VERSION}; migrate it "
             f"with: {_MIGRATE.format(path)}"
@@ -93,9 +118,7 @@ def dataset_from_document(
     config = reader.config()
     sensors = reader.sensors(config)
     patterns = reader.patterns(config)
-    collections = {
-        key: reader.collection(key, sensors, patterns) for key in sorted_keys(document)
-    }
+    collections = {key: reader.collection(key, sensors, patterns) for key in sorted_keys(document)}
     return Dataset(
         source=Path(source),
         config=config,
@@ -219,9 +242,13 @@ class _Reader:
         labels: Dict[Tuple[str, str], Label] = {}
         for pattern_name, by_sensor in by_pattern.items():
             if pattern_name not in patterns:
-                self.warnings.append(f"collection {key}: labels of unknown pattern '{pattern_name}'")
+                self.warnings.append(
+                    f"collection {key}: labels of unknown pattern '{pattern_name}'"
+                )
                 continue
             for sensor_name, value in by_sensor.items():
+                if not isinstance(value, Mapping):
+                    continue  # null where nothing was seen
                 if sensor_name in sensors and value.get("detected"):
                     where = f"collection {key}, sensor '{sensor_name}', pattern '{pattern_name}'"
                     label = self._label(value, sensors[sensor_name], patterns[pattern_name], where)
@@ -249,7 +276,12 @@ class _Reader:
 
 
 def _modality_of_message(message_type: str) -> str:
-    inferred = {"Image": RGB, "CompressedImage": RGB, "PointCloud2": "lidar3d", "LaserScan": "lidar2d"}
+    inferred = {
+        "Image": RGB,
+        "CompressedImage": RGB,
+        "PointCloud2": "lidar3d",
+        "LaserScan": "lidar2d",
+    }
     return inferred.get(message_type.split("/")[-1], "")
 
 
