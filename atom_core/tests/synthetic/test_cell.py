@@ -12,8 +12,17 @@ from atom_core.model.transforms import Edge
 from atom_core.synthetic import Noise, paper_cell, statistics
 from atom_core.synthetic.cell import cell_rig
 
-cell_of = lru_cache(maxsize=None)(paper_cell)  # frozen values: safe to share
 PAPER = {"train": (23, 5, 35), "test": (17, 4, 26)}  # collections, complete, partial (Table 1)
+
+
+@lru_cache(maxsize=None)
+def _cell(seed, scenario, options):
+    return paper_cell(seed, scenario, **dict(options))
+
+
+def cell_of(seed, scenario="train", **options):
+    """Return a cell that the tests share: it is frozen."""
+    return _cell(seed, scenario, tuple(options.items()))
 
 
 def near(value, wanted):

@@ -212,7 +212,7 @@ def two_patterns(seed: int = 0, **options: Any) -> SyntheticDataset:
     rig = assemble("world", structure, mounts, anchored="rgb_2", room=_ROOM)
     patterns = {
         "left": charuco(link="left_link", dimension=(6, 5)),
-        "right": chessboard(link="right_link", dimension=(7, 5)),
+        "right": chessboard(link="right_link", dimension=(6, 5)),
     }
     poses = {
         name: [

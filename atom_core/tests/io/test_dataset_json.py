@@ -1,0 +1,445 @@
+"""Datasets come back as they were; what older writers left is tolerated, damage is refused."""
+
+import json
+import math
+from copy import deepcopy
+
+import numpy as np
+import pytest
+
+from atom_core.errors import DatasetError
+from atom_core.geometry import se3
+from atom_core.io.dataset_json import (
+    dataset_from_document,
+    document_of,
+    dumps,
+    read_dataset,
+    write_dataset,
+)
+from atom_core.io.dataset_writer import new_document
+from atom_core.model.dataset import MULTIPLE, RgbLabel
+from atom_core.model.transforms import Edge
+from atom_core.synthetic import scenes
+
+RUNS = ("nig_0.1_run001", "nig_0.2_run002")
+
+
+@pytest.fixture(scope="module")
+def fresh():
+    """Return a document of version 3: rgb_1, rgb_2, depth_1, lidar_1, three collections."""
+    return new_document(scenes.random_scene(0, collections=3).dataset, name="fresh")
+
+
+@pytest.fixture
+def document(fresh):
+    return deepcopy(fresh)
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Return a function: document -> the dataset read from a file of it."""
+
+    def from_file(document):
+        path = tmp_path / "dataset.json"
+        path.write_text(dumps(document))
+        return read_dataset(path)
+
+    return from_file
+
+
+@pytest.fixture
+def refusal(read):
+    """Return a function: document -> the one line with which it is refused."""
+
+    def message(document):
+        with pytest.raises(DatasetError) as caught:
+            read(document)
+        line = str(caught.value)
+        assert "dataset.json" in line and "\n" not in line and "Traceback" not in line
+        return line
+
+    return message
+
+
+def first_label(document, sensor):
+    """Return the first detected label of a sensor, to be changed in place, and its collection."""
+    for key, collection in sorted(document["collections"].items()):
+        label = collection["labels"]["pattern_1"][sensor]
+        if label["detected"]:
+            return label, key
+    raise AssertionError("nothing detected")
+
+
+# --- the real thing -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("run", RUNS)
+def test_a_dataset_of_atom_survives_byte_for_byte(real_data, tmp_path, run):
+    path = real_data("atom_softbot") / run / "atom_calibration.json"
+    dataset = read_dataset(path)
+    write_dataset(dataset, tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == path.read_bytes()
+
+
+@pytest.mark.parametrize("run", RUNS)
+def test_a_dataset_of_atom_means_what_it_says(real_data, run):
+    dataset = read_dataset(real_data("atom_softbot") / run / "atom_calibration.json")
+    assert [s.modality for s in dataset.sensors.values()] == ["rgb", "rgb", "lidar3d"]
+    pattern = dataset.patterns["pattern_1"]
+    assert (pattern.columns, pattern.rows, pattern.fixed) == (11, 8, True)
+    np.testing.assert_allclose(pattern.border.corners[2], [0.76, 0.57])
+    assert dataset.warnings == ()
+    for _, label in dataset.detections():
+        if isinstance(label, RgbLabel):
+            assert label.ids.max() < 88 and np.all(label.pixels > 0)
+
+
+@pytest.mark.parametrize("run", RUNS)
+def test_only_a_changed_edge_changes_in_the_file(real_data, run):
+    path = real_data("atom_softbot") / run / "atom_calibration.json"
+    dataset = read_dataset(path)
+    edge = dataset.sensors["front_left_camera"].edge
+    moved = se3.from_rpy(np.array([0.1, 0.2, 0.3]), np.array([0.1, 0.0, 0.0]))
+    changed = document_of(dataset.with_transforms({"000": {edge: moved}}))
+    stored = changed["collections"]["000"]["transforms"][str(edge)]
+    assert stored["trans"] == [0.1, 0.2, 0.3]
+    original = json.loads(path.read_text())
+    original["collections"]["000"]["transforms"][str(edge)] = stored
+    assert changed == original
+
+
+# --- round trip and unknown keys ----------------------------------------------------------
+
+
+def test_reading_and_writing_changes_nothing(document, read):
+    assert document_of(read(document)) == json.loads(dumps(document))
+
+
+def test_unknown_keys_are_kept_everywhere(document, read):
+    label, key = first_label(document, "lidar_1")
+    label["samples"] = [1, 2]
+    document["x-note"] = {"a": [1, None]}
+    document["sensors"]["rgb_1"]["serial"] = "0042"
+    document["collections"][key]["transforms_ini"] = {"a-b": {"parent": "a_ini"}}
+    document["collections"][key]["data"]["rgb_1"]["exposure"] = 3.5
+    edge = next(iter(document["collections"][key]["transforms"].values()))
+    edge["comment"] = "measured"
+    assert document_of(read(document)) == json.loads(dumps(document))
+
+
+def test_an_edge_with_a_comment_keeps_it_when_it_moves(document, read):
+    dataset = read(document)
+    edge = dataset.sensors["rgb_2"].edge
+    document["collections"]["000"]["transforms"][str(edge)]["comment"] = "measured"
+    moved = read(document).with_transforms({"000": {edge: np.eye(4)}})
+    stored = document_of(moved)["collections"]["000"]["transforms"][str(edge)]
+    assert stored["comment"] == "measured" and stored["quat"] == [0.0, 0.0, 0.0, 1.0]
+
+
+def test_a_new_edge_is_added_and_the_original_is_untouched(document, read):
+    dataset = read(document)
+    board = Edge("world", "pattern_link")
+    placed = dataset.with_transforms({"001": {board: np.eye(4)}})
+    transforms = document_of(placed)["collections"]["001"]["transforms"]
+    assert transforms["world-pattern_link"]["child"] == "pattern_link"
+    assert "world-pattern_link" not in dataset.document["collections"]["001"]["transforms"]
+
+
+def test_frame_names_with_dashes_are_kept_apart(document, read):
+    for collection in document["collections"].values():
+        collection["transforms"]["a-b-c"] = {
+            "parent": "a-b",
+            "child": "c",
+            "trans": [0.0, 0.0, 0.0],
+            "quat": [0.0, 0.0, 0.0, 1.0],
+        }
+    assert Edge("a-b", "c") in read(document).collections["000"].transforms
+
+
+# --- tolerance ------------------------------------------------------------------------------
+
+
+def test_labels_by_sensor_as_in_version_2(document, read):
+    expected = {key for key, _ in read(document).detections()}
+    for collection in document["collections"].values():
+        collection["labels"] = collection["labels"]["pattern_1"]
+    assert {key for key, _ in read(document).detections()} == expected
+    assert document_of(read(document)) == json.loads(dumps(document))
+
+
+def test_the_singular_pattern_of_version_2(document, read):
+    config = document["calibration_config"]
+    config["calibration_pattern"] = config.pop("calibration_patterns")["pattern_1"]
+    document["patterns"] = document["patterns"]["pattern_1"]
+    for collection in document["collections"].values():
+        collection["labels"] = collection["labels"]["pattern_1"]
+    dataset = read(document)
+    assert list(dataset.patterns) == ["pattern_1"] and list(dataset.detections())
+    assert any("version 2" in warning for warning in dataset.warnings)
+
+
+def test_integers_in_intrinsics(document, read):
+    info = document["sensors"]["rgb_1"]["camera_info"]
+    info["D"], info["K"] = [0, 0, 0, 0, 0], [900, 0, 640, 0, 900, 400, 0, 0, 1]
+    camera = read(document).sensors["rgb_1"].camera
+    assert camera.K.dtype == float and camera.K[0, 0] == 900.0
+    np.testing.assert_allclose(camera.project(np.array([[0.1, 0.0, 1.0]])), [[730.0, 400.0]])
+
+
+def test_gaps_in_the_collection_keys(document, read):
+    collections = document["collections"]
+    collections["1000"], collections["010"] = collections.pop("000"), collections.pop("001")
+    assert list(read(document).collections) == ["002", "010", "1000"]
+
+
+@pytest.mark.parametrize("key", ["patterns", "transforms", "additional_sensor_data"])
+def test_absent_parts_of_the_top_level(document, read, key):
+    expected = [k for k, _ in read(document).detections()]
+    del document[key]
+    dataset = read(document)
+    assert [k for k, _ in dataset.detections()] == expected
+    assert dataset.patterns["pattern_1"].corner_count == 88
+    assert document_of(dataset) == json.loads(dumps(document))
+
+
+def test_absent_joints_and_labels_of_a_sensor(document, read):
+    for collection in document["collections"].values():
+        del collection["joints"], collection["additional_data"]
+        del collection["labels"]["pattern_1"]["rgb_2"]
+    assert "rgb_2" not in {key.sensor for key, _ in read(document).detections()}
+
+
+def test_empty_text_for_nothing(document, read):
+    document["calibration_config"].update(additional_tfs="", joints="", anchored_sensor="")
+    dataset = read(document)
+    assert dataset.config.additional_tfs == {} and dataset.config.anchored_sensor is None
+
+
+@pytest.mark.parametrize("sensor", ["rgb_1", "lidar_1", "depth_1"])
+def test_detected_with_empty_lists_is_not_detected(document, read, sensor):
+    label, key = first_label(document, sensor)
+    label["idxs"], label["idxs_limit_points"] = [], []
+    assert (key, sensor) not in {(k.collection, k.sensor) for k, _ in read(document).detections()}
+
+
+def test_repeated_and_foreign_limit_indices(document, read):
+    label, key = first_label(document, "lidar_1")
+    label["idxs_limit_points"] = [7] * 16 + [0]
+    read_label = read(document).collections[key].labels[("lidar_1", "pattern_1")]
+    assert sorted(set(read_label.limit_indices)) == [0, 7]
+
+
+def test_a_range_label_without_limit_points(document, read):
+    label, key = first_label(document, "lidar_1")
+    del label["idxs_limit_points"]
+    assert len(read(document).collections[key].labels[("lidar_1", "pattern_1")].limit_indices) == 0
+
+
+def test_what_the_optimiser_left_in_labels(document, read):
+    label, _ = first_label(document, "rgb_1")
+    label["idxs_projected"] = label["idxs_initial"] = [{"x": 1.0, "y": math.nan}]
+    assert math.isnan(
+        document_of(read(document))["collections"]["000"]["labels"]["pattern_1"]["rgb_1"][
+            "idxs_initial"
+        ][0]["y"]
+    )
+
+
+def test_corners_that_differ_from_the_configuration_are_used_and_told(document, read):
+    document["patterns"]["pattern_1"]["corners"][0]["x"] = 0.0601
+    dataset = read(document)
+    assert dataset.patterns["pattern_1"].corners_by_id[0, 0] == 0.0601
+    assert any("corners differ" in warning for warning in dataset.warnings)
+
+
+def test_a_modality_that_only_the_message_type_tells(document, read):
+    document["sensors"]["lidar_1"]["modality"] = ""
+    assert read(document).sensors["lidar_1"].modality == "lidar3d"
+
+
+def test_types_of_edges(document, read):
+    name = next(iter(document["transforms"]))
+    document["transforms"][name]["type"] = MULTIPLE
+    assert list(read(document).edge_types.values()).count(MULTIPLE) == 1
+
+
+def test_quaternions_are_normalised(document, read):
+    edge = next(iter(document["collections"]["000"]["transforms"].values()))
+    edge["quat"] = [0.0, 0.0, 2.0, 2.0]
+    matrix = read(document).collections["000"].transforms[Edge(edge["parent"], edge["child"])]
+    np.testing.assert_allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-15)
+
+
+def test_labels_of_a_pattern_that_the_configuration_lacks_are_told(document, read):
+    labels = document["collections"]["000"]["labels"]
+    labels["pattern_9"] = deepcopy(labels["pattern_1"])
+    assert any("pattern_9" in warning for warning in read(document).warnings)
+
+
+# --- refusals -------------------------------------------------------------------------------
+
+
+def test_a_truncated_file(document, tmp_path):
+    path = tmp_path / "dataset.json"
+    text = dumps(document)
+    path.write_text(text[: len(text) // 2])
+    with pytest.raises(DatasetError, match=r"dataset\.json:\d+: not valid JSON .* truncated"):
+        read_dataset(path)
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    with pytest.raises(DatasetError, match="no such file"):
+        read_dataset(tmp_path / "dataset.json")
+
+
+def test_a_binary_file(tmp_path):
+    path = tmp_path / "dataset.json"
+    path.write_bytes(b"\x89PNG\xff\x00")
+    with pytest.raises(DatasetError, match="not UTF-8"):
+        read_dataset(path)
+
+
+@pytest.mark.parametrize("content", ["[]", "{}", "3", '{"sensors": {}}'])
+def test_json_that_is_no_dataset(tmp_path, content):
+    path = tmp_path / "dataset.json"
+    path.write_text(content)
+    with pytest.raises(DatasetError, match="no ATOM dataset"):
+        read_dataset(path)
+
+
+@pytest.mark.parametrize("version", ["2.0", 2.0, "1.1"])
+def test_an_old_version_with_the_way_out(document, refusal, version):
+    document["_metadata"]["version"] = version
+    assert "convert --from atom_v2" in refusal(document)
+
+
+@pytest.mark.parametrize("version", ["", "three", None])
+def test_a_version_that_is_none(document, refusal, version):
+    document["_metadata"]["version"] = version
+    assert "_metadata.version" in refusal(document)
+
+
+def test_an_unknown_modality(document, refusal):
+    document["sensors"]["rgb_1"]["modality"] = "radar"
+    line = refusal(document)
+    assert "'rgb_1'" in line and "'radar'" in line and "lidar3d" in line
+
+
+@pytest.mark.parametrize(
+    "key, value, words",
+    [
+        ("K", [1.0, 0.0, 1.0], "K has 3 numbers, 9"),
+        ("D", [0.1, 0.1, 0.1], "D has 3 numbers"),
+        ("D", [0.1] * 7, "D has 7 numbers"),
+        ("D", [0.1, 0.1, 0.1, 0.1, math.nan], "finite"),
+        ("K", [-900.0, 0, 640, 0, 900, 400, 0, 0, 1], "positive"),
+        ("distortion_model", "magic", "'magic' is unknown"),
+        ("width", "wide", "wide"),
+    ],
+)
+def test_wrong_intrinsics(document, refusal, key, value, words):
+    document["sensors"]["rgb_2"]["camera_info"][key] = value
+    line = refusal(document)
+    assert "'rgb_2'" in line and words in line
+
+
+@pytest.mark.parametrize("key", ["camera_info", "parent", "calibration_child"])
+def test_a_sensor_that_lacks_a_key(document, refusal, key):
+    del document["sensors"]["rgb_1"][key]
+    line = refusal(document)
+    assert "'rgb_1'" in line and key in line
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_a_pixel_that_is_not_a_number(document, refusal, value):
+    label, key = first_label(document, "rgb_1")
+    label["idxs"][3]["y"] = value
+    line = refusal(document)
+    assert f"collection {key}" in line and "'rgb_1'" in line and "not a number" in line
+
+
+def test_an_index_that_is_not_a_number(document, refusal):
+    label, key = first_label(document, "depth_1")
+    label["idxs"][0] = math.nan
+    line = refusal(document)
+    assert f"collection {key}" in line and "'depth_1'" in line
+
+
+def test_a_corner_labelled_twice(document, refusal):
+    label, _ = first_label(document, "rgb_1")
+    label["idxs"][1]["id"] = label["idxs"][0]["id"]
+    assert f"corner {label['idxs'][0]['id']} is labelled more than once" in refusal(document)
+
+
+@pytest.mark.parametrize("corner", [88, -1])
+def test_a_corner_that_the_pattern_does_not_have(document, refusal, corner):
+    label, _ = first_label(document, "rgb_1")
+    label["idxs"][0]["id"] = corner
+    line = refusal(document)
+    assert f"corner id {corner} is not on pattern" in line and "11 x 8" in line
+
+
+@pytest.mark.parametrize(
+    "key, value",
+    [
+        ("quat", [0.0, 0.0, 0.0, 0.0]),
+        ("quat", [0.0, 0.0, 1.0]),
+        ("quat", [math.nan, 0.0, 0.0, 1.0]),
+        ("trans", [0.0, math.inf, 0.0]),
+        ("trans", [0.0, 0.0]),
+        ("trans", None),
+    ],
+)
+def test_a_transform_that_is_none(document, refusal, key, value):
+    name = next(iter(document["collections"]["001"]["transforms"]))
+    document["collections"]["001"]["transforms"][name][key] = value
+    line = refusal(document)
+    assert "collection 001" in line and name in line
+
+
+def test_a_configuration_that_is_absent_or_wrong(document, refusal):
+    config = document.pop("calibration_config")
+    assert "calibration_config" in refusal(document)
+    config["calibration_patterns"]["pattern_1"]["size"] = -0.06
+    document["calibration_config"] = config
+    assert "size" in refusal(document)
+
+
+@pytest.mark.parametrize(
+    "place, value",
+    [
+        (("sensors",), []),
+        (("sensors", "rgb_1"), None),
+        (("collections",), []),
+        (("collections", "000"), None),
+        (("collections", "000", "labels"), []),
+        (("collections", "000", "labels", "pattern_1"), []),
+        (("collections", "000", "labels", "pattern_1", "rgb_1"), None),
+        (("collections", "000", "labels", "pattern_1", "rgb_1"), {"detected": True, "idxs": 3}),
+        (("collections", "000", "transforms"), [1]),
+        (("collections", "000", "data"), "x"),
+        (("sensors", "rgb_1", "camera_info"), []),
+        (("_metadata",), []),
+        (("patterns", "pattern_1", "corners"), 3),
+        (("patterns", "pattern_1", "corners"), []),
+        (("patterns",), []),
+        (("transforms",), []),
+    ],
+)
+def test_parts_of_the_wrong_type_are_refused_or_ignored_but_never_a_crash(
+    document, read, place, value
+):
+    part = document
+    for key in place[:-1]:
+        part = part[key]
+    part[place[-1]] = value
+    try:
+        read(document)
+    except DatasetError as error:
+        assert "dataset.json" in str(error) and "\n" not in str(error)
+
+
+def test_a_document_without_a_file_names_its_source():
+    dataset = scenes.two_cameras(0, collections=1).dataset
+    again = dataset_from_document(new_document(dataset, name="x"), dataset.source)
+    assert again.source == dataset.source
