@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import List, Optional
 
 from atom_core.commands import common
 from atom_core.evaluation.document import evaluation_document
 from atom_core.evaluation.evaluate import Evaluation, evaluate
+from atom_core.evaluation.pairs import KINDS
 from atom_core.io.annotations import read_annotations
 from atom_core.io.atomic import (
     prepare_output_folder,
@@ -19,7 +21,7 @@ from atom_core.io.dataset_json import read_dataset
 from atom_core.io.truth_json import read_truth
 from atom_core.model.dataset import Dataset
 from atom_core.model.selection import select_names
-from atom_core.report.evaluation_csv import csv_texts
+from atom_core.report.evaluation_csv import csv_name, csv_texts
 from atom_core.report.evaluation_tables import evaluation_report
 
 EXAMPLE = (
@@ -62,15 +64,28 @@ def run(args: argparse.Namespace) -> int:
     test = read_dataset(args.test)
     evaluation = _evaluate(args, args.train, test)
     compared = _evaluate(args, args.compare, test) if args.compare else None
-    folder = prepare_output_folder(args.output, args.overwrite)
-    for name, text in csv_texts(evaluation).items():
-        write_text_atomically(folder / name, text)
     document = evaluation_document(evaluation, compared)
     document["options"] = common.options_document(args)
+    folder = prepare_output_folder(args.output, args.overwrite)
+    _write_csv_files(folder, evaluation)
     write_json_atomically(folder / RESULT_FILE, document, sort_keys=False)
     print(evaluation_report(evaluation, compared, verbose=args.verbose))
     print(f"\nresults: {folder}")
-    return 0 if evaluation.measured else 1
+    if evaluation.measured:
+        return 0
+    why = "the table says why" if evaluation.pairs else "no two of these sensors can be compared"
+    print(f"evaluate: no pair was measured, {why}", file=sys.stderr)
+    return 1
+
+
+def _write_csv_files(folder: Path, evaluation: Evaluation) -> None:
+    """Write a file for each kind that was measured; remove those of an earlier run."""
+    texts = csv_texts(evaluation)
+    for kind in KINDS:
+        if csv_name(kind) in texts:
+            write_text_atomically(folder / csv_name(kind), texts[csv_name(kind)])
+        elif (folder / csv_name(kind)).is_file():
+            (folder / csv_name(kind)).unlink()
 
 
 def _evaluate(args: argparse.Namespace, path: Path, test: Dataset) -> Evaluation:

@@ -24,7 +24,12 @@ def csv_texts(evaluation: Evaluation) -> Dict[str, str]:
     for result in evaluation.pairs:
         if result.measured is not None:
             by_kind.setdefault(result.pair.kind, []).append(result)
-    return {f"{kind.name}.csv": _text(kind, results) for kind, results in by_kind.items()}
+    return {csv_name(kind): _text(kind, results) for kind, results in by_kind.items()}
+
+
+def csv_name(kind: PairKind) -> str:
+    """Return the name of a kind's file."""
+    return f"{kind.name}.csv"
 
 
 def _text(kind: PairKind, results: List[PairResult]) -> str:

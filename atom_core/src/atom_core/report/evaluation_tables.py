@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, List, Optional
+from typing import Any, List, Mapping, Optional, Sequence
 
 from atom_core.evaluation.evaluate import Evaluation, PairResult
 from atom_core.evaluation.ground_truth import MEAN
@@ -10,6 +10,8 @@ from atom_core.evaluation.pairs import Pair
 from atom_core.report.tables import text_table
 
 MM_PER_M = 1000.0
+
+GroundTruth = Mapping[str, Mapping[str, float]]
 
 
 def evaluation_report(
@@ -22,46 +24,45 @@ def evaluation_report(
         compared: of another calibration on the same test set; stands beside it.
         verbose: also the reverse pairs, and a line for each collection.
     """
-    parts = [pair_table(evaluation, compared, reverse=verbose)]
-    if verbose:
-        parts += [collection_table(result) for result in evaluation.pairs if result.measured]
-    parts += [averages_table(evaluation, compared), skipped_table(evaluation)]
+    shown = [r for r in evaluation.pairs if verbose or not r.pair.reverse]
+    measured = [r for r in shown if r.measured is not None]
+    parts = [
+        camera_pair_table([r for r in measured if _has_poses(r)], compared),
+        range_pair_table([r for r in measured if not _has_poses(r)], compared),
+        *[collection_table(r) for r in measured if verbose],
+        averages_table(evaluation, compared),
+        skipped_table(shown),
+    ]
     if evaluation.ground_truth is not None:
-        parts.append(ground_truth_table(evaluation.ground_truth, _truth_of(compared)))
+        other = None if compared is None else compared.ground_truth
+        parts.append(ground_truth_table(evaluation.ground_truth, other))
     return "\n\n".join(part for part in parts if part)
 
 
-def pair_table(
-    evaluation: Evaluation, compared: Optional[Evaluation] = None, reverse: bool = False
-) -> str:
-    """Return one line for each measured pair; empty if there is none."""
-    other = {} if compared is None else {r.pair: r for r in compared.pairs}
-    headers = ["kind", "source", "target", "unit", "coll.", "points", "RMS", "mean", "median"]
-    headers += ["trans. [mm]", "rot. [deg]", "RMS at truth"]
+def camera_pair_table(results: Sequence[PairResult], compared: Optional[Evaluation] = None) -> str:
+    """Return ATOM's columns for pairs of cameras; empty if there is none."""
+    headers = ["source", "target", "coll.", "points", "RMS [px]", "X [px]", "Y [px]"]
+    headers += ["trans. [mm]", "rot. [deg]"]
     rows = []
-    for result in evaluation.pairs:
-        if result.measured is None or (result.pair.reverse and not reverse):
-            continue
-        line = _pair_line(result)
-        if compared is not None:
-            line.append(_rms(other.get(result.pair)))
-        rows.append(line)
-    if compared is not None:
-        headers.append("RMS of the other")
-    return text_table(headers, rows, "Pairs of sensors") if rows else ""
+    for result in results:
+        m = result.measured
+        assert m is not None
+        figures = [m.rms, m.x_mean_abs, m.y_mean_abs, m.translation_mm, m.rotation_deg]
+        rows.append([result.pair.source, result.pair.target, *_counts(result), *figures])
+    return _with_references("Pairs of cameras", headers, rows, results, compared)
 
 
-def _pair_line(result: PairResult) -> List[Any]:
-    pair, m = result.pair, result.measured
-    assert m is not None
-    figures = [m.rms, m.pooled.mean, m.pooled.median, m.translation_mm, m.rotation_deg]
-    floor = None if result.at_truth is None else result.at_truth.rms
-    counts = [len(m.per_collection), m.pooled.points]
-    return [pair.kind.name, pair.source, pair.target, pair.kind.unit, *counts, *figures, floor]
-
-
-def _rms(result: Optional[PairResult]) -> Optional[float]:
-    return None if result is None or result.measured is None else result.measured.rms
+def range_pair_table(results: Sequence[PairResult], compared: Optional[Evaluation] = None) -> str:
+    """Return one line for each pair with a range sensor; empty if there is none."""
+    headers = ["kind", "source", "target", "unit", "coll.", "points", "RMS", "mean", "median"]
+    rows = []
+    for result in results:
+        pair, m = result.pair, result.measured
+        assert m is not None
+        figures = [m.rms, m.pooled.mean, m.pooled.median]
+        names = [pair.kind.name, pair.source, pair.target, pair.kind.unit]
+        rows.append([*names, *_counts(result), *figures])
+    return _with_references("Pairs with a range sensor", headers, rows, results, compared)
 
 
 def collection_table(result: PairResult) -> str:
@@ -73,8 +74,8 @@ def collection_table(result: PairResult) -> str:
     for row in result.measured.rows:
         f = row.figures
         figures = [f.rms, f.mean, f.median, f.x_mean_abs, f.y_mean_abs]
-        pose = [f.translation_mm, f.rotation_deg]
-        rows.append([row.collection, row.pattern, f.points, *figures, *pose])
+        poses = [f.translation_mm, f.rotation_deg]
+        rows.append([row.collection, row.pattern, f.points, *figures, *poses])
     title = f"{result.pair.kind.name} [{result.pair.kind.unit}]: {_name(result.pair)}"
     return text_table(headers, rows, title)
 
@@ -91,22 +92,17 @@ def averages_table(evaluation: Evaluation, compared: Optional[Evaluation] = None
             other = compared.averages.get(kind)
             row.append(None if other is None else other.values["rms"])
         rows.append(row)
-    if compared is not None:
-        headers.append("RMS of the other")
-    return text_table(headers, rows, "Averages") if rows else ""
+    headers += [] if compared is None else ["RMS of the other"]
+    return text_table(headers, rows, "Averages over the pairs") if rows else ""
 
 
-def skipped_table(evaluation: Evaluation) -> str:
+def skipped_table(results: Sequence[PairResult]) -> str:
     """Return the pairs that were not measured, and why; empty if there is none."""
-    rows: Dict[str, List[str]] = {}
-    for result in evaluation.pairs:
-        if result.skipped and not result.pair.reverse:
-            line = [result.pair.kind.name, _name(result.pair), result.skipped]
-            rows["|".join(line)] = line
-    return text_table(["kind", "pair", "why"], list(rows.values()), "Skipped") if rows else ""
+    rows = [[r.pair.kind.name, _name(r.pair), r.skipped] for r in results if r.skipped]
+    return text_table(["kind", "pair", "why"], rows, "Skipped") if rows else ""
 
 
-def ground_truth_table(ground_truth: Any, compared: Any = None) -> str:
+def ground_truth_table(ground_truth: GroundTruth, compared: Optional[GroundTruth] = None) -> str:
     """Return the sensors' errors against the truth.
 
     Args:
@@ -114,30 +110,53 @@ def ground_truth_table(ground_truth: Any, compared: Any = None) -> str:
         compared: the same of another calibration, or None.
     """
     headers = ["sensor", "translation [mm]", "rotation [deg]", "in the world [mm]"]
-    if compared is not None:
-        headers += ["other: translation [mm]", "other: rotation [deg]"]
-    names = [name for name in ground_truth if name != MEAN] + [MEAN]
+    headers += [] if compared is None else ["other: translation [mm]", "other: rotation [deg]"]
     rows = []
-    for name in names:
-        row = [
-            name,
-            *_errors(ground_truth[name]),
-            _mm(ground_truth[name], "world_translation_error_m"),
-        ]
-        rows.append(row if compared is None else row + _errors(compared[name]))
+    for name in [*(n for n in ground_truth if n != MEAN), MEAN]:
+        entry = ground_truth[name]
+        other = [] if compared is None else _errors(compared[name])
+        rows.append([name, *_errors(entry), _mm(entry, "world_translation_error_m"), *other])
     return text_table(headers, rows, "Errors against the truth")
 
 
-def _errors(entry: Any) -> List[Optional[float]]:
+def _with_references(
+    title: str,
+    headers: List[str],
+    rows: List[List[Any]],
+    results: Sequence[PairResult],
+    compared: Optional[Evaluation],
+) -> str:
+    """Return the table with the floor at the truth, and the RMS of another calibration."""
+    if not rows:
+        return ""
+    if any(result.at_truth is not None for result in results):
+        headers = [*headers, "RMS at truth"]
+        for row, result in zip(rows, results):
+            row.append(None if result.at_truth is None else result.at_truth.rms)
+    if compared is not None:
+        headers = [*headers, "RMS of the other"]
+        others = {result.pair: result.measured for result in compared.pairs}
+        for row, result in zip(rows, results):
+            other = others.get(result.pair)
+            row.append(None if other is None else other.rms)
+    return text_table(headers, rows, title)
+
+
+def _has_poses(result: PairResult) -> bool:
+    return result.measured is not None and result.measured.translation_mm is not None
+
+
+def _counts(result: PairResult) -> List[int]:
+    assert result.measured is not None
+    return [len(result.measured.per_collection), result.measured.pooled.points]
+
+
+def _errors(entry: Mapping[str, float]) -> List[Optional[float]]:
     return [_mm(entry, "translation_error_m"), entry["rotation_error_deg"]]
 
 
-def _mm(entry: Any, figure: str) -> Optional[float]:
+def _mm(entry: Mapping[str, float], figure: str) -> Optional[float]:
     return MM_PER_M * entry[figure] if figure in entry else None
-
-
-def _truth_of(evaluation: Optional[Evaluation]) -> Any:
-    return None if evaluation is None else evaluation.ground_truth
 
 
 def _name(pair: Pair) -> str:
