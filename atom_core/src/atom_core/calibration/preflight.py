@@ -175,13 +175,19 @@ def _implausible_range(m: RangeMeasurement) -> List[str]:
     remarks = []
     if rms > _PLANE_LIMIT_M:
         remarks.append(f"{place(m.key)}: the labelled points are no plane (RMS {rms:.3f} m)")
-    extent = np.linalg.norm(np.ptp(m.inside, axis=0))
+    extent = _diameter(m.inside)
     diagonal = 2.0 * np.linalg.norm(m.border.half_size)
     if extent > _SIZE_LIMIT * diagonal:
         remarks.append(
             f"{place(m.key)}: the label is {extent:.2f} m across, the board only {diagonal:.2f} m"
         )
     return remarks
+
+
+def _diameter(points: np.ndarray) -> float:
+    """Return the distance of two far points: the farthest from the middle, and from that."""
+    first = points[np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1))]
+    return float(np.max(np.linalg.norm(points - first, axis=1)))
 
 
 def _problem_at_held_boards(dataset: Dataset, measurements: Sequence[Measurement], free):

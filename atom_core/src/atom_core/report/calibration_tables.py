@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any, Dict, List, Mapping, Optional
 
+import numpy as np
+
 from atom_core.calibration.preflight import Preflight
-from atom_core.calibration.statistics import Table, kinds_of, mean_over_collections
+from atom_core.calibration.statistics import Table, kinds_of
 from atom_core.model.dataset import Dataset, DetectionKey
 from atom_core.report.tables import ABSENT, text_table
 
@@ -134,10 +136,11 @@ def _residual_table(dataset: Dataset, table: Table) -> str:
         row: List[Any] = [key]
         for sensor, kind in columns:
             value = table.get((sensor, kind, key))
-            row.append(None if value is None else value.mean)
+            row.append(None if value is None else round(value.mean, 4))
         rows.append(row)
-    averages: List[Any] = ["Averages"]
-    averages += [mean_over_collections(table, sensor, kind) for sensor, kind in columns]
+    averages: List[Any] = ["Averages"]  # of the printed values, as ATOM does
+    for cells in list(zip(*rows))[1:]:
+        averages.append(float(np.mean([v for v in cells if v is not None])))
     units = {"reprojection": "px", "orthogonal": "m", "border": "m"}
     headers = ["Collection"] + [f"{s} {kind} [{units[kind]}]" for s, kind in columns]
     title = "Residuals at the poses in the dataset (mean of each collection)"
