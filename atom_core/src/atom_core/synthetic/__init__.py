@@ -4,10 +4,22 @@ Everything goes ``rig -> board poses -> make_dataset -> disturbed``; ``cell`` ho
 cell, ``scenes`` small ones for tests.
 """
 
+from atom_core.synthetic.board import charuco, chessboard
 from atom_core.synthetic.cell import paper_cell, statistics
 from atom_core.synthetic.dataset import Sampling, SyntheticDataset, disturbed, make_dataset
 from atom_core.synthetic.noise import Noise
 from atom_core.synthetic.rig import LidarModel, Rig, Room
+from atom_core.synthetic.scenes import (
+    board_on_arm,
+    disconnected,
+    hand_eye,
+    lidar_only,
+    random_rig,
+    random_scene,
+    shared_edge,
+    two_cameras,
+    two_patterns,
+)
 
 __all__ = [
     "LidarModel",
@@ -16,8 +28,19 @@ __all__ = [
     "Room",
     "Sampling",
     "SyntheticDataset",
+    "board_on_arm",
+    "charuco",
+    "chessboard",
+    "disconnected",
     "disturbed",
+    "hand_eye",
+    "lidar_only",
     "make_dataset",
     "paper_cell",
+    "random_rig",
+    "random_scene",
+    "shared_edge",
     "statistics",
+    "two_cameras",
+    "two_patterns",
 ]
