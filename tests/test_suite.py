@@ -214,7 +214,7 @@ FORBIDDEN = {
             ]
         )
     ),
-    "a path of one machine": re.compile(r"(?<![\w.])/(?:work|root|home)/"),
+    "a path of one machine": re.compile(r"(?<![\w.])/(?:work|root)/"),
 }
 
 
