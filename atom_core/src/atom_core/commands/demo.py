@@ -35,7 +35,7 @@ def run(args: argparse.Namespace) -> int:
     )
     for scenario in tqdm(("train", "test"), desc="writing datasets", unit="dataset"):
         cell = paper_cell(args.seed, scenario, Noise(), _DISTURBANCE)
-        write_dataset_folder(cell.dataset, folder / scenario, name=scenario)
+        write_dataset_folder(cell.dataset, folder / scenario, name=scenario, overwrite=True)
         write_truth(cell.truth, folder / f"{scenario}.truth.json")
     train = str(folder / "train" / "dataset.json")
     print("\n2/4 check\n")
