@@ -1,0 +1,175 @@
+"""`make bench`: speed and accuracy of the solver on the paper's synthetic cell.
+
+Prints tables and writes bench_output/{speed,accuracy,starts,gross_errors}.csv. Times depend on
+the machine and its load: compare the rows of one run with each other. The reference beside our
+solver is scipy.optimize.least_squares (trf, sparse analytic Jacobian, lsmr) on the same rows.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import resource
+import time
+from pathlib import Path
+
+import numpy as np
+from atom_core.calibration.calibrate import calibrate, free_edges, initial_boards
+from atom_core.calibration.options import CalibrationOptions
+from atom_core.evaluation.ground_truth import ground_truth_errors
+from atom_core.model.dataset import pose
+from atom_core.problem.builder import build_problem
+from atom_core.problem.measurements import read_measurements
+from atom_core.report.tables import text_table
+from atom_core.solvers.base import SolverOptions
+from atom_core.solvers.losses import NONE
+from atom_core.solvers.scipy_solver import minimise
+from atom_core.synthetic import Noise, paper_cell
+from scipy.optimize import least_squares
+from tqdm import tqdm
+
+DISTURBANCE = (0.1, 0.1)
+LIMITS = {"solve_s": 3.0, "mean_mm": 2.0, "mean_deg": 0.05, "spread_mm": 0.01, "gross_ratio": 2.0}
+
+
+def main() -> None:
+    """Run all benchmarks."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--output", type=Path, default=Path("bench_output"))
+    parser.add_argument("--seeds", type=int, default=20)
+    args = parser.parse_args()
+    args.output.mkdir(parents=True, exist_ok=True)
+    speed(args.output)
+    accuracy(args.output, args.seeds)
+    starts(args.output)
+    gross_errors(args.output, min(args.seeds, 5))
+
+
+def speed(output: Path) -> None:
+    """Solve the paper's cell with each set of options, five times, best and median."""
+    dataset = paper_cell(0, "train", Noise(), DISTURBANCE).dataset
+    rows = []
+    for weights, loss in (("sigma", "cauchy"), ("sigma", "none"), ("atom", "none")):
+        options = CalibrationOptions(solver=SolverOptions(weights=weights, loss=loss))
+        runs = [calibrate(dataset, options) for _ in range(5)]
+        seconds = [run.seconds["solve"] for run in runs]
+        last = runs[-1]
+        rows.append(
+            [f"scipy {weights} {loss}", last.problem.row_count, last.problem.parameters.size,
+             last.summary.iterations, min(seconds), float(np.median(seconds)),
+             sum(last.seconds.values())]
+        )  # fmt: skip
+    rows += _against_least_squares(dataset)
+    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    headers = ["solver", "rows", "parameters", "iterations", "solve best [s]",
+               "solve median [s]", "whole [s]"]  # fmt: skip
+    _report(output / "speed.csv", headers, rows, "Speed, 7 sensors x 23 collections", 3)
+    _verdict("solve, default options", rows[0][5], LIMITS["solve_s"], "s")
+    print(f"peak memory of all solves: {peak_mb:.0f} MB\n")
+
+
+def _against_least_squares(dataset) -> list:
+    """Minimise the same cost once with ours and once with scipy.optimize.least_squares."""
+    free = free_edges(dataset, CalibrationOptions())
+    measurements, _ = read_measurements(dataset)
+    boards = initial_boards(dataset, measurements, free)
+    problem = build_problem(dataset, measurements, boards, free)
+    sigmas = tuple(block.sigma for block in problem.residual_blocks)
+    start = np.zeros(problem.parameters.size)
+
+    def stacked(x: np.ndarray) -> np.ndarray:
+        pairs = zip(problem.residuals(x), sigmas)
+        return np.concatenate([(r / s[:, None]).ravel() for r, s in pairs])
+
+    began = time.perf_counter()
+    ours = minimise(problem, start, sigmas, NONE, 200)
+    ours_s = time.perf_counter() - began
+    began = time.perf_counter()
+    theirs = least_squares(
+        stacked, start, jac=lambda x: problem.jacobian(x, sigmas), method="trf",
+        x_scale="jac", tr_solver="lsmr", ftol=1e-8, xtol=1e-8, gtol=1e-8,
+    )  # fmt: skip
+    theirs_s = time.perf_counter() - began
+    print(f"cost: ours {ours.cost:.3f}, least_squares {theirs.cost:.3f}")
+    size = [problem.row_count, problem.parameters.size]
+    return [
+        ["one round, ours", *size, ours.iterations, ours_s, ours_s, None],
+        ["one round, least_squares", *size, theirs.nfev, theirs_s, theirs_s, None],
+    ]
+
+
+def accuracy(output: Path, seeds: int) -> None:
+    """Calibrate the cell of every seed from a disturbed start and compare with the truth."""
+    rows = []
+    for seed in tqdm(range(seeds), desc="accuracy", unit="cell"):
+        rows.append([seed, *_errors(seed, 0.0)])
+    headers = ["seed", "status", "mean [mm]", "mean [deg]", "worst [mm]", "worst [deg]"]
+    _report(output / "accuracy.csv", headers, rows, "Errors against truth", 3)
+    print(f"converged: {sum(r[1] == 'converged' for r in rows)} of {len(rows)}")
+    _verdict("mean sensor error, worst seed", max(r[2] for r in rows), LIMITS["mean_mm"], "mm")
+    _verdict("mean sensor error, worst seed", max(r[3] for r in rows), LIMITS["mean_deg"], "deg")
+    mean_mm, mean_deg = (float(np.mean([r[i] for r in rows])) for i in (2, 3))
+    print(f"mean over seeds: {mean_mm:.3f} mm, {mean_deg:.4f} deg\n")
+
+
+def _errors(seed: int, gross_fraction: float) -> list:
+    scene = paper_cell(seed, "train", Noise(gross_fraction=gross_fraction), DISTURBANCE)
+    result = calibrate(scene.dataset)
+    errors = ground_truth_errors(result.dataset, scene.truth)
+    sensors = [v for name, v in errors.items() if name != "mean"]
+    return [
+        result.status,
+        1e3 * errors["mean"]["translation_error_m"],
+        errors["mean"]["rotation_error_deg"],
+        1e3 * max(v["translation_error_m"] for v in sensors),
+        max(v["rotation_error_deg"] for v in sensors),
+    ]
+
+
+def starts(output: Path) -> None:
+    """Calibrate the same data from six starts; the answers must be one."""
+    dataset = paper_cell(0).dataset
+    found, rows = [], []
+    for seed in range(6):
+        options = CalibrationOptions(noisy_initial_guess=DISTURBANCE, seed=seed)
+        result = calibrate(dataset, options)
+        collection, graph = next(iter(result.dataset.collections.values())), dataset.graph
+        found.append(
+            [pose(collection, graph, dataset.world, s.frame)[:3, 3]
+             for s in dataset.sensors.values()]
+        )  # fmt: skip
+        rows.append([seed, result.status, result.summary.iterations, result.summary.cost_final])
+    headers = ["start", "status", "iterations", "cost"]
+    _report(output / "starts.csv", headers, rows, "Same data from six starts", 6)
+    _verdict("positions differ by", 1e3 * float(np.max(np.ptp(found, axis=0))),
+             LIMITS["spread_mm"], "mm")  # fmt: skip
+    print()
+
+
+def gross_errors(output: Path, seeds: int) -> None:
+    """Calibrate with a tenth of all labels grossly wrong, beside the clean run."""
+    rows = []
+    for seed in tqdm(range(seeds), desc="gross errors", unit="cell"):
+        clean, dirty = _errors(seed, 0.0), _errors(seed, 0.1)
+        rows.append([seed, dirty[0], clean[1], dirty[1], dirty[1] / clean[1], dirty[2] / clean[2]])
+    headers = ["seed", "status", "clean [mm]", "10 % wrong [mm]", "ratio mm", "ratio deg"]
+    _report(output / "gross_errors.csv", headers, rows, "Ten per cent of the labels wrong", 3)
+    clean_mm, dirty_mm = (float(np.mean([r[i] for r in rows])) for i in (2, 3))
+    _verdict("mean error over the clean one", dirty_mm / clean_mm, LIMITS["gross_ratio"], "x")
+
+
+def _report(path: Path, headers: list, rows: list, title: str, digits: int) -> None:
+    with path.open("w", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(headers)
+        writer.writerows(rows)
+    print(text_table(headers, rows, title, digits))
+
+
+def _verdict(what: str, value: float, limit: float, unit: str) -> None:
+    word = "reached" if value <= limit else "MISSED"
+    print(f"{what}: {value:.4g} {unit}, to reach <= {limit:g} {unit}: {word}")
+
+
+if __name__ == "__main__":
+    main()
