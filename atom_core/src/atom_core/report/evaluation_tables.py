@@ -82,12 +82,15 @@ def collection_table(result: PairResult) -> str:
 
 def averages_table(evaluation: Evaluation, compared: Optional[Evaluation] = None) -> str:
     """Return the averages over the pairs of each kind, the floor at the truth beside them."""
-    headers = ["kind", "unit", "pairs", "RMS", "RMS at truth", "above truth"]
+    headers = ["kind", "unit", "pairs", "RMS"]
+    with_truth = any(average.at_truth is not None for average in evaluation.averages.values())
+    headers += ["RMS at truth", "above truth"] if with_truth else []
     rows: List[List[Any]] = []
     for kind, average in evaluation.averages.items():
         rms, floor = average.values["rms"], average.at_truth
-        above = None if floor is None else rms - floor
-        row = [kind, average.unit, average.pairs, rms, floor, above]
+        row: List[Any] = [kind, average.unit, average.pairs, rms]
+        if with_truth:
+            row += [floor, None if floor is None else rms - floor]
         if compared is not None:
             other = compared.averages.get(kind)
             row.append(None if other is None else other.values["rms"])

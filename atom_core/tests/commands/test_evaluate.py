@@ -1,0 +1,129 @@
+"""The command ``evaluate``: files, exit codes, refusals."""
+
+import json
+import shutil
+
+import pytest
+
+from atom_core.cli import main
+from atom_core.io.dataset_writer import write_dataset_folder
+from atom_core.io.truth_json import write_truth
+from atom_core.synthetic.scenes import random_scene
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("scene")
+    synthetic = random_scene(1, rgb=2, depth=1, lidar3d=2, collections=4)
+    write_dataset_folder(synthetic.dataset, folder / "test", name="test")
+    write_truth(synthetic.truth, folder / "truth.json")
+    return folder
+
+
+@pytest.fixture
+def evaluate(scene, tmp_path):
+    def run(*options, train=None, output=tmp_path / "out"):
+        dataset = str(scene / "test" / "dataset.json")
+        arguments = ["evaluate", "--train", str(train or dataset), "--test", dataset]
+        return main([*arguments, "--output", str(output), *map(str, options)]), output
+
+    return run
+
+
+def result(folder):
+    return json.loads((folder / "evaluation.json").read_text())
+
+
+def test_files_and_tables(evaluate, scene, capsys):
+    code, output = evaluate("--truth", scene / "truth.json")
+    assert code == 0
+    names = {p.name for p in output.iterdir()}
+    assert {"evaluation.json", "rgb-rgb.csv", "lidar3d-rgb.csv", "depth-rgb.csv"} < names
+    document = result(output)
+    assert document["ground_truth"]["mean"]["translation_error_m"] == pytest.approx(0, abs=1e-9)
+    for pair in document["pairs"]:
+        if pair["skipped"] is None:
+            assert pair["rms"] == pytest.approx(pair["at_truth"]["rms"], rel=1e-6)
+    assert "Averages over the pairs" in capsys.readouterr().out
+
+
+def test_pairs_and_selections(evaluate):
+    _, output = evaluate("--pairs", "rgb_1:rgb_2", "-csf", "000", "001")
+    document = result(output)
+    assert {p["kind"] for p in document["pairs"]} == {"rgb-rgb"}
+    assert set(document["pairs"][0]["per_collection"]) <= {"000", "001"}
+
+
+def test_options_with_dash_and_underscore(evaluate):
+    assert evaluate("--sensor-selection-function", "rgb_*")[0] == 0
+    assert evaluate("--sensor_selection_function", "lambda n: n in ['rgb_1', 'rgb_2']",
+                    "--overwrite")[0] == 0  # fmt: skip
+
+
+def test_another_calibration_beside(evaluate, scene, capsys):
+    code, output = evaluate("--compare", scene / "test" / "dataset.json")
+    assert code == 0
+    document = result(output)
+    assert document["compared_with"]["averages"] == document["averages"]
+    assert "RMS of the other" in capsys.readouterr().out
+
+
+def test_results_are_not_overwritten_unasked(evaluate, capsys):
+    _, output = evaluate("--pairs", "rgb_1:rgb_2")
+    before = (output / "evaluation.json").read_bytes()
+    code, _ = evaluate()
+    assert code == 2 and "--overwrite" in capsys.readouterr().err
+    assert (output / "evaluation.json").read_bytes() == before
+
+
+def test_tables_of_an_earlier_run_do_not_stay(evaluate):
+    _, output = evaluate()
+    assert (output / "depth-rgb.csv").is_file()
+    evaluate("--pairs", "rgb_1:rgb_2", "--overwrite")
+    assert not (output / "depth-rgb.csv").exists() and (output / "rgb-rgb.csv").is_file()
+
+
+def test_exit_code_1_when_nothing_could_be_measured(scene, tmp_path, capsys):
+    shutil.copy(scene / "test" / "dataset.json", tmp_path / "dataset.json")  # without its data
+    dataset, output = str(tmp_path / "dataset.json"), tmp_path / "out"
+    arguments = ["evaluate", "--train", dataset, "--test", dataset, "--output", str(output)]
+    assert main([*arguments, "-ssf", "rgb_1", "lidar*"]) == 1
+    captured = capsys.readouterr()
+    assert "is absent" in captured.out and "no pair was measured" in captured.err
+    assert all(pair["skipped"] for pair in result(output)["pairs"])
+
+
+def test_exit_code_1_when_there_is_nothing_to_compare(evaluate, capsys):
+    assert evaluate("-ssf", "rgb_1")[0] == 1
+    assert "no two of these sensors can be compared" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        (["--pairs", "rgb_1:nobody"], "rgb_1:nobody"),
+        (["-ssf", "nobody"], "nobody"),
+        (["--truth", "nowhere.json"], "nowhere.json"),
+        (["--compare", "nowhere.json"], "nowhere.json"),
+    ],
+)
+def test_bad_input_is_refused_in_one_line_and_nothing_is_written(evaluate, capsys, options, words):
+    code, output = evaluate(*options)
+    error = capsys.readouterr().err
+    assert code == 2 and words in error and error.count("\n") == 1
+    assert not output.exists()
+
+
+def test_hand_annotations_beside_the_test_set_are_used(scene, evaluate):
+    _, output = evaluate()
+    plain = result(output)["averages"]["lidar3d-rgb"]["rms"]
+    for sensor in ("rgb_1", "rgb_2"):
+        far = {"top": {"xs": [0.0, 1.0], "ys": [0.0, 0.0]}}
+        annotation = {"_metadata": {}, **{f"{i:03d}": far for i in range(4)}}
+        (scene / "test" / f"annotation_{sensor}.json").write_text(json.dumps(annotation))
+    try:
+        evaluate("--overwrite")
+        assert result(output)["averages"]["lidar3d-rgb"]["rms"] > plain + 100
+    finally:
+        for sensor in ("rgb_1", "rgb_2"):
+            (scene / "test" / f"annotation_{sensor}.json").unlink()

@@ -1,0 +1,86 @@
+"""Planted errors of sensors are found exactly."""
+
+import numpy as np
+import pytest
+
+from atom_core.evaluation.ground_truth import MEAN, ground_truth_errors
+from atom_core.geometry import se3
+from atom_core.model.dataset import pose
+from atom_core.synthetic import Noise, paper_cell
+from atom_core.synthetic.scenes import shared_edge
+
+OPTIONS = {"collections": 2, "noise": Noise.none()}
+
+
+@pytest.fixture(scope="module")
+def cell():
+    return paper_cell(5, "test", Noise.none())
+
+
+def moved(dataset, edge, change):
+    """Return the dataset with an edge moved in its parent's frame."""
+    first = next(iter(dataset.collections.values())).transforms[edge]
+    return dataset.with_transforms(dict.fromkeys(dataset.collections, {edge: change @ first}))
+
+
+def test_the_truth_has_no_error(cell):
+    for value in ground_truth_errors(cell.dataset, cell.truth).values():
+        assert max(value.values()) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_planted_translation_is_found_in_its_sensor_alone(cell):
+    edge = cell.dataset.sensors["rgb_1"].edge
+    errors = ground_truth_errors(
+        moved(cell.dataset, edge, se3.transform(np.eye(3), np.array([0.003, -0.004, 0.012]))),
+        cell.truth,
+    )
+    assert errors["rgb_1"]["translation_error_m"] == pytest.approx(0.013, abs=1e-12)
+    assert errors["rgb_1"]["world_translation_error_m"] == pytest.approx(0.013, abs=1e-12)
+    assert errors["rgb_1"]["rotation_error_deg"] == pytest.approx(0.0, abs=1e-6)
+    assert errors["rgb_2"]["translation_error_m"] == pytest.approx(0.0, abs=1e-12)
+    assert errors[MEAN]["translation_error_m"] == pytest.approx(0.013 / 6, abs=1e-12)
+
+
+def test_a_planted_rotation_about_the_data_frame_is_a_pure_rotation(cell):
+    sensor = cell.dataset.sensors["lidar_2"]
+    collection = next(iter(cell.dataset.collections.values()))
+    parent_T_data = pose(collection, cell.dataset.graph, sensor.edge.parent, sensor.frame)
+    rotation = se3.random_rotation(0.02, np.random.default_rng(1))
+    change = parent_T_data @ se3.transform(rotation, np.zeros(3)) @ se3.inverse(parent_T_data)
+    errors = ground_truth_errors(moved(cell.dataset, sensor.edge, change), cell.truth)
+    assert errors["lidar_2"]["rotation_error_deg"] == pytest.approx(np.degrees(0.02), abs=1e-9)
+    assert errors["lidar_2"]["translation_error_m"] == pytest.approx(0.0, abs=1e-12)
+    assert errors[MEAN]["rotation_error_deg"] == pytest.approx(np.degrees(0.02) / 6, abs=1e-6)
+
+
+def test_an_error_of_the_anchor_shows_in_all_others_and_in_the_world(cell):
+    edge = cell.dataset.sensors["rgb_3"].edge
+    errors = ground_truth_errors(
+        moved(cell.dataset, edge, se3.transform(np.eye(3), np.array([0.0, 0.0, 0.1]))), cell.truth
+    )
+    assert errors["rgb_3"]["translation_error_m"] == pytest.approx(0.0, abs=1e-12)
+    assert errors["rgb_3"]["world_translation_error_m"] == pytest.approx(0.1, abs=1e-12)
+    for name in ("rgb_1", "lidar_1", "depth_1"):
+        assert errors[name]["translation_error_m"] == pytest.approx(0.1, abs=1e-12)
+        assert errors[name]["world_translation_error_m"] == pytest.approx(0.0, abs=1e-12)
+    assert errors[MEAN]["translation_error_m"] == pytest.approx(0.1, abs=1e-12)
+
+
+def test_without_the_anchor_the_first_sensor_serves(cell):
+    names = [name for name in cell.dataset.sensors if name != "rgb_3"]
+    dataset = cell.dataset.selected(sensors=names)
+    edge = dataset.sensors[names[0]].edge
+    errors = ground_truth_errors(
+        moved(dataset, edge, se3.transform(np.eye(3), np.array([0.02, 0, 0]))), cell.truth
+    )
+    assert errors[names[0]]["translation_error_m"] == pytest.approx(0.0, abs=1e-12)
+    assert errors[names[1]]["translation_error_m"] == pytest.approx(0.02, abs=1e-12)
+
+
+def test_sensors_on_one_edge_share_its_error():
+    scene = shared_edge(0, **OPTIONS)
+    edge = scene.dataset.sensors["rgb_2"].edge
+    change = se3.transform(np.eye(3), np.array([0.0, 0.007, 0.0]))
+    errors = ground_truth_errors(moved(scene.dataset, edge, change), scene.truth)
+    for name in ("rgb_2", "depth_1"):
+        assert errors[name]["translation_error_m"] == pytest.approx(0.007, abs=1e-12)

@@ -1,0 +1,74 @@
+"""Hand annotations of borders."""
+
+import json
+
+import numpy as np
+import pytest
+
+from atom_core.errors import DatasetError
+from atom_core.io.annotations import read_annotations
+
+SIDES = {
+    "top": {"xs": [0, 10], "ys": [1, 1], "ixs": list(range(11)), "iys": [1] * 11},
+    "right": {"xs": [10, 11, 12], "ys": [1, 5, 9], "ixs": [], "iys": []},
+    "bottom": {"xs": [], "ys": [], "ixs": [0, 1, 2], "iys": [9, 9, 9]},
+    "left": {"xs": [], "ys": [], "ixs": [], "iys": []},
+}
+
+
+def write(folder, entry, sensor="rgb_1"):
+    document = {"_metadata": {"version": "2.0", "user": "someone"}, "004": entry}
+    (folder / f"annotation_{sensor}.json").write_text(json.dumps(document))
+
+
+def test_clicked_points_make_the_line_and_interpolated_ones_serve_where_they_are_alone(tmp_path):
+    write(tmp_path, SIDES)
+    borders = read_annotations(tmp_path, ["rgb_1", "rgb_2"], ["board"])
+    assert list(borders) == [("004", "rgb_1", "board")]
+    expected = [
+        [[0, 1], [10, 1]],
+        [[10, 1], [11, 5]],
+        [[11, 5], [12, 9]],
+        [[0, 9], [1, 9]],
+        [[1, 9], [2, 9]],
+    ]
+    np.testing.assert_array_equal(borders[("004", "rgb_1", "board")], expected)
+
+
+def test_several_patterns_have_a_level_of_their_own(tmp_path):
+    write(tmp_path, {"one": SIDES, "two": SIDES})
+    borders = read_annotations(tmp_path, ["rgb_1"], ["one", "two"])
+    assert sorted(borders) == [("004", "rgb_1", "one"), ("004", "rgb_1", "two")]
+
+
+def test_sides_without_a_pattern_are_refused_where_there_are_several(tmp_path):
+    write(tmp_path, SIDES)
+    with pytest.raises(DatasetError, match="several patterns"):
+        read_annotations(tmp_path, ["rgb_1"], ["one", "two"])
+
+
+def test_empty_sides_are_no_annotation(tmp_path):
+    write(tmp_path, {side: {"xs": [], "ys": []} for side in SIDES})
+    assert read_annotations(tmp_path, ["rgb_1"], ["board"]) == {}
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        {"top": {"xs": [1, 2], "ys": [1]}},
+        {"top": {"xs": ["a"], "ys": [1]}},
+        {"top": {"xs": [float("nan")], "ys": [1.0]}},
+        {"top": [1, 2]},
+        [1],
+    ],
+)
+def test_a_malformed_file_is_named(tmp_path, entry):
+    write(tmp_path, entry)
+    with pytest.raises(DatasetError, match="annotation_rgb_1.json"):
+        read_annotations(tmp_path, ["rgb_1"], ["board"])
+
+
+def test_a_truncated_file_is_named(tmp_path):
+    (tmp_path / "annotation_rgb_1.json").write_text('{"004": {"top":')
+    with pytest.raises(DatasetError, match="annotation_rgb_1.json"):
+        read_annotations(tmp_path, ["rgb_1"], ["board"])
