@@ -12,12 +12,13 @@ from typing import Dict, List, Optional
 
 import atom_core
 from atom_core.commands import calibrate, check, convert, demo, evaluate
+from atom_core.commands.common import Command
 from atom_core.errors import AtomError
 
 BAD_INPUT = 2
 INTERRUPTED = 130
 
-_COMMANDS: Dict[str, object] = {
+_COMMANDS: Dict[str, Command] = {
     "check": check,
     "calibrate": calibrate,
     "evaluate": evaluate,
@@ -40,11 +41,11 @@ def build_parser() -> argparse.ArgumentParser:
             name,
             help=summary,
             description=summary,
-            epilog=f"example: {module.EXAMPLE}",  # type: ignore[attr-defined]
+            epilog=f"example: {module.EXAMPLE}",
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        module.add_arguments(sub)  # type: ignore[attr-defined]
-        sub.set_defaults(run=module.run)  # type: ignore[attr-defined]
+        module.add_arguments(sub)
+        sub.set_defaults(run=module.run)
     return parser
 
 

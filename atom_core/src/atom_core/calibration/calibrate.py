@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from typing import Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Dict, List, Mapping, Optional, Sequence, Set, Tuple
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.weak_directions import WeakDirection, weak_directions
 from atom_core.errors import CalibrationError
 from atom_core.model.dataset import Dataset, board_edge, is_complete, pose
-from atom_core.model.sensor import LIDAR2D, RANGE_MODALITIES
+from atom_core.model.sensor import LIDAR2D
 from atom_core.model.transforms import Edge
 from atom_core.problem.builder import FreeEdges, build_problem, check_edges
 from atom_core.problem.initial_boards import (
@@ -142,9 +142,9 @@ def absent_data(dataset: Dataset) -> Dict[str, List[str]]:
     """Return, by range sensor, the collections whose labels refer to absent data files."""
     absent: Dict[str, List[str]] = {}
     for key, _ in dataset.detections():
-        if dataset.sensors[key.sensor].modality in RANGE_MODALITIES:
-            if not dataset.data.has_data(key.collection, key.sensor):
-                absent.setdefault(key.sensor, []).append(key.collection)
+        is_range = dataset.sensors[key.sensor].is_range
+        if is_range and not dataset.data.has_data(key.collection, key.sensor):
+            absent.setdefault(key.sensor, []).append(key.collection)
     return absent
 
 
@@ -186,10 +186,12 @@ def free_edges(dataset: Dataset, options: CalibrationOptions) -> FreeEdges:
     return FreeEdges(tuple(dict.fromkeys(anchored)), additional, options.anchor_patterns)
 
 
-def _usable(dataset: Dataset, measurements: Sequence[Measurement], options: CalibrationOptions):
+def _usable(
+    dataset: Dataset, measurements: Sequence[Measurement], options: CalibrationOptions
+) -> Tuple[List[Measurement], Dict[str, str]]:
     """Return the measurements that can tie something, and why collections were left out."""
     unused: Dict[str, str] = {}
-    seen_by: Dict[Tuple[str, str], set] = {}
+    seen_by: Dict[Tuple[str, str], Set[Edge]] = {}
     for m in measurements:
         edge = dataset.sensors[m.key.sensor].edge
         seen_by.setdefault((m.key.collection, m.key.pattern), set()).add(edge)
@@ -294,22 +296,39 @@ def _board_key(dataset: Dataset, m: Measurement) -> BoardKey:
     return (m.key.pattern, None if fixed else m.key.collection)
 
 
-def _held_boards(dataset: Dataset, measurements: Sequence[Measurement]):
+def carried_boards(
+    dataset: Dataset, measurements: Sequence[Measurement]
+) -> Dict[BoardKey, np.ndarray]:
+    """Return ``parent_T_pattern`` of the boards whose pose stands in the dataset's transforms."""
     boards: Dict[BoardKey, np.ndarray] = {}
     for m in measurements:
-        pattern = dataset.patterns[m.key.pattern]
+        edge = board_edge(dataset.patterns[m.key.pattern])
         transforms = dataset.collections[m.key.collection].transforms
-        edge = board_edge(pattern)
-        if edge not in transforms:
-            raise CalibrationError(
-                f"--anchor_patterns: collection {m.key.collection} has no pose '{edge}' of pattern "
-                f"'{pattern.name}' to hold; calibrate once without -ap, and use its result"
-            )
-        boards[(pattern.name, m.key.collection)] = transforms[edge]
+        if edge in transforms:
+            boards[(m.key.pattern, m.key.collection)] = transforms[edge]
     return boards
 
 
-def _placed(dataset, measurements, boards, unused: Dict[str, str]) -> List[Measurement]:
+def _held_boards(
+    dataset: Dataset, measurements: Sequence[Measurement]
+) -> Dict[BoardKey, np.ndarray]:
+    boards = carried_boards(dataset, measurements)
+    for m in measurements:
+        if (m.key.pattern, m.key.collection) not in boards:
+            edge = board_edge(dataset.patterns[m.key.pattern])
+            raise CalibrationError(
+                f"--anchor_patterns: collection {m.key.collection} has no pose '{edge}' of pattern "
+                f"'{m.key.pattern}' to hold; calibrate once without -ap, and use its result"
+            )
+    return boards
+
+
+def _placed(
+    dataset: Dataset,
+    measurements: Sequence[Measurement],
+    boards: Mapping[BoardKey, np.ndarray],
+    unused: Dict[str, str],
+) -> List[Measurement]:
     """Return the measurements whose board has a pose; note the collections that lose theirs."""
     kept = []
     for m in measurements:
@@ -345,7 +364,7 @@ def solved_dataset(
 class _Clock:
     """Seconds by step."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.laps: Dict[str, float] = {}
         self._last = time.perf_counter()
 

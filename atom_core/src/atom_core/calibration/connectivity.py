@@ -8,6 +8,7 @@ import networkx
 
 from atom_core.errors import CalibrationError
 from atom_core.model.dataset import Dataset
+from atom_core.model.transforms import Edge
 from atom_core.problem.builder import FreeEdges
 from atom_core.problem.measurements import Measurement
 
@@ -33,9 +34,7 @@ def _board_node(dataset: Dataset, m: Measurement) -> Hashable:
     return ("board", m.key.pattern, None if fixed else m.key.collection)
 
 
-def check_connected(
-    dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges
-) -> None:
+def check_connected(dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges) -> None:
     """Refuse sensors without a detection, and groups that nothing connects.
 
     Raises:
@@ -62,9 +61,7 @@ def check_connected(
         )
 
 
-def floats_freely(
-    dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges
-) -> bool:
+def floats_freely(dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges) -> bool:
     """Tell whether the whole solution could move as one rigid body (gauge freedom).
 
     It can when nothing is anchored and no motion of the robot or the boards' parents ties the
@@ -84,7 +81,7 @@ def floats_freely(
     return all(_constant(dataset, edge, collections) for edge in edges)
 
 
-def _constant(dataset: Dataset, edge, collections: Iterable[str]) -> bool:
+def _constant(dataset: Dataset, edge: Edge, collections: Iterable[str]) -> bool:
     values: Dict[bytes, None] = {}
     for key in collections:
         matrix = dataset.collections[key].transforms.get(edge)

@@ -46,6 +46,6 @@ def moved(parent_T_child: np.ndarray, move: np.ndarray) -> np.ndarray:
     return se3.transform(rotation, parent_T_child[:3, 3] + move[:3, 3])
 
 
-def _random_move(translation_m, rotation_rad, rng) -> np.ndarray:
+def _random_move(translation_m: float, rotation_rad: float, rng: np.random.Generator) -> np.ndarray:
     direction = se3.random_direction(rng)
     return se3.transform(se3.random_rotation(rotation_rad, rng), translation_m * direction)

@@ -32,7 +32,7 @@ class CalibrationOptions:
     seed: int = 0
     undetermined_limit: Tuple[float, float] = (0.05, 0.05)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if min(self.noisy_initial_guess) < 0:
             raise ValueError("noisy_initial_guess needs two numbers >= 0: metres and radians")
         if min(self.undetermined_limit) <= 0:

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
-from atom_core.calibration.calibrate import absent_data, check_modalities, free_edges
+from atom_core.calibration.calibrate import (
+    absent_data,
+    carried_boards,
+    check_modalities,
+    free_edges,
+)
 from atom_core.calibration.connectivity import check_connected, floats_freely
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.statistics import Table, residual_table
 from atom_core.errors import AtomError
 from atom_core.geometry import se3
 from atom_core.geometry.plane import fit_plane
-from atom_core.model.dataset import Dataset, DetectionKey, RgbLabel, board_edge, is_complete, place
+from atom_core.model.dataset import Dataset, DetectionKey, RgbLabel, is_complete, place
 from atom_core.problem.builder import FreeEdges, build_problem, check_edges
 from atom_core.problem.initial_boards import camera_candidates
 from atom_core.problem.measurements import (
@@ -23,6 +28,7 @@ from atom_core.problem.measurements import (
     RangeMeasurement,
     read_measurements,
 )
+from atom_core.problem.problem import Problem
 
 _PNP_LIMIT_PX = 3.0  # RMS of one board's corners about its own pose
 _PLANE_LIMIT_M = 0.05
@@ -76,7 +82,7 @@ def preflight(dataset: Dataset) -> Preflight:
         warnings.append(
             "nothing ties the rig to world: the first sensor will be held (anchored_sensor, -as)"
         )
-    held = _problem_at_held_boards(present, measurements, free)
+    held = _problem_at_held_boards(present, measurements)
     return Preflight(
         detections=_detections(dataset),
         complete=tuple(key for key in dataset.collections if is_complete(dataset, key)),
@@ -88,7 +94,7 @@ def preflight(dataset: Dataset) -> Preflight:
     )
 
 
-def _collect(check, problems: List[str]) -> None:
+def _collect(check: Callable[[], None], problems: List[str]) -> None:
     try:
         check()
     except AtomError as error:
@@ -123,7 +129,7 @@ def _rows(m: Measurement) -> int:
     return 2 * len(m.ids) if isinstance(m, CornerMeasurement) else len(m.inside) + len(m.limit)
 
 
-def _parameter_count(dataset: Dataset, measurements: Sequence[Measurement], free) -> int:
+def _parameter_count(dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges) -> int:
     edges = {dataset.sensors[m.key.sensor].edge for m in measurements} - free.held_edges(dataset)
     boards = {
         (m.key.pattern, None if dataset.patterns[m.key.pattern].fixed else m.key.collection)
@@ -141,9 +147,9 @@ def _implausible(dataset: Dataset, measurements: Sequence[Measurement]) -> List[
             remarks += _implausible_corners(m)
         else:
             remarks += _implausible_range(m)
-    for sensor, count in counts.items():
+    for name, count in counts.items():
         if count < _FEW_DETECTIONS:
-            remarks.append(f"sensor '{sensor}' has only {count} detection(s)")
+            remarks.append(f"sensor '{name}' has only {count} detection(s)")
     for sensor in dataset.sensors.values():
         if sensor.camera is not None and "rect" in sensor.topic and np.any(sensor.camera.D):
             remarks.append(
@@ -190,14 +196,11 @@ def _diameter(points: np.ndarray) -> float:
     return float(np.max(np.linalg.norm(points - first, axis=1)))
 
 
-def _problem_at_held_boards(dataset: Dataset, measurements: Sequence[Measurement], free):
+def _problem_at_held_boards(
+    dataset: Dataset, measurements: Sequence[Measurement]
+) -> Optional[Problem]:
     """Return the problem with every pose as the dataset carries it; None if it carries no board."""
-    boards = {}
-    for m in measurements:
-        edge = board_edge(dataset.patterns[m.key.pattern])
-        transforms = dataset.collections[m.key.collection].transforms
-        if edge in transforms:
-            boards[(m.key.pattern, m.key.collection)] = transforms[edge]
+    boards = carried_boards(dataset, measurements)
     placed = [m for m in measurements if (m.key.pattern, m.key.collection) in boards]
     if not placed:
         return None

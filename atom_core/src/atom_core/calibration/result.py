@@ -72,9 +72,7 @@ def selected_edges(calibration: Calibration) -> Dict[Edge, np.ndarray]:
     edges = [s.edge for s in dataset.sensors.values()]
     edges += list(calibration.free.additional_tfs.values())
     return {
-        edge: next(
-            c.transforms[edge] for c in dataset.collections.values() if edge in c.transforms
-        )
+        edge: next(c.transforms[edge] for c in dataset.collections.values() if edge in c.transforms)
         for edge in edges
     }
 

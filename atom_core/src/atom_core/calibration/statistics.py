@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Dict, List, Mapping, Tuple
+from typing import Dict, List, Optional, Tuple
 
 import numpy as np
 
@@ -50,7 +50,7 @@ def statistics(norms: np.ndarray, unit: str) -> ResidualStatistics:
 
 
 # by (sensor, kind, collection); collection None is all of them
-Table = Dict[Tuple[str, str, object], ResidualStatistics]
+Table = Dict[Tuple[str, str, Optional[str]], ResidualStatistics]
 
 
 def residual_table(problem: Problem, x: np.ndarray) -> Table:
@@ -67,7 +67,7 @@ def residual_table(problem: Problem, x: np.ndarray) -> Table:
     return table
 
 
-def mean_over_collections(table: Mapping, sensor: str, kind: str) -> float:
+def mean_over_collections(table: Table, sensor: str, kind: str) -> float:
     """Return the mean over collections of the collections' means, as ATOM's tables do."""
     means = [
         value.mean
@@ -88,6 +88,6 @@ def outlier_counts(
     return counts
 
 
-def kinds_of(table: Mapping, sensor: str) -> List[str]:
+def kinds_of(table: Table, sensor: str) -> List[str]:
     """Return the kinds of residuals that a sensor has."""
     return list(dict.fromkeys(kind for name, kind, _ in table if name == sensor))

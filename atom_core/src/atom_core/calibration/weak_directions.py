@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import List, Tuple
+from typing import List, Sequence, Tuple
 
 import numpy as np
 
@@ -69,7 +69,7 @@ def weak_directions(
     scaled = _in_parent_axes(blocks, x, covariance.shared) / limits[:, None] / limits
     values, vectors = np.linalg.eigh((scaled + scaled.T) / 2.0)
     left = np.diagonal(scaled).copy()
-    found = []
+    found: List[WeakDirection] = []
     for value, vector in zip(values[::-1], vectors.T[::-1]):
         if np.max(left) <= 1.0 or value <= 1.0 or len(found) == _MOST_REPORTED:
             break
@@ -78,7 +78,9 @@ def weak_directions(
     return found
 
 
-def _in_parent_axes(blocks, x: np.ndarray, shared: np.ndarray) -> np.ndarray:
+def _in_parent_axes(
+    blocks: Sequence[ParameterBlock], x: np.ndarray, shared: np.ndarray
+) -> np.ndarray:
     to_parent = np.eye(len(shared))
     for i, block in enumerate(blocks):
         at = slice(6 * i, 6 * i + 3)
@@ -88,7 +90,9 @@ def _in_parent_axes(blocks, x: np.ndarray, shared: np.ndarray) -> np.ndarray:
     return to_parent @ shared @ to_parent.T
 
 
-def _describe(dataset, blocks, spread: np.ndarray, limits: np.ndarray) -> WeakDirection:
+def _describe(
+    dataset: Dataset, blocks: Sequence[ParameterBlock], spread: np.ndarray, limits: np.ndarray
+) -> WeakDirection:
     """Name a direction; ``spread`` is one sigma along it, in units of the limits."""
     largest = int(np.argmax(np.abs(spread)))
     named = np.flatnonzero(np.abs(spread) >= _NAMED_SHARE * abs(spread[largest]))
@@ -107,7 +111,9 @@ def _describe(dataset, blocks, spread: np.ndarray, limits: np.ndarray) -> WeakDi
     return WeakDirection(names, sigma, unit, why)
 
 
-def _world_direction(dataset: Dataset, block: ParameterBlock, spread, largest: int) -> str:
+def _world_direction(
+    dataset: Dataset, block: ParameterBlock, spread: np.ndarray, largest: int
+) -> str:
     """Return the direction of the strongest part in world, as text."""
     start = 6 * (largest // 6) + (0 if largest % 6 < 3 else 3)
     part = spread[start : start + 3]

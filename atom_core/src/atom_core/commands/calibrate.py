@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 from pathlib import Path
-from typing import Optional
+from typing import List, Optional
 
 from atom_core.calibration.calibrate import Calibration, calibrate
 from atom_core.calibration.options import CalibrationOptions
@@ -33,10 +33,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_solver_options(parser)
     _add_freedom_options(parser)
     common.add_option(
-        parser, "description", type=Path, metavar="URDF_OR_XACRO",
+        parser,
+        "description",
+        type=Path,
+        metavar="URDF_OR_XACRO",
         help="robot description to write back with the calibrated edges (default: the one that "
         "the configuration names, where it exists)",
-    )  # fmt: skip
+    )
     common.add_option(
         parser, "truth", type=Path, metavar="FILE", help="a simulation's truth, to compare with"
     )
@@ -47,50 +50,87 @@ def _add_solver_options(parser: argparse.ArgumentParser) -> None:
     add = common.add_option
     add(parser, "solver", choices=["scipy"], default="scipy", help="which solver (default: scipy)")
     add(
-        parser, "weights", choices=["sigma", "atom"], default=defaults.weights,
+        parser,
+        "weights",
+        choices=["sigma", "atom"],
+        default=defaults.weights,
         help="sigma: by standard deviations, re-estimated; atom: by the mean initial residual",
-    )  # fmt: skip
+    )
     add(
-        parser, "loss", choices=["none", "huber", "cauchy"], default=defaults.loss,
+        parser,
+        "loss",
+        choices=["none", "huber", "cauchy"],
+        default=defaults.loss,
         help=f"robust loss (default: {defaults.loss})",
-    )  # fmt: skip
+    )
     add(
-        parser, "max_iterations", type=int, default=defaults.max_iterations, metavar="N",
+        parser,
+        "max_iterations",
+        type=int,
+        default=defaults.max_iterations,
+        metavar="N",
         help=f"limit of the solver's steps (default: {defaults.max_iterations})",
-    )  # fmt: skip
+    )
     add(
-        parser, "noisy_initial_guess", "-nig", nargs=2, type=float, default=(0.0, 0.0),
-        metavar=("T", "R"), help="move each free edge by T metres and R radians before solving",
-    )  # fmt: skip
+        parser,
+        "noisy_initial_guess",
+        "-nig",
+        nargs=2,
+        type=float,
+        default=(0.0, 0.0),
+        metavar=("T", "R"),
+        help="move each free edge by T metres and R radians before solving",
+    )
     add(
-        parser, "sample_seed", "-ss", type=int, default=0, metavar="N",
+        parser,
+        "sample_seed",
+        "-ss",
+        type=int,
+        default=0,
+        metavar="N",
         help="seed of that disturbance (default: 0)",
-    )  # fmt: skip
+    )
     add(
-        parser, "undetermined_limit", nargs=2, type=float, default=(0.05, 0.05),
-        metavar=("M", "RAD"), help="a larger predicted sigma counts as undetermined",
-    )  # fmt: skip
+        parser,
+        "undetermined_limit",
+        nargs=2,
+        type=float,
+        default=(0.05, 0.05),
+        metavar=("M", "RAD"),
+        help="a larger predicted sigma counts as undetermined",
+    )
 
 
 def _add_freedom_options(parser: argparse.ArgumentParser) -> None:
     add = common.add_option
     add(parser, "anchor_sensors", "-as", nargs="+", metavar="S", help="further sensors to hold")
     add(
-        parser, "ignore_anchored_sensor", "-ias", action="store_true",
+        parser,
+        "ignore_anchored_sensor",
+        "-ias",
+        action="store_true",
         help="do not hold the configuration's anchored sensor",
-    )  # fmt: skip
+    )
     add(
-        parser, "anchor_patterns", "-ap", action="store_true",
+        parser,
+        "anchor_patterns",
+        "-ap",
+        action="store_true",
         help="hold the boards where the dataset has them",
-    )  # fmt: skip
+    )
     add(
-        parser, "use_incomplete_collections", "-uic", action="store_true",
+        parser,
+        "use_incomplete_collections",
+        "-uic",
+        action="store_true",
         help="accepted for ATOM's sake: incomplete collections are always used",
-    )  # fmt: skip
+    )
     add(
-        parser, "complete_only", action="store_true",
+        parser,
+        "complete_only",
+        action="store_true",
         help="use only collections in which every sensor sees every pattern",
-    )  # fmt: skip
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -151,21 +191,23 @@ def _description(args: argparse.Namespace, configured: Optional[str]) -> Optiona
 
 def _write_files(
     folder: Path, calibration: Calibration, description: Optional[Description]
-) -> list:
+) -> List[str]:
     """Write dataset, parameters and description; return what the user should know."""
     write_dataset(calibration.dataset, folder / DATASET_FILE)
-    write_parameters_yaml(folder / PARAMETERS_FILE, calibration.dataset, calibration.free.additional_tfs)
+    write_parameters_yaml(
+        folder / PARAMETERS_FILE, calibration.dataset, calibration.free.additional_tfs
+    )
     if description is None:
         return ["no robot description found: optimized.urdf.xacro is not written (--description)"]
     return _write_description(folder / DESCRIPTION_FILE, calibration, description)
 
 
-def _write_description(path: Path, calibration: Calibration, description: Description) -> list:
-    edges, comments = {}, {}
+def _write_description(path: Path, calibration: Calibration, description: Description) -> List[str]:
     held = calibration.free.held_edges(calibration.dataset)
-    for edge, matrix in selected_edges(calibration).items():
-        edges[edge] = matrix
-        comments[edge] = "anchored" if edge in held else sigma_text(calibration, edge)
+    edges = selected_edges(calibration)
+    comments = {
+        edge: "anchored" if edge in held else sigma_text(calibration, edge) for edge in edges
+    }
     report = write_calibrated_description(description, edges, path, comments)
     remarks = [f"edge '{e}' is not written to {path.name}: {why}" for e, why in report.missing]
     if report.flattened:

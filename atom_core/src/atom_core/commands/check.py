@@ -13,6 +13,8 @@ from atom_core.commands import common
 from atom_core.geometry import se3
 from atom_core.io.urdf import read_description
 from atom_core.model.dataset import Dataset
+from atom_core.model.sensor import Sensor
+from atom_core.model.transforms import Edge
 from atom_core.report.calibration_tables import moved_report, preflight_report
 
 EXAMPLE = "python3 -m atom_core check --dataset data/dataset.json"
@@ -23,9 +25,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
     common.add_dataset_options(parser)
     common.add_option(
-        parser, "against", type=Path, metavar="URDF",
+        parser,
+        "against",
+        type=Path,
+        metavar="URDF",
         help="compare the calibrated edges with this description: has the rig moved?",
-    )  # fmt: skip
+    )
     common.add_verbose_option(parser)
 
 
@@ -45,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _compare(dataset: Dataset, path: Path) -> List[Dict[str, Any]]:
     joints = read_description(path).robot.joints.values()
-    described = {(j.parent_link, j.child_link): j.parent_T_child(0.0) for j in joints}
+    described = {Edge(j.parent_link, j.child_link): j.parent_T_child(0.0) for j in joints}
     collection = next(iter(dataset.collections.values()))
     rows = []
     for sensor in dataset.sensors.values():
@@ -53,15 +58,16 @@ def _compare(dataset: Dataset, path: Path) -> List[Dict[str, Any]]:
             rows.append(_row(sensor, np.nan, np.nan))
             continue
         now, then = collection.transforms[sensor.edge], described[sensor.edge]
-        turned = np.rad2deg(se3.rotation_angle(then[:3, :3].T @ now[:3, :3]))
-        rows.append(_row(sensor, np.linalg.norm(now[:3, 3] - then[:3, 3]), turned))
+        moved = float(np.linalg.norm(now[:3, 3] - then[:3, 3]))
+        turned = float(np.rad2deg(se3.rotation_angle(then[:3, :3].T @ now[:3, :3])))
+        rows.append(_row(sensor, moved, turned))
     return rows
 
 
-def _row(sensor, translation_m: float, rotation_deg: float) -> Dict[str, Any]:
+def _row(sensor: Sensor, translation_m: float, rotation_deg: float) -> Dict[str, Any]:
     return {
         "sensor": sensor.name,
         "edge": str(sensor.edge),
-        "translation_m": float(translation_m),
-        "rotation_deg": float(rotation_deg),
+        "translation_m": translation_m,
+        "rotation_deg": rotation_deg,
     }

@@ -5,12 +5,25 @@ from __future__ import annotations
 import argparse
 import os
 from pathlib import Path
-from typing import Any, Dict, List, Optional
+from typing import Any, Dict, List, Optional, Protocol
 
 from atom_core.errors import OutputError
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset
 from atom_core.model.selection import select_names
+
+
+class Command(Protocol):
+    """What a module of ``atom_core.commands`` offers to the command line."""
+
+    __doc__: Optional[str]
+    EXAMPLE: str
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Add the options of the command."""
+
+    def run(self, args: argparse.Namespace) -> int:
+        """Do the work; return the exit code."""
 
 
 def add_option(parser: Any, name: str, *short: str, **settings: Any) -> None:
@@ -30,9 +43,15 @@ def add_option(parser: Any, name: str, *short: str, **settings: Any) -> None:
 def add_dataset_options(parser: argparse.ArgumentParser) -> None:
     """Add the dataset and the selections."""
     add_option(
-        parser, "dataset", "-json", "--json_file", required=True, type=Path, metavar="FILE",
+        parser,
+        "dataset",
+        "-json",
+        "--json_file",
+        required=True,
+        type=Path,
+        metavar="FILE",
         help="the dataset's JSON (ATOM v3)",
-    )  # fmt: skip
+    )
     add_selection_options(parser)
 
 
@@ -44,17 +63,26 @@ def add_selection_options(parser: argparse.ArgumentParser) -> None:
         ("pattern_selection_function", "-psf", "patterns"),
     ):
         add_option(
-            parser, name, short, nargs="+", metavar="SELECTION",
+            parser,
+            name,
+            short,
+            nargs="+",
+            metavar="SELECTION",
             help=f"{what} to use: names, globs, '!name' to leave one out, or ATOM's lambda strings",
-        )  # fmt: skip
+        )
 
 
 def add_output_options(parser: argparse.ArgumentParser) -> None:
     """Add the output folder, overwriting and verbosity."""
     add_option(
-        parser, "output", "-o", required=True, type=Path, metavar="DIR",
+        parser,
+        "output",
+        "-o",
+        required=True,
+        type=Path,
+        metavar="DIR",
         help="folder for the results; must be empty or absent unless --overwrite is given",
-    )  # fmt: skip
+    )
     add_option(
         parser, "overwrite", "-ow", action="store_true", help="replace results of an earlier run"
     )

@@ -9,9 +9,7 @@ from atom_core.commands import common
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.migrate import migrate_dataset
 
-EXAMPLE = (
-    "python3 -m atom_core convert --from atom_v2 --to atom_v3 --dataset old.json --output new"
-)
+EXAMPLE = "python3 -m atom_core convert --from atom_v2 --to atom_v3 --dataset old.json --output new"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -61,7 +61,7 @@ def _evaluation_arguments(folder: Path, result: Path) -> List[str]:
     ]
 
 
-def _run(command, arguments: List[str]) -> int:
+def _run(command: common.Command, arguments: List[str]) -> int:
     parser = argparse.ArgumentParser()
     command.add_arguments(parser)
     return command.run(parser.parse_args(arguments))

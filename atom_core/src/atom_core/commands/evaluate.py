@@ -35,26 +35,47 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
     add = common.add_option
     add(
-        parser, "train", "-train_json", "--train_json", required=True, type=Path, metavar="FILE",
+        parser,
+        "train",
+        "-train_json",
+        "--train_json",
+        required=True,
+        type=Path,
+        metavar="FILE",
         help="the calibrated dataset (atom_calibration.json)",
-    )  # fmt: skip
+    )
     add(
-        parser, "test", "-test_json", "--test_json", required=True, type=Path, metavar="FILE",
+        parser,
+        "test",
+        "-test_json",
+        "--test_json",
+        required=True,
+        type=Path,
+        metavar="FILE",
         help="the dataset to measure on",
-    )  # fmt: skip
+    )
     common.add_output_options(parser)
     add(
-        parser, "truth", type=Path, metavar="FILE",
+        parser,
+        "truth",
+        type=Path,
+        metavar="FILE",
         help="a simulation's truth: the floor of every metric, and the sensors' errors",
-    )  # fmt: skip
+    )
     add(
-        parser, "pairs", nargs="+", metavar="A:B",
+        parser,
+        "pairs",
+        nargs="+",
+        metavar="A:B",
         help="only these pairs of sensors; names or globs, in either order",
-    )  # fmt: skip
+    )
     add(
-        parser, "compare", type=Path, metavar="OTHER",
+        parser,
+        "compare",
+        type=Path,
+        metavar="OTHER",
         help="another calibrated dataset, to stand beside the first",
-    )  # fmt: skip
+    )
     common.add_selection_options(parser)
 
 

@@ -66,8 +66,10 @@ class Camera:
     K: np.ndarray
     D: np.ndarray = field(default_factory=lambda: np.zeros(0))
     model: str = "plumb_bob"
+    # r^2 (normalised) beyond which the distortion stops growing
+    _limit_square: float = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "model", distortion_model_name(self.model))
         K = np.array(self.K, dtype=float)
         D = np.array(self.D, dtype=float).reshape(-1)
@@ -97,11 +99,13 @@ class Camera:
 
     def project(self, points: np.ndarray) -> np.ndarray:
         """Return distorted pixels (n, 2) of points (n, 3) [m] in the optical frame."""
-        return self._project(points, want_jacobian=False)[0]
+        return self._normalised(points)[0] * self.focal_px + self.centre_px
 
     def project_with_jacobian(self, points: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
         """Return pixels (n, 2) and their derivatives (n, 2, 3) by the points [px/m]."""
-        return self._project(points, want_jacobian=True)
+        normalised, by_point = self._normalised(points)
+        pixels = normalised * self.focal_px + self.centre_px
+        return pixels, by_point * self.focal_px[:, None]
 
     def in_image(self, points: np.ndarray, margin_px: float = 0.0) -> np.ndarray:
         """Return (n,) bool: in front of the camera and projected into the image."""
@@ -157,16 +161,14 @@ class Camera:
         end = min([len(radius) - 1] + list(turned[:1] - 1) + list(past[:1]))
         return float(radius[max(end, 0)] ** 2)
 
-    def _project(self, points, want_jacobian):
+    def _normalised(self, points: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+        """Return distorted normalised coordinates (n, 2) and derivatives (n, 2, 3) [1/m]."""
         points = np.asarray(points, dtype=float)
         if self.model == "equidistant":
-            normalised, jacobian = _project_equidistant(points, self.D)
-        else:
-            normalised, jacobian = self._project_pinhole(points)
-        pixels = normalised * self.focal_px + self.centre_px
-        return pixels, (jacobian * self.focal_px[:, None] if want_jacobian else None)
+            return _project_equidistant(points, self.D)
+        return self._project_pinhole(points)
 
-    def _project_pinhole(self, points):
+    def _project_pinhole(self, points: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
         x, y, z = points[:, 0], points[:, 1], points[:, 2]
         front = z >= NEAR_M
         inverse_z = np.where(front, 1.0 / np.where(front, z, 1.0), (2 * NEAR_M - z) / NEAR_M**2)
@@ -180,7 +182,7 @@ class Camera:
         distorted, by_ideal = self._distort(ideal)
         return distorted, by_ideal @ by_point
 
-    def _distort(self, ideal: np.ndarray):
+    def _distort(self, ideal: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
         """Return distorted normalised coordinates (n, 2) and derivatives (n, 2, 2)."""
         square = np.sum(ideal**2, axis=1)
         if self.model == "none":
@@ -213,7 +215,7 @@ def _trim_coefficients(model: str, D: np.ndarray) -> np.ndarray:
     raise ValueError(f"D has {D.size} numbers, the model {model} needs {wanted}")
 
 
-def _radial_factor(model: str, D: np.ndarray, square: np.ndarray):
+def _radial_factor(model: str, D: np.ndarray, square: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
     """Return the radial factor and its derivative by r^2, of r^2."""
     k1, k2 = D[0], D[1]
     k3 = D[4] if D.size > 4 else 0.0
@@ -227,7 +229,7 @@ def _radial_factor(model: str, D: np.ndarray, square: np.ndarray):
     return above / below, (above_slope * below - above * below_slope) / below**2
 
 
-def _distort_inside(model: str, D: np.ndarray, ideal: np.ndarray):
+def _distort_inside(model: str, D: np.ndarray, ideal: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
     x, y = ideal[:, 0], ideal[:, 1]
     p1, p2 = D[2], D[3]
     square = x * x + y * y
@@ -247,7 +249,7 @@ def _distort_inside(model: str, D: np.ndarray, ideal: np.ndarray):
     return value, jacobian
 
 
-def _equidistant_angle(angle: np.ndarray, D: np.ndarray):
+def _equidistant_angle(angle: np.ndarray, D: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
     """Return the distorted angle [rad] and its derivative."""
     square = angle * angle
     k1, k2, k3, k4 = D
@@ -256,7 +258,7 @@ def _equidistant_angle(angle: np.ndarray, D: np.ndarray):
     return value, slope
 
 
-def _project_equidistant(points: np.ndarray, D: np.ndarray):
+def _project_equidistant(points: np.ndarray, D: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
     x, y, z = points[:, 0], points[:, 1], points[:, 2]
     radius = np.hypot(x, y)
     angle = np.arctan2(radius, z)

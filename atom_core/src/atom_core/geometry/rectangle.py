@@ -17,7 +17,7 @@ class Rectangle:
     x_max: float
     y_max: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not (self.x_max > self.x_min and self.y_max > self.y_min):
             raise ValueError("a rectangle needs x_max > x_min and y_max > y_min")
 

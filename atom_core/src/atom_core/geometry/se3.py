@@ -10,6 +10,8 @@ Formulas: Sola, Deray, Atchuthan, "A micro Lie theory for state estimation in ro
 
 from __future__ import annotations
 
+from typing import Tuple
+
 import numpy as np
 
 _SMALL_ANGLE = 1e-4  # below it the series of sin(a)/a and its kin are exact to the last digit
@@ -26,7 +28,9 @@ def skew(vector: np.ndarray) -> np.ndarray:
     return matrix
 
 
-def _angle_coefficients(rotation_vector: np.ndarray):
+def _angle_coefficients(
+    rotation_vector: np.ndarray,
+) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return sin(a)/a, (1-cos(a))/a^2, (a-sin(a))/a^3 for the angles a, each (..., 1, 1)."""
     angle = np.linalg.norm(rotation_vector, axis=-1)[..., None, None]
     small = angle < _SMALL_ANGLE
@@ -96,7 +100,7 @@ def quaternion_from_rotation(rotation: np.ndarray) -> np.ndarray:
     return np.where(quaternion[..., 3:] < 0, -quaternion, quaternion)
 
 
-def _stack4(x, y, z, w) -> np.ndarray:
+def _stack4(x: np.ndarray, y: np.ndarray, z: np.ndarray, w: np.ndarray) -> np.ndarray:
     return np.stack([x, y, z, w], axis=-1)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Mapping
+from typing import Any, Mapping, Tuple
 
 import numpy as np
 
@@ -74,7 +74,7 @@ class FileDataSource(DataSource):
             )
         return path
 
-    def _check_size(self, shape, entry: Mapping[str, Any]) -> None:
+    def _check_size(self, shape: Tuple[int, ...], entry: Mapping[str, Any]) -> None:
         expected = (entry.get("height", shape[0]), entry.get("width", shape[1]))
         if tuple(shape) != tuple(expected):
             raise DatasetError(

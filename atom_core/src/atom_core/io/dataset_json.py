@@ -135,7 +135,7 @@ def dataset_from_document(
 def sorted_keys(document: Mapping[str, Any]) -> List[str]:
     """Return the collection keys, numbers first in their order."""
 
-    def order(key: str):
+    def order(key: str) -> Tuple[int, int, str]:
         return (0, int(key), key) if key.isdigit() else (1, 0, key)
 
     return sorted(document["collections"], key=order)
@@ -213,7 +213,9 @@ class _Reader:
         values = {**pattern.__dict__, "corners_by_id": corners, "border": border}
         return Pattern(**values)
 
-    def collection(self, key: str, sensors, patterns) -> Collection:
+    def collection(
+        self, key: str, sensors: Mapping[str, Sensor], patterns: Mapping[str, Pattern]
+    ) -> Collection:
         entry = self.document["collections"][key]
         return Collection(
             key=key,
@@ -235,7 +237,13 @@ class _Reader:
                 raise self.fail(f"collection {key}, transform '{name}': {error}") from None
         return transforms
 
-    def labels(self, key, entry, sensors, patterns) -> Dict[Tuple[str, str], Label]:
+    def labels(
+        self,
+        key: str,
+        entry: Mapping[str, Any],
+        sensors: Mapping[str, Sensor],
+        patterns: Mapping[str, Pattern],
+    ) -> Dict[Tuple[str, str], Label]:
         by_pattern = entry.get("labels") or {}
         if _is_old_layout(by_pattern, sensors, patterns):
             by_pattern = {next(iter(patterns)): by_pattern}
@@ -256,7 +264,9 @@ class _Reader:
                         labels[(sensor_name, pattern_name)] = label
         return labels
 
-    def _label(self, value, sensor: Sensor, pattern: Pattern, where: str) -> Label:
+    def _label(
+        self, value: Mapping[str, Any], sensor: Sensor, pattern: Pattern, where: str
+    ) -> Label:
         try:
             if sensor.modality == RGB:
                 return _rgb_label(value, pattern)
@@ -295,7 +305,9 @@ def _camera(info: Mapping[str, Any]) -> Camera:
     )
 
 
-def _is_old_layout(labels: Mapping[str, Any], sensors, patterns) -> bool:
+def _is_old_layout(
+    labels: Mapping[str, Any], sensors: Mapping[str, Sensor], patterns: Mapping[str, Pattern]
+) -> bool:
     """Tell version 2's ``labels[sensor]`` from version 3's ``labels[pattern][sensor]``."""
     if len(patterns) != 1 or not labels:
         return False

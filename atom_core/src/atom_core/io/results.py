@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Dict
+from typing import Any, Dict, Mapping
 
 import numpy as np
 import yaml
@@ -19,7 +19,7 @@ _HEADER = (
 )
 
 
-def write_parameters_yaml(path: Path, dataset: Dataset, additional: Dict[str, Edge]) -> None:
+def write_parameters_yaml(path: Path, dataset: Dataset, additional: Mapping[str, Edge]) -> None:
     """Write ``atom_calibration_params.yml``.
 
     Args:
@@ -38,9 +38,7 @@ def write_parameters_yaml(path: Path, dataset: Dataset, additional: Dict[str, Ed
 
 def _values(dataset: Dataset, edge: Edge) -> Dict[str, Any]:
     """Return an edge's numbers; of one with a value for each collection, the first."""
-    matrix = next(
-        c.transforms[edge] for c in dataset.collections.values() if edge in c.transforms
-    )
+    matrix = next(c.transforms[edge] for c in dataset.collections.values() if edge in c.transforms)
     rpy = se3.rpy_from_rotation(matrix[:3, :3])
     values = np.concatenate([matrix[:3, 3], rpy])
     named = dict(zip(("x", "y", "z", "roll", "pitch", "yaw"), (float(v) for v in values)))

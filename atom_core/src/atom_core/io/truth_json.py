@@ -42,8 +42,7 @@ def read_truth(path: Path) -> Truth:
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
         edges = {
-            Edge(e["parent"], e["child"]): pose_from_document(e)
-            for e in document["edges"].values()
+            Edge(e["parent"], e["child"]): pose_from_document(e) for e in document["edges"].values()
         }
         boards = {
             (pattern, collection): pose_from_document(value)

@@ -227,9 +227,9 @@ class _Origin:
 
 def write_calibrated_description(
     description: Description,
-    edges: Mapping[Tuple[str, str], np.ndarray],
+    edges: Mapping[Edge, np.ndarray],
     output_path: PathLike,
-    comments: Optional[Mapping[Tuple[str, str], str]] = None,
+    comments: Optional[Mapping[Edge, str]] = None,
     joint_origins: Optional[Mapping[str, np.ndarray]] = None,
 ) -> WriteReport:
     """Write the description with other joint origins.
@@ -242,9 +242,9 @@ def write_calibrated_description(
 
     Args:
         description: what to start from.
-        edges: ``parent_T_child`` (4, 4) [m] by (parent, child): new origins of *fixed* joints.
+        edges: ``parent_T_child`` (4, 4) [m] by edge: new origins of *fixed* joints.
         output_path: the file, replaced if it exists (ask the user before).
-        comments: text to put as a comment beside the joint, by (parent, child).
+        comments: text to put as a comment beside the joint, by edge.
         joint_origins: ``parent_T_child`` at position zero (4, 4) by the name of the joint, which
             may be of any type: for joints whose origin was calibrated.
 
@@ -257,22 +257,20 @@ def write_calibrated_description(
         ValueError: a matrix is no rigid transform.
     """
     output_path = Path(output_path)
-    transforms = {Edge(*edge): matrix for edge, matrix in edges.items()}
-    texts = {Edge(*edge): text for edge, text in (comments or {}).items()}
     joint_origins = joint_origins or {}
     missing_joints = tuple(
         (name, f"the robot '{description.robot.name}' has no joint '{name}'")
         for name in joint_origins
         if name not in description.robot.joints
     )
-    wanted = _wanted_origins(description.robot, transforms, joint_origins, texts)
+    wanted = _wanted_origins(description.robot, edges, joint_origins, comments or {})
     text, reason = _edited_text(description, wanted, output_path)
     write_text_atomically(output_path, text)
     return WriteReport(
         output_path,
         tuple(edge for edge, origin in wanted.items() if origin.is_new),
         tuple(edge for edge, origin in wanted.items() if not origin.is_new),
-        _missing_edges(description.robot, transforms),
+        _missing_edges(description.robot, edges),
         missing_joints,
         bool(reason),
         reason,

@@ -94,7 +94,7 @@ class _Locator:
     data: bytes
     joints: Dict[Edge, List[_JointText]] = field(default_factory=dict)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         self._tags: List[str] = []
         self._joint: Optional[_JointText] = None
         self._comment: Optional[Tuple[int, int]] = None

@@ -4,7 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Dict, Iterator, Mapping, NamedTuple, Optional, Tuple, Union
+from typing import (
+    Any,
+    Container,
+    Dict,
+    Iterator,
+    Mapping,
+    NamedTuple,
+    Optional,
+    Tuple,
+    TypeVar,
+    Union,
+)
 
 import numpy as np
 
@@ -13,6 +24,8 @@ from atom_core.model.config import CalibrationConfig
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import LIDAR3D, Sensor
 from atom_core.model.transforms import Edge, FrameGraph, chain_transform
+
+_Value = TypeVar("_Value")
 
 MULTIPLE = "multiple"  # type of an edge that has a value of its own in each collection
 
@@ -166,18 +179,23 @@ class Dataset:
             collections[key] = replace(collections[key], transforms=merged)
         return replace(self, collections=collections)
 
-    def selected(self, sensors=None, collections=None, patterns=None) -> Dataset:
+    def selected(
+        self,
+        sensors: Optional[Container[str]] = None,
+        collections: Optional[Container[str]] = None,
+        patterns: Optional[Container[str]] = None,
+    ) -> Dataset:
         """Return a copy with only the named sensors, collections and patterns (None: all)."""
-
-        def keep(mapping, names):
-            return mapping if names is None else {k: v for k, v in mapping.items() if k in names}
-
         return replace(
             self,
-            sensors=keep(self.sensors, sensors),
-            collections=keep(self.collections, collections),
-            patterns=keep(self.patterns, patterns),
+            sensors=_only(self.sensors, sensors),
+            collections=_only(self.collections, collections),
+            patterns=_only(self.patterns, patterns),
         )
+
+
+def _only(mapping: Mapping[str, _Value], names: Optional[Container[str]]) -> Mapping[str, _Value]:
+    return mapping if names is None else {k: v for k, v in mapping.items() if k in names}
 
 
 def board_edge(pattern: Pattern) -> Edge:
@@ -223,7 +241,9 @@ def _pick(cloud: np.ndarray, indices: np.ndarray, key: DetectionKey) -> np.ndarr
     return points
 
 
-def _depth_points(image, indices, sensor: Sensor, key: DetectionKey):
+def _depth_points(
+    image: np.ndarray, indices: np.ndarray, sensor: Sensor, key: DetectionKey
+) -> Tuple[np.ndarray, int]:
     _check_indices(indices, image.size, key)
     row, column = np.divmod(indices, image.shape[1])
     depth = image[row, column].astype(float)
@@ -255,4 +275,3 @@ def is_complete(dataset: Dataset, collection: str) -> bool:
 def pose(collection: Collection, graph: FrameGraph, target: str, source: str) -> np.ndarray:
     """Return ``target_T_source`` (4, 4) in a collection."""
     return chain_transform(graph.chain(target, source), collection.transforms)
-

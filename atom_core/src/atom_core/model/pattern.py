@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Dict, Mapping, Tuple
+from typing import Any, Dict, List, Mapping, Tuple
 
 import numpy as np
 
@@ -150,7 +150,7 @@ def border_from_document(document: Mapping[str, Any]) -> Rectangle:
     return Rectangle(min(xs), min(ys), max(xs), max(ys))
 
 
-def _line(start: np.ndarray, end: np.ndarray):
+def _line(start: np.ndarray, end: np.ndarray) -> List[Dict[str, float]]:
     count = max(int(round(np.linalg.norm(end - start) / _BORDER_STEP_M)), 2)
     return [_xy(start + s * (end - start)) for s in np.linspace(0.0, 1.0, count)]
 

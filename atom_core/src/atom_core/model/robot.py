@@ -65,7 +65,7 @@ class Joint:
     limits: Optional[JointLimits] = None
     mimic: Optional[JointMimic] = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.type not in JOINT_TYPES:
             raise DescriptionError(
                 f"joint '{self.name}': type '{self.type}' is unknown; use {', '.join(JOINT_TYPES)}"
@@ -149,7 +149,7 @@ class RobotDescription:
     links: Tuple[str, ...]
     joints: Mapping[str, Joint]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "links", tuple(self.links))
         object.__setattr__(self, "joints", dict(self.joints))
         self._check_names()

@@ -33,7 +33,7 @@ class Sensor:
     camera: Optional[Camera] = None
     topic: str = ""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.modality not in MODALITIES:
             raise ValueError(f"modality '{self.modality}' is unknown; use {', '.join(MODALITIES)}")
         if self.modality in (RGB, DEPTH) and self.camera is None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Dict, List, Mapping, Optional, Sequence, Tuple
+from dataclasses import dataclass, field
+from typing import Dict, FrozenSet, List, Mapping, Sequence, Set, Tuple
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from atom_core.errors import CalibrationError
 from atom_core.geometry import se3
 from atom_core.model.dataset import MULTIPLE, Dataset, board_edge
 from atom_core.model.sensor import RGB
-from atom_core.model.transforms import Chain, Edge, FrameGraph
+from atom_core.model.transforms import Edge, FrameGraph, Step
 from atom_core.problem.initial_boards import BoardKey
 from atom_core.problem.measurements import (
     CORNER_SIGMA_PX,
@@ -46,13 +46,10 @@ class FreeEdges:
     """
 
     anchored_sensors: Tuple[str, ...] = ()
-    additional_tfs: Mapping[str, Edge] = None  # type: ignore[assignment]
+    additional_tfs: Mapping[str, Edge] = field(default_factory=dict)
     anchor_patterns: bool = False
 
-    def __post_init__(self):
-        object.__setattr__(self, "additional_tfs", dict(self.additional_tfs or {}))
-
-    def held_edges(self, dataset: Dataset) -> frozenset:
+    def held_edges(self, dataset: Dataset) -> FrozenSet[Edge]:
         """Return the sensor edges that stay; one that sensors share stays for all of them."""
         return frozenset(dataset.sensors[name].edge for name in self.anchored_sensors)
 
@@ -80,7 +77,7 @@ def check_edges(dataset: Dataset, free: FreeEdges) -> None:
             )
 
 
-def _far_frame(step) -> str:
+def _far_frame(step: Step) -> str:
     return step.edge.parent if step.inverted else step.edge.child
 
 
@@ -121,7 +118,9 @@ def _with_boards(dataset: Dataset, boards: Mapping[BoardKey, np.ndarray]) -> Dat
     return dataset.with_transforms(changes)
 
 
-def _sensor_blocks(dataset, measurements, free, first) -> List[ParameterBlock]:
+def _sensor_blocks(
+    dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges, first: str
+) -> List[ParameterBlock]:
     seen = {m.key.sensor for m in measurements}
     held = free.held_edges(dataset)
     names: Dict[Edge, List[str]] = {}
@@ -134,8 +133,10 @@ def _sensor_blocks(dataset, measurements, free, first) -> List[ParameterBlock]:
     ]
 
 
-def _additional_blocks(dataset, free, collections) -> List[ParameterBlock]:
-    blocks = []
+def _additional_blocks(
+    dataset: Dataset, free: FreeEdges, collections: Sequence[str]
+) -> List[ParameterBlock]:
+    blocks: List[ParameterBlock] = []
     held = free.held_edges(dataset)
     sensor_edges = {s.edge for s in dataset.sensors.values()}
     for name, edge in free.additional_tfs.items():
@@ -152,15 +153,18 @@ def _additional_blocks(dataset, free, collections) -> List[ParameterBlock]:
     return blocks
 
 
-def _pattern_blocks(dataset, boards, measurements, free) -> List[ParameterBlock]:
+def _pattern_blocks(
+    dataset: Dataset,
+    boards: Mapping[BoardKey, np.ndarray],
+    measurements: Sequence[Measurement],
+    free: FreeEdges,
+) -> List[ParameterBlock]:
     if free.anchor_patterns:
         return []
-    seen = {(m.key.pattern, m.key.collection) for m in measurements}
+    seen: Set[BoardKey] = {(m.key.pattern, m.key.collection) for m in measurements}
     seen |= {(pattern, None) for pattern, _ in seen}
     return [
-        ParameterBlock(
-            board_edge(dataset.patterns[pattern]), PATTERN, collection, pose, (pattern,)
-        )
+        ParameterBlock(board_edge(dataset.patterns[pattern]), PATTERN, collection, pose, (pattern,))
         for (pattern, collection), pose in boards.items()
         if (pattern, collection) in seen
     ]
@@ -190,12 +194,15 @@ def _chains(
     return PoseChains(constants, block, inverted)
 
 
-def _factor(dataset: Dataset, graph: FrameGraph, m: Measurement, parameters: Parameters):
+def _factor(
+    dataset: Dataset, graph: FrameGraph, m: Measurement, parameters: Parameters
+) -> Tuple[List[np.ndarray], List[int], List[bool]]:
     """Return constants, block indices and inversions of ``sensor_T_pattern``."""
     sensor, pattern = dataset.sensors[m.key.sensor], dataset.patterns[m.key.pattern]
-    chain: Chain = graph.chain(sensor.frame, pattern.frame)
-    matrices, blocks, turned = [np.eye(4)], [], []
-    for edge, inverted in chain:
+    matrices: List[np.ndarray] = [np.eye(4)]
+    blocks: List[int] = []
+    turned: List[bool] = []
+    for edge, inverted in graph.chain(sensor.frame, pattern.frame):
         index = parameters.find(edge, m.key.collection)
         if index >= 0:
             blocks.append(index)
@@ -213,17 +220,18 @@ def _residual_blocks(measurements: Sequence[Measurement]) -> List[ResidualBlock]
         by_sensor.setdefault(m.key.sensor, []).append((i, m))
     blocks: List[ResidualBlock] = []
     for sensor, items in by_sensor.items():
-        if isinstance(items[0][1], CornerMeasurement):
-            blocks.append(_reprojection(sensor, items))
-        else:
-            blocks.append(_orthogonal(sensor, items))
-            border = _border(sensor, items)
-            if border is not None:
-                blocks.append(border)
+        corners = [(i, m) for i, m in items if isinstance(m, CornerMeasurement)]
+        ranges = [(i, m) for i, m in items if isinstance(m, RangeMeasurement)]
+        if corners:
+            blocks.append(_reprojection(sensor, corners))
+        if ranges:
+            blocks.append(_orthogonal(sensor, ranges))
+        if any(len(m.limit) for _, m in ranges):
+            blocks.append(_border(sensor, ranges))
     return blocks
 
 
-def _reprojection(sensor: str, items) -> ReprojectionBlock:
+def _reprojection(sensor: str, items: Sequence[Tuple[int, CornerMeasurement]]) -> ReprojectionBlock:
     detection = _repeat([(i, len(m.ids)) for i, m in items])
     return ReprojectionBlock(
         sensor=sensor,
@@ -248,9 +256,7 @@ def _orthogonal(sensor: str, items: Sequence[Tuple[int, RangeMeasurement]]) -> O
     )
 
 
-def _border(sensor: str, items: Sequence[Tuple[int, RangeMeasurement]]) -> Optional[BorderBlock]:
-    if not any(len(m.limit) for _, m in items):
-        return None
+def _border(sensor: str, items: Sequence[Tuple[int, RangeMeasurement]]) -> BorderBlock:
     counts = [len(m.limit) for _, m in items]
     return BorderBlock(
         sensor=sensor,

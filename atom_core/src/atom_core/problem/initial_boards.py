@@ -199,10 +199,13 @@ def _by_board(
     return boards
 
 
-def _total_misfit(seen, parent_T_pattern: np.ndarray, placement: Placement, expected_m) -> float:
-    return sum(
-        misfit(m, placement.sensor_T_parent(m) @ parent_T_pattern, expected_m) for m in seen
-    )
+def _total_misfit(
+    seen: Sequence[Measurement],
+    parent_T_pattern: np.ndarray,
+    placement: Placement,
+    expected_m: float,
+) -> float:
+    return sum(misfit(m, placement.sensor_T_parent(m) @ parent_T_pattern, expected_m) for m in seen)
 
 
 def _proposals(seen: Sequence[Measurement], placement: Placement) -> List[np.ndarray]:

@@ -9,8 +9,15 @@ import numpy as np
 
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.rectangle import Rectangle
-from atom_core.model.dataset import Dataset, DetectionKey, RgbLabel, place, range_points
-from atom_core.model.sensor import DEPTH, RGB
+from atom_core.model.dataset import (
+    Dataset,
+    DetectionKey,
+    RangePoints,
+    RgbLabel,
+    place,
+    range_points,
+)
+from atom_core.model.sensor import DEPTH, RGB, Sensor
 
 # Standard deviations to begin with; each sensor's are re-estimated from its residuals.
 CORNER_SIGMA_PX = 0.3
@@ -97,8 +104,11 @@ def read_measurements(dataset: Dataset) -> Tuple[List[Measurement], List[str]]:
     return measurements, warnings
 
 
-def _range_measurement(key, sensor, border, points) -> RangeMeasurement:
+def _range_measurement(
+    key: DetectionKey, sensor: Sensor, border: Rectangle, points: RangePoints
+) -> RangeMeasurement:
     if sensor.modality == DEPTH:
+        assert sensor.camera is not None
         inside_sigma = depth_sigma_m(points.inside[:, 2])
         limit_sigma = points.limit[:, 2] / np.min(sensor.camera.focal_px)  # a pixel's footprint
     else:

@@ -135,7 +135,9 @@ class Problem:
         ]
         return sparse.vstack(parts, format="csr")
 
-    def _rows(self, block: ResidualBlock, by_twist: np.ndarray, maps: np.ndarray):
+    def _rows(
+        self, block: ResidualBlock, by_twist: np.ndarray, maps: np.ndarray
+    ) -> sparse.csr_matrix:
         rows = block.count * block.dimension
         blocks = self.chains.block[block.detection]
         values = np.einsum("nrt,nktp->nrkp", by_twist, maps[block.detection])

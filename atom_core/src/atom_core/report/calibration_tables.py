@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, List, Mapping, Optional
+import math
+from typing import Any, Dict, List, Mapping
 
 import numpy as np
 
@@ -42,13 +43,14 @@ def calibration_report(document: Mapping[str, Any], verbose: bool = False) -> st
 def _edges_table(document: Mapping[str, Any]) -> str:
     rows = []
     for name, edge in document["edges"].items():
-        sigmas = [1e3 * max(edge["sigma_translation_m"]), _deg(max(edge["sigma_rotation_rad"]))]
+        sigmas = [
+            1e3 * max(edge["sigma_translation_m"]),
+            math.degrees(max(edge["sigma_rotation_rad"])),
+        ]
         state = "anchored" if edge["anchored"] else "estimated"
         rows.append([", ".join(edge["sensors"]), name, state, *edge["translation_m"], *sigmas])
-    headers = [
-        "Sensors", "Edge (parent-child)", "", "x [m]", "y [m]", "z [m]",
-        "sigma [mm]", "sigma [deg]",
-    ]  # fmt: skip
+    headers = ["Sensors", "Edge (parent-child)", "", "x [m]", "y [m]", "z [m]"]
+    headers += ["sigma [mm]", "sigma [deg]"]
     return text_table(headers, rows, "Calibrated edges (sigma: the largest of three axes)")
 
 
@@ -58,9 +60,8 @@ def _sensors_table(document: Mapping[str, Any]) -> str:
         row: List[Any] = [name, sensor["modality"], sensor["detections"], sensor["outliers"]]
         for kind, (_, factor, digits) in _SHOWN.items():
             value = sensor["residuals"].get(kind)
-            row += [None, None] if value is None else [
-                f"{factor * value['mean']:.{digits}f}", f"{factor * value['rms']:.{digits}f}",
-            ]  # fmt: skip
+            for figure in ("mean", "rms"):
+                row.append(None if value is None else f"{factor * value[figure]:.{digits}f}")
         rows.append(row)
     headers = ["Sensor", "Modality", "Detections", "Outliers"]
     for kind, (unit, _, _) in _SHOWN.items():
@@ -69,9 +70,7 @@ def _sensors_table(document: Mapping[str, Any]) -> str:
 
 
 def _collections_table(document: Mapping[str, Any]) -> str:
-    columns = [
-        (name, kind) for name, s in document["sensors"].items() for kind in s["residuals"]
-    ]
+    columns = [(name, kind) for name, s in document["sensors"].items() for kind in s["residuals"]]
     rows = []
     for key, collection in document["collections"].items():
         row: List[Any] = [key]
@@ -89,11 +88,9 @@ def _truth_table(ground_truth: Mapping[str, Any]) -> str:
         [name, 1e3 * value["translation_error_m"], value["rotation_error_deg"]]
         for name, value in ground_truth.items()
     ]
-    return text_table(["Sensor", "Translation [mm]", "Rotation [deg]"], rows, "Errors against truth", 3)
-
-
-def _deg(radians: float) -> float:
-    return radians * 57.29577951308232
+    return text_table(
+        ["Sensor", "Translation [mm]", "Rotation [deg]"], rows, "Errors against truth", 3
+    )
 
 
 def preflight_report(dataset: Dataset, result: Preflight) -> str:
@@ -123,7 +120,9 @@ def _detection_table(dataset: Dataset, result: Preflight) -> str:
     return text_table(["Collection"] + list(dataset.sensors), rows + [totals], title)
 
 
-def _detection_cell(dataset, detections: Mapping[DetectionKey, str], key: str, sensor: str):
+def _detection_cell(
+    dataset: Dataset, detections: Mapping[DetectionKey, str], key: str, sensor: str
+) -> str:
     cells = [detections.get(DetectionKey(key, sensor, p), ABSENT) for p in dataset.patterns]
     return " | ".join(cells)
 
@@ -147,10 +146,8 @@ def _residual_table(dataset: Dataset, table: Table) -> str:
     return text_table(headers, rows + [averages], title)
 
 
-def moved_report(rows: List[Dict[str, Any]], limit: Optional[str] = None) -> str:
+def moved_report(rows: List[Dict[str, Any]]) -> str:
     """Return the table of ``check --against``."""
-    cells = [
-        [r["sensor"], r["edge"], 1e3 * r["translation_m"], r["rotation_deg"]] for r in rows
-    ]
+    cells = [[r["sensor"], r["edge"], 1e3 * r["translation_m"], r["rotation_deg"]] for r in rows]
     headers = ["Sensor", "Edge", "Moved [mm]", "Turned [deg]"]
     return text_table(headers, cells, "Dataset against description", 3)

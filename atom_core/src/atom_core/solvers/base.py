@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Callable, NamedTuple, Optional, Tuple
+from dataclasses import dataclass
+from typing import Callable, NamedTuple, Tuple
 
 import numpy as np
 
 from atom_core.problem.problem import Problem
-from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.losses import CAUCHY, LOSSES
 
 SIGMA, ATOM = "sigma", "atom"
@@ -50,7 +49,7 @@ class SolverOptions:
     max_iterations: int = 200
     reweighting_rounds: int = 10
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.weights not in (SIGMA, ATOM):
             raise ValueError(f"weights '{self.weights}' are unknown; use {SIGMA} or {ATOM}")
         if self.loss not in LOSSES:
@@ -95,7 +94,6 @@ class SolverSummary:
         sigmas: for each residual block, (n,) standard deviations in its unit, as used last.
         scales: for each residual block, the factor on its initial sigmas.
         robust_weights: for each residual block, (n,) in 0..1.
-        covariance: of the parameters.
     """
 
     x: np.ndarray
@@ -107,4 +105,3 @@ class SolverSummary:
     sigmas: Tuple[np.ndarray, ...]
     scales: Tuple[float, ...]
     robust_weights: Tuple[np.ndarray, ...]
-    covariance: Optional[Covariance] = field(default=None, repr=False)

@@ -65,7 +65,9 @@ class Covariance:
         gain[:, at : at + 6] = np.eye(6)
         return gain
 
-    def explained(self, problem: Problem, equations: NormalEquations, maps) -> np.ndarray:
+    def explained(
+        self, problem: Problem, equations: NormalEquations, maps: np.ndarray
+    ) -> np.ndarray:
         """Return, for each residual block, how many of its rows the parameters explain.
 
         The trace of the hat matrix over the block's rows: rows minus this are its redundancy

@@ -162,7 +162,13 @@ def normal_equations(
     return _spread(problem, layout, line.maps, information, gradient, parts)
 
 
-def _reduce_detections(block: ResidualBlock, residual, by_twist, weight, count: int):
+def _reduce_detections(
+    block: ResidualBlock,
+    residual: np.ndarray,
+    by_twist: np.ndarray,
+    weight: np.ndarray,
+    count: int,
+) -> Tuple[np.ndarray, np.ndarray]:
     """Sum the rows of each detection into (count, 6, 6) and (count, 6)."""
     information, gradient = np.zeros((count, 6, 6)), np.zeros((count, 6))
     root = np.sqrt(weight)
@@ -177,7 +183,14 @@ def _reduce_detections(block: ResidualBlock, residual, by_twist, weight, count: 
     return information, gradient
 
 
-def _spread(problem, layout: Layout, maps, information, gradient, parts) -> NormalEquations:
+def _spread(
+    problem: Problem,
+    layout: Layout,
+    maps: np.ndarray,
+    information: np.ndarray,
+    gradient: np.ndarray,
+    parts: List[np.ndarray],
+) -> NormalEquations:
     s, g, w = layout.shared, layout.groups, layout.width
     shared, cross = np.zeros((s, s, 6, 6)), np.zeros((g, w, s, 6, 6))
     local = np.zeros((g, w, w, 6, 6))
@@ -204,7 +217,15 @@ def _spread(problem, layout: Layout, maps, information, gradient, parts) -> Norm
     )
 
 
-def _add_pairs(layout: Layout, row, column, values, shared, cross, local) -> None:
+def _add_pairs(
+    layout: Layout,
+    row: np.ndarray,
+    column: np.ndarray,
+    values: np.ndarray,
+    shared: np.ndarray,
+    cross: np.ndarray,
+    local: np.ndarray,
+) -> None:
     group_row, group_column = layout.group[row], layout.group[column]
     at_row, at_column = layout.position[row], layout.position[column]
     both = (group_row < 0) & (group_column < 0)
@@ -215,7 +236,13 @@ def _add_pairs(layout: Layout, row, column, values, shared, cross, local) -> Non
     np.add.at(local, (group_row[own], at_row[own], at_column[own]), values[own])
 
 
-def _add_vectors(layout: Layout, index, values, gradient_shared, gradient_local) -> None:
+def _add_vectors(
+    layout: Layout,
+    index: np.ndarray,
+    values: np.ndarray,
+    gradient_shared: np.ndarray,
+    gradient_local: np.ndarray,
+) -> None:
     group, position = layout.group[index], layout.position[index]
     np.add.at(gradient_shared, position[group < 0], values[group < 0])
     np.add.at(gradient_local, (group[group >= 0], position[group >= 0]), values[group >= 0])

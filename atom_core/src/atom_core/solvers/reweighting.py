@@ -74,7 +74,9 @@ def solve(
     return _reweighted(problem, options, minimiser, rough)
 
 
-def _reweighted(problem, options, minimiser, rough: Minimum) -> SolverSummary:
+def _reweighted(
+    problem: Problem, options: SolverOptions, minimiser: Minimise, rough: Minimum
+) -> SolverSummary:
     x, iterations = rough.x, rough.iterations
     sigmas = tuple(block.sigma for block in problem.residual_blocks)
     for _ in range(options.reweighting_rounds):
@@ -128,7 +130,13 @@ def _sigma_factors(
     return factors
 
 
-def _summary(problem, options, end: Minimum, sigmas, iterations) -> SolverSummary:
+def _summary(
+    problem: Problem,
+    options: SolverOptions,
+    end: Minimum,
+    sigmas: Tuple[np.ndarray, ...],
+    iterations: int,
+) -> SolverSummary:
     start = np.zeros(problem.parameters.size)
     first = problem.residuals(start)
     cost_initial = total_cost(first, sigmas, options.loss)
@@ -142,7 +150,7 @@ def _summary(problem, options, end: Minimum, sigmas, iterations) -> SolverSummar
         iterations=iterations,
         cost_initial=cost_initial,
         cost_final=cost_final,
-        sigmas=tuple(sigmas),
+        sigmas=sigmas,
         scales=tuple(
             float(np.median(s / b.sigma)) for s, b in zip(sigmas, problem.residual_blocks)
         ),

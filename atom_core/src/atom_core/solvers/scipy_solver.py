@@ -8,7 +8,7 @@ Damping after Nielsen, "Damping parameter in Marquardt's method" (1999).
 
 from __future__ import annotations
 
-from typing import List, Sequence, Tuple
+from typing import List, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -25,9 +25,7 @@ _ROUNDING = 1e-13  # relative; a smaller decrease drowns in the rounding of the 
 _LONGEST_STEP_M, _LONGEST_STEP_RAD = 0.5, 0.5
 
 
-def total_cost(
-    residuals: Sequence[np.ndarray], sigmas: Sequence[np.ndarray], loss: str
-) -> float:
+def total_cost(residuals: Sequence[np.ndarray], sigmas: Sequence[np.ndarray], loss: str) -> float:
     """Return half the sum of rho over the items of all residual blocks."""
     return sum(losses.cost(loss, squared_norms(r, s)) for r, s in zip(residuals, sigmas))
 
@@ -73,7 +71,8 @@ def minimise(
     damping, growth, slow = _FIRST_DAMPING, 2.0, 0
     equations = equations_at(problem, layout, x, sigmas, loss)
     for iteration in range(max_iterations):
-        if _newton_decrease(equations) < tolerance.decrease * _unit_cost(problem, cost) or slow == 2:
+        enough = tolerance.decrease * _unit_cost(problem, cost)
+        if slow == 2 or _newton_decrease(equations) < enough:
             return Minimum(x, cost, iteration, True, "a further step would change nothing")
         step, predicted = _try_solve(equations, damping)
         gain, trial, trial_cost = -1.0, x, cost
@@ -109,7 +108,7 @@ def _within_reach(step: np.ndarray) -> bool:
     return bool(turn < _LONGEST_STEP_RAD and move < _LONGEST_STEP_M)
 
 
-def _try_solve(equations: NormalEquations, damping: float):
+def _try_solve(equations: NormalEquations, damping: float) -> Tuple[Optional[np.ndarray], float]:
     try:
         return equations.solve(damping)
     except np.linalg.LinAlgError:
