@@ -4,6 +4,7 @@ import json
 from copy import deepcopy
 
 import pytest
+
 from atom_core.cli import main
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset

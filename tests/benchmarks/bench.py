@@ -14,6 +14,9 @@ import time
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import least_squares
+from tqdm import tqdm
+
 from atom_core.calibration.calibrate import calibrate, free_edges, initial_boards
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.evaluation.ground_truth import ground_truth_errors
@@ -25,8 +28,6 @@ from atom_core.solvers.base import SolverOptions
 from atom_core.solvers.losses import NONE
 from atom_core.solvers.scipy_solver import minimise
 from atom_core.synthetic import Noise, paper_cell
-from scipy.optimize import least_squares
-from tqdm import tqdm
 
 DISTURBANCE = (0.1, 0.1)
 LIMITS = {"solve_s": 3.0, "mean_mm": 2.0, "mean_deg": 0.05, "spread_mm": 0.01, "gross_ratio": 2.0}

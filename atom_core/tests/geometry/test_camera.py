@@ -104,7 +104,8 @@ def test_names_of_models():
 
 
 @pytest.mark.parametrize(
-    "model, D", [("plumb_bob", [0.1] * 3), ("rational_polynomial", [0.1] * 5), ("equidistant", [1, 2])]
+    "model, D",
+    [("plumb_bob", [0.1] * 3), ("rational_polynomial", [0.1] * 5), ("equidistant", [1, 2])],
 )
 def test_wrong_number_of_coefficients_is_refused(model, D):
     with pytest.raises(ValueError, match=f"D has {len(D)} numbers"):

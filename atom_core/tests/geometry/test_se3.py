@@ -78,7 +78,8 @@ def test_rpy_round_trip_also_at_gimbal_lock(pitch):
 @pytest.mark.parametrize("angle", [1e-7, 1e-3, 0.5, 3.0])
 def test_right_jacobian_against_central_differences(angle):
     vector = angle * np.array([0.6, 0.0, -0.8])
-    rotation, jacobian, h = se3.rotation_from_rotation_vector(vector), se3.right_jacobian(vector), 1e-6
+    rotation, jacobian = se3.rotation_from_rotation_vector(vector), se3.right_jacobian(vector)
+    h = 1e-6
     for i in range(3):
         step = np.zeros(3)
         step[i] = h

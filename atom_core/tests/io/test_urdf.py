@@ -417,7 +417,7 @@ def test_edges_that_the_file_lacks_are_reported_with_the_reason(tmp_path):
     description = describe(tmp_path, PLAIN)
     edges = [("base", "pattern"), ("camera", "base"), ("base", "lidar"), ("lidar", "base"),
              ("base", "arm")]  # fmt: skip
-    poses = {edge: np.eye(4) for edge in edges}
+    poses = {Edge(*edge): np.eye(4) for edge in edges}
     report = write_calibrated_description(description, poses, tmp_path / "out.urdf")
     reasons = dict(report.missing)
     assert set(reasons) == set(edges)
@@ -479,7 +479,7 @@ def test_a_joint_made_by_a_macro_flattens_and_is_named(tmp_path):
     description = describe(tmp_path, MACROS, "rig.urdf.xacro")
     poses = {Edge("base", "left"): some_pose(1), Edge("base", "lidar"): some_pose(2)}
     out = tmp_path / "out.urdf.xacro"
-    report = write_calibrated_description(description, poses, out, {("base", "left"): "1 mm"})
+    report = write_calibrated_description(description, poses, out, {Edge("base", "left"): "1 mm"})
     assert report.flattened
     assert report.replaced == tuple(poses)
     assert "'left_joint'" in report.reason and "lidar_joint" not in report.reason
@@ -516,7 +516,7 @@ def test_other_joints_that_are_not_literal_flatten(tmp_path, made, what):
     text = f'<robot name="rig" {XMLNS}>{link("a", "b")}{made}</robot>'
     description = describe(tmp_path, text, "rig.xacro")
     out = tmp_path / "out.xacro"
-    report = write_calibrated_description(description, {("a", "b"): some_pose(1)}, out)
+    report = write_calibrated_description(description, {Edge("a", "b"): some_pose(1)}, out)
     assert report.flattened and "'j'" in report.reason, what
     np.testing.assert_allclose(
         origin_of(read_description(out), ("a", "b")), some_pose(1), atol=1e-14
@@ -530,7 +530,7 @@ def test_one_joint_in_a_condition_is_edited_in_place(tmp_path):
     )
     description = describe(tmp_path, text, "rig.xacro")
     report = write_calibrated_description(
-        description, {("a", "b"): some_pose(1)}, tmp_path / "out.xacro"
+        description, {Edge("a", "b"): some_pose(1)}, tmp_path / "out.xacro"
     )
     assert not report.flattened and "xacro:if" in (tmp_path / "out.xacro").read_text()
 
@@ -542,7 +542,7 @@ def test_relative_includes_flatten_only_where_they_would_break(tmp_path):
         f"{joint('j', 'a', 'b')}</robot>"
     )
     description = describe(tmp_path, text, "rig.xacro")
-    poses = {("a", "b"): some_pose(1)}
+    poses = {Edge("a", "b"): some_pose(1)}
     beside = write_calibrated_description(description, poses, tmp_path / "out.xacro")
     assert not beside.flattened
     (tmp_path / "results").mkdir()
@@ -558,7 +558,7 @@ def test_relative_includes_flatten_only_where_they_would_break(tmp_path):
 def test_an_output_called_urdf_is_a_plain_urdf(tmp_path):
     description = describe(tmp_path, MACROS, "rig.urdf.xacro")
     report = write_calibrated_description(
-        description, {("base", "lidar"): some_pose(1)}, tmp_path / "out.urdf"
+        description, {Edge("base", "lidar"): some_pose(1)}, tmp_path / "out.urdf"
     )
     assert report.flattened and "plain URDF" in report.reason
     assert not read_description(tmp_path / "out.urdf").is_xacro

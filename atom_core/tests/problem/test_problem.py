@@ -110,8 +110,7 @@ def test_initial_boards_are_right_when_the_sensors_are():
     free = free_edges(dataset, CalibrationOptions())
     boards = initial_boards(dataset, read_measurements(dataset)[0], free)
     errors = [
-        np.linalg.norm(pose[:3, 3] - scene.truth.boards[key][:3, 3])
-        for key, pose in boards.items()
+        np.linalg.norm(pose[:3, 3] - scene.truth.boards[key][:3, 3]) for key, pose in boards.items()
     ]
     assert np.median(errors) < 0.01
     assert np.max(errors) < 0.05

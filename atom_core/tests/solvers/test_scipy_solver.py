@@ -39,9 +39,7 @@ def sigmas_of(problem):
 
 
 def rows(problem, x, sigmas):
-    return np.concatenate(
-        [(r / s[:, None]).ravel() for r, s in zip(problem.residuals(x), sigmas)]
-    )
+    return np.concatenate([(r / s[:, None]).ravel() for r, s in zip(problem.residuals(x), sigmas)])
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -141,9 +139,7 @@ def test_converged_means_the_gradient_is_gone():
     newton = np.linalg.lstsq(jacobian, -rows(problem, end.x, sigmas), rcond=None)[0]
     deviations = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
     assert np.max(np.abs(newton) / deviations) < 1e-3
-    rough = minimise(
-        problem, np.zeros(problem.parameters.size), sigmas, losses.NONE, 200, ROUGH
-    )
+    rough = minimise(problem, np.zeros(problem.parameters.size), sigmas, losses.NONE, 200, ROUGH)
     assert rough.converged and rough.iterations < end.iterations
 
 
