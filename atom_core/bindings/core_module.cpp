@@ -14,6 +14,7 @@
 
 #include "atom_core/planar_compression.h"
 #include "atom_core/urdf.h"
+#include "bindings.h"
 
 namespace py = pybind11;
 
@@ -187,7 +188,8 @@ Raises:
 }  // namespace atom_core
 
 PYBIND11_MODULE(_core, m) {
-  m.doc() = "Compiled core of atom_core: robot descriptions and compression of planar residuals.";
+  m.doc() = "Compiled core of atom_core: robot descriptions, planar compression, calibration.";
   atom_core::BindUrdf(m);
   atom_core::BindPlanarCompression(m);
+  atom_core::BindCalibration(m);
 }

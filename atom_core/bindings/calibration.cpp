@@ -1,0 +1,252 @@
+// The calibration problem and its minimiser for Python. The arrays go over once; no call goes
+// back to Python but the progress report of an iteration.
+
+#include <pybind11/eigen.h>
+#include <pybind11/functional.h>
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "atom_core/calibration_problem.h"
+#include "atom_core/ceres_minimiser.h"
+#include "bindings.h"
+
+namespace py = pybind11;
+
+namespace atom_core {
+namespace {
+
+using DoubleArray = py::array_t<double, py::array::c_style | py::array::forcecast>;
+using IndexArray = py::array_t<std::int64_t, py::array::c_style | py::array::forcecast>;
+using BoolArray = py::array_t<bool, py::array::c_style | py::array::forcecast>;
+using RowMatrix4d = Eigen::Matrix<double, 4, 4, Eigen::RowMajor>;
+using Sigmas = std::vector<Eigen::VectorXd>;
+
+void Expect(bool holds, const char* what) {
+  if (!holds) throw std::invalid_argument(what);
+}
+
+Eigen::Isometry3d AsPose(const double* numbers) {
+  Eigen::Isometry3d pose;
+  pose.matrix() = Eigen::Map<const RowMatrix4d>(numbers);
+  return pose;
+}
+
+std::vector<ParameterBlock> AsParameters(const DoubleArray& initial, const BoolArray& eliminated) {
+  Expect(initial.ndim() == 3 && initial.shape(1) == 4 && initial.shape(2) == 4,
+         "initial must have the shape (b, 4, 4)");
+  Expect(eliminated.ndim() == 1 && eliminated.shape(0) == initial.shape(0),
+         "eliminated must have the shape (b,)");
+  std::vector<ParameterBlock> blocks(initial.shape(0));
+  for (std::size_t i = 0; i < blocks.size(); ++i) {
+    blocks[i].initial = AsPose(initial.data() + 16 * i);
+    blocks[i].eliminated = eliminated.data()[i];
+  }
+  return blocks;
+}
+
+std::vector<PoseChain> AsChains(const DoubleArray& constants, const IndexArray& block,
+                                const BoolArray& inverted) {
+  Expect(constants.ndim() == 4 && constants.shape(2) == 4 && constants.shape(3) == 4,
+         "constants must have the shape (d, k + 1, 4, 4)");
+  Expect(block.ndim() == 2 && inverted.ndim() == 2 && block.shape(0) == constants.shape(0) &&
+             inverted.shape(0) == block.shape(0) && inverted.shape(1) == block.shape(1) &&
+             constants.shape(1) == block.shape(1) + 1,
+         "block and inverted must have the shape (d, k)");
+  const auto width = block.shape(1);
+  std::vector<PoseChain> chains(block.shape(0));
+  for (std::size_t d = 0; d < chains.size(); ++d) {
+    const double* matrices = constants.data() + 16 * (width + 1) * d;
+    chains[d].constants.push_back(AsPose(matrices));
+    for (py::ssize_t k = 0; k < width; ++k) {
+      const auto index = block.data()[d * width + k];
+      if (index < 0) break;  // shorter chains are filled up with -1 and identities
+      chains[d].block.push_back(index);
+      chains[d].inverted.push_back(inverted.data()[d * width + k]);
+      chains[d].constants.push_back(AsPose(matrices + 16 * (k + 1)));
+    }
+  }
+  return chains;
+}
+
+DistortionModel AsModel(const std::string& name) {
+  if (name == "none") return DistortionModel::kNone;
+  if (name == "plumb_bob") return DistortionModel::kPlumbBob;
+  if (name == "rational_polynomial") return DistortionModel::kRationalPolynomial;
+  if (name == "equidistant") return DistortionModel::kEquidistant;
+  throw std::invalid_argument("unknown distortion model " + name);
+}
+
+Camera AsCamera(const py::dict& item) {
+  Camera camera;
+  camera.model = AsModel(item["model"].cast<std::string>());
+  camera.focal_px = item["focal_px"].cast<Eigen::Vector2d>();
+  camera.centre_px = item["centre_px"].cast<Eigen::Vector2d>();
+  camera.limit_square = item["limit_square"].cast<double>();
+  const auto values = item["coefficients"].cast<std::vector<double>>();
+  Expect(values.size() <= camera.coefficients.size(), "a camera has at most 8 coefficients");
+  std::copy(values.begin(), values.end(), camera.coefficients.begin());
+  return camera;
+}
+
+ResidualBlock AsResidualBlock(const py::dict& item) {
+  ResidualBlock block;
+  const auto kind = item["kind"].cast<std::string>();
+  block.detection = item["detection"].cast<std::vector<std::int64_t>>();
+  block.points = item["points"].cast<PointRows>();
+  if (kind == "reprojection") {
+    block.kind = ResidualKind::kReprojection;
+    block.camera = AsCamera(item["camera"].cast<py::dict>());
+    block.pixels = item["pixels"].cast<PixelRows>();
+    Expect(block.pixels.rows() == block.points.rows(), "pixels must have the shape (n, 2)");
+  } else if (kind == "border") {
+    block.kind = ResidualKind::kBorder;
+    block.centre = item["centre"].cast<PixelRows>();
+    block.half_size = item["half_size"].cast<PixelRows>();
+    Expect(
+        block.centre.rows() == block.points.rows() && block.half_size.rows() == block.points.rows(),
+        "centre and half_size must have the shape (n, 2)");
+  } else {
+    Expect(kind == "orthogonal", "kind must be reprojection, orthogonal or border");
+    block.kind = ResidualKind::kOrthogonal;
+  }
+  return block;
+}
+
+std::unique_ptr<CalibrationProblem> MakeProblem(const DoubleArray& initial,
+                                                const BoolArray& eliminated,
+                                                const DoubleArray& constants,
+                                                const IndexArray& block, const BoolArray& inverted,
+                                                const py::list& residual_blocks) {
+  std::vector<ResidualBlock> residuals;
+  for (const auto& item : residual_blocks)
+    residuals.push_back(AsResidualBlock(item.cast<py::dict>()));
+  return std::make_unique<CalibrationProblem>(AsParameters(initial, eliminated),
+                                              AsChains(constants, block, inverted),
+                                              std::move(residuals));
+}
+
+Loss AsLoss(const std::string& name) {
+  if (name == "none") return Loss::kNone;
+  if (name == "huber") return Loss::kHuber;
+  if (name == "cauchy") return Loss::kCauchy;
+  throw std::invalid_argument("loss must be none, huber or cauchy");
+}
+
+py::dict MinimiseProblem(const CalibrationProblem& problem, const Eigen::VectorXd& x, Sigmas sigmas,
+                         const std::string& loss, int max_iterations, double decrease,
+                         double relative, double radius, int threads, const py::object& progress) {
+  MinimiserOptions options;
+  options.max_iterations = max_iterations;
+  options.decrease = decrease;
+  options.relative = relative;
+  options.initial_trust_region_radius = radius;
+  options.threads = threads;
+  options.progress = [&progress](int iteration, double cost, const Eigen::VectorXd& numbers) {
+    const py::gil_scoped_acquire acquire;
+    if (PyErr_CheckSignals() != 0) {  // Ctrl-C: stop with the best state, then let Python know
+      PyErr_Clear();
+      return false;
+    }
+    return progress.is_none() || !progress(iteration, cost, numbers).equal(py::bool_(false));
+  };
+  MinimiserResult result;
+  {
+    const py::gil_scoped_release release;
+    const Weighting weighting = problem.MakeWeighting(AsLoss(loss), std::move(sigmas));
+    result = Minimise(problem, weighting, x, options);
+  }
+  py::dict summary;
+  summary["x"] = result.x;
+  summary["cost"] = result.cost;
+  summary["iterations"] = result.iterations;
+  summary["converged"] = result.converged;
+  summary["stopped"] = result.stopped;
+  summary["message"] = result.message;
+  return summary;
+}
+
+/// Reductions of all detections: by residual block (b, d, 6, 6), gradient (d, 6), cost (b,).
+py::tuple ReduceProblem(const CalibrationProblem& problem, const Eigen::VectorXd& x, Sigmas sigmas,
+                        const std::string& loss) {
+  Expect(x.size() == static_cast<Eigen::Index>(6 * problem.parameters().size()),
+         "x needs six numbers for each parameter block");
+  const auto detections = static_cast<py::ssize_t>(problem.chains().size());
+  const auto blocks = static_cast<py::ssize_t>(problem.residuals().size());
+  py::array_t<double> information({blocks, detections, py::ssize_t{6}, py::ssize_t{6}});
+  py::array_t<double> gradient({detections, py::ssize_t{6}}), cost(blocks);
+  std::fill(information.mutable_data(), information.mutable_data() + information.size(), 0.0);
+  std::fill(gradient.mutable_data(), gradient.mutable_data() + gradient.size(), 0.0);
+  std::fill(cost.mutable_data(), cost.mutable_data() + cost.size(), 0.0);
+  double* const information_data = information.mutable_data();
+  double* const gradient_data = gradient.mutable_data();
+  double* const cost_data = cost.mutable_data();
+  const py::gil_scoped_release release;
+  const Weighting weighting = problem.MakeWeighting(AsLoss(loss), std::move(sigmas));
+  for (py::ssize_t d = 0; d < detections; ++d) {
+    std::vector<const double*> numbers;
+    for (const auto index : problem.chains()[d].block) numbers.push_back(x.data() + 6 * index);
+    const Eigen::Isometry3d pose = problem.Pose(d, numbers.data(), nullptr);
+    for (const auto& segment : problem.segments(d)) {
+      Reduction sum;
+      problem.Reduce(segment, weighting, pose, true, &sum);
+      Eigen::Map<Matrix6d>(information_data + 36 * (segment.residual_block * detections + d)) +=
+          Matrix6d(sum.information.selfadjointView<Eigen::Lower>());
+      Eigen::Map<Vector6d>(gradient_data + 6 * d) += sum.gradient;
+      cost_data[segment.residual_block] += sum.cost;
+    }
+  }
+  const py::gil_scoped_acquire acquire;
+  return py::make_tuple(information, gradient, cost);
+}
+
+}  // namespace
+
+void BindCalibration(py::module& m) {
+  py::class_<CalibrationProblem>(m, "CalibrationProblem", R"(A calibration problem as arrays.
+
+The fast twin of atom_core.problem.problem.Problem, which is the specification.
+)")
+      .def(py::init(&MakeProblem), py::arg("initial"), py::arg("eliminated"), py::arg("constants"),
+           py::arg("block"), py::arg("inverted"), py::arg("residual_blocks"), R"(
+Args:
+    initial: (b, 4, 4) parent_T_child of the parameter blocks.
+    eliminated: (b,) True for blocks that never meet one another in a detection.
+    constants, block, inverted: of PoseChains.
+    residual_blocks: list of dict with kind, detection (n,), points (n, 3), and
+        camera (dict), pixels (n, 2) for reprojection, centre, half_size (n, 2) for border.
+
+Raises:
+    ValueError: shapes or indices do not fit together.
+)")
+      .def("minimise", &MinimiseProblem, py::arg("x"), py::arg("sigmas"), py::arg("loss"),
+           py::arg("max_iterations"), py::arg("decrease"), py::arg("relative"),
+           py::arg("radius") = 1e4, py::arg("threads") = 1, py::arg("progress") = py::none(),
+           R"(Minimises with Ceres from x.
+
+Args:
+    x: (6 b,) numbers of the parameter blocks.
+    sigmas: for each residual block, (n,) in its unit.
+    loss: none, huber or cauchy.
+    max_iterations: limit.
+    decrease, relative: of Tolerance.
+    radius: of the first trust region.
+    threads: of the evaluation.
+    progress: called with iteration, cost and x; False stops with the best state.
+
+Returns:
+    dict with x, cost, iterations, converged, stopped, message.
+)")
+      .def("reduce", &ReduceProblem, py::arg("x"), py::arg("sigmas"), py::arg("loss"),
+           R"(Returns information (blocks, d, 6, 6), gradient (d, 6) and cost (blocks,) at x.)");
+}
+
+}  // namespace atom_core

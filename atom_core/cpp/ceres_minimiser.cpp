@@ -1,0 +1,210 @@
+#include "atom_core/ceres_minimiser.h"
+
+#include <ceres/ceres.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <vector>
+
+namespace atom_core {
+namespace {
+
+constexpr double kLongestTurn = 0.5, kLongestMove = 0.5;  // rad, m; solvers/scipy_solver.py
+constexpr double kRounding = 1e-13;                       // relative to the cost
+constexpr int kRows = 7;
+
+using RowMatrix = Eigen::Matrix<double, kRows, 6, Eigen::RowMajor>;
+
+/// One detection as seven rows.
+class DetectionCost : public ceres::CostFunction {
+ public:
+  /// \param accepted for each block of the chain, its numbers at the last accepted step.
+  DetectionCost(const CalibrationProblem& problem, const Weighting& weighting,
+                std::size_t detection, std::vector<const double*> accepted)
+      : problem_(problem),
+        weighting_(weighting),
+        detection_(detection),
+        accepted_(std::move(accepted)) {
+    set_num_residuals(kRows);
+    mutable_parameter_block_sizes()->assign(accepted_.size(), 6);
+  }
+
+  bool Evaluate(double const* const* numbers, double* residuals,
+                double** jacobians) const override {
+    if (!WithinReach(numbers)) return false;
+    std::vector<Matrix6d> maps(jacobians != nullptr ? accepted_.size() : 0);
+    const Eigen::Isometry3d pose =
+        problem_.Pose(detection_, numbers, jacobians != nullptr ? &maps : nullptr);
+    Reduction sum;
+    for (const auto& segment : problem_.segments(detection_)) {
+      problem_.Reduce(segment, weighting_, pose, jacobians != nullptr, &sum);
+    }
+    if (!std::isfinite(sum.cost)) return false;
+    if (jacobians == nullptr) {
+      std::fill(residuals, residuals + kRows, 0.0);
+      residuals[kRows - 1] = std::sqrt(2.0 * sum.cost);
+      return true;
+    }
+    Matrix6d root;
+    Vector6d rotated;
+    SquareRoot(sum, &root, &rotated);
+    Eigen::Map<Vector6d>(residuals, 6) = rotated;
+    residuals[kRows - 1] = std::sqrt(std::max(0.0, 2.0 * sum.cost - rotated.squaredNorm()));
+    for (std::size_t k = 0; k < accepted_.size(); ++k) {
+      if (jacobians[k] == nullptr) continue;
+      Eigen::Map<RowMatrix> jacobian(jacobians[k]);
+      jacobian.topRows<6>().noalias() = root * maps[k];
+      jacobian.bottomRows<1>().setZero();
+    }
+    return true;
+  }
+
+ private:
+  /// The linearisation holds no farther than this; Ceres then tries a shorter step.
+  bool WithinReach(double const* const* numbers) const {
+    for (std::size_t k = 0; k < accepted_.size(); ++k) {
+      const Eigen::Map<const Vector6d> now(numbers[k]), before(accepted_[k]);
+      const Vector6d step = now - before;
+      if (step.head<3>().norm() > kLongestTurn || step.tail<3>().norm() > kLongestMove) {
+        return false;
+      }
+    }
+    return true;
+  }
+
+  /// J (6, 6) and r (6,) with J^T J = information and J^T r = gradient.
+  static void SquareRoot(const Reduction& sum, Matrix6d* root, Vector6d* rotated) {
+    const Eigen::LDLT<Matrix6d, Eigen::Lower> factor(sum.information);
+    const Vector6d diagonal = factor.vectorD();
+    const double smallest = 1e-14 * std::max(diagonal.cwiseAbs().maxCoeff(), 1e-300);
+    Vector6d scale = Vector6d::Zero();
+    for (int i = 0; i < 6; ++i) {
+      if (diagonal[i] > smallest) scale[i] = std::sqrt(diagonal[i]);
+    }
+    // Eigen applies transpositions from the right in the wrong order: make the matrix first.
+    const Matrix6d permutation = factor.transpositionsP() * Matrix6d::Identity();
+    const Matrix6d upper = factor.matrixU();
+    *root = scale.asDiagonal() * (upper * permutation);
+    Vector6d solved = factor.transpositionsP() * sum.gradient;
+    factor.matrixL().solveInPlace(solved);
+    for (int i = 0; i < 6; ++i) (*rotated)[i] = scale[i] > 0 ? solved[i] / scale[i] : 0.0;
+  }
+
+  const CalibrationProblem& problem_;
+  const Weighting& weighting_;
+  const std::size_t detection_;
+  const std::vector<const double*> accepted_;
+};
+
+/// Decides when it is enough; what Ceres' own tolerances mean depends on the units.
+class Judge : public ceres::IterationCallback {
+ public:
+  Judge(const MinimiserOptions& options, double rows, const Eigen::VectorXd& x)
+      : options_(options), rows_(rows), x_(x) {}
+
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
+    radius = summary.trust_region_radius;
+    if (options_.progress && !options_.progress(summary.iteration, summary.cost, x_)) {
+      stopped = true;
+      return ceres::SOLVER_ABORT;
+    }
+    if (summary.iteration == 0 || !summary.step_is_valid) return ceres::SOLVER_CONTINUE;
+    const double promised = std::abs(summary.cost_change / summary.relative_decrease);
+    if (summary.step_is_successful) {
+      const double before = summary.cost + summary.cost_change;
+      slow_ = summary.cost_change < options_.relative * before ? slow_ + 1 : 0;
+    }
+    const double unit = std::max(1.0, 2.0 * summary.cost / std::max(rows_, 1.0));
+    if (slow_ >= 2 || promised < options_.decrease * unit ||
+        (!summary.step_is_successful && promised < kRounding * summary.cost)) {
+      enough = true;
+      return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+    }
+    return ceres::SOLVER_CONTINUE;
+  }
+
+  bool enough = false, stopped = false;
+  double radius = 0.0;
+
+ private:
+  const MinimiserOptions& options_;
+  const double rows_;
+  const Eigen::VectorXd& x_;
+  int slow_ = 0;
+};
+
+double CountRows(const CalibrationProblem& problem) {
+  double rows = 0;
+  for (const ResidualBlock& block : problem.residuals()) {
+    const double each = block.kind == ResidualKind::kReprojection ? 2 : 1;
+    rows += each * static_cast<double>(block.detection.size());
+  }
+  return rows;
+}
+
+ceres::Solver::Options SolverOptions(const CalibrationProblem& problem,
+                                     const MinimiserOptions& options, double* x) {
+  ceres::Solver::Options solver;
+  solver.max_num_iterations = options.max_iterations;
+  solver.num_threads = options.threads;
+  solver.logging_type = ceres::SILENT;
+  solver.update_state_every_iteration = true;
+  solver.max_num_consecutive_invalid_steps = 50;
+  solver.initial_trust_region_radius = options.initial_trust_region_radius;
+  solver.function_tolerance = solver.parameter_tolerance = solver.gradient_tolerance = 1e-16;
+  auto* ordering = new ceres::ParameterBlockOrdering;
+  bool any = false;
+  for (std::size_t i = 0; i < problem.parameters().size(); ++i) {
+    const bool eliminated = problem.parameters()[i].eliminated;
+    any = any || eliminated;
+    ordering->AddElementToGroup(x + 6 * i, eliminated ? 0 : 1);
+  }
+  if (any) {
+    solver.linear_solver_type = ceres::DENSE_SCHUR;
+    solver.linear_solver_ordering.reset(ordering);
+  } else {
+    delete ordering;
+    solver.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
+  }
+  return solver;
+}
+
+}  // namespace
+
+MinimiserResult Minimise(const CalibrationProblem& problem, const Weighting& weighting,
+                         const Eigen::VectorXd& x, const MinimiserOptions& options) {
+  if (x.size() != static_cast<Eigen::Index>(6 * problem.parameters().size())) {
+    throw std::invalid_argument("x needs six numbers for each parameter block");
+  }
+  MinimiserResult result;
+  result.x = x;
+  ceres::Problem ceres_problem;
+  for (std::size_t i = 0; i < problem.parameters().size(); ++i) {
+    ceres_problem.AddParameterBlock(result.x.data() + 6 * i, 6);
+  }
+  for (std::size_t d = 0; d < problem.chains().size(); ++d) {
+    std::vector<double*> blocks;
+    for (const auto index : problem.chains()[d].block) {
+      blocks.push_back(result.x.data() + 6 * index);
+    }
+    if (blocks.empty()) continue;  // everything on this chain is held
+    ceres_problem.AddResidualBlock(
+        new DetectionCost(problem, weighting, d, {blocks.begin(), blocks.end()}), nullptr, blocks);
+  }
+  ceres::Solver::Options solver = SolverOptions(problem, options, result.x.data());
+  Judge judge(options, CountRows(problem), result.x);
+  solver.callbacks.push_back(&judge);
+  ceres::Solver::Summary summary;
+  ceres::Solve(solver, &ceres_problem, &summary);
+  result.cost = summary.final_cost;
+  result.iterations = static_cast<int>(summary.iterations.size()) - 1;
+  result.converged = judge.enough || summary.termination_type == ceres::CONVERGENCE;
+  result.stopped = judge.stopped;
+  result.trust_region_radius = judge.radius;
+  result.message = summary.message;
+  return result;
+}
+
+}  // namespace atom_core
