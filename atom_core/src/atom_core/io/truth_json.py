@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, Dict
+from typing import Any, Dict, Mapping, Optional
 
 import numpy as np
 
@@ -17,8 +17,14 @@ from atom_core.model.truth import Truth
 VERSION = "1.0"
 
 
-def write_truth(truth: Truth, path: Path) -> None:
-    """Write the truth: ``edges`` by name, ``boards`` by pattern and collection."""
+def write_truth(truth: Truth, path: Path, more: Optional[Mapping[str, Any]] = None) -> None:
+    """Write the truth: ``edges`` by name, ``boards`` by pattern and collection.
+
+    Args:
+        truth: edges and boards.
+        path: the file.
+        more: further entries of the document, which ``read_truth`` passes over.
+    """
     boards: Dict[str, Dict[str, Any]] = {}
     for (pattern, collection), matrix in truth.boards.items():
         boards.setdefault(pattern, {})[collection] = pose_document(matrix)
@@ -26,7 +32,7 @@ def write_truth(truth: Truth, path: Path) -> None:
         str(edge): {"parent": edge.parent, "child": edge.child, **pose_document(matrix)}
         for edge, matrix in truth.edges.items()
     }
-    document = {"version": VERSION, "edges": edges, "boards": boards}
+    document = {**(more or {}), "version": VERSION, "edges": edges, "boards": boards}
     write_json_atomically(Path(path), document, sort_keys=True, indent=2)
 
 

@@ -110,27 +110,32 @@ def _interpolation(first: int, end: int) -> Tuple[np.ndarray, np.ndarray]:
     return np.maximum(1.0 - distance, 0.0), knots
 
 
-def printed(pattern: Pattern, config: PatternConfig) -> np.ndarray:
+def printed(
+    pattern: Pattern, config: PatternConfig, pixels_per_square: int = _PIXELS_PER_SQUARE
+) -> np.ndarray:
     """Return the printed squares of a pattern (height, width), grey values."""
     squares = (pattern.columns + 1, pattern.rows + 1)
     if pattern.kind != CHARUCO:
-        return _chessboard(squares)
+        return _chessboard(squares, pixels_per_square)
     assert config.inner_size is not None and config.dictionary is not None
-    return _charuco(squares, config.inner_size / pattern.square_m, config.dictionary)
+    marker_share = config.inner_size / pattern.square_m
+    return _charuco(squares, marker_share, config.dictionary, pixels_per_square)
 
 
 @lru_cache(maxsize=8)
-def _chessboard(squares: Tuple[int, int]) -> np.ndarray:
+def _chessboard(squares: Tuple[int, int], pixels_per_square: int) -> np.ndarray:
     row, column = np.mgrid[0 : squares[1], 0 : squares[0]]
     fields = np.where((row + column) % 2 == 0, 0, WHITE).astype(np.uint8)
-    return np.kron(fields, np.ones((_PIXELS_PER_SQUARE, _PIXELS_PER_SQUARE), dtype=np.uint8))
+    return np.kron(fields, np.ones((pixels_per_square, pixels_per_square), dtype=np.uint8))
 
 
 @lru_cache(maxsize=8)
-def _charuco(squares: Tuple[int, int], marker_share: float, dictionary: str) -> np.ndarray:
+def _charuco(
+    squares: Tuple[int, int], marker_share: float, dictionary: str, pixels_per_square: int
+) -> np.ndarray:
     """Return the print of a ChArUco; OpenCV renamed everything at 4.7."""
     aruco = cv2.aruco
-    size = (squares[0] * _PIXELS_PER_SQUARE, squares[1] * _PIXELS_PER_SQUARE)
+    size = (squares[0] * pixels_per_square, squares[1] * pixels_per_square)
     number = getattr(aruco, dictionary)
     if hasattr(aruco, "CharucoBoard_create"):
         markers = aruco.Dictionary_get(number)
