@@ -14,15 +14,11 @@ from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.weak_directions import WeakDirection, weak_directions
 from atom_core.errors import CalibrationError
 from atom_core.model.dataset import Dataset, board_edge, is_complete, pose
+from atom_core.model.pattern import BoardKey
 from atom_core.model.sensor import LIDAR2D
 from atom_core.model.transforms import Edge
-from atom_core.problem.builder import FreeEdges, build_problem, check_edges
-from atom_core.problem.initial_boards import (
-    BoardKey,
-    Placement,
-    better_boards,
-    estimate_boards,
-)
+from atom_core.problem.builder import FreeEdges, build_problem, check_edges, with_boards
+from atom_core.problem.initial_boards import Placement, better_boards, estimate_boards
 from atom_core.problem.measurements import Measurement, read_measurements
 from atom_core.problem.parameters import PATTERN
 from atom_core.problem.problem import Problem
@@ -292,8 +288,7 @@ def settle_boards(
 
 
 def _board_key(dataset: Dataset, m: Measurement) -> BoardKey:
-    fixed = dataset.patterns[m.key.pattern].fixed
-    return (m.key.pattern, None if fixed else m.key.collection)
+    return dataset.patterns[m.key.pattern].board_key(m.key.collection)
 
 
 def carried_boards(
@@ -352,13 +347,11 @@ def solved_dataset(
 ) -> Dataset:
     """Return the dataset with the solution's edges and boards in its transforms."""
     changes: Dict[str, Dict[Edge, np.ndarray]] = {key: {} for key in dataset.collections}
-    for (pattern, collection), matrix in boards.items():  # held ones keep their value
-        for key in dataset.collections if collection is None else [collection]:
-            changes[key][board_edge(dataset.patterns[pattern])] = matrix
     for block, matrix in zip(problem.parameters.blocks, problem.parameters.poses(x)):
         for key in dataset.collections if block.collection is None else [block.collection]:
             changes[key][block.edge] = matrix
-    return dataset.with_transforms(changes)
+    # the boards first: held ones keep their value, the others are among the changes
+    return with_boards(dataset, boards).with_transforms(changes)
 
 
 class _Clock:

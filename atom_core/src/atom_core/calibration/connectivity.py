@@ -30,8 +30,7 @@ def _sensor_node(dataset: Dataset, sensor: str) -> Hashable:
 
 
 def _board_node(dataset: Dataset, m: Measurement) -> Hashable:
-    fixed = dataset.patterns[m.key.pattern].fixed
-    return ("board", m.key.pattern, None if fixed else m.key.collection)
+    return ("board", dataset.patterns[m.key.pattern].board_key(m.key.collection))
 
 
 def check_connected(dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges) -> None:

@@ -30,22 +30,11 @@ def disturbed(
     edges = [s.edge for s in dataset.sensors.values()] + list(free.additional_tfs.values())
     changes: Dict[str, Dict[Edge, np.ndarray]] = {key: {} for key in dataset.collections}
     for edge in dict.fromkeys(e for e in edges if e not in held):
-        move = _random_move(translation_m, rotation_rad, rng)
+        move = se3.random_move(translation_m, rotation_rad, rng)
         for key, collection in dataset.collections.items():
             if edge not in collection.transforms:
                 continue
             if dataset.edge_types.get(edge) == MULTIPLE:
-                move = _random_move(translation_m, rotation_rad, rng)
-            changes[key][edge] = moved(collection.transforms[edge], move)
+                move = se3.random_move(translation_m, rotation_rad, rng)
+            changes[key][edge] = se3.moved(collection.transforms[edge], move)
     return dataset.with_transforms(changes)
-
-
-def moved(parent_T_child: np.ndarray, move: np.ndarray) -> np.ndarray:
-    """Return the pose turned about its own origin and then shifted, in the parent's axes."""
-    rotation = move[:3, :3] @ parent_T_child[:3, :3]
-    return se3.transform(rotation, parent_T_child[:3, 3] + move[:3, 3])
-
-
-def _random_move(translation_m: float, rotation_rad: float, rng: np.random.Generator) -> np.ndarray:
-    direction = se3.random_direction(rng)
-    return se3.transform(se3.random_rotation(rotation_rad, rng), translation_m * direction)

@@ -131,10 +131,7 @@ def _rows(m: Measurement) -> int:
 
 def _parameter_count(dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges) -> int:
     edges = {dataset.sensors[m.key.sensor].edge for m in measurements} - free.held_edges(dataset)
-    boards = {
-        (m.key.pattern, None if dataset.patterns[m.key.pattern].fixed else m.key.collection)
-        for m in measurements
-    }
+    boards = {dataset.patterns[m.key.pattern].board_key(m.key.collection) for m in measurements}
     return 6 * (len(edges) + len(free.additional_tfs) + len(boards))
 
 

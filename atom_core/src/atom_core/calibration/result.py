@@ -71,10 +71,7 @@ def selected_edges(calibration: Calibration) -> Dict[Edge, np.ndarray]:
     dataset = calibration.dataset
     edges = [s.edge for s in dataset.sensors.values()]
     edges += list(calibration.free.additional_tfs.values())
-    return {
-        edge: next(c.transforms[edge] for c in dataset.collections.values() if edge in c.transforms)
-        for edge in edges
-    }
+    return {edge: dataset.first_value(edge) for edge in edges}
 
 
 def sigma_text(calibration: Calibration, edge: Edge) -> str:

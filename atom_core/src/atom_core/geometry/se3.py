@@ -210,6 +210,18 @@ def random_direction(rng: np.random.Generator) -> np.ndarray:
     return vector / np.linalg.norm(vector)
 
 
+def random_move(translation_m: float, rotation_rad: float, rng: np.random.Generator) -> np.ndarray:
+    """Return a transform (4, 4) of exactly this length and angle, both in random directions."""
+    translation = translation_m * random_direction(rng)
+    return transform(random_rotation(rotation_rad, rng), translation)
+
+
+def moved(parent_T_child: np.ndarray, move: np.ndarray) -> np.ndarray:
+    """Return poses (..., 4, 4) turned about their own origin and shifted in the parent's axes."""
+    rotation = parent_T_child[..., :3, :3] @ move[..., :3, :3]
+    return transform(rotation, parent_T_child[..., :3, 3] + move[..., :3, 3])
+
+
 def from_quaternion(translation: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
     """Return ``parent_T_child`` (..., 4, 4) of a translation [m] and a quaternion x y z w."""
     return transform(rotation_from_quaternion(quaternion), translation)

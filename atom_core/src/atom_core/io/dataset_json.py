@@ -227,12 +227,7 @@ class _Reader:
         transforms = {}
         for name, value in (entry.get("transforms") or {}).items():
             try:
-                translation = np.array(value["trans"], dtype=float).reshape(3)
-                quaternion = np.array(value["quat"], dtype=float).reshape(4)
-                if not np.all(np.isfinite(translation)):
-                    raise ValueError("the translation is not finite")
-                edge = Edge(value["parent"], value["child"])
-                transforms[edge] = se3.from_quaternion(translation, quaternion)
+                transforms[Edge(value["parent"], value["child"])] = _pose(value)
             except (KeyError, ValueError, TypeError) as error:
                 raise self.fail(f"collection {key}, transform '{name}': {error}") from None
         return transforms
@@ -305,6 +300,13 @@ def _camera(info: Mapping[str, Any]) -> Camera:
     )
 
 
+def _pose(entry: Mapping[str, Any]) -> np.ndarray:
+    translation = np.array(entry["trans"], dtype=float).reshape(3)
+    if not np.all(np.isfinite(translation)):
+        raise ValueError("the translation is not finite")
+    return se3.from_quaternion(translation, np.array(entry["quat"], dtype=float).reshape(4))
+
+
 def _is_old_layout(
     labels: Mapping[str, Any], sensors: Mapping[str, Sensor], patterns: Mapping[str, Pattern]
 ) -> bool:
@@ -360,13 +362,8 @@ def transform_document(edge: Edge, parent_T_child: np.ndarray) -> Dict[str, Any]
 
 def _lay_over(stored: Dict[str, Any], name: str, edge: Edge, matrix: np.ndarray) -> None:
     """Write an edge unless the file already says the same, whose digits are then kept."""
-    if name in stored:
-        old = se3.from_quaternion(
-            np.array(stored[name]["trans"], dtype=float).reshape(3),
-            np.array(stored[name]["quat"], dtype=float).reshape(4),
-        )
-        if np.array_equal(old, matrix):
-            return
+    if name in stored and np.array_equal(_pose(stored[name]), matrix):
+        return
     stored[name] = {**stored.get(name, {}), **transform_document(edge, matrix)}
 
 

@@ -38,7 +38,7 @@ def write_parameters_yaml(path: Path, dataset: Dataset, additional: Mapping[str,
 
 def _values(dataset: Dataset, edge: Edge) -> Dict[str, Any]:
     """Return an edge's numbers; of one with a value for each collection, the first."""
-    matrix = next(c.transforms[edge] for c in dataset.collections.values() if edge in c.transforms)
+    matrix = dataset.first_value(edge)
     rpy = se3.rpy_from_rotation(matrix[:3, :3])
     values = np.concatenate([matrix[:3, 3], rpy])
     named = dict(zip(("x", "y", "z", "roll", "pitch", "yaw"), (float(v) for v in values)))

@@ -179,6 +179,17 @@ class Dataset:
             collections[key] = replace(collections[key], transforms=merged)
         return replace(self, collections=collections)
 
+    def first_value(self, edge: Edge) -> np.ndarray:
+        """Return ``parent_T_child`` (4, 4) in the first collection that has the edge.
+
+        Raises:
+            DatasetError: no collection has it.
+        """
+        for collection in self.collections.values():
+            if edge in collection.transforms:
+                return collection.transforms[edge]
+        raise DatasetError(f"{self.source}: edge '{edge}' is in no collection's transforms")
+
     def selected(
         self,
         sensors: Optional[Container[str]] = None,

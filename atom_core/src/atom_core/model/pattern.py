@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Dict, List, Mapping, Tuple
+from typing import Any, Dict, List, Mapping, Optional, Tuple
 
 import numpy as np
 
 from atom_core.geometry.rectangle import Rectangle
+
+BoardKey = Tuple[str, Optional[str]]  # pattern, collection (None for a fixed pattern)
 
 CHARUCO, CHESSBOARD = "charuco", "chessboard"
 _BORDER_STEP_M = 0.02  # spacing of ATOM's border samples (atom_reference 3.5)
@@ -39,6 +41,10 @@ class Pattern:
     square_m: float
     corners_by_id: np.ndarray
     border: Rectangle
+
+    def board_key(self, collection: str) -> BoardKey:
+        """Return which of the board's poses holds in a collection."""
+        return (self.name, None if self.fixed else collection)
 
     @property
     def corner_count(self) -> int:

@@ -10,9 +10,9 @@ import numpy as np
 from atom_core.errors import CalibrationError
 from atom_core.geometry import se3
 from atom_core.model.dataset import MULTIPLE, Dataset, board_edge
+from atom_core.model.pattern import BoardKey
 from atom_core.model.sensor import RGB
 from atom_core.model.transforms import Edge, FrameGraph, Step
-from atom_core.problem.initial_boards import BoardKey
 from atom_core.problem.measurements import (
     CORNER_SIGMA_PX,
     CornerMeasurement,
@@ -95,7 +95,7 @@ def build_problem(
         boards: initial (or, with ``anchor_patterns``, held) ``parent_T_pattern``.
         free: what is estimated.
     """
-    placed = _with_boards(dataset, boards)
+    placed = with_boards(dataset, boards)
     used = {m.key.collection for m in measurements}
     first = next(iter(sorted(used))) if used else ""
     parameters = Parameters(
@@ -109,7 +109,8 @@ def build_problem(
     return Problem(parameters, tuple(m.key for m in ordered), chains, tuple(blocks))
 
 
-def _with_boards(dataset: Dataset, boards: Mapping[BoardKey, np.ndarray]) -> Dataset:
+def with_boards(dataset: Dataset, boards: Mapping[BoardKey, np.ndarray]) -> Dataset:
+    """Return the dataset with the boards' ``parent_T_pattern`` in its transforms."""
     changes: Dict[str, Dict[Edge, np.ndarray]] = {key: {} for key in dataset.collections}
     for (pattern, collection), pose in boards.items():
         edge = board_edge(dataset.patterns[pattern])

@@ -9,7 +9,7 @@ settled by the others.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Dict, List, Mapping, Sequence, Tuple
 
 import cv2
 import numpy as np
@@ -17,6 +17,7 @@ import numpy as np
 from atom_core.geometry import se3
 from atom_core.geometry.plane import fit_plane, plane_basis
 from atom_core.geometry.rectangle import Rectangle
+from atom_core.model.pattern import BoardKey
 from atom_core.problem.measurements import CornerMeasurement, Measurement, RangeMeasurement
 
 _MIN_CORNERS = 6
@@ -24,8 +25,6 @@ _JUDGE_M_PER_PX = 0.1 / 30.0  # how metres and pixels are weighed against each o
 GUESSED_M, SOLVED_M = 0.1, 0.02  # errors to expect while sensors are guesses, and after a solve
 _CANDIDATE_SENSORS = 8
 _GOOD_ENOUGH = 0.05  # mean misfit of a detection that needs no second look
-
-BoardKey = Tuple[str, Optional[str]]  # pattern, collection (None for a fixed pattern)
 
 
 def board_candidates(measurement: Measurement) -> List[np.ndarray]:

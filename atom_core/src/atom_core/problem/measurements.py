@@ -17,19 +17,12 @@ from atom_core.model.dataset import (
     place,
     range_points,
 )
-from atom_core.model.sensor import DEPTH, RGB, Sensor
+from atom_core.model.sensor import DEPTH, RGB, Sensor, depth_sigma_m
 
-# Standard deviations to begin with; each sensor's are re-estimated from its residuals.
+# Standard deviations to begin with (depth: ``depth_sigma_m``); each sensor's are re-estimated
+# from its residuals.
 CORNER_SIGMA_PX = 0.3
 LIDAR_SIGMA_M = 0.010
-
-
-def depth_sigma_m(z_m: np.ndarray) -> np.ndarray:
-    """Return the standard deviation [m] of structured-light depth at distance z [m].
-
-    Nguyen, Izadi, Lovell, "Modeling Kinect sensor noise" (3DIMPVT 2012), axial noise.
-    """
-    return 0.0012 + 0.0019 * (z_m - 0.4) ** 2
 
 
 @dataclass(frozen=True)

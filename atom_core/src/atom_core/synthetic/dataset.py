@@ -239,9 +239,9 @@ def disturbed(
     held = dataset.sensors[anchored].edge if anchored else None
     moved = {}
     for edge, parent_T_child in synthetic.truth.edges.items():
-        step, turn = metres * se3.random_direction(rng), se3.random_rotation(radians, rng)
+        move = se3.random_move(metres, radians, rng)
         if edge != held and (metres or radians):
-            moved[edge] = se3.transform(parent_T_child[:3, :3] @ turn, parent_T_child[:3, 3] + step)
+            moved[edge] = se3.moved(parent_T_child, move)
     return replace(
         synthetic, dataset=dataset.with_transforms(dict.fromkeys(dataset.collections, moved))
     )

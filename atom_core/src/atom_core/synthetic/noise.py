@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from atom_core.model import sensor
+
 
 @dataclass(frozen=True)
 class Noise:
@@ -28,7 +30,7 @@ class Noise:
     dropout: float = 0.0
     float32: bool = True
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if min(self.corner_px, self.lidar_m, self.depth_scale) < 0:
             raise ValueError("a standard deviation must not be negative")
         if not (0 <= self.gross_fraction <= 1 and 0 <= self.dropout < 1):
@@ -40,11 +42,8 @@ class Noise:
         return cls(corner_px=0.0, lidar_m=0.0, depth_scale=0.0, float32=False)
 
     def depth_sigma_m(self, z_m: np.ndarray) -> np.ndarray:
-        """Return the standard deviation of z-depths [m].
-
-        Source: Nguyen, Izadi, Lovell, "Modeling Kinect sensor noise", 3DIMPVT 2012.
-        """
-        return self.depth_scale * (0.0012 + 0.0019 * (z_m - 0.4) ** 2)
+        """Return the standard deviation (n,) of z-depths (n,) [m]."""
+        return self.depth_scale * sensor.depth_sigma_m(z_m)
 
     def round(self, values: np.ndarray) -> np.ndarray:
         """Return values (any shape) as a file would keep them."""
