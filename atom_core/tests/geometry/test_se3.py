@@ -118,3 +118,11 @@ def test_random_direction_is_isotropic():
     directions = np.array([se3.random_direction(rng) for _ in range(4000)])
     np.testing.assert_allclose(directions.mean(axis=0), 0.0, atol=0.05)
     np.testing.assert_allclose(directions.T @ directions / 4000, np.eye(3) / 3, atol=0.03)
+
+
+def test_a_random_move_has_the_length_and_angle_asked_for():
+    rng = np.random.default_rng(3)
+    a_T_b = se3.transform(se3.random_rotation(1.0, rng), np.array([1.0, -2.0, 3.0]))
+    moved = se3.moved(a_T_b, se3.random_move(0.2, 0.3, rng))
+    assert np.linalg.norm(moved[:3, 3] - a_T_b[:3, 3]) == pytest.approx(0.2)
+    assert se3.rotation_angle(a_T_b[:3, :3].T @ moved[:3, :3]) == pytest.approx(0.3)
