@@ -13,7 +13,7 @@ PYTHON_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicat
 CPP_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicate \
 	-- '*.h' '*.cpp' | xargs -r ls -d 2>/dev/null)
 
-.PHONY: help setup build demo test test-quick lint format bench clean
+.PHONY: help setup build demo test test-quick lint format bench clean pictures
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1	\2/p' Makefile | expand -t 14
@@ -71,3 +71,6 @@ bench: build ## measure speed and accuracy; results in bench_output/
 clean: ## remove build products and tool caches (keeps .venv and results)
 	rm -rf build devel install .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
 	find . -name __pycache__ -type d -not -path './.venv/*' -prune -exec rm -rf {} +
+
+pictures: build ## the pictures of the documents, docs/pictures, from the simulated cell
+	@$(ENV) python3 docs/make_pictures.py
