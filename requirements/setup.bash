@@ -44,5 +44,12 @@ if ! venv_is_current; then
   /usr/bin/python3 -m venv --clear --system-site-packages .venv
   .venv/bin/python3 -m pip install --quiet --disable-pip-version-check \
     --requirement requirements/pip.txt --constraint requirements/constraints.txt
+  # PyPI's xacro asks ROS 2's index for $(find package); here rospack answers.
+  index=$(.venv/bin/python3 -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/ament_index_python
+  mkdir -p "$index"
+  printf '"""Finds ROS 1 packages for xacro."""\n' >"$index/__init__.py"
+  printf '%s\n' '"""Finds ROS 1 packages for xacro."""' '' 'import rospkg' '' '' \
+    'def get_package_share_directory(name):' '    """Return the folder of a package."""' \
+    '    return rospkg.RosPack().get_path(name)' >"$index/packages.py"
   printf '%s' "$checksum" >"$stamp"
 fi

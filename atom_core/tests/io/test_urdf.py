@@ -250,7 +250,7 @@ def test_a_flat_file_called_xacro_needs_no_xacro(tmp_path, monkeypatch):
 def test_the_absence_of_xacro_is_said_with_the_remedy(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "xacro", None)
     (tmp_path / "rig.urdf.xacro").write_text(MACROS)
-    with pytest.raises(DescriptionError, match="xacro is absent; install it .*xacro==1.13.3"):
+    with pytest.raises(DescriptionError, match="xacro is absent; install it .*xacro==2.1.1"):
         read_description(tmp_path / "rig.urdf.xacro")
 
 

@@ -63,7 +63,7 @@ def _import_xacro(path: Path) -> ModuleType:
     except ImportError as error:
         raise DescriptionError(
             f"{path}: this is a xacro file and the Python module xacro is absent; install it "
-            f"(`make setup`, or pip install xacro==1.13.3) or give the expanded URDF"
+            f"(`make setup`, or pip install xacro==2.1.1) or give the expanded URDF"
         ) from error
 
 
