@@ -49,22 +49,45 @@ Matrix6d Adjoint(const Isometry3d& a_T_b) {
   return m;
 }
 
-/// rho / 2 and rho' of a squared norm in units of sigma.
-struct RobustValue {
-  double half_rho, weight;
-};
+/// Sums rho / 2 of squared norms in units of sigma, and gives rho' of each.
+class RobustSum {
+ public:
+  explicit RobustSum(Loss loss) : loss_(loss) {}
 
-RobustValue Robust(Loss loss, double square) {
-  if (loss == Loss::kCauchy) {
-    const double width = kCauchyWidth * kCauchyWidth;
-    return {0.5 * width * std::log1p(square / width), 1.0 / (1.0 + square / width)};
+  /// Adds a squared norm; returns its weight rho'.
+  double Add(double square) {
+    if (loss_ == Loss::kCauchy) {
+      // The sum of logarithms is the logarithm of a product, which is much cheaper.
+      const double factor = 1.0 + square / (kCauchyWidth * kCauchyWidth);
+      product_ *= factor;
+      if (product_ > kLargeProduct) TakeLogarithm();
+      return 1.0 / factor;
+    }
+    if (loss_ == Loss::kHuber && square > kHuberWidth * kHuberWidth) {
+      const double norm = std::sqrt(square);
+      half_rho_ += kHuberWidth * norm - 0.5 * kHuberWidth * kHuberWidth;
+      return kHuberWidth / norm;
+    }
+    half_rho_ += 0.5 * square;
+    return 1.0;
   }
-  if (loss == Loss::kHuber && square > kHuberWidth * kHuberWidth) {
-    const double norm = std::sqrt(square);
-    return {kHuberWidth * norm - 0.5 * kHuberWidth * kHuberWidth, kHuberWidth / norm};
+
+  double Total() {
+    TakeLogarithm();
+    return half_rho_;
   }
-  return {0.5 * square, 1.0};
-}
+
+ private:
+  static constexpr double kLargeProduct = 1e100;
+
+  void TakeLogarithm() {
+    half_rho_ += 0.5 * kCauchyWidth * kCauchyWidth * std::log(product_);
+    product_ = 1.0;
+  }
+
+  const Loss loss_;
+  double half_rho_ = 0.0, product_ = 1.0;
+};
 
 void AddRow(const Vector6d& row, double value, double weight, Reduction* sum) {
   sum->gradient += (weight * value) * row;
@@ -75,21 +98,22 @@ void ReduceReprojection(const ResidualBlock& block, const CalibrationProblem::Se
                         const Eigen::VectorXd& sigma, Loss loss, const Isometry3d& pose,
                         bool with_derivatives, Reduction* sum) {
   Eigen::Matrix<double, 2, 3> by_point;
+  RobustSum robust(loss);
   for (auto i = segment.begin; i < segment.end; ++i) {
     const Vector3d point = pose * block.points.row(i).transpose();
     const Vector2d error = block.camera.Project(point, with_derivatives ? &by_point : nullptr) -
                            block.pixels.row(i).transpose();
     const double inverse = 1.0 / (sigma[i] * sigma[i]);
-    const RobustValue robust = Robust(loss, error.squaredNorm() * inverse);
-    sum->cost += robust.half_rho;
+    const double weight = robust.Add(error.squaredNorm() * inverse);
     if (!with_derivatives) continue;
     for (int axis = 0; axis < 2; ++axis) {
       const Vector3d gradient = by_point.row(axis).transpose();
       Vector6d row;
       row << point.cross(gradient), gradient;
-      AddRow(row, error[axis], robust.weight * inverse, sum);
+      AddRow(row, error[axis], weight * inverse, sum);
     }
   }
+  sum->cost += robust.Total();
 }
 
 /// Adds rows that are linear in the board's plane, given their moments (4, 4) and the plane.
@@ -113,15 +137,15 @@ void ReduceOrthogonal(const ResidualBlock& block, const CalibrationProblem::Segm
     sum->cost += 0.5 * (rows * plane).squaredNorm();
     if (with_derivatives) moments = rows.transpose() * rows;
   } else {
+    RobustSum robust(loss);
     for (auto i = segment.begin; i < segment.end; ++i) {
       Eigen::Vector4d point;
       point << block.points.row(i).transpose(), 1.0;
       const double height = plane.dot(point), inverse = 1.0 / (sigma[i] * sigma[i]);
-      const RobustValue robust = Robust(loss, height * height * inverse);
-      sum->cost += robust.half_rho;
-      if (with_derivatives)
-        moments.noalias() += (robust.weight * inverse * point) * point.transpose();
+      const double weight = robust.Add(height * height * inverse);
+      if (with_derivatives) moments.noalias() += (weight * inverse * point) * point.transpose();
     }
+    sum->cost += robust.Total();
   }
   if (with_derivatives) AddPlane(moments, plane, sum);
 }
@@ -147,6 +171,7 @@ void ReduceBorder(const ResidualBlock& block, const CalibrationProblem::Segment&
                   const Eigen::VectorXd& sigma, Loss loss, const Isometry3d& pose,
                   bool with_derivatives, Reduction* sum) {
   const Eigen::Matrix<double, 3, 2> axes = pose.linear().leftCols<2>();
+  RobustSum robust(loss);
   for (auto i = segment.begin; i < segment.end; ++i) {
     const Vector3d point = block.points.row(i).transpose();
     const Vector2d in_plane = axes.transpose() * (point - pose.translation());
@@ -154,14 +179,14 @@ void ReduceBorder(const ResidualBlock& block, const CalibrationProblem::Segment&
     const double distance = BorderDistance(in_plane, block.centre.row(i).transpose(),
                                            block.half_size.row(i).transpose(), &gradient);
     const double inverse = 1.0 / (sigma[i] * sigma[i]);
-    const RobustValue robust = Robust(loss, distance * distance * inverse);
-    sum->cost += robust.half_rho;
+    const double weight = robust.Add(distance * distance * inverse);
     if (!with_derivatives) continue;
     const Vector3d outward = axes * gradient;
     Vector6d row;
     row << -point.cross(outward), -outward;
-    AddRow(row, distance, robust.weight * inverse, sum);
+    AddRow(row, distance, weight * inverse, sum);
   }
+  sum->cost += robust.Total();
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <vector>
 
@@ -110,7 +111,11 @@ class Judge : public ceres::IterationCallback {
       stopped = true;
       return ceres::SOLVER_ABORT;
     }
-    if (summary.iteration == 0 || !summary.step_is_valid) return ceres::SOLVER_CONTINUE;
+    // A step out of reach counts as one of infinite cost: it promises nothing either way.
+    const bool out_of_reach = summary.cost_change < -0.5 * std::numeric_limits<double>::max();
+    if (summary.iteration == 0 || !summary.step_is_valid || out_of_reach) {
+      return ceres::SOLVER_CONTINUE;
+    }
     const double promised = std::abs(summary.cost_change / summary.relative_decrease);
     if (summary.step_is_successful) {
       const double before = summary.cost + summary.cost_change;

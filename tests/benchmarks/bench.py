@@ -1,8 +1,9 @@
-"""`make bench`: speed and accuracy of the solver on the paper's synthetic cell.
+"""`make bench`: speed and accuracy of the solvers on the paper's synthetic cell.
 
 Prints tables and writes bench_output/{speed,accuracy,starts,gross_errors}.csv. Times depend on
-the machine and its load: compare the rows of one run with each other. The reference beside our
-solver is scipy.optimize.least_squares (trf, sparse analytic Jacobian, lsmr) on the same rows.
+the machine and its load: compare the rows of one run with each other. The references beside our
+solvers, on the same rows from the same start: plain_ceres.cpp (a straightforward Ceres program,
+one thread) and scipy.optimize.least_squares (trf, sparse analytic Jacobian, lsmr).
 """
 
 from __future__ import annotations
@@ -14,19 +15,21 @@ import time
 from pathlib import Path
 
 import numpy as np
+from plain_ceres import plain_ceres
 from scipy.optimize import least_squares
 from tqdm import tqdm
 
 from atom_core.calibration.calibrate import calibrate, free_edges, initial_boards
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.evaluation.ground_truth import ground_truth_errors
-from atom_core.model.dataset import pose
+from atom_core.model.dataset import Dataset, pose
 from atom_core.problem.builder import build_problem
 from atom_core.problem.measurements import read_measurements
+from atom_core.problem.problem import Problem
 from atom_core.report.tables import text_table
 from atom_core.solvers.base import SolverOptions
+from atom_core.solvers.choice import SOLVERS
 from atom_core.solvers.losses import NONE
-from atom_core.solvers.scipy_solver import minimise
 from atom_core.synthetic import Noise, paper_cell
 
 DISTURBANCE = (0.1, 0.1)
@@ -47,56 +50,71 @@ def main() -> None:
 
 
 def speed(output: Path) -> None:
-    """Solve the paper's cell with each set of options, five times, best and median."""
+    """Solve the paper's cell with each solver and set of options, five times."""
     dataset = paper_cell(0, "train", Noise(), DISTURBANCE).dataset
     rows = []
-    for weights, loss in (("sigma", "cauchy"), ("sigma", "none"), ("atom", "none")):
-        options = CalibrationOptions(solver=SolverOptions(weights=weights, loss=loss))
-        runs = [calibrate(dataset, options) for _ in range(5)]
-        seconds = [run.seconds["solve"] for run in runs]
-        last = runs[-1]
-        rows.append(
-            [f"scipy {weights} {loss}", last.problem.row_count, last.problem.parameters.size,
-             last.summary.iterations, min(seconds), float(np.median(seconds)),
-             sum(last.seconds.values())]
-        )  # fmt: skip
-    rows += _against_least_squares(dataset)
-    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    for name in ("ceres", "scipy"):
+        for weights, loss in (("sigma", "cauchy"), ("sigma", "none"), ("atom", "none")):
+            solver = SolverOptions(weights=weights, loss=loss)
+            options = CalibrationOptions(solver=solver, solver_name=name)
+            runs = [calibrate(dataset, options) for _ in range(5)]
+            seconds = [run.seconds["solve"] for run in runs]
+            last = runs[-1]
+            rows.append(
+                [f"{name} {weights} {loss}", last.problem.row_count,
+                 last.problem.parameters.size, last.summary.iterations, min(seconds),
+                 float(np.median(seconds)), float(sum(last.seconds.values()))]
+            )  # fmt: skip
+    references = _one_round(dataset, output)
     headers = ["solver", "rows", "parameters", "iterations", "solve best [s]",
                "solve median [s]", "whole [s]"]  # fmt: skip
-    _report(output / "speed.csv", headers, rows, "Speed, 7 sensors x 23 collections", 3)
-    _verdict("solve, default options", rows[0][5], LIMITS["solve_s"], "s")
-    print(f"peak memory of all solves: {peak_mb:.0f} MB\n")
+    table = rows + references
+    _report(output / "speed.csv", headers, table, "Speed, 7 sensors x 23 collections", 4)
+    median = {row[0]: row[5] for row in table}
+    plain = median["one round, plain Ceres program"]
+    _verdict("scipy solve, default options", median["scipy sigma cauchy"], LIMITS["solve_s"], "s")
+    _verdict("ceres atom none over plain Ceres", median["ceres atom none"] / plain, 0.25, "x")
+    _verdict("ceres, default options over plain Ceres", median["ceres sigma cauchy"] / plain,
+             0.8, "x")  # fmt: skip
+    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(f"peak memory of this process: {peak_mb:.0f} MB\n")
 
 
-def _against_least_squares(dataset) -> list:
-    """Minimise the same cost once with ours and once with scipy.optimize.least_squares."""
+def _one_round(dataset: Dataset, output: Path) -> list:
+    """Minimise the same cost from the same start by ours and by the references."""
     free = free_edges(dataset, CalibrationOptions())
     measurements, _ = read_measurements(dataset)
     boards = initial_boards(dataset, measurements, free)
     problem = build_problem(dataset, measurements, boards, free)
     sigmas = tuple(block.sigma for block in problem.residual_blocks)
     start = np.zeros(problem.parameters.size)
-
-    def stacked(x: np.ndarray) -> np.ndarray:
-        pairs = zip(problem.residuals(x), sigmas)
-        return np.concatenate([(r / s[:, None]).ravel() for r, s in pairs])
-
-    began = time.perf_counter()
-    ours = minimise(problem, start, sigmas, NONE, 200)
-    ours_s = time.perf_counter() - began
+    rows, costs = [], {}
+    for name, make_solver in SOLVERS.items():
+        began = time.perf_counter()
+        end = make_solver(problem).minimise(start, sigmas, NONE, 200)
+        rows.append([f"one round, {name}", end.iterations, time.perf_counter() - began])
+        costs[name] = end.cost
+    plain = plain_ceres(problem, sigmas, output)
+    rows.append(["one round, plain Ceres program", plain.iterations, plain.seconds])
+    costs["plain Ceres program"] = plain.cost
     began = time.perf_counter()
     theirs = least_squares(
-        stacked, start, jac=lambda x: problem.jacobian(x, sigmas), method="trf",
+        lambda x: _stacked(problem, x, sigmas), start,
+        jac=lambda x: problem.jacobian(x, sigmas), method="trf",
         x_scale="jac", tr_solver="lsmr", ftol=1e-8, xtol=1e-8, gtol=1e-8,
     )  # fmt: skip
-    theirs_s = time.perf_counter() - began
-    print(f"cost: ours {ours.cost:.3f}, least_squares {theirs.cost:.3f}")
+    rows.append(["one round, least_squares", theirs.nfev, time.perf_counter() - began])
+    costs["least_squares"] = theirs.cost
+    print("cost: " + ", ".join(f"{name} {cost:.3f}" for name, cost in costs.items()))
+    if plain.cost > 1.01 * costs["ceres"] or plain.cost < 0.99 * costs["ceres"]:
+        print("the plain program did not end within 1 % of our cost: no comparison")
     size = [problem.row_count, problem.parameters.size]
-    return [
-        ["one round, ours", *size, ours.iterations, ours_s, ours_s, None],
-        ["one round, least_squares", *size, theirs.nfev, theirs_s, theirs_s, None],
-    ]
+    return [[name, *size, iterations, seconds, seconds, None] for name, iterations, seconds in rows]
+
+
+def _stacked(problem: Problem, x: np.ndarray, sigmas: tuple) -> np.ndarray:
+    pairs = zip(problem.residuals(x), sigmas)
+    return np.concatenate([(r / s[:, None]).ravel() for r, s in pairs])
 
 
 def accuracy(output: Path, seeds: int) -> None:

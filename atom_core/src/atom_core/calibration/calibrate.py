@@ -22,7 +22,15 @@ from atom_core.problem.initial_boards import Placement, better_boards, estimate_
 from atom_core.problem.measurements import Measurement, read_measurements
 from atom_core.problem.parameters import PATTERN
 from atom_core.problem.problem import Problem
-from atom_core.solvers.base import CONVERGED, Minimum, SolverOptions, SolverSummary
+from atom_core.solvers.base import (
+    CONVERGED,
+    Minimum,
+    Solver,
+    SolverFactory,
+    SolverOptions,
+    SolverSummary,
+)
+from atom_core.solvers.choice import solver_factory
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.reweighting import covariance_of, rough_minimum, solve
 
@@ -98,10 +106,14 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
         raise CalibrationError("nothing is left to estimate: every sensor and board is held")
     clock.lap("initialise")
 
-    problem, rough = settle_boards(initial, problem, measurements, options.solver)
-    summary = solve(problem, options.solver, rough)
+    make_solver = solver_factory(options.solver_name)
+    solver, rough = settle_boards(
+        initial, make_solver(problem), measurements, options.solver, make_solver
+    )
+    summary = solve(solver, options.solver, rough, guess=problem)
+    problem = solver.problem
     clock.lap("solve")
-    covariance = covariance_of(problem, summary, options.solver)
+    covariance = covariance_of(solver, summary, options.solver)
     weak = weak_directions(
         initial, problem.parameters, summary.x, covariance, *options.undetermined_limit
     )
@@ -253,17 +265,19 @@ def placement(dataset: Dataset, measurements: Sequence[Measurement]) -> Placemen
 
 def settle_boards(
     initial: Dataset,
-    problem: Problem,
+    solver: Solver,
     measurements: Sequence[Measurement],
     options: SolverOptions,
-) -> Tuple[Problem, Minimum]:
+    make_solver: SolverFactory,
+) -> Tuple[Solver, Minimum]:
     """Solve roughly, and place boards anew that turn out to stand in the wrong solution.
 
     Returns:
-        The problem, and where to go on from.
+        The solver of the problem as it is then, and where to go on from.
     """
-    rough = rough_minimum(problem, np.zeros(problem.parameters.size), options)
+    rough = rough_minimum(solver, np.zeros(solver.problem.parameters.size), options)
     for _ in range(_BOARD_ROUNDS):
+        problem = solver.problem
         poses = problem.parameters.poses(rough.x)
         boards: Dict[BoardKey, int] = {
             (block.names[0], block.collection): i
@@ -279,12 +293,12 @@ def settle_boards(
         if not better:
             break
         replaced = {boards[key]: pose_ for key, pose_ in better.items()}
-        problem = replace(problem, parameters=problem.parameters.with_initial(replaced))
+        solver = make_solver(replace(problem, parameters=problem.parameters.with_initial(replaced)))
         x = rough.x.copy()
         x.reshape(-1, 6)[list(replaced)] = 0.0
-        again = rough_minimum(problem, x, options)
+        again = rough_minimum(solver, x, options)
         rough = replace(again, iterations=rough.iterations + again.iterations)
-    return problem, rough
+    return solver, rough
 
 
 def _board_key(dataset: Dataset, m: Measurement) -> BoardKey:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Tuple
+from typing import Optional, Tuple
 
 from atom_core.solvers.base import SolverOptions
 
@@ -14,6 +14,7 @@ class CalibrationOptions:
 
     Attributes:
         solver: weights, loss, limits.
+        solver_name: ceres, scipy, or None for ceres where it is built and scipy elsewhere.
         anchor_sensors: held still beside the configuration's anchored sensor.
         ignore_anchored_sensor: do not hold the configuration's anchored sensor.
         anchor_patterns: hold the boards where the dataset has them.
@@ -24,6 +25,7 @@ class CalibrationOptions:
     """
 
     solver: SolverOptions = field(default_factory=SolverOptions)
+    solver_name: Optional[str] = None
     anchor_sensors: Tuple[str, ...] = ()
     ignore_anchored_sensor: bool = False
     anchor_patterns: bool = False

@@ -20,6 +20,7 @@ from atom_core.io.truth_json import read_truth
 from atom_core.io.urdf import Description, read_description, write_calibrated_description
 from atom_core.report.calibration_tables import calibration_report
 from atom_core.solvers.base import CONVERGED, SolverOptions
+from atom_core.solvers.choice import CERES, SOLVERS, default_solver
 
 EXAMPLE = "python3 -m atom_core calibrate --dataset data/dataset.json --output results"
 DATASET_FILE, RESULT_FILE = "atom_calibration.json", "calibration.json"
@@ -48,7 +49,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_solver_options(parser: argparse.ArgumentParser) -> None:
     defaults = SolverOptions()
     add = common.add_option
-    add(parser, "solver", choices=["scipy"], default="scipy", help="which solver (default: scipy)")
+    add(
+        parser,
+        "solver",
+        choices=list(SOLVERS),
+        default=None,
+        help="which solver (default: ceres where the native module is built, else scipy)",
+    )
     add(
         parser,
         "weights",
@@ -143,7 +150,10 @@ def run(args: argparse.Namespace) -> int:
     description = _description(args, dataset.config.description_file)
     load_seconds = time.perf_counter() - began
     calibration = calibrate(dataset, options)
-    document = result_document(calibration, common.options_document(args), args.solver)
+    solver_name = options.solver_name or default_solver()
+    document = result_document(calibration, common.options_document(args), solver_name)
+    if options.solver_name is None and solver_name != CERES:
+        document["warnings"].append("solved by scipy: run `make build` for the faster ceres")
     if truth is not None:
         document["ground_truth"] = ground_truth_errors(calibration.dataset, truth)
     writing = time.perf_counter()
@@ -165,6 +175,7 @@ def _options(args: argparse.Namespace) -> CalibrationOptions:
             solver=SolverOptions(
                 weights=args.weights, loss=args.loss, max_iterations=args.max_iterations
             ),
+            solver_name=args.solver,
             anchor_sensors=tuple(common.strings(args.anchor_sensors)),
             ignore_anchored_sensor=args.ignore_anchored_sensor,
             anchor_patterns=args.anchor_patterns,

@@ -88,6 +88,11 @@ class Camera:
         object.__setattr__(self, "_limit_square", self._radius_limit_square())
 
     @property
+    def limit_square(self) -> float:
+        """Square of the normalised radius from which on the distortion stops growing."""
+        return self._limit_square
+
+    @property
     def focal_px(self) -> np.ndarray:
         """(2,) fx, fy."""
         return np.array([self.K[0, 0], self.K[1, 1]])

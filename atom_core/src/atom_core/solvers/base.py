@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Callable, NamedTuple, Tuple
+from typing import Callable, NamedTuple, Protocol, Sequence, Tuple
 
 import numpy as np
 
 from atom_core.problem.problem import Problem
 from atom_core.solvers.losses import CAUCHY, LOSSES
+from atom_core.solvers.normal_equations import NormalEquations
 
 SIGMA, ATOM = "sigma", "atom"
 CONVERGED, NOT_CONVERGED, FAILED = "converged", "not_converged", "failed"
@@ -77,8 +78,32 @@ class Minimum:
     message: str
 
 
-# problem, start, sigmas of each residual block, loss, limit of iterations, EXACT or ROUGH
-Minimise = Callable[[Problem, np.ndarray, Tuple[np.ndarray, ...], str, int, Tolerance], Minimum]
+class Solver(Protocol):
+    """Minimises one problem; made once for it, used for every round of weights.
+
+    Sigmas are given for each residual block, (n,) in its unit. A solver must return a cost that
+    is not higher than that of the start, and may claim convergence only when it is true.
+    """
+
+    problem: Problem
+
+    def minimise(
+        self,
+        x: np.ndarray,
+        sigmas: Sequence[np.ndarray],
+        loss: str,
+        max_iterations: int,
+        tolerance: Tolerance = EXACT,
+    ) -> Minimum:
+        """Minimise half the sum of rho from the vector x (p,)."""
+        ...
+
+    def equations(self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str) -> NormalEquations:
+        """Return the weighted normal equations at x."""
+        ...
+
+
+SolverFactory = Callable[[Problem], Solver]
 
 
 @dataclass(frozen=True)

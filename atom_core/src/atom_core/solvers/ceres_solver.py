@@ -6,25 +6,84 @@ to six numbers are those of atom_core.problem; tests compare the two.
 
 from __future__ import annotations
 
-from typing import Any, Dict, List, Optional, Sequence, Tuple
+from typing import Any, Dict, Sequence
 
 import numpy as np
 
 from atom_core import native
 from atom_core.problem.parameters import PATTERN
 from atom_core.problem.problem import Problem
-from atom_core.problem.residuals import BorderBlock, ReprojectionBlock, ResidualBlock
-from atom_core.solvers.base import Minimum, Tolerance
+from atom_core.problem.residuals import (
+    BorderBlock,
+    OrthogonalBlock,
+    ReprojectionBlock,
+    ResidualBlock,
+)
+from atom_core.solvers.base import EXACT, Minimum, Tolerance
+from atom_core.solvers.normal_equations import Layout, NormalEquations, spread
+from atom_core.solvers.scipy_solver import ENOUGH, ROUNDING, unit_cost
 
-FEATURE = "the Ceres solver"
+FEATURE = "the Ceres solver (--solver ceres)"
+_FIRST_RADIUS, _LAST_RADIUS, _RADIUS_GROWTH = 1e4, 1e16, 1e6
 
 
-def native_problem(problem: Problem) -> Any:
-    """Return the compiled twin of a problem.
+class CeresSolver:
+    """Minimises one problem with Ceres; see `Solver` for the contract."""
 
-    Raises:
-        NativeModuleError: the compiled module is absent; the message says how to build it.
-    """
+    def __init__(self, problem: Problem):
+        """Send the problem over.
+
+        Raises:
+            NativeModuleError: the compiled module is absent; the message says how to build it.
+        """
+        self.problem = problem
+        self._native = _native_problem(problem)
+        self._layout = Layout(problem.parameters)
+
+    def equations(self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str) -> NormalEquations:
+        """Return the weighted normal equations at the vector x."""
+        information, gradient, _ = self._native.reduce(x, list(sigmas), loss)
+        parameters = self.problem.parameters
+        poses = parameters.poses(x)
+        _, maps = self.problem.chains.poses_and_maps(poses, parameters.twists(x, poses))
+        return spread(self.problem, self._layout, maps, gradient, list(information))
+
+    def minimise(
+        self,
+        x: np.ndarray,
+        sigmas: Sequence[np.ndarray],
+        loss: str,
+        max_iterations: int,
+        tolerance: Tolerance = EXACT,
+    ) -> Minimum:
+        """Minimise the cost from x; the result is never worse than the start.
+
+        Ceres judges by its damped steps. Before an exact minimum is called one, an undamped
+        Newton step must promise nothing either; else Ceres goes on with hardly any damping.
+        """
+        iterations, radius = 0, _FIRST_RADIUS
+        while True:
+            left = max(max_iterations - iterations, 1)
+            end = self._native.minimise(
+                x, list(sigmas), loss, left, tolerance.decrease, tolerance.relative, radius
+            )
+            x, iterations = end["x"], iterations + end["iterations"]
+            if not end["converged"] or tolerance.relative > 0 or iterations >= max_iterations:
+                break
+            promised = self.equations(x, sigmas, loss).newton_decrease()
+            limit = tolerance.decrease * unit_cost(self.problem, end["cost"])
+            if promised < max(limit, ROUNDING * end["cost"]):
+                return Minimum(x, end["cost"], iterations, True, ENOUGH)
+            if radius >= _LAST_RADIUS:
+                return Minimum(x, end["cost"], iterations, False, "Ceres stopped too early")
+            radius *= _RADIUS_GROWTH
+        if end["stopped"]:
+            raise KeyboardInterrupt
+        message = ENOUGH if end["converged"] else f"not done after {iterations} iterations"
+        return Minimum(x, end["cost"], iterations, end["converged"], message)
+
+
+def _native_problem(problem: Problem) -> Any:
     core = native.require(FEATURE)
     blocks = problem.parameters.blocks
     return core.CalibrationProblem(
@@ -51,6 +110,7 @@ def _residual_block(block: ResidualBlock) -> Dict[str, Any]:
             "limit_square": camera.limit_square,
         }
         return item
+    assert isinstance(block, (OrthogonalBlock, BorderBlock))
     item["points"] = block.points
     if isinstance(block, BorderBlock):
         item["centre"], item["half_size"] = block.centre, block.half_size

@@ -65,14 +65,13 @@ class Covariance:
         gain[:, at : at + 6] = np.eye(6)
         return gain
 
-    def explained(
-        self, problem: Problem, equations: NormalEquations, maps: np.ndarray
-    ) -> np.ndarray:
+    def explained(self, problem: Problem, equations: NormalEquations) -> np.ndarray:
         """Return, for each residual block, how many of its rows the parameters explain.
 
         The trace of the hat matrix over the block's rows: rows minus this are its redundancy
         (Foerstner 1979, variance components).
         """
+        maps = equations.maps
         index = problem.chains.block
         twist_covariance = np.zeros((len(index), 6, 6))
         for k in range(index.shape[1]):

@@ -65,6 +65,7 @@ class NormalEquations:
         gradient_shared: (s,).
         gradient_local: (g, w).
         detection_information: for each residual block, (d, 6, 6) by detection.
+        maps: (d, k, 6, 6) twist of each detection by the numbers of its blocks.
     """
 
     layout: Layout
@@ -74,6 +75,7 @@ class NormalEquations:
     gradient_shared: np.ndarray
     gradient_local: np.ndarray
     detection_information: List[np.ndarray]
+    maps: np.ndarray
 
     @property
     def diagonal(self) -> Tuple[np.ndarray, np.ndarray]:
@@ -99,6 +101,17 @@ class NormalEquations:
         gradient = self.layout.join(self.gradient_shared, self.gradient_local)
         damped = float(shared_diagonal @ step_shared**2 + np.sum(local_diagonal * step_local**2))
         return step, 0.5 * float(damping * damped - gradient @ step)
+
+    def newton_decrease(self) -> float:
+        """Return how much an undamped step would lower the cost; infinite where it is unknown."""
+        for damping in (0.0, 1e-12, 1e-9):
+            try:
+                _, predicted = self.solve(damping)
+            except np.linalg.LinAlgError:
+                continue
+            if np.isfinite(predicted):
+                return abs(predicted)
+        return np.inf
 
 
 class _Elimination:
@@ -151,15 +164,14 @@ def normal_equations(
         weights: for each residual block, (n,): robust weight over sigma squared.
     """
     count = len(problem.detections)
-    information, gradient, parts = np.zeros((count, 6, 6)), np.zeros((count, 6)), []
+    gradient, parts = np.zeros((count, 6)), []
     for block, residual, by_twist, weight in zip(
         problem.residual_blocks, line.residuals, line.by_twist, weights
     ):
         part, part_gradient = _reduce_detections(block, residual, by_twist, weight, count)
-        information += part
         gradient += part_gradient
         parts.append(part)
-    return _spread(problem, layout, line.maps, information, gradient, parts)
+    return spread(problem, layout, line.maps, gradient, parts)
 
 
 def _reduce_detections(
@@ -183,14 +195,23 @@ def _reduce_detections(
     return information, gradient
 
 
-def _spread(
+def spread(
     problem: Problem,
     layout: Layout,
     maps: np.ndarray,
-    information: np.ndarray,
     gradient: np.ndarray,
     parts: List[np.ndarray],
 ) -> NormalEquations:
+    """Return the normal equations of reduced detections.
+
+    Args:
+        problem: whose detections.
+        layout: where its parameter blocks stand.
+        maps: (d, k, 6, 6) twist of each detection by the numbers of its blocks.
+        gradient: (d, 6) by twist.
+        parts: for each residual block, information (d, 6, 6) by twist.
+    """
+    information = np.sum(parts, axis=0)
     s, g, w = layout.shared, layout.groups, layout.width
     shared, cross = np.zeros((s, s, 6, 6)), np.zeros((g, w, s, 6, 6))
     local = np.zeros((g, w, w, 6, 6))
@@ -214,6 +235,7 @@ def _spread(
         gradient_shared.ravel(),
         gradient_local.reshape(g, 6 * w),
         parts,
+        maps,
     )
 
 

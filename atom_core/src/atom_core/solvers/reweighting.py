@@ -23,77 +23,81 @@ from atom_core.solvers.base import (
     FAILED,
     NOT_CONVERGED,
     ROUGH,
-    Minimise,
     Minimum,
+    Solver,
     SolverOptions,
     SolverSummary,
 )
 from atom_core.solvers.covariance import Covariance
-from atom_core.solvers.normal_equations import Layout
-from atom_core.solvers.scipy_solver import equations_at, minimise, robust_weights, total_cost
+from atom_core.solvers.scipy_solver import robust_weights, total_cost
 
-_STILL = 0.01  # relative change of a factor below which the sigmas count as settled
+# Relative change of a factor below which the rounds become exact, and below which they end.
+_NEARLY_STILL, _STILL = 0.05, 1e-4
 _SMALLEST_SIGMA = {REPROJECTION: 0.01, ORTHOGONAL: 1e-5, BORDER: 1e-4}  # px, m, m
 _SMALLEST_NORMALISER = 1e-9  # a perfect guess must not divide by zero
 # Median of |r| / sigma of a Gaussian in one and in two dimensions.
 _MEDIAN_OF_NORM = {1: 0.67449, 2: 1.17741}
 
 
-def rough_minimum(
-    problem: Problem, start: np.ndarray, options: SolverOptions, minimiser: Minimise = minimise
-) -> Minimum:
+def rough_minimum(solver: Solver, start: np.ndarray, options: SolverOptions) -> Minimum:
     """Return a first answer with the initial sigmas and no robust loss.
 
     Far from the solution every residual is large, and a robust loss would drop them all.
     """
-    sigmas = tuple(block.sigma for block in problem.residual_blocks)
-    return minimiser(problem, start, sigmas, losses.NONE, options.max_iterations, ROUGH)
+    sigmas = _initial_sigmas(solver.problem)
+    return solver.minimise(start, sigmas, losses.NONE, options.max_iterations, ROUGH)
 
 
 def solve(
-    problem: Problem,
+    solver: Solver,
     options: SolverOptions,
     rough: Optional[Minimum] = None,
-    minimiser: Minimise = minimise,
+    guess: Optional[Problem] = None,
 ) -> SolverSummary:
     """Solve a problem.
 
     Args:
-        problem: what to solve.
+        solver: made for the problem.
         options: weights, loss, limits.
         rough: a first answer to go on from; found here if None.
-        minimiser: which solver does the work of one round.
+        guess: the problem at the user's initial guess, from which ATOM takes its weights; the
+            solver's own if None.
     """
-    zero = np.zeros(problem.parameters.size)
-    rough = rough or rough_minimum(problem, zero, options, minimiser)
-    left = max(options.max_iterations - rough.iterations, 1)
+    zero = np.zeros(solver.problem.parameters.size)
+    rough = rough or rough_minimum(solver, zero, options)
     if options.weights == ATOM:
-        sigmas = atom_normalisers(problem, zero)
-        end = minimiser(problem, rough.x, sigmas, options.loss, left, EXACT)
-        return _summary(problem, options, end, sigmas, rough.iterations + end.iterations)
-    return _reweighted(problem, options, minimiser, rough)
+        sigmas = atom_normalisers(guess or solver.problem, zero)
+        left = max(options.max_iterations - rough.iterations, 1)
+        end = solver.minimise(rough.x, sigmas, options.loss, left, EXACT)
+        return _summary(solver.problem, options, end, sigmas, rough.iterations + end.iterations)
+    return _reweighted(solver, options, rough)
 
 
-def _reweighted(
-    problem: Problem, options: SolverOptions, minimiser: Minimise, rough: Minimum
-) -> SolverSummary:
-    x, iterations = rough.x, rough.iterations
-    sigmas = tuple(block.sigma for block in problem.residual_blocks)
+def _reweighted(solver: Solver, options: SolverOptions, rough: Minimum) -> SolverSummary:
+    x, iterations, tolerance = rough.x, rough.iterations, ROUGH
+    sigmas = _initial_sigmas(solver.problem)
     for _ in range(options.reweighting_rounds):
-        factors = _sigma_factors(problem, x, sigmas, options.loss)
+        factors = _sigma_factors(solver, x, sigmas, options.loss)
         sigmas = tuple(s * f for s, f in zip(sigmas, factors))
-        if all(abs(f - 1.0) < _STILL for f in factors):
-            break
+        change = max(abs(f - 1.0) for f in factors)
+        if change < _NEARLY_STILL:
+            tolerance = EXACT
         left = max(options.max_iterations - iterations, 1)
-        end = minimiser(problem, x, sigmas, options.loss, left, ROUGH)
+        end = solver.minimise(x, sigmas, options.loss, left, tolerance)
         x, iterations = end.x, iterations + end.iterations
-    left = max(options.max_iterations - iterations, 1)
-    end = minimiser(problem, x, sigmas, options.loss, left, EXACT)
-    return _summary(problem, options, end, sigmas, iterations + end.iterations)
+        if change < _STILL or iterations >= options.max_iterations:
+            break
+    if tolerance is not EXACT:
+        end = solver.minimise(x, sigmas, options.loss, 1, EXACT)
+    return _summary(solver.problem, options, end, sigmas, iterations)
+
+
+def _initial_sigmas(problem: Problem) -> Tuple[np.ndarray, ...]:
+    return tuple(block.sigma for block in problem.residual_blocks)
 
 
 def atom_normalisers(problem: Problem, x: np.ndarray) -> Tuple[np.ndarray, ...]:
-    """Return ATOM's weights as sigmas: each modality's mean residual at x (atom_reference 5.7).
+    """Return ATOM's weights as sigmas: each modality's mean residual at x, as ATOM does.
 
     Orthogonal and border residuals of a modality share one mean.
     """
@@ -107,15 +111,14 @@ def atom_normalisers(problem: Problem, x: np.ndarray) -> Tuple[np.ndarray, ...]:
 
 
 def _sigma_factors(
-    problem: Problem, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str
+    solver: Solver, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str
 ) -> List[float]:
-    layout = Layout(problem.parameters)
-    line = problem.linearise(x)
-    equations = equations_at(problem, layout, x, sigmas, loss)
-    explained = Covariance(equations).explained(problem, equations, line.maps)
+    problem = solver.problem
+    equations = solver.equations(x, sigmas, loss)
+    explained = Covariance(equations).explained(problem, equations)
     factors = []
     for block, residual, sigma, used in zip(
-        problem.residual_blocks, line.residuals, sigmas, explained
+        problem.residual_blocks, problem.residuals(x), sigmas, explained
     ):
         rows = block.count * block.dimension
         redundancy = max(rows - used, 0.05 * rows)
@@ -168,12 +171,11 @@ def _summary(
     return summary
 
 
-def covariance_of(problem: Problem, summary: SolverSummary, options: SolverOptions) -> Covariance:
+def covariance_of(solver: Solver, summary: SolverSummary, options: SolverOptions) -> Covariance:
     """Return the covariance of the parameters at the solution."""
-    layout = Layout(problem.parameters)
-    equations = equations_at(problem, layout, summary.x, summary.sigmas, options.loss)
+    equations = solver.equations(summary.x, summary.sigmas, options.loss)
     scale = 1.0
     if options.weights == ATOM:  # its weights are no variances: scale by the residuals
-        redundancy = max(problem.row_count - problem.parameters.size, 1)
+        redundancy = max(solver.problem.row_count - solver.problem.parameters.size, 1)
         scale = 2.0 * summary.cost_final / redundancy
     return Covariance(equations, scale)

@@ -1,0 +1,162 @@
+"""The native solver is the fast twin of the specification: same equations, same answer."""
+
+import numpy as np
+import pytest
+
+from atom_core.calibration.calibrate import calibrate, free_edges, initial_boards
+from atom_core.calibration.disturb import disturbed
+from atom_core.calibration.options import CalibrationOptions
+from atom_core.geometry.camera import Camera
+from atom_core.problem.builder import build_problem
+from atom_core.problem.measurements import read_measurements
+from atom_core.solvers import losses
+from atom_core.solvers.base import SolverOptions
+from atom_core.solvers.ceres_solver import CeresSolver
+from atom_core.solvers.scipy_solver import ScipySolver, total_cost
+from atom_core.synthetic import Noise, paper_cell, scenes
+
+pytest.importorskip("atom_core._core", reason="native module is not built: make build")
+
+K = np.array([[900.0, 0, 640.0], [0, 890.0, 400.0], [0, 0, 1]])
+MODELS = {
+    "none": [],
+    "plumb_bob": [-0.2, 0.05, 0.001, -0.002, 0.01],
+    "rational_polynomial": [0.3, -0.1, 0.001, -0.002, 0.01, 0.5, -0.1, 0.02],
+    "equidistant": [-0.03, 0.01, -0.004, 0.001],
+}
+SCENES = {
+    "random_scene": lambda: scenes.random_scene(1, collections=6),
+    "shared_edge": lambda: scenes.shared_edge(1, collections=6),
+    "hand_eye": lambda: scenes.hand_eye(1, collections=6),
+    "board_on_arm": lambda: scenes.board_on_arm(1, collections=6),
+    "two_patterns": lambda: scenes.two_patterns(1, collections=6),
+    "lidar_only": lambda: scenes.lidar_only(1, collections=6),
+}
+for _model in MODELS:
+    SCENES[_model] = lambda model=_model: scenes.two_cameras(
+        1, camera=Camera(1280, 800, K, MODELS[model], model), collections=4
+    )
+
+
+def problem_of(dataset, disturbance=(0.05, 0.05)):
+    free = free_edges(dataset, CalibrationOptions())
+    dataset = disturbed(dataset, free, *disturbance, np.random.default_rng(0))
+    measurements, _ = read_measurements(dataset)
+    boards = initial_boards(dataset, measurements, free)
+    return build_problem(dataset, measurements, boards, free)
+
+
+def sigmas_of(problem):
+    return tuple(block.sigma for block in problem.residual_blocks)
+
+
+@pytest.mark.parametrize("loss", losses.LOSSES)
+@pytest.mark.parametrize("scene", SCENES)
+def test_normal_equations_are_those_of_the_specification(scene, loss):
+    problem = problem_of(SCENES[scene]().dataset)
+    sigmas = sigmas_of(problem)
+    x = 0.05 * np.random.default_rng(1).standard_normal(problem.parameters.size)
+    ours = CeresSolver(problem).equations(x, sigmas, loss)
+    theirs = ScipySolver(problem).equations(x, sigmas, loss)
+    for name in ("shared", "cross", "local", "gradient_shared", "gradient_local"):
+        a, b = getattr(ours, name), getattr(theirs, name)
+        scale = max(np.max(np.abs(b)), 1e-12) if b.size else 1.0
+        np.testing.assert_allclose(a / scale, b / scale, atol=1e-10, err_msg=name)
+
+
+def test_points_behind_and_beside_the_camera_too():
+    camera = Camera(1280, 800, K, MODELS["plumb_bob"], "plumb_bob")
+    problem = problem_of(scenes.two_cameras(1, camera=camera, collections=4).dataset)
+    x = np.random.default_rng(3).standard_normal(problem.parameters.size)
+    sigmas = sigmas_of(problem)
+    ours, theirs = (s(problem).equations(x, sigmas, "none") for s in (CeresSolver, ScipySolver))
+    scale = np.max(np.abs(theirs.local))
+    np.testing.assert_allclose(ours.local / scale, theirs.local / scale, atol=1e-9)
+
+
+@pytest.mark.parametrize("loss", losses.LOSSES)
+@pytest.mark.parametrize("scene", SCENES)
+def test_the_minimum_is_that_of_the_specification(scene, loss):
+    problem = problem_of(SCENES[scene]().dataset)
+    sigmas, zero = sigmas_of(problem), np.zeros(problem.parameters.size)
+    start = ScipySolver(problem).minimise(zero, sigmas, losses.NONE, 200).x
+    ours = CeresSolver(problem).minimise(start, sigmas, loss, 200)
+    theirs = ScipySolver(problem).minimise(start, sigmas, loss, 200)
+    assert ours.converged and theirs.converged
+    assert ours.cost == pytest.approx(theirs.cost, rel=1e-9)
+    assert ours.cost == pytest.approx(total_cost(problem.residuals(ours.x), sigmas, loss))
+    np.testing.assert_allclose(ours.x, theirs.x, atol=1e-6)
+
+
+def test_the_whole_calibration_agrees_to_a_micrometre():
+    scene = paper_cell(0, "train", Noise(), (0.1, 0.1))
+    for options in (SolverOptions(), SolverOptions(weights="atom", loss="none")):
+        found = {}
+        for name in ("ceres", "scipy"):
+            result = calibrate(scene.dataset, CalibrationOptions(solver=options, solver_name=name))
+            assert result.status == "converged"
+            transforms = next(iter(result.dataset.collections.values())).transforms
+            found[name] = np.array([transforms[s.edge][:3] for s in scene.dataset.sensors.values()])
+        np.testing.assert_allclose(found["ceres"], found["scipy"], atol=1e-6)
+
+
+def test_convergence_is_not_claimed_when_iterations_run_out():
+    problem = problem_of(scenes.random_scene(0).dataset)
+    end = CeresSolver(problem).minimise(
+        np.zeros(problem.parameters.size), sigmas_of(problem), losses.NONE, 1
+    )
+    assert not end.converged
+
+
+def test_the_cost_never_rises():
+    problem = problem_of(scenes.random_scene(0).dataset)
+    sigmas, x = sigmas_of(problem), np.zeros(problem.parameters.size)
+    solver, costs = CeresSolver(problem), []
+    for _ in range(5):
+        costs.append(total_cost(problem.residuals(x), sigmas, losses.CAUCHY))
+        x = solver.minimise(x, sigmas, losses.CAUCHY, 1).x
+    assert all(later <= earlier for earlier, later in zip(costs, costs[1:]))
+
+
+def test_progress_is_reported_and_can_stop_with_the_best_state():
+    problem = problem_of(scenes.random_scene(0).dataset)
+    seen = []
+
+    def stop_after_two(iteration, cost, x):
+        seen.append(cost)
+        return iteration < 2
+
+    end = CeresSolver(problem)._native.minimise(
+        np.zeros(problem.parameters.size), list(sigmas_of(problem)), "none", 100, 1e-10, 0.0,
+        progress=stop_after_two,
+    )  # fmt: skip
+    assert end["stopped"] and not end["converged"]
+    assert end["cost"] == pytest.approx(seen[-1]) and seen[-1] < seen[0]
+
+
+def one_row(**change):
+    return {"kind": "orthogonal", "detection": [0], "points": np.zeros((1, 3)), **change}
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        ({"initial": np.zeros((2, 3, 3))}, "initial"),
+        ({"residual_blocks": [one_row(kind="sphere")]}, "kind must be"),
+        ({"residual_blocks": [one_row(detection=[9])]}, "detection that does not exist"),
+        ({"block": np.array([[7]])}, "parameter block that does not exist"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(change, message):
+    from atom_core import native
+
+    arguments = {
+        "initial": np.eye(4)[None],
+        "eliminated": np.array([False]),
+        "constants": np.tile(np.eye(4), (1, 2, 1, 1)),
+        "block": np.array([[0]]),
+        "inverted": np.array([[False]]),
+        "residual_blocks": [one_row()],
+    }
+    with pytest.raises(ValueError, match=message):
+        native.require("a test").CalibrationProblem(**{**arguments, **change})
