@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import List, NamedTuple, Sequence
+from typing import List, NamedTuple
 
 import matplotlib
 
@@ -22,15 +22,13 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from atom_core.calibration.calibrate import Calibration, calibrate, initial_boards
 from atom_core.geometry import se3
-from atom_core.model.dataset import Dataset, DetectionKey, is_complete, pose, range_points
+from atom_core.model.dataset import Dataset, DetectionKey, RgbLabel, is_complete, pose, range_points
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
 from atom_core.problem.measurements import read_measurements
 from atom_core.synthetic import Noise, paper_cell
 
 SEED, DISTURBANCE = 0, (0.1, 0.1)
-COLLECTION = "003"  # seen by all seven sensors
-VIEW, IN_VIEW = "rgb_2", "007"  # the camera whose view is shown, and when
 FOLDER = Path(__file__).resolve().parent / "pictures"
 COLOURS = {RGB: "#1f6fb4", DEPTH: "#2a9150", LIDAR3D: "#d9641a"}
 WORDS = {RGB: "rgb", DEPTH: "depth", LIDAR3D: "3D LiDAR"}
@@ -106,9 +104,10 @@ def draw_cell(states: States) -> plt.Figure:
     axes.set_zlim(0.0, 2.4)
     axes.set_box_aspect((4.4, 4.0, 2.4), zoom=1.16)
     _add_room(axes)
-    _add_boards(axes, states.after)
-    for name, sensor in states.after.sensors.items():
-        _add_sensor(axes, states, name, sensor)
+    key = _highest_board(states.after)
+    _add_boards(axes, states.after, key)
+    for sensor in states.after.sensors.values():
+        _add_sensor(axes, states, key, sensor)
     for drawn in axes.collections:  # the panel is narrower than the cell is long
         drawn.set_clip_on(False)
     figure.text(0.02, 0.945, "One optimisation for all sensors of the cell", size=16, color=INK)
@@ -124,7 +123,7 @@ def draw_cell(states: States) -> plt.Figure:
     )
     for state, title, bottom in ((states.before, "before", 0.56), (states.after, "after", 0.12)):
         side = figure.add_axes((0.765, bottom, 0.215, 0.31))
-        _draw_edge_on(side, state, states.after, title)
+        _draw_edge_on(side, state, states.after, key, title)
     figure.text(
         0.765, 0.905, "One board edge-on: labelled\npoints of all range sensors [mm]",
         size=10.5, color=INK, va="center",
@@ -142,12 +141,12 @@ def _add_room(axes: plt.Axes) -> None:
     axes.add_collection3d(Line3DCollection(BEAMS, colors="#c9cdd1", linewidths=4, zorder=2))
 
 
-def _add_boards(axes: plt.Axes, state: Dataset) -> None:
+def _add_boards(axes: plt.Axes, state: Dataset, shown: str) -> None:
     """Draw the boards that all sensors see as outlines, and one of them with its squares."""
     pattern = state.patterns["pattern_1"]
     for key in [key for key in state.collections if is_complete(state, key)]:
         world_T_pattern = _world_T_pattern(state, key)
-        chosen = key == COLLECTION
+        chosen = key == shown
         outline = se3.apply(world_T_pattern, _in_plane(pattern.border.corners))
         board = Poly3DCollection(
             [outline],
@@ -176,9 +175,10 @@ def _dark_squares(pattern: Pattern) -> Segments:
     ]
 
 
-def _add_sensor(axes: plt.Axes, states: States, name: str, sensor: Sensor) -> None:
+def _add_sensor(axes: plt.Axes, states: States, key: str, sensor: Sensor) -> None:
+    name = sensor.name
     colour = COLOURS[sensor.modality]
-    poses = [pose(s.collections[COLLECTION], s.graph, s.world, sensor.frame) for s in states]
+    poses = [pose(s.collections[key], s.graph, s.world, sensor.frame) for s in states]
     held = np.allclose(*poses)
     for world_T_sensor, is_after in zip(poses, (False, True)):
         if held and not is_after:
@@ -186,11 +186,11 @@ def _add_sensor(axes: plt.Axes, states: States, name: str, sensor: Sensor) -> No
         shape = [se3.apply(world_T_sensor, line) for line in _shape(sensor)]
         look = {"colors": colour if is_after else GREY, "linewidths": 1.9 if is_after else 1.2}
         axes.add_collection3d(Line3DCollection(shape, zorder=9 if is_after else 8, **look))
-    to_board = _world_T_pattern(states.after, COLLECTION)
+    to_board = _world_T_pattern(states.after, key)
     middle = se3.apply(
         to_board, np.append(states.after.patterns["pattern_1"].border.centre, 0)[None]
     )
-    if DetectionKey(COLLECTION, name, "pattern_1") in dict(states.after.detections()):
+    if DetectionKey(key, name, "pattern_1") in dict(states.after.detections()):
         ray = np.vstack([poses[1][:3, 3], middle[0]])
         axes.add_collection3d(
             Line3DCollection([ray], colors=colour, linewidths=0.8, linestyles=":", zorder=7)
@@ -226,16 +226,16 @@ def _shape(sensor: Sensor) -> Segments:
     return [*rings, axis]
 
 
-def _draw_edge_on(axes: plt.Axes, state: Dataset, after: Dataset, title: str) -> None:
+def _draw_edge_on(axes: plt.Axes, state: Dataset, after: Dataset, key: str, title: str) -> None:
     """Draw where the range sensors' points lie across the calibrated board [mm]."""
-    pattern_T_world = se3.inverse(_world_T_pattern(after, COLLECTION))
+    pattern_T_world = se3.inverse(_world_T_pattern(after, key))
     border = after.patterns["pattern_1"].border
     axes.plot([1e3 * border.x_min, 1e3 * border.x_max], [0, 0], color="#8a7a3c", linewidth=5)
     for name, sensor in state.sensors.items():
         if sensor.modality == RGB:
             continue
-        points = range_points(state, DetectionKey(COLLECTION, name, "pattern_1")).inside
-        world_T_sensor = pose(state.collections[COLLECTION], state.graph, state.world, sensor.frame)
+        points = range_points(state, DetectionKey(key, name, "pattern_1")).inside
+        world_T_sensor = pose(state.collections[key], state.graph, state.world, sensor.frame)
         on_board = 1e3 * se3.apply(pattern_T_world @ world_T_sensor, points)
         axes.plot(
             on_board[:, 0], on_board[:, 2], ".", markersize=1.6, alpha=0.5,
@@ -249,6 +249,12 @@ def _draw_edge_on(axes: plt.Axes, state: Dataset, after: Dataset, title: str) ->
     axes.text(0.03, 0.95, title, transform=axes.transAxes, va="top", size=11, weight="bold")
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
+
+
+def _highest_board(state: Dataset) -> str:
+    """Return the collection of the highest board that all sensors see."""
+    complete = [key for key in state.collections if is_complete(state, key)]
+    return max(complete, key=lambda key: _world_T_pattern(state, key)[2, 3])
 
 
 def _world_T_pattern(state: Dataset, key: str) -> np.ndarray:
@@ -266,10 +272,11 @@ def _in_plane(points: np.ndarray) -> np.ndarray:
 def draw_residuals(states: States) -> plt.Figure:
     """Return the view of a camera, and the limit points of a LiDAR in the board's plane."""
     figure, axes = plt.subplots(2, 2, figsize=(12.0, 8.6))
+    view = _largest_view(states.after)
     figure.subplots_adjust(0.02, 0.02, 0.985, 0.885, wspace=0.04, hspace=0.14)
     for column, (state, title) in enumerate(zip(states, ("before", "after"))):
-        _draw_view(axes[0, column], state, VIEW, title)
-        _draw_plane(axes[1, column], state, ("lidar_1", "lidar_2", "lidar_3"), title)
+        _draw_view(axes[0, column], state, view, title)
+        _draw_plane(axes[1, column], state, view.collection, title)
     figure.text(0.02, 0.952, "What is minimised", size=16, color=INK)
     handles = [
         Line2D([], [], marker="o", color=COLOURS[RGB], mfc="none", linestyle="", label="detected"),
@@ -283,14 +290,13 @@ def draw_residuals(states: States) -> plt.Figure:
     return figure
 
 
-def _draw_view(axes: plt.Axes, state: Dataset, name: str, title: str) -> None:
+def _draw_view(axes: plt.Axes, state: Dataset, key: DetectionKey, title: str) -> None:
     """Draw detected and projected corners over the image, around the board."""
-    key = DetectionKey(IN_VIEW, name, "pattern_1")
     measured = {m.key: m for m in read_measurements(state)[0]}[key]
     camera = measured.camera
-    sensor_T_pattern = _sensor_T_pattern(state, name)
+    sensor_T_pattern = _sensor_T_pattern(state, key)
     projected = camera.project(se3.apply(sensor_T_pattern, measured.corners_in_pattern))
-    image = state.data.colour_image(IN_VIEW, name)
+    image = state.data.colour_image(key.collection, key.sensor)
     pale = 255 - (255 - image[..., 0].astype(int)) // 2
     axes.imshow(pale, cmap="gray", vmin=0, vmax=255)
     axes.set_facecolor(str(pale[0, 0] / 255.0))  # beyond the image
@@ -307,26 +313,28 @@ def _draw_view(axes: plt.Axes, state: Dataset, name: str, title: str) -> None:
     axes.plot(*projected.T, "x", color=WRONG, markersize=4.5, mew=1.1)
     _zoom(axes, np.vstack([measured.pixels, projected]), 1.5, VIEW_ASPECT)
     mean = np.mean(np.linalg.norm(projected - measured.pixels, axis=1))
-    axes.set_title(f"{name}, {title}: {_rounded(mean)} px on average", loc="left", size=12)
+    axes.set_title(f"{key.sensor}, {title}: {_rounded(mean)} px on average", loc="left", size=12)
     _frame(axes)
 
 
-def _draw_plane(axes: plt.Axes, state: Dataset, names: Sequence[str], title: str) -> None:
+def _draw_plane(axes: plt.Axes, state: Dataset, collection: str, title: str) -> None:
     """Draw limit points and their distances to the border, in the board's plane."""
     border = state.patterns["pattern_1"].border
     axes.add_patch(Polygon(border.corners, facecolor="#faf5e2", edgecolor="#8a7a3c", linewidth=1.8))
     for square in _dark_squares(state.patterns["pattern_1"]):
         axes.add_patch(Polygon(square, facecolor="#e6e2d3", edgecolor="none"))
     distances = []
+    names = [sensor.name for sensor in state.sensors.values() if sensor.modality == LIDAR3D]
     for name in names:
-        limit = range_points(state, DetectionKey(IN_VIEW, name, "pattern_1")).limit
-        flat = se3.apply(se3.inverse(_sensor_T_pattern(state, name)), limit)[:, :2]
+        key = DetectionKey(collection, name, "pattern_1")
+        limit = range_points(state, key).limit
+        flat = se3.apply(se3.inverse(_sensor_T_pattern(state, key)), limit)[:, :2]
         distance, outward = border.signed_distance(flat)
         for start, end in zip(flat, flat - distance[:, None] * outward):
             axes.plot(*zip(start, end), color=WRONG, linewidth=1.0, alpha=0.8)
         axes.plot(*flat.T, ".", color=COLOURS[LIDAR3D], markersize=8)
         distances.append(np.abs(distance))
-    _zoom(axes, border.corners, 1.6, VIEW_ASPECT)
+    _zoom(axes, border.corners, 1.75, VIEW_ASPECT)
     axes.set_aspect("equal")
     mean = 1e3 * np.mean(np.concatenate(distances))
     axes.set_title(
@@ -336,9 +344,22 @@ def _draw_plane(axes: plt.Axes, state: Dataset, names: Sequence[str], title: str
     _frame(axes)
 
 
-def _sensor_T_pattern(state: Dataset, name: str) -> np.ndarray:
-    frames = state.sensors[name].frame, state.patterns["pattern_1"].frame
-    return pose(state.collections[IN_VIEW], state.graph, *frames)
+def _largest_view(state: Dataset) -> DetectionKey:
+    """Return the detection that fills most of an image, of free cameras where all sensors see."""
+    areas = {
+        key: float(np.prod(np.ptp(label.pixels, axis=0)))
+        for key, label in state.detections()
+        if isinstance(label, RgbLabel)
+        and key.sensor != state.config.anchored_sensor
+        and is_complete(state, key.collection)
+        and len(label.ids) == state.patterns[key.pattern].corner_count
+    }
+    return max(areas, key=lambda key: areas[key])
+
+
+def _sensor_T_pattern(state: Dataset, key: DetectionKey) -> np.ndarray:
+    frames = state.sensors[key.sensor].frame, state.patterns[key.pattern].frame
+    return pose(state.collections[key.collection], state.graph, *frames)
 
 
 def _zoom(axes: plt.Axes, pixels: np.ndarray, margin: float, aspect: float) -> None:
