@@ -143,7 +143,7 @@ def test_chains_and_names_are_those_of_the_cell():
 
 
 def test_mounts_stand_where_the_drawing_says():
-    """World poses of variant A in the notes on the cell, within the mounts' displacement."""
+    """World poses of the notes on the cell, within the mounts' displacement."""
     rig = cell_rig(0)
     positions = {
         "rgb_1": (-1.7525, 0.071, 2.29),
@@ -152,7 +152,7 @@ def test_mounts_stand_where_the_drawing_says():
         "depth_1": (0.37, 1.31, 2.20),
         "lidar_1": (1.0491, -0.0319, 2.1811),
         "lidar_2": (-0.1089, 0.8335, 2.1847),
-        "lidar_3": (-1.1089, -0.0943, 2.3940),
+        "lidar_3": (-1.0321, 0.0368, 2.1112),
     }
     for name, position in positions.items():
         found = rig.pose(rig.sensors[name].frame)[:3, 3]

@@ -7,7 +7,7 @@ complete, with 35 partial detections by the cameras; test set of 17, 4 and 26.
 
 from __future__ import annotations
 
-from typing import Dict, List, Mapping, NamedTuple, Tuple
+from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from atom_core.synthetic.dataset import (
     Sampling,
     SyntheticDataset,
     disturbed,
+    disturbed_edges,
     make_dataset,
 )
 from atom_core.synthetic.noise import Noise
@@ -58,8 +59,20 @@ class Scenario(NamedTuple):
     partial: int
     rows: int
 
+    def of_size(self, collections: int) -> Scenario:
+        """Return a scenario with another number of collections and the same proportions."""
+        share = collections / self.collections
+        return Scenario(
+            self.stream,
+            collections,
+            round(self.complete * share),
+            round(self.partial * share),
+            round(self.rows * share),
+        )
+
 
 SCENARIOS = {"train": Scenario(10, 23, 5, 35, 67000), "test": Scenario(20, 17, 4, 26, 49500)}
+Accept = Callable[[np.ndarray, Sequence[str]], bool]
 
 
 def cell_structure() -> Dict[Edge, np.ndarray]:
@@ -119,7 +132,7 @@ def cell_rig(seed: int) -> Rig:
         lidar_mount(
             "lidar_3",
             _RECTANGULAR.format(1),
-            placed(-0.134778, 1.384628, -0.135063, -2.116755, 0.274079, -1.389253),
+            placed(0.146648, 1.513009, -0.063131, -1.972198, 0.32338, -1.298573),
         ),
     ]
     return assemble(
@@ -156,7 +169,7 @@ def paper_cell(
     if scenario not in SCENARIOS:
         raise ValueError(f"scenario '{scenario}' is unknown; use {', '.join(SCENARIOS)}")
     wanted, rig = SCENARIOS[scenario], cell_rig(seed)
-    poses = _board_poses(rig, wanted, np.random.default_rng([seed, wanted.stream]))
+    poses = plan_board_poses(rig, wanted, np.random.default_rng([seed, wanted.stream]))
     exact = make_dataset(
         rig,
         {"pattern_1": poses},
@@ -166,6 +179,14 @@ def paper_cell(
         name=f"paper_cell_{scenario}_{seed}",
     )
     return disturbed(exact, disturbance, np.random.default_rng([seed, _DISTURBANCE]))
+
+
+def initial_edges(rig: Rig, seed: int, disturbance: Disturbance) -> Dict[Edge, np.ndarray]:
+    """Return the calibrated edges as the disturbed cell of a seed has them (see ``paper_cell``)."""
+    exact = {edge: rig.transforms[edge] for edge in rig.calibrated_edges}
+    held = None if rig.anchored is None else rig.sensors[rig.anchored].edge
+    moved = disturbed_edges(exact, held, disturbance, np.random.default_rng([seed, _DISTURBANCE]))
+    return {**exact, **moved}
 
 
 class Statistics(NamedTuple):
@@ -202,15 +223,25 @@ class _Candidate(NamedTuple):
     rows: float
 
 
-def _board_poses(rig: Rig, wanted: Scenario, rng: np.random.Generator) -> List[np.ndarray]:
-    """Draw board poses whose detections match the scenario, in random order."""
-    pattern = pattern_from_config("pattern_1", charuco())
-    sensor_T_world = {s: se3.inverse(rig.pose(x.frame)) for s, x in rig.sensors.items()}
-    candidates = [
-        _judge(rig, pattern, sensor_T_world, _draw_pose(pattern, rng)) for _ in range(_CANDIDATES)
-    ]
-    complete = [c for c in candidates if np.all(c.seen)]
-    others = [c for c in candidates if 2 <= np.sum(c.seen) < len(c.seen)]
+def plan_board_poses(
+    rig: Rig, wanted: Scenario, rng: np.random.Generator, accept: Optional[Accept] = None
+) -> List[np.ndarray]:
+    """Draw board poses whose detections match a scenario, in random order.
+
+    Args:
+        rig: the sensors.
+        wanted: numbers of collections, of complete ones and of partial detections.
+        rng: source of all randomness.
+        accept: told ``world_T_pattern`` and the sensors that detect the board; refuses poses,
+            say because something stands in the way. All are accepted when None.
+
+    Returns:
+        ``world_T_pattern`` (4, 4) of each collection.
+
+    Raises:
+        ValueError: hardly any pose is accepted.
+    """
+    complete, others = _candidates(rig, wanted.complete, rng, accept)
     # Partial views are rarer in a free draw than in the paper's hands: prefer them.
     weight = np.exp([0.8 * c.partial for c in others])
     best, lowest = [], np.inf
@@ -227,9 +258,35 @@ def _board_poses(rig: Rig, wanted: Scenario, rng: np.random.Generator) -> List[n
     return [best[i].world_T_pattern for i in rng.permutation(len(best))]
 
 
+def _candidates(
+    rig: Rig, least_complete: int, rng: np.random.Generator, accept: Optional[Accept]
+) -> Tuple[List[_Candidate], List[_Candidate]]:
+    """Return poses that all sensors detect, and others that at least two detect."""
+    pattern = pattern_from_config("pattern_1", charuco())
+    sensor_T_world = {s: se3.inverse(rig.pose(x.frame)) for s, x in rig.sensors.items()}
+    names = np.array(list(rig.sensors))
+    complete: List[_Candidate] = []
+    others: List[_Candidate] = []
+    judged = 0
+    for _ in range(100 * _CANDIDATES):
+        candidate = _judge(rig, pattern, sensor_T_world, _draw_pose(pattern, rng))
+        count = np.sum(candidate.seen)
+        if accept is not None and (
+            count < 2 or not accept(candidate.world_T_pattern, list(names[candidate.seen]))
+        ):
+            continue
+        judged += 1
+        if count >= 2:
+            (complete if np.all(candidate.seen) else others).append(candidate)
+        if judged >= _CANDIDATES and len(complete) >= least_complete:
+            return complete, others
+    raise ValueError("hardly any board pose is accepted; is the view of the sensors obstructed?")
+
+
 def _badness(chosen: List[_Candidate], wanted: Scenario) -> float:
     """Return 0 when every sensor has four detections and all counts are as wanted."""
-    lacking = np.sum(np.maximum(4 - np.sum([c.seen for c in chosen], axis=0), 0))
+    least = min(4, wanted.collections)
+    lacking = np.sum(np.maximum(least - np.sum([c.seen for c in chosen], axis=0), 0))
     partial = abs(sum(c.partial for c in chosen) - wanted.partial)
     rows = abs(sum(c.rows for c in chosen) / wanted.rows - 1.0)
     return 10.0 * lacking + partial + (0.0 if rows < 0.05 else 20.0 * rows)

@@ -234,17 +234,29 @@ def disturbed(
     Each calibrated edge but the anchored sensor's is moved by exactly ``disturbance[0]`` metres
     in an isotropic direction and turned by ``disturbance[1]`` radians about an isotropic axis.
     """
-    dataset, (metres, radians) = synthetic.dataset, disturbance
+    dataset = synthetic.dataset
     anchored = dataset.config.anchored_sensor
     held = dataset.sensors[anchored].edge if anchored else None
-    moved = {}
-    for edge, parent_T_child in synthetic.truth.edges.items():
-        move = se3.random_move(metres, radians, rng)
-        if edge != held and (metres or radians):
-            moved[edge] = se3.moved(parent_T_child, move)
+    moved = disturbed_edges(synthetic.truth.edges, held, disturbance, rng)
     return replace(
         synthetic, dataset=dataset.with_transforms(dict.fromkeys(dataset.collections, moved))
     )
+
+
+def disturbed_edges(
+    edges: Mapping[Edge, np.ndarray],
+    held: Optional[Edge],
+    disturbance: Disturbance,
+    rng: np.random.Generator,
+) -> Dict[Edge, np.ndarray]:
+    """Return the edges (4, 4) that are moved, all but ``held``, as ``disturbed`` moves them."""
+    metres, radians = disturbance
+    moved = {}
+    for edge, parent_T_child in edges.items():
+        move = se3.random_move(metres, radians, rng)
+        if edge != held and (metres or radians):
+            moved[edge] = se3.moved(parent_T_child, move)
+    return moved
 
 
 def _config(rig: Rig, patterns: Mapping[str, PatternConfig], name: str) -> CalibrationConfig:
