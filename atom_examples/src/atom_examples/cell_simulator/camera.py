@@ -1,0 +1,87 @@
+"""A colour camera: what it sees, through its lens, with noise."""
+
+from __future__ import annotations
+
+from typing import Optional
+
+import cv2
+import numpy as np
+
+from atom_core.geometry.camera import Camera
+from atom_examples.cell_simulator.errors import SimulatorError
+from atom_examples.cell_simulator.scene import Scene, View
+
+FINER = 2  # pictures are drawn finer and averaged, so that edges keep their place
+_WIDEST = 3.0  # pinhole picture to image, in either direction
+_COARSE_PX = 4  # grid on which the distortion is undone exactly; linear in between
+
+
+def pinhole_view(name: str, frame: str, camera: Camera) -> View:
+    """Return the pinhole without distortion that sees all that a camera sees.
+
+    Raises:
+        SimulatorError: the lens is too wide for one pinhole.
+    """
+    return View(name, frame, _pinhole(name, camera)[0])
+
+
+def _pinhole(name: str, camera: Camera):
+    """Return the pinhole, and where its pixel (0, 0) is in the undistorted image (2,) [px]."""
+    columns, rows = np.arange(-1, camera.width + 1), np.arange(-1, camera.height + 1)
+    outline = np.concatenate(
+        [np.column_stack([columns, np.full(len(columns), y)]) for y in rows[[0, -1]]]
+        + [np.column_stack([np.full(len(rows), x), rows]) for x in columns[[0, -1]]]
+    )
+    undistorted = camera.normalise(outline) * camera.focal_px + camera.centre_px
+    first = np.floor(undistorted.min(axis=0)).astype(int)
+    width, height = (np.ceil(undistorted.max(axis=0)).astype(int) - first + 1).tolist()
+    if width > _WIDEST * camera.width or height > _WIDEST * camera.height:
+        raise SimulatorError(
+            f"sensor '{name}': its lens is too wide to be drawn; reduce its field of view"
+        )
+    K = camera.K.copy()
+    K[:2, 2] -= first
+    return Camera(width, height, K, model="none"), first
+
+
+class ColourCamera:
+    """Takes pictures of a scene with one camera."""
+
+    def __init__(self, name: str, camera: Camera, noise_grey: float):
+        """Prepare the way of each fine pixel through the lens.
+
+        Args:
+            name: of the view in the scene.
+            camera: intrinsics, distortion included.
+            noise_grey: standard deviation of the grey levels.
+        """
+        self.name, self.camera, self.noise_grey = name, camera, noise_grey
+        pinhole, first = _pinhole(name, camera)
+        columns, to_columns = _knots(camera.width)
+        rows, to_rows = _knots(camera.height)
+        knots = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+        undistorted = camera.normalise(knots) * camera.focal_px + camera.centre_px - first
+        fine = (undistorted + 0.5) * FINER - 0.5
+        x, y = (to_rows @ c.reshape(len(rows), -1) @ to_columns.T for c in fine.T)
+        y = FINER * pinhole.height - 1 - y  # drawn pictures start with the bottom row
+        self._maps = cv2.convertMaps(x.astype(np.float32), y.astype(np.float32), cv2.CV_16SC2)
+
+    def capture(self, scene: Scene, rng: Optional[np.random.Generator] = None) -> np.ndarray:
+        """Return the picture (height, width, 3) uint8, red green blue; without rng, no noise."""
+        through_lens = cv2.remap(scene.colours(self.name), *self._maps, cv2.INTER_LINEAR)
+        size = (self.camera.width, self.camera.height)
+        picture = cv2.resize(through_lens, size, interpolation=cv2.INTER_AREA)
+        if rng is None or self.noise_grey == 0:
+            return picture
+        noise = rng.standard_normal(picture.shape, dtype=np.float32)
+        noise *= self.noise_grey
+        noise += picture
+        return np.clip(np.rint(noise, out=noise), 0, 255, out=noise).astype(np.uint8)
+
+
+def _knots(count: int):
+    """Return knots [px] along an image's side, and the matrix from there to its fine pixels."""
+    knots = np.arange(-_COARSE_PX, count + 2 * _COARSE_PX, _COARSE_PX, dtype=float)
+    fine = (np.arange(count * FINER) + 0.5) / FINER - 0.5
+    distance = np.abs(fine[:, None] - knots) / _COARSE_PX
+    return knots, np.maximum(1.0 - distance, 0.0)

@@ -1,0 +1,124 @@
+"""MuJoCo and the library that draws without a screen: found, or refused with what to install."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from types import ModuleType
+from typing import Dict, Optional, Sequence
+
+import numpy as np
+
+from atom_examples.cell_simulator.errors import SimulatorError
+
+_LIBRARIES = {"egl": "libEGL.so.1", "osmesa": "libOSMesa.so.8"}
+_PACKAGES = "libegl1 libegl-mesa0 libgl1-mesa-dri (EGL), or libosmesa6 (OSMesa)"
+
+
+def import_mujoco() -> ModuleType:
+    """Return the module ``mujoco``, with a way of drawing that this machine has.
+
+    ``MUJOCO_GL`` (egl, osmesa or glfw) is respected; without it EGL is taken, else OSMesa.
+
+    Raises:
+        SimulatorError: MuJoCo, or any library to draw with, is absent.
+    """
+    os.environ.setdefault("MUJOCO_GL", _first_way())
+    try:
+        import mujoco
+    except ImportError as error:
+        raise SimulatorError(
+            f"the simulator needs MuJoCo, which Python does not find ({error}); `make setup` "
+            f"installs it, elsewhere `pip install mujoco==3.17.0 PyOpenGL` (Python 3.10 or newer)"
+        ) from None
+    except (AttributeError, RuntimeError) as error:  # PyOpenGL without its library
+        raise SimulatorError(_nothing_draws(str(error))) from None
+    return mujoco
+
+
+def _first_way() -> str:
+    for way, library in _LIBRARIES.items():
+        if _is_there(library):
+            return way
+    raise SimulatorError(_nothing_draws("no EGL and no OSMesa library"))
+
+
+def _is_there(library: str) -> bool:
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
+
+
+def _nothing_draws(why: str) -> str:
+    return f"nothing to draw images with ({why}); install the packages {_PACKAGES}"
+
+
+class Renderer:
+    """Draws one model off screen. One graphics context, to be used from one thread."""
+
+    def __init__(self, model, largest: Dict[str, int], groups: Sequence[int]):
+        """Make the context.
+
+        Args:
+            model: MuJoCo's model, with ``vis.global_.offwidth`` and ``offheight`` set to
+            largest: width and height of the largest picture.
+            groups: of the shapes to draw.
+
+        Raises:
+            SimulatorError: the graphics library refuses.
+        """
+        self._mujoco = mujoco = import_mujoco()
+        self._model = model
+        try:
+            self._gl: Optional[object] = mujoco.GLContext(largest["width"], largest["height"])
+            self._gl.make_current()  # type: ignore[attr-defined]
+            self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        except Exception as error:  # noqa: BLE001  (EGLError, ImportError, FatalError: by library)
+            raise SimulatorError(
+                _nothing_draws(f"{os.environ['MUJOCO_GL']}: {type(error).__name__} {error}")
+            ) from None
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+        self._scene = mujoco.MjvScene(model, maxgeom=2000)
+        for flag in ("mjRND_SHADOW", "mjRND_REFLECTION", "mjRND_SKYBOX", "mjRND_HAZE", "mjRND_FOG"):
+            self._scene.flags[getattr(mujoco.mjtRndFlag, flag)] = 0
+        self._options = mujoco.MjvOption()
+        self._options.geomgroup[:] = 0
+        self._options.geomgroup[list(groups)] = 1
+
+    def colours(self, data, camera: int, width: int, height: int) -> np.ndarray:
+        """Return (height, width, 3) uint8, red green blue, BOTTOM ROW FIRST."""
+        picture = np.empty((height, width, 3), dtype=np.uint8)
+        self._mujoco.mjr_readPixels(
+            picture, None, self._draw(data, camera, width, height), self._context
+        )
+        return picture
+
+    def depths(self, data, camera: int, width: int, height: int) -> np.ndarray:
+        """Return z-depths (height, width) [m] float32, BOTTOM ROW FIRST."""
+        buffer = np.empty((height, width), dtype=np.float32)
+        self._mujoco.mjr_readPixels(
+            None, buffer, self._draw(data, camera, width, height), self._context
+        )
+        extent = self._model.stat.extent
+        near, far = self._model.vis.map.znear * extent, self._model.vis.map.zfar * extent
+        return (near * far / (far - buffer.astype(float) * (far - near))).astype(np.float32)
+
+    def _draw(self, data, camera: int, width: int, height: int):
+        mujoco = self._mujoco
+        view = mujoco.MjvCamera()
+        view.type, view.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, camera
+        mujoco.mjv_updateScene(
+            self._model, data, self._options, None, view, mujoco.mjtCatBit.mjCAT_ALL, self._scene
+        )
+        viewport = mujoco.MjrRect(0, 0, width, height)
+        mujoco.mjr_render(viewport, self._scene, self._context)
+        return viewport
+
+    def close(self) -> None:
+        """Free the context; in this order, or EGL complains at exit."""
+        if self._gl is not None:
+            self._context.free()
+            self._gl.free()  # type: ignore[attr-defined]
+            self._gl = None

@@ -1,0 +1,152 @@
+"""A spinning LiDAR: ranges along its beams, with noise, lost returns and mixed ones at edges."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Optional, Tuple
+
+import numpy as np
+
+from atom_core.synthetic.rig import LidarModel
+from atom_examples.cell_simulator.scene import Scene
+
+_EDGE_M = 0.03  # a beam whose parts differ more has hit an edge
+_SWEEP_MARGIN_RAD = 0.02
+
+
+class LidarNoise(NamedTuple):
+    """How wrong ranges are.
+
+    Attributes:
+        sigma_m: standard deviation along the beam.
+        dropout: share of the returns that are lost.
+        mixed_within_rad: returns as near to an edge lie anywhere between its two sides.
+    """
+
+    sigma_m: float = 0.008
+    dropout: float = 0.02
+    mixed_within_rad: float = 0.0015
+
+
+class Returns(NamedTuple):
+    """Beams that meet something: their ids (n,), exact ranges (n,) [m] and intensities (n,).
+
+    ``other`` (n,) [m] is the range of what a part of the beam meets, where it is on an edge.
+    """
+
+    beam: np.ndarray
+    range: np.ndarray
+    other: np.ndarray
+    intensity: np.ndarray
+    on_plate: np.ndarray
+
+
+class Scan(NamedTuple):
+    """A cloud in the LiDAR's frame.
+
+    Attributes:
+        points: (n, 3) [m] float32.
+        intensity: (n,) float32, 0 to 255.
+        beam: (n,) ids of beams, ring by ring.
+        on_plate: (n,) bool: the beam's centre line truly hits the plate.
+    """
+
+    points: np.ndarray
+    intensity: np.ndarray
+    beam: np.ndarray
+    on_plate: np.ndarray
+
+
+class Lidar:
+    """Scans a scene. What stands still is cast once and kept."""
+
+    def __init__(self, name: str, frame: str, model: LidarModel, noise: LidarNoise):
+        """Prepare the beams, and four lines around each to find edges."""
+        self.name, self.frame, self.model, self.noise = name, frame, model, noise
+        self._beams = np.stack(
+            [model.directions, *_around(model.directions, noise.mixed_within_rad)]
+        )
+        self._still: Optional[Tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = None
+
+    def ring(self, beam: np.ndarray) -> np.ndarray:
+        """Return the scan layer of beams, 0 the lowest."""
+        return (beam // self.model.azimuth_steps).astype(np.uint16)
+
+    def exact(self, scene: Scene) -> Returns:
+        """Return all beams that meet something within range."""
+        world_T_lidar = scene.pose(self.frame)
+        distance, reflectivity, on_plate = self._moving_over_still(scene, world_T_lidar)
+        centre, around = distance[0], distance[1:]
+        nearest, farthest = around.min(axis=0), around.max(axis=0)
+        away = np.where(centre - nearest > farthest - centre, nearest, farthest)
+        on_edge = (np.abs(away - centre) > _EDGE_M) & np.isfinite(away)
+        low, high = self.model.range_m
+        beam = np.flatnonzero((centre >= low) & (centre <= high))
+        return Returns(
+            beam, centre[beam], np.where(on_edge, away, centre)[beam],
+            reflectivity[beam], on_plate[beam],
+        )  # fmt: skip
+
+    def capture(self, scene: Scene, rng: Optional[np.random.Generator] = None) -> Scan:
+        """Return a scan; without rng, exact and complete."""
+        beam, distance, other, intensity, on_plate = self.exact(scene)
+        if rng is not None:
+            kept = rng.random(len(beam)) >= self.noise.dropout
+            beam, distance, other = beam[kept], distance[kept], other[kept]
+            intensity, on_plate = intensity[kept], on_plate[kept]
+            mixed = np.flatnonzero(other != distance)
+            share = rng.random(len(mixed))
+            distance[mixed] += share * (other[mixed] - distance[mixed])
+            distance += self.noise.sigma_m * rng.standard_normal(len(distance))
+        points = (self.model.directions[beam] * distance[:, None]).astype(np.float32)
+        return Scan(points, intensity, beam, on_plate)
+
+    def _moving_over_still(self, scene: Scene, world_T_lidar: np.ndarray):
+        """Return ranges (5, n) of beams and lines around, intensities (n,), on the plate (n,)."""
+        origin, rotation = world_T_lidar[:3, 3], world_T_lidar[:3, :3]
+        if self._still is None or not np.array_equal(self._still[0], world_T_lidar):
+            distance, reflected = self._cast(scene, slice(None), origin, rotation, still=True)[:2]
+            self._still = (world_T_lidar, distance, reflected, np.zeros(len(reflected), dtype=bool))
+        distance, reflected, on_plate = (array.copy() for array in self._still[1:])
+        near = self._near_moving(scene, origin, rotation)
+        new, new_reflected, plate = self._cast(scene, near, origin, rotation, still=False)
+        before = new < distance[:, near]
+        distance[:, near] = np.where(before, new, distance[:, near])
+        reflected[near] = np.where(before[0], new_reflected, reflected[near])
+        on_plate[near] = before[0] & plate
+        return distance, reflected, on_plate
+
+    def _near_moving(self, scene: Scene, origin: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+        """Return the beams (n,) that point to balls around the moving shapes."""
+        chosen = np.zeros(len(self.model.directions), dtype=bool)
+        for centre, radius in scene.moving_balls():
+            to_centre = (centre - origin) @ rotation
+            away = np.linalg.norm(to_centre)
+            if away <= radius:
+                return np.arange(len(chosen))
+            angle = np.arcsin(radius / away) + _SWEEP_MARGIN_RAD
+            chosen |= self.model.directions @ (to_centre / away) >= np.cos(angle)
+        return np.flatnonzero(chosen)
+
+    def _cast(self, scene: Scene, which, origin: np.ndarray, rotation: np.ndarray, still: bool):
+        lines = self._beams[:, which]
+        rays = lines.reshape(-1, 3) @ rotation.T
+        hits = scene.cast(origin, rays, still=still, moving=not still)
+        distance = hits.distance.reshape(lines.shape[:2])
+        count = lines.shape[1]
+        met, shape = np.isfinite(distance[0]), hits.shape[:count]
+        albedo = np.where(met, scene.albedo[shape], 0.0)
+        plate = met & (shape == scene.plate)
+        on_board = np.where(plate, distance[0], 0.0)[:, None] * rays[:count] + origin
+        albedo[plate] = scene.printed_albedo(on_board[plate])
+        cosine = np.abs(np.einsum("ni,ni->n", rays[:count], hits.normal[:count]))
+        intensity = np.where(met, np.rint(100.0 * albedo * (0.3 + 0.7 * cosine)), 0.0)
+        return distance, intensity.astype(np.float32), plate
+
+
+def _around(directions: np.ndarray, angle_rad: float):
+    """Yield the directions (n, 3) turned left, right, up and down by an angle."""
+    left = np.cross([0.0, 0.0, 1.0], directions)
+    left /= np.linalg.norm(left, axis=1)[:, None]
+    up = np.cross(directions, left)
+    for side in (left, -left, up, -up):
+        yield np.cos(angle_rad) * directions + np.sin(angle_rad) * side

@@ -1,0 +1,247 @@
+"""``sensors.yaml``: what a robot description cannot say of its sensors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Callable, Dict, List, Mapping, Tuple, Union
+
+import numpy as np
+import yaml
+
+from atom_core.geometry.camera import Camera
+from atom_core.model.config import PatternConfig
+from atom_core.model.sensor import DEPTH, LIDAR3D, RGB
+from atom_core.synthetic.rig import LidarModel
+from atom_examples.cell_simulator.depth import DepthNoise
+from atom_examples.cell_simulator.errors import SimulatorError
+from atom_examples.cell_simulator.lidar import LidarNoise
+
+ENCODINGS = ("16UC1", "32FC1")
+
+
+@dataclass(frozen=True)
+class SensorSettings:
+    """What all sensors have: name, frame of the data, topic, rate when live."""
+
+    name: str
+    frame: str
+    topic: str
+    rate_hz: float
+
+
+@dataclass(frozen=True)
+class ColourSettings(SensorSettings):
+    """A colour camera; ``noise_grey`` is the standard deviation of its grey levels."""
+
+    info_topic: str
+    camera: Camera
+    noise_grey: float
+
+
+@dataclass(frozen=True)
+class DepthSettings(SensorSettings):
+    """A depth camera."""
+
+    info_topic: str
+    camera: Camera
+    range_m: Tuple[float, float]
+    noise: DepthNoise
+
+
+@dataclass(frozen=True)
+class LidarSettings(SensorSettings):
+    """A spinning LiDAR."""
+
+    model: LidarModel
+    noise: LidarNoise
+
+
+AnySettings = Union[ColourSettings, DepthSettings, LidarSettings]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """All of the file.
+
+    Attributes:
+        sensors: the calibrated ones, by name, in order.
+        others: further ones.
+        board: the calibration pattern.
+    """
+
+    sensors: Mapping[str, AnySettings]
+    others: Mapping[str, AnySettings]
+    board: PatternConfig
+
+    @property
+    def all(self) -> List[AnySettings]:
+        """All sensors."""
+        return [*self.sensors.values(), *self.others.values()]
+
+
+def read_settings(path: Path) -> Settings:
+    """Read the file.
+
+    Raises:
+        SimulatorError: it is absent or malformed; names the sensor and the key.
+    """
+    try:
+        document = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SimulatorError(f"{path}: cannot be read ({error.strerror}); give a file") from None
+    except yaml.YAMLError as error:
+        raise SimulatorError(f"{path}: no YAML ({error}); mend it") from None
+    entry = _Entry(str(path), document)
+    return Settings(
+        sensors=_sensors(entry.part("sensors")),
+        others=_sensors(entry.part("other_sensors")) if "other_sensors" in document else {},
+        board=_pattern(entry.part("pattern")),
+    )
+
+
+class _Entry:
+    """A mapping of the file, with its place for error messages."""
+
+    def __init__(self, place: str, values: Any):
+        if not isinstance(values, dict):
+            raise SimulatorError(f"{place}: a mapping of keys to values is needed")
+        self.place, self.values = place, values
+
+    def get(self, key: str, kind: Callable[[Any], Any]) -> Any:
+        """Return a value made by ``kind``.
+
+        Raises:
+            SimulatorError: it is absent, or ``kind`` refuses it.
+        """
+        if key not in self.values:
+            raise SimulatorError(f"{self.place}: '{key}' is missing; add it")
+        try:
+            return kind(self.values[key])
+        except (TypeError, ValueError) as error:
+            raise SimulatorError(f"{self.place}: '{key}' is malformed ({error}); mend it") from None
+
+    def part(self, key: str) -> _Entry:
+        return _Entry(f"{self.place}: {key}", self.get(key, lambda value: value))
+
+
+def _sensors(entries: _Entry) -> Dict[str, AnySettings]:
+    readers = {RGB: _colour, DEPTH: _depth, LIDAR3D: _lidar}
+    sensors: Dict[str, AnySettings] = {}
+    for name in entries.values:
+        entry = entries.part(name)
+        modality = entry.get("modality", str)
+        if modality not in readers:
+            raise SimulatorError(
+                f"{entry.place}: modality '{modality}' is unknown; use {', '.join(readers)}"
+            )
+        common = {
+            "name": str(name),
+            "frame": entry.get("frame", str),
+            "topic": entry.get("topic", str),
+            "rate_hz": entry.get("rate_hz", _positive),
+        }
+        sensors[name] = readers[modality](entry, common)
+    return sensors
+
+
+def _colour(entry: _Entry, common: Dict[str, Any]) -> ColourSettings:
+    return ColourSettings(
+        **common,
+        info_topic=entry.get("camera_info_topic", str),
+        camera=_camera(entry),
+        noise_grey=entry.part("noise").get("sigma_grey", _not_negative),
+    )
+
+
+def _depth(entry: _Entry, common: Dict[str, Any]) -> DepthSettings:
+    noise = entry.part("noise")
+    return DepthSettings(
+        **common,
+        info_topic=entry.get("camera_info_topic", str),
+        camera=_camera(entry),
+        range_m=entry.get("range_m", _pair),
+        noise=DepthNoise(
+            sigma_m=noise.get("sigma_m", _not_negative),
+            sigma_per_square_m=noise.get("sigma_per_square_m", _not_negative),
+            sigma_from_m=noise.get("sigma_from_m", float),
+            dropout=noise.get("dropout", _share),
+            bleeding_px=noise.get("bleeding_px", int),
+        ),
+    )
+
+
+def _lidar(entry: _Entry, common: Dict[str, Any]) -> LidarSettings:
+    noise = entry.part("noise")
+    return LidarSettings(
+        **common,
+        model=LidarModel(
+            rings=entry.get("rings", _count),
+            elevation_deg=entry.get("elevation_deg", _pair),
+            azimuth_steps=entry.get("azimuth_steps", _count),
+            range_m=entry.get("range_m", _pair),
+        ),
+        noise=LidarNoise(
+            sigma_m=noise.get("sigma_m", _not_negative),
+            dropout=noise.get("dropout", _share),
+            mixed_within_rad=entry.get("beam_divergence_rad", _not_negative)
+            * noise.get("mixed_within_beams", _not_negative),
+        ),
+    )
+
+
+def _camera(entry: _Entry) -> Camera:
+    try:
+        return Camera(
+            width=entry.get("width", _count),
+            height=entry.get("height", _count),
+            K=entry.get("K", np.array),
+            D=entry.get("D", np.array),
+            model=entry.get("distortion_model", str),
+        )
+    except ValueError as error:
+        raise SimulatorError(f"{entry.place}: {error}") from None
+
+
+def _pattern(entry: _Entry) -> PatternConfig:
+    columns, rows = entry.get("corners", _pair)
+    return PatternConfig(
+        link=entry.get("frame", str),
+        parent_link=entry.get("parent_frame", str),
+        fixed=False,
+        pattern_type=entry.get("type", str),
+        dimension=(int(columns), int(rows)),
+        size=entry.get("square_m", _positive),
+        border_size=entry.get("border_m", _pair),
+        inner_size=entry.get("marker_m", _positive),
+        dictionary=entry.get("dictionary", str),
+    )
+
+
+def _positive(value: Any) -> float:
+    if not 0 < float(value) < float("inf"):
+        raise ValueError(f"{value} is not positive")
+    return float(value)
+
+
+def _not_negative(value: Any) -> float:
+    if not 0 <= float(value) < float("inf"):
+        raise ValueError(f"{value} is negative or no number")
+    return float(value)
+
+
+def _share(value: Any) -> float:
+    if not 0 <= float(value) < 1:
+        raise ValueError(f"{value} is not in [0, 1)")
+    return float(value)
+
+
+def _count(value: Any) -> int:
+    if int(value) != value or value < 1:
+        raise ValueError(f"{value} is no positive integer")
+    return int(value)
+
+
+def _pair(value: Any) -> Tuple[float, float]:
+    first, second = value
+    return float(first), float(second)

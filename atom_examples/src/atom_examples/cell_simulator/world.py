@@ -1,0 +1,189 @@
+"""The simulated cell of a seed: its true mounts, the scene, its sensors, its initial estimate."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Dict, List, Mapping, Optional
+
+import numpy as np
+import yaml
+
+from atom_core.geometry import se3
+from atom_core.io.paths import PackageResolver, package_folder
+from atom_core.io.urdf import Description, read_description
+from atom_core.model.pattern import pattern_from_config
+from atom_core.model.transforms import Edge
+from atom_core.synthetic.cell import cell_rig, initial_edges
+from atom_core.synthetic.rig import Rig
+from atom_examples.cell_simulator.camera import FINER, ColourCamera, pinhole_view
+from atom_examples.cell_simulator.depth import DepthCamera
+from atom_examples.cell_simulator.errors import SimulatorError
+from atom_examples.cell_simulator.lidar import Lidar
+from atom_examples.cell_simulator.scene import Board, Scene, View
+from atom_examples.cell_simulator.settings import (
+    ColourSettings,
+    DepthSettings,
+    LidarSettings,
+    Settings,
+    read_settings,
+)
+from atom_examples.cell_simulator.visuals import read_visuals
+
+PACKAGE = "collab_cell_description"
+EXACT, DISTURBED = "exact", "disturbed"
+_DISTURBANCES = {EXACT: (0.0, 0.0), DISTURBED: (0.1, 0.1)}  # m, rad on each free edge
+
+
+@dataclass(frozen=True)
+class Files:
+    """Where the cell is described."""
+
+    cell: Path
+    pattern: Path
+    sensors: Path
+    home: Path
+
+
+def cell_files(resolve_package: Optional[PackageResolver] = None) -> Files:
+    """Return the files of the package collab_cell_description."""
+    folder = package_folder(PACKAGE, resolve_package)
+    return Files(
+        folder / "urdf" / "collab_cell.urdf.xacro",
+        folder / "urdf" / "pattern.urdf.xacro",
+        folder / "config" / "sensors.yaml",
+        folder / "config" / "home.yaml",
+    )
+
+
+class World:
+    """The cell of a seed.
+
+    Attributes:
+        seed: from which everything was drawn.
+        settings: of the sensors.
+        rig: the true sensors, as ``atom_core.synthetic`` sees them.
+        home: positions of the manipulator's joints [rad].
+        scene: what there is to be seen.
+        colours, depths, lidars: the sensors by name.
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        files: Optional[Files] = None,
+        resolve_package: Optional[PackageResolver] = None,
+    ):
+        """Build the cell.
+
+        Raises:
+            AtomError: a description or a setting is malformed, a link or a mesh is absent.
+        """
+        self.seed, self._resolve = seed, resolve_package
+        self._files = files or cell_files(resolve_package)
+        self.settings = read_settings(self._files.sensors)
+        self.rig = _as_set(cell_rig(seed), self.settings)
+        self.home = _joint_positions(self._files.home)
+        truth = self.description(EXACT)
+        self._check_links(truth)
+        self.scene = self._scene(truth)
+        by_kind: Dict[type, List] = {}
+        for sensor in self.settings.all:
+            by_kind.setdefault(type(sensor), []).append(sensor)
+        self.colours = {
+            s.name: ColourCamera(s.name, s.camera, s.noise_grey) for s in by_kind[ColourSettings]
+        }
+        self.depths = {
+            s.name: DepthCamera(s.name, s.frame, s.camera, s.range_m, s.noise)
+            for s in by_kind[DepthSettings]
+        }
+        self.lidars = {
+            s.name: Lidar(s.name, s.frame, s.model, s.noise) for s in by_kind[LidarSettings]
+        }
+
+    def edges(self, estimate: str) -> Dict[Edge, np.ndarray]:
+        """Return the calibrated edges (4, 4): the true ones, or those of the disturbed start."""
+        return initial_edges(self.rig, self.seed, _DISTURBANCES[estimate])
+
+    def description(self, estimate: str) -> Description:
+        """Return the robot description with the true mounts or the disturbed ones."""
+        with tempfile.NamedTemporaryFile("w", suffix=".yaml", encoding="utf-8") as file:
+            yaml.safe_dump(self._mounts(self.edges(estimate)), file)
+            file.flush()
+            return read_description(self._files.cell, self._resolve, {"mounts": file.name})
+
+    def _mounts(self, edges: Mapping[Edge, np.ndarray]) -> Dict[str, Dict]:
+        return {
+            name: {
+                "parent": sensor.edge.parent,
+                "child": sensor.edge.child,
+                "xyz": [float(v) for v in edges[sensor.edge][:3, 3]],
+                "rpy": [float(v) for v in se3.rpy_from_rotation(edges[sensor.edge][:3, :3])],
+            }
+            for name, sensor in self.rig.sensors.items()
+        }
+
+    def _check_links(self, truth: Description) -> None:
+        for sensor in self.settings.all:
+            if sensor.frame not in truth.robot.links:
+                raise SimulatorError(
+                    f"{self._files.sensors}: sensor '{sensor.name}': the description has no link "
+                    f"'{sensor.frame}'; mend its 'frame' or add the link to {self._files.cell.name}"
+                )
+
+    def _scene(self, truth: Description) -> Scene:
+        settings = self.settings
+        stand = read_description(self._files.pattern, self._resolve)
+        board = Board(
+            pattern_from_config("pattern_1", settings.board),
+            settings.board,
+            stand.robot,
+            read_visuals(stand.urdf, self._resolve),
+        )
+        views = [
+            pinhole_view(s.name, s.frame, s.camera)
+            if isinstance(s, ColourSettings)
+            else View(s.name, s.frame, s.camera)
+            for s in settings.all
+            if not isinstance(s, LidarSettings)
+        ]
+        return Scene(
+            truth.robot,
+            read_visuals(truth.urdf, self._resolve),
+            self.home,
+            {sensor.edge.child for sensor in self.rig.sensors.values()},
+            board,
+            views,
+            self.rig.room,
+            FINER,
+        )
+
+
+def _as_set(rig: Rig, settings: Settings) -> Rig:
+    """Return the rig with the intrinsics, the beams and the topics of the settings."""
+    unknown = set(settings.sensors) ^ set(rig.sensors)
+    if unknown:
+        raise SimulatorError(
+            f"sensors.yaml and the cell do not have the same sensors: {', '.join(sorted(unknown))};"
+            f" put what is not to be calibrated under 'other_sensors'"
+        )
+    sensors, lidars = {}, {}
+    for name, sensor in rig.sensors.items():
+        entry = settings.sensors[name]
+        if isinstance(entry, LidarSettings):
+            lidars[name] = entry.model
+            sensors[name] = replace(sensor, frame=entry.frame, topic=entry.topic)
+        else:
+            sensors[name] = replace(
+                sensor, frame=entry.frame, topic=entry.topic, camera=entry.camera
+            )
+    return replace(rig, sensors=sensors, lidars=lidars)
+
+
+def _joint_positions(path: Path) -> Dict[str, float]:
+    try:
+        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+        return {str(name): float(value) for name, value in document.items()}
+    except (OSError, yaml.YAMLError, AttributeError, TypeError, ValueError) as error:
+        raise SimulatorError(f"{path}: no positions of joints ({error}); mend it") from None
