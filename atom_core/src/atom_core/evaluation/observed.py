@@ -11,7 +11,14 @@ from atom_core.errors import AtomError
 from atom_core.evaluation.board_pose import BoardPose, board_pose
 from atom_core.evaluation.borders import clipped_to_image, projected_border
 from atom_core.geometry.camera import Camera
-from atom_core.model.dataset import Dataset, DetectionKey, RangePoints, RgbLabel, range_points
+from atom_core.model.dataset import (
+    Dataset,
+    DetectionKey,
+    RangeLabel,
+    RangePoints,
+    RgbLabel,
+    range_points,
+)
 from atom_core.problem.measurements import CornerMeasurement
 
 Borders = Mapping[Tuple[str, str, str], np.ndarray]  # by collection, sensor, pattern
@@ -74,7 +81,9 @@ class Observed:
         Raises:
             NotMeasurableError: there are none.
         """
-        indices = np.unique(self._dataset.label(key).limit_indices)  # type: ignore[union-attr]
+        label = self._dataset.label(key)
+        assert isinstance(label, RangeLabel)
+        indices = np.unique(label.limit_indices)
         if len(indices) == 0:
             raise NotMeasurableError(f"'{key.sensor}' has no labelled limit pixels")
         row, column = np.divmod(indices, self.camera(key.sensor).width)
@@ -117,7 +126,7 @@ class Observed:
 
     def has_annotation(self, key: DetectionKey) -> bool:
         """Tell whether someone drew the border in this image."""
-        return tuple(key) in self._annotations
+        return key in self._annotations
 
     def border(self, key: DetectionKey) -> np.ndarray:
         """Return the board's border in an image, as segments (m, 2, 2) [px], m >= 1.
@@ -134,7 +143,7 @@ class Observed:
     def _find_border(self, key: DetectionKey) -> np.ndarray:
         camera = self.camera(key.sensor)
         if self.has_annotation(key):
-            return clipped_to_image(self._annotations[tuple(key)], camera)  # type: ignore[index]
+            return clipped_to_image(self._annotations[key], camera)
         pattern = self._dataset.patterns[key.pattern]
         return projected_border(camera, self.camera_T_pattern(key), pattern.border)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Dict, Iterable, List, Mapping, Optional, Tuple
 
 import numpy as np
@@ -61,7 +61,7 @@ class Joint:
     parent_link: str
     child_link: str
     parent_T_child_at_zero: np.ndarray
-    axis: np.ndarray = (1.0, 0.0, 0.0)  # type: ignore[assignment]  # an array after construction
+    axis: np.ndarray = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
     limits: Optional[JointLimits] = None
     mimic: Optional[JointMimic] = None
 
@@ -148,6 +148,7 @@ class RobotDescription:
     root_link: str
     links: Tuple[str, ...]
     joints: Mapping[str, Joint]
+    _joint_above: Mapping[str, Joint] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "links", tuple(self.links))
@@ -159,7 +160,7 @@ class RobotDescription:
 
     def joint_above(self, link: str) -> Optional[Joint]:
         """Return the joint whose child is the link; None for the root and for unknown links."""
-        return self._joint_above.get(link)  # type: ignore[attr-defined]
+        return self._joint_above.get(link)
 
     def joint_between(self, parent: str, child: str) -> Optional[Joint]:
         """Return the joint from link ``parent`` straight to link ``child``, or None."""
