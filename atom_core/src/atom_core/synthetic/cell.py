@@ -76,7 +76,7 @@ Accept = Callable[[np.ndarray, Sequence[str]], bool]
 
 
 def cell_structure() -> Dict[Edge, np.ndarray]:
-    """Return the gantry: world -> gantry -> leg -> beams (atom_reference 10.2, variant A)."""
+    """Return the gantry: world -> gantry -> leg -> beams."""
 
     def fixed(*xyz: float, rpy: Tuple[float, ...] = (0.0, 0.0, 0.0)) -> np.ndarray:
         return se3.from_rpy(np.array(xyz), np.array(rpy))
@@ -113,11 +113,11 @@ def cell_rig(seed: int) -> Rig:
             "rgb_3",
             RGB,
             BIG,
-            placed(2.502082, -0.041751, -0.096351, 0.001135, 0.526768, -1.568957),
+            placed(2.502082, -0.041751, -0.17, 0.001135, 0.526768, -1.568957),
             colour,
         ),
         camera_mount(
-            "depth_1", DEPTH, BIG, placed(2.8, 0, -0.09, 0, sixth, -np.pi / 2), kinect, -0.02
+            "depth_1", DEPTH, BIG, placed(2.8, 0, -0.17, 0, sixth, -np.pi / 2), kinect, -0.02
         ),
         lidar_mount(
             "lidar_1",
