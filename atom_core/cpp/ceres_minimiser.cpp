@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kLongestTurn = 0.5, kLongestMove = 0.5;  // rad, m; solvers/scipy_solver.py
 constexpr double kRounding = 1e-13;                       // relative to the cost
+constexpr double kSmallestUnit = 0.1;                     // for data without any noise
 constexpr int kRows = 7;
 
 using RowMatrix = Eigen::Matrix<double, kRows, 6, Eigen::RowMajor>;
@@ -121,7 +122,7 @@ class Judge : public ceres::IterationCallback {
       const double before = summary.cost + summary.cost_change;
       slow_ = summary.cost_change < options_.relative * before ? slow_ + 1 : 0;
     }
-    const double unit = std::max(1.0, 2.0 * summary.cost / std::max(rows_, 1.0));
+    const double unit = std::max(kSmallestUnit, 2.0 * summary.cost / std::max(rows_, 1.0));
     if (slow_ >= 2 || promised < options_.decrease * unit ||
         (!summary.step_is_successful && promised < kRounding * summary.cost)) {
       enough = true;

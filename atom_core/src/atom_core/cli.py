@@ -7,6 +7,7 @@ Exit codes: 0 done, 1 finished but not acceptable (results are written), 2 bad i
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from typing import Dict, List, Optional
 
@@ -17,6 +18,7 @@ from atom_core.errors import AtomError
 
 BAD_INPUT = 2
 INTERRUPTED = 130
+BROKEN_PIPE = 141
 
 _COMMANDS: Dict[str, Command] = {
     "check": check,
@@ -57,6 +59,9 @@ def main(argv: Optional[List[str]] = None) -> int:
     except AtomError as error:
         print(f"{args.command}: {error}", file=sys.stderr)
         return BAD_INPUT
+    except BrokenPipeError:  # the reader of a pipe has gone, e.g. `| head`
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (so that nothing is flushed at exit)
+        return BROKEN_PIPE
     except KeyboardInterrupt:
         print(f"{args.command}: interrupted, nothing more is written", file=sys.stderr)
         return INTERRUPTED

@@ -182,11 +182,6 @@ def free_edges(dataset: Dataset, options: CalibrationOptions) -> FreeEdges:
                 f"anchored sensor '{name}' is not among the sensors used: "
                 f"{', '.join(dataset.sensors)}"
             )
-    if configured and configured not in dataset.config.sensors:
-        raise CalibrationError(
-            f"anchored_sensor '{configured}' of the configuration is no sensor of it; correct "
-            f"the name or give -ias"
-        )
     additional = {
         name: Edge(entry.parent_link, entry.child_link)
         for name, entry in dataset.config.additional_tfs.items()
@@ -296,7 +291,8 @@ def settle_boards(
         solver = make_solver(replace(problem, parameters=problem.parameters.with_initial(replaced)))
         x = rough.x.copy()
         x.reshape(-1, 6)[list(replaced)] = 0.0
-        again = rough_minimum(solver, x, options)
+        left = replace(options, max_iterations=max(options.max_iterations - rough.iterations, 1))
+        again = rough_minimum(solver, x, left)
         rough = replace(again, iterations=rough.iterations + again.iterations)
     return solver, rough
 

@@ -42,10 +42,15 @@ def check_connected(dataset: Dataset, measurements: Sequence[Measurement], free:
     seen = {m.key.sensor for m in measurements}
     blind = [name for name in dataset.sensors if name not in seen]
     if blind:
-        raise CalibrationError(
-            f"sensor {_list(blind)} has no detection in any collection used; collect again, or "
-            f"leave it out with -ssf"
+        detected = {key.sensor for key, _ in dataset.detections()}
+        alone = [name for name in blind if name in detected]
+        what = (
+            f"sensor {_list(alone)} sees no board together with another sensor, so nothing ties "
+            f"it to the rig; collect boards that are seen by both"
+            if alone
+            else f"sensor {_list(blind)} has no detection in any collection used; collect again"
         )
+        raise CalibrationError(f"{what}, or leave it out with -ssf")
     if free.anchor_patterns:
         return
     groups = components(dataset, measurements)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 from pathlib import Path
-from typing import Any, Dict, List, Optional, Protocol
+from typing import Any, Dict, List, Optional, Protocol, Sequence
 
 from atom_core.errors import OutputError
 from atom_core.io.dataset_json import read_dataset
@@ -100,16 +100,17 @@ def selected_dataset(args: argparse.Namespace) -> Dataset:
     Raises:
         AtomError: the dataset is unusable, or a selection names nothing.
     """
-    return apply_selections(read_dataset(args.dataset), args)
+
+    def choose(keys: Sequence[str]) -> List[str]:
+        return select_names(keys, args.collection_selection_function, "collection")
+
+    return apply_selections(read_dataset(args.dataset, choose), args)
 
 
 def apply_selections(dataset: Dataset, args: argparse.Namespace) -> Dataset:
-    """Reduce a dataset to the selected sensors, collections and patterns."""
+    """Reduce a dataset to the selected sensors and patterns."""
     return dataset.selected(
         sensors=select_names(dataset.sensors, args.sensor_selection_function, "sensor"),
-        collections=select_names(
-            dataset.collections, args.collection_selection_function, "collection"
-        ),
         patterns=select_names(dataset.patterns, args.pattern_selection_function, "pattern"),
     )
 

@@ -1,6 +1,6 @@
 """ATOM's dataset format v3: JSON to model and back, losing nothing.
 
-The specification is section 3 of the format notes in docs/dataset_format.md. The reader keeps
+The specification is docs/dataset_format.md. The reader keeps
 the whole document; the writer lays the changed transforms over it, so that unknown keys, label
 order and every digit survive. What older or damaged writers left is tolerated as listed there.
 """
@@ -8,9 +8,10 @@ order and every digit survive. What older or damaged writers left is tolerated a
 from __future__ import annotations
 
 import json
+import os
 from copy import deepcopy
 from pathlib import Path
-from typing import Any, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -31,11 +32,17 @@ from atom_core.model.sensor import DEPTH, RGB, Sensor
 from atom_core.model.transforms import Edge
 
 CURRENT_VERSION = "3.0"
+Choose = Callable[[Sequence[str]], Sequence[str]]
 _MIGRATE = "python3 -m atom_core convert --from atom_v2 --to atom_v3 --dataset {} --output DIR"
 
 
-def read_dataset(path: Path) -> Dataset:
+def read_dataset(path: Path, choose: Optional[Choose] = None) -> Dataset:
     """Read a dataset's JSON; its data files are read later, when a label needs them.
+
+    Args:
+        path: the JSON.
+        choose: given the names of all collections, returns those to read; the others may then
+            be damaged. All if None.
 
     Raises:
         DatasetError: the file is absent, truncated, too old, or inconsistent.
@@ -43,7 +50,8 @@ def read_dataset(path: Path) -> Dataset:
     path = Path(path)
     document = read_document(path)
     check_version(document, path)
-    return dataset_from_document(document, path, FileDataSource(path.parent, document))
+    data = FileDataSource(path.parent, document)
+    return dataset_from_document(document, path, data, choose)
 
 
 def read_document(path: Path) -> Dict[str, Any]:
@@ -107,9 +115,18 @@ def check_version(document: Mapping[str, Any], path: Path) -> None:
 
 
 def dataset_from_document(
-    document: Mapping[str, Any], source: Path, data: Optional[DataSource] = None
+    document: Mapping[str, Any],
+    source: Path,
+    data: Optional[DataSource] = None,
+    choose: Optional[Choose] = None,
 ) -> Dataset:
     """Return the typed dataset of a JSON document.
+
+    Args:
+        document: as it was read.
+        source: its file, for messages.
+        data: access to clouds and images.
+        choose: see `read_dataset`.
 
     Raises:
         DatasetError: naming the file and the sensor, collection or pattern that is wrong.
@@ -118,7 +135,9 @@ def dataset_from_document(
     config = reader.config()
     sensors = reader.sensors(config)
     patterns = reader.patterns(config)
-    collections = {key: reader.collection(key, sensors, patterns) for key in sorted_keys(document)}
+    keys = sorted_keys(document)
+    chosen = keys if choose is None else choose(keys)
+    collections = {key: reader.collection(key, sensors, patterns) for key in chosen}
     return Dataset(
         source=Path(source),
         config=config,
@@ -340,8 +359,13 @@ def _indices(values: Any) -> np.ndarray:
 
 
 def document_of(dataset: Dataset) -> Dict[str, Any]:
-    """Return the JSON document of a dataset: what was read, with its transforms of now."""
+    """Return the JSON document of a dataset: what was read, with its transforms of now.
+
+    Collections that were left out stay out, as ATOM has it: their edges would be others.
+    """
     document = deepcopy(dict(dataset.document))
+    kept = document["collections"]
+    document["collections"] = {k: v for k, v in kept.items() if k in dataset.collections}
     for key, collection in dataset.collections.items():
         stored = document["collections"][key].setdefault("transforms", {})
         names = {Edge(value["parent"], value["child"]): name for name, value in stored.items()}
@@ -373,9 +397,19 @@ def dumps(document: Mapping[str, Any]) -> str:
 
 
 def write_dataset(dataset: Dataset, path: Path) -> None:
-    """Write a dataset's JSON (not its data files).
+    """Write a dataset's JSON (not its data files, which stay where they are).
+
+    In another folder than the one it was read from, it names its data files by their path from
+    there, so that it can be read again.
 
     Raises:
         OutputError: the file cannot be written; an older one is left as it was.
     """
-    write_text_atomically(Path(path), dumps(document_of(dataset)))
+    document = document_of(dataset)
+    here, home = Path(path).resolve().parent, dataset.source.resolve().parent
+    if here != home:
+        for collection in document["collections"].values():
+            for entry in (collection.get("data") or {}).values():
+                if isinstance(entry, dict) and (home / str(entry.get("data_file"))).is_file():
+                    entry["data_file"] = os.path.relpath(home / entry["data_file"], here)
+    write_text_atomically(Path(path), dumps(document))

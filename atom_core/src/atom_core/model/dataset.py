@@ -129,8 +129,6 @@ class Dataset:
         sensors, patterns, collections: by name, in the order of the configuration.
         edge_types: URDF joint type or ``multiple`` of edges; absent means fixed.
         data: access to clouds and depth images.
-        initial_boards: ``parent_T_pattern`` (4, 4) by (pattern, collection), as the collector
-            estimated them; only information, the calibration derives its own.
         document: the JSON document as it was read, so that nothing is lost on writing.
         warnings: what the reader had to tolerate.
     """

@@ -12,7 +12,7 @@ from atom_core.geometry.rectangle import Rectangle
 BoardKey = Tuple[str, Optional[str]]  # pattern, collection (None for a fixed pattern)
 
 CHARUCO, CHESSBOARD = "charuco", "chessboard"
-_BORDER_STEP_M = 0.02  # spacing of ATOM's border samples (atom_reference 3.5)
+_BORDER_STEP_M = 0.02  # spacing of ATOM's border samples
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def grid_corners(kind: str, columns: int, rows: int, square_m: float) -> np.ndar
     """Return corners (rows * columns, 2) [m] in the order of their ids.
 
     A chessboard has its origin at the first inner corner, a ChArUco at the outer corner of the
-    printed squares (atom_reference 3.5).
+    printed squares (docs/conventions.md).
     """
     column, row = np.meshgrid(np.arange(columns), np.arange(rows))
     grid = np.column_stack([column.ravel(), row.ravel()]).astype(float)

@@ -22,7 +22,7 @@ from atom_core.problem.measurements import CornerMeasurement, Measurement, Range
 
 _MIN_CORNERS = 6
 _JUDGE_M_PER_PX = 0.1 / 30.0  # how metres and pixels are weighed against each other
-GUESSED_M, SOLVED_M = 0.1, 0.02  # errors to expect while sensors are guesses, and after a solve
+GUESSED_M, SOLVED_M = 0.1, 0.05  # errors to expect while sensors are guesses, and after a solve
 _CANDIDATE_SENSORS = 8
 _GOOD_ENOUGH = 0.05  # mean misfit of a detection that needs no second look
 

@@ -30,7 +30,7 @@ class Tolerance(NamedTuple):
 # EXACT moves no parameter by more than 1e-5 of its standard deviation any more. ROUGH, by a
 # tenth, is enough while weights or boards are still to change; it does not follow a valley that
 # the data hardly see, which in a wrong basin may lead metres away.
-EXACT, ROUGH = Tolerance(1e-10, 0.0), Tolerance(1e-2, 1e-3)
+EXACT, ROUGH = Tolerance(1e-11, 0.0), Tolerance(1e-2, 1e-3)
 
 
 @dataclass(frozen=True)

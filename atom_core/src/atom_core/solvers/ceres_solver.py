@@ -63,7 +63,7 @@ class CeresSolver:
         """
         iterations, radius = 0, _FIRST_RADIUS
         while True:
-            left = max(max_iterations - iterations, 1)
+            left = max_iterations - iterations
             end = self._native.minimise(
                 x, list(sigmas), loss, left, tolerance.decrease, tolerance.relative, radius
             )

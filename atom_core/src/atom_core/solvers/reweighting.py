@@ -67,28 +67,31 @@ def solve(
     rough = rough or rough_minimum(solver, zero, options)
     if options.weights == ATOM:
         sigmas = atom_normalisers(guess or solver.problem, zero)
-        left = max(options.max_iterations - rough.iterations, 1)
+        left = options.max_iterations - rough.iterations
         end = solver.minimise(rough.x, sigmas, options.loss, left, EXACT)
         return _summary(solver.problem, options, end, sigmas, rough.iterations + end.iterations)
     return _reweighted(solver, options, rough)
 
 
 def _reweighted(solver: Solver, options: SolverOptions, rough: Minimum) -> SolverSummary:
-    x, iterations, tolerance = rough.x, rough.iterations, ROUGH
+    end, iterations, tolerance = rough, rough.iterations, ROUGH
     sigmas = _initial_sigmas(solver.problem)
     for _ in range(options.reweighting_rounds):
-        factors = _sigma_factors(solver, x, sigmas, options.loss)
+        if iterations >= options.max_iterations:
+            break
+        factors = _sigma_factors(solver, end.x, sigmas, options.loss)
         sigmas = tuple(s * f for s, f in zip(sigmas, factors))
         change = max(abs(f - 1.0) for f in factors)
         if change < _NEARLY_STILL:
             tolerance = EXACT
-        left = max(options.max_iterations - iterations, 1)
-        end = solver.minimise(x, sigmas, options.loss, left, tolerance)
-        x, iterations = end.x, iterations + end.iterations
-        if change < _STILL or iterations >= options.max_iterations:
+        left = options.max_iterations - iterations
+        end = solver.minimise(end.x, sigmas, options.loss, left, tolerance)
+        iterations += end.iterations
+        if change < _STILL:
             break
     if tolerance is not EXACT:
-        end = solver.minimise(x, sigmas, options.loss, 1, EXACT)
+        why = f"not done after {iterations} iterations, or the sigmas do not settle"
+        end = replace(end, converged=False, message=why)
     return _summary(solver.problem, options, end, sigmas, iterations)
 
 

@@ -19,7 +19,8 @@ from atom_core.solvers.base import EXACT, Minimum, Tolerance
 from atom_core.solvers.normal_equations import Layout, NormalEquations, normal_equations
 
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-12, 1e12
-ROUNDING = 1e-10  # relative to the cost; near it the cost cannot tell steps apart any more
+ROUNDING = 1e-13  # relative to the cost; near it the cost cannot tell steps apart any more
+_SMALLEST_UNIT = 0.1  # for data without any noise
 ENOUGH = "a further step would change nothing"
 # The linearisation holds no farther: without this limit a direction that the data hardly see
 # can be thrown metres away in the first steps, into another basin.
@@ -97,8 +98,8 @@ class ScipySolver:
 
 
 def unit_cost(problem: Problem, cost: float) -> float:
-    """Return the mean squared residual where it exceeds one: sigmas may be far off."""
-    return max(1.0, 2.0 * cost / max(problem.row_count, 1))
+    """Return the mean squared residual: what one squared sigma really is, if sigmas are off."""
+    return max(2.0 * cost / max(problem.row_count, 1), _SMALLEST_UNIT)
 
 
 def _within_reach(step: np.ndarray) -> bool:
