@@ -1,0 +1,109 @@
+"""``rosrun atom_examples cell_simulator``: the simulated cell into a bag, or live."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import List, Optional
+
+from atom_core.errors import AtomError, OutputError
+from atom_core.synthetic.cell import SCENARIOS
+
+PROGRAM = "cell_simulator"
+EXAMPLE = "rosrun atom_examples cell_simulator --bag train.bag --scenario train --seed 0"
+BAD_INPUT, INTERRUPTED = 2, 130
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    parser = argparse.ArgumentParser(
+        prog=PROGRAM,
+        description="Simulate the collaborative cell: images, depth images and clouds of a board.",
+        epilog=f"example: {EXAMPLE}",
+    )
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("--bag", type=Path, metavar="OUT.bag", help="record into a bag; no master")
+    what.add_argument("--live", action="store_true", help="publish, with /clock; needs a master")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of rig, boards and noise")
+    parser.add_argument("--scenario", choices=sorted(SCENARIOS), default="train")
+    parser.add_argument(
+        "--collections", type=int, metavar="N", help="stops of the board; default the scenario's"
+    )
+    _add(
+        parser, "initial_estimate", choices=("exact", "disturbed"), default="disturbed",
+        help="the mounts in /tf_static: the true ones, or each 0.1 m and 0.1 rad off",
+    )  # fmt: skip
+    _add(parser, "compressed", action="store_true", help="smaller bags: CompressedImage, LZ4")
+    _add(parser, "depth_encoding", choices=("16UC1", "32FC1"), default="16UC1",
+         help="depth in millimetres or in metres")  # fmt: skip
+    _add(parser, "no_noise", action="store_true", help="exact sensors")
+    _add(parser, "overwrite", action="store_true", help="replace an existing bag")
+    _add(parser, "rtf", type=float, default=1.0, metavar="F",
+         help="live: seconds simulated in a second, at most")  # fmt: skip
+    return parser
+
+
+def _add(parser: argparse.ArgumentParser, name: str, **settings) -> None:
+    """Add an option that is accepted with ``_`` and with ``-``."""
+    spellings = dict.fromkeys([f"--{name}", "--" + name.replace("_", "-")])
+    parser.add_argument(*spellings, dest=name, **settings)
+
+
+def main(argv: Optional[List[str]] = None) -> int:
+    """Run the simulator; return the exit code."""
+    args = build_parser().parse_args(argv)
+    try:
+        if args.live:
+            return _live(args)
+        return _bag(args)
+    except AtomError as error:
+        print(f"{PROGRAM}: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print(f"{PROGRAM}: interrupted, nothing is written", file=sys.stderr)
+        return INTERRUPTED
+
+
+def _bag(args: argparse.Namespace) -> int:
+    from atom_examples.cell_simulator.recorder import Recording, record
+    from atom_examples.cell_simulator.world import World
+
+    wanted = SCENARIOS[args.scenario].collections if args.collections is None else args.collections
+    if wanted < 1:
+        raise OutputError(f"--collections is {wanted}; give 1 or more")
+    if args.bag.is_dir() or not args.bag.name.endswith(".bag"):
+        raise OutputError(f"{args.bag}: no name of a bag; give one that ends with .bag")
+    if args.bag.exists() and not args.overwrite:
+        raise OutputError(f"{args.bag}: exists; choose another name or add --overwrite")
+    if not args.bag.parent.is_dir():
+        raise OutputError(f"{args.bag.parent}: no such folder; create it")
+    recording = Recording(
+        scenario=args.scenario,
+        collections=wanted,
+        initial_estimate=args.initial_estimate,
+        compressed=args.compressed,
+        depth_encoding=args.depth_encoding,
+        noise=not args.no_noise,
+    )
+    world = World(_checked_seed(args.seed))
+    try:
+        record(world, recording, args.bag)
+    finally:
+        world.scene.close()
+    print(f"{args.bag}: {wanted} stops, seed {args.seed}; truth beside it")
+    return 0
+
+
+def _live(args: argparse.Namespace) -> int:
+    if not args.rtf > 0:
+        raise OutputError(f"--rtf is {args.rtf}; give a number above 0")
+    from atom_examples.cell_simulator.node import run
+
+    return run(_checked_seed(args.seed), args.initial_estimate, args.depth_encoding, args.rtf)
+
+
+def _checked_seed(seed: int) -> int:
+    if seed < 0:
+        raise OutputError(f"--seed is {seed}; give 0 or more")
+    return seed

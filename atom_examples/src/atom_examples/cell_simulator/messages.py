@@ -1,0 +1,163 @@
+"""From arrays to ROS messages."""
+
+from __future__ import annotations
+
+from typing import Dict, Mapping, Tuple
+
+import cv2
+import numpy as np
+import rospy
+from geometry_msgs.msg import Pose, Transform, TransformStamped
+from sensor_msgs.msg import (
+    CameraInfo,
+    CompressedImage,
+    Image,
+    JointState,
+    PointCloud2,
+    PointField,
+)
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
+
+from atom_core.geometry import se3
+from atom_core.geometry.camera import Camera
+from atom_core.model.robot import FIXED, RobotDescription
+from atom_core.model.transforms import Edge
+from atom_examples.cell_simulator.depth import millimetres
+from atom_examples.cell_simulator.lidar import Scan
+
+_JPEG_QUALITY, _PNG_LEVEL = 95, 1
+# As velodyne_pointcloud lays them out. A scan is one instant here, so `time` is 0.
+_POINT = np.dtype(
+    {
+        "names": ["x", "y", "z", "intensity", "ring", "time"],
+        "formats": ["<f4", "<f4", "<f4", "<f4", "<u2", "<f4"],
+        "offsets": [0, 4, 8, 12, 16, 18],
+        "itemsize": 22,
+    }
+)
+_FIELDS = [
+    PointField(name, _POINT.fields[name][1], kind, 1)
+    for name, kind in zip(
+        _POINT.names,
+        [PointField.FLOAT32] * 4 + [PointField.UINT16, PointField.FLOAT32],
+    )
+]
+
+
+def header(frame: str, stamp: rospy.Time, seq: int = 0) -> Header:
+    """Return a header."""
+    return Header(seq=seq, stamp=stamp, frame_id=frame)
+
+
+def colour_image(picture: np.ndarray, head: Header) -> Image:
+    """Return a picture (height, width, 3), red green blue, as rgb8."""
+    return _image(picture, "rgb8", head)
+
+
+def depth_image(depth_m: np.ndarray, encoding: str, head: Header) -> Image:
+    """Return depths (height, width) [m] as 16UC1 (mm, 0 = none) or 32FC1 (m, NaN = none)."""
+    return _image(millimetres(depth_m) if encoding == "16UC1" else depth_m, encoding, head)
+
+
+def _image(array: np.ndarray, encoding: str, head: Header) -> Image:
+    height, width = array.shape[:2]
+    array = np.ascontiguousarray(array)
+    return Image(
+        header=head, height=height, width=width, encoding=encoding, is_bigendian=0,
+        step=array.strides[0], data=array.tobytes(),
+    )  # fmt: skip
+
+
+def jpeg_image(picture: np.ndarray, head: Header) -> CompressedImage:
+    """Return a picture, red green blue, as compressed_image_transport publishes it."""
+    blue_first = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
+    _, data = cv2.imencode(".jpg", blue_first, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+    return CompressedImage(head, "rgb8; jpeg compressed bgr8", data.tobytes())
+
+
+def png_depth_image(depth_m: np.ndarray, head: Header) -> CompressedImage:
+    """Return depths as a PNG of 16 bits [mm], without loss."""
+    options = [cv2.IMWRITE_PNG_COMPRESSION, _PNG_LEVEL]
+    _, data = cv2.imencode(".png", millimetres(depth_m), options)
+    return CompressedImage(head, "16UC1; png compressed ", data.tobytes())
+
+
+def camera_info(camera: Camera, head: Header) -> CameraInfo:
+    """Return the intrinsics of a camera whose images are not rectified."""
+    P = np.column_stack([camera.K, np.zeros(3)])
+    D = camera.D if camera.D.size else np.zeros(5)
+    model = "plumb_bob" if camera.model == "none" else camera.model
+    return CameraInfo(
+        header=head, height=camera.height, width=camera.width, distortion_model=model,
+        D=D.tolist(), K=camera.K.ravel().tolist(), R=np.eye(3).ravel().tolist(),
+        P=P.ravel().tolist(),
+    )  # fmt: skip
+
+
+def point_cloud(scan: Scan, ring: np.ndarray, head: Header) -> PointCloud2:
+    """Return a scan as an unordered cloud of its returns."""
+    points = np.zeros(len(scan.beam), dtype=_POINT)
+    for axis, name in enumerate("xyz"):
+        points[name] = scan.points[:, axis]
+    points["intensity"], points["ring"] = scan.intensity, ring
+    return PointCloud2(
+        header=head, height=1, width=len(points), fields=_FIELDS, is_bigendian=False,
+        point_step=_POINT.itemsize, row_step=_POINT.itemsize * len(points),
+        data=points.tobytes(), is_dense=True,
+    )  # fmt: skip
+
+
+def transforms(edges: Mapping[Edge, np.ndarray], stamp: rospy.Time) -> TFMessage:
+    """Return edges of the tree."""
+    return TFMessage(
+        [
+            TransformStamped(header(edge.parent, stamp), edge.child, _transform(matrix))
+            for edge, matrix in edges.items()
+        ]
+    )
+
+
+def split_edges(
+    robot: RobotDescription, positions: Mapping[str, float]
+) -> Tuple[Dict[Edge, np.ndarray], Dict[Edge, np.ndarray]]:
+    """Return the fixed edges of a robot, for /tf_static, and the moving ones, for /tf."""
+    edges = robot.transforms(positions)
+    fixed = {joint.edge for joint in robot.joints.values() if joint.type == FIXED}
+    return (
+        {edge: matrix for edge, matrix in edges.items() if edge in fixed},
+        {edge: matrix for edge, matrix in edges.items() if edge not in fixed},
+    )
+
+
+def joint_state(positions: Mapping[str, float], stamp: rospy.Time, seq: int = 0) -> JointState:
+    """Return joints at rest."""
+    return JointState(
+        header=header("", stamp, seq), name=list(positions), position=list(positions.values()),
+        velocity=[0.0] * len(positions), effort=[],
+    )  # fmt: skip
+
+
+def pose(world_T_thing: np.ndarray) -> Pose:
+    """Return a pose message."""
+    message = Pose()
+    _fill(message.position, message.orientation, world_T_thing)
+    return message
+
+
+def matrix_of(message: Pose) -> np.ndarray:
+    """Return the (4, 4) of a pose message."""
+    p, q = message.position, message.orientation
+    return se3.from_quaternion(np.array([p.x, p.y, p.z]), np.array([q.x, q.y, q.z, q.w]))
+
+
+def _transform(matrix: np.ndarray) -> Transform:
+    message = Transform()
+    _fill(message.translation, message.rotation, matrix)
+    return message
+
+
+def _fill(position, orientation, matrix: np.ndarray) -> None:
+    position.x, position.y, position.z = (float(v) for v in matrix[:3, 3])
+    x, y, z, w = (float(v) for v in se3.quaternion_from_rotation(matrix[:3, :3]))
+    orientation.x, orientation.y, orientation.z, orientation.w = x, y, z, w

@@ -1,0 +1,205 @@
+"""The simulated cell into a bag, without a master."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Dict, Iterator, Optional
+
+import numpy as np
+import rosbag
+import rospy
+from tqdm import tqdm
+
+from atom_core.synthetic.cell import SCENARIOS
+from atom_examples.cell_simulator import messages
+from atom_examples.cell_simulator.errors import SimulatorError
+from atom_examples.cell_simulator.planner import plan_stops
+from atom_examples.cell_simulator.settings import AnySettings, ColourSettings, DepthSettings
+from atom_examples.cell_simulator.trajectory import TICK_S, State, Trajectory
+from atom_examples.cell_simulator.truth import Labels, write_recording_truth
+from atom_examples.cell_simulator.world import DISTURBED, World
+
+START_S = 1000.0
+_NOISE = 3  # stream of random numbers of one seed and scenario
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What to record.
+
+    Attributes:
+        scenario: "train" or "test".
+        collections: number of stops.
+        initial_estimate: "exact" or "disturbed", the mounts in /tf_static.
+        compressed: images as CompressedImage, the bag's chunks by LZ4.
+        depth_encoding: 16UC1 or 32FC1.
+        noise: False for exact sensors.
+        stop_s: how long the board stands still.
+        image_hz, cloud_hz: rates while it stands; clouds and depth images go together.
+        moving_image_hz, moving_cloud_hz: rates while it moves.
+    """
+
+    scenario: str = "train"
+    collections: int = 23
+    initial_estimate: str = DISTURBED
+    compressed: bool = False
+    depth_encoding: str = "16UC1"
+    noise: bool = True
+    stop_s: float = 1.5
+    image_hz: float = 2.0
+    cloud_hz: float = 5.0
+    moving_image_hz: float = 1.0
+    moving_cloud_hz: float = 10.0
+
+
+def record(world: World, recording: Recording, path: Path, progress: bool = True) -> None:
+    """Write a bag, its truth (``.truth.json``) and the truth of its labels (``.labels.npz``).
+
+    All of them or none: a bag that cannot be finished is removed.
+
+    Raises:
+        SimulatorError: no board poses fit, or the file cannot be written.
+    """
+    stops = plan_stops(world, recording.scenario, recording.collections)
+    trajectory = Trajectory(stops, recording.stop_s, world.scene.board.pattern)
+    partial = path.with_name(path.name + ".active")
+    companions = [path.with_suffix(".labels.npz"), path.with_suffix(".truth.json")]
+    try:
+        with _open(partial, recording) as bag:
+            labels = Labels(world)
+            writer = _Writer(world, recording, bag, labels)
+            ticks = range(trajectory.ticks)
+            for tick in tqdm(ticks, desc=path.name, unit="tick", disable=not progress):
+                writer.write_tick(tick, trajectory.state(tick))
+        labels.write(companions[0])
+        write_recording_truth(
+            companions[1], world, [s.world_T_pattern for s in stops],
+            {f"{n:03d}": _interval(trajectory, n) for n in range(len(stops))},
+            {"seed": world.seed, **asdict(recording)},
+        )  # fmt: skip
+        os.replace(partial, path)
+    except BaseException as error:
+        for file in (partial, *companions):
+            with suppress(OSError):
+                file.unlink()
+        if isinstance(error, OSError):
+            raise SimulatorError(
+                f"{path}: the bag cannot be written ({error.strerror or error}); what was there of "
+                f"it is removed. Make room, or record fewer collections or with --compressed"
+            ) from None
+        raise
+
+
+def _open(path: Path, recording: Recording) -> _Bag:
+    compression = rosbag.Compression.LZ4 if recording.compressed else rosbag.Compression.NONE
+    return _Bag(str(path), "w", compression=compression)
+
+
+class _Bag(rosbag.Bag):
+    """A bag that does not try to finish its file when writing has failed."""
+
+    def __exit__(self, kind, value, trace):
+        if kind is None:
+            self.close()
+        else:
+            with suppress(Exception):  # the file may be full; it is removed anyway
+                self._file.close()
+
+
+def stamp_of(tick: int) -> rospy.Time:
+    """Return the time of a tick, to the nanosecond."""
+    return rospy.Time(0, int(START_S * 1e9) + tick * int(round(TICK_S * 1e9)))
+
+
+def _interval(trajectory: Trajectory, stop: int) -> Dict[str, float]:
+    first, after = trajectory.interval(stop)
+    return {"start_s": stamp_of(first).to_sec(), "end_s": stamp_of(after).to_sec()}
+
+
+class _Writer:
+    """Writes what the sensors see, tick by tick."""
+
+    def __init__(self, world: World, recording: Recording, bag: rosbag.Bag, labels: Labels):
+        self.world, self.recording, self.bag, self.labels = world, recording, bag, labels
+        robot = world.description(recording.initial_estimate).robot
+        self._still, self._joints = messages.split_edges(robot, world.home)
+        self._seq: Dict[str, int] = {}
+        self._stream = SCENARIOS[recording.scenario].stream
+
+    def write_tick(self, tick: int, state: State) -> None:
+        """Write all messages of a tick."""
+        world, stamp = self.world, stamp_of(tick)
+        if tick == 0:
+            self._write_latched("/tf_static", messages.transforms(self._still, stamp), stamp)
+        self.bag.write("/tf", messages.transforms(self._joints, stamp), stamp)
+        joints = messages.joint_state(world.home, stamp, self._next_seq("/joint_states"))
+        self.bag.write("/joint_states", joints, stamp)
+        due = list(self._due(tick, state))
+        if due:
+            world.scene.place_board(state.world_T_pattern)
+            world.scene.place_person(state.person)
+        for number, sensor in due:
+            self._write_sensor(sensor, state, stamp, self._rng(number, tick))
+        if state.stop is not None and state.tick_of_stop == 0:
+            self.labels.add_stop(state.stop)
+
+    def _due(self, tick: int, state: State) -> Iterator:
+        wanted, still = self.recording, state.stop is not None
+        for number, sensor in enumerate(self.world.settings.all):
+            if isinstance(sensor, ColourSettings):
+                rate = wanted.image_hz if still else wanted.moving_image_hz
+            else:
+                rate = wanted.cloud_hz if still else wanted.moving_cloud_hz
+            period = max(int(round(1.0 / (rate * TICK_S))), 1)
+            if (state.tick_of_stop if still else tick) % period == 0:
+                yield number, sensor
+
+    def _rng(self, sensor: int, tick: int) -> Optional[np.random.Generator]:
+        if not self.recording.noise:
+            return None
+        return np.random.default_rng([self.world.seed, self._stream, _NOISE, sensor, tick])
+
+    def _write_sensor(self, sensor: AnySettings, state: State, stamp: rospy.Time, rng) -> None:
+        scene, world = self.world.scene, self.world
+        head = messages.header(sensor.frame, stamp, self._next_seq(sensor.topic))
+        topic, packed = sensor.topic, self.recording.compressed
+        message: Any
+        if isinstance(sensor, ColourSettings):
+            picture = world.colours[sensor.name].capture(scene, rng)
+            pack = messages.jpeg_image if packed else messages.colour_image
+            message, topic = pack(picture, head), topic + "/compressed" * packed
+        elif isinstance(sensor, DepthSettings):
+            depth_m = world.depths[sensor.name].capture(scene, rng)
+            packed = packed and self.recording.depth_encoding == "16UC1"
+            topic += "/compressed" * packed
+            if packed:
+                message = messages.png_depth_image(depth_m, head)
+            else:
+                message = messages.depth_image(depth_m, self.recording.depth_encoding, head)
+        else:
+            lidar = world.lidars[sensor.name]
+            scan = lidar.capture(scene, rng)
+            message = messages.point_cloud(scan, lidar.ring(scan.beam), head)
+            if state.stop is not None:
+                self.labels.add_scan(state.stop, sensor.name, stamp.to_sec(), scan)
+        self.bag.write(topic, message, stamp)
+        if isinstance(sensor, (ColourSettings, DepthSettings)):
+            self.bag.write(sensor.info_topic, messages.camera_info(sensor.camera, head), stamp)
+
+    def _write_latched(self, topic: str, message: Any, stamp: rospy.Time) -> None:
+        connection = {
+            "topic": topic,
+            "type": message._type,
+            "md5sum": message._md5sum,
+            "message_definition": message._full_text,
+            "callerid": "/cell_simulator",
+            "latching": "1",
+        }
+        self.bag.write(topic, message, stamp, connection_header=connection)
+
+    def _next_seq(self, topic: str) -> int:
+        self._seq[topic] = self._seq.get(topic, -1) + 1
+        return self._seq[topic]
