@@ -27,6 +27,10 @@ class SelectionError(AtomError):
     """A selection of sensors, collections or patterns names nothing or is malformed."""
 
 
+class LabelingError(AtomError):
+    """Data of a sensor cannot be labelled: their type, size or unit is not what was configured."""
+
+
 class CalibrationError(AtomError):
     """The calibration problem cannot be posed: nothing to solve, or parts not connected."""
 

@@ -1,0 +1,89 @@
+"""What every labeler takes and returns, and which one belongs to a modality."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass, field
+from typing import Any, Callable, Dict, Mapping, Optional, Protocol, Tuple
+
+import numpy as np
+
+from atom_core.errors import ConfigError
+from atom_core.model.config import PatternConfig
+from atom_core.model.dataset import Label, RangeLabel, RgbLabel
+from atom_core.model.pattern import Pattern
+from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
+
+
+@dataclass(frozen=True)
+class Labeled:
+    """What a labeler found.
+
+    Attributes:
+        label: of the board; empty when it was not detected.
+        reason: why it was not detected, one sentence for the user; empty when it was.
+        quality: figures by name, the unit in the name (``plane_rms_m``); also of rejected boards.
+        item_quality: (n,) for each corner or index of the label, 0 worthless to 1 faultless; None
+            where the modality knows none.
+        next_seed: where to look for the board in the next data: (2,) pixel of a depth image,
+            (3,) point [m] of a cloud; None where the modality needs none or nothing was found.
+        warnings: what the user should know though a label was found.
+    """
+
+    label: Label
+    reason: str = ""
+    quality: Mapping[str, float] = field(default_factory=dict)
+    item_quality: Optional[np.ndarray] = None
+    next_seed: Optional[np.ndarray] = None
+    warnings: Tuple[str, ...] = ()
+
+    @property
+    def detected(self) -> bool:
+        """Tell whether the board was found."""
+        return self.label.detected
+
+
+def nothing(modality: str, reason: str, quality: Optional[Mapping[str, float]] = None) -> Labeled:
+    """Return the result of a labeler that did not find the board."""
+    none = np.zeros(0, dtype=int)
+    label = RgbLabel(none, np.zeros((0, 2))) if modality == RGB else RangeLabel(none, none)
+    return Labeled(label, reason=reason, quality=quality or {})
+
+
+class Labeler(Protocol):
+    """Finds one pattern in the data of one sensor. It keeps no state between calls."""
+
+    def label(self, data: Any, seed: Optional[np.ndarray] = None) -> Labeled:
+        """Label one image or cloud.
+
+        Args:
+            data: the image (height, width[, 3]) uint8, the depth image (height, width) [m], or
+                the cloud, as the modality's module describes it.
+            seed: where the board is, as ``Labeled.next_seed``; None: search for it.
+        """
+
+
+MakeLabeler = Callable[[Sensor, Pattern, PatternConfig], Labeler]
+
+# Where the labeler of a modality lives; a new modality is one line. Imported when first used.
+_LABELERS: Dict[str, Tuple[str, str]] = {
+    RGB: ("atom_core.labeling.rgb", "RgbLabeler"),
+    DEPTH: ("atom_core.labeling.depth", "DepthLabeler"),
+    LIDAR3D: ("atom_core.labeling.lidar3d", "Lidar3dLabeler"),
+}
+
+
+def labeler_for(sensor: Sensor, pattern: Pattern, config: PatternConfig) -> Labeler:
+    """Return the labeler of a sensor for a pattern.
+
+    Raises:
+        ConfigError: there is none for the sensor's modality.
+    """
+    if sensor.modality not in _LABELERS:
+        raise ConfigError(
+            f"sensor '{sensor.name}': there is no labeler for modality {sensor.modality}; "
+            f"use {', '.join(_LABELERS)}, or leave the sensor out"
+        )
+    module, name = _LABELERS[sensor.modality]
+    make: MakeLabeler = getattr(importlib.import_module(module), name)
+    return make(sensor, pattern, config)
