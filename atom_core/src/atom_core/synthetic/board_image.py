@@ -8,6 +8,7 @@ from typing import List, Optional, Tuple
 import cv2
 import numpy as np
 
+from atom_core.aruco import charuco_print
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.model.config import PatternConfig
@@ -119,7 +120,7 @@ def printed(
         return _chessboard(squares, pixels_per_square)
     assert config.inner_size is not None and config.dictionary is not None
     marker_share = config.inner_size / pattern.square_m
-    return _charuco(squares, marker_share, config.dictionary, pixels_per_square)
+    return charuco_print(squares, marker_share, config.dictionary, pixels_per_square)
 
 
 @lru_cache(maxsize=8)
@@ -127,18 +128,3 @@ def _chessboard(squares: Tuple[int, int], pixels_per_square: int) -> np.ndarray:
     row, column = np.mgrid[0 : squares[1], 0 : squares[0]]
     fields = np.where((row + column) % 2 == 0, 0, WHITE).astype(np.uint8)
     return np.kron(fields, np.ones((pixels_per_square, pixels_per_square), dtype=np.uint8))
-
-
-@lru_cache(maxsize=8)
-def _charuco(
-    squares: Tuple[int, int], marker_share: float, dictionary: str, pixels_per_square: int
-) -> np.ndarray:
-    """Return the print of a ChArUco; OpenCV renamed everything at 4.7."""
-    aruco = cv2.aruco
-    size = (squares[0] * pixels_per_square, squares[1] * pixels_per_square)
-    number = getattr(aruco, dictionary)
-    if hasattr(aruco, "CharucoBoard_create"):
-        markers = aruco.Dictionary_get(number)
-        return aruco.CharucoBoard_create(*squares, 1.0, marker_share, markers).draw(size)
-    markers = aruco.getPredefinedDictionary(number)
-    return aruco.CharucoBoard(squares, 1.0, marker_share, markers).generateImage(size)

@@ -1,0 +1,103 @@
+"""OpenCV's markers and ChArUco prints: the only place that calls ``cv2.aruco``.
+
+OpenCV renamed everything at 4.7. Only detecting and drawing of markers is left to it; where the
+corners of a ChArUco lie between its markers does not depend on OpenCV's version here.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, Tuple
+
+import cv2
+import numpy as np
+
+_WHITE = 255
+
+
+def detect_markers(grey: np.ndarray, dictionary: str) -> Tuple[np.ndarray, np.ndarray]:
+    """Find the markers of a dictionary.
+
+    Args:
+        grey: (height, width) uint8.
+        dictionary: its name, ``DICT_5X5_100``.
+
+    Returns:
+        ids (n,) and corners (n, 4, 2) [px], clockwise from the marker's top left. They are those
+        of the outline, neither refined nor exact to better than about half a pixel.
+    """
+    aruco = cv2.aruco
+    if hasattr(aruco, "ArucoDetector"):
+        corners, ids, _ = _detector(dictionary).detectMarkers(grey)
+    else:
+        parameters = aruco.DetectorParameters_create()
+        corners, ids, _ = aruco.detectMarkers(grey, _markers(dictionary), parameters=parameters)
+    if ids is None or len(ids) == 0:
+        return np.zeros(0, dtype=int), np.zeros((0, 4, 2))
+    return np.asarray(ids).ravel().astype(int), np.array(corners, dtype=float).reshape(-1, 4, 2)
+
+
+@lru_cache(maxsize=8)
+def charuco_print(
+    squares: Tuple[int, int],
+    marker_share: float,
+    dictionary: str,
+    pixels_per_square: int,
+    legacy: bool = False,
+) -> np.ndarray:
+    """Return the print of a ChArUco (height, width), grey values.
+
+    Args:
+        squares: columns and rows of squares.
+        marker_share: side of a marker over the side of a square.
+        dictionary: its name.
+        pixels_per_square: of the print.
+        legacy: the layout before OpenCV 4.6, see `marker_squares`.
+    """
+    white = marker_squares(*squares, legacy)
+    fields = np.zeros((squares[1], squares[0]), dtype=np.uint8)
+    fields[white[:, 1], white[:, 0]] = _WHITE
+    picture = np.kron(fields, np.ones((pixels_per_square, pixels_per_square), dtype=np.uint8))
+    side = int(round(marker_share * pixels_per_square))
+    start = (pixels_per_square - side) // 2
+    for number, (column, row) in enumerate(white):
+        top, left = row * pixels_per_square + start, column * pixels_per_square + start
+        picture[top : top + side, left : left + side] = _marker(dictionary, number, side)
+    picture.setflags(write=False)
+    return picture
+
+
+def marker_squares(columns: int, rows: int, legacy: bool) -> np.ndarray:
+    """Return the square (column, row), from the top left, of each marker of a ChArUco (n, 2).
+
+    The markers fill the white squares row by row. The top left square is black, but where an even
+    number of rows was laid out by OpenCV before 4.6, which counted from below ("legacy").
+
+    Args:
+        columns, rows: numbers of squares.
+        legacy: whether in the layout before 4.6.
+    """
+    row, column = np.mgrid[0:rows, 0:columns]
+    white = (row + column) % 2 == (0 if legacy and rows % 2 == 0 else 1)
+    return np.column_stack([column[white], row[white]])
+
+
+def _marker(dictionary: str, number: int, side_px: int) -> np.ndarray:
+    aruco, markers = cv2.aruco, _markers(dictionary)
+    if hasattr(aruco, "drawMarker"):
+        return aruco.drawMarker(markers, number, side_px)
+    return aruco.generateImageMarker(markers, number, side_px)
+
+
+@lru_cache(maxsize=8)
+def _markers(dictionary: str) -> Any:
+    aruco = cv2.aruco
+    number = getattr(aruco, dictionary)
+    if hasattr(aruco, "Dictionary_get"):
+        return aruco.Dictionary_get(number)
+    return aruco.getPredefinedDictionary(number)
+
+
+@lru_cache(maxsize=8)
+def _detector(dictionary: str) -> Any:
+    return cv2.aruco.ArucoDetector(_markers(dictionary), cv2.aruco.DetectorParameters())
