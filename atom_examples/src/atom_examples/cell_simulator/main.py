@@ -52,7 +52,9 @@ def _add(parser: argparse.ArgumentParser, name: str, **settings) -> None:
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the simulator; return the exit code."""
-    args = build_parser().parse_args(argv)
+    words = sys.argv[1:] if argv is None else argv
+    # roslaunch adds the node's name and log file as __name:=... and __log:=...
+    args = build_parser().parse_args([word for word in words if ":=" not in word])
     try:
         if args.live:
             return _live(args)
