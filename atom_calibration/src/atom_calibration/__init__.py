@@ -1,0 +1,4 @@
+"""The ROS side of the calibration: messages, bags and nodes around ``atom_core``.
+
+``conversions`` is the only module that knows both messages and the core's types.
+"""

@@ -1,0 +1,19 @@
+"""Errors of the ROS side; like those of the core, each is one line with its remedy."""
+
+from atom_core.errors import AtomError
+
+
+class MessageError(AtomError):
+    """A message cannot be used: empty, cut off, or in a form that is not known."""
+
+
+class BagError(AtomError):
+    """A bag cannot be read, or lacks what was asked of it."""
+
+
+class TransformError(AtomError):
+    """A transform is not known: no such frame, nothing connects them, or no tf at that time."""
+
+
+class CollectionError(AtomError):
+    """No collection can be taken, or not as asked."""

@@ -1,0 +1,180 @@
+"""Messages and the core's types say the same."""
+
+import struct
+
+import cv2
+import numpy as np
+import pytest
+from sensor_msgs import point_cloud2
+from sensor_msgs.msg import CompressedImage, LaserScan
+
+from atom_calibration import conversions
+from atom_calibration.bag_reader import BagReader
+from atom_calibration.errors import MessageError
+from atom_core.model.transforms import Edge
+
+RNG = np.random.default_rng(0)
+PICTURE = RNG.integers(0, 256, (6, 9, 3), dtype=np.uint8)
+
+
+@pytest.mark.parametrize(
+    "encoding, shown",
+    [("bgr8", PICTURE), ("rgb8", PICTURE[..., ::-1]), ("bgra8", np.dstack([PICTURE, PICTURE[..., :1]]))],
+)  # fmt: skip
+@pytest.mark.parametrize("padding", [0, 5])
+def test_colours_arrive_in_the_order_blue_green_red(make, encoding, shown, padding):
+    message = make.image(np.ascontiguousarray(shown), encoding, padding=padding)
+    np.testing.assert_array_equal(conversions.colour_image(message), PICTURE)
+
+
+def test_grey_images_of_8_and_16_bits_become_three_equal_channels(make):
+    grey = PICTURE[..., 0].copy()
+    for message in (make.image(grey, "mono8"), make.image(grey.astype("<u2") << 8, "mono16")):
+        np.testing.assert_array_equal(conversions.colour_image(message), np.dstack([grey] * 3))
+
+
+def test_a_bayer_image_keeps_its_colours(make):
+    mosaic = np.zeros((8, 8), np.uint8)
+    mosaic[0::2, 0::2] = 200  # red where rggb has it
+    colour = conversions.colour_image(make.image(mosaic, "bayer_rggb8"))[4, 4]
+    assert colour[2] > colour[0] and colour[2] > colour[1]
+
+
+def test_a_compressed_picture_is_decoded_in_the_right_order():
+    _, data = cv2.imencode(".png", PICTURE)
+    message = CompressedImage(format="rgb8; png compressed bgr8", data=data.tobytes())
+    np.testing.assert_array_equal(conversions.colour_image(message), PICTURE)
+
+
+@pytest.mark.parametrize("kind, big", [("<u2", False), (">u2", True)])
+def test_whole_depths_are_millimetres_and_zero_is_none(make, kind, big):
+    message = make.image(np.array([[0, 1500, 65535]], kind), "16UC1", big=big)
+    np.testing.assert_allclose(conversions.depth_image(message), [[np.nan, 1.5, 65.535]], rtol=1e-6)
+
+
+def test_other_depths_are_metres_and_what_is_no_depth_becomes_nan(make):
+    stored = np.array([[np.nan, np.inf, -1.0, 0.0, 2.5]], "<f4")
+    depth = conversions.depth_image(make.image(stored, "32FC1"))
+    np.testing.assert_array_equal(depth, np.array([[np.nan] * 4 + [2.5]], np.float32))
+
+
+def test_depths_packed_by_either_transport_are_the_same():
+    stored = np.array([[0, 1234], [999, 4000]], np.uint16)
+    _, data = cv2.imencode(".png", stored)
+    plain = CompressedImage(format="16UC1; png compressed ", data=data.tobytes())
+    header = struct.pack("<iff", 0, 0.0, 0.0)
+    packed = CompressedImage(format="16UC1; compressedDepth png", data=header + data.tobytes())
+    expected = np.where(stored > 0, stored * np.float32(0.001), np.nan)
+    for message in (plain, packed):
+        np.testing.assert_allclose(conversions.depth_image(message), expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("convert", [conversions.colour_image, conversions.depth_image])
+def test_empty_and_cut_off_images_are_refused(make, convert):
+    encoding = "bgr8" if convert is conversions.colour_image else "16UC1"
+    whole = make.image(PICTURE if encoding == "bgr8" else PICTURE[..., 0].astype("<u2"), encoding)
+    whole.data, data = b"", whole.data
+    with pytest.raises(MessageError, match="empty"):
+        convert(whole)
+    whole.data = data[:-4]
+    with pytest.raises(MessageError, match="cut off"):
+        convert(whole)
+    with pytest.raises(MessageError, match="cannot be decoded"):
+        convert(CompressedImage(format="jpeg", data=b"\xff\xd8\xff broken"))
+
+
+def test_images_of_the_wrong_kind_are_refused_by_name(make):
+    with pytest.raises(MessageError, match="bgr8.*no depth"):
+        conversions.depth_image(make.image(PICTURE, "bgr8"))
+    with pytest.raises(MessageError, match="32FC1.*no colour"):
+        conversions.colour_image(make.image(PICTURE[..., 0].astype("<f4"), "32FC1"))
+
+
+LAYOUTS = {
+    "packed": np.dtype([(n, "<f4") for n in "xyz"]),
+    "padded": np.dtype(
+        {"names": ["x", "y", "z", "ring"], "formats": ["<f4", "<f4", "<f4", "<u2"],
+         "offsets": [0, 4, 8, 20], "itemsize": 32}
+    ),
+    "unaligned": np.dtype([("ring", "u1"), ("z", "<f8"), ("y", "<f8"), ("x", "<f8"), ("t", "<u4")]),
+    "big endian": np.dtype([(n, ">f4") for n in "xyz"]),
+    "several values": np.dtype([("normal", "<f4", (3,)), ("x", "<f4"), ("y", "<f4"), ("z", "<f4")]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("height, row_padding", [(1, 0), (4, 0), (4, 12)])
+def test_any_layout_of_a_cloud_gives_the_same_points(make, layout, height, row_padding):
+    positions = RNG.normal(size=(20, 3)).astype(np.float32)
+    positions[3] = np.nan
+    table = np.zeros(20, LAYOUTS[layout])
+    for column, axis in enumerate("xyz"):
+        table[axis] = positions[:, column]
+    if "ring" in table.dtype.names:
+        table["ring"] = np.arange(20)
+    points = conversions.point_cloud(make.cloud(table, height, row_padding))
+    np.testing.assert_array_equal(conversions.cloud_xyz(points), positions)
+    if "ring" in table.dtype.names:
+        np.testing.assert_array_equal(points["ring"], np.arange(20))
+
+
+def test_a_cloud_without_positions_or_cut_off_is_refused(make):
+    table = np.zeros(3, [("x", "<f4"), ("y", "<f4"), ("range", "<f4")])
+    with pytest.raises(MessageError, match="no field z.*x, y, range"):
+        conversions.point_cloud(make.cloud(table))
+    message = make.xyz_cloud(np.ones((3, 3)))
+    message.data = message.data[:-1]
+    with pytest.raises(MessageError, match="cut off"):
+        conversions.point_cloud(message)
+
+
+def test_an_empty_cloud_is_a_cloud_without_points(make):
+    message = make.xyz_cloud(np.ones((0, 3)))
+    assert conversions.cloud_xyz(conversions.point_cloud(message)).shape == (0, 3)
+
+
+def test_the_real_padded_cloud_equals_rosbags_own_decoding(real_data):
+    with BagReader(real_data("bag_padded_cloud") / "test.bag") as bag:
+        found = [m.message for m in bag.messages(sorted(bag.types))]
+    kinds = [m._type for m in found]
+    assert len(found) == 15 and all(kinds.count(kind) == 5 for kind in set(kinds))
+    clouds = [m for m in found if m._type == conversions.POINT_CLOUD]
+    names = ["x", "y", "z", "intensity", "time_sec", "time_nsec", "laser_id"]
+    for message in clouds:
+        points = conversions.point_cloud(message)
+        reference = np.array(list(point_cloud2.read_points(message, names)))
+        assert len(points) == message.width > 35000
+        for column, name in enumerate(names):
+            np.testing.assert_array_equal(points[name].astype(float), reference[:, column])
+    scans = [m for m in found if m._type == conversions.LASER_SCAN]
+    assert all(len(conversions.laser_scan(m)) == len(m.ranges) for m in scans)
+
+
+def test_a_scan_becomes_points_and_keeps_invalid_ranges_as_nan():
+    scan = LaserScan(angle_min=0.0, angle_increment=np.pi / 2, range_min=0.1, range_max=9.0)
+    scan.ranges = [2.0, 3.0, 20.0]
+    expected = [[2, 0, 0], [0, 3, 0], [np.nan] * 3]
+    np.testing.assert_allclose(conversions.laser_scan(scan), expected, atol=1e-12)
+
+
+def test_a_camera_keeps_its_model_and_an_uncalibrated_one_is_refused(make):
+    message = make.camera_info(model="equidistant", D=[0.1, 0.0, 0.0, 0.0])
+    camera = conversions.camera(message)
+    assert (camera.model, camera.width, camera.K[0, 0]) == ("equidistant", 64, 50.0)
+    message.D = [0.1]
+    with pytest.raises(MessageError, match="camera_info: D has 1"):
+        conversions.camera(message)
+    message.K = [0.0] * 9
+    with pytest.raises(MessageError, match="not calibrated"):
+        conversions.camera(message)
+
+
+def test_a_transform_loses_the_slash_of_its_frames_and_must_be_a_pose(make):
+    matrix = np.eye(4)
+    matrix[:3, 3] = 1.0, 2.0, 3.0
+    message = make.tf("/world", "/base", matrix).transforms[0]
+    assert conversions.edge_of(message) == Edge("world", "base")
+    np.testing.assert_allclose(conversions.transform(message), matrix)
+    message.transform.rotation.w = 0.0
+    with pytest.raises(MessageError, match="'world-base' is no pose"):
+        conversions.transform(message)

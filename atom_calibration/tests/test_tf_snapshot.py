@@ -1,0 +1,91 @@
+"""Transforms of a bag: interpolated, each at its own time, and no guesses in gaps."""
+
+import numpy as np
+import pytest
+
+from atom_calibration.bag_reader import BagReader
+from atom_calibration.errors import TransformError
+from atom_calibration.tf_snapshot import BagTransforms, TransformTree, edges_at
+from atom_core.geometry import se3
+from atom_core.model.transforms import Edge
+
+
+def shifted(x, y=0.0, z=0.0, yaw=0.0):
+    return se3.from_rpy(np.array([x, y, z]), np.array([0.0, 0.0, yaw]))
+
+
+BASE_T_CAM = shifted(0.0, 1.0, yaw=0.5)
+BASE_T_LIDAR = shifted(0.0, 0.0, 2.0)
+
+
+@pytest.fixture
+def bag(make, tmp_path):
+    """world -> base moves with 1 m/s; no pose of it between 3 s and 6 s."""
+    messages = [
+        ("/tf_static", make.tf("base", "cam", BASE_T_CAM, 0.5), 0.5),
+        ("/tf_static", make.tf("base", "lidar", BASE_T_LIDAR, 0.5), 0.5),
+        ("/tf_static", make.tf("elsewhere", "island", np.eye(4), 0.5), 0.5),
+    ]
+    times = [t for t in np.arange(1.0, 9.01, 0.5) if not 3.0 < t < 6.0]
+    messages += [("/tf", make.tf("world", "base", shifted(t), t), t + 0.05) for t in times]
+    with BagReader(make.bag(tmp_path / "a.bag", messages)) as reader:
+        yield reader
+
+
+@pytest.mark.parametrize("time_s", [1.0, 2.0, 2.2, 7.75, 9.0])
+def test_poses_are_interpolated(bag, time_s):
+    tree = BagTransforms(bag).at(time_s)
+    world_T_cam = shifted(time_s) @ BASE_T_CAM
+    np.testing.assert_allclose(tree.lookup("world", "cam", time_s), world_T_cam, atol=1e-9)
+
+
+def test_between_two_branches_the_chain_goes_through_their_common_frame(bag):
+    tree = BagTransforms(bag).at(2.0)
+    expected = se3.inverse(BASE_T_LIDAR) @ BASE_T_CAM
+    np.testing.assert_allclose(tree.lookup("lidar", "cam", 2.0), expected, atol=1e-12)
+    np.testing.assert_allclose(tree.lookup("cam", "world", 2.0) @ tree.lookup("world", "cam", 2.0),
+                               np.eye(4), atol=1e-9)  # fmt: skip
+
+
+def test_a_gap_is_an_error_that_names_edge_and_times(bag):
+    with pytest.raises(TransformError, match=r"'world-base' near time 4\.500.*3\.000.*6\.000"):
+        BagTransforms(bag).at(4.5).lookup("world", "cam", 4.5)
+
+
+def test_far_before_the_first_and_after_the_last_pose_there_is_none(bag):
+    transforms = BagTransforms(bag)
+    for time_s in (0.2, 9.8):
+        with pytest.raises(TransformError, match="near time"):
+            transforms.at(time_s).lookup("world", "cam", time_s)
+    assert transforms.at(9.3).lookup("world", "base", 9.3)[0, 3] == pytest.approx(9.0)
+
+
+def test_an_unknown_frame_and_one_that_hangs_elsewhere_are_told_apart(bag):
+    tree = BagTransforms(bag).at(2.0)
+    with pytest.raises(TransformError, match="frame 'nowhere' is in no message"):
+        tree.lookup("world", "nowhere", 2.0)
+    with pytest.raises(TransformError, match="no transform connects"):
+        tree.lookup("world", "island", 2.0)
+
+
+def test_the_edges_of_a_collection_are_those_connected_each_at_its_sensors_time(make, bag):
+    tree = BagTransforms(bag).at(2.0)
+    edges = edges_at(tree, "world", {"cam": 2.0, "lidar": 2.4})
+    assert set(edges) == {Edge("world", "base"), Edge("base", "cam"), Edge("base", "lidar")}
+    assert edges[Edge("world", "base")][0, 3] == pytest.approx(2.2)  # the mean: both hang on it
+
+
+def test_two_sensors_on_arms_of_their_own_have_transforms_at_their_own_stamps(make):
+    tree = TransformTree()
+    for time_s in (1.0, 2.0):
+        for child in ("cam", "lidar"):
+            tree.add(make.tf("world", child, shifted(time_s), time_s).transforms, fixed=False)
+    edges = edges_at(tree, "world", {"cam": 1.25, "lidar": 1.75})
+    assert edges[Edge("world", "cam")][0, 3] == pytest.approx(1.25)
+    assert edges[Edge("world", "lidar")][0, 3] == pytest.approx(1.75)
+
+
+def test_a_bag_without_tf_is_refused(make, tmp_path):
+    path = make.bag(tmp_path / "b.bag", [("/points", make.xyz_cloud(np.ones((3, 3))), 1.0)])
+    with BagReader(path) as reader, pytest.raises(TransformError, match="neither /tf nor"):
+        BagTransforms(reader)
