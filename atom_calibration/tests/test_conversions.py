@@ -19,8 +19,12 @@ PICTURE = RNG.integers(0, 256, (6, 9, 3), dtype=np.uint8)
 
 @pytest.mark.parametrize(
     "encoding, shown",
-    [("bgr8", PICTURE), ("rgb8", PICTURE[..., ::-1]), ("bgra8", np.dstack([PICTURE, PICTURE[..., :1]]))],
-)  # fmt: skip
+    [
+        ("bgr8", PICTURE),
+        ("rgb8", PICTURE[..., ::-1]),
+        ("bgra8", np.dstack([PICTURE, PICTURE[..., :1]])),
+    ],
+)
 @pytest.mark.parametrize("padding", [0, 5])
 def test_colours_arrive_in_the_order_blue_green_red(make, encoding, shown, padding):
     message = make.image(np.ascontiguousarray(shown), encoding, padding=padding)

@@ -68,7 +68,8 @@ class BagReader:
 
         Args:
             topics: which.
-            start_s, end_s: only what was recorded between them [s].
+            start_s: only what was recorded from then on [s].
+            end_s: only what was recorded until then [s].
 
         Raises:
             BagError: the file is damaged; the message tells where.

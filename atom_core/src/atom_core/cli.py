@@ -12,7 +12,7 @@ import sys
 from typing import Dict, List, Optional
 
 import atom_core
-from atom_core.commands import calibrate, check, convert, demo, evaluate
+from atom_core.commands import calibrate, check, convert, demo, evaluate, recover
 from atom_core.commands.common import Command
 from atom_core.errors import AtomError
 
@@ -25,6 +25,7 @@ _COMMANDS: Dict[str, Command] = {
     "calibrate": calibrate,
     "evaluate": evaluate,
     "convert": convert,
+    "recover": recover,
     "demo": demo,
 }
 

@@ -1,0 +1,268 @@
+"""Collections as files of their own, and the dataset that is assembled from them.
+
+A collector writes each collection when it is taken: first its data files, then
+``collections/NNN.json``, which appears under its name only when it is whole. ``dataset.json`` is
+assembled from these files, at the end or, after a crash, by ``recover``. What holds for all
+collections (sensors, patterns, configuration) stands in ``collections/header.json``.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Dict, List, Mapping, Optional, Tuple
+
+import numpy as np
+
+from atom_core.errors import DatasetError, OutputError
+from atom_core.io.atomic import prepare_output_folder, write_text_atomically
+from atom_core.io.dataset_json import CURRENT_VERSION, dumps
+from atom_core.io.dataset_writer import DATASET_FILE
+from atom_core.model.dataset import MULTIPLE
+
+FOLDER, HEADER_FILE = "collections", "header.json"
+_FIXED = "fixed"
+_SAME_POSE = 1e-6  # metres and quaternion elements; what interpolation may change of a still edge
+
+
+@dataclass(frozen=True)
+class StoredCollection:
+    """One collection as it lies on the disk.
+
+    Attributes:
+        key: "000", "001", ...
+        document: its part of a dataset: data, labels, transforms.
+        initial_boards: its part of ``patterns.<name>.transforms_initial``, by pattern.
+    """
+
+    key: str
+    document: Mapping[str, Any]
+    initial_boards: Mapping[str, Any]
+
+
+class CollectionStore:
+    """The folder of a dataset while its collections are taken."""
+
+    def __init__(self, folder: Path):
+        """Use a folder that exists; see `create`."""
+        self.folder = Path(folder)
+        self._inside = self.folder / FOLDER
+
+    @classmethod
+    def create(cls, folder: Path, overwrite: bool = False) -> CollectionStore:
+        """Make the folder ready for the first collection.
+
+        Args:
+            folder: where; made when absent.
+            overwrite: accept a folder that holds something, and remove the collections in it.
+
+        Raises:
+            OutputError: the folder is not empty or cannot be written to.
+        """
+        store = cls(prepare_output_folder(folder, overwrite))
+        prepare_output_folder(store._inside, overwrite=True)
+        for path in (*store._inside.glob("*.json"), store.folder / DATASET_FILE):
+            if path.is_file():
+                path.unlink()
+        return store
+
+    @property
+    def keys(self) -> List[str]:
+        """The collections that are there, in order."""
+        names = [path.stem for path in self._inside.glob("*.json") if path.name != HEADER_FILE]
+        return sorted(names, key=lambda name: (int(name) if name.isdigit() else np.inf, name))
+
+    @property
+    def next_key(self) -> str:
+        """A key that is free: one more than the last."""
+        numbers = [int(key) for key in self.keys if key.isdigit()]
+        return f"{max(numbers) + 1 if numbers else 0:03d}"
+
+    @property
+    def has_header(self) -> bool:
+        """Tell whether the header is there."""
+        return (self._inside / HEADER_FILE).is_file()
+
+    def write_header(self, document: Mapping[str, Any]) -> None:
+        """Write what holds for all collections.
+
+        Args:
+            document: a dataset's document; its collections and transforms are left out.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        left_out = ("collections", "transforms")
+        header = {key: value for key, value in document.items() if key not in left_out}
+        write_text_atomically(self._inside / HEADER_FILE, dumps(header))
+
+    def save(self, collection: StoredCollection) -> None:
+        """Write a collection whose data files are there already.
+
+        Raises:
+            OutputError: the file cannot be written; all others are as they were.
+        """
+        document = {
+            "version": CURRENT_VERSION,
+            "collection": collection.document,
+            "transforms_initial": collection.initial_boards,
+        }
+        write_text_atomically(self._inside / f"{collection.key}.json", dumps(document))
+
+    def delete(self, key: str) -> None:
+        """Remove a collection and its data files.
+
+        Raises:
+            DatasetError: there is none of that key.
+        """
+        if key not in self.keys:
+            known = ", ".join(self.keys) or "none"
+            raise DatasetError(f"{self.folder}: there is no collection {key}; there are: {known}")
+        stored = self.load(key)
+        (self._inside / f"{key}.json").unlink()
+        for path in self._data_files(stored).values():
+            if path.is_file():
+                path.unlink()
+
+    def load(self, key: str) -> StoredCollection:
+        """Read a collection.
+
+        Raises:
+            DatasetError: the file is damaged.
+        """
+        document = _read(self._inside / f"{key}.json")
+        if not isinstance(document.get("collection"), dict):
+            raise DatasetError(
+                f"{self._inside / key}.json: this is no collection; move it away and try again"
+            )
+        return StoredCollection(key, document["collection"], document.get("transforms_initial", {}))
+
+    def assemble(self) -> Tuple[Path, List[str]]:
+        """Write ``dataset.json`` from the collections that are there.
+
+        Returns:
+            Its path, and warnings: collections that were left out, and why.
+
+        Raises:
+            DatasetError: there is no whole collection, or a file is damaged.
+            OutputError: the file cannot be written.
+        """
+        if not self.has_header:
+            raise DatasetError(
+                f"{self._inside / HEADER_FILE}: absent, so no collection was finished here; "
+                f"collect again"
+            )
+        whole, warnings = self._whole_collections()
+        if not whole:
+            raise DatasetError(f"{self.folder}: holds no whole collection; collect again")
+        document = assembled_document(_read(self._inside / HEADER_FILE), whole)
+        path = self.folder / DATASET_FILE
+        write_text_atomically(path, dumps(document))
+        return path, warnings
+
+    def _whole_collections(self) -> Tuple[List[StoredCollection], List[str]]:
+        whole, warnings = [], []
+        for key in self.keys:
+            stored = self.load(key)
+            absent = [s for s, path in self._data_files(stored).items() if not path.is_file()]
+            if absent:
+                warnings.append(
+                    f"collection {key} is left out: the data of {', '.join(absent)} are absent"
+                )
+            else:
+                whole.append(stored)
+        return whole, warnings
+
+    def _data_files(self, stored: StoredCollection) -> Dict[str, Path]:
+        return {
+            sensor: self.folder / entry["data_file"]
+            for sensor, entry in stored.document.get("data", {}).items()
+            if "data_file" in entry
+        }
+
+
+def recover_dataset(folder: Path, overwrite: bool = False) -> Tuple[Path, List[str]]:
+    """Assemble the dataset of a folder that an interrupted collector left.
+
+    Args:
+        folder: where the collector wrote to.
+        overwrite: replace a dataset that is there.
+
+    Returns:
+        The path of ``dataset.json``, and warnings.
+
+    Raises:
+        DatasetError: nothing to assemble.
+        OutputError: a dataset is there already, or it cannot be written.
+    """
+    store = CollectionStore(folder)
+    if not (store.folder / FOLDER).is_dir():
+        raise DatasetError(
+            f"{folder}: there is no folder '{FOLDER}' in it; name the folder that was the "
+            f"collector's --output"
+        )
+    if (store.folder / DATASET_FILE).is_file() and not overwrite:
+        raise OutputError(
+            f"{store.folder / DATASET_FILE}: is there already; add --overwrite to assemble it anew"
+        )
+    return store.assemble()
+
+
+def assembled_document(
+    header: Mapping[str, Any], collections: List[StoredCollection]
+) -> Dict[str, Any]:
+    """Return a dataset's document.
+
+    An edge whose pose differs between collections is of type ``multiple``, any other ``fixed``.
+    """
+    patterns = {
+        name: {
+            **entry,
+            "transforms_initial": {
+                c.key: c.initial_boards.get(name, {"detected": False}) for c in collections
+            },
+        }
+        for name, entry in header["patterns"].items()
+    }
+    return {
+        **header,
+        "collections": {c.key: c.document for c in collections},
+        "transforms": _edges(header, collections),
+        "patterns": patterns,
+    }
+
+
+def _edges(header: Mapping[str, Any], collections: List[StoredCollection]) -> Dict[str, Any]:
+    calibrated = {
+        (s["calibration_parent"], s["calibration_child"]) for s in header["sensors"].values()
+    }
+    poses: Dict[str, List[np.ndarray]] = {}
+    ends: Dict[str, Tuple[str, str]] = {}
+    for collection in collections:
+        for name, entry in collection.document["transforms"].items():
+            ends[name] = (entry["parent"], entry["child"])
+            poses.setdefault(name, []).append(np.array(entry["trans"] + entry["quat"]))
+    return {
+        name: {
+            "parent": parent,
+            "child": child,
+            "type": _FIXED if np.ptp(poses[name], axis=0).max() < _SAME_POSE else MULTIPLE,
+            "is_transformation_calibrated": (parent, child) in calibrated,
+        }
+        for name, (parent, child) in ends.items()
+    }
+
+
+def _read(path: Path) -> Dict[str, Any]:
+    problem: Optional[str] = None
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        if isinstance(document, dict):
+            return document
+        problem = "no map"
+    except OSError as error:
+        problem = (error.strerror or str(error)).lower()
+    except ValueError as error:
+        problem = f"not valid JSON, {error}"
+    raise DatasetError(f"{path}: the collection is damaged ({problem}); move it away and try again")

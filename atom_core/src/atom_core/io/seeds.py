@@ -1,0 +1,99 @@
+"""seeds.yaml: where range sensors start to look for the board, given by hand or written down.
+
+A list of ``{stamp: seconds or null for all, sensor: name, xyz_m: [x, y, z] in the cloud's frame |
+uv_px: [u, v] in the depth image}``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Dict, List, Mapping, Optional, Sequence
+
+import numpy as np
+import yaml
+
+from atom_core.errors import ConfigError
+from atom_core.io.atomic import write_text_atomically
+from atom_core.model.sensor import DEPTH, LIDAR3D, Sensor
+
+SEEDS_FILE = "seeds.yaml"
+_KEYS = {LIDAR3D: ("xyz_m", 3), DEPTH: ("uv_px", 2)}
+
+
+@dataclass(frozen=True)
+class Seed:
+    """Where to look for the board in the data of one sensor.
+
+    Attributes:
+        sensor: its name.
+        position: (3,) point [m] in a cloud, or (2,) pixel (u, v) of a depth image.
+        stamp_s: time of the data; None for all.
+    """
+
+    sensor: str
+    position: np.ndarray
+    stamp_s: Optional[float] = None
+
+
+def read_seeds(path: Path, sensors: Mapping[str, Sensor]) -> List[Seed]:
+    """Read a file of seeds.
+
+    Args:
+        path: the YAML file.
+        sensors: of the configuration, by name.
+
+    Raises:
+        ConfigError: naming the file, the entry and the remedy.
+    """
+    try:
+        entries = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise ConfigError(f"{path}: the seeds cannot be read ({reason}); check --seeds") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: this is not valid YAML: {error}") from error
+    if entries is None:
+        return []
+    if not isinstance(entries, list):
+        raise ConfigError(f"{path}: a list of seeds is expected; begin each entry with '- '")
+    return [_seed(f"{path}: seed {i + 1}", entry, sensors) for i, entry in enumerate(entries)]
+
+
+def write_seeds(path: Path, seeds: Sequence[Seed], sensors: Mapping[str, Sensor]) -> None:
+    """Write seeds so that `read_seeds` reads the same.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    entries: List[Dict[str, Any]] = []
+    for seed in seeds:
+        key, _ = _KEYS[sensors[seed.sensor].modality]
+        position = [round(float(v), 4) for v in seed.position]
+        entries.append({"stamp": seed.stamp_s, "sensor": seed.sensor, key: position})
+    text = yaml.safe_dump(entries, sort_keys=False, default_flow_style=None, width=100)
+    write_text_atomically(path, text)
+
+
+def _seed(where: str, entry: Any, sensors: Mapping[str, Sensor]) -> Seed:
+    if not isinstance(entry, dict):
+        raise ConfigError(f"{where} is no map; write stamp, sensor and xyz_m or uv_px")
+    name = entry.get("sensor")
+    seeded = [s.name for s in sensors.values() if s.modality in _KEYS]
+    if name not in seeded:
+        raise ConfigError(
+            f"{where}: sensor '{name}' is no range sensor of the configuration; use one of "
+            f"{', '.join(seeded) or 'none'}"
+        )
+    key, count = _KEYS[sensors[name].modality]
+    position, stamp = entry.get(key), entry.get("stamp")
+    if not isinstance(position, list) or len(position) != count or not _finite(*position):
+        raise ConfigError(f"{where} (sensor '{name}'): {key} has to be {count} numbers")
+    if stamp is not None and not _finite(stamp):
+        raise ConfigError(f"{where} (sensor '{name}'): stamp has to be seconds, or null for all")
+    return Seed(name, np.array(position, dtype=float), None if stamp is None else float(stamp))
+
+
+def _finite(*values: Any) -> bool:
+    numbers = [v for v in values if isinstance(v, (int, float)) and not isinstance(v, bool)]
+    return len(numbers) == len(values) and bool(np.all(np.isfinite(numbers)))

@@ -1,0 +1,121 @@
+"""A dataset assembled from its collections is the dataset; what breaks leaves the rest whole."""
+
+import json
+import shutil
+
+import pytest
+
+from atom_core.cli import main
+from atom_core.errors import DatasetError, OutputError
+from atom_core.io.atomic import write_bytes_atomically
+from atom_core.io.collections import CollectionStore, StoredCollection, recover_dataset
+from atom_core.io.dataset_json import read_dataset, read_document
+from atom_core.io.dataset_writer import write_dataset_folder
+from atom_core.synthetic import scenes
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("whole")
+    write_dataset_folder(scenes.two_cameras().dataset, folder, name="scene", overwrite=True)
+    return folder
+
+
+@pytest.fixture
+def collected(whole, tmp_path):
+    """The same dataset as a collector leaves it that was stopped before the end."""
+    document = read_document(whole / "dataset.json")
+    store = CollectionStore.create(tmp_path / "dataset")
+    store.write_header(document)
+    for key, collection in document["collections"].items():
+        for entry in collection["data"].values():
+            shutil.copy(whole / entry["data_file"], store.folder)
+        initial = {n: p["transforms_initial"][key] for n, p in document["patterns"].items()}
+        store.save(StoredCollection(key, collection, initial))
+    return store
+
+
+def test_assembled_equals_written_at_once(whole, collected):
+    path, warnings = collected.assemble()
+    assert warnings == []
+    assert read_document(path) == read_document(whole / "dataset.json")
+
+
+def test_recover_assembles_and_does_not_replace_unless_asked(collected, capsys):
+    assert main(["recover", str(collected.folder)]) == 0
+    assert "2 sensors" in capsys.readouterr().out
+    assert main(["recover", str(collected.folder)]) == 2
+    assert "--overwrite" in capsys.readouterr().err
+    assert main(["recover", str(collected.folder), "--overwrite"]) == 0
+
+
+def test_a_collection_without_its_data_is_left_out_and_named(collected):
+    victim = collected.keys[1]
+    name = next(iter(collected.load(victim).document["data"].values()))["data_file"]
+    (collected.folder / name).unlink()
+    path, warnings = recover_dataset(collected.folder)
+    assert victim not in read_dataset(path).collections and f"collection {victim}" in warnings[0]
+
+
+def test_a_half_written_file_of_a_crash_is_not_taken_for_a_collection(collected):
+    count = len(collected.keys)
+    (collected.folder / "collections" / ".007.json.abc.tmp").write_text('{"coll')
+    assert len(read_dataset(recover_dataset(collected.folder)[0]).collections) == count
+
+
+def test_a_damaged_collection_is_named(collected):
+    damaged = collected.folder / "collections" / "000.json"
+    damaged.write_text(damaged.read_text()[:100])
+    with pytest.raises(DatasetError, match="000.json.*damaged.*move it away"):
+        recover_dataset(collected.folder)
+
+
+def test_a_folder_without_collections_is_refused(tmp_path, collected):
+    with pytest.raises(DatasetError, match="no folder 'collections'"):
+        recover_dataset(tmp_path)
+    (collected.folder / "collections" / "header.json").unlink()
+    with pytest.raises(DatasetError, match=r"header\.json: absent"):
+        recover_dataset(collected.folder)
+
+
+def test_delete_removes_the_collection_and_its_data_and_the_key_is_not_given_again(collected):
+    first, last = collected.keys[0], collected.keys[-1]
+    files = len(list(collected.folder.iterdir()))
+    collected.delete(first)
+    assert first not in collected.keys and len(list(collected.folder.iterdir())) < files
+    assert int(collected.next_key) == int(last) + 1
+    with pytest.raises(DatasetError, match=f"no collection {first}"):
+        collected.delete(first)
+
+
+def test_a_folder_in_use_is_only_taken_when_asked_and_then_cleared(collected):
+    with pytest.raises(OutputError, match="--overwrite"):
+        CollectionStore.create(collected.folder)
+    assert collected.keys
+    assert CollectionStore.create(collected.folder, overwrite=True).keys == []
+
+
+def test_a_full_disk_leaves_the_other_collections_whole(collected, monkeypatch):
+    before, stored = collected.keys, collected.load(collected.keys[0])
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OutputError, match=r"099\.json.*no space left.*free some space"):
+        collected.save(StoredCollection("099", stored.document, {}))
+    monkeypatch.undo()
+    assert collected.keys == before
+    write_bytes_atomically(collected.folder / "x", b"")
+    assert len(read_dataset(recover_dataset(collected.folder)[0]).collections) == len(before)
+
+
+def test_an_edge_that_differs_between_collections_is_multiple(collected):
+    path = collected.folder / "collections" / "000.json"
+    document = json.loads(path.read_text())
+    name = next(iter(document["collection"]["transforms"]))
+    document["collection"]["transforms"][name]["trans"][0] += 0.1
+    path.write_text(json.dumps(document))
+    edges = read_document(collected.assemble()[0])["transforms"]
+    assert edges[name]["type"] == "multiple"
+    assert {e["type"] for n, e in edges.items() if n != name} <= {"fixed"}
