@@ -74,7 +74,8 @@ def marker_squares(columns: int, rows: int, legacy: bool) -> np.ndarray:
     number of rows was laid out by OpenCV before 4.6, which counted from below ("legacy").
 
     Args:
-        columns, rows: numbers of squares.
+        columns: number of squares along x.
+        rows: number of squares along y.
         legacy: whether in the layout before 4.6.
     """
     row, column = np.mgrid[0:rows, 0:columns]

@@ -1,0 +1,79 @@
+"""Where a flat board's points appear in an image, from some that were found in it."""
+
+from __future__ import annotations
+
+from typing import Optional, Tuple
+
+import cv2
+import numpy as np
+
+from atom_core.geometry.camera import Camera
+
+_RANSAC_ITERATIONS, _RANSAC_CONFIDENCE = 500, 0.999
+_NEIGHBOURS = 6
+_HALF_SQUARE = 0.5
+_NEAREST = 1e-3  # of the depth of the board's origin: what lies behind the camera stays far out
+
+
+class BoardView:
+    """A map from the board's plane to pixels: a homography, the lens, and what both leave over.
+
+    Without the camera's intrinsics, or with poor ones, the homography alone would be off where
+    the lens bends the board; the mean misfit of the nearest known points is added for that.
+    """
+
+    def __init__(self, board: np.ndarray, pixels: np.ndarray, camera: Optional[Camera] = None):
+        """Fit the map.
+
+        Args:
+            board: (n, 2) points in the board's plane, in squares; n >= 4, not all on a line.
+            pixels: (n, 2) where they were found [px].
+            camera: its intrinsics, if known.
+
+        Raises:
+            ValueError: the points do not determine a map.
+        """
+        self._camera, self._scale = camera, 1.0 if camera is None else float(camera.focal_px.mean())
+        self._homography, self.inliers = self._fit(board, pixels)
+        self._known = board[self.inliers]
+        self._misfit = pixels[self.inliers] - self.without_correction(self._known)
+        self.misfit_px = float(np.median(np.linalg.norm(self._misfit, axis=1)))
+
+    def project(self, board: np.ndarray) -> np.ndarray:
+        """Return pixels (n, 2) of board points (n, 2) [squares]."""
+        away = np.linalg.norm(board[:, None] - self._known[None], axis=2)
+        count = min(_NEIGHBOURS, len(self._known))
+        nearest = np.argpartition(away, count - 1, axis=1)[:, :count]
+        weight = 1.0 / (np.take_along_axis(away, nearest, axis=1) + _HALF_SQUARE) ** 2
+        correction = np.sum(weight[..., None] * self._misfit[nearest], axis=1)
+        return self.without_correction(board) + correction / np.sum(weight, axis=1)[:, None]
+
+    def without_correction(self, board: np.ndarray) -> np.ndarray:
+        """Return pixels (n, 2) by homography and lens alone."""
+        x, y, w = self._homography @ np.column_stack([board, np.ones(len(board))]).T
+        w = np.maximum(w, _NEAREST)
+        if self._camera is None:
+            return np.column_stack([x / w, y / w])
+        return self._camera.project(np.column_stack([x / w, y / w, np.ones(len(w))]))
+
+    def axes_px(self, board: np.ndarray) -> np.ndarray:
+        """Return (n, 2, 2): columns are a square's side along x and y at board points [px]."""
+        sides = []
+        for axis in range(2):
+            step = np.zeros(2)
+            step[axis] = _HALF_SQUARE
+            sides.append(
+                self.without_correction(board + step) - self.without_correction(board - step)
+            )
+        return np.stack(sides, axis=2)
+
+    def _fit(self, board: np.ndarray, pixels: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+        flat = pixels if self._camera is None else self._camera.normalise(pixels)
+        size = np.sqrt(np.prod(np.ptp(pixels, axis=0)) / max(np.prod(np.ptp(board, axis=0)), 1e-9))
+        threshold = max(3.0, 0.25 * float(size)) / self._scale
+        homography, mask = cv2.findHomography(
+            board, flat, cv2.RANSAC, threshold, None, _RANSAC_ITERATIONS, _RANSAC_CONFIDENCE
+        )
+        if homography is None:
+            raise ValueError("the points found do not determine where the board is")
+        return homography, mask.ravel().astype(bool)

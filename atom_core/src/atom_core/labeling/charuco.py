@@ -1,0 +1,268 @@
+"""Corners of a ChArUco in an image.
+
+OpenCV only finds the markers. Which square each one fills, where the corners between them are
+expected, and the corners themselves follow here, the same for every version of OpenCV: its own
+interpolation is half a pixel off in x and y up to 4.11 (opencv_contrib PR 3024, opencv PR 28380),
+and changed the layout of boards with an even number of rows at 4.6 (opencv_contrib issue 3291).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import List, NamedTuple, Optional, Tuple
+
+import cv2
+import numpy as np
+
+from atom_core.aruco import detect_markers, marker_squares
+from atom_core.geometry.camera import Camera
+from atom_core.labeling.board_view import BoardView
+from atom_core.labeling.saddle import Corners, refine
+
+LEAST_MARKERS = 3
+_LEAST_FITTING = 0.75  # of the markers, for a layout to be right
+_LEAST_QUALITY, _LEAST_CONTRAST = 0.75, 5.0
+_LEAST_PITCH_PX = 4.5  # between lines of corners: below it nothing exact can be said
+_LARGEST_MOVE_SQUARES, _LARGEST_MOVE_PX = 0.15, 4.0
+_FAR_OFF_PX, _FAR_OFF_SIGMAS = 0.6, 5.0  # from what the neighbours say
+_UPSCALE, _UPSCALE_BELOW = 2.0, 12
+AUTO, LEGACY, CURRENT = "auto", True, False
+
+
+class Layout(NamedTuple):
+    """How a ChArUco is printed: inner corners, and the layout of an even number of rows."""
+
+    columns: int
+    rows: int
+    legacy: bool
+
+
+@dataclass(frozen=True)
+class FoundCorners:
+    """Corners that were found.
+
+    Attributes:
+        ids: (n,) row by row from the top left (docs/conventions.md).
+        corners: their places and quality.
+        markers: number of markers found.
+        dropped: corners in view whose local refit was off.
+        in_view: corners that the fitted board has in the image.
+        reason: why there are none.
+    """
+
+    ids: np.ndarray
+    corners: Corners
+    markers: int
+    dropped: int = 0
+    in_view: int = 0
+    reason: str = ""
+
+
+class CharucoFinder:
+    """Finds the corners of one ChArUco."""
+
+    def __init__(
+        self, columns: int, rows: int, marker_share: float, dictionary: str, legacy: object = AUTO
+    ):
+        """Set the board.
+
+        Args:
+            columns: number of inner corners along x.
+            rows: number of inner corners along y.
+            marker_share: side of a marker over the side of a square.
+            dictionary: name of the markers.
+            legacy: the layout before OpenCV 4.6 (True), since (False), or whichever fits ("auto").
+        """
+        self.dictionary, self.marker_share = dictionary, marker_share
+        options = (CURRENT, LEGACY) if legacy == AUTO else (bool(legacy),)
+        even = (rows + 1) % 2 == 0
+        self.layouts = [Layout(columns, rows, option) for option in options if even or not option]
+        if not self.layouts:  # an odd number of rows has one layout
+            self.layouts = [Layout(columns, rows, CURRENT)]
+
+    def find(self, grey: np.ndarray, camera: Optional[Camera] = None) -> FoundCorners:
+        """Find the corners in a grey image (height, width) uint8."""
+        ids, outlines = detect_markers(grey, self.dictionary)
+        if len(ids) < _UPSCALE_BELOW:
+            more = _upscaled(grey, self.dictionary)
+            ids, outlines = more if len(more[0]) > len(ids) else (ids, outlines)
+        ids, outlines = _once(ids, outlines)
+        if len(ids) < LEAST_MARKERS:
+            return _none(len(ids), _few(len(ids), self.dictionary))
+        best = self._best(ids, outlines, self.layouts, camera)
+        if best is None:
+            return _none(len(ids), self._why_nothing_fits(ids, outlines, camera))
+        layout, view = best
+        return self._corners(grey, layout, view, len(ids), camera)
+
+    def _best(
+        self,
+        ids: np.ndarray,
+        outlines: np.ndarray,
+        layouts: List[Layout],
+        camera: Optional[Camera],
+    ) -> Optional[Tuple[Layout, BoardView]]:
+        """Return the layout that most markers fit, the more exactly where as many fit."""
+        fits = []
+        for layout in layouts:
+            view, share = _fit(ids, outlines, layout, self.marker_share, camera)
+            if view is not None and share >= _LEAST_FITTING:
+                fits.append((-round(share, 1), view.misfit_px, layout, view))
+        if not fits:
+            return None
+        _, _, layout, view = min(fits, key=lambda fit: fit[:2])
+        return layout, view
+
+    def _why_nothing_fits(
+        self, ids: np.ndarray, outlines: np.ndarray, camera: Optional[Camera]
+    ) -> str:
+        """Try what is often mistaken in a configuration, and name what would fit."""
+        columns, rows, _ = self.layouts[0]
+        guesses = [(rows, columns)]
+        guesses += [(columns + i, rows + j) for i in (0, -1, 1) for j in (0, -1, 1)]
+        guesses += [(rows + i, columns + j) for i in (-1, 1) for j in (-1, 0, 1)]
+        for guess in guesses:
+            layouts = [Layout(*guess, option) for option in (CURRENT, LEGACY)]
+            best = self._best(ids, outlines, layouts, camera) if min(guess) >= 2 else None
+            if best is None:
+                continue
+            swapped = "rows and columns are swapped; " if guess == (rows, columns) else ""
+            wrong = f"dimension is {{x: {columns}, y: {rows}}}"
+            right = f"{{x: {guess[0]}, y: {guess[1]}}} fits the markers"
+            if guess == (columns, rows):
+                wrong, right = "the layout is", f"legacy: {str(best[0].legacy).lower()} fits"
+            return (
+                f"{len(ids)} markers are seen, but the board is another: {swapped}{wrong}, {right}"
+            )
+        return (
+            f"{len(ids)} markers of {self.dictionary} are seen, but they do not stand as on this "
+            f"board; check dimension (inner corners), size and inner_size, or if there are two"
+        )
+
+    def _corners(
+        self,
+        grey: np.ndarray,
+        layout: Layout,
+        view: BoardView,
+        markers: int,
+        camera: Optional[Camera],
+    ) -> FoundCorners:
+        """Refine the corners twice: near the markers, then near what the first ones say."""
+        board = _corner_grid(layout)
+        black = (
+            np.arange(len(board)) % layout.columns + np.arange(len(board)) // layout.columns
+        ) % 2
+        first_is_black = (black == 0) != (layout.legacy and (layout.rows + 1) % 2 == 0)
+        gap = (1.0 - self.marker_share) / 2.0
+        ids, corners = _refined(grey, view, board, gap, first_is_black)
+        in_view = len(ids)
+        good = _acceptable(corners, view.axes_px(board[ids]))
+        if np.sum(good) >= 6:
+            try:
+                view = BoardView(board[ids[good]], corners.pixels[good], camera)
+            except ValueError:
+                return _none(markers, "the corners found lie on a line")
+            ids, corners = _refined(grey, view, board, gap, first_is_black)
+            in_view = len(ids)
+            good = _acceptable(corners, view.axes_px(board[ids]))
+            good &= ~_off_their_neighbours(board[ids], corners.pixels, good, camera)
+        kept = Corners(*(values[good] for values in vars(corners).values()))
+        return FoundCorners(ids[good], kept, markers, int(np.sum(~good)), in_view)
+
+
+def _corner_grid(layout: Layout) -> np.ndarray:
+    """Return the inner corners (n, 2) in squares from the outer corner of the print."""
+    row, column = np.mgrid[1 : layout.rows + 1, 1 : layout.columns + 1]
+    return np.column_stack([column.ravel(), row.ravel()]).astype(float)
+
+
+def _fit(
+    ids: np.ndarray,
+    outlines: np.ndarray,
+    layout: Layout,
+    marker_share: float,
+    camera: Optional[Camera],
+) -> Tuple[Optional[BoardView], float]:
+    """Return the board's view if the markers stand as the layout says, and how many do (share)."""
+    squares = marker_squares(layout.columns + 1, layout.rows + 1, layout.legacy)
+    known = ids < len(squares)
+    if np.sum(known) < LEAST_MARKERS:
+        return None, 0.0
+    corner = 0.5 + 0.5 * marker_share * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    board = (squares[ids[known]][:, None, :] + corner).reshape(-1, 2)
+    try:
+        view = BoardView(board, outlines[known].reshape(-1, 2), camera)
+    except ValueError:
+        return None, 0.0
+    whole = view.inliers.reshape(-1, 4).all(axis=1)
+    return view, float(np.sum(whole)) / len(ids)
+
+
+def _refined(
+    grey: np.ndarray, view: BoardView, board: np.ndarray, gap: float, first_is_black: np.ndarray
+) -> Tuple[np.ndarray, Corners]:
+    """Return ids and places of the corners expected in the image."""
+    height, width = grey.shape
+    expected, axes = view.project(board), view.axes_px(board)
+    pitch = np.abs(np.linalg.det(axes)) / np.linalg.norm(axes, axis=1).max(axis=1)
+    seen = np.all((expected >= 2) & (expected <= [width - 3, height - 3]), axis=1)
+    ids = np.flatnonzero(seen & (pitch >= _LEAST_PITCH_PX))
+    return ids, refine(grey, expected[ids], axes[ids], gap, first_is_black[ids])
+
+
+def _acceptable(corners: Corners, axes_px: np.ndarray) -> np.ndarray:
+    side = np.linalg.norm(axes_px, axis=1).min(axis=1)
+    good = corners.moved_px <= np.maximum(
+        np.minimum(_LARGEST_MOVE_SQUARES * side, _LARGEST_MOVE_PX), 1.0
+    )
+    return good & (corners.quality >= _LEAST_QUALITY) & (corners.contrast >= _LEAST_CONTRAST)
+
+
+def _off_their_neighbours(
+    board: np.ndarray, pixels: np.ndarray, good: np.ndarray, camera: Optional[Camera]
+) -> np.ndarray:
+    """Return (n,) bool: corners whose misfit differs from that of the corners around them."""
+    off = np.zeros(len(board), dtype=bool)
+    chosen = np.flatnonzero(good)
+    if len(chosen) < 8:
+        return off
+    try:
+        view = BoardView(board[chosen], pixels[chosen], camera)
+    except ValueError:
+        return off
+    misfit = pixels[chosen] - view.without_correction(board[chosen])
+    away = np.linalg.norm(board[chosen, None] - board[None, chosen], axis=2)
+    near = (away > 0) & (away < 2.3)
+    difference = np.array(
+        [m - np.median(misfit[n], axis=0) if n.any() else np.zeros(2) for m, n in zip(misfit, near)]
+    )
+    size = np.linalg.norm(difference, axis=1)
+    sigma = 1.4826 * np.median(size) / 1.18  # median of a Rayleigh distribution
+    off[chosen] = size > max(_FAR_OFF_PX, _FAR_OFF_SIGMAS * sigma)
+    return off
+
+
+def _upscaled(grey: np.ndarray, dictionary: str) -> Tuple[np.ndarray, np.ndarray]:
+    """Look for markers in an enlarged image: small ones come out."""
+    larger = cv2.resize(grey, None, fx=_UPSCALE, fy=_UPSCALE, interpolation=cv2.INTER_LINEAR)
+    ids, outlines = detect_markers(larger, dictionary)
+    return ids, (outlines + 0.5) / _UPSCALE - 0.5
+
+
+def _once(ids: np.ndarray, outlines: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+    """Return the markers that are seen once; of two alike neither can be trusted."""
+    values, counts = np.unique(ids, return_counts=True)
+    single = np.isin(ids, values[counts == 1])
+    return ids[single], outlines[single]
+
+
+def _few(count: int, dictionary: str) -> str:
+    if count == 0:
+        return f"no marker of {dictionary} is seen"
+    return f"{count} marker(s) of {dictionary} are seen, {LEAST_MARKERS} are needed"
+
+
+def _none(markers: int, reason: str) -> FoundCorners:
+    empty = np.zeros(0)
+    corners = Corners(np.zeros((0, 2)), empty, empty, empty)
+    return FoundCorners(np.zeros(0, dtype=int), corners, markers, reason=reason)
