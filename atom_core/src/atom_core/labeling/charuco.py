@@ -154,7 +154,7 @@ class CharucoFinder:
         ) % 2
         first_is_black = (black == 0) != (layout.legacy and (layout.rows + 1) % 2 == 0)
         gap = (1.0 - self.marker_share) / 2.0
-        ids, corners = _refined(grey, view, board, gap, first_is_black)
+        ids, corners = _refined(grey, view, board, gap, first_is_black, 2)
         in_view = len(ids)
         good = _acceptable(corners, view.axes_px(board[ids]))
         if np.sum(good) >= 6:
@@ -162,7 +162,7 @@ class CharucoFinder:
                 view = BoardView(board[ids[good]], corners.pixels[good], camera)
             except ValueError:
                 return _none(markers, "the corners found lie on a line")
-            ids, corners = _refined(grey, view, board, gap, first_is_black)
+            ids, corners = _refined(grey, view, board, gap, first_is_black, 3)
             in_view = len(ids)
             good = _acceptable(corners, view.axes_px(board[ids]))
             good &= ~_off_their_neighbours(board[ids], corners.pixels, good, camera)
@@ -199,7 +199,12 @@ def _fit(
 
 
 def _refined(
-    grey: np.ndarray, view: BoardView, board: np.ndarray, gap: float, first_is_black: np.ndarray
+    grey: np.ndarray,
+    view: BoardView,
+    board: np.ndarray,
+    gap: float,
+    first_is_black: np.ndarray,
+    iterations: int,
 ) -> Tuple[np.ndarray, Corners]:
     """Return ids and places of the corners expected in the image."""
     height, width = grey.shape
@@ -207,7 +212,7 @@ def _refined(
     pitch = np.abs(np.linalg.det(axes)) / np.linalg.norm(axes, axis=1).max(axis=1)
     seen = np.all((expected >= 2) & (expected <= [width - 3, height - 3]), axis=1)
     ids = np.flatnonzero(seen & (pitch >= _LEAST_PITCH_PX))
-    return ids, refine(grey, expected[ids], axes[ids], gap, first_is_black[ids])
+    return ids, refine(grey, expected[ids], axes[ids], gap, first_is_black[ids], iterations)
 
 
 def _acceptable(corners: Corners, axes_px: np.ndarray) -> np.ndarray:
