@@ -245,6 +245,8 @@ Args:
 Returns:
     dict with x, cost, iterations, converged, stopped, message.
 )")
+      .def("set_half_size", &CalibrationProblem::SetHalfSize, py::arg("residual_block"),
+           py::arg("half_size"), "Replaces half_size (n, 2) [m] of a border block.")
       .def("reduce", &ReduceProblem, py::arg("x"), py::arg("sigmas"), py::arg("loss"),
            R"(Returns information (blocks, d, 6, 6), gradient (d, 6) and cost (blocks,) at x.)");
 }

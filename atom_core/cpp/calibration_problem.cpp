@@ -245,6 +245,16 @@ CalibrationProblem::CalibrationProblem(std::vector<ParameterBlock> parameters,
   }
 }
 
+void CalibrationProblem::SetHalfSize(std::size_t residual_block,
+                                     const Eigen::Ref<const PixelRows>& half_size) {
+  if (residual_block >= residuals_.size() ||
+      residuals_[residual_block].kind != ResidualKind::kBorder ||
+      residuals_[residual_block].half_size.rows() != half_size.rows()) {
+    throw std::invalid_argument("half sizes are set for all points of a border block");
+  }
+  residuals_[residual_block].half_size = half_size;
+}
+
 Weighting CalibrationProblem::MakeWeighting(Loss loss, std::vector<Eigen::VectorXd> sigma) const {
   if (sigma.size() != residuals_.size()) {
     throw std::invalid_argument("one array of sigmas is needed for each residual block");

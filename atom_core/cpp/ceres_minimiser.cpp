@@ -15,6 +15,7 @@ namespace {
 constexpr double kLongestTurn = 0.5, kLongestMove = 0.5;  // rad, m; solvers/scipy_solver.py
 constexpr double kRounding = 1e-13;                       // relative to the cost
 constexpr double kSmallestUnit = 0.1;                     // for data without any noise
+constexpr double kCauchyCurvature = 0.8;                  // E[psi'] / E[w], solvers/losses.py
 constexpr int kRows = 7;
 
 using RowMatrix = Eigen::Matrix<double, kRows, 6, Eigen::RowMajor>;
@@ -52,6 +53,9 @@ class DetectionCost : public ceres::CostFunction {
     Matrix6d root;
     Vector6d rotated;
     SquareRoot(sum, &root, &rotated);
+    const double lengthening = Lengthening(2.0 * sum.cost, rotated.squaredNorm());
+    root /= lengthening;
+    rotated *= lengthening;
     Eigen::Map<Vector6d>(residuals, 6) = rotated;
     residuals[kRows - 1] = std::sqrt(std::max(0.0, 2.0 * sum.cost - rotated.squaredNorm()));
     for (std::size_t k = 0; k < accepted_.size(); ++k) {
@@ -64,6 +68,14 @@ class DetectionCost : public ceres::CostFunction {
   }
 
  private:
+  /// The weights of Cauchy's loss make the cost look more curved than it is, by a quarter for
+  /// Gaussian residuals: every step would fall short by as much.
+  /// \param twice_cost limits it: the seven rows must still amount to the cost.
+  double Lengthening(double twice_cost, double rotated_square) const {
+    if (weighting_.loss != Loss::kCauchy || rotated_square <= 0.0) return 1.0;
+    return std::sqrt(std::clamp(twice_cost / rotated_square, 1.0, 1.0 / kCauchyCurvature));
+  }
+
   /// The linearisation holds no farther than this; Ceres then tries a shorter step.
   bool WithinReach(double const* const* numbers) const {
     for (std::size_t k = 0; k < accepted_.size(); ++k) {

@@ -87,6 +87,10 @@ class CalibrationProblem {
   const std::vector<PoseChain>& chains() const { return chains_; }
   const std::vector<ResidualBlock>& residuals() const { return residuals_; }
 
+  /// Replaces the half sizes (n, 2) of a border block, metres.
+  /// \throws std::invalid_argument when it is no border block or has another length.
+  void SetHalfSize(std::size_t residual_block, const Eigen::Ref<const PixelRows>& half_size);
+
   /// Rows of one residual block that belong to one detection.
   struct Segment {
     std::size_t residual_block;

@@ -132,6 +132,11 @@ def _sensors(calibration: Calibration, table: Table) -> Dict[str, Any]:
             "detections": sum(key.sensor == name for key in problem.detections),
             "outliers": outliers.get(name, 0),
             "residuals": {kind: table[(name, kind, None)].document() for kind in kinds},
+            "border_inset_steps": sum(
+                inset
+                for block, inset in zip(problem.residual_blocks, summary.inset_steps)
+                if block.sensor == name
+            ),
             "sigma": {
                 f"{block.kind}_{UNITS[block.kind]}": float(np.median(sigma))
                 for block, sigma in zip(problem.residual_blocks, summary.sigmas)

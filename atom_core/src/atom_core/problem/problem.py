@@ -7,8 +7,8 @@ inverted. All detections are evaluated at once, as arrays.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import List, NamedTuple, Sequence, Tuple
+from dataclasses import dataclass, replace
+from typing import List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
 from scipy import sparse
@@ -108,9 +108,20 @@ class Problem:
         """Number of scalar residuals."""
         return sum(b.count * b.dimension for b in self.residual_blocks)
 
+    def poses(self, x: np.ndarray) -> np.ndarray:
+        """Return ``sensor_T_pattern`` (d, 4, 4) of the detections at the vector x."""
+        return self.chains.poses(self.parameters.poses(x))
+
+    def with_insets(self, insets: Mapping[int, np.ndarray]) -> Problem:
+        """Return the problem with other insets (n,) [m] of border blocks, by their index."""
+        blocks = list(self.residual_blocks)
+        for i, inset in insets.items():
+            blocks[i] = replace(blocks[i], inset=inset)
+        return replace(self, residual_blocks=tuple(blocks))
+
     def residuals(self, x: np.ndarray) -> List[np.ndarray]:
         """Return, for each residual block, (n, dimension) in its unit."""
-        poses = self.chains.poses(self.parameters.poses(x))
+        poses = self.poses(x)
         return [block.residuals(poses) for block in self.residual_blocks]
 
     def linearise(self, x: np.ndarray) -> Linearisation:

@@ -118,26 +118,49 @@ class OrthogonalBlock(ResidualBlock):
 class BorderBlock(ResidualBlock):
     """Limit points of one range sensor.
 
+    The last sample on a board lies inside its border, on average by half a step to the next one.
+    With an ``inset`` the distance is taken to where the last samples are to be expected.
+
     Attributes:
         points: (n, 3) in its frame [m].
         centre, half_size: (n, 2) of the board's border in the pattern's plane [m].
+        steps: (n, 2, 3) to the next samples, in the sensor's frame [m].
+        inset: (n,) how far inside the border the points are expected [m].
     """
 
     points: np.ndarray
     centre: np.ndarray
     half_size: np.ndarray
+    steps: np.ndarray
+    inset: np.ndarray
 
     kind = BORDER
 
+    @property
+    def expected_half_size(self) -> np.ndarray:
+        """(n, 2) of the rectangle on which the points are expected [m]."""
+        return self.half_size - self.inset[:, None]
+
     def linearise(self, sensor_T_pattern: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
         """Return signed distances (n, 1) [m], negative inside, and Jacobians (n, 1, 6)."""
+        distance, outward = self._distance(sensor_T_pattern, self.expected_half_size)
+        jacobian = -np.concatenate([np.cross(self.points, outward), outward], axis=1)
+        return distance[:, None], jacobian[:, None, :]
+
+    def steps_across(self, sensor_T_pattern: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+        """Return distances to the true border (n,) and the steps' lengths across it (n,) [m]."""
+        distance, outward = self._distance(sensor_T_pattern, self.half_size)
+        return distance, np.max(np.abs(np.einsum("nki,ni->nk", self.steps, outward)), axis=1)
+
+    def _distance(
+        self, sensor_T_pattern: np.ndarray, half_size: np.ndarray
+    ) -> Tuple[np.ndarray, np.ndarray]:
+        """Return signed distances (n,) and outward directions (n, 3) in the sensor's frame."""
         sensor_R_pattern = sensor_T_pattern[self.detection, :3, :3]
         offset = self.points - sensor_T_pattern[self.detection, :3, 3]
         in_plane = np.einsum("nij,ni->nj", sensor_R_pattern[:, :, :2], offset)
-        distance, gradient = signed_distance_to_rectangles(in_plane, self.centre, self.half_size)
-        outward = np.einsum("nij,nj->ni", sensor_R_pattern[:, :, :2], gradient)
-        jacobian = -np.concatenate([np.cross(self.points, outward), outward], axis=1)
-        return distance[:, None], jacobian[:, None, :]
+        distance, gradient = signed_distance_to_rectangles(in_plane, self.centre, half_size)
+        return distance, np.einsum("nij,nj->ni", sensor_R_pattern[:, :, :2], gradient)
 
 
 def squared_norms(residuals: np.ndarray, sigma: np.ndarray) -> np.ndarray:

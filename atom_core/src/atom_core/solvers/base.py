@@ -31,6 +31,7 @@ class Tolerance(NamedTuple):
 # tenth, is enough while weights or boards are still to change; it does not follow a valley that
 # the data hardly see, which in a wrong basin may lead metres away.
 EXACT, ROUGH = Tolerance(1e-11, 0.0), Tolerance(1e-2, 1e-3)
+SETTLING = Tolerance(1e-5, 0.0)  # in between: while the last digits of the weights settle
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,10 @@ class Solver(Protocol):
 
     problem: Problem
 
+    def take_insets(self, problem: Problem) -> None:
+        """Go on with a problem that differs from the present one in its insets only."""
+        ...
+
     def minimise(
         self,
         x: np.ndarray,
@@ -119,6 +124,8 @@ class SolverSummary:
         sigmas: for each residual block, (n,) standard deviations in its unit, as used last.
         scales: for each residual block, the factor on its initial sigmas.
         robust_weights: for each residual block, (n,) in 0..1.
+        inset_steps: for each residual block, how many steps of sampling the limit points are
+            expected inside the border; 0 for other kinds.
     """
 
     x: np.ndarray
@@ -130,3 +137,4 @@ class SolverSummary:
     sigmas: Tuple[np.ndarray, ...]
     scales: Tuple[float, ...]
     robust_weights: Tuple[np.ndarray, ...]
+    inset_steps: Tuple[float, ...]

@@ -40,6 +40,13 @@ class CeresSolver:
         self._native = _native_problem(problem)
         self._layout = Layout(problem.parameters)
 
+    def take_insets(self, problem: Problem) -> None:
+        """Go on with a problem that differs from the present one in its insets only."""
+        self.problem = problem
+        for i, block in enumerate(problem.residual_blocks):
+            if isinstance(block, BorderBlock):
+                self._native.set_half_size(i, block.expected_half_size)
+
     def equations(self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str) -> NormalEquations:
         """Return the weighted normal equations at the vector x."""
         information, gradient, _ = self._native.reduce(x, list(sigmas), loss)
@@ -113,5 +120,5 @@ def _residual_block(block: ResidualBlock) -> Dict[str, Any]:
     assert isinstance(block, (OrthogonalBlock, BorderBlock))
     item["points"] = block.points
     if isinstance(block, BorderBlock):
-        item["centre"], item["half_size"] = block.centre, block.half_size
+        item["centre"], item["half_size"] = block.centre, block.expected_half_size
     return item

@@ -215,7 +215,6 @@ def spread(
     s, g, w = layout.shared, layout.groups, layout.width
     shared, cross = np.zeros((s, s, 6, 6)), np.zeros((g, w, s, 6, 6))
     local = np.zeros((g, w, w, 6, 6))
-    gradient_shared, gradient_local = np.zeros((s, 6)), np.zeros((g, w, 6))
     index = problem.chains.block
     for k in range(index.shape[1]):
         reached = information @ maps[:, k]
@@ -223,20 +222,32 @@ def spread(
             both = (index[:, k] >= 0) & (index[:, m] >= 0)
             values = np.swapaxes(maps[both, m], 1, 2) @ reached[both]
             _add_pairs(layout, index[both, m], index[both, k], values, shared, cross, local)
-        used = index[:, k] >= 0
-        pulled = np.einsum("dij,di->dj", maps[used, k], gradient[used])
-        _add_vectors(layout, index[used, k], pulled, gradient_shared, gradient_local)
     _pad(layout, local)
+    gradient_shared, gradient_local = pulled_back(problem, layout, maps, gradient)
     return NormalEquations(
         layout,
         shared.swapaxes(1, 2).reshape(6 * s, 6 * s),
         cross.swapaxes(2, 3).reshape(g, 6 * w, 6 * s),
         local.swapaxes(2, 3).reshape(g, 6 * w, 6 * w),
-        gradient_shared.ravel(),
-        gradient_local.reshape(g, 6 * w),
+        gradient_shared,
+        gradient_local,
         parts,
         maps,
     )
+
+
+def pulled_back(
+    problem: Problem, layout: Layout, maps: np.ndarray, by_twist: np.ndarray
+) -> Tuple[np.ndarray, np.ndarray]:
+    """Return vectors by twist (d, 6) as one by parameters: shared (s,), by collection (g, w)."""
+    shared = np.zeros((layout.shared, 6))
+    local = np.zeros((layout.groups, layout.width, 6))
+    index = problem.chains.block
+    for k in range(index.shape[1]):
+        used = index[:, k] >= 0
+        pulled = np.einsum("dij,di->dj", maps[used, k], by_twist[used])
+        _add_vectors(layout, index[used, k], pulled, shared, local)
+    return shared.ravel(), local.reshape(layout.groups, 6 * layout.width)
 
 
 def _add_pairs(

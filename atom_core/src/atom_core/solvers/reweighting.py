@@ -4,6 +4,9 @@ Each sensor and kind of residual has one factor on its initial sigmas. After a s
 is re-estimated from the residuals and their redundancy (variance components, Foerstner 1979),
 until it stands still. With a robust loss the median absolute deviation takes the place of the
 mean square, so that gross errors do not count.
+
+In the same rounds each range sensor's limit points are moved out to the border: they lie inside
+it by half a step of the sampling, which would make the board look small.
 """
 
 from __future__ import annotations
@@ -14,7 +17,12 @@ from typing import List, Optional, Sequence, Tuple
 import numpy as np
 
 from atom_core.problem.problem import Problem
-from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION, squared_norms
+from atom_core.problem.residuals import (
+    BORDER,
+    ORTHOGONAL,
+    REPROJECTION,
+    squared_norms,
+)
 from atom_core.solvers import losses
 from atom_core.solvers.base import (
     ATOM,
@@ -23,16 +31,18 @@ from atom_core.solvers.base import (
     FAILED,
     NOT_CONVERGED,
     ROUGH,
+    SETTLING,
     Minimum,
     Solver,
     SolverOptions,
     SolverSummary,
 )
 from atom_core.solvers.covariance import Covariance
+from atom_core.solvers.insets import update_insets
 from atom_core.solvers.scipy_solver import robust_weights, total_cost
 
-# Relative change of a factor below which the rounds become exact, and below which they end.
-_NEARLY_STILL, _STILL = 0.05, 1e-4
+# Relative change of a factor below which the rounds become finer, and below which they end.
+_NEARLY_STILL, _STILL = 0.05, 1e-3
 _SMALLEST_SIGMA = {REPROJECTION: 0.01, ORTHOGONAL: 1e-5, BORDER: 1e-4}  # px, m, m
 _SMALLEST_NORMALISER = 1e-9  # a perfect guess must not divide by zero
 # Median of |r| / sigma of a Gaussian in one and in two dimensions.
@@ -69,30 +79,34 @@ def solve(
         sigmas = atom_normalisers(guess or solver.problem, zero)
         left = options.max_iterations - rough.iterations
         end = solver.minimise(rough.x, sigmas, options.loss, left, EXACT)
-        return _summary(solver.problem, options, end, sigmas, rough.iterations + end.iterations)
+        iterations, no_insets = rough.iterations + end.iterations, np.zeros(len(sigmas))
+        return _summary(solver.problem, options, end, sigmas, iterations, no_insets)
     return _reweighted(solver, options, rough)
 
 
 def _reweighted(solver: Solver, options: SolverOptions, rough: Minimum) -> SolverSummary:
     end, iterations, tolerance = rough, rough.iterations, ROUGH
     sigmas = _initial_sigmas(solver.problem)
+    insets, settled = np.zeros(len(sigmas)), False
     for _ in range(options.reweighting_rounds):
-        if iterations >= options.max_iterations:
-            break
+        now = update_insets(solver, end.x, sigmas, options.loss, insets)
         factors = _sigma_factors(solver, end.x, sigmas, options.loss)
-        sigmas = tuple(s * f for s, f in zip(sigmas, factors))
-        change = max(abs(f - 1.0) for f in factors)
-        if change < _NEARLY_STILL:
-            tolerance = EXACT
+        change = max(np.max(np.abs(factors - 1.0)), np.max(np.abs(now - insets)))
+        sigmas, insets = tuple(s * f for s, f in zip(sigmas, factors)), now
+        settled = change < _STILL
+        if settled or iterations >= options.max_iterations:
+            break
+        tolerance = SETTLING if change < _NEARLY_STILL else tolerance
         left = options.max_iterations - iterations
         end = solver.minimise(end.x, sigmas, options.loss, left, tolerance)
         iterations += end.iterations
-        if change < _STILL:
-            break
-    if tolerance is not EXACT:
-        why = f"not done after {iterations} iterations, or the sigmas do not settle"
+    left = options.max_iterations - iterations
+    end = solver.minimise(end.x, sigmas, options.loss, max(left, 0), EXACT)
+    iterations += end.iterations
+    if not settled:
+        why = f"the sigmas do not settle in {iterations} iterations"
         end = replace(end, converged=False, message=why)
-    return _summary(solver.problem, options, end, sigmas, iterations)
+    return _summary(solver.problem, options, end, sigmas, iterations, insets)
 
 
 def _initial_sigmas(problem: Problem) -> Tuple[np.ndarray, ...]:
@@ -115,7 +129,7 @@ def atom_normalisers(problem: Problem, x: np.ndarray) -> Tuple[np.ndarray, ...]:
 
 def _sigma_factors(
     solver: Solver, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str
-) -> List[float]:
+) -> np.ndarray:
     problem = solver.problem
     equations = solver.equations(x, sigmas, loss)
     explained = Covariance(equations).explained(problem, equations)
@@ -133,7 +147,7 @@ def _sigma_factors(
             factor = median * np.sqrt(rows / redundancy)
         smallest = _SMALLEST_SIGMA[block.kind] / float(np.median(sigma))
         factors.append(float(max(factor, smallest)))
-    return factors
+    return np.array(factors)
 
 
 def _summary(
@@ -142,6 +156,7 @@ def _summary(
     end: Minimum,
     sigmas: Tuple[np.ndarray, ...],
     iterations: int,
+    insets: np.ndarray,
 ) -> SolverSummary:
     start = np.zeros(problem.parameters.size)
     first = problem.residuals(start)
@@ -161,6 +176,7 @@ def _summary(
             float(np.median(s / b.sigma)) for s, b in zip(sigmas, problem.residual_blocks)
         ),
         robust_weights=tuple(robust_weights(residuals, sigmas, options.loss)),
+        inset_steps=tuple(float(v) for v in insets),
     )
     if not np.isfinite(cost_final) or cost_final > cost_initial:
         return replace(

@@ -47,6 +47,10 @@ class ScipySolver:
         self.problem = problem
         self._layout = Layout(problem.parameters)
 
+    def take_insets(self, problem: Problem) -> None:
+        """Go on with a problem that differs from the present one in its insets only."""
+        self.problem = problem
+
     def equations(self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str) -> NormalEquations:
         """Return the weighted normal equations at the vector x."""
         line = self.problem.linearise(x)
@@ -75,7 +79,7 @@ class ScipySolver:
             step, predicted = _try_solve(equations, damping)
             gain, trial, trial_cost = -1.0, x, cost
             if step is not None and _within_reach(step):
-                trial = x + step
+                trial = x + losses.step_length(loss) * step
                 trial_cost = self._cost(trial, sigmas, loss)
                 gain = (cost - trial_cost) / predicted
             if not trial_cost < cost:
