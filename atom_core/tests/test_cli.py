@@ -290,6 +290,12 @@ def test_a_selection_that_names_nothing(cell, tmp_path, capsys):
     )
 
 
+def test_a_selection_of_additional_tfs_that_names_nothing(cell, tmp_path, capsys):
+    path = cell / "data" / "dataset.json"
+    line = calibrate(capsys, path, tmp_path / "out", "-atsf", "base")
+    assert "no additional tf matches 'base'" in line
+
+
 def test_a_selection_is_never_evaluated_as_code(cell, tmp_path, capsys):
     path = cell / "data" / "dataset.json"
     attack = "lambda s: __import__('os').system('touch owned')"

@@ -7,11 +7,15 @@ import pytest
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.result import edge_variance
 from atom_core.errors import CalibrationError
 from atom_core.geometry import se3
+from atom_core.model.config import EdgeConfig
 from atom_core.model.dataset import board_edge, pose
+from atom_core.model.transforms import Edge
 from atom_core.model.truth import with_truth
 from atom_core.solvers.base import SolverOptions
+from atom_core.solvers.choice import SOLVERS
 from atom_core.synthetic import Noise, paper_cell, scenes
 
 DISTURBED = (0.1, 0.1)
@@ -270,3 +274,112 @@ def test_planar_motion_is_found_undetermined_and_named(real_data):
     assert np.max(np.ptp(positions, axis=0)) < 1e-4
     angles = se3.rotation_angle(found[0][:3, :3].T @ np.array(found)[:, :3, :3])
     assert np.rad2deg(np.max(angles)) < 0.01
+
+
+def with_additional_tf(dataset, name, edge):
+    """Return the dataset with a further edge to estimate in its configuration."""
+    entry = EdgeConfig(parent_link=edge.parent, child_link=edge.child)
+    return replace(dataset, config=replace(dataset.config, additional_tfs={name: entry}))
+
+
+def moving_edge(dataset):
+    (edge,) = {e for e, kind in dataset.edge_types.items() if kind == "multiple"}
+    return edge
+
+
+def test_an_additional_tf_is_found_beside_the_camera():
+    simulated = scenes.hand_eye(0, collections=12)
+    dataset = with_truth(simulated.dataset, simulated.truth)
+    edge = Edge("world", "rig_base")
+    assert edge in next(iter(dataset.collections.values())).transforms
+    guess = disturbed_edge(dataset, edge)
+    options = CalibrationOptions(anchor_patterns=True)  # board and base both free would float
+    result = calibrate(with_additional_tf(guess, "base", edge), options)
+    assert result.status == "converged", result.message
+    for e in [edge, *simulated.truth.edges]:
+        true = next(iter(dataset.collections.values())).transforms[e]
+        for collection in result.dataset.collections.values():
+            assert np.linalg.norm(collection.transforms[e][:3, 3] - true[:3, 3]) < 0.005
+
+
+def disturbed_edge(dataset, edge, seed=0):
+    """Return the dataset with an edge moved, differently in each collection if it moves."""
+    rng = np.random.default_rng(seed)
+    fixed = se3.random_move(0.03, 0.03, rng)
+    changes = {}
+    for key, collection in dataset.collections.items():
+        multiple = dataset.edge_types.get(edge) == "multiple"
+        move = se3.random_move(0.03, 0.03, rng) if multiple else fixed
+        changes[key] = {edge: se3.moved(collection.transforms[edge], move)}
+    return dataset.with_transforms(changes)
+
+
+def test_an_additional_tf_of_type_multiple_has_a_value_in_each_collection():
+    simulated = scenes.hand_eye(0, collections=12)
+    true = with_truth(simulated.dataset, simulated.truth)
+    edge = moving_edge(true)
+    guess = with_additional_tf(disturbed_edge(true, edge), "flange", edge)
+    (camera,) = guess.sensors
+    options = CalibrationOptions(anchor_patterns=True, anchor_sensors=(camera,))
+    for solver_name in SOLVERS:
+        result = calibrate(guess, replace(options, solver_name=solver_name))
+        assert result.status == "converged", result.message
+        for key, collection in true.collections.items():
+            found = result.dataset.collections[key].transforms[edge]
+            assert np.linalg.norm(found[:3, 3] - collection.transforms[edge][:3, 3]) < 0.01
+
+
+def test_an_additional_tf_that_only_repeats_the_sensors_edge_is_undetermined():
+    simulated = scenes.hand_eye(0, collections=12)
+    dataset = with_truth(simulated.dataset, simulated.truth)
+    edge = Edge("world", "rig_base")
+    result = calibrate(with_additional_tf(dataset, "base", edge))
+    assert result.status == "rank_deficient"
+    assert any("base" in p for weak in result.weak_directions for p in weak.parameters)
+
+
+def test_limit_points_are_found_half_a_step_inside_the_border():
+    result = calibrate(paper_cell(0, "train", Noise(), DISTURBED).dataset)
+    blocks = result.problem.residual_blocks
+    insets = [v for b, v in zip(blocks, result.summary.inset_steps) if b.kind == "border"]
+    assert len(insets) == 4
+    assert insets == pytest.approx([0.5] * 4, abs=0.08)
+
+
+def test_limit_points_on_the_border_are_taken_as_they_are():
+    scene = scenes.random_scene(0, sampling=scenes.Sampling(exact_border=True))
+    result = calibrate(scene.dataset)
+    assert max(result.summary.inset_steps) < 0.1
+
+
+def test_predicted_sigmas_are_those_of_the_errors():
+    """Pool the errors of a few rigs in units of their sigmas; `make test-long` takes a hundred."""
+    assert 0.7 < np.mean(_normalised_errors(range(40, 52))) < 1.4
+
+
+@pytest.mark.slow
+def test_predicted_intervals_cover_the_truth():
+    normalised = _normalised_errors(range(100, 200), sensors=True)
+    for name, values in normalised.items():
+        nees, coverage = np.mean(values**2), np.mean(np.abs(values) < 1.96)
+        assert 0.92 <= coverage <= 0.98, (name, nees, coverage)
+
+
+def _normalised_errors(seeds, sensors=False):
+    """Return squared errors over variances; by sensor the errors over sigmas."""
+    by_sensor = {}
+    for seed in seeds:
+        scene = paper_cell(seed, "train", Noise(), (0.02, 0.02))
+        result = calibrate(scene.dataset)
+        transforms = next(iter(result.dataset.collections.values())).transforms
+        for name, sensor in scene.dataset.sensors.items():
+            variance = edge_variance(result, sensor.edge)
+            if variance is None:
+                continue
+            found, true = transforms[sensor.edge], scene.truth.edges[sensor.edge]
+            turn = se3.rotation_vector_from_rotation(found[:3, :3] @ true[:3, :3].T)
+            error = np.concatenate([turn, found[:3, 3] - true[:3, 3]])
+            by_sensor.setdefault(name, []).append(error / np.sqrt(variance))
+    if sensors:
+        return {name: np.array(values) for name, values in by_sensor.items()}
+    return np.concatenate([np.ravel(v) for v in by_sensor.values()]) ** 2

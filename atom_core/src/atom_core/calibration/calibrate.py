@@ -185,6 +185,7 @@ def free_edges(dataset: Dataset, options: CalibrationOptions) -> FreeEdges:
     additional = {
         name: Edge(entry.parent_link, entry.child_link)
         for name, entry in dataset.config.additional_tfs.items()
+        if options.additional_tfs is None or name in options.additional_tfs
     }
     return FreeEdges(tuple(dict.fromkeys(anchored)), additional, options.anchor_patterns)
 

@@ -18,6 +18,7 @@ class CalibrationOptions:
         anchor_sensors: held still beside the configuration's anchored sensor.
         ignore_anchored_sensor: do not hold the configuration's anchored sensor.
         anchor_patterns: hold the boards where the dataset has them.
+        additional_tfs: names of the configuration's additional tfs to estimate; None for all.
         complete_only: use only collections in which every sensor sees every pattern.
         noisy_initial_guess: metres and radians by which each free edge is moved at the start.
         seed: of that disturbance.
@@ -29,6 +30,7 @@ class CalibrationOptions:
     anchor_sensors: Tuple[str, ...] = ()
     ignore_anchored_sensor: bool = False
     anchor_patterns: bool = False
+    additional_tfs: Optional[Tuple[str, ...]] = None
     complete_only: bool = False
     noisy_initial_guess: Tuple[float, float] = (0.0, 0.0)
     seed: int = 0

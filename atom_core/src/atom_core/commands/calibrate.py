@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import List, Optional
 
@@ -18,6 +19,7 @@ from atom_core.io.dataset_json import write_dataset
 from atom_core.io.results import write_parameters_yaml
 from atom_core.io.truth_json import read_truth
 from atom_core.io.urdf import Description, read_description, write_calibrated_description
+from atom_core.model.selection import select_names
 from atom_core.report.calibration_tables import calibration_report
 from atom_core.solvers.base import CONVERGED, SolverOptions
 from atom_core.solvers.choice import CERES, SOLVERS, default_solver
@@ -80,6 +82,13 @@ def _add_solver_options(parser: argparse.ArgumentParser) -> None:
     )
     add(
         parser,
+        "initial_guess",
+        choices=["description"],
+        default="description",
+        help="where the sensors start: the transforms that the dataset carries",
+    )
+    add(
+        parser,
         "noisy_initial_guess",
         "-nig",
         nargs=2,
@@ -127,6 +136,14 @@ def _add_freedom_options(parser: argparse.ArgumentParser) -> None:
     )
     add(
         parser,
+        "additional_tf_selection_function",
+        "-atsf",
+        nargs="+",
+        metavar="SELECTION",
+        help="additional tfs of the configuration to estimate (default: all)",
+    )
+    add(
+        parser,
         "use_incomplete_collections",
         "-uic",
         action="store_true",
@@ -147,6 +164,11 @@ def run(args: argparse.Namespace) -> int:
     common.refuse_occupied(args.output, args.overwrite)
     truth = read_truth(args.truth) if args.truth else None
     dataset = common.selected_dataset(args)
+    if args.additional_tf_selection_function:
+        names = select_names(
+            dataset.config.additional_tfs, args.additional_tf_selection_function, "additional tf"
+        )
+        options = replace(options, additional_tfs=tuple(names))
     description = _description(args, dataset.config.description_file)
     load_seconds = time.perf_counter() - began
     calibration = calibrate(dataset, options)

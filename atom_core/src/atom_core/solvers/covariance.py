@@ -28,8 +28,8 @@ class Covariance:
         self._local_inverse = _pseudo_inverse(equations.local)
         self._coupling = self._local_inverse @ equations.cross
         size = equations.shared.shape[0]
-        reduced = equations.shared - (
-            equations.cross.reshape(-1, size).T @ self._coupling.reshape(-1, size)
+        reduced = equations.shared - np.tensordot(
+            equations.cross, self._coupling, axes=((0, 1), (0, 1))
         )
         self._scale = scale
         self._shared = _pseudo_inverse(reduced[None])[0] if size else reduced

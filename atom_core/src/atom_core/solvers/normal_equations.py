@@ -122,8 +122,7 @@ class _Elimination:
         self.solved_cross = self.inverse @ cross
 
     def reduce(self, cross: np.ndarray) -> np.ndarray:
-        size = cross.shape[2]
-        return cross.reshape(-1, size).T @ self.solved_cross.reshape(-1, size)
+        return np.tensordot(cross, self.solved_cross, axes=((0, 1), (0, 1)))
 
     def reduce_vector(self, gradient_local: np.ndarray) -> np.ndarray:
         return np.einsum("gws,gw->s", self.solved_cross, gradient_local)
