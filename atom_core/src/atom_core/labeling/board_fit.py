@@ -6,7 +6,7 @@ from typing import NamedTuple, Tuple
 
 import numpy as np
 
-from atom_core.geometry.rectangle import signed_distance_to_rectangles
+from atom_core.geometry.rectangle import Rectangle
 
 _ANGLE_STEP_DEG = 2.0
 _BIN_M = 0.015
@@ -34,12 +34,14 @@ class BoardFit(NamedTuple):
     corner: bool
 
     def signed_distance(self, points: np.ndarray) -> np.ndarray:
-        """Return signed distances (n,) of points (n, 2) in the plane to the border [m]."""
-        return self._distance_and_gradient(points)[0]
+        """Return distances (n,) of points (n, 2) in the plane to the nearest side's line [m]."""
+        return _beyond((points - self.centre) @ self.plane_R_board, self.half_size).max(axis=0)
 
-    def _distance_and_gradient(self, points: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-        turned = (points - self.centre) @ self.plane_R_board
-        return signed_distance_to_rectangles(turned, np.zeros(2), self.half_size)
+    def outline(self, larger_m: float) -> np.ndarray:
+        """Return points (n, 2) in the plane around the board, made larger on each side [m]."""
+        half = self.half_size + larger_m
+        around = Rectangle(*(-half), *half).sample(0.05)
+        return self.centre + around @ self.plane_R_board.T
 
 
 def fit_board(
@@ -95,11 +97,24 @@ def _centres(border: np.ndarray, region: np.ndarray, half: np.ndarray) -> np.nda
 def _cost(
     border: np.ndarray, region: np.ndarray, centre: np.ndarray, half: np.ndarray, tolerance: float
 ) -> float:
-    off, _ = signed_distance_to_rectangles(border, centre, half)
-    outside, _ = signed_distance_to_rectangles(region, centre, half)
+    off = _beyond(border - centre, half).max(axis=0)
+    outside = _beyond(region - centre, half).max(axis=0)
     misfit = np.minimum(np.abs(off) / tolerance, 5.0)
     beyond = np.clip(outside / tolerance - 1.0, 0.0, 5.0)
     return float(np.mean(misfit) + 3.0 * np.mean(beyond))
+
+
+def _beyond(points: np.ndarray, half: np.ndarray) -> np.ndarray:
+    """Return (2, n): how far points (n, 2) lie beyond the sides across x, and those across y."""
+    return np.abs(points.T) - half[:, None]
+
+
+def _distance_and_gradient(points: np.ndarray, half: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+    """Return distances (n,) to the nearest side's line, outside positive, and gradients (n, 2)."""
+    across_x, across_y = _beyond(points, half)
+    x_is_nearer = across_x >= across_y
+    gradient = np.where(np.stack([x_is_nearer, ~x_is_nearer], axis=1), np.sign(points), 0.0)
+    return np.where(x_is_nearer, across_x, across_y), gradient
 
 
 def _refined(
@@ -109,7 +124,7 @@ def _refined(
     for _ in range(_ROUNDS):
         plane_R_board = _rotation(angle)
         turned = (border - centre) @ plane_R_board
-        off, gradient = signed_distance_to_rectangles(turned, np.zeros(2), half)
+        off, gradient = _distance_and_gradient(turned, half)
         weight = 1.0 / (1.0 + (off / tolerance) ** 2) ** 2
         turning = gradient[:, 0] * turned[:, 1] - gradient[:, 1] * turned[:, 0]
         rows = np.column_stack([-gradient, turning]) * weight[:, None]
@@ -118,7 +133,7 @@ def _refined(
         centre, angle = centre + plane_R_board @ step[:2], angle + float(step[2])
     plane_R_board = _rotation(angle)
     turned = (border - centre) @ plane_R_board
-    off, gradient = signed_distance_to_rectangles(turned, np.zeros(2), half)
+    off, gradient = _distance_and_gradient(turned, half)
     on = np.abs(off) <= 2.0 * tolerance
     least = max(4, int(0.04 * len(border)))
     touched = [

@@ -278,20 +278,25 @@ class DepthLabeler:
         quality["border_rms_m"] = (
             float(np.sqrt(np.mean(fit.distance[on] ** 2))) if on.any() else 1.0
         )
-        window = _window(region)
-        in_plane = axes.to_plane(self._rays[window].reshape(-1, 2))
-        distance = fit.signed_distance(in_plane).reshape(region.mask.shape)
-        pixel_m = quality["distance_m"] / float(self.camera.focal_px.mean())
-        solid = ((region.mask > 0) & (distance <= 0.5 * tolerance)).astype(np.uint8)
+        solid = region.mask & self._drawn(fit, axes, region, 0.0)
         solid = cv2.morphologyEx(solid, cv2.MORPH_OPEN, _CROSS)
         quality["coverage"] = self._coverage(fit, axes, region, solid)
-        beyond = float(np.mean((distance > 2.0 * tolerance)[region.mask > 0]))
+        around = self._drawn(fit, axes, region, 2.0 * tolerance)
+        beyond = 1.0 - np.count_nonzero(region.mask & around) / quality["pixels"]
         reason = self._reason(quality, fit, beyond)
         if reason:
             return nothing(DEPTH, reason, quality)
-        return self._labelled(
-            depth_m, plane, _Region(solid, *region[1:]), distance, pixel_m, quality
-        )
+        return self._labelled(depth_m, plane, _Region(solid, *region[1:]), fit, axes, quality)
+
+    def _drawn(
+        self, fit: BoardFit, axes: _PlaneAxes, region: _Region, larger_m: float
+    ) -> np.ndarray:
+        """Return the region's window, 1 where a pixel's centre is on the board or next to it."""
+        pixels = self.camera.project(axes.to_camera(fit.outline(larger_m)))
+        corners = np.clip(pixels - [region.left, region.top], -1e4, 1e4)
+        fine = np.rint(corners * (1 << _SHIFT)).astype(np.int32).reshape(-1, 1, 2)
+        picture = np.zeros_like(region.mask)
+        return cv2.fillPoly(picture, [fine], 1, lineType=cv2.LINE_8, shift=_SHIFT)
 
     def _reason(self, quality: Dict[str, float], fit: BoardFit, beyond: float) -> str:
         """Tell why the region is not the board, '' if it is."""
@@ -329,8 +334,8 @@ class DepthLabeler:
         depth_m: np.ndarray,
         plane: _Plane,
         region: _Region,
-        distance: np.ndarray,
-        pixel_m: float,
+        fit: BoardFit,
+        axes: _PlaneAxes,
         quality: Dict[str, float],
     ) -> Labeled:
         solid = region.mask
@@ -343,9 +348,11 @@ class DepthLabeler:
         grid[(-region.top) % step :: step, (-region.left) % step :: step] = True
         inner = _eroded(solid) > 0
         rows, columns = np.nonzero(inner & good & grid)
-        edge = (_outermost(solid) > 0) & good & (distance >= -4.0 * pixel_m - _BORDER_M)
-        edge_rows, edge_columns = np.nonzero(edge)
+        edge_rows, edge_columns = np.nonzero((_outermost(solid) > 0) & good)
         far = self._off_the_edge(edge_rows + region.top, edge_columns + region.left)
+        border = axes.to_plane(self._rays[edge_rows + region.top, edge_columns + region.left])
+        pixel_m = quality["distance_m"] / float(self.camera.focal_px.mean())
+        far &= fit.signed_distance(border) >= -4.0 * pixel_m - _BORDER_M
         error = (z - expected)[inner & good]
         quality["plane_rms_m"] = float(np.sqrt(np.mean(error**2))) if error.size else np.inf
         quality["pixels"] = float(np.count_nonzero(solid))
@@ -413,10 +420,11 @@ class DepthLabeler:
                 )
 
 
+_SHIFT = 4  # binary digits of a pixel for drawing
 _MOST_REGIONS = 30
 _LEAST_DEEP_PX = 5.0
 _SEED_REACH_PX = 5
-_FIT_POINTS, _BORDER_POINTS = 4000, 400
+_FIT_POINTS, _BORDER_POINTS = 2000, 400
 _LEAST_BORDER_PX = 12
 _BORDER_M = 0.012
 _LARGEST_EXTENT, _LARGEST_BEYOND = 1.1, 0.05
@@ -510,7 +518,8 @@ def _grown_plane(rays: np.ndarray, z: np.ndarray, away_px: np.ndarray) -> Option
             if np.sum(use) < 10:
                 return None
             w = weight[use]
-            solution, *_ = np.linalg.lstsq(design[use] * w[:, None], w / z[use], rcond=None)
+            rows = design[use] * w[:, None]
+            solution = np.linalg.solve(rows.T @ rows, rows.T @ (w / z[use]))
             error = (z - 1.0 / np.maximum(design @ solution, 1e-3)) / sigma
             reach = away_px <= radius
             scale = float(np.clip(1.4826 * np.median(np.abs(error[use])), 0.3, 2.0))
