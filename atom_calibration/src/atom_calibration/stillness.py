@@ -17,7 +17,9 @@ from atom_core.model.sensor import depth_sigma_m
 
 CORNER_SIGMA_PX = 0.3
 LIDAR_SIGMA_M = 0.010
-_BESIDE_SIGMAS = 5.0  # a label's centre wanders in the plane, as points at the border come and go
+# A label's centre wanders in the plane as points at the border, or a LiDAR's whole layer, come and
+# go: so many sigmas are nothing unusual.
+_BESIDE_SIGMAS, _BESIDE_SIGMAS_OF_LAYERS = 4.0, 10.0
 _AFFINE_PARAMETERS = 3  # of each axis
 _MIN_CORNERS_FOR_AFFINE = 6
 _MOST_POINTS = 400  # of a label that its plane is fitted to
@@ -56,6 +58,7 @@ class PlaneSighting:
         extent_m: root of the mean squared distance from the centre.
         sigma_m: of one point.
         count: of points.
+        beside_sigmas: by how many sigmas the centre wanders in the plane without any motion.
     """
 
     centre: np.ndarray
@@ -63,12 +66,13 @@ class PlaneSighting:
     extent_m: float
     sigma_m: float
     count: int
+    beside_sigmas: float
 
     def motion(self, other: PlaneSighting) -> float:
         """Return by how many sigmas the board moved to another sighting."""
         shift = other.centre - self.centre
         out = float(self.normal @ shift)
-        beside = float(np.linalg.norm(shift - out * self.normal)) / _BESIDE_SIGMAS
+        beside = float(np.linalg.norm(shift - out * self.normal)) / self.beside_sigmas
         turned = float(np.linalg.norm(np.cross(self.normal, other.normal))) * self.extent_m
         sigma = max(self.sigma_m, other.sigma_m)
         # The centre knows the plane to sigma / sqrt(n), its tilt about as well at the extent.
@@ -92,8 +96,11 @@ def plane_sighting(points: np.ndarray, depth_sensor: bool) -> Optional[PlaneSigh
     except ValueError:
         return None
     extent = float(np.sqrt(np.mean(np.sum((points - centre) ** 2, axis=1))))
-    sigma = float(depth_sigma_m(centre[2])) if depth_sensor else LIDAR_SIGMA_M
-    return PlaneSighting(centre, normal, extent, sigma, len(points))
+    if depth_sensor:
+        sigma, beside = float(depth_sigma_m(centre[2])), _BESIDE_SIGMAS
+    else:
+        sigma, beside = LIDAR_SIGMA_M, _BESIDE_SIGMAS_OF_LAYERS
+    return PlaneSighting(centre, normal, extent, sigma, len(points), beside)
 
 
 class Stop(NamedTuple):
