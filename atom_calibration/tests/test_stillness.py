@@ -71,7 +71,7 @@ def test_a_plane_that_moved_or_turned_is_seen_to_move():
     rng = np.random.default_rng(4)
     first = plane_sighting(board_points(0.0, rng), False)
     nearer = plane_sighting(board_points([2 * LIDAR_SIGMA_M, 0, 0], rng), False)
-    beside = plane_sighting(board_points([0, 0.2, 0], rng), False)
+    beside = plane_sighting(board_points([0, 0.3, 0], rng), False)
     turned = board_points(0.0, rng)
     turned[:, 0] += 0.1 * turned[:, 1]
     assert min(motion(first, nearer), motion(first, beside)) > 1.0

@@ -143,8 +143,9 @@ class FrameLabeler:
         centre = se3.apply(sensor_T_world @ world_T_pattern, middle)
         if frame.sensor.modality != DEPTH:
             return centre[0]
-        assert frame.sensor.camera is not None
-        return frame.sensor.camera.project(centre)[0] if centre[0, 2] > 0 else None
+        camera = frame.sensor.camera
+        assert camera is not None
+        return camera.project(centre)[0] if camera.in_image(centre)[0] else None
 
     def _note_boards(self, frame: Frame, tree: Optional[TransformTree]) -> None:
         if tree is None:

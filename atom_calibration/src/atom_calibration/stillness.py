@@ -19,7 +19,7 @@ CORNER_SIGMA_PX = 0.3
 LIDAR_SIGMA_M = 0.010
 # A label's centre wanders in the plane as points at the border, or a LiDAR's whole layer, come and
 # go: so many sigmas are nothing unusual.
-_BESIDE_SIGMAS, _BESIDE_SIGMAS_OF_LAYERS = 4.0, 10.0
+_BESIDE_SIGMAS, _BESIDE_SIGMAS_OF_LAYERS = 4.0, 15.0
 _AFFINE_PARAMETERS = 3  # of each axis
 _MIN_CORNERS_FOR_AFFINE = 6
 _MOST_POINTS = 400  # of a label that its plane is fitted to
