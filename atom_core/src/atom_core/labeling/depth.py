@@ -193,18 +193,34 @@ class DepthLabeler:
         start = self._start(depth_m, seed)
         if start is None:
             return None
-        flood = _flood(depth_m, start)
-        rows, columns = np.nonzero(flood.mask)
+        z_m = float(depth_m[start[1], start[0]])
+        widest = 2.0 * float(np.hypot(*self.pattern.border.half_size))
+        flood = _flood(depth_m, start, 1.2 * widest * float(self.camera.focal_px.max()) / z_m)
+        points = self._points(depth_m, flood)
+        if points is None:
+            return None
+        rows, columns = points
+        away = np.hypot(columns - start[0], rows - start[1])
+        plane = _grown_plane(self._rays[rows, columns], depth_m[rows, columns], away)
+        region = None if plane is None else self._on_plane(depth_m, plane, flood, start)
+        points = None if region is None else self._points(depth_m, region)
+        if points is None:
+            return None
+        rows, columns = points  # once more, with what hangs together and with nothing else
+        away = np.zeros(len(rows))
+        plane = _grown_plane(self._rays[rows, columns], depth_m[rows, columns], away)
+        region = None if plane is None else self._on_plane(depth_m, plane, flood, start)
+        return None if plane is None or region is None else (plane, region)
+
+    def _points(
+        self, depth_m: np.ndarray, region: _Region
+    ) -> Optional[Tuple[np.ndarray, np.ndarray]]:
+        """Return rows and columns of enough pixels of a region, None if it is too small."""
+        rows, columns = np.nonzero((region.mask > 0) & np.isfinite(depth_m[_window(region)]))
         if len(rows) < self.options.least_pixels:
             return None
         step = max(len(rows) // _FIT_POINTS, 1)
-        rows, columns = rows[::step] + flood.top, columns[::step] + flood.left
-        away = np.hypot(columns - start[0], rows - start[1])
-        plane = _grown_plane(self._rays[rows, columns], depth_m[rows, columns], away)
-        if plane is None:
-            return None
-        region = self._on_plane(depth_m, plane, flood, start)
-        return None if region is None else (plane, region)
+        return rows[::step] + region.top, columns[::step] + region.left
 
     def _on_plane(
         self, depth_m: np.ndarray, plane: _Plane, flood: _Region, start: np.ndarray
@@ -429,7 +445,7 @@ _LEAST_BORDER_PX = 12
 _BORDER_M = 0.012
 _LARGEST_EXTENT, _LARGEST_BEYOND = 1.1, 0.05
 _QUANTUM_M = 0.001
-_FIRST_RADIUS_PX, _RADIUS_GROWTH = 10.0, 1.6
+_FIRST_RADIUS_PX, _RADIUS_GROWTH = 10.0, 1.3
 
 
 def to_metres(image: np.ndarray, encoding: str) -> np.ndarray:
@@ -487,20 +503,29 @@ class _PlaneAxes:
 def _step_m(z_m: float) -> float:
     """Return by how much neighbours on one board may differ: noise, slant, rounding."""
     z = min(z_m, 8.0)
-    return 0.02 + 6.0 * float(depth_sigma_m(np.array(z)))
+    return 0.02 + 3.0 * float(depth_sigma_m(np.array(z)))
 
 
-def _flood(depth_m: np.ndarray, start: np.ndarray) -> _Region:
-    """Return what is reached from a pixel by steps to one of four neighbours of similar depth."""
-    height, width = depth_m.shape
+def _flood(depth_m: np.ndarray, start: np.ndarray, reach_px: float) -> _Region:
+    """Return what is reached from a pixel by steps to one of four neighbours of similar depth.
+
+    Args:
+        depth_m: (height, width) [m].
+        start: (2,) pixel with a depth.
+        reach_px: no farther than this along the columns and the rows.
+    """
+    reach = int(min(reach_px, max(depth_m.shape)))
+    left, top = (int(v) for v in np.maximum(start - reach, 0))
+    part = np.ascontiguousarray(depth_m[top : start[1] + reach + 1, left : start[0] + reach + 1])
+    height, width = part.shape
     blocked = np.zeros((height + 2, width + 2), dtype=np.uint8)
-    blocked[1:-1, 1:-1] = np.isnan(depth_m)
+    blocked[1:-1, 1:-1] = np.isnan(part)
     step = _step_m(float(depth_m[start[1], start[0]]))
     flags = 4 | cv2.FLOODFILL_MASK_ONLY | (2 << 8)
-    place = (int(start[0]), int(start[1]))
-    _, _, _, (x, y, w, h) = cv2.floodFill(depth_m, blocked, place, 0, step, step, flags)
+    place = (int(start[0]) - left, int(start[1]) - top)
+    _, _, _, (x, y, w, h) = cv2.floodFill(part, blocked, place, 0, step, step, flags)
     mask = (blocked[y + 1 : y + h + 1, x + 1 : x + w + 1] == 2).astype(np.uint8)
-    return _Region(mask, y, x)
+    return _Region(mask, y + top, x + left)
 
 
 def _grown_plane(rays: np.ndarray, z: np.ndarray, away_px: np.ndarray) -> Optional[_Plane]:
@@ -512,24 +537,28 @@ def _grown_plane(rays: np.ndarray, z: np.ndarray, away_px: np.ndarray) -> Option
     weight = z**2 / sigma  # of 1 / z
     radius = max(_FIRST_RADIUS_PX, away_px[min(len(z) - 1, _LEAST_FIRST)])
     use = away_px <= radius
-    plane = _Plane(np.array([0.0, 0.0, 1.0 / float(np.median(z[use]))]), 1.0)
+    scale = 1.0
     while True:
-        for _ in range(2):
-            if np.sum(use) < 10:
+        whole = radius >= away_px[-1]
+        for _ in range(_LAST_FITS if whole else 2):
+            if np.sum(use) < _LEAST_FIRST // 4:
                 return None
             w = weight[use]
             rows = design[use] * w[:, None]
             solution = np.linalg.solve(rows.T @ rows, rows.T @ (w / z[use]))
             error = (z - 1.0 / np.maximum(design @ solution, 1e-3)) / sigma
-            reach = away_px <= radius
             scale = float(np.clip(1.4826 * np.median(np.abs(error[use])), 0.3, 2.0))
-            plane = _Plane(solution, scale)
-            use = reach & (np.abs(error) <= 3.5 * scale + _QUANTUM_M / sigma)
-        if radius >= away_px[-1]:
-            return plane
+            before = use
+            use = (away_px <= radius) & (np.abs(error) <= 3.5 * scale + _QUANTUM_M / sigma)
+            if np.array_equal(before, use):
+                break
+        if whole:
+            return _Plane(solution, scale)
         radius *= _RADIUS_GROWTH
+        use = (away_px <= radius) & (np.abs(error) <= 3.5 * scale + _QUANTUM_M / sigma)
 
 
+_LAST_FITS = 15
 _LEAST_FIRST = 40
 
 
