@@ -38,28 +38,54 @@ class Moment:
 
 
 class StopMoments:
-    """A moment for each stop of the board; see ``stillness``."""
+    """A moment for each stop of the board; see ``stillness``.
+
+    Cameras judge far more finely than range sensors, whose labels of a board that is half hidden
+    or seen at a grazing angle wander. So a stop that range sensors report counts only where no
+    camera saw the board long enough to tell.
+    """
 
     def __init__(self, patterns: Iterable[str], options: StillnessOptions = DEFAULT_OPTIONS):
         """Start with nothing seen."""
-        self._detectors = {name: StopDetector(options) for name in patterns}
+        self._cameras = {name: StopDetector(options) for name in patterns}
+        self._range = {name: StopDetector(options) for name in patterns}
+        self._seen_s: Dict[Tuple[str, str], Deque[float]] = {}  # by camera and pattern
         self.memory_s = options.take_after_s + options.longest_pause_s
 
     def add(self, frame: Frame) -> Iterator[Moment]:
         """Take note of a frame; yield the stops that have become certain."""
+        name, stamp = frame.sensor.name, frame.stamp_s
         for pattern, sighting in frame.sightings.items():
-            stop = self._detectors[pattern].add(frame.sensor.name, frame.stamp_s, sighting)
-            yield from self._moment(stop)
+            if frame.sensor.modality == RGB:
+                self._note(name, pattern, stamp)
+                stop = self._cameras[pattern].add(name, stamp, sighting)
+            else:
+                stop = self._trusted(pattern, self._range[pattern].add(name, stamp, sighting))
+            if stop is not None:
+                yield Moment(stop.start_s, stop.end_s)
 
     def finish(self) -> Iterator[Moment]:
         """Yield the stop that lasted until the end."""
-        for detector in self._detectors.values():
-            yield from self._moment(detector.finish())
+        for pattern, detector in self._cameras.items():
+            by_range = self._trusted(pattern, self._range[pattern].finish())
+            for stop in (detector.finish(), by_range):
+                if stop is not None:
+                    yield Moment(stop.start_s, stop.end_s)
 
-    @staticmethod
-    def _moment(stop: Optional[Stop]) -> Iterator[Moment]:
-        if stop is not None:
-            yield Moment(stop.start_s, stop.end_s)
+    def _note(self, camera: str, pattern: str, stamp_s: float) -> None:
+        seen = self._seen_s.setdefault((camera, pattern), deque())
+        seen.append(stamp_s)
+        while seen[0] < stamp_s - 2 * self.memory_s:
+            seen.popleft()
+
+    def _trusted(self, pattern: str, stop: Optional[Stop]) -> Optional[Stop]:
+        """Return a stop that range sensors report, unless cameras could tell."""
+        if stop is None:
+            return None
+        for (_, name), seen in self._seen_s.items():
+            if name == pattern and sum(stop.start_s <= s <= stop.end_s for s in seen) > 1:
+                return None
+        return stop
 
 
 class TimedMoments:
