@@ -7,6 +7,7 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <stdexcept>
 #include <vector>
@@ -61,15 +62,16 @@ py::dict ToDict(const BoardSegment& segment) {
   return item;
 }
 
-BoardOptions AsOptions(double width, double height, int least_layers) {
+BoardOptions AsOptions(double width, double height, int least_layers, double beam_width) {
   BoardOptions options;
   options.size = {width, height};
   options.least_layers = least_layers;
+  options.beam_width = beam_width;
   return options;
 }
 
 py::dict Segment(const Scan& scan, const DoubleArray& seed, double width, double height,
-                 int least_layers) {
+                 int least_layers, double beam_width) {
   if (seed.ndim() != 1 || seed.shape(0) != 3) {
     throw std::invalid_argument("seed must have the shape (3,)");
   }
@@ -77,16 +79,16 @@ py::dict Segment(const Scan& scan, const DoubleArray& seed, double width, double
   BoardSegment segment;
   {
     const py::gil_scoped_release release;
-    segment = SegmentBoard(scan, point, AsOptions(width, height, least_layers));
+    segment = SegmentBoard(scan, point, AsOptions(width, height, least_layers, beam_width));
   }
   return ToDict(segment);
 }
 
-py::list Find(const Scan& scan, double width, double height, int least_layers) {
+py::list Find(const Scan& scan, double width, double height, int least_layers, double beam_width) {
   std::vector<BoardSegment> segments;
   {
     const py::gil_scoped_release release;
-    segments = FindBoards(scan, AsOptions(width, height, least_layers));
+    segments = FindBoards(scan, AsOptions(width, height, least_layers, beam_width));
   }
   py::list items;
   for (const BoardSegment& segment : segments) items.append(ToDict(segment));
@@ -127,7 +129,7 @@ Raises:
     ValueError: wrong shapes or lengths.
 )");
   m.def("segment_board", &Segment, py::arg("scan"), py::arg("seed"), py::arg("width"),
-        py::arg("height"), py::arg("least_layers"),
+        py::arg("height"), py::arg("least_layers"), py::arg("beam_width") = 0.0,
         R"(Finds a board of known size near a seed (3,) [m] in the sensor's frame.
 
 Returns:
@@ -138,7 +140,7 @@ Raises:
     ValueError: a size that is not positive, or a seed that is not finite.
 )");
   m.def("find_boards", &Find, py::arg("scan"), py::arg("width"), py::arg("height"),
-        py::arg("least_layers"),
+        py::arg("least_layers"), py::arg("beam_width") = 0.0,
         "Searches a whole scan for boards of a size; list of dict as segment_board's, best first.");
 }
 

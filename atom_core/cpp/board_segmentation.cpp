@@ -22,6 +22,7 @@ namespace {
 constexpr int kPlanes = 8;  // proposed around a seed
 constexpr int kRansacIterations = 400;
 constexpr double kThreshold = 3.0;       // standard deviations of inliers
+constexpr double kTrusted = 1.5;         // standard deviations of returns at the border
 constexpr double kLeastSigma = 0.002;    // [m] below, rounding and the board's own flatness count
 constexpr double kLeastCosine = 0.14;    // of the incidence, 82 degrees
 constexpr double kDropoutSteps = 4.5;    // of azimuth without a return that a run bridges
@@ -311,6 +312,8 @@ class Candidate {
     origin_ -= plane_.Residual(origin_) * plane_.normal;
     const Eigen::Vector3d first = plane_.normal.unitOrthogonal();
     axes_ << first, plane_.normal.cross(first), plane_.normal;
+    // Beams of some width return from the board though their middle is beyond its border.
+    seen_half_ = half_.array() + options_.beam_width / 2.0 * origin_.norm();
     segment_.incidence = std::acos(std::min(1.0, plane_.distance / std::max(origin_.norm(), 1e-9)));
   }
 
@@ -328,6 +331,7 @@ class Candidate {
                           segment_.layers, origin_.norm(), options_.least_layers));
   }
 
+  // Also tells planes apart that are seen too flat, or reach too far.
   bool HasExtent() {
     double longest = 0.0;
     const Eigen::Vector2d from = InPlane(At(piece_.front()).position);
@@ -369,11 +373,20 @@ class Candidate {
     return false;
   }
 
-  // Half a beam step outwards of an end, on the plane: the border is there on average.
-  Eigen::Vector2d HalfBeamBeyond(int i, int side) const {
-    const double azimuth = At(i).azimuth + side * scan_.azimuth_step / 2.0;
+  // The first return inwards of an end that is not off the plane, as weak returns at edges are.
+  int Trusted(int i, int inwards) const {
+    int k = i;
+    for (int step = 0; step < 3 && k >= 0; ++step, k = Neighbour(k, inwards)) {
+      if (std::abs(plane_.Residual(At(k).position)) < kTrusted * sigma_) return k;
+    }
+    return i;
+  }
+
+  // Half a beam step beyond the last return of a layer, on the plane: the border's mean place.
+  Eigen::Vector2d Border(int i, int side) const {
     Eigen::Vector2d in_plane;
-    if (!Meets(scan_.Direction(azimuth, At(i).elevation), &in_plane)) {
+    if (!Meets(scan_.Direction(At(i).azimuth + side * scan_.azimuth_step / 2.0, At(i).elevation),
+               &in_plane)) {
       return InPlane(At(i).position);
     }
     return in_plane;
@@ -383,17 +396,17 @@ class Candidate {
     Outline outline;
     for (const auto& end : ends_) {
       for (const int side : {-1, 1}) {
-        const int i = side < 0 ? end.first : end.second;
+        const int i = side < 0 ? end.first : end.second, last = Trusted(i, -side);
         outline.inside.push_back(InPlane(At(i).position));
-        if (!IsHiddenBeside(i, side)) outline.limits.push_back(HalfBeamBeyond(i, side));
+        if (!IsHiddenBeside(i, side)) outline.limits.push_back(Border(last, side));
         AddOutside(i, side, &outline.outside);
       }
     }
     AddLayersAround(&outline.outside);
-    if (outline.limits.size() < 4) {
+    if (outline.limits.size() < std::max<std::size_t>(4, ends_.size() - 1)) {
       return Reject(3, Text("only %.0f ends of layers are not hidden", outline.limits.size()));
     }
-    pose_ = FitRectangle(outline, half_);
+    pose_ = FitRectangle(outline, seen_half_);
     SetPose();
     return BorderFits(outline) && SizeFits(outline) && LiesInside();
   }
@@ -437,13 +450,15 @@ class Candidate {
   }
 
   // How far a layer's end may be from the border.
-  double Tolerance() const { return options_.border_tolerance + StepOnBoard(); }
+  double Tolerance() const {
+    return options_.border_tolerance + std::min(StepOnBoard(), 0.05 * options_.size.minCoeff());
+  }
 
   bool BorderFits(const Outline& outline) {
     double sum = 0.0;
     int near = 0;
     for (const auto& point : outline.limits) {
-      const double distance = SignedDistance(pose_.ToBoard(point), half_);
+      const double distance = SignedDistance(pose_.ToBoard(point), seen_half_);
       if (std::abs(distance) > 3.0 * Tolerance()) continue;
       sum += distance * distance;
       ++near;
@@ -457,7 +472,8 @@ class Candidate {
   }
 
   bool SizeFits(const Outline& outline) {
-    segment_.measured_size = MeasureSize(outline.limits, pose_, half_);
+    segment_.measured_size = MeasureSize(outline.limits, pose_, seen_half_);
+    segment_.measured_size -= 2.0 * (seen_half_ - half_);
     for (int axis = 0; axis < 2; ++axis) {
       const double size = segment_.measured_size[axis];
       const double most = 0.05 * options_.size[axis] + Tolerance();
@@ -472,7 +488,7 @@ class Candidate {
   bool LiesInside() {
     int outside = 0;
     for (const int i : piece_) {
-      const double distance = SignedDistance(pose_.ToBoard(InPlane(At(i).position)), half_);
+      const double distance = SignedDistance(pose_.ToBoard(InPlane(At(i).position)), seen_half_);
       if (distance > 2.0 * Tolerance()) ++outside;
     }
     const double share = static_cast<double>(outside) / piece_.size();
@@ -526,7 +542,8 @@ class Candidate {
     segment_.visible = there / expected;
     segment_.hidden = nearer / expected;
     segment_.through = farther / expected;
-    segment_.score = segment_.border_rms / Tolerance() + std::max(0.0, 1.0 - segment_.visible);
+    segment_.score = segment_.border_rms / options_.border_tolerance +
+                     std::max(0.0, 1.0 - segment_.visible) + 2.0 * segment_.through;
     if (segment_.through > options_.most_through) {
       return Reject(5, Text("%.0f %% of the beams pass through where the board would be",
                             100.0 * segment_.through));
@@ -555,7 +572,7 @@ class Candidate {
     std::vector<int> chosen;
     for (std::size_t i = 0; i < window_.points.size(); ++i) {
       if (std::abs(plane_.Residual(At(i).position)) >= kThreshold * sigma_) continue;
-      const double distance = SignedDistance(pose_.ToBoard(InPlane(At(i).position)), half_);
+      const double distance = SignedDistance(pose_.ToBoard(InPlane(At(i).position)), seen_half_);
       if (distance > margin) continue;
       const bool at_border = distance > -2.0 * StepOnBoard();
       if (at_border && (IsMixed(i, -1) || IsMixed(i, 1))) continue;
@@ -566,8 +583,8 @@ class Candidate {
     }
     for (const int i : chosen) segment_.indices.push_back(At(i).index);
     for (const auto& item : ends) {
-      AddLimit(item.second.first, -1);
-      AddLimit(item.second.second, 1);
+      AddLimit(Trusted(item.second.first, 1), -1);
+      AddLimit(Trusted(item.second.second, -1), 1);
     }
     std::sort(segment_.indices.begin(), segment_.indices.end());
     auto& limits = segment_.limit_indices;
@@ -577,7 +594,7 @@ class Candidate {
   }
 
   void AddLimit(int i, int side) {
-    const double distance = SignedDistance(pose_.ToBoard(HalfBeamBeyond(i, side)), half_);
+    const double distance = SignedDistance(pose_.ToBoard(Border(i, side)), seen_half_);
     const double tolerance = options_.border_tolerance + 1.5 * StepOnBoard();
     if (!IsHiddenBeside(i, side) && std::abs(distance) < tolerance) {
       segment_.limit_indices.push_back(At(i).index);
@@ -587,7 +604,8 @@ class Candidate {
   const Scan& scan_;
   const Window& window_;
   const BoardOptions& options_;
-  const Eigen::Vector2d half_;
+  const Eigen::Vector2d half_;  // of the board's size
+  Eigen::Vector2d seen_half_;   // of the outline that the beams' middles trace
   BoardSegment segment_;
   std::vector<int> piece_;
   std::vector<std::pair<int, int>> ends_;  // first and last of the piece in each layer
@@ -640,7 +658,7 @@ BoardSegment BestOnPlane(const Scan& scan, const Window& window, const Plane& pl
 
 }  // namespace
 
-double SeedRadius(const BoardOptions& options) { return 0.75 * options.size.norm(); }
+double SeedRadius(const BoardOptions& options) { return options.seed_radius * options.size.norm(); }
 
 BoardSegment SegmentBoard(const Scan& scan, const Eigen::Vector3d& seed,
                           const BoardOptions& options) {
@@ -659,10 +677,13 @@ BoardSegment SegmentBoard(const Scan& scan, const Eigen::Vector3d& seed,
   }
   best.reason = "no plane around the seed";
   std::vector<int> left = window.sphere;
-  for (int k = 0; k < kPlanes && static_cast<int>(left.size()) >= options.least_points; ++k) {
+  const double threshold = kThreshold * options.noise;
+  for (int k = 0; k < options.most_planes; ++k) {
     Plane plane;
-    const double threshold = kThreshold * options.noise;
-    if (!ProposePlane(window, left, threshold, kLeastCosine * seed.norm(), &plane)) break;
+    if (static_cast<int>(left.size()) < options.least_points ||
+        !ProposePlane(window, left, threshold, kLeastCosine * seed.norm(), &plane)) {
+      break;
+    }
     const BoardSegment segment = BestOnPlane(scan, window, plane, seed, options);
     if (IsBetter(segment, best)) best = segment;
     std::vector<int> rest = Without(window, left, plane, threshold);

@@ -27,10 +27,13 @@ struct BoardOptions {
   Eigen::Vector2d size = Eigen::Vector2d::Zero();  ///< width and height of the border [m]
   double noise = 0.010;          ///< standard deviation of ranges to begin with [m]
   double most_noise = 0.030;     ///< of the returns about the plane: more is not flat [m]
+  double beam_width = 0.0;       ///< full angle within which a beam returns from the board [rad]
+  double seed_radius = 0.75;     ///< planes are proposed within this many diagonals of the seed
+  int most_planes = 8;           ///< proposed around a seed
   int least_layers = 4;          ///< that meet the board
   int least_points = 20;         ///< on the board
-  double least_coverage = 0.65;  ///< share of the expected returns that is there or hidden
-  double least_visible = 0.35;   ///< share of the expected returns that is there
+  double least_coverage = 0.70;  ///< share of the expected returns that is there or hidden
+  double least_visible = 0.40;   ///< share of the expected returns that is there
   double most_through = 0.08;    ///< share of the expected beams that pass through the rectangle
   double most_outside = 0.08;    ///< share of the piece's returns outside the rectangle
   double border_tolerance =
@@ -43,9 +46,9 @@ struct BoardSegment {
   std::string reason;                       ///< one sentence; empty when detected
   std::vector<std::int64_t> indices;        ///< of the returns, into the cloud as given, ascending
   std::vector<std::int64_t> limit_indices;  ///< those on the border
-  Eigen::Matrix4d sensor_T_board = Eigen::Matrix4d::Identity();  ///< origin in the middle, x along
-                                                                 ///< the width, z away from the
-                                                                 ///< sensor; open to half a turn
+  Eigen::Matrix4d sensor_T_board = Eigen::Matrix4d::Identity();   ///< origin in the middle, x along
+                                                                  ///< the width, z away from the
+                                                                  ///< sensor; open to half a turn
   double plane_sigma = std::numeric_limits<double>::quiet_NaN();  ///< about the plane [m]
   double border_rms = std::numeric_limits<double>::quiet_NaN();   ///< of the layers' ends [m]
   double incidence = std::numeric_limits<double>::quiet_NaN();    ///< at the middle [rad]
