@@ -13,7 +13,7 @@ PYTHON_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicat
 CPP_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicate \
 	-- '*.h' '*.cpp' | xargs -r ls -d 2>/dev/null)
 
-.PHONY: help setup build demo test test-quick lint format bench clean pictures
+.PHONY: help setup build demo test test-quick lint format bench clean pictures pictures-cell
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1	\2/p' Makefile | expand -t 14
@@ -74,3 +74,6 @@ clean: ## remove build products and tool caches (keeps .venv and results)
 
 pictures: build ## the pictures of the documents, docs/pictures, from the simulated cell
 	@$(ENV) python3 docs/make_pictures.py
+
+pictures-cell: build ## what the simulated cell's sensors see, docs/pictures/cell_*.jpg
+	@$(ENV) python3 docs/make_cell_pictures.py

@@ -8,6 +8,7 @@
 
 namespace atom_core {
 
+void BindBoardSegmentation(pybind11::module& m);
 void BindCalibration(pybind11::module& m);
 
 }  // namespace atom_core

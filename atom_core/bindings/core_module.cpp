@@ -188,8 +188,9 @@ Raises:
 }  // namespace atom_core
 
 PYBIND11_MODULE(_core, m) {
-  m.doc() = "Compiled core of atom_core: robot descriptions, planar compression, calibration.";
+  m.doc() = "Compiled core of atom_core: robot descriptions, boards in clouds, calibration.";
   atom_core::BindUrdf(m);
   atom_core::BindPlanarCompression(m);
+  atom_core::BindBoardSegmentation(m);
   atom_core::BindCalibration(m);
 }

@@ -22,7 +22,7 @@ from atom_core.geometry import se3
 from atom_core.model.transforms import Edge
 
 DEFAULT_MAX_GAP_S = 1.0
-_WINDOW_S = 10.0  # of /tf that are in memory at a time
+_WINDOW_S = 5.0  # of /tf that are in memory at a time
 _LATENCY_S = 2.0  # a transform may be recorded so much later than its stamp
 
 

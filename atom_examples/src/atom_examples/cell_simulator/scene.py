@@ -27,7 +27,24 @@ _INK = 0.1  # of the light is reflected by black print
 _TEXTURE_PX = 56  # of a square; a marker of 45/60 then has 6 pixels for each of its 7 cells
 _NEAR_M, _FAR_M = 0.1, 40.0
 PERSON_M = (0.45, 0.28, 1.72)  # a box
-_GREYS = {"wall": (0.72, 0.73, 0.74, 1.0), "floor": (0.45, 0.46, 0.47, 1.0)}
+_GREYS = {"wall": (0.80, 0.81, 0.80, 1.0), "floor": (0.52, 0.52, 0.51, 1.0)}
+# Around the cell: middle, lengths [m], colour. Desk with screen, shelf with boxes, cabinet.
+_FURNITURE = (
+    ((3.2, -2.6, 0.72), (0.8, 1.6, 0.04), (0.62, 0.47, 0.31, 1.0)),
+    ((3.2, -2.6, 0.35), (0.7, 1.5, 0.70), (0.33, 0.34, 0.36, 1.0)),
+    ((3.4, -2.6, 1.05), (0.05, 0.62, 0.38), (0.10, 0.11, 0.13, 1.0)),
+    ((-3.6, -2.4, 0.90), (0.5, 1.4, 0.04), (0.58, 0.60, 0.62, 1.0)),
+    ((-3.6, -2.4, 1.60), (0.5, 1.4, 0.04), (0.58, 0.60, 0.62, 1.0)),
+    ((-3.6, -1.7, 0.85), (0.5, 0.04, 1.70), (0.58, 0.60, 0.62, 1.0)),
+    ((-3.6, -3.1, 0.85), (0.5, 0.04, 1.70), (0.58, 0.60, 0.62, 1.0)),
+    ((-3.6, -2.7, 1.10), (0.36, 0.44, 0.36), (0.71, 0.56, 0.38, 1.0)),
+    ((-3.6, -2.1, 1.06), (0.36, 0.50, 0.28), (0.66, 0.50, 0.33, 1.0)),
+    ((-3.6, -2.5, 0.20), (0.45, 0.70, 0.40), (0.20, 0.38, 0.33, 1.0)),
+    ((-0.9, -4.2, 0.90), (1.0, 0.45, 1.80), (0.56, 0.60, 0.64, 1.0)),
+    ((0.9, -4.25, 0.25), (0.6, 0.40, 0.50), (0.71, 0.56, 0.38, 1.0)),
+    ((1.0, -4.25, 0.65), (0.4, 0.36, 0.30), (0.66, 0.50, 0.33, 1.0)),
+    ((1.9, -4.47, 1.50), (1.2, 0.04, 0.80), (0.88, 0.89, 0.88, 1.0)),
+)
 _PERSON_RGBA = (0.24, 0.33, 0.50, 1.0)
 
 
@@ -254,6 +271,9 @@ class _Builder:
         """Add everything."""
         self._settings()
         self._room(room)
+        for middle, size, rgba in _FURNITURE:
+            place = se3.transform(np.eye(3), np.array(middle))
+            self._box(self.spec.worldbody, np.array(size), place, rgba, _STILL)
         for visual in visuals:
             group = _HOUSINGS if visual.link in housings else _STILL
             if any(j.type != FIXED for j in _joints_above(scene.robot, visual.link)):
@@ -270,9 +290,9 @@ class _Builder:
         visual.quality.offsamples = 0  # pictures are drawn finer and averaged instead
         self.spec.stat.extent = 1.0
         visual.map.znear, visual.map.zfar = _NEAR_M, _FAR_M
-        visual.headlight.ambient, visual.headlight.diffuse = [0.34] * 3, [0.12] * 3
+        visual.headlight.ambient, visual.headlight.diffuse = [0.42] * 3, [0.10] * 3
         visual.headlight.specular = [0.0] * 3
-        for x, y, strength in ((0.3, -0.4, 0.34), (-0.5, 0.5, 0.22)):
+        for x, y, strength in ((0.3, -0.5, 0.36), (-0.6, 0.2, 0.26)):
             self.spec.worldbody.add_light(
                 type=self.mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
                 pos=[0, 0, 4],

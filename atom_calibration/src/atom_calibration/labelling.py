@@ -1,0 +1,231 @@
+"""Labels for frames as they come: which labeler, begun from which seed."""
+
+from __future__ import annotations
+
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
+
+import numpy as np
+
+from atom_calibration.conversions import cloud_xyz
+from atom_calibration.errors import CollectionError, TransformError
+from atom_calibration.frames import Frame
+from atom_calibration.tf_snapshot import TransformTree
+from atom_core.errors import LabelingError
+from atom_core.geometry import se3
+from atom_core.io.seeds import Seed
+from atom_core.labeling.base import Labeled, Labeler, labeler_for, nothing
+from atom_core.model.config import CalibrationConfig
+from atom_core.model.dataset import DetectionKey, RgbLabel
+from atom_core.model.pattern import Pattern
+from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
+from atom_core.problem.initial_boards import camera_candidates
+from atom_core.problem.measurements import CornerMeasurement
+
+_FRESH_S = 1.0  # a camera's sight of the board, or a tracked seed, is of use for so long
+_SEARCH_EVERY_S = 0.35  # of each range sensor that lost the board
+_SAME_STAMP_S = 0.005
+_OUTSIDE_M = 1.0  # a seed so far from every point is a mistake
+
+Key = Tuple[str, str]  # sensor, pattern
+
+
+class FrameLabeler:
+    """Labels frames; keeps seeds and the cameras' last sight of the board from one to the next."""
+
+    def __init__(
+        self,
+        config: CalibrationConfig,
+        sensors: Mapping[str, Sensor],
+        patterns: Mapping[str, Pattern],
+        seeds: Sequence[Seed] = (),
+        automatic_seeds: bool = True,
+    ):
+        """Make the labelers.
+
+        Args:
+            config: the calibration.
+            sensors: to label.
+            patterns: to look for.
+            seeds: given by hand; they win over all others.
+            automatic_seeds: predict the seeds of range sensors from the cameras, or search.
+
+        Raises:
+            ConfigError: there is no labeler for a modality.
+        """
+        self._labelers: Dict[Key, Labeler] = {
+            (s.name, p.name): labeler_for(s, p, config.calibration_patterns[p.name])
+            for s in sensors.values()
+            for p in patterns.values()
+        }
+        self._patterns, self._world = patterns, config.world_link
+        self._automatic = automatic_seeds
+        self._manual = _ManualSeeds(seeds)
+        self._tracked: Dict[Key, Tuple[float, np.ndarray]] = {}
+        self._searched_s: Dict[Key, float] = {}
+        self._boards: Dict[str, Tuple[float, np.ndarray]] = {}  # world_T_pattern by pattern
+
+    def label_image(self, frame: Frame) -> Frame:
+        """Label a colour image; needs nothing else, so that it may run in a thread of its own."""
+        for name in self._patterns:
+            frame.set_label(name, self._label(frame, name, None))
+        return frame
+
+    def label(self, frame: Frame, tree: Optional[TransformTree]) -> Frame:
+        """Label a frame, or take note of one that is labelled already.
+
+        Args:
+            frame: of any sensor.
+            tree: transforms at its time, to predict seeds with; None: not known.
+
+        Raises:
+            LabelingError: the data are not what the labeler needs.
+            CollectionError: a seed given by hand lies outside the data.
+        """
+        if frame.sensor.modality == RGB:
+            if not frame.labels:
+                self.label_image(frame)
+            self._note_boards(frame, tree)
+            return frame
+        for name in self._patterns:
+            self._label_range(frame, name, tree)
+        return frame
+
+    def _label_range(self, frame: Frame, pattern: str, tree: Optional[TransformTree]) -> None:
+        key = (frame.sensor.name, pattern)
+        labeled = nothing(frame.sensor.modality, "there is no seed")
+        for seed in self._seeds(frame, pattern, tree):
+            labeled = self._label(frame, pattern, seed)
+            if labeled.detected:
+                if seed is not None:
+                    frame.seeds[pattern] = seed
+                elif labeled.next_seed is not None:
+                    frame.seeds[pattern] = labeled.next_seed
+                break
+        frame.set_label(pattern, labeled)
+        if labeled.detected and labeled.next_seed is not None:
+            self._tracked[key] = (frame.stamp_s, labeled.next_seed)
+
+    def _seeds(
+        self, frame: Frame, pattern: str, tree: Optional[TransformTree]
+    ) -> List[Optional[np.ndarray]]:
+        """Return the seeds to try, the most trusted first; None stands for a search."""
+        manual = self._manual.at(frame)
+        if manual is not None:
+            return [manual]
+        seeds: List[Optional[np.ndarray]] = []
+        key = (frame.sensor.name, pattern)
+        stamp, tracked = self._tracked.get(key, (-np.inf, np.zeros(0)))
+        if frame.stamp_s - stamp <= _FRESH_S:
+            seeds.append(tracked)
+        for_all = self._manual.for_all(frame.sensor.name)
+        if for_all is not None:
+            return [*seeds, for_all]
+        if self._automatic:
+            predicted = self._predicted(frame, pattern, tree)
+            seeds += [] if predicted is None else [predicted]
+            if frame.stamp_s - self._searched_s.get(key, -np.inf) >= _SEARCH_EVERY_S:
+                self._searched_s[key] = frame.stamp_s
+                seeds.append(None)
+        return seeds
+
+    def _predicted(
+        self, frame: Frame, pattern: str, tree: Optional[TransformTree]
+    ) -> Optional[np.ndarray]:
+        """Return the seed that the last sight of the board by a camera suggests."""
+        stamp, world_T_pattern = self._boards.get(pattern, (-np.inf, np.eye(4)))
+        if tree is None or abs(frame.stamp_s - stamp) > _FRESH_S:
+            return None
+        try:
+            sensor_T_world = tree.lookup(frame.sensor.frame, self._world, frame.stamp_s)
+        except TransformError:
+            return None
+        middle = board_centre(self._patterns[pattern])[None]
+        centre = se3.apply(sensor_T_world @ world_T_pattern, middle)
+        if frame.sensor.modality != DEPTH:
+            return centre[0]
+        camera = frame.sensor.camera
+        assert camera is not None
+        return camera.project(centre)[0] if camera.in_image(centre)[0] else None
+
+    def _note_boards(self, frame: Frame, tree: Optional[TransformTree]) -> None:
+        if tree is None:
+            return
+        for name, labeled in frame.labels.items():
+            pose = camera_T_pattern(frame.sensor, self._patterns[name], labeled)
+            if pose is None:
+                continue
+            try:
+                world_T_camera = tree.lookup(self._world, frame.sensor.frame, frame.stamp_s)
+            except TransformError:
+                continue
+            self._boards[name] = (frame.stamp_s, world_T_camera @ pose)
+
+    def _label(self, frame: Frame, pattern: str, seed: Optional[np.ndarray]) -> Labeled:
+        try:
+            return self._labelers[(frame.sensor.name, pattern)].label(labeler_data(frame), seed)
+        except LabelingError as error:
+            raise LabelingError(f"{frame.place}: {error}") from None
+
+
+def labeler_data(frame: Frame) -> Any:
+    """Return the data in the form that the modality's labeler takes."""
+    return frame.data
+
+
+def board_centre(pattern: Pattern) -> np.ndarray:
+    """Return the middle (3,) of the board in its frame [m]."""
+    return np.append(pattern.border.corners.mean(axis=0), 0.0)
+
+
+def camera_T_pattern(sensor: Sensor, pattern: Pattern, labeled: Labeled) -> Optional[np.ndarray]:
+    """Return the board's pose (4, 4) by one camera's corners alone; None if they do not tell."""
+    label = labeled.label
+    if not isinstance(label, RgbLabel) or not label.detected or sensor.camera is None:
+        return None
+    key = DetectionKey("", sensor.name, pattern.name)
+    corners = pattern.corners_of(label.ids)
+    poses = camera_candidates(
+        CornerMeasurement(key, sensor.camera, label.ids, corners, label.pixels)
+    )
+    return poses[0] if poses else None
+
+
+class _ManualSeeds:
+    """Seeds given by hand: for one time, or for all."""
+
+    def __init__(self, seeds: Sequence[Seed]):
+        self._seeds = list(seeds)
+
+    def at(self, frame: Frame) -> Optional[np.ndarray]:
+        """Return the seed for the frame's time."""
+        for seed in self._seeds:
+            if seed.sensor != frame.sensor.name or seed.stamp_s is None:
+                continue
+            if abs(seed.stamp_s - frame.stamp_s) <= _SAME_STAMP_S:
+                _check_inside(seed, frame)
+                return seed.position
+        return None
+
+    def for_all(self, sensor: str) -> Optional[np.ndarray]:
+        """Return the seed for all times."""
+        found = [s for s in self._seeds if s.sensor == sensor and s.stamp_s is None]
+        return found[0].position if found else None
+
+
+def _check_inside(seed: Seed, frame: Frame) -> None:
+    if frame.sensor.modality == LIDAR3D:
+        away = np.linalg.norm(cloud_xyz(frame.data) - seed.position, axis=1)
+        nearest = float(np.nanmin(away)) if np.any(np.isfinite(away)) else np.inf
+        problem = f"the nearest point is {nearest:.2f} m away" if nearest > _OUTSIDE_M else ""
+        unit = "m"
+    else:
+        height, width = frame.data.shape
+        u, v = seed.position
+        inside = -0.5 <= u <= width - 0.5 and -0.5 <= v <= height - 0.5
+        problem = "" if inside else f"the image has {width} x {height} pixels"
+        unit = "px"
+    if problem:
+        raise CollectionError(
+            f"{frame.place}: the seed {np.round(seed.position, 3).tolist()} {unit} lies outside "
+            f"the data ({problem}); correct it in the file of --seeds"
+        )

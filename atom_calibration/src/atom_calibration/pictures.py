@@ -1,0 +1,78 @@
+"""Pictures of labelled data, to be looked at by eye."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from atom_calibration.conversions import cloud_xyz
+from atom_calibration.frames import Frame
+from atom_core.model.dataset import RangeLabel, RgbLabel
+from atom_core.model.sensor import DEPTH, RGB
+
+_GREEN, _RED, _GREY = (60, 220, 60), (40, 40, 255), (120, 120, 120)
+_CLOUD_SIZE, _MARGIN = 640, 1.4
+
+
+def labelled_picture(frame: Frame) -> np.ndarray:
+    """Return the data with the labels drawn in (height, width, 3): inside green, border red."""
+    if frame.sensor.modality == RGB:
+        return _corners(frame)
+    return _depth(frame) if frame.sensor.modality == DEPTH else _cloud(frame)
+
+
+def _corners(frame: Frame) -> np.ndarray:
+    picture = frame.data.copy()
+    for labeled in frame.labels.values():
+        label = labeled.label
+        assert isinstance(label, RgbLabel)
+        for number, (x, y) in zip(label.ids, label.pixels):
+            centre = (int(round(16 * x)), int(round(16 * y)))
+            cv2.circle(picture, centre, 5 * 16, _GREEN, 1, cv2.LINE_AA, 4)
+            place = (int(x) + 6, int(y) - 4)
+            cv2.putText(picture, str(number), place, cv2.FONT_HERSHEY_PLAIN, 0.7, _RED, 1)
+    return picture
+
+
+def _depth(frame: Frame) -> np.ndarray:
+    depth = frame.data
+    near, far = np.nanpercentile(depth, [1, 99]) if np.any(np.isfinite(depth)) else (0.0, 1.0)
+    scaled = np.nan_to_num((depth - near) / max(far - near, 1e-6), nan=0.0)
+    grey = (255 - 215 * np.clip(scaled, 0, 1)).astype(np.uint8)
+    picture = cv2.cvtColor(np.where(np.isfinite(depth), grey, 0).astype(np.uint8), 8)
+    for label in _range_labels(frame):
+        for indices, colour in ((label.indices, _GREEN), (label.limit_indices, _RED)):
+            row, column = np.divmod(indices, depth.shape[1])
+            picture[row, column] = colour
+    return picture
+
+
+def _cloud(frame: Frame) -> np.ndarray:
+    """Return the board's neighbourhood, seen along the board's normal."""
+    picture = np.zeros((_CLOUD_SIZE, _CLOUD_SIZE, 3), np.uint8)
+    points = cloud_xyz(frame.data)
+    labels = _range_labels(frame)
+    if not labels:
+        return picture
+    board = points[labels[0].indices]
+    centre = board.mean(axis=0)
+    _, _, axes = np.linalg.svd(board - centre, full_matrices=False)
+    flat = (points - centre) @ axes.T
+    extent = _MARGIN * np.abs(flat[labels[0].indices, :2]).max()
+    near = np.flatnonzero(np.all(np.abs(flat) <= extent, axis=1))
+    _dots(picture, flat[near], extent, _GREY)
+    for label in labels:
+        _dots(picture, flat[label.indices], extent, _GREEN)
+        _dots(picture, flat[label.limit_indices], extent, _RED)
+    return picture
+
+
+def _dots(picture: np.ndarray, flat: np.ndarray, extent: float, colour: tuple) -> None:
+    pixels = (0.5 + 0.5 * flat[:, :2] / extent) * (_CLOUD_SIZE - 1)
+    for x, y in pixels.astype(int):
+        cv2.circle(picture, (int(x), int(y)), 2, colour, -1)
+
+
+def _range_labels(frame: Frame) -> list:
+    found = [labeled.label for labeled in frame.labels.values() if labeled.detected]
+    return [label for label in found if isinstance(label, RangeLabel)]

@@ -1,0 +1,178 @@
+"""When the board stands still, judged on what the sensors' labels say and on nothing else.
+
+Two labels of one sensor are compared in units of the label's own standard deviation: corners in
+the image for a camera, the plane and its centre for a range sensor. What the noise of the two
+labels explains is taken off.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Dict, NamedTuple, Optional, Union
+
+import numpy as np
+
+from atom_core.geometry.plane import fit_plane
+from atom_core.model.sensor import depth_sigma_m
+
+CORNER_SIGMA_PX = 0.3
+LIDAR_SIGMA_M = 0.010
+# A label's centre wanders in the plane as points at the border, or a LiDAR's whole layer, come and
+# go: so many sigmas are nothing unusual.
+_BESIDE_SIGMAS, _BESIDE_SIGMAS_OF_LAYERS = 4.0, 15.0
+_AFFINE_PARAMETERS = 3  # of each axis
+_MIN_CORNERS_FOR_AFFINE = 6
+_MOST_POINTS = 400  # of a label that its plane is fitted to
+
+
+@dataclass(frozen=True)
+class CornerSighting:
+    """Corners of the board in an image: ids (n,) and pixels (n, 2)."""
+
+    ids: np.ndarray
+    pixels: np.ndarray
+
+    def motion(self, other: CornerSighting) -> float:
+        """Return by how many sigmas the board moved to another sighting; inf if none can tell."""
+        common, mine, theirs = np.intersect1d(self.ids, other.ids, return_indices=True)
+        if len(common) < 3:
+            return np.inf
+        before, shift = self.pixels[mine], other.pixels[theirs] - self.pixels[mine]
+        columns = [np.ones(len(before))]
+        if len(before) >= _MIN_CORNERS_FOR_AFFINE:
+            columns += list((before - before.mean(axis=0)).T)
+        design = np.column_stack(columns)
+        fitted = design @ np.linalg.lstsq(design, shift, rcond=None)[0]
+        noise = 2 * 2 * CORNER_SIGMA_PX**2 * len(columns) / len(before)  # two labels, two axes
+        square = float(np.mean(np.sum(fitted**2, axis=1)))
+        return float(np.sqrt(max(square - noise, 0.0)) / CORNER_SIGMA_PX)
+
+
+@dataclass(frozen=True)
+class PlaneSighting:
+    """The board as a range sensor sees it.
+
+    Attributes:
+        centre: (3,) mean of the labelled points [m].
+        normal: (3,) of their plane.
+        extent_m: root of the mean squared distance from the centre.
+        sigma_m: of one point.
+        count: of points.
+        beside_sigmas: by how many sigmas the centre wanders in the plane without any motion.
+    """
+
+    centre: np.ndarray
+    normal: np.ndarray
+    extent_m: float
+    sigma_m: float
+    count: int
+    beside_sigmas: float
+
+    def motion(self, other: PlaneSighting) -> float:
+        """Return by how many sigmas the board moved to another sighting."""
+        shift = other.centre - self.centre
+        out = float(self.normal @ shift)
+        beside = float(np.linalg.norm(shift - out * self.normal)) / self.beside_sigmas
+        turned = float(np.linalg.norm(np.cross(self.normal, other.normal))) * self.extent_m
+        sigma = max(self.sigma_m, other.sigma_m)
+        # The centre knows the plane to sigma / sqrt(n), its tilt about as well at the extent.
+        noise = 2 * _AFFINE_PARAMETERS * sigma**2 / min(self.count, other.count)
+        return float(np.sqrt(max(out**2 + beside**2 + turned**2 - noise, 0.0)) / sigma)
+
+
+Sighting = Union[CornerSighting, PlaneSighting]
+
+
+def plane_sighting(points: np.ndarray, depth_sensor: bool) -> Optional[PlaneSighting]:
+    """Return the sighting of labelled points (n, 3) [m]; None if they make no plane.
+
+    Args:
+        points: in the sensor's frame.
+        depth_sensor: True for the noise of a depth camera, else that of a LiDAR.
+    """
+    points = points[:: max(len(points) // _MOST_POINTS, 1)].astype(float)
+    try:
+        centre, normal, _ = fit_plane(points)
+    except ValueError:
+        return None
+    extent = float(np.sqrt(np.mean(np.sum((points - centre) ** 2, axis=1))))
+    if depth_sensor:
+        sigma, beside = float(depth_sigma_m(centre[2])), _BESIDE_SIGMAS
+    else:
+        sigma, beside = LIDAR_SIGMA_M, _BESIDE_SIGMAS_OF_LAYERS
+    return PlaneSighting(centre, normal, extent, sigma, len(points), beside)
+
+
+class Stop(NamedTuple):
+    """A time during which nothing that was seen of the board moved [s]."""
+
+    start_s: float
+    end_s: float
+
+
+@dataclass(frozen=True)
+class StillnessOptions:
+    """When the board counts as standing still.
+
+    Attributes:
+        sigmas: how far a label may be from the stop's first one of its sensor.
+        min_still_s: shortest stop.
+        longest_pause_s: a sensor that saw nothing for longer does not know what went on.
+        take_after_s: a stop that lasts longer is reported without waiting for its end, so that
+            no more than this has to be remembered.
+    """
+
+    sigmas: float = 1.0
+    min_still_s: float = 0.5
+    longest_pause_s: float = 1.5
+    take_after_s: float = 3.0
+
+
+DEFAULT_OPTIONS = StillnessOptions()
+
+
+class StopDetector:
+    """Finds the stops in a stream of sightings; give it those of one pattern, in time order."""
+
+    def __init__(self, options: StillnessOptions = DEFAULT_OPTIONS):
+        """Start without a sighting."""
+        self._options = options
+        self._anchors: Dict[str, Sighting] = {}  # the first of each sensor since the start
+        self._last_s: Dict[str, float] = {}
+        self._start_s = 0.0
+        self._reported = False
+
+    def add(self, sensor: str, stamp_s: float, sighting: Sighting) -> Optional[Stop]:
+        """Add what a sensor saw; return a stop that has just become certain."""
+        anchor = self._anchors.get(sensor)
+        if not self._anchors or (anchor is not None and self._moved(sensor, stamp_s, sighting)):
+            stop = self._end(self._last_s[sensor]) if self._anchors else None
+            self._anchors, self._last_s = {sensor: sighting}, {sensor: stamp_s}
+            self._start_s, self._reported = stamp_s, False
+            return stop
+        if anchor is None:
+            self._anchors[sensor] = sighting
+        self._last_s[sensor] = stamp_s
+        if stamp_s - self._start_s >= self._options.take_after_s:
+            return self._end(stamp_s)
+        return None
+
+    def finish(self) -> Optional[Stop]:
+        """Return the stop that lasted until the end of the stream, if any."""
+        return self._end(max(self._last_s.values())) if self._last_s else None
+
+    def _moved(self, sensor: str, stamp_s: float, sighting: Sighting) -> bool:
+        if stamp_s - self._last_s[sensor] > self._options.longest_pause_s:
+            return True
+        return motion(self._anchors[sensor], sighting) > self._options.sigmas
+
+    def _end(self, end_s: float) -> Optional[Stop]:
+        if self._reported or end_s - self._start_s < self._options.min_still_s:
+            return None
+        self._reported = True
+        return Stop(self._start_s, end_s)
+
+
+def motion(first: Sighting, second: Sighting) -> float:
+    """Return by how many sigmas the board moved between two sightings of one sensor."""
+    return first.motion(second)  # type: ignore[arg-type]

@@ -1,0 +1,325 @@
+"""A bag becomes a dataset; what is wrong with a bag is said in one line.
+
+The labelers are stand-ins that read the board's place out of the data, so that these tests are
+about collecting alone: pixel 0 of an image holds the board's shift in pixels (0: not there), and
+the first forty points of a cloud are the board.
+"""
+
+import json
+
+import numpy as np
+import pytest
+import rosbag
+
+from atom_calibration import labelling
+from atom_calibration.collect_from_bag import main
+from atom_core.cli import main as core_main
+from atom_core.io.dataset_json import read_dataset
+from atom_core.labeling.base import Labeled, nothing
+from atom_core.model.dataset import DetectionKey, RangeLabel, RgbLabel, range_points
+from atom_core.model.sensor import RGB
+from atom_core.model.transforms import Edge
+
+CONFIG = """
+world_link: world
+sensors:
+  cam: {link: cam_optical, parent_link: world, child_link: cam, topic_name: /cam/image_raw,
+        modality: rgb}
+  lidar: {link: lidar, parent_link: arm, child_link: lidar, topic_name: /lidar/points,
+          modality: lidar3d}
+calibration_patterns:
+  board: {link: board, parent_link: world, fixed: false, pattern_type: charuco,
+          dictionary: DICT_5X5_100, dimension: {x: 5, y: 4}, size: 0.1, inner_size: 0.07,
+          border_size: {x: 0.02, y: 0.02}}
+max_duration_between_msgs: 200
+"""
+GRID = np.stack(np.meshgrid(np.arange(5), np.arange(4)), axis=-1).reshape(-1, 2) * 8.0 + 5.0
+STOPS = 3
+
+
+class StandIn:
+    """A labeler that is told the truth by the data."""
+
+    def __init__(self, sensor, pattern, _config):
+        self.modality = sensor.modality
+
+    def label(self, data, seed=None):
+        if self.modality == RGB:
+            shift = int(data[0, 0, 0])
+            if not shift:
+                return nothing(RGB, "no markers")
+            return Labeled(RgbLabel(np.arange(20), GRID + shift))
+        centre = np.array([data[axis][:40].mean() for axis in "xyz"])
+        if seed is not None and np.linalg.norm(seed - centre) > 1.0:
+            return nothing(self.modality, "the seed is not on the board")
+        return Labeled(RangeLabel(np.arange(40), np.arange(4)), next_seed=centre)
+
+
+@pytest.fixture(autouse=True)
+def stand_in(monkeypatch):
+    monkeypatch.setattr(labelling, "labeler_for", StandIn)
+
+
+def position(time_s):
+    """The board's place [px]: it stands for 1.5 s, moves for 1 s, and so on."""
+    stop, rest = divmod(time_s, 2.5)
+    return int(round(10 * stop + 10 * max(rest - 1.5, 0.0))) + 1
+
+
+def messages(make, lag_s=0.03, stops=STOPS):
+    """Yield (topic, message, time) of a rig whose LiDAR rides on an arm that moves."""
+    shift = np.eye(4)
+    yield "/tf_static", make.tf("world", "cam", shift, 100.0), 100.0
+    yield "/tf_static", make.tf("cam", "cam_optical", shift, 100.0), 100.0
+    yield "/tf_static", make.tf("arm", "lidar", shift, 100.0), 100.0
+    for tick in range(25 * stops):
+        time_s = 0.1 * tick
+        stamp = 100.0 + time_s
+        arm = np.eye(4)
+        arm[0, 3] = 0.01 * tick
+        yield "/tf", make.tf("world", "arm", arm, stamp), stamp
+        image = np.zeros((48, 64, 3), np.uint8)
+        image[0, 0, 0] = position(time_s)
+        yield "/cam/camera_info", make.camera_info(frame="cam_optical", stamp_s=stamp), stamp
+        yield "/cam/image_raw", make.image(image, frame="cam_optical", stamp_s=stamp), stamp
+        seen = stamp + lag_s
+        yield "/lidar/points", cloud(make, position(time_s + lag_s), seen), seen
+
+
+def cloud(make, place_px, stamp_s):
+    rng = np.random.default_rng(int(1000 * stamp_s))
+    board = rng.uniform(-0.3, 0.3, (40, 3)) * [0, 1, 1] + [3 + 0.05 * place_px, 0, 0]
+    wall = np.column_stack([np.full(200, 9.0), rng.uniform(-3, 3, (200, 2))])
+    return make.xyz_cloud(np.vstack([board, wall]), stamp_s=stamp_s)
+
+
+@pytest.fixture
+def place(make, tmp_path):
+    """Return a function: messages -> arguments of the command for a bag of them."""
+    (tmp_path / "config.yml").write_text(CONFIG)
+
+    def write(content=None, **options):
+        path = make.bag(tmp_path / "a.bag", content or messages(make), **options)
+        return [
+            "--config", str(tmp_path / "config.yml"), "--bag", str(path),
+            "--output", str(tmp_path / "out"),
+        ]  # fmt: skip
+
+    write.folder = tmp_path / "out"
+    write.config = tmp_path / "config.yml"
+    return write
+
+
+def refusal(arguments, capsys):
+    """Run the command, expect a refusal, return its one line."""
+    capsys.readouterr()
+    assert main(arguments) == 2
+    lines = [x for x in capsys.readouterr().err.split("\n") if x.startswith("collect_from_bag:")]
+    assert len(lines) == 1, lines
+    return lines[0]
+
+
+def test_each_stop_becomes_a_collection_with_its_data_labels_and_transforms(place):
+    assert main(place()) == 0
+    dataset = read_dataset(place.folder / "dataset.json")
+    assert list(dataset.collections) == ["000", "001", "002"]
+    for number, (key, collection) in enumerate(dataset.collections.items()):
+        corners = collection.labels[("cam", "board")]
+        np.testing.assert_array_equal(corners.pixels, GRID + position(2.5 * number))
+        points = range_points(dataset, DetectionKey(key, "lidar", "board")).inside
+        np.testing.assert_allclose(points[:, 0], 3 + 0.05 * position(2.5 * number), atol=1e-6)
+        assert dataset.data.colour_image(key, "cam").shape == (48, 64, 3)
+        stamp = dataset.document["collections"][key]["data"]["lidar"]["header"]["stamp"]
+        arm_x = collection.transforms[Edge("world", "arm")][0, 3]
+        seconds = stamp["secs"] + 1e-9 * stamp["nsecs"] - 100.0
+        assert 2.5 * number <= seconds <= 2.5 * number + 1.5
+        assert arm_x == pytest.approx(0.1 * seconds, abs=1e-6)  # the LiDAR's own stamp
+    types = {name: entry["type"] for name, entry in dataset.document["transforms"].items()}
+    assert types["world-arm"] == "multiple" and types["arm-lidar"] == "fixed"
+    initial = dataset.document["patterns"]["board"]["transforms_initial"]
+    assert initial["001"]["detected"] and initial["001"]["sensor"] == "cam"
+    assert core_main(["check", "--dataset", str(place.folder / "dataset.json")]) in (0, 1)
+
+
+def test_the_skew_is_compared_in_milliseconds(place, make):
+    arguments = place(messages(make, lag_s=0.05))
+    place.config.write_text(CONFIG.replace("msgs: 200", "msgs: 20"))
+    assert main(arguments) == 1  # no two sensors within 20 ms, so one of them has nothing
+    dataset = read_dataset(place.folder / "dataset.json")
+    for entry in dataset.document["collections"].values():
+        assert len(entry["data"]) == 1
+
+
+def test_an_interval_takes_collections_and_leaves_out_what_moves(place, capsys):
+    assert main([*place(), "--interval", "0.5"]) == 1
+    assert "the board moved by" in capsys.readouterr().err
+    dataset = read_dataset(place.folder / "dataset.json")
+    assert 3 * STOPS - 2 <= len(dataset.collections) <= 3 * STOPS + 2
+
+
+def test_times_that_are_given_are_taken(place):
+    assert main([*place(), "--times", "103.1", "100.6"]) == 0
+    document = read_dataset(place.folder / "dataset.json").document
+    secs = [c["data"]["cam"]["header"]["stamp"] for c in document["collections"].values()]
+    assert [s["secs"] + 1e-9 * s["nsecs"] for s in secs] == pytest.approx([100.6, 103.1], abs=0.11)
+
+
+def test_the_seeds_in_use_are_written_and_win_when_they_come_back(place, capsys):
+    arguments = [*place(), "--overwrite"]
+    assert main(arguments) == 0
+    seeds = place.folder / "seeds.yaml"
+    assert seeds.read_text().count("lidar") == STOPS
+    kept = place.folder.parent / "kept.yaml"
+    kept.write_text(seeds.read_text())
+    assert main([*arguments, "--seeds", str(kept), "--automatic_seeds", "off"]) == 0
+    kept.write_text("- {stamp: null, sensor: lidar, xyz_m: [9, 0, 0]}\n")
+    assert main([*arguments, "--seeds", str(kept)]) == 1
+    assert "sensor 'lidar' never saw the board" in capsys.readouterr().err
+
+
+def test_a_seed_outside_the_cloud_is_refused(place, capsys):
+    arguments = [*place(), "--seeds", str(place.folder.parent / "seeds.yaml")]
+    text = "- {stamp: 100.53, sensor: lidar, xyz_m: [50, 0, 0]}\n"
+    (place.folder.parent / "seeds.yaml").write_text(text)
+    line = refusal(arguments, capsys)
+    assert "'lidar', topic /lidar/points, time 100.530" in line and "outside the data" in line
+
+
+def test_pictures_are_written_when_asked(place):
+    assert main([*place(), "--pictures"]) == 0
+    assert len(list((place.folder / "pictures").glob("*.jpg"))) == 2 * STOPS
+
+
+def test_memory_is_that_of_a_few_seconds(place, make, monkeypatch):
+    from atom_calibration.selection import RecentFrames
+
+    largest = []
+    add = RecentFrames.add
+
+    def counted(self, frame):
+        add(self, frame)
+        largest.append(len(self.between(-np.inf, np.inf)))
+
+    monkeypatch.setattr(RecentFrames, "add", counted)
+    assert main(place()) == 0
+    assert max(largest) < 2 * 40
+
+
+def without(make, *topics):
+    return [m for m in messages(make) if m[0] not in topics]
+
+
+def test_an_absent_topic_names_the_sensor_and_lists_the_topics_of_its_type(place, make, capsys):
+    changed = [("/other" if m[0] == "/lidar/points" else m[0], *m[1:]) for m in messages(make)]
+    line = refusal(place(changed), capsys)
+    assert "/lidar/points (sensor 'lidar')" in line and "PointCloud2: /other" in line
+
+
+def test_a_camera_without_camera_info_is_refused(place, make, capsys):
+    line = refusal(place(without(make, "/cam/camera_info")), capsys)
+    assert "/cam/camera_info (intrinsics of sensor 'cam') is not in the bag" in line
+
+
+def test_a_topic_of_another_type_is_refused(place, capsys):
+    arguments = place()
+    place.config.write_text(CONFIG.replace("/lidar/points", "/cam/image_raw"))
+    assert "carries sensor_msgs/Image" in refusal(arguments, capsys)
+
+
+def test_a_frame_that_is_not_in_tf_is_refused_with_its_sensor(place, make, capsys):
+    arguments = place([m for m in messages(make) if "arm" not in str(m[1])[:400]])
+    line = refusal(arguments, capsys)
+    assert "sensor 'lidar', topic /lidar/points" in line and "'lidar' is in no message" in line
+
+
+def test_a_bag_without_tf_is_refused(place, make, capsys):
+    assert "neither /tf nor" in refusal(place(without(make, "/tf", "/tf_static")), capsys)
+
+
+def test_an_edge_that_is_not_on_the_way_is_refused(place, capsys):
+    arguments = place()
+    place.config.write_text(CONFIG.replace("parent_link: arm", "parent_link: cam"))
+    assert "sensor 'lidar': its edge 'cam-lidar'" in refusal(arguments, capsys)
+
+
+def test_a_gap_of_tf_costs_the_collection_in_it_and_is_told(place, make, capsys):
+    gappy = [m for m in messages(make) if not (m[0] == "/tf" and 102.2 < m[2] < 104.3)]
+    assert main(place(gappy)) == 1
+    assert "/tf has no pose of 'world-arm' near time 103" in capsys.readouterr().err
+    assert len(read_dataset(place.folder / "dataset.json").collections) == STOPS - 1
+
+
+def test_an_empty_image_is_left_out_and_told_and_only_such_images_are_refused(place, make, capsys):
+    spoiled = list(messages(make))
+    images = [m for topic, m, _ in spoiled if topic == "/cam/image_raw"]
+    images[30].data = b""
+    assert main(place(spoiled)) == 0
+    error = capsys.readouterr().err
+    assert "sensor 'cam', topic /cam/image_raw, time 103.000: the image is empty" in error
+    images[0].data = b""
+    assert "time 100.000: the image is empty" in refusal([*place(spoiled), "--overwrite"], capsys)
+
+
+def test_a_cloud_without_positions_is_refused(place, make, capsys):
+    spoiled = list(messages(make))
+    for topic, message, _ in spoiled:
+        if topic == "/lidar/points":
+            message.fields = message.fields[:2]
+    line = refusal(place(spoiled), capsys)
+    assert "sensor 'lidar', topic /lidar/points, time 100.030" in line and "no field z" in line
+
+
+def test_a_board_that_never_rests_is_told(place, make, capsys):
+    moving = list(messages(make))
+    for number, (topic, message, _) in enumerate(moving):
+        if topic == "/cam/image_raw":
+            message.data = bytes([1 + number // 4]) + message.data[1:]
+    arguments = place([m for m in moving if m[0] != "/lidar/points"])
+    text = CONFIG[: CONFIG.index("  lidar:")] + CONFIG[CONFIG.index("calibration_patterns") :]
+    place.config.write_text(text)
+    assert "the board never stood still" in refusal(arguments, capsys)
+
+
+def test_a_bag_damaged_inside_leaves_the_collections_before_it(place, make, capsys):
+    content = messages(make, stops=8)
+    arguments = place(content, compression=rosbag.Compression.BZ2, chunk_threshold=100000)
+    path = place.folder.parent / "a.bag"
+    data = bytearray(path.read_bytes())
+    chunk = data.index(b"BZh9", 7 * len(data) // 8)
+    data[chunk + 20 : chunk + 80] = bytes(60)
+    path.write_bytes(data)
+    assert "damaged after" in refusal(arguments, capsys)
+    assert core_main(["recover", str(place.folder)]) == 0
+    assert len(read_dataset(place.folder / "dataset.json").collections) in (5, 6, 7)
+
+
+def test_a_full_disk_leaves_the_collections_before_it(place, capsys, monkeypatch):
+    from atom_calibration import collect
+
+    written = collect.write_pcd
+
+    def full(path, *rest):
+        if path.name == "lidar_002.pcd":
+            monkeypatch.setattr("os.fsync", broken)
+        return written(path, *rest)
+
+    def broken(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(collect, "write_pcd", full)
+    line = refusal(place(), capsys)
+    assert "lidar_002.pcd" in line and "no space left" in line and "free some space" in line
+    monkeypatch.undo()
+    assert core_main(["recover", str(place.folder)]) == 0
+    assert len(read_dataset(place.folder / "dataset.json").collections) == 2
+
+
+def test_results_are_not_replaced_unless_asked(place, capsys):
+    arguments = place()
+    assert main(arguments) == 0
+    before = (place.folder / "dataset.json").read_bytes()
+    assert "--overwrite" in refusal(arguments, capsys)
+    assert (place.folder / "dataset.json").read_bytes() == before
+    assert main([*arguments, "--overwrite"]) == 0
+    collections = json.loads((place.folder / "dataset.json").read_text())["collections"]
+    assert len(collections) == STOPS

@@ -1,0 +1,106 @@
+"""Frames of one moment: near in time, detections first, and never across a motion."""
+
+import numpy as np
+import pytest
+
+from atom_calibration.errors import CollectionError
+from atom_calibration.frames import Frame
+from atom_calibration.selection import (
+    Moment,
+    RecentFrames,
+    TimedMoments,
+    check_still,
+    choose_frames,
+    same_place,
+    skew_s,
+)
+from atom_calibration.stillness import CornerSighting
+from atom_core.geometry.camera import Camera
+from atom_core.labeling.base import Labeled, nothing
+from atom_core.model.dataset import RgbLabel
+from atom_core.model.sensor import RGB, Sensor
+from atom_core.model.transforms import Edge
+
+CAMERA = Camera(64, 48, np.diag([50.0, 50.0, 1.0]))
+GRID = np.stack(np.meshgrid(np.arange(5), np.arange(4)), axis=-1).reshape(-1, 2) * 9.0
+
+
+def frame(name, stamp_s, shift_px=0.0, detected=True):
+    sensor = Sensor(name, RGB, name, Edge("world", name), CAMERA, f"/{name}")
+    made = Frame(sensor, stamp_s, {}, np.zeros((48, 64, 3), np.uint8))
+    made.labels["p"] = nothing(RGB, "no markers")
+    if detected:
+        made.labels["p"] = Labeled(RgbLabel(np.arange(20), GRID + shift_px))
+        made.sightings["p"] = CornerSighting(np.arange(20), GRID + shift_px)
+    return made
+
+
+def test_the_stamps_are_as_near_as_can_be():
+    frames = [frame("a", t) for t in (0.0, 0.5, 1.0)] + [frame("b", t) for t in (0.2, 0.45, 0.9)]
+    chosen = choose_frames(frames, Moment(0.0, 1.0), 0.3)
+    assert (chosen["a"].stamp_s, chosen["b"].stamp_s) == (0.5, 0.45)
+
+
+def test_a_detection_counts_more_than_nearness():
+    frames = [frame("a", 0.5), frame("b", 0.5, detected=False), frame("b", 0.4)]
+    assert choose_frames(frames, Moment(0.0, 1.0), 0.3)["b"].stamp_s == 0.4
+
+
+def test_no_two_stamps_differ_by_more_than_allowed():
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        frames = [frame(n, t) for n in "abc" for t in rng.uniform(0, 3, 5)]
+        chosen = choose_frames(frames, Moment(0.0, 3.0), 0.2)
+        assert skew_s(chosen) <= 0.2 + 1e-5
+
+
+def test_a_sensor_without_data_of_the_moment_is_left_out():
+    frames = [frame("a", 0.5), frame("b", 5.0)]
+    assert set(choose_frames(frames, Moment(0.0, 6.0, centre_s=0.5), 0.3)) == {"a"}
+
+
+def recent(*frames):
+    memory = RecentFrames(100.0)
+    for one in sorted(frames, key=lambda f: f.stamp_s):
+        memory.add(one)
+    return memory
+
+
+def test_a_board_that_stood_still_during_the_skew_is_accepted():
+    frames = [frame("a", t) for t in (0.0, 0.4, 0.8)] + [frame("b", 0.6)]
+    chosen = {"a": frames[1], "b": frames[3]}
+    check_still(chosen, recent(*frames), Moment(0.0, 1.0, 0.5))
+
+
+def test_a_board_that_moved_during_the_skew_is_refused_with_sensor_and_time():
+    frames = [frame("a", t, 5.0 * t) for t in (0.0, 0.4, 0.8)] + [frame("b", 0.6)]
+    with pytest.raises(CollectionError, match=r"time 0\.400.*sigmas.*sensor 'a'.*200 ms"):
+        check_still({"a": frames[1], "b": frames[3]}, recent(*frames), Moment(0.0, 1.0, 0.5))
+
+
+def test_what_no_sensor_saw_twice_is_refused():
+    frames = {"a": frame("a", 0.0), "b": frame("b", 0.2)}
+    with pytest.raises(CollectionError, match="no sensor saw the board twice"):
+        check_still(frames, recent(*frames.values()), Moment(0.0, 0.2))
+
+
+def test_one_place_is_told_from_another():
+    here, again, there = frame("a", 0), frame("a", 1, 0.1), frame("a", 2, 30.0)
+    assert same_place({"a": again}, {"a": here})
+    assert not same_place({"a": there}, {"a": here})
+    assert not same_place({"b": frame("b", 3)}, {"a": here})
+
+
+def test_memory_is_bounded_by_time():
+    memory = RecentFrames(2.0)
+    for number in range(1000):
+        memory.add(frame("a", 0.01 * number))
+    kept = memory.between(-1e9, 1e9)
+    assert len(kept) <= 12 and kept[0].stamp_s >= 9.99 - 2.0
+
+
+def test_times_are_due_when_all_their_data_have_come():
+    moments = TimedMoments([1.0, 2.0], 0.4)
+    due = [m.centre_s for t in np.arange(0.0, 2.0, 0.1) for m in moments.add(frame("a", t))]
+    assert due == [1.0]
+    assert [m.centre_s for m in moments.finish()] == [2.0]

@@ -1,0 +1,271 @@
+#include "atom_core/scan_layers.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numeric>
+#include <stdexcept>
+#include <utility>
+
+namespace atom_core {
+namespace {
+
+constexpr double kNearest = 0.05;  // [m] what is nearer is the sensor's own housing or invalid
+constexpr double kDegree = M_PI / 180.0;         // [rad]
+constexpr double kLeastGap = 0.08 * kDegree;     // between two layers
+constexpr double kWidestLayer = 0.35 * kDegree;  // standard deviation of elevations within a layer
+constexpr std::size_t kSearchPoints = 1500;
+constexpr std::size_t kMostLayers = 512;
+constexpr double kLongestStep = 2.0 * kDegree;  // between neighbours in a layer
+
+using Labels = std::vector<int>;
+
+struct Grouping {
+  Labels layer;                                                // of each point
+  int count = 0;                                               // number of layers
+  Eigen::Vector3d axis;                                        // spin axis
+  double deviation = std::numeric_limits<double>::infinity();  // within the layers [rad]
+
+  bool Distinct() const { return count > 1 && deviation < kWidestLayer; }
+};
+
+std::vector<ScanPoint> ValidPoints(const Eigen::Ref<const PointRows>& cloud) {
+  std::vector<ScanPoint> points;
+  points.reserve(cloud.rows());
+  for (Eigen::Index i = 0; i < cloud.rows(); ++i) {
+    ScanPoint point{};
+    point.index = i;
+    point.position = cloud.row(i).transpose();
+    point.range = point.position.norm();
+    point.layer = 0;
+    if (std::isfinite(point.range) && point.range > kNearest) points.push_back(point);
+  }
+  return points;
+}
+
+// Numbers any labels from 0 on, in their order.
+int Renumber(const std::vector<std::int64_t>& names, Labels* layer) {
+  std::map<std::int64_t, int> numbers;
+  for (const std::int64_t name : names) numbers.emplace(name, 0);
+  int next = 0;
+  for (auto& item : numbers) item.second = next++;
+  layer->resize(names.size());
+  std::transform(names.begin(), names.end(), layer->begin(),
+                 [&](std::int64_t name) { return numbers[name]; });
+  return next;
+}
+
+// The axis that keeps a . d most constant within the layers, and how constant.
+void FitAxis(const std::vector<ScanPoint>& points, Grouping* grouping) {
+  const int count = grouping->count;
+  std::vector<Eigen::Vector3d> sum(count, Eigen::Vector3d::Zero());
+  std::vector<double> number(count, 0.0);
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const Eigen::Vector3d direction = points[i].position / points[i].range;
+    sum[grouping->layer[i]] += direction;
+    number[grouping->layer[i]] += 1.0;
+    scatter += direction * direction.transpose();
+  }
+  for (int k = 0; k < count; ++k) {
+    if (number[k] > 0) scatter -= sum[k] * sum[k].transpose() / number[k];
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(scatter);
+  grouping->axis = solver.eigenvectors().col(0);
+  if (grouping->axis.z() < 0) grouping->axis = -grouping->axis;
+  grouping->deviation = std::sqrt(std::max(solver.eigenvalues()[0], 0.0) / points.size());
+}
+
+Grouping FromNames(const std::vector<ScanPoint>& points, const std::vector<std::int64_t>& names) {
+  Grouping grouping;
+  grouping.count = Renumber(names, &grouping.layer);
+  if (grouping.count > 1 && grouping.count <= static_cast<int>(kMostLayers)) {
+    FitAxis(points, &grouping);
+  }
+  return grouping;
+}
+
+std::vector<double> Elevations(const std::vector<ScanPoint>& points, const Eigen::Vector3d& axis) {
+  std::vector<double> elevation(points.size());
+  std::transform(points.begin(), points.end(), elevation.begin(), [&](const ScanPoint& point) {
+    return std::asin(std::max(-1.0, std::min(1.0, axis.dot(point.position) / point.range)));
+  });
+  return elevation;
+}
+
+// Groups of elevations with gaps between them.
+Grouping FromElevations(const std::vector<ScanPoint>& points, const Eigen::Vector3d& axis) {
+  Grouping grouping;
+  const std::vector<double> elevation = Elevations(points, axis);
+  std::vector<int> order(points.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return elevation[a] < elevation[b]; });
+  grouping.layer.resize(points.size());
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    if (i > 0 && elevation[order[i]] - elevation[order[i - 1]] > kLeastGap) ++grouping.count;
+    grouping.layer[order[i]] = grouping.count;
+  }
+  grouping.count += order.empty() ? 0 : 1;
+  if (grouping.count > 1 && grouping.count <= static_cast<int>(kMostLayers)) {
+    FitAxis(points, &grouping);
+  }
+  return grouping;
+}
+
+// How much elevations about an axis pile up: the sum of the squared shares of narrow bins.
+double Peakedness(const Eigen::Matrix3Xd& directions, const Eigen::Vector3d& axis, double bin) {
+  std::vector<int> histogram(static_cast<std::size_t>(2.0 / bin) + 2, 0);
+  const Eigen::RowVectorXd height = axis.transpose() * directions;
+  for (Eigen::Index i = 0; i < height.size(); ++i) {
+    ++histogram[static_cast<std::size_t>((std::min(std::max(height[i], -1.0), 1.0) + 1.0) / bin)];
+  }
+  double sum = 0.0;
+  for (const int number : histogram) sum += static_cast<double>(number) * number;
+  return sum / (static_cast<double>(height.size()) * height.size());
+}
+
+Eigen::Matrix3Xd SomeDirections(const std::vector<ScanPoint>& points) {
+  const std::size_t step = std::max<std::size_t>(points.size() / kSearchPoints, 1);
+  Eigen::Matrix3Xd directions(3, (points.size() + step - 1) / step);
+  for (std::size_t i = 0, k = 0; i < points.size(); i += step, ++k) {
+    directions.col(k) = points[i].position / points[i].range;
+  }
+  return directions;
+}
+
+// Looks around an axis on a grid that becomes finer, for the most peaked elevations.
+Eigen::Vector3d ClimbToPeak(const Eigen::Matrix3Xd& directions, Eigen::Vector3d axis,
+                            double reach) {
+  for (double step = 0.4 * kDegree; step > 0.02 * kDegree; reach = 2.0 * step, step /= 3.0) {
+    const Eigen::Vector3d first = axis.unitOrthogonal(), second = axis.cross(first);
+    const int half = static_cast<int>(std::ceil(reach / step));
+    Eigen::Vector3d best = axis;
+    double most = 0.0;
+    for (int i = -half; i <= half; ++i) {
+      for (int j = -half; j <= half; ++j) {
+        const Eigen::Vector3d tried =
+            (axis + std::tan(i * step) * first + std::tan(j * step) * second).normalized();
+        const double peak = Peakedness(directions, tried, step);
+        if (peak > most) most = peak, best = tried;
+      }
+    }
+    axis = best;
+  }
+  return axis;
+}
+
+// The axis is the sensor's z, x or y, or near the direction in which the scan is thinnest.
+Grouping Search(const std::vector<ScanPoint>& points) {
+  for (const Eigen::Vector3d& axis :
+       {Eigen::Vector3d::UnitZ().eval(), Eigen::Vector3d::UnitX().eval(),
+        Eigen::Vector3d::UnitY().eval()}) {
+    Grouping grouping = FromElevations(points, axis);
+    if (grouping.Distinct()) return grouping;
+  }
+  const Eigen::Matrix3Xd directions = SomeDirections(points);
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(directions * directions.transpose());
+  const Eigen::Vector3d thinnest = solver.eigenvectors().col(0);
+  return FromElevations(points, ClimbToPeak(directions, thinnest, 12.0 * kDegree));
+}
+
+Grouping Group(const std::vector<ScanPoint>& points, const CloudLayout& layout) {
+  std::vector<std::int64_t> names(points.size());
+  if (!layout.ring.empty()) {
+    for (std::size_t i = 0; i < points.size(); ++i) names[i] = layout.ring[points[i].index];
+    Grouping grouping = FromNames(points, names);
+    if (grouping.Distinct()) return grouping;
+  }
+  if (layout.height > 1 && layout.width > 1) {
+    // Rows are layers; or columns are; or the driver wrote column after column.
+    const std::int64_t width = layout.width, height = layout.height;
+    for (const int way : {0, 1, 2}) {
+      for (std::size_t i = 0; i < points.size(); ++i) {
+        const std::int64_t k = points[i].index;
+        names[i] = way == 0 ? k / width : way == 1 ? k % width : k % height;
+      }
+      Grouping grouping = FromNames(points, names);
+      if (grouping.Distinct()) return grouping;
+    }
+  }
+  return Search(points);
+}
+
+// Orders the layers by elevation and fills in elevation and azimuth of the points.
+void Assign(const Grouping& grouping, Scan* scan) {
+  const Eigen::Vector3d axis = grouping.axis, first = axis.unitOrthogonal();
+  scan->sensor_R_spin << first, axis.cross(first), axis;
+  std::vector<double> sum(grouping.count, 0.0), number(grouping.count, 0.0);
+  const std::vector<double> elevation = Elevations(scan->points, axis);
+  for (std::size_t i = 0; i < elevation.size(); ++i) {
+    sum[grouping.layer[i]] += elevation[i];
+    number[grouping.layer[i]] += 1.0;
+  }
+  std::vector<std::pair<double, int>> means;
+  for (int k = 0; k < grouping.count; ++k) means.emplace_back(sum[k] / number[k], k);
+  std::sort(means.begin(), means.end());
+  std::vector<int> rank(grouping.count);
+  for (int k = 0; k < grouping.count; ++k) {
+    rank[means[k].second] = k;
+    scan->layer_elevation.push_back(means[k].first);
+  }
+  for (std::size_t i = 0; i < elevation.size(); ++i) {
+    const Eigen::Vector3d in_spin = scan->sensor_R_spin.transpose() * scan->points[i].position;
+    scan->points[i].azimuth = std::atan2(in_spin.y(), in_spin.x());
+    scan->points[i].elevation = elevation[i];
+    scan->points[i].layer = rank[grouping.layer[i]];
+  }
+}
+
+// Median distance of neighbours, in the fullest layer.
+double AzimuthStep(const Scan& scan) {
+  std::vector<std::vector<double>> azimuths(scan.layer_elevation.size());
+  for (const ScanPoint& point : scan.points) azimuths[point.layer].push_back(point.azimuth);
+  auto& fullest =
+      *std::max_element(azimuths.begin(), azimuths.end(),
+                        [](const auto& a, const auto& b) { return a.size() < b.size(); });
+  std::sort(fullest.begin(), fullest.end());
+  std::vector<double> steps;
+  for (std::size_t i = 1; i < fullest.size(); ++i) {
+    const double step = fullest[i] - fullest[i - 1];
+    if (step > 1e-6 && step < kLongestStep) steps.push_back(step);
+  }
+  if (steps.empty()) return kLongestStep;
+  std::nth_element(steps.begin(), steps.begin() + steps.size() / 2, steps.end());
+  return steps[steps.size() / 2];
+}
+
+}  // namespace
+
+Eigen::Vector3d Scan::Direction(double azimuth, double elevation) const {
+  const double horizontal = std::cos(elevation);
+  return sensor_R_spin * Eigen::Vector3d(horizontal * std::cos(azimuth),
+                                         horizontal * std::sin(azimuth), std::sin(elevation));
+}
+
+Scan FindLayers(const Eigen::Ref<const PointRows>& cloud, const CloudLayout& layout) {
+  const auto size = static_cast<std::size_t>(cloud.rows());
+  if (!layout.ring.empty() && layout.ring.size() != size) {
+    throw std::invalid_argument("ring must have one entry for each point");
+  }
+  if (layout.height > 1 && layout.width * layout.height != cloud.rows()) {
+    throw std::invalid_argument("width * height must be the number of points");
+  }
+  Scan scan;
+  scan.sensor_R_spin.setIdentity();
+  scan.points = ValidPoints(cloud);
+  if (scan.points.empty()) return scan;
+  Grouping grouping = Group(scan.points, layout);
+  scan.has_layers = grouping.Distinct();
+  if (!scan.has_layers) {
+    grouping.layer.assign(scan.points.size(), 0);
+    grouping.count = 1;
+    grouping.axis = Eigen::Vector3d::UnitZ();
+  }
+  Assign(grouping, &scan);
+  scan.azimuth_step = AzimuthStep(scan);
+  return scan;
+}
+
+}  // namespace atom_core

@@ -1,0 +1,299 @@
+"""Spinning LiDARs: a cloud, a point near the board and the pattern in, the board's returns out.
+
+Layers, planes and outlines are found in C++ (``board_segmentation.h``); here clouds are read,
+results become labels, and seeds are predicted or done without.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Union
+
+import numpy as np
+
+from atom_core import native
+from atom_core.errors import LabelingError
+from atom_core.geometry import se3
+from atom_core.geometry.rectangle import Rectangle
+from atom_core.labeling.base import Labeled, nothing
+from atom_core.model.config import PatternConfig
+from atom_core.model.dataset import RangeLabel
+from atom_core.model.pattern import Pattern
+from atom_core.model.sensor import LIDAR3D, Sensor
+
+_RING_FIELDS = ("ring", "channel", "line", "laser_id")  # as drivers call it
+_INLIER_SIGMAS = 3.0
+_FIGURES = (
+    *("plane_sigma_m", "border_rms_m", "measured_width_m", "measured_height_m", "layers"),
+    *("expected_points", "visible", "hidden", "through"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """A cloud as a labeler takes it.
+
+    Attributes:
+        points: (n, 3) [m] in the sensor's frame, row by row; NaN and zeros are invalid.
+        ring: (n,) layer of each point, or None where unknown.
+        width, height: organisation; height 1 where there is none.
+    """
+
+    points: np.ndarray
+    ring: Optional[np.ndarray] = None
+    width: int = 0
+    height: int = 1
+
+
+CloudLike = Union[Cloud, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Lidar3dOptions:
+    """What a board looks like in a cloud.
+
+    Attributes:
+        least_layers: fewer layers on a plane are no board.
+        beam_width_rad: full angle within which a beam returns from the board though its middle
+            passes it; 0 for point-like beams. It enlarges the outline that is expected.
+    """
+
+    least_layers: int = 4
+    beam_width_rad: float = 0.0
+
+
+class FoundBoard(NamedTuple):
+    """A plane of the board's size: its label, and where it lies.
+
+    Attributes:
+        labeled: the label and its quality.
+        sensor_T_centre: (4, 4) pose of the board's middle, x along its width, y along its height, z
+            away from the sensor; half a turn about z remains open.
+    """
+
+    labeled: Labeled
+    sensor_T_centre: np.ndarray
+
+
+class ExpectedPoints(NamedTuple):
+    """How many returns a board gives, and from how many layers."""
+
+    points: int
+    layers: int
+
+
+class Lidar3dLabeler:
+    """Finds one pattern in clouds of one LiDAR."""
+
+    def __init__(
+        self,
+        sensor: Sensor,
+        pattern: Pattern,
+        config: Optional[PatternConfig] = None,
+        options: Optional[Lidar3dOptions] = None,
+    ):
+        """Take what is known of sensor and pattern."""
+        self._place = f"sensor '{sensor.name}', pattern '{pattern.name}'"
+        self._border = pattern.border
+        self._options = options or Lidar3dOptions()
+
+    def label(self, data: Any, seed: Optional[np.ndarray] = None) -> Labeled:
+        """Label one cloud.
+
+        Args:
+            data: ``Cloud``; (n, 3) or (height, width, 3) [m]; or a structured array with fields
+                x, y, z and perhaps ring.
+            seed: (3,) [m] near the board, in the sensor's frame; None: search the cloud for it.
+
+        Raises:
+            LabelingError: the data are no cloud, or the seed is no point.
+        """
+        try:
+            cloud = as_cloud(data)
+            if seed is not None:
+                return board_at(cloud, self._border, seed, self._options).labeled
+            found = find_boards(cloud, self._border, self._options)
+        except LabelingError as error:
+            raise LabelingError(f"{self._place}: {error}") from None
+        if not found:
+            return nothing(LIDAR3D, "no plane of the board's size and outline is in the cloud")
+        return found[0].labeled
+
+
+def as_cloud(data: CloudLike) -> Cloud:
+    """Return a cloud of any of the forms that ``Lidar3dLabeler.label`` takes.
+
+    Raises:
+        LabelingError: it is none of them.
+    """
+    if isinstance(data, Cloud):
+        return data
+    array = np.asarray(data)
+    if array.dtype.names is not None:
+        return _from_fields(array)
+    if array.ndim not in (2, 3) or array.shape[-1] != 3:
+        raise LabelingError(
+            f"a cloud has the shape (n, 3) or (height, width, 3), not {array.shape}"
+        )
+    if array.ndim == 3:
+        return Cloud(array.reshape(-1, 3), None, array.shape[1], array.shape[0])
+    return Cloud(array, None, len(array), 1)
+
+
+def _from_fields(array: np.ndarray) -> Cloud:
+    names = array.dtype.names or ()
+    absent = [axis for axis in "xyz" if axis not in names]
+    if absent:
+        raise LabelingError(
+            f"the cloud has no field '{absent[0]}' (it has {', '.join(names)}); "
+            f"a cloud needs x, y and z"
+        )
+    flat = array.reshape(-1)
+    points = np.stack([flat[axis].astype(float) for axis in "xyz"], axis=-1)
+    rings = [name for name in _RING_FIELDS if name in names]
+    ring = flat[rings[0]] if rings else None
+    height, width = array.shape if array.ndim == 2 else (1, len(flat))
+    return Cloud(points, ring, width, height)
+
+
+def find_layers(cloud: Cloud) -> Any:
+    """Return the compiled module's ``Scan``: the cloud with its layers, in any orientation.
+
+    Raises:
+        LabelingError: the cloud's parts do not fit together.
+        NativeModuleError: the compiled module is not built.
+    """
+    core = native.require("Labelling a cloud")
+    points = np.ascontiguousarray(cloud.points, dtype=float)
+    ring = np.zeros(0, dtype=np.int64) if cloud.ring is None else _whole(cloud.ring)
+    try:
+        return core.find_layers(points, ring, int(cloud.width), int(cloud.height))
+    except ValueError as error:
+        raise LabelingError(f"the cloud cannot be used: {error}") from error
+
+
+def _whole(ring: np.ndarray) -> np.ndarray:
+    """Return rings as whole numbers; some drivers write them as floats, NaN where invalid."""
+    numbers = np.asarray(ring)
+    if numbers.dtype.kind == "f":
+        numbers = np.where(np.isfinite(numbers), numbers, -1)
+    return np.ascontiguousarray(numbers, dtype=np.int64)
+
+
+def board_at(
+    cloud: Cloud,
+    border: Rectangle,
+    seed: np.ndarray,
+    options: Lidar3dOptions = Lidar3dOptions(),
+) -> FoundBoard:
+    """Look for a board near a seed; the label is empty, with a reason, where there is none.
+
+    Args:
+        cloud: what was measured.
+        border: the board's edges [m].
+        seed: (3,) [m] in the sensor's frame.
+        options: what counts as a board.
+
+    Raises:
+        LabelingError: the seed is not a point, or the cloud cannot be used.
+    """
+    seed = np.asarray(seed, dtype=float)
+    if seed.shape != (3,) or not np.all(np.isfinite(seed)):
+        raise LabelingError(f"a seed is a point (3,) in metres, not {seed.tolist()}")
+    scan = find_layers(cloud)
+    core = native.require("Labelling a cloud")
+    width, height = 2.0 * border.half_size
+    segment = core.segment_board(
+        scan, seed, width, height, options.least_layers, options.beam_width_rad
+    )
+    return _found(cloud, segment)
+
+
+def find_boards(
+    cloud: Cloud, border: Rectangle, options: Lidar3dOptions = Lidar3dOptions()
+) -> List[FoundBoard]:
+    """Search a whole cloud for planes of a board's size and outline, without a seed.
+
+    Args:
+        cloud: what was measured.
+        border: the board's edges [m].
+        options: what counts as a board.
+
+    Returns:
+        The boards, the one that fits best first. Where there are several, all carry a warning.
+    """
+    scan = find_layers(cloud)
+    core = native.require("Labelling a cloud")
+    width, height = 2.0 * border.half_size
+    segments = core.find_boards(scan, width, height, options.least_layers, options.beam_width_rad)
+    several = f"{len(segments)} planes have the board's size; the one that fits best is taken"
+    warnings = (several,) if len(segments) > 1 else ()
+    return [_found(cloud, segment, warnings) for segment in segments]
+
+
+def _found(cloud: Cloud, segment: Mapping[str, Any], warnings: Any = ()) -> FoundBoard:
+    sensor_T_centre = segment["sensor_T_board"]
+    quality = _quality(segment)
+    if not segment["detected"]:
+        return FoundBoard(nothing(LIDAR3D, segment["reason"], quality), sensor_T_centre)
+    label = RangeLabel(segment["indices"], segment["limit_indices"])
+    points = np.asarray(cloud.points, dtype=float)[label.indices]
+    off_plane = se3.apply(se3.inverse(sensor_T_centre), points)[:, 2]
+    worth = 1.0 - np.abs(off_plane) / (_INLIER_SIGMAS * segment["plane_sigma_m"])
+    labeled = Labeled(
+        label,
+        quality=quality,
+        item_quality=np.clip(worth, 0.0, 1.0),
+        next_seed=points.mean(axis=0),
+        warnings=tuple(warnings),
+    )
+    return FoundBoard(labeled, sensor_T_centre)
+
+
+def _quality(segment: Mapping[str, Any]) -> Dict[str, float]:
+    figures = {name: float(segment[name]) for name in _FIGURES}
+    figures["incidence_deg"] = float(np.degrees(segment["incidence_rad"]))
+    figures["points"] = float(len(segment["indices"]))
+    return {name: value for name, value in figures.items() if np.isfinite(value)}
+
+
+def predict_seed(
+    world_T_sensor: np.ndarray, world_T_pattern: np.ndarray, border: Rectangle
+) -> np.ndarray:
+    """Return where a LiDAR should see the board's middle (3,) [m], in its frame.
+
+    Args:
+        world_T_sensor: (4, 4) first estimate of the LiDAR's data frame.
+        world_T_pattern: (4, 4) pose of the board, by a camera or by the previous label.
+        border: the board's edges [m].
+    """
+    centre = np.append(border.centre, 0.0)[None]
+    return se3.apply(se3.inverse(world_T_sensor) @ world_T_pattern, centre)[0]
+
+
+def expected_points(
+    border: Rectangle,
+    distance_m: float,
+    azimuth_step_rad: float,
+    elevation_step_rad: float,
+    incidence_rad: float = 0.0,
+) -> ExpectedPoints:
+    """Predict how many returns a board gives, before anything is recorded.
+
+    Args:
+        border: the board's edges [m].
+        distance_m: from the LiDAR to the board's middle.
+        azimuth_step_rad: between neighbours in a layer.
+        elevation_step_rad: between layers.
+        incidence_rad: between the beam and the board's normal.
+
+    Returns:
+        Returns by solid angle, and layers by the mean height of the board over all its rolls in its
+        plane (Cauchy: perimeter over pi).
+    """
+    width, height = 2.0 * border.half_size
+    cosine = np.cos(incidence_rad)
+    solid_angle = width * height * cosine / distance_m**2
+    mean_height = 2.0 * (width + height) / np.pi * (1.0 + cosine) / 2.0
+    points = solid_angle / (azimuth_step_rad * elevation_step_rad)
+    return ExpectedPoints(int(points), int(mean_height / distance_m / elevation_step_rad))
