@@ -12,7 +12,7 @@ it by half a step of the sampling, which would make the board look small.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import List, Optional, Sequence, Tuple
+from typing import Optional, Sequence, Tuple
 
 import numpy as np
 
