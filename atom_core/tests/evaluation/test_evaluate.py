@@ -94,7 +94,8 @@ def test_rgb_rgb_grows_by_what_the_target_camera_is_turned(exact):
         )
         expected = np.sqrt(np.mean(np.sum(shift**2, axis=1)))
         assert figures.rms == pytest.approx(expected, rel=1e-6)
-        assert figures.rotation_deg == pytest.approx(np.degrees(0.002), rel=1e-6)
+        # The poses come from PnP with intrinsics in single precision, as ATOM's do.
+        assert figures.rotation_deg == pytest.approx(np.degrees(0.002), abs=1e-6)
 
 
 def test_point_to_plane_sees_20_mm(exact):
