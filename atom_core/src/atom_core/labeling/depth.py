@@ -32,6 +32,7 @@ _FACTORS = {
 _PLAUSIBLE_M = (0.5, 12.0)  # median depth of a room
 _CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 _SQUARE = np.ones((3, 3), dtype=np.uint8)
+_WIDER = np.ones((5, 5), dtype=np.uint8)
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,7 @@ class DepthOptions:
         largest_angle_deg: between the ray and the board's normal.
         least_border_share: of the region's border that must lie on the board's.
         least_coverage: of the board's part in view that the region must cover.
+        least_before_share: of the pixels around the region that must lie behind its plane.
         image_margin_px: the region's border this near the image's edge is not the board's.
     """
 
@@ -54,6 +56,7 @@ class DepthOptions:
     largest_angle_deg: float = 76.0
     least_border_share: float = 0.7
     least_coverage: float = 0.8
+    least_before_share: float = 0.6
     image_margin_px: int = 2
 
 
@@ -153,7 +156,7 @@ class DepthLabeler:
                 cv2.circle(smooth, (int(seed[0]), int(seed[1])), 6, 0, -1)
                 continue
             found = self._judged(depth_m, *plane_region)
-            if found.detected and _fitness(found) > _fitness(best):
+            if _fitness(found) >= max(_LEAST_FITNESS, _fitness(best)):
                 best = found
             _clear(smooth, plane_region[1], seed)
         return best
@@ -219,8 +222,8 @@ class DepthLabeler:
         rows, columns = np.nonzero((region.mask > 0) & np.isfinite(depth_m[_window(region)]))
         if len(rows) < self.options.least_pixels:
             return None
-        step = max(len(rows) // _FIT_POINTS, 1)
-        return rows[::step] + region.top, columns[::step] + region.left
+        chosen = _spread(len(rows), _FIT_POINTS)
+        return rows[chosen] + region.top, columns[chosen] + region.left
 
     def _on_plane(
         self, depth_m: np.ndarray, plane: _Plane, flood: _Region, start: np.ndarray
@@ -297,6 +300,7 @@ class DepthLabeler:
         solid = region.mask & self._drawn(fit, axes, region, 0.0)
         solid = cv2.morphologyEx(solid, cv2.MORPH_OPEN, _CROSS)
         quality["coverage"] = self._coverage(fit, axes, region, solid)
+        quality["before_share"] = self._before(depth_m, plane, _Region(solid, *region[1:]))
         around = self._drawn(fit, axes, region, 2.0 * tolerance)
         beyond = 1.0 - np.count_nonzero(region.mask & around) / quality["pixels"]
         reason = self._reason(quality, fit, beyond)
@@ -323,9 +327,32 @@ class DepthLabeler:
             return f"{beyond:.0%} of the region lies outside a board's size"
         if quality["coverage"] < self.options.least_coverage:
             return f"the region covers only {quality['coverage']:.0%} of the board's part in view"
+        if quality["before_share"] < self.options.least_before_share:
+            share = quality["before_share"]
+            return f"the region stands before its surroundings on {share:.0%} of its border only"
         if not fit.corner:
             return "no corner of the board is seen; a longer edge of something else looks the same"
         return ""
+
+    def _before(self, depth_m: np.ndarray, plane: _Plane, region: _Region) -> float:
+        """Return the share of the pixels around a region that lie behind its plane.
+
+        A board stands before what is around it. A piece of floor between the legs of a tripod
+        does not: they stand before it, or it goes on.
+        """
+        wide = 4
+        top, left = max(region.top - wide, 0), max(region.left - wide, 0)
+        height, width = region.mask.shape
+        bottom, right = region.top + height + wide, region.left + width + wide
+        z, rays = depth_m[top:bottom, left:right], self._rays[top:bottom, left:right]
+        mask = np.zeros(z.shape, dtype=np.uint8)
+        inner = mask[region.top - top :, region.left - left :]
+        inner[:height, :width] = region.mask
+        ring = cv2.dilate(mask, np.ones((7, 7), np.uint8)) - cv2.dilate(mask, _WIDER)
+        here = (ring > 0) & np.isfinite(z)
+        expected = plane.z(rays[here])
+        behind = z[here] - expected > self._tolerance_m(plane, expected)
+        return float(np.mean(behind)) if behind.size else 1.0
 
     def _coverage(
         self, fit: BoardFit, axes: _PlaneAxes, region: _Region, solid: np.ndarray
@@ -438,6 +465,7 @@ class DepthLabeler:
 
 _SHIFT = 4  # binary digits of a pixel for drawing
 _MOST_REGIONS = 30
+_LEAST_FITNESS = 0.85  # of what was searched: nobody said that the board is there
 _LEAST_DEEP_PX = 5.0
 _SEED_REACH_PX = 5
 _FIT_POINTS, _BORDER_POINTS = 2000, 400
@@ -545,7 +573,9 @@ def _grown_plane(rays: np.ndarray, z: np.ndarray, away_px: np.ndarray) -> Option
                 return None
             w = weight[use]
             rows = design[use] * w[:, None]
-            solution = np.linalg.solve(rows.T @ rows, rows.T @ (w / z[use]))
+            normal = rows.T @ rows
+            normal += 1e-9 * np.trace(normal) * np.eye(3)  # points on a line leave the plane open
+            solution = np.linalg.solve(normal, rows.T @ (w / z[use]))
             error = (z - 1.0 / np.maximum(design @ solution, 1e-3)) / sigma
             scale = float(np.clip(1.4826 * np.median(np.abs(error[use])), 0.3, 2.0))
             before = use
@@ -586,6 +616,15 @@ def _eroded(mask: np.ndarray) -> np.ndarray:
 def _outermost(mask: np.ndarray) -> np.ndarray:
     """Return the mask's pixels beside one outside it; the window's edge counts as outside."""
     return mask & ~cv2.erode(mask, _CROSS, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+
+
+def _spread(count: int, wanted: int) -> np.ndarray:
+    """Return about as many of ``count`` indices as wanted, at no regular distance."""
+    if count <= wanted:
+        return np.arange(count)
+    number = np.arange(wanted)
+    # golden ratio: a regular step would pick lines of pixels
+    return ((number + (number * 0.6180339887) % 1.0) * count / wanted).astype(int)
 
 
 def _thinned(mask: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
