@@ -98,6 +98,11 @@ class FrameLabeler:
         for seed in seeds:
             labeled = self._label(frame, pattern, seed)
             frame.set_label(pattern, labeled)
+            if labeled.detected and tree is not None and pattern in frame.sightings:
+                found = frame.sightings[pattern].centre
+                self._boards.learn(
+                    frame.sensor, self._patterns[pattern], frame.stamp_s, found, tree
+                )
             if labeled.detected and manual is None:
                 labeled = self._judged(frame, pattern, labeled, prediction)
             if labeled.detected:
@@ -110,11 +115,6 @@ class FrameLabeler:
             self._tracked.pop(key, None)
         elif labeled.next_seed is not None:
             self._tracked[key] = (frame.stamp_s, labeled.next_seed)
-            if tree is not None and pattern in frame.sightings:
-                found = frame.sightings[pattern].centre
-                self._boards.learn(
-                    frame.sensor, self._patterns[pattern], frame.stamp_s, found, tree
-                )
 
     def _judged(
         self, frame: Frame, pattern: str, labeled: Labeled, prediction: Optional[np.ndarray]

@@ -20,7 +20,10 @@ from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import Sensor
 
 FRESH_S = 1.0  # a camera's sight of the board is of use for so long
-_NEAR_M, _NEAR_WHEN_LEARNT_M = 1.2, 0.6  # a label farther from the prediction is another thing
+# A label farther from the prediction is another thing; by the number of places learnt from. A first
+# estimate that is off by 0.1 m and 0.1 rad, of camera and sensor, makes 0.6 m at 2 m; part of the
+# board may be hidden.
+_NEAR_M = (1.2, 0.9, 0.65, 0.65, 0.65, 0.5)
 _APART_M = 0.2  # places nearer to each other than this count once
 _PLACES_FOR_SHIFT, _PLACES_FOR_MOTION, _MOST_PLACES = 1, 5, 60
 _SPREAD_M = 0.3  # of the places, in the second direction: what a motion needs to be determined
@@ -67,7 +70,7 @@ class BoardPredictor:
     def is_plausible(self, sensor: Sensor, prediction: np.ndarray, found: np.ndarray) -> bool:
         """Tell whether what was found (3,) [m] may be the board that was predicted."""
         places = len(self._pairs.get(sensor.name, ()))
-        near = _NEAR_WHEN_LEARNT_M if places >= _PLACES_FOR_MOTION else _NEAR_M
+        near = _NEAR_M[min(places, len(_NEAR_M) - 1)]
         return bool(np.linalg.norm(found - prediction) <= near)
 
     def learn(
@@ -78,13 +81,18 @@ class BoardPredictor:
         found: np.ndarray,
         tree: TransformTree,
     ) -> None:
-        """Improve predictions by where a label's points have their middle (3,) [m]."""
+        """Improve predictions by where a label's points have their middle (3,) [m].
+
+        Also of labels that are not plausible by what was learnt so far: it may have been wrong.
+        A thing that stands still while the board moves counts once.
+        """
         raw = self._raw(sensor, pattern, stamp_s, tree)
-        if raw is None:
+        if raw is None or np.linalg.norm(raw - found) > _NEAR_M[0]:
             return
         pairs = self._pairs.setdefault(sensor.name, deque(maxlen=_MOST_PLACES))
-        if any(np.linalg.norm(raw - known) < _APART_M for known, _ in pairs):
-            return
+        for seen in pairs:
+            if min(np.linalg.norm(raw - seen[0]), np.linalg.norm(found - seen[1])) < _APART_M:
+                return
         pairs.append((raw, found))
         if len(pairs) >= _PLACES_FOR_SHIFT:
             self._corrections[sensor.name] = _correction(list(pairs))
