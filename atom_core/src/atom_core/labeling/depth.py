@@ -254,32 +254,35 @@ class DepthLabeler:
 
     def _judged(self, depth_m: np.ndarray, plane: _Plane, region: _Region) -> Labeled:
         """Return the label if the region is the board, else the reason why it is none."""
-        axes = _PlaneAxes(plane)
-        solid = region.mask
-        edge = _outermost(solid)
-        rows, columns = np.nonzero(edge)
-        far = self._off_the_edge(rows + region.top, columns + region.left)
-        rows, columns = rows[far], columns[far]
-        quality: Dict[str, float] = {"pixels": float(np.count_nonzero(solid))}
-        quality["angle_deg"] = axes.angle_deg(self._rays[_window(region)][solid > 0].mean(axis=0))
+        axes, half = _PlaneAxes(plane), self.pattern.border.half_size
+        middle = self._rays[_window(region)][region.mask > 0].mean(axis=0)
+        quality: Dict[str, float] = {"angle_deg": axes.angle_deg(middle)}
+        quality["distance_m"] = float(plane.z(middle))
         if quality["angle_deg"] > self.options.largest_angle_deg:
             return nothing(DEPTH, _too("slanted", quality["angle_deg"], "deg"), quality)
-        if len(rows) < _LEAST_BORDER_PX:
-            reason = "the region fills the image; none of its border is seen: a wall, or too near"
-            return nothing(DEPTH, reason, quality)
-        border = axes.to_plane(self._rays[rows + region.top, columns + region.left])
-        inner_rows, inner_columns = _thinned(solid)
-        inner = axes.to_plane(self._rays[inner_rows + region.top, inner_columns + region.left])
-        half = self.pattern.border.half_size
+        pixel_m = quality["distance_m"] / float(self.camera.focal_px.mean())
+        slant = float(np.cos(np.radians(quality["angle_deg"])))
+        region = _without_posts(region, 2.0 * float(half.min()) * slant / pixel_m)
+        quality["pixels"] = float(np.count_nonzero(region.mask))
+        inner = self._in_plane(axes, region, *_thinned(region.mask))
         quality["extent_m"] = _extent(inner)
         if quality["extent_m"] > 2.0 * _LARGEST_EXTENT * float(np.hypot(*half)):
             return nothing(DEPTH, _too("large", quality["extent_m"], "m across"), quality)
-        quality["distance_m"] = float(plane.z(self._rays[_window(region)][solid > 0].mean(axis=0)))
-        pixel_m = quality["distance_m"] / float(self.camera.focal_px.mean())
-        tolerance = max(_BORDER_M, 1.5 * pixel_m / np.cos(np.radians(quality["angle_deg"])))
-        thinned = max(len(border) // _BORDER_POINTS, 1)
-        fit = fit_board(border[::thinned], inner, half, tolerance)
+        rows, columns = np.nonzero(_outermost(region.mask))
+        far = self._off_the_edge(rows + region.top, columns + region.left)
+        if np.sum(far) < _LEAST_BORDER_PX:
+            reason = "the region fills the image; none of its border is seen: a wall, or too near"
+            return nothing(DEPTH, reason, quality)
+        border = self._in_plane(axes, region, rows[far], columns[far])
+        tolerance = max(_BORDER_M, 1.5 * pixel_m / slant)
+        fit = fit_board(border[_spread(len(border), _BORDER_POINTS)], inner, half, tolerance)
         return self._fitting(depth_m, plane, region, fit, axes, tolerance, quality)
+
+    def _in_plane(
+        self, axes: _PlaneAxes, region: _Region, rows: np.ndarray, columns: np.ndarray
+    ) -> np.ndarray:
+        """Return pixels of a region's window in the plane (n, 2) [m]."""
+        return axes.to_plane(self._rays[rows + region.top, columns + region.left])
 
     def _fitting(
         self,
@@ -393,7 +396,7 @@ class DepthLabeler:
         rows, columns = np.nonzero(inner & good & grid)
         edge_rows, edge_columns = np.nonzero((_outermost(solid) > 0) & good)
         far = self._off_the_edge(edge_rows + region.top, edge_columns + region.left)
-        border = axes.to_plane(self._rays[edge_rows + region.top, edge_columns + region.left])
+        border = self._in_plane(axes, region, edge_rows, edge_columns)
         pixel_m = quality["distance_m"] / float(self.camera.focal_px.mean())
         far &= fit.signed_distance(border) >= -4.0 * pixel_m - _BORDER_M
         error = (z - expected)[inner & good]
@@ -464,6 +467,7 @@ class DepthLabeler:
 
 
 _SHIFT = 4  # binary digits of a pixel for drawing
+_POST_SHARE, _LEAST_CORE = 0.15, 0.7
 _MOST_REGIONS = 30
 _LEAST_FITNESS = 0.85  # of what was searched: nobody said that the board is there
 _LEAST_DEEP_PX = 5.0
@@ -607,6 +611,22 @@ def _filled(mask: np.ndarray) -> np.ndarray:
     """Return the mask without holes."""
     outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return cv2.drawContours(np.zeros_like(mask), outlines, -1, 1, cv2.FILLED)
+
+
+def _without_posts(region: _Region, width_px: float) -> _Region:
+    """Return the region without what is much narrower than the board: the post that carries it.
+
+    Args:
+        region: on the plane, without holes.
+        width_px: the board's shorter side, foreshortened [px].
+    """
+    side = int(np.clip(_POST_SHARE * width_px, 3, 41)) | 1
+    kernel = np.ones((side, side), np.uint8)
+    wide = cv2.dilate(cv2.morphologyEx(region.mask, cv2.MORPH_OPEN, kernel), kernel)
+    core = region.mask & wide
+    if np.count_nonzero(core) < _LEAST_CORE * np.count_nonzero(region.mask):
+        return region  # all of it is narrow: a corner of the board at the image's edge
+    return _Region(core, region.top, region.left)
 
 
 def _eroded(mask: np.ndarray) -> np.ndarray:
