@@ -5,6 +5,7 @@ import pytest
 
 from atom_core.errors import LabelingError
 from atom_core.geometry import se3
+from atom_core.geometry.rectangle import Rectangle
 from atom_core.labeling.base import labeler_for
 from atom_core.labeling.depth import DepthLabeler, DepthOptions, to_metres
 from atom_core.model.pattern import pattern_from_config
@@ -56,7 +57,7 @@ class View:
         return self
 
     def add_box(self, low, high):
-        """Add something nearer that covers pixels, at a depth (m) of its third coordinate."""
+        """Add something that covers pixels low[:2] to high[:2] at the depth low[2] [m]."""
         row, column = np.mgrid[0 : self.camera.height, 0 : self.camera.width]
         inside = (
             (column >= low[0]) & (column <= high[0]) & (row >= low[1]) & (row <= high[1])
@@ -181,6 +182,18 @@ def test_a_post_that_touches_the_board_is_not_labelled():
     assert found.detected and figures(found, view, depth_m, mixed)[0] >= 0.99
 
 
+def test_a_post_in_the_boards_plane_is_not_labelled():
+    pose = held(2.4, (0.6, 0.5, 0.2))
+    view = View().add(pose)
+    low, high = PATTERN.border.y_max, PATTERN.border.y_max + 0.5
+    view.add(pose, Rectangle(0.32, low, 0.36, high), board=False)
+    depth_m, mixed = view.image()
+    found = labeler(step=1).label(depth_m, view.seed)
+    assert found.detected, found.reason
+    precision, recall = figures(found, view, depth_m, mixed)
+    assert precision >= 0.99 and recall >= 0.94
+
+
 def test_an_arm_before_the_board_is_not_labelled_and_gives_no_limit_points():
     view = View().add(POSES[0])
     view.add_box((300, 0, 1.2), (330, 200, 1.2))
@@ -209,6 +222,16 @@ def test_nothing_is_found_where_there_is_no_board():
     view = View().add_box((80, 100, 2.0), (170, 479, 2.0)).add_box((300, 300, 1.5), (330, 479, 1.5))
     found = labeler().label(view.image()[0])
     assert not found.detected and "no plane region" in found.reason
+
+
+def test_a_piece_of_floor_between_nearer_things_is_no_board():
+    view = View(floor_m=0.9)
+    edges = [(200, 250, 212, 479), (420, 250, 432, 479), (200, 470, 432, 479), (200, 310, 432, 320)]
+    for left, top, right, bottom in edges:
+        view.add_box((left, top, 1.6), (right, bottom, 1.6))
+    depth_m, _ = view.image()
+    for seed in (None, np.array([316.0, 390.0])):
+        assert not labeler().label(depth_m, seed).detected
 
 
 @pytest.mark.parametrize("size", [0.7, 1.4])
