@@ -58,6 +58,8 @@ class StandIn:
 @pytest.fixture(autouse=True)
 def stand_in(monkeypatch):
     monkeypatch.setattr(labelling, "labeler_for", StandIn)
+    # The stand-ins' camera and LiDAR do not look at one world: no predictions.
+    monkeypatch.setattr(labelling, "camera_T_pattern", lambda *_: None)
 
 
 def position(time_s):

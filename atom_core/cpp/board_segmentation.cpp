@@ -27,8 +27,13 @@ constexpr double kLeastSigma = 0.002;    // [m] below, rounding and the board's 
 constexpr double kLeastCosine = 0.14;    // of the incidence, 82 degrees
 constexpr double kDropoutSteps = 4.5;    // of azimuth without a return that a run bridges
 constexpr double kNeighbourSteps = 3.5;  // within which a return is beside a limit point
-constexpr double kBehind = 0.06;         // [m] a range that differs more is of something else
+constexpr double kApart = 4.0;           // standard deviations of ranges of something else, but
+constexpr double kLeastApart = 0.03;     // [m] at least
+constexpr double kConfidence = 0.9999;   // of RANSAC
+constexpr double kProposal = 2.0;        // standard deviations of its inliers
 constexpr int kRefits = 6;
+constexpr double kStripShare = 0.5;   // of the shorter half side: gaps that a run bridges
+constexpr double kBorderShare = 0.7;  // of the layers' ends that must lie on the border
 
 // A return near the seed; azimuth counted from the seed's.
 struct Near {
@@ -75,15 +80,31 @@ struct Plane {
   Eigen::Vector3d normal = Eigen::Vector3d::UnitX();
   double distance = 0.0;
 
+  double sigma = 0.01;  // standard deviation of the returns about it [m]
+
   double Residual(const Eigen::Vector3d& point) const { return normal.dot(point) - distance; }
-  // How much farther a return is than the plane, along its beam; minus infinity if the beam misses
-  // it.
-  double Beyond(const ScanPoint& point) const {
+  bool Holds(const ScanPoint& point) const {
+    return std::abs(Residual(point.position)) < kThreshold * sigma;
+  }
+  // 1 for a return clearly behind the plane, along its beam, -1 for one clearly before it.
+  int Side(const ScanPoint& point) const {
     const double cosine = normal.dot(point.position) / point.range;
-    if (cosine < 1e-3) return -std::numeric_limits<double>::infinity();
-    return point.range - distance / cosine;
+    if (cosine < 1e-3) return -1;  // the beam does not meet the plane
+    const double beyond = point.range - distance / cosine;
+    const double apart = std::max(kLeastApart, kApart * sigma / cosine);
+    return beyond > apart ? 1 : beyond < -apart ? -1 : 0;
   }
 };
+
+// Standard deviation about a plane, from the median of the residuals' sizes.
+double RobustSigma(const Window& window, const std::vector<int>& chosen, const Plane& plane) {
+  std::vector<double> sizes;
+  for (const int i : chosen) {
+    sizes.push_back(std::abs(plane.Residual(window.points[i].point->position)));
+  }
+  std::nth_element(sizes.begin(), sizes.begin() + sizes.size() / 2, sizes.end());
+  return std::max(1.4826 * sizes[sizes.size() / 2], kLeastSigma);
+}
 
 Plane FitPlane(const Window& window, const std::vector<int>& chosen) {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
@@ -99,17 +120,8 @@ Plane FitPlane(const Window& window, const std::vector<int>& chosen) {
   plane.normal = solver.eigenvectors().col(0);
   plane.distance = plane.normal.dot(mean);
   if (plane.distance < 0) plane.normal = -plane.normal, plane.distance = -plane.distance;
+  plane.sigma = RobustSigma(window, chosen, plane);
   return plane;
-}
-
-// Standard deviation about a plane, from the median of the residuals' sizes.
-double RobustSigma(const Window& window, const std::vector<int>& chosen, const Plane& plane) {
-  std::vector<double> sizes;
-  for (const int i : chosen) {
-    sizes.push_back(std::abs(plane.Residual(window.points[i].point->position)));
-  }
-  std::nth_element(sizes.begin(), sizes.begin() + sizes.size() / 2, sizes.end());
-  return std::max(1.4826 * sizes[sizes.size() / 2], kLeastSigma);
 }
 
 // PCL's plane, without those that pass near the sensor: every single layer is nearly such a plane.
@@ -125,11 +137,27 @@ class FacingPlane : public pcl::SampleConsensusModelPlane<pcl::PointXYZ> {
            std::abs(coefficients[3]) >= least_distance_;
   }
 
+  bool isSampleGood(const std::vector<int>& samples) const override {  // PCL's own complains aloud
+    const Eigen::Vector3f first = (*input_)[samples[0]].getVector3fMap();
+    const Eigen::Vector3f a = (*input_)[samples[1]].getVector3fMap() - first;
+    const Eigen::Vector3f b = (*input_)[samples[2]].getVector3fMap() - first;
+    return a.cross(b).norm() > 1e-4f;  // [m^2]
+  }
+
  private:
   double least_distance_;
 };
 
-// The plane with the most points among those given; false if there is none.
+std::vector<int> OnPlane(const Window& window, const std::vector<int>& among, const Plane& plane,
+                         double threshold) {
+  std::vector<int> chosen;
+  for (const int i : among) {
+    if (std::abs(plane.Residual(window.points[i].point->position)) < threshold) chosen.push_back(i);
+  }
+  return chosen;
+}
+
+// The plane with the most points among those given, refit to them; false if there is none.
 bool ProposePlane(const Window& window, const std::vector<int>& among, double threshold,
                   double least_distance, Plane* plane) {
   if (among.size() < 3) return false;
@@ -141,12 +169,20 @@ bool ProposePlane(const Window& window, const std::vector<int>& among, double th
   const FacingPlane::Ptr model(new FacingPlane(cloud, least_distance));
   pcl::RandomSampleConsensus<pcl::PointXYZ> ransac(model, threshold);
   ransac.setMaxIterations(kRansacIterations);
+  ransac.setProbability(kConfidence);
   if (!ransac.computeModel()) return false;
   Eigen::VectorXf c;
   ransac.getModelCoefficients(c);
   plane->normal = c.head<3>().cast<double>().normalized();
   plane->distance = -c[3];
   if (plane->distance < 0) plane->normal = -plane->normal, plane->distance = -plane->distance;
+  for (int k = 0; k < 3; ++k) {
+    const std::vector<int> chosen = OnPlane(window, among, *plane, threshold);
+    if (chosen.size() < 3) break;
+    const Plane refit = FitPlane(window, chosen);
+    if (refit.distance < least_distance) break;
+    *plane = refit;
+  }
   return true;
 }
 
@@ -163,9 +199,9 @@ bool Continues(const Scan& scan, const Window& window, int i, int j, const Plane
   if ((a.point->position - b.point->position).norm() > reach) return false;
   bool hidden = false;
   for (int k = i + 1; k < j; ++k) {
-    const double beyond = plane.Beyond(*window.points[k].point);
-    if (beyond > kBehind) return false;
-    hidden = hidden || beyond < -kBehind;
+    const int side = plane.Side(*window.points[k].point);
+    if (side > 0) return false;
+    hidden = hidden || side < 0;
   }
   return hidden || b.azimuth - a.azimuth <= kDropoutSteps * scan.azimuth_step;
 }
@@ -273,25 +309,23 @@ class Candidate {
         return Reject(0, Text("only %.0f points on a plane", piece_.size()));
       }
       plane_ = FitPlane(window_, piece_);
-      sigma_ = RobustSigma(window_, piece_, plane_);
-      segment_.plane_sigma = sigma_;
-      if (sigma_ > options_.most_noise) {
-        return Reject(1, Text("the surface is not flat (%.0f mm about its plane)", 1e3 * sigma_));
+      if (plane_.sigma > options_.most_noise) {
+        return Reject(
+            1, Text("the surface is not flat (%.0f mm about its plane)", 1e3 * plane_.sigma));
       }
       const std::vector<int> before = std::move(piece_);
       piece_ = PieceAround(before);
       if (piece_ == before) break;
     }
     if (piece_.empty()) return Reject(0, "no connected points on a plane");
-    plane_ = FitPlane(window_, piece_);
-    SetAxes();
+    SetPlane();
     return true;
   }
 
   std::vector<int> PieceAround(const std::vector<int>& before) const {
     std::vector<int> inliers;
     for (std::size_t i = 0; i < window_.points.size(); ++i) {
-      if (std::abs(plane_.Residual(At(i).position)) < kThreshold * sigma_) inliers.push_back(i);
+      if (plane_.Holds(At(i))) inliers.push_back(i);
     }
     std::vector<int> best;
     std::size_t most = 0;
@@ -305,7 +339,9 @@ class Candidate {
     return best;
   }
 
-  void SetAxes() {
+  void SetPlane() {
+    plane_ = FitPlane(window_, piece_);
+    segment_.plane_sigma = plane_.sigma;
     origin_.setZero();
     for (const int i : piece_) origin_ += At(i).position;
     origin_ /= piece_.size();
@@ -344,7 +380,7 @@ class Candidate {
       return Reject(
           3, Text("the plane is seen too flat (%.0f degrees)", segment_.incidence * 180.0 / M_PI));
     }
-    if (longest > 1.25 * options_.size.norm()) {
+    if (longest > 2.0 * options_.size.norm()) {
       return Reject(3, Text("the plane is larger than the board (%.2f m across, the board %.2f m)",
                             longest, options_.size.norm()));
     }
@@ -366,9 +402,8 @@ class Candidate {
     for (int step = 0; step < 3; ++step) {
       k = Neighbour(k, side);
       if (k < 0) return false;
-      const double beyond = plane_.Beyond(At(k));
-      if (beyond < -kBehind) return true;
-      if (beyond > kBehind) return false;
+      const int beyond = plane_.Side(At(k));
+      if (beyond != 0) return beyond < 0;
     }
     return false;
   }
@@ -377,7 +412,7 @@ class Candidate {
   int Trusted(int i, int inwards) const {
     int k = i;
     for (int step = 0; step < 3 && k >= 0; ++step, k = Neighbour(k, inwards)) {
-      if (std::abs(plane_.Residual(At(k).position)) < kTrusted * sigma_) return k;
+      if (std::abs(plane_.Residual(At(k).position)) < kTrusted * plane_.sigma) return k;
     }
     return i;
   }
@@ -392,30 +427,76 @@ class Candidate {
     return in_plane;
   }
 
-  bool FitOutline() {
+  bool FitOutline() { return FitToRuns() && Restrict() && FitToEnds(); }
+
+  // A first rectangle, from the ends of all runs: other things in the plane may hang on the board.
+  bool FitToRuns() {
     Outline outline;
-    for (const auto& end : ends_) {
-      for (const int side : {-1, 1}) {
-        const int i = side < 0 ? end.first : end.second, last = Trusted(i, -side);
-        outline.inside.push_back(InPlane(At(i).position));
-        if (!IsHiddenBeside(i, side)) outline.limits.push_back(Border(last, side));
-        AddOutside(i, side, &outline.outside);
-      }
+    for (const Run& run :
+         FindRuns(scan_, window_, piece_, plane_, kStripShare * half_.minCoeff())) {
+      AddEnd(run.first, -1, &outline);
+      AddEnd(run.last, 1, &outline);
     }
     AddLayersAround(&outline.outside);
-    if (outline.limits.size() < std::max<std::size_t>(4, ends_.size() - 1)) {
+    if (outline.limits.size() < 4) {
       return Reject(3, Text("only %.0f ends of layers are not hidden", outline.limits.size()));
     }
     pose_ = FitRectangle(outline, seen_half_);
     SetPose();
-    return BorderFits(outline) && SizeFits(outline) && LiesInside();
+    return true;
+  }
+
+  // Drops what lies outside the rectangle.
+  bool Restrict() {
+    std::vector<int> inside;
+    for (const int i : piece_) {
+      const double distance = SignedDistance(pose_.ToBoard(InPlane(At(i).position)), seen_half_);
+      if (distance < Tolerance()) inside.push_back(i);
+    }
+    piece_ = std::move(inside);
+    if (static_cast<int>(piece_.size()) < options_.least_points) {
+      return Reject(3, Text("only %.0f points within an outline of the board", piece_.size()));
+    }
+    SetPlane();
+    return HasLayers();
+  }
+
+  // The rectangle, from the ends of the layers where the surface does not go on beyond them.
+  bool FitToEnds() {
+    Outline outline;
+    int open = 0;
+    for (const auto& end : ends_) {
+      open += GoesOn(end.first, -1) ? 1 : AddEnd(end.first, -1, &outline);
+      open += GoesOn(end.second, 1) ? 1 : AddEnd(end.second, 1, &outline);
+    }
+    AddLayersAround(&outline.outside);
+    if (outline.limits.size() < std::max<std::size_t>(4, ends_.size() - 1)) {
+      return Reject(4, Text("only %.0f of %.0f ends of layers show a border", outline.limits.size(),
+                            2.0 * ends_.size()));
+    }
+    pose_ = FitRectangle(outline, seen_half_);
+    SetPose();
+    return BorderFits(outline, open) && SizeFits(outline);
+  }
+
+  // Adds what an end of a layer says about the outline; returns 0.
+  int AddEnd(int i, int side, Outline* outline) const {
+    outline->inside.push_back(InPlane(At(i).position));
+    if (!IsHiddenBeside(i, side)) outline->limits.push_back(Border(Trusted(i, -side), side));
+    AddOutside(i, side, &outline->outside);
+    return 0;
+  }
+
+  // Tells whether the surface goes on beyond an end of a layer.
+  bool GoesOn(int i, int side) const {
+    const int next = Neighbour(i, side), after = next < 0 ? -1 : Neighbour(next, side);
+    return after >= 0 && plane_.Holds(At(next)) && plane_.Holds(At(after));
   }
 
   void AddOutside(int i, int side, PlanePoints* outside) const {
     const int k = Neighbour(i, side);
     Eigen::Vector2d in_plane;
-    if (k >= 0 && plane_.Beyond(At(k)) > kBehind &&
-        Meets(At(k).position / At(k).range, &in_plane)) {
+    if (k >= 0 && plane_.Side(At(k)) > 0 && Meets(At(k).position / At(k).range, &in_plane)) {
       outside->push_back(in_plane);
     }
   }
@@ -427,7 +508,7 @@ class Candidate {
     for (std::size_t i = 0; i < window_.points.size(); i += 3) {
       const int layer = At(i).layer;
       Eigen::Vector2d in_plane;
-      if ((layer == low - 1 || layer == high + 1) && plane_.Beyond(At(i)) > kBehind &&
+      if ((layer == low - 1 || layer == high + 1) && plane_.Side(At(i)) > 0 &&
           Meets(At(i).position / At(i).range, &in_plane) && in_plane.norm() < reach) {
         outside->push_back(in_plane);
       }
@@ -454,7 +535,7 @@ class Candidate {
     return options_.border_tolerance + std::min(StepOnBoard(), 0.05 * options_.size.minCoeff());
   }
 
-  bool BorderFits(const Outline& outline) {
+  bool BorderFits(const Outline& outline, int open) {
     double sum = 0.0;
     int near = 0;
     for (const auto& point : outline.limits) {
@@ -464,11 +545,11 @@ class Candidate {
       ++near;
     }
     segment_.border_rms = std::sqrt(sum / std::max(near, 1));
-    if (near >= 0.75 * outline.limits.size() && near >= 4 && segment_.border_rms < Tolerance()) {
-      return true;
-    }
-    return Reject(4, Text("the outline is not the board's (%.0f of %.0f ends of layers on it)",
-                          near, outline.limits.size()));
+    const double all = outline.limits.size() + open;
+    if (near >= kBorderShare * all && near >= 4 && segment_.border_rms < Tolerance()) return true;
+    return Reject(5, Text("the outline is not the board's (%.0f of %.0f ends of layers on it, %.0f "
+                          "mm RMS)",
+                          near, all, 1e3 * segment_.border_rms));
   }
 
   bool SizeFits(const Outline& outline) {
@@ -483,17 +564,6 @@ class Candidate {
       }
     }
     return true;
-  }
-
-  bool LiesInside() {
-    int outside = 0;
-    for (const int i : piece_) {
-      const double distance = SignedDistance(pose_.ToBoard(InPlane(At(i).position)), seen_half_);
-      if (distance > 2.0 * Tolerance()) ++outside;
-    }
-    const double share = static_cast<double>(outside) / piece_.size();
-    if (share <= options_.most_outside) return true;
-    return Reject(4, Text("%.0f %% of the plane lies outside the board's outline", 100.0 * share));
   }
 
   // Beams of the whole grid that meet the rectangle.
@@ -529,12 +599,12 @@ class Candidate {
       if (!Meets(At(i).position / At(i).range, &p)) continue;
       const double distance = SignedDistance(pose_.ToBoard(p), half_);
       if (distance > 0.0) continue;
-      const double beyond = plane_.Beyond(At(i));
-      if (std::abs(plane_.Residual(At(i).position)) < kThreshold * sigma_)
+      const int side = plane_.Side(At(i));
+      if (plane_.Holds(At(i)))
         ++there;
-      else if (beyond < -kBehind)
+      else if (side < 0)
         ++nearer;
-      else if (beyond > kBehind && distance < -margin)
+      else if (side > 0 && distance < -margin)
         ++farther;
     }
     segment_.expected_points = ExpectedPoints();
@@ -545,12 +615,12 @@ class Candidate {
     segment_.score = segment_.border_rms / options_.border_tolerance +
                      std::max(0.0, 1.0 - segment_.visible) + 2.0 * segment_.through;
     if (segment_.through > options_.most_through) {
-      return Reject(5, Text("%.0f %% of the beams pass through where the board would be",
+      return Reject(6, Text("%.0f %% of the beams pass through where the board would be",
                             100.0 * segment_.through));
     }
     if (segment_.visible < options_.least_visible ||
         segment_.visible + segment_.hidden < options_.least_coverage) {
-      return Reject(5, Text("only %.0f of %.0f expected returns from the board are there (%.0f "
+      return Reject(6, Text("only %.0f of %.0f expected returns from the board are there (%.0f "
                             "hidden)",
                             there, expected, nearer));
     }
@@ -560,10 +630,9 @@ class Candidate {
   // A return between the board and what is beside it: off the plane, towards its neighbour.
   bool IsMixed(int i, int side) const {
     const double residual = plane_.Residual(At(i).position);
-    if (std::abs(residual) < 1.5 * sigma_) return false;
+    if (std::abs(residual) < 1.5 * plane_.sigma) return false;
     const int k = Neighbour(i, side);
-    return k >= 0 && plane_.Beyond(At(k)) * residual > 0.0 &&
-           std::abs(plane_.Beyond(At(k))) > kBehind;
+    return k >= 0 && plane_.Side(At(k)) * residual > 0.0;
   }
 
   void Label() {
@@ -571,7 +640,7 @@ class Candidate {
     std::map<int, std::pair<int, int>> ends;  // of the layers
     std::vector<int> chosen;
     for (std::size_t i = 0; i < window_.points.size(); ++i) {
-      if (std::abs(plane_.Residual(At(i).position)) >= kThreshold * sigma_) continue;
+      if (!plane_.Holds(At(i))) continue;
       const double distance = SignedDistance(pose_.ToBoard(InPlane(At(i).position)), seen_half_);
       if (distance > margin) continue;
       const bool at_border = distance > -2.0 * StepOnBoard();
@@ -610,7 +679,6 @@ class Candidate {
   std::vector<int> piece_;
   std::vector<std::pair<int, int>> ends_;  // first and last of the piece in each layer
   Plane plane_;
-  double sigma_ = 0.0;
   Eigen::Vector3d origin_ = Eigen::Vector3d::Zero();    // middle of the piece, on the plane
   Eigen::Matrix3d axes_ = Eigen::Matrix3d::Identity();  // of the plane, the third is its normal
   RectanglePose pose_;
@@ -677,7 +745,7 @@ BoardSegment SegmentBoard(const Scan& scan, const Eigen::Vector3d& seed,
   }
   best.reason = "no plane around the seed";
   std::vector<int> left = window.sphere;
-  const double threshold = kThreshold * options.noise;
+  const double threshold = kProposal * options.noise;
   for (int k = 0; k < options.most_planes; ++k) {
     Plane plane;
     if (static_cast<int>(left.size()) < options.least_points ||
@@ -686,7 +754,7 @@ BoardSegment SegmentBoard(const Scan& scan, const Eigen::Vector3d& seed,
     }
     const BoardSegment segment = BestOnPlane(scan, window, plane, seed, options);
     if (IsBetter(segment, best)) best = segment;
-    std::vector<int> rest = Without(window, left, plane, threshold);
+    std::vector<int> rest = Without(window, left, plane, kThreshold * options.noise);
     if (rest.size() == left.size()) break;
     left = std::move(rest);
   }

@@ -29,6 +29,22 @@ def test_a_full_disk_leaves_nothing_behind(world, tmp_path, monkeypatch):
     assert leftovers(tmp_path) == []
 
 
+def test_a_failure_leaves_the_earlier_recording_as_it_was(world, tmp_path, monkeypatch):
+    earlier = ["out.bag", "out.labels.npz", "out.truth.json"]
+    for name in earlier:
+        (tmp_path / name).write_bytes(name.encode())
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("atom_examples.cell_simulator.recorder._Writer.write_tick", full)
+    with pytest.raises(SimulatorError):
+        record(world, Recording(**SHORT), tmp_path / "out.bag", progress=False)
+    assert leftovers(tmp_path) == earlier
+    assert all((tmp_path / name).read_bytes() == name.encode() for name in earlier)
+
+
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="limits of file sizes")
 def test_a_file_that_cannot_grow_ends_with_one_line_and_exit_code_2(tmp_path):
     code = (

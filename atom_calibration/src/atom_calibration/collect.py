@@ -110,7 +110,7 @@ class Collector:
         return [key for m in self._moments.finish() for key in self._take_or_refuse(m)]
 
     def take(self, moment: Moment) -> Optional[str]:
-        """Write a collection; None if the board stands where it stood in the last one.
+        """Write a collection; None if it was no stop, or at the place of the last collection.
 
         Raises:
             CollectionError: nothing was detected, or the board moved.
@@ -124,7 +124,12 @@ class Collector:
             raise CollectionError(
                 f"time {moment.start_s:.3f}: no sensor sees the board; choose another time"
             )
-        check_still(chosen, self._recent, moment)
+        try:
+            check_still(chosen, self._recent, moment)
+        except CollectionError:
+            if setup.at_stops:  # to some sensor it only looked like a stop
+                return None
+            raise
         if setup.at_stops and same_place(chosen, self._last):
             return None
         key = write_collection(setup, chosen)

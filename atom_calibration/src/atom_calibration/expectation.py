@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Dict, Set, Tuple
+from typing import Dict, Set
 
 import numpy as np
 
@@ -11,8 +11,9 @@ from atom_calibration.collect import Setup
 from atom_calibration.conversions import cloud_xyz
 from atom_calibration.errors import TransformError
 from atom_calibration.frames import Frame
-from atom_calibration.labelling import board_centre, camera_T_pattern
+from atom_calibration.labelling import camera_T_pattern
 from atom_core.geometry import se3
+from atom_core.labeling.lidar3d import expected_points
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import LIDAR3D, RGB
 
@@ -55,13 +56,6 @@ def beam_spacing(points: np.ndarray) -> BeamSpacing:
     return BeamSpacing(step, float(np.median(np.diff(azimuth))))
 
 
-def expected_points(pattern: Pattern, range_m: float, spacing: BeamSpacing) -> Tuple[int, int]:
-    """Return how many points and layers fall on a board that faces the LiDAR at a distance [m]."""
-    width, height = 2.0 * pattern.border.half_size
-    layers = height / (range_m * spacing.elevation)
-    return int(layers * width / (range_m * spacing.azimuth)), int(layers)
-
-
 class PointExpectation:
     """Warns once for each LiDAR that can hardly see the board where it stands at first."""
 
@@ -90,7 +84,7 @@ class PointExpectation:
             pose = camera_T_pattern(frame.sensor, pattern, frame.labels[pattern.name])
             if pose is None:
                 continue
-            centre = se3.apply(pose, board_centre(pattern)[None])
+            centre = se3.apply(pose, np.append(pattern.border.centre, 0.0)[None])
             for name in (self._lidars & set(self._spacing)) - self._done:
                 lidar = self._setup.sensors[name]
                 try:
@@ -103,7 +97,9 @@ class PointExpectation:
 
     def _tell(self, name: str, pattern: Pattern, distance_m: float) -> None:
         spacing = self._spacing[name]
-        points, layers = expected_points(pattern, distance_m, spacing)
+        points, layers = expected_points(
+            pattern.border, distance_m, spacing.azimuth, spacing.elevation
+        )
         if points < LEAST_POINTS or layers < LEAST_LAYERS:
             self._setup.warn(
                 f"sensor '{name}': only about {points} points in {layers} layers are expected on "

@@ -51,6 +51,7 @@ class Frame:
     def set_label(self, pattern: str, labeled: Labeled) -> None:
         """Keep what a labeler found."""
         self.labels[pattern] = labeled
+        self.sightings.pop(pattern, None)
         sighting = sighting_of(self, labeled) if labeled.detected else None
         if sighting is not None:
             self.sightings[pattern] = sighting

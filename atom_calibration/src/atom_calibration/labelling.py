@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
 from atom_calibration.conversions import cloud_xyz
-from atom_calibration.errors import CollectionError, TransformError
+from atom_calibration.errors import CollectionError
 from atom_calibration.frames import Frame
+from atom_calibration.prediction import FRESH_S, BoardPredictor
 from atom_calibration.tf_snapshot import TransformTree
 from atom_core.errors import LabelingError
-from atom_core.geometry import se3
 from atom_core.io.seeds import Seed
 from atom_core.labeling.base import Labeled, Labeler, labeler_for, nothing
 from atom_core.model.config import CalibrationConfig
@@ -21,7 +21,6 @@ from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
 from atom_core.problem.initial_boards import camera_candidates
 from atom_core.problem.measurements import CornerMeasurement
 
-_FRESH_S = 1.0  # a camera's sight of the board, or a tracked seed, is of use for so long
 _SEARCH_EVERY_S = 0.35  # of each range sensor that lost the board
 _SAME_STAMP_S = 0.005
 _OUTSIDE_M = 1.0  # a seed so far from every point is a mistake
@@ -57,12 +56,12 @@ class FrameLabeler:
             for s in sensors.values()
             for p in patterns.values()
         }
-        self._patterns, self._world = patterns, config.world_link
+        self._patterns = patterns
         self._automatic = automatic_seeds
         self._manual = _ManualSeeds(seeds)
         self._tracked: Dict[Key, Tuple[float, np.ndarray]] = {}
         self._searched_s: Dict[Key, float] = {}
-        self._boards: Dict[str, Tuple[float, np.ndarray]] = {}  # world_T_pattern by pattern
+        self._boards = BoardPredictor(config.world_link)
 
     def label_image(self, frame: Frame) -> Frame:
         """Label a colour image; needs nothing else, so that it may run in a thread of its own."""
@@ -93,88 +92,86 @@ class FrameLabeler:
     def _label_range(self, frame: Frame, pattern: str, tree: Optional[TransformTree]) -> None:
         key = (frame.sensor.name, pattern)
         labeled = nothing(frame.sensor.modality, "there is no seed")
-        for seed in self._seeds(frame, pattern, tree):
+        prediction = self._prediction(frame, pattern, tree)
+        manual = self._manual.at(frame)
+        seeds = [manual] if manual is not None else self._seeds(frame, pattern, prediction)
+        for seed in seeds:
             labeled = self._label(frame, pattern, seed)
+            frame.set_label(pattern, labeled)
+            if labeled.detected and tree is not None and pattern in frame.sightings:
+                found = frame.sightings[pattern].centre
+                self._boards.learn(
+                    frame.sensor, self._patterns[pattern], frame.stamp_s, found, tree
+                )
+            if labeled.detected and manual is None:
+                labeled = self._judged(frame, pattern, labeled, prediction)
             if labeled.detected:
-                if seed is not None:
-                    frame.seeds[pattern] = seed
-                elif labeled.next_seed is not None:
-                    frame.seeds[pattern] = labeled.next_seed
+                begun = seed if seed is not None else labeled.next_seed
+                if begun is not None:
+                    frame.seeds[pattern] = begun
                 break
         frame.set_label(pattern, labeled)
-        if labeled.detected and labeled.next_seed is not None:
+        if not labeled.detected:
+            self._tracked.pop(key, None)
+        elif labeled.next_seed is not None:
             self._tracked[key] = (frame.stamp_s, labeled.next_seed)
 
+    def _judged(
+        self, frame: Frame, pattern: str, labeled: Labeled, prediction: Optional[np.ndarray]
+    ) -> Labeled:
+        """Return the label, or an empty one if a camera sees the board somewhere else."""
+        sighting = frame.sightings.get(pattern)
+        if prediction is None or sighting is None:
+            return labeled
+        if self._boards.is_plausible(frame.sensor, prediction, sighting.centre):
+            return labeled
+        away = float(np.linalg.norm(sighting.centre - prediction))
+        return nothing(
+            frame.sensor.modality,
+            f"what was found is {away:.1f} m from where a camera sees the board",
+            labeled.quality,
+        )
+
     def _seeds(
-        self, frame: Frame, pattern: str, tree: Optional[TransformTree]
+        self, frame: Frame, pattern: str, prediction: Optional[np.ndarray]
     ) -> List[Optional[np.ndarray]]:
         """Return the seeds to try, the most trusted first; None stands for a search."""
-        manual = self._manual.at(frame)
-        if manual is not None:
-            return [manual]
         seeds: List[Optional[np.ndarray]] = []
         key = (frame.sensor.name, pattern)
         stamp, tracked = self._tracked.get(key, (-np.inf, np.zeros(0)))
-        if frame.stamp_s - stamp <= _FRESH_S:
+        if frame.stamp_s - stamp <= FRESH_S:
             seeds.append(tracked)
         for_all = self._manual.for_all(frame.sensor.name)
         if for_all is not None:
             return [*seeds, for_all]
         if self._automatic:
-            predicted = self._predicted(frame, pattern, tree)
+            predicted = None if prediction is None else _in_data(frame.sensor, prediction)
             seeds += [] if predicted is None else [predicted]
             if frame.stamp_s - self._searched_s.get(key, -np.inf) >= _SEARCH_EVERY_S:
                 self._searched_s[key] = frame.stamp_s
                 seeds.append(None)
         return seeds
 
-    def _predicted(
+    def _prediction(
         self, frame: Frame, pattern: str, tree: Optional[TransformTree]
     ) -> Optional[np.ndarray]:
-        """Return the seed that the last sight of the board by a camera suggests."""
-        stamp, world_T_pattern = self._boards.get(pattern, (-np.inf, np.eye(4)))
-        if tree is None or abs(frame.stamp_s - stamp) > _FRESH_S:
+        if tree is None or not self._automatic:
             return None
-        try:
-            sensor_T_world = tree.lookup(frame.sensor.frame, self._world, frame.stamp_s)
-        except TransformError:
-            return None
-        middle = board_centre(self._patterns[pattern])[None]
-        centre = se3.apply(sensor_T_world @ world_T_pattern, middle)
-        if frame.sensor.modality != DEPTH:
-            return centre[0]
-        camera = frame.sensor.camera
-        assert camera is not None
-        return camera.project(centre)[0] if camera.in_image(centre)[0] else None
+        return self._boards.predict(frame.sensor, self._patterns[pattern], frame.stamp_s, tree)
 
     def _note_boards(self, frame: Frame, tree: Optional[TransformTree]) -> None:
         if tree is None:
             return
         for name, labeled in frame.labels.items():
             pose = camera_T_pattern(frame.sensor, self._patterns[name], labeled)
-            if pose is None:
-                continue
-            try:
-                world_T_camera = tree.lookup(self._world, frame.sensor.frame, frame.stamp_s)
-            except TransformError:
-                continue
-            self._boards[name] = (frame.stamp_s, world_T_camera @ pose)
+            if pose is not None:
+                self._boards.see(frame.sensor, name, frame.stamp_s, pose, tree)
 
     def _label(self, frame: Frame, pattern: str, seed: Optional[np.ndarray]) -> Labeled:
         try:
-            return self._labelers[(frame.sensor.name, pattern)].label(labeler_data(frame), seed)
+            return self._labelers[(frame.sensor.name, pattern)].label(frame.data, seed)
         except LabelingError as error:
             raise LabelingError(f"{frame.place}: {error}") from None
-
-
-def labeler_data(frame: Frame) -> Any:
-    """Return the data in the form that the modality's labeler takes."""
-    return frame.data
-
-
-def board_centre(pattern: Pattern) -> np.ndarray:
-    """Return the middle (3,) of the board in its frame [m]."""
-    return np.append(pattern.border.corners.mean(axis=0), 0.0)
 
 
 def camera_T_pattern(sensor: Sensor, pattern: Pattern, labeled: Labeled) -> Optional[np.ndarray]:
@@ -188,6 +185,15 @@ def camera_T_pattern(sensor: Sensor, pattern: Pattern, labeled: Labeled) -> Opti
         CornerMeasurement(key, sensor.camera, label.ids, corners, label.pixels)
     )
     return poses[0] if poses else None
+
+
+def _in_data(sensor: Sensor, point: np.ndarray) -> Optional[np.ndarray]:
+    """Return the seed of a point (3,) in the sensor's frame; None if an image does not hold it."""
+    if sensor.modality != DEPTH:
+        return point
+    assert sensor.camera is not None
+    inside = sensor.camera.in_image(point[None])[0]
+    return sensor.camera.project(point[None])[0] if inside else None
 
 
 class _ManualSeeds:

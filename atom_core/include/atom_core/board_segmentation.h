@@ -35,7 +35,6 @@ struct BoardOptions {
   double least_coverage = 0.70;  ///< share of the expected returns that is there or hidden
   double least_visible = 0.40;   ///< share of the expected returns that is there
   double most_through = 0.08;    ///< share of the expected beams that pass through the rectangle
-  double most_outside = 0.08;    ///< share of the piece's returns outside the rectangle
   double border_tolerance =
       0.025;  ///< RMS of the layers' ends about the border, beside beam steps [m]
 };

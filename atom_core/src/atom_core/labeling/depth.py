@@ -32,6 +32,7 @@ _FACTORS = {
 _PLAUSIBLE_M = (0.5, 12.0)  # median depth of a room
 _CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 _SQUARE = np.ones((3, 3), dtype=np.uint8)
+_WIDER = np.ones((5, 5), dtype=np.uint8)
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,7 @@ class DepthOptions:
         largest_angle_deg: between the ray and the board's normal.
         least_border_share: of the region's border that must lie on the board's.
         least_coverage: of the board's part in view that the region must cover.
+        least_before_share: of the pixels around the region that must lie behind its plane.
         image_margin_px: the region's border this near the image's edge is not the board's.
     """
 
@@ -54,6 +56,7 @@ class DepthOptions:
     largest_angle_deg: float = 76.0
     least_border_share: float = 0.7
     least_coverage: float = 0.8
+    least_before_share: float = 0.6
     image_margin_px: int = 2
 
 
@@ -153,7 +156,7 @@ class DepthLabeler:
                 cv2.circle(smooth, (int(seed[0]), int(seed[1])), 6, 0, -1)
                 continue
             found = self._judged(depth_m, *plane_region)
-            if found.detected and _fitness(found) > _fitness(best):
+            if _fitness(found) >= max(_LEAST_FITNESS, _fitness(best)):
                 best = found
             _clear(smooth, plane_region[1], seed)
         return best
@@ -219,8 +222,8 @@ class DepthLabeler:
         rows, columns = np.nonzero((region.mask > 0) & np.isfinite(depth_m[_window(region)]))
         if len(rows) < self.options.least_pixels:
             return None
-        step = max(len(rows) // _FIT_POINTS, 1)
-        return rows[::step] + region.top, columns[::step] + region.left
+        chosen = _spread(len(rows), _FIT_POINTS)
+        return rows[chosen] + region.top, columns[chosen] + region.left
 
     def _on_plane(
         self, depth_m: np.ndarray, plane: _Plane, flood: _Region, start: np.ndarray
@@ -251,32 +254,35 @@ class DepthLabeler:
 
     def _judged(self, depth_m: np.ndarray, plane: _Plane, region: _Region) -> Labeled:
         """Return the label if the region is the board, else the reason why it is none."""
-        axes = _PlaneAxes(plane)
-        solid = region.mask
-        edge = _outermost(solid)
-        rows, columns = np.nonzero(edge)
-        far = self._off_the_edge(rows + region.top, columns + region.left)
-        rows, columns = rows[far], columns[far]
-        quality: Dict[str, float] = {"pixels": float(np.count_nonzero(solid))}
-        quality["angle_deg"] = axes.angle_deg(self._rays[_window(region)][solid > 0].mean(axis=0))
+        axes, half = _PlaneAxes(plane), self.pattern.border.half_size
+        middle = self._rays[_window(region)][region.mask > 0].mean(axis=0)
+        quality: Dict[str, float] = {"angle_deg": axes.angle_deg(middle)}
+        quality["distance_m"] = float(plane.z(middle))
         if quality["angle_deg"] > self.options.largest_angle_deg:
             return nothing(DEPTH, _too("slanted", quality["angle_deg"], "deg"), quality)
-        if len(rows) < _LEAST_BORDER_PX:
-            reason = "the region fills the image; none of its border is seen: a wall, or too near"
-            return nothing(DEPTH, reason, quality)
-        border = axes.to_plane(self._rays[rows + region.top, columns + region.left])
-        inner_rows, inner_columns = _thinned(solid)
-        inner = axes.to_plane(self._rays[inner_rows + region.top, inner_columns + region.left])
-        half = self.pattern.border.half_size
+        pixel_m = quality["distance_m"] / float(self.camera.focal_px.mean())
+        slant = float(np.cos(np.radians(quality["angle_deg"])))
+        region = _without_posts(region, 2.0 * float(half.min()) * slant / pixel_m)
+        quality["pixels"] = float(np.count_nonzero(region.mask))
+        inner = self._in_plane(axes, region, *_thinned(region.mask))
         quality["extent_m"] = _extent(inner)
         if quality["extent_m"] > 2.0 * _LARGEST_EXTENT * float(np.hypot(*half)):
             return nothing(DEPTH, _too("large", quality["extent_m"], "m across"), quality)
-        quality["distance_m"] = float(plane.z(self._rays[_window(region)][solid > 0].mean(axis=0)))
-        pixel_m = quality["distance_m"] / float(self.camera.focal_px.mean())
-        tolerance = max(_BORDER_M, 1.5 * pixel_m / np.cos(np.radians(quality["angle_deg"])))
-        thinned = max(len(border) // _BORDER_POINTS, 1)
-        fit = fit_board(border[::thinned], inner, half, tolerance)
+        rows, columns = np.nonzero(_outermost(region.mask))
+        far = self._off_the_edge(rows + region.top, columns + region.left)
+        if np.sum(far) < _LEAST_BORDER_PX:
+            reason = "the region fills the image; none of its border is seen: a wall, or too near"
+            return nothing(DEPTH, reason, quality)
+        border = self._in_plane(axes, region, rows[far], columns[far])
+        tolerance = max(_BORDER_M, 1.5 * pixel_m / slant)
+        fit = fit_board(border[_spread(len(border), _BORDER_POINTS)], inner, half, tolerance)
         return self._fitting(depth_m, plane, region, fit, axes, tolerance, quality)
+
+    def _in_plane(
+        self, axes: _PlaneAxes, region: _Region, rows: np.ndarray, columns: np.ndarray
+    ) -> np.ndarray:
+        """Return pixels of a region's window in the plane (n, 2) [m]."""
+        return axes.to_plane(self._rays[rows + region.top, columns + region.left])
 
     def _fitting(
         self,
@@ -297,6 +303,7 @@ class DepthLabeler:
         solid = region.mask & self._drawn(fit, axes, region, 0.0)
         solid = cv2.morphologyEx(solid, cv2.MORPH_OPEN, _CROSS)
         quality["coverage"] = self._coverage(fit, axes, region, solid)
+        quality["before_share"] = self._before(depth_m, plane, _Region(solid, *region[1:]))
         around = self._drawn(fit, axes, region, 2.0 * tolerance)
         beyond = 1.0 - np.count_nonzero(region.mask & around) / quality["pixels"]
         reason = self._reason(quality, fit, beyond)
@@ -323,9 +330,32 @@ class DepthLabeler:
             return f"{beyond:.0%} of the region lies outside a board's size"
         if quality["coverage"] < self.options.least_coverage:
             return f"the region covers only {quality['coverage']:.0%} of the board's part in view"
+        if quality["before_share"] < self.options.least_before_share:
+            share = quality["before_share"]
+            return f"the region stands before its surroundings on {share:.0%} of its border only"
         if not fit.corner:
             return "no corner of the board is seen; a longer edge of something else looks the same"
         return ""
+
+    def _before(self, depth_m: np.ndarray, plane: _Plane, region: _Region) -> float:
+        """Return the share of the pixels around a region that lie behind its plane.
+
+        A board stands before what is around it. A piece of floor between the legs of a tripod
+        does not: they stand before it, or it goes on.
+        """
+        wide = 4
+        top, left = max(region.top - wide, 0), max(region.left - wide, 0)
+        height, width = region.mask.shape
+        bottom, right = region.top + height + wide, region.left + width + wide
+        z, rays = depth_m[top:bottom, left:right], self._rays[top:bottom, left:right]
+        mask = np.zeros(z.shape, dtype=np.uint8)
+        inner = mask[region.top - top :, region.left - left :]
+        inner[:height, :width] = region.mask
+        ring = cv2.dilate(mask, np.ones((7, 7), np.uint8)) - cv2.dilate(mask, _WIDER)
+        here = (ring > 0) & np.isfinite(z)
+        expected = plane.z(rays[here])
+        behind = z[here] - expected > self._tolerance_m(plane, expected)
+        return float(np.mean(behind)) if behind.size else 1.0
 
     def _coverage(
         self, fit: BoardFit, axes: _PlaneAxes, region: _Region, solid: np.ndarray
@@ -366,7 +396,7 @@ class DepthLabeler:
         rows, columns = np.nonzero(inner & good & grid)
         edge_rows, edge_columns = np.nonzero((_outermost(solid) > 0) & good)
         far = self._off_the_edge(edge_rows + region.top, edge_columns + region.left)
-        border = axes.to_plane(self._rays[edge_rows + region.top, edge_columns + region.left])
+        border = self._in_plane(axes, region, edge_rows, edge_columns)
         pixel_m = quality["distance_m"] / float(self.camera.focal_px.mean())
         far &= fit.signed_distance(border) >= -4.0 * pixel_m - _BORDER_M
         error = (z - expected)[inner & good]
@@ -437,7 +467,9 @@ class DepthLabeler:
 
 
 _SHIFT = 4  # binary digits of a pixel for drawing
+_POST_SHARE, _LEAST_CORE = 0.15, 0.7
 _MOST_REGIONS = 30
+_LEAST_FITNESS = 0.85  # of what was searched: nobody said that the board is there
 _LEAST_DEEP_PX = 5.0
 _SEED_REACH_PX = 5
 _FIT_POINTS, _BORDER_POINTS = 2000, 400
@@ -545,7 +577,9 @@ def _grown_plane(rays: np.ndarray, z: np.ndarray, away_px: np.ndarray) -> Option
                 return None
             w = weight[use]
             rows = design[use] * w[:, None]
-            solution = np.linalg.solve(rows.T @ rows, rows.T @ (w / z[use]))
+            normal = rows.T @ rows
+            normal += 1e-9 * np.trace(normal) * np.eye(3)  # points on a line leave the plane open
+            solution = np.linalg.solve(normal, rows.T @ (w / z[use]))
             error = (z - 1.0 / np.maximum(design @ solution, 1e-3)) / sigma
             scale = float(np.clip(1.4826 * np.median(np.abs(error[use])), 0.3, 2.0))
             before = use
@@ -579,6 +613,22 @@ def _filled(mask: np.ndarray) -> np.ndarray:
     return cv2.drawContours(np.zeros_like(mask), outlines, -1, 1, cv2.FILLED)
 
 
+def _without_posts(region: _Region, width_px: float) -> _Region:
+    """Return the region without what is much narrower than the board: the post that carries it.
+
+    Args:
+        region: on the plane, without holes.
+        width_px: the board's shorter side, foreshortened [px].
+    """
+    side = int(np.clip(_POST_SHARE * width_px, 3, 41)) | 1
+    kernel = np.ones((side, side), np.uint8)
+    wide = cv2.dilate(cv2.morphologyEx(region.mask, cv2.MORPH_OPEN, kernel), kernel)
+    core = region.mask & wide
+    if np.count_nonzero(core) < _LEAST_CORE * np.count_nonzero(region.mask):
+        return region  # all of it is narrow: a corner of the board at the image's edge
+    return _Region(core, region.top, region.left)
+
+
 def _eroded(mask: np.ndarray) -> np.ndarray:
     return cv2.erode(mask, _SQUARE, borderType=cv2.BORDER_CONSTANT, borderValue=0)
 
@@ -586,6 +636,15 @@ def _eroded(mask: np.ndarray) -> np.ndarray:
 def _outermost(mask: np.ndarray) -> np.ndarray:
     """Return the mask's pixels beside one outside it; the window's edge counts as outside."""
     return mask & ~cv2.erode(mask, _CROSS, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+
+
+def _spread(count: int, wanted: int) -> np.ndarray:
+    """Return about as many of ``count`` indices as wanted, at no regular distance."""
+    if count <= wanted:
+        return np.arange(count)
+    number = np.arange(wanted)
+    # golden ratio: a regular step would pick lines of pixels
+    return ((number + (number * 0.6180339887) % 1.0) * count / wanted).astype(int)
 
 
 def _thinned(mask: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:

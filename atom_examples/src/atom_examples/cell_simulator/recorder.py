@@ -58,33 +58,34 @@ class Recording:
 def record(world: World, recording: Recording, path: Path, progress: bool = True) -> None:
     """Write a bag, its truth (``.truth.json``) and the truth of its labels (``.labels.npz``).
 
-    All of them or none: a bag that cannot be finished is removed.
+    All of them or none: what cannot be finished is removed, and earlier files stay as they were.
 
     Raises:
         SimulatorError: no board poses fit, or the file cannot be written.
     """
     stops = plan_stops(world, recording.scenario, recording.collections)
     trajectory = Trajectory(stops, recording.stop_s, world.scene.board.pattern)
-    partial = path.with_name(path.name + ".active")
-    companions = [path.with_suffix(".labels.npz"), path.with_suffix(".truth.json")]
+    files = [path.with_suffix(".labels.npz"), path.with_suffix(".truth.json"), path]
+    active = [file.with_name(file.name + ".active") for file in files]
     try:
-        with _open(partial, recording) as bag:
+        with _open(active[2], recording) as bag:
             labels = Labels(world)
             writer = _Writer(world, recording, bag, labels)
             ticks = range(trajectory.ticks)
             for tick in tqdm(ticks, desc=path.name, unit="tick", disable=not progress):
                 writer.write_tick(tick, trajectory.state(tick))
-        labels.write(companions[0])
+        labels.write(active[0])
         write_recording_truth(
-            companions[1], world, [s.world_T_pattern for s in stops],
+            active[1], world, [s.world_T_pattern for s in stops],
             {f"{n:03d}": _interval(trajectory, n) for n in range(len(stops))},
             {"seed": world.seed, **asdict(recording)},
         )  # fmt: skip
-        os.replace(partial, path)
+        for unnamed, file in zip(active, files):
+            os.replace(unnamed, file)
     except BaseException as error:
-        for file in (partial, *companions):
+        for unnamed in active:
             with suppress(OSError):
-                file.unlink()
+                unnamed.unlink()
         if isinstance(error, OSError):
             raise SimulatorError(
                 f"{path}: the bag cannot be written ({error.strerror or error}); what was there of "

@@ -1,0 +1,115 @@
+"""Speed and accuracy of the labelers on synthetic pictures and depth images.
+
+``python3 tests/benchmarks/bench_labeling.py``; times are the median over all pictures, of the
+whole machine as it is: compare runs only with each other. The goals are those of two free cores.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from typing import Callable, List, Tuple
+
+import numpy as np
+
+from atom_core.geometry import se3
+from atom_core.labeling.depth import DepthLabeler
+from atom_core.labeling.rgb import RgbLabeler
+from atom_core.model.dataset import Dataset, RangeLabel, RgbLabel
+from atom_core.model.dataset import pose as pose_of
+from atom_core.model.sensor import DEPTH, RGB
+from atom_core.report.tables import text_table
+from atom_core.synthetic import Noise, paper_cell
+
+PATTERN = "pattern_1"
+GOALS = {RGB: 15.0, DEPTH: 60.0}  # images a second
+
+
+def main() -> None:
+    """Run all benchmarks and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--repeat", type=int, default=3)
+    args = parser.parse_args()
+    synthetic = paper_cell(args.seed, noise=Noise(corner_px=0.0))
+    dataset = synthetic.dataset
+    boards = {key: pose for (_, key), pose in synthetic.truth.boards.items()}
+    rows = [
+        rgb(dataset, boards, args.repeat),
+        depth(dataset, True, args.repeat),
+        depth(dataset, False, 1),
+    ]
+    columns = ["labeler", "images", "found", "images/s", "goal", "accuracy"]
+    print(text_table(columns, rows))
+
+
+def rgb(dataset: Dataset, boards: dict, repeat: int) -> List[str]:
+    """Label the cameras' pictures, with noise of two grey levels."""
+    pattern, config = dataset.patterns[PATTERN], dataset.config.calibration_patterns[PATTERN]
+    rng = np.random.default_rng(0)
+    seconds, errors, found, count = [], [], 0, 0
+    for key, label in dataset.detections():
+        sensor = dataset.sensors[key.sensor]
+        if not isinstance(label, RgbLabel) or sensor.camera is None:
+            continue
+        clean = dataset.data.colour_image(key.collection, key.sensor)
+        noise = 2.0 * rng.standard_normal(clean.shape)
+        image = np.clip(np.rint(clean * 0.85 + 10 + noise), 0, 255).astype(np.uint8)
+        labeler = RgbLabeler(sensor, pattern, config)
+        result, spent = timed(lambda: labeler.label(image), repeat)  # noqa: B023
+        seconds.append(spent)
+        count, found = count + 1, found + result.detected
+        collection = dataset.collections[key.collection]
+        sensor_T_world = pose_of(collection, dataset.graph, sensor.frame, dataset.world)
+        in_camera = sensor_T_world @ boards[key.collection]
+        corners = se3.apply(in_camera, pattern.corners_of(result.label.ids))
+        errors.append(result.label.pixels - sensor.camera.project(corners))
+    error = np.concatenate(errors)
+    rms, bias = np.sqrt(np.mean(error**2, axis=0)), error.mean(axis=0)
+    accuracy = f"rms {rms[0]:.3f} {rms[1]:.3f} px, bias {bias[0]:+.4f} {bias[1]:+.4f} px"
+    return row("rgb 1280x800 charuco", count, found, seconds, GOALS[RGB], accuracy)
+
+
+def depth(dataset: Dataset, with_seed: bool, repeat: int) -> List[str]:
+    """Label the depth images, from a seed on the board or by a search."""
+    pattern = dataset.patterns[PATTERN]
+    seconds, errors, found, count = [], [], 0, 0
+    for key, label in dataset.detections():
+        sensor = dataset.sensors[key.sensor]
+        if not isinstance(label, RangeLabel) or sensor.modality != DEPTH:
+            continue
+        image = dataset.data.depth_image(key.collection, key.sensor)
+        rows, columns = np.divmod(label.indices, image.shape[1])
+        seed = np.array([columns.mean(), rows.mean()]) if with_seed else None
+        labeler = DepthLabeler(sensor, pattern)
+        result, spent = timed(lambda: labeler.label(image, seed), repeat)  # noqa: B023
+        seconds.append(spent)
+        count, found = count + 1, found + result.detected
+        if result.detected:
+            errors.append(np.linalg.norm(result.next_seed - [columns.mean(), rows.mean()]))
+    how = "seed" if with_seed else "search"
+    goal = GOALS[DEPTH] if with_seed else float("nan")
+    accuracy = f"centroid within {np.max(errors):.1f} px"
+    return row(f"depth 640x480 {how}", count, found, seconds, goal, accuracy)
+
+
+def timed(call: Callable, repeat: int) -> Tuple:
+    """Return the call's result and its shortest time [s]."""
+    spent = []
+    for _ in range(repeat):
+        start = time.perf_counter()
+        result = call()
+        spent.append(time.perf_counter() - start)
+    return result, min(spent)
+
+
+def row(
+    name: str, count: int, found: int, seconds: List[float], goal: float, accuracy: str
+) -> List[str]:
+    """Return a row of the table."""
+    aim = "" if np.isnan(goal) else f"{goal:.0f}"
+    return [name, str(count), str(found), f"{1.0 / np.median(seconds):.0f}", aim, accuracy]
+
+
+if __name__ == "__main__":
+    main()
