@@ -58,6 +58,8 @@ py::dict ToDict(const BoardSegment& segment) {
   item["visible"] = segment.visible;
   item["hidden"] = segment.hidden;
   item["through"] = segment.through;
+  item["in_view"] = segment.in_view;
+  item["score"] = segment.score;
   item["progress"] = segment.progress;
   return item;
 }

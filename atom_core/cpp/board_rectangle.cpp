@@ -10,6 +10,7 @@ namespace {
 
 constexpr int kAngles = 45;            // tried over half a turn
 constexpr std::size_t kStarts = 4;     // refined
+constexpr double kStartsApart = 0.2;   // [rad]
 constexpr double kCapShare = 0.15;     // of the shorter half side: a larger misfit is gross
 constexpr double kCornerShare = 0.08;  // limits as near to a corner say little about a side
 
@@ -73,8 +74,15 @@ std::vector<RectanglePose> Starts(const Outline& outline, const Eigen::Vector2d&
   }
   std::sort(starts.begin(), starts.end(),
             [](const RectanglePose& a, const RectanglePose& b) { return a.cost < b.cost; });
-  starts.resize(std::min(starts.size(), kStarts));
-  return starts;
+  std::vector<RectanglePose> apart;  // neighbouring angles end in the same minimum
+  for (const RectanglePose& start : starts) {
+    const bool is_new = std::none_of(apart.begin(), apart.end(), [&](const RectanglePose& other) {
+      return std::abs(std::remainder(start.angle - other.angle, M_PI)) < kStartsApart;
+    });
+    if (is_new) apart.push_back(start);
+    if (apart.size() == kStarts) break;
+  }
+  return apart;
 }
 
 // Compass search: a step that lowers the cost is taken, else the steps become shorter.

@@ -13,9 +13,9 @@ constexpr double kJump = 0.10;      // [m] of range, between a surface and the n
 constexpr double kGapSteps = 4.5;   // of azimuth, without returns
 constexpr double kStraight = 0.05;  // [m] a run may deviate from its chord
 constexpr int kLeastReturns = 4;
-constexpr double kPatch = 0.45;        // of the shorter side: radius in which a plane is proposed
-constexpr double kLeastVisible = 0.7;  // share of the expected returns, without a seed to trust
-constexpr double kApart = 0.3;         // of the shorter side: nearer seeds are one
+constexpr double kPatch = 0.45;  // of the shorter side: radius in which a plane is proposed
+constexpr int kManyLayers = 8;
+constexpr double kApart = 0.3;  // of the shorter side: nearer seeds are one
 
 struct StraightRun {
   Eigen::Vector3d middle;
@@ -86,6 +86,20 @@ std::vector<Eigen::Vector3d> Seeds(const Scan& scan, const BoardOptions& options
   return seeds;
 }
 
+// Many layers must show two opposite sides: without a seed, a hidden wall has one side at most.
+bool IsMeasured(const BoardSegment& segment) {
+  return segment.layers < kManyLayers || !segment.measured_size.array().isNaN().all();
+}
+
+// Without a seed to trust, the board must be seen better.
+BoardOptions Strict(BoardOptions options) {
+  options.least_layers = std::max(options.least_layers, 6);
+  options.least_visible = std::max(options.least_visible, 0.75);
+  options.least_in_view = std::max(options.least_in_view, 0.85);
+  options.most_through = std::min(options.most_through, 0.04);
+  return options;
+}
+
 Eigen::Vector3d Middle(const BoardSegment& segment) {
   return segment.sensor_T_board.topRightCorner<3, 1>();
 }
@@ -93,22 +107,21 @@ Eigen::Vector3d Middle(const BoardSegment& segment) {
 }  // namespace
 
 std::vector<BoardSegment> FindBoards(const Scan& scan, const BoardOptions& options) {
-  BoardOptions here = options;  // a seed is on the board, if there is one: its plane comes first
+  BoardOptions here =
+      Strict(options);  // a seed is on the board, if there is one: its plane comes first
   here.seed_radius = kPatch * options.size.minCoeff() / options.size.norm();
   here.most_planes = 1;
-  here.least_points = options.least_points / 2;
-  here.least_visible = std::max(options.least_visible, kLeastVisible);
-  BoardOptions again = options;
-  again.least_visible = here.least_visible;
+  const BoardOptions strict = Strict(options);
   std::vector<BoardSegment> boards;
   for (const Eigen::Vector3d& seed : Seeds(scan, options)) {
     BoardSegment board = SegmentBoard(scan, seed, here);
     if (!board.detected) continue;
-    board = SegmentBoard(scan, Middle(board), again);  // the same from wherever it was found
+    board = SegmentBoard(scan, Middle(board), strict);  // the same from wherever it was found
     const auto is_same = [&](const BoardSegment& other) {
       return (Middle(other) - Middle(board)).norm() < 0.5 * options.size.minCoeff();
     };
-    if (board.detected && std::none_of(boards.begin(), boards.end(), is_same)) {
+    if (board.detected && IsMeasured(board) &&
+        std::none_of(boards.begin(), boards.end(), is_same)) {
       boards.push_back(board);
     }
   }

@@ -1,5 +1,6 @@
 #include "atom_core/board_segmentation.h"
 
+#include <pcl/console/print.h>
 #include <pcl/point_cloud.h>
 #include <pcl/point_types.h>
 #include <pcl/sample_consensus/ransac.h>
@@ -170,7 +171,11 @@ bool ProposePlane(const Window& window, const std::vector<int>& among, double th
   pcl::RandomSampleConsensus<pcl::PointXYZ> ransac(model, threshold);
   ransac.setMaxIterations(kRansacIterations);
   ransac.setProbability(kConfidence);
-  if (!ransac.computeModel()) return false;
+  const auto verbosity = pcl::console::getVerbosityLevel();
+  pcl::console::setVerbosityLevel(pcl::console::L_ALWAYS);  // "no model" is no error here
+  const bool found = ransac.computeModel();
+  pcl::console::setVerbosityLevel(verbosity);
+  if (!found) return false;
   Eigen::VectorXf c;
   ransac.getModelCoefficients(c);
   plane->normal = c.head<3>().cast<double>().normalized();
@@ -566,8 +571,8 @@ class Candidate {
     return true;
   }
 
-  // Beams of the whole grid that meet the rectangle.
-  int ExpectedPoints() const {
+  // Beams of some layers that meet the rectangle.
+  int Beams(const std::vector<double>& elevations) const {
     double from = 0.0, to = 0.0;
     const double middle = Azimuth(scan_, origin_);
     for (const double x : {-half_.x(), half_.x()}) {
@@ -579,7 +584,7 @@ class Candidate {
       }
     }
     int count = 0;
-    for (const double elevation : scan_.layer_elevation) {
+    for (const double elevation : elevations) {
       for (double azimuth = from; azimuth <= to; azimuth += scan_.azimuth_step) {
         Eigen::Vector2d p;
         if (Meets(scan_.Direction(middle + azimuth, elevation), &p) &&
@@ -589,6 +594,17 @@ class Candidate {
       }
     }
     return count;
+  }
+
+  // Layers that continue the scan's own ones above and below, as if it saw everything.
+  std::vector<double> LayersBeyond() const {
+    const std::vector<double>& own = scan_.layer_elevation;
+    const double spacing = (own.back() - own.front()) / std::max<std::size_t>(own.size() - 1, 1);
+    std::vector<double> beyond;
+    if (spacing <= 0.0) return beyond;
+    for (double e = own.back() + spacing; e < M_PI / 2.0; e += spacing) beyond.push_back(e);
+    for (double e = own.front() - spacing; e > -M_PI / 2.0; e -= spacing) beyond.push_back(e);
+    return beyond;
   }
 
   bool FillsRectangle() {
@@ -607,13 +623,19 @@ class Candidate {
       else if (side > 0 && distance < -margin)
         ++farther;
     }
-    segment_.expected_points = ExpectedPoints();
+    segment_.expected_points = Beams(scan_.layer_elevation);
     const double expected = std::max(segment_.expected_points, 1);
     segment_.visible = there / expected;
     segment_.hidden = nearer / expected;
     segment_.through = farther / expected;
     segment_.score = segment_.border_rms / options_.border_tolerance +
                      std::max(0.0, 1.0 - segment_.visible) + 2.0 * segment_.through;
+    segment_.in_view = expected / (expected + Beams(LayersBeyond()));
+    if (segment_.in_view < options_.least_in_view) {
+      return Reject(6, Text("only %.0f %% of the board would be between the lowest and the highest "
+                            "layer",
+                            100.0 * segment_.in_view));
+    }
     if (segment_.through > options_.most_through) {
       return Reject(6, Text("%.0f %% of the beams pass through where the board would be",
                             100.0 * segment_.through));

@@ -33,7 +33,8 @@ struct BoardOptions {
   int least_layers = 4;          ///< that meet the board
   int least_points = 20;         ///< on the board
   double least_coverage = 0.70;  ///< share of the expected returns that is there or hidden
-  double least_visible = 0.40;   ///< share of the expected returns that is there
+  double least_visible = 0.50;   ///< share of the expected returns that is there
+  double least_in_view = 0.1;    ///< share of the board between the lowest and the highest layer
   double most_through = 0.08;    ///< share of the expected beams that pass through the rectangle
   double border_tolerance =
       0.025;  ///< RMS of the layers' ends about the border, beside beam steps [m]
@@ -58,6 +59,7 @@ struct BoardSegment {
   double visible = 0.0;     ///< share of them with a return from the board
   double hidden = 0.0;      ///< share of them with a nearer return
   double through = 0.0;     ///< share of them with a farther return
+  double in_view = 0.0;     ///< share of the board between the lowest and the highest layer
   int progress = 0;         ///< tests passed; more is nearer to a board
   double score = std::numeric_limits<double>::infinity();  ///< of detected ones; less is better
 };

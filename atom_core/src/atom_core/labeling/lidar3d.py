@@ -25,7 +25,7 @@ _RING_FIELDS = ("ring", "channel", "line", "laser_id")  # as drivers call it
 _INLIER_SIGMAS = 3.0
 _FIGURES = (
     *("plane_sigma_m", "border_rms_m", "measured_width_m", "measured_height_m", "layers"),
-    *("expected_points", "visible", "hidden", "through"),
+    *("expected_points", "visible", "hidden", "through", "in_view"),
 )
 
 
