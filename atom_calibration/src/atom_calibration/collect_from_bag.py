@@ -41,7 +41,7 @@ _MOST_BAD_MESSAGES = 3  # of a sensor that are told one by one
 
 def main(argv: Optional[Sequence[str]] = None) -> int:
     """Run the command; return its exit code."""
-    args = _parser().parse_args(argv)
+    args = parser().parse_args(argv)
     try:
         return collect_from_bag(args)
     except AtomError as error:
@@ -166,21 +166,22 @@ def _warn(text: str) -> None:
     tqdm.write(f"collect_from_bag: warning: {text}", file=sys.stderr)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command."""
+    made = argparse.ArgumentParser(
         prog="collect_from_bag",
         description=__doc__,
         epilog=f"example: {EXAMPLE}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add_option(parser, "config", "-c", required=True, type=Path, metavar="FILE", help="config.yml")
-    add_option(parser, "bag", "-b", required=True, type=Path, metavar="FILE", help="the recording")
-    add_output_options(parser)
+    add_option(made, "config", "-c", required=True, type=Path, metavar="FILE", help="config.yml")
+    add_option(made, "bag", "-b", required=True, type=Path, metavar="FILE", help="the recording")
+    add_output_options(made)
     add_option(
-        parser, "seeds", type=Path, metavar="FILE",
+        made, "seeds", type=Path, metavar="FILE",
         help="where range sensors find the board (YAML); these seeds win over automatic ones",
     )  # fmt: skip
-    when = parser.add_mutually_exclusive_group()
+    when = made.add_mutually_exclusive_group()
     add_option(
         when, "stops", action="store_true", default=True,
         help="a collection wherever the board stands still (the default)",
@@ -192,13 +193,13 @@ def _parser() -> argparse.ArgumentParser:
         when, "times", type=float, nargs="+", metavar="T", help="a collection at each time [s]"
     )
     add_option(
-        parser, "automatic_seeds", choices=("on", "off"), default="on",
+        made, "automatic_seeds", choices=("on", "off"), default="on",
         help="predict seeds from the cameras and search the board (default: on)",
     )  # fmt: skip
     add_option(
-        parser, "pictures", action="store_true", help="write pictures of the labels to look at"
+        made, "pictures", action="store_true", help="write pictures of the labels to look at"
     )
-    return parser
+    return made
 
 
 def _positive(text: str) -> float:

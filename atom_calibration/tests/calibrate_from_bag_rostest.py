@@ -1,0 +1,130 @@
+#!/usr/bin/env python3
+"""calibrate_from_bag.launch: a good bag becomes a calibration, a broken one a status."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import numpy as np
+import rosbag
+import rospy
+import rosunit
+from geometry_msgs.msg import TransformStamped
+from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
+
+from atom_core.geometry import se3
+from atom_core.io.config_yaml import write_config
+from atom_core.model.dataset import pose
+from atom_core.synthetic import scenes
+from atom_core.synthetic.board_image import render
+
+STAMPS_S = (0.0, 0.4, 0.8)  # of the images of one stop
+
+
+def header(frame, stamp):
+    return Header(stamp=rospy.Time.from_sec(stamp), frame_id=frame)
+
+
+def image(picture, frame, stamp):
+    return Image(
+        header=header(frame, stamp), height=picture.shape[0], width=picture.shape[1],
+        encoding="bgr8", step=3 * picture.shape[1], data=picture.tobytes(),
+    )  # fmt: skip
+
+
+def camera_info(camera, frame, stamp):
+    return CameraInfo(
+        header=header(frame, stamp), height=camera.height, width=camera.width,
+        distortion_model="plumb_bob", D=list(camera.D) or [0.0] * 5, K=camera.K.ravel().tolist(),
+    )  # fmt: skip
+
+
+def transforms(edges, stamp):
+    messages = []
+    for edge, matrix in edges.items():
+        message = TransformStamped(header=header(edge.parent, stamp), child_frame_id=edge.child)
+        t, q = message.transform.translation, message.transform.rotation
+        t.x, t.y, t.z = matrix[:3, 3]
+        q.x, q.y, q.z, q.w = se3.quaternion_from_rotation(matrix[:3, :3])
+        messages.append(message)
+    return TFMessage(messages)
+
+
+def write_bag(path, scene):
+    """Write what two cameras see of a board that stands in one place after the other."""
+    dataset = scene.dataset
+    (pattern,) = dataset.patterns.values()
+    config = dataset.config.calibration_patterns[pattern.name]
+    first = next(iter(dataset.collections.values()))
+    with rosbag.Bag(path, "w") as bag:
+        bag.write("/tf_static", transforms(first.transforms, 100.0), rospy.Time(100))
+        for number, collection in enumerate(dataset.collections.values()):
+            world_T_pattern = scene.truth.boards[pattern.board_key(collection.key)]
+            for sensor in dataset.sensors.values():
+                world_T_camera = pose(collection, dataset.graph, dataset.world, sensor.frame)
+                camera_T_pattern = se3.inverse(world_T_camera) @ world_T_pattern
+                picture = render(sensor.camera, [((pattern, config), camera_T_pattern)])
+                for offset in STAMPS_S:
+                    stamp = 101.0 + 2.0 * number + offset
+                    folder, time = sensor.topic.rpartition("/")[0], rospy.Time.from_sec(stamp)
+                    info = camera_info(sensor.camera, sensor.frame, stamp)
+                    bag.write(f"{folder}/camera_info", info, time)
+                    bag.write(sensor.topic, image(picture, sensor.frame, stamp), time)
+
+
+def launch(**arguments):
+    """Run the launch file to its end; return status.json."""
+    words = [f"{name}:={value}" for name, value in arguments.items()]
+    subprocess.run(
+        ["roslaunch", "atom_calibration", "calibrate_from_bag.launch", *words],
+        capture_output=True, text=True, timeout=150, check=False,
+    )  # fmt: skip
+    with open(os.path.join(arguments["output"], "status.json"), encoding="utf-8") as stream:
+        return json.load(stream)
+
+
+class CalibrateFromBagTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.path = lambda *names: os.path.join(folder.name, *names)
+        self.scene = scenes.two_cameras()
+        write_config(self.path("config.yml"), self.scene.dataset.config)
+
+    def launch(self):
+        return launch(
+            config=self.path("config.yml"), bag=self.path("a.bag"), output=self.path("out")
+        )
+
+    def test_a_good_bag_becomes_a_calibration(self):
+        write_bag(self.path("a.bag"), self.scene)
+        status = self.launch()
+        self.assertEqual((status["step"], status["exit_code"]), ("calibrate", 0), status)
+        with open(self.path("out", "calibration", "calibration.json"), encoding="utf-8") as stream:
+            result = json.load(stream)
+        self.assertEqual(result["status"], "converged")
+        self.assertGreaterEqual(len(result["collections"]), len(self.scene.dataset.collections) - 1)
+        for sensor in result["sensors"].values():
+            self.assertLess(sensor["residuals"]["reprojection"]["rms"], 0.3)
+        self.assertTrue(os.path.isfile(self.path("out", "dataset", "dataset.json")))
+        self.assertTrue(np.isfinite(result["solver"]["cost_final"]))
+
+    def test_a_bag_that_was_cut_off_is_told(self):
+        write_bag(self.path("a.bag"), self.scene)
+        os.truncate(self.path("a.bag"), os.path.getsize(self.path("a.bag")) // 2)
+        status = self.launch()
+        self.assertEqual((status["step"], status["exit_code"]), ("collect", 2), status)
+        self.assertIn("rosbag reindex", status["message"])
+        self.assertFalse(os.path.exists(self.path("out", "calibration")))
+
+
+if __name__ == "__main__":
+    rospy.init_node("calibrate_from_bag_rostest")
+    rosunit.unitrun(
+        "atom_calibration", "calibrate_from_bag", CalibrateFromBagTest, sysargs=sys.argv
+    )
