@@ -15,7 +15,9 @@ constexpr double kStraight = 0.05;  // [m] a run may deviate from its chord
 constexpr int kLeastReturns = 4;
 constexpr double kPatch = 0.45;  // of the shorter side: radius in which a plane is proposed
 constexpr int kManyLayers = 8;
-constexpr double kApart = 0.3;  // of the shorter side: nearer seeds are one
+constexpr double kBorderRms = 0.03;  // [m] of the layers' ends
+constexpr double kSizeError = 0.06;  // of what is measured of the size
+constexpr double kApart = 0.3;       // of the shorter side: nearer seeds are one
 
 struct StraightRun {
   Eigen::Vector3d middle;
@@ -87,8 +89,16 @@ std::vector<Eigen::Vector3d> Seeds(const Scan& scan, const BoardOptions& options
 }
 
 // Many layers must show two opposite sides: without a seed, a hidden wall has one side at most.
-bool IsMeasured(const BoardSegment& segment) {
-  return segment.layers < kManyLayers || !segment.measured_size.array().isNaN().all();
+bool IsConvincing(const BoardSegment& segment, const BoardOptions& options) {
+  if (segment.border_rms > kBorderRms) return false;
+  int measured = 0;
+  for (int axis = 0; axis < 2; ++axis) {
+    const double size = segment.measured_size[axis];
+    if (!std::isfinite(size)) continue;
+    if (std::abs(size / options.size[axis] - 1.0) > kSizeError) return false;
+    ++measured;
+  }
+  return measured > 0 || segment.layers < kManyLayers;
 }
 
 // Without a seed to trust, the board must be seen better.
@@ -120,7 +130,7 @@ std::vector<BoardSegment> FindBoards(const Scan& scan, const BoardOptions& optio
     const auto is_same = [&](const BoardSegment& other) {
       return (Middle(other) - Middle(board)).norm() < 0.5 * options.size.minCoeff();
     };
-    if (board.detected && IsMeasured(board) &&
+    if (board.detected && IsConvincing(board, options) &&
         std::none_of(boards.begin(), boards.end(), is_same)) {
       boards.push_back(board);
     }

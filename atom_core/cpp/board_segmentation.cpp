@@ -386,7 +386,7 @@ class Candidate {
           3, Text("the plane is seen too flat (%.0f degrees)", segment_.incidence * 180.0 / M_PI));
     }
     if (longest > 2.0 * options_.size.norm()) {
-      return Reject(3, Text("the plane is larger than the board (%.2f m across, the board %.2f m)",
+      return Reject(1, Text("the plane is larger than the board (%.2f m across, the board %.2f m)",
                             longest, options_.size.norm()));
     }
     return true;

@@ -62,7 +62,7 @@ class Cloud(NamedTuple):
     """A cloud and what is true of it.
 
     ``on_board`` (n,): the beam's middle hits the board; ``mixed`` (n,): it passes its edge so near
-    that the range may lie between; ``border`` (n,) [m]: distance to the board's border.
+    that the range may lie between.
     """
 
     points: np.ndarray
@@ -154,7 +154,7 @@ def shares(labels: np.ndarray, cloud: Cloud) -> Tuple[float, float]:
 
 
 def many_scenes(count: int, seed: int, tilted: bool = False) -> List[Scene]:
-    """Return boards at 1.5 to 4 m in all rolls, up to 60 degrees off, before a tilted LiDAR or not."""
+    """Return boards 1.5 to 3.2 m away, in all rolls, up to 60 degrees off."""
     rng = np.random.default_rng(seed)
     scenes = []
     while len(scenes) < count:
