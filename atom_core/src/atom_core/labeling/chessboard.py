@@ -17,6 +17,7 @@ from atom_core.labeling.saddle import Corners, refine
 _UPSCALE = 2.0
 _LEAST_QUALITY = 0.8
 _ITERATIONS = 6
+_STEEP, _LEAST_SADDLES, _AROUND_PX = 60.0, 0.8, 40
 _LARGEST_MOVE_PX = 2.5
 _FREE = 0.5  # no marker stands beside the edges
 
@@ -36,12 +37,23 @@ class ChessboardFinder:
         """
         found = _detect(grey, (self.columns, self.rows), 1.0)
         if found is None:
-            found = _detect(grey, (self.columns, self.rows), _UPSCALE)
+            found = self._enlarged(grey)
         if found is None:
             return None
         grid = self._oriented(grey, found.reshape(self.rows, self.columns, 2))
         corners = _refine(grey, grid)
         return corners if np.median(corners.quality) >= _LEAST_QUALITY else None
+
+    def _enlarged(self, grey: np.ndarray) -> Optional[np.ndarray]:
+        """Look again in the enlarged part of the image with saddles in it, if they are enough."""
+        saddles = _saddles(grey)
+        if len(saddles) < _LEAST_SADDLES * self.columns * self.rows:
+            return None
+        low = np.maximum(saddles.min(axis=0) - _AROUND_PX, 0)
+        high = saddles.max(axis=0) + _AROUND_PX + 1
+        part = np.ascontiguousarray(grey[low[1] : high[1], low[0] : high[0]])
+        found = _detect(part, (self.columns, self.rows), _UPSCALE)
+        return None if found is None else found + low
 
     def _oriented(self, grey: np.ndarray, grid: np.ndarray) -> np.ndarray:
         """Return the grid (rows, columns, 2) turned so that it is as docs/conventions.md has it."""
@@ -53,6 +65,17 @@ class ChessboardFinder:
             turns += [np.rot90(grid), np.rot90(grid, 3)]
         black = [t for t in turns if _starts_black(grey, t)] or turns
         return max(black, key=lambda t: tuple(np.round(_direction(t), 2)))
+
+
+def _saddles(grey: np.ndarray) -> np.ndarray:
+    """Return pixels (n, 2) where the grey values form a steep saddle, as squares' corners do."""
+    smooth = cv2.GaussianBlur(grey, (0, 0), 1.5).astype(np.float32)
+    xx, yy = (cv2.Sobel(smooth, cv2.CV_32F, *order, ksize=3) for order in ((2, 0), (0, 2)))
+    xy = cv2.Sobel(smooth, cv2.CV_32F, 1, 1, ksize=3)
+    steepness = xy * xy - xx * yy / 16.0  # Sobel's second derivative weighs four times the mixed
+    highest = cv2.dilate(steepness, np.ones((7, 7), np.uint8))
+    rows, columns = np.nonzero((steepness == highest) & (steepness > _STEEP))
+    return np.column_stack([columns, rows])
 
 
 def _direction(grid: np.ndarray) -> np.ndarray:
