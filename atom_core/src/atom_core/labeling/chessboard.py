@@ -72,7 +72,7 @@ def _saddles(grey: np.ndarray) -> np.ndarray:
     smooth = cv2.GaussianBlur(grey, (0, 0), 1.5).astype(np.float32)
     xx, yy = (cv2.Sobel(smooth, cv2.CV_32F, *order, ksize=3) for order in ((2, 0), (0, 2)))
     xy = cv2.Sobel(smooth, cv2.CV_32F, 1, 1, ksize=3)
-    steepness = xy * xy - xx * yy / 16.0  # Sobel's second derivative weighs four times the mixed
+    steepness = xy * xy - xx * yy  # minus the determinant of the Hessian
     highest = cv2.dilate(steepness, np.ones((7, 7), np.uint8))
     rows, columns = np.nonzero((steepness == highest) & (steepness > _STEEP))
     return np.column_stack([columns, rows])
