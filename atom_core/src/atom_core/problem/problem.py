@@ -16,7 +16,7 @@ from scipy import sparse
 from atom_core.geometry import se3
 from atom_core.model.dataset import DetectionKey
 from atom_core.problem.parameters import Parameters
-from atom_core.problem.residuals import ResidualBlock
+from atom_core.problem.residuals import BorderBlock, ResidualBlock
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,9 @@ class Problem:
         """Return the problem with other insets (n,) [m] of border blocks, by their index."""
         blocks = list(self.residual_blocks)
         for i, inset in insets.items():
-            blocks[i] = replace(blocks[i], inset=inset)
+            block = blocks[i]
+            assert isinstance(block, BorderBlock), "only limit points have an inset"
+            blocks[i] = replace(block, inset=inset)
         return replace(self, residual_blocks=tuple(blocks))
 
     def residuals(self, x: np.ndarray) -> List[np.ndarray]:
