@@ -24,7 +24,7 @@ PACKAGES = (
     "atom_examples",
     "collab_cell_description",
 )
-COMMANDS = ("calibrate", "check", "evaluate")
+COMMANDS = ("calibrate", "check", "collect_from_bag", "evaluate")
 
 
 def rosrun(command, *arguments):
@@ -51,7 +51,8 @@ class CommandsTest(unittest.TestCase):
         for command in COMMANDS:
             answer = rosrun(command, "--help")
             self.assertEqual(answer.returncode, 0, answer.stderr)
-            self.assertIn("--dataset" if command != "evaluate" else "--train", answer.stdout)
+            option = {"evaluate": "--train", "collect_from_bag": "--bag"}.get(command, "--dataset")
+            self.assertIn(option, answer.stdout)
 
     def test_check_tells_a_sound_dataset_from_one_that_falls_apart(self):
         with tempfile.TemporaryDirectory() as folder:

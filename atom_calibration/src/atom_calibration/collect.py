@@ -31,7 +31,7 @@ from atom_core.io.images import MAX_DEPTH_M, write_depth_png, write_image
 from atom_core.io.pcd import write_pcd
 from atom_core.io.seeds import SEEDS_FILE, Seed, write_seeds
 from atom_core.model.config import CalibrationConfig
-from atom_core.model.dataset import Collection, Dataset, board_edge
+from atom_core.model.dataset import Collection, Dataset, RangeLabel, board_edge
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
 from atom_core.model.transforms import Edge, FrameGraph, chain_transform
@@ -270,8 +270,9 @@ def _write_data(folder: Path, key: str, frame: Frame, warn: Callable[[str], None
 
 def _labels_lost(frame: Frame) -> bool:
     """Tell whether labelled depths are farther than a file can hold."""
-    found = [labeled.label.indices for labeled in frame.labels.values() if labeled.detected]
-    return any(np.any(frame.data.ravel()[indices] > MAX_DEPTH_M) for indices in found)
+    labels = [labeled.label for labeled in frame.labels.values()]
+    depths = [frame.data.ravel()[x.indices] for x in labels if isinstance(x, RangeLabel)]
+    return any(bool(np.any(z > MAX_DEPTH_M)) for z in depths)
 
 
 def summary(collector: Collector, keys: List[str]) -> List[str]:

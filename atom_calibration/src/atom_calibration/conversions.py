@@ -6,7 +6,7 @@ read by its fields; nothing here needs a master.
 
 from __future__ import annotations
 
-from typing import Any, Dict, Optional, Tuple
+from typing import Any, Dict, List, Optional, Tuple
 
 import cv2
 import numpy as np
@@ -136,7 +136,7 @@ def _pixels(message: Any, kind: str, channels: int) -> np.ndarray:
 
 
 def _decompressed(message: Any, flags: int) -> np.ndarray:
-    image = None
+    image: Any = None
     if len(message.data):
         image = cv2.imdecode(np.frombuffer(message.data, dtype=np.uint8), flags)
     if image is None:
@@ -149,6 +149,7 @@ def _decompressed(message: Any, flags: int) -> np.ndarray:
 
 def _decompressed_depth(message: Any) -> np.ndarray:
     """Return what compressed_image_transport or compressed_depth_image_transport packed."""
+    stored: Any
     if "compressedDepth" not in message.format:
         stored = _decompressed(message, cv2.IMREAD_UNCHANGED)
     else:
@@ -222,7 +223,9 @@ def laser_scan(message: Any) -> np.ndarray:
 
 def _point_dtype(message: Any) -> np.dtype:
     order = ">" if message.is_bigendian else "<"
-    names, formats, offsets = [], [], []
+    names: List[str] = []
+    formats: List[Any] = []
+    offsets: List[int] = []
     for field in message.fields:
         if field.datatype not in _POINT_FIELD_TYPES:
             raise MessageError(
@@ -235,9 +238,10 @@ def _point_dtype(message: Any) -> np.dtype:
         names.append(field.name)
         formats.append(kind if field.count <= 1 else (kind, (field.count,)))
         offsets.append(field.offset)
-    layout = {"names": names, "formats": formats, "offsets": offsets}
+    layout: Any = {"names": names, "formats": formats, "offsets": offsets}
+    layout["itemsize"] = message.point_step
     try:
-        return np.dtype({**layout, "itemsize": message.point_step})
+        return np.dtype(layout)
     except ValueError:
         raise MessageError(
             f"the fields {', '.join(names)} do not fit into a point of {message.point_step} bytes"

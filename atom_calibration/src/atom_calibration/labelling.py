@@ -10,6 +10,7 @@ from atom_calibration.conversions import cloud_xyz
 from atom_calibration.errors import CollectionError
 from atom_calibration.frames import Frame
 from atom_calibration.prediction import FRESH_S, BoardPredictor
+from atom_calibration.stillness import PlaneSighting
 from atom_calibration.tf_snapshot import TransformTree
 from atom_core.errors import LabelingError
 from atom_core.io.seeds import Seed
@@ -98,8 +99,9 @@ class FrameLabeler:
         for seed in seeds:
             labeled = self._label(frame, pattern, seed)
             frame.set_label(pattern, labeled)
-            if labeled.detected and tree is not None and pattern in frame.sightings:
-                found = frame.sightings[pattern].centre
+            sighting = frame.sightings.get(pattern)
+            if labeled.detected and tree is not None and isinstance(sighting, PlaneSighting):
+                found = sighting.centre
                 self._boards.learn(
                     frame.sensor, self._patterns[pattern], frame.stamp_s, found, tree
                 )
@@ -121,7 +123,7 @@ class FrameLabeler:
     ) -> Labeled:
         """Return the label, or an empty one if a camera sees the board somewhere else."""
         sighting = frame.sightings.get(pattern)
-        if prediction is None or sighting is None:
+        if prediction is None or not isinstance(sighting, PlaneSighting):
             return labeled
         if self._boards.is_plausible(frame.sensor, prediction, sighting.centre):
             return labeled
