@@ -7,6 +7,7 @@ grooves are dark strips, 1 m long along z, to be scaled along a beam.
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import List, Tuple
 
@@ -26,8 +27,11 @@ Strip = Tuple[Tuple[float, float], Tuple[float, float]]  # low and high corner, 
 
 
 def main() -> None:
-    """Write all files."""
+    """Write all files, or with ``--print-only`` the print, which the build asks for."""
     folder = Path(__file__).resolve().parent
+    write_print(folder)
+    if "--print-only" in sys.argv[1:]:
+        return
     write_board(folder)
     offset, half, flat = 0.0225, 0.045, 0.0225
     wide = [strip for side in (-1, 1) for strip in _pair(side * half, offset)]
@@ -38,13 +42,22 @@ def main() -> None:
     write_strips(folder / "grooves_45x90.stl", on_wide + on_narrow)
 
 
-def write_board(folder: Path) -> None:
-    """Write the board as OBJ, MTL and PNG, in the frame of the pattern."""
+def write_print(folder: Path) -> None:
+    """Write what is printed on the board as PNG."""
+    settings = [cv2.IMWRITE_PNG_BILEVEL, 1]
+    cv2.imwrite(str(folder / f"{BOARD}.png"), board_print(), settings)
+
+
+def board_print() -> np.ndarray:
+    """Return the squares and a white margin, (height, width) uint8."""
     config = charuco()
-    pattern = pattern_from_config("pattern_1", config)
-    squares = printed(pattern, config, PIXELS_PER_SQUARE)
-    picture = np.pad(squares, MARGIN_PX, constant_values=255)
-    cv2.imwrite(str(folder / f"{BOARD}.png"), picture, [cv2.IMWRITE_PNG_BILEVEL, 1])
+    squares = printed(pattern_from_config("pattern_1", config), config, PIXELS_PER_SQUARE)
+    return np.pad(squares, MARGIN_PX, constant_values=255)
+
+
+def write_board(folder: Path) -> None:
+    """Write the board as OBJ and MTL, in the frame of the pattern."""
+    pattern, picture = pattern_from_config("pattern_1", charuco()), board_print()
     corners = pattern.border.corners  # upper left, upper right, lower right, lower left
     pixels = corners * PIXELS_PER_SQUARE / pattern.square_m + MARGIN_PX
     height, width = picture.shape
