@@ -14,6 +14,7 @@ Kinds, after Rato et al. 2022, section 4, but as signed components:
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Tuple
 
@@ -28,7 +29,7 @@ UNITS = {REPROJECTION: "px", ORTHOGONAL: "m", BORDER: "m"}
 
 
 @dataclass(frozen=True)
-class ResidualBlock:
+class ResidualBlock(ABC):
     """Rows of one sensor and one kind.
 
     Attributes:
@@ -57,9 +58,9 @@ class ResidualBlock:
         """Return (n, dimension) at the poses (d, 4, 4) of the detections."""
         return self.linearise(sensor_T_pattern)[0]
 
+    @abstractmethod
     def linearise(self, sensor_T_pattern: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
         """Return residuals (n, dimension) and Jacobians (n, dimension, 6) by the left twist."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True)
