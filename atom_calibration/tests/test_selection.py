@@ -8,17 +8,18 @@ from atom_calibration.frames import Frame
 from atom_calibration.selection import (
     Moment,
     RecentFrames,
+    StopMoments,
     TimedMoments,
     check_still,
     choose_frames,
     same_place,
     skew_s,
 )
-from atom_calibration.stillness import CornerSighting
+from atom_calibration.stillness import CornerSighting, PlaneSighting
 from atom_core.geometry.camera import Camera
 from atom_core.labeling.base import Labeled, nothing
 from atom_core.model.dataset import RgbLabel
-from atom_core.model.sensor import RGB, Sensor
+from atom_core.model.sensor import LIDAR3D, RGB, Sensor
 from atom_core.model.transforms import Edge
 
 CAMERA = Camera(64, 48, np.diag([50.0, 50.0, 1.0]))
@@ -104,3 +105,29 @@ def test_times_are_due_when_all_their_data_have_come():
     due = [m.centre_s for t in np.arange(0.0, 2.0, 0.1) for m in moments.add(frame("a", t))]
     assert due == [1.0]
     assert [m.centre_s for m in moments.finish()] == [2.0]
+
+
+def range_frame(stamp_s):
+    """A LiDAR that notices no motion, as of a board that slides in its plane."""
+    sensor = Sensor("lidar", LIDAR3D, "lidar", Edge("world", "lidar"), None, "/lidar")
+    made = Frame(sensor, stamp_s, {}, np.zeros(0))
+    made.sightings["p"] = PlaneSighting(np.zeros(3), np.array([1.0, 0, 0]), 0.3, 0.01, 99, 15.0)
+    return made
+
+
+def stops_of(frames):
+    moments = StopMoments(["p"])
+    found = [m for f in sorted(frames, key=lambda f: f.stamp_s) for m in moments.add(f)]
+    return found + list(moments.finish())
+
+
+def test_where_a_camera_sees_motion_a_range_sensor_does_not_make_a_stop():
+    lidar = [range_frame(t) for t in np.arange(0.0, 2.0, 0.1)]
+    assert len(stops_of(lidar)) == 1
+    assert stops_of([*lidar, *(frame("a", t, 30.0 * t) for t in (0.0, 1.0, 1.9))]) == []
+    assert stops_of([*lidar[8:16], frame("a", 0.1), frame("a", 1.1, 30.0)]) == []
+
+
+def test_where_no_camera_sees_the_board_range_sensors_make_the_stop():
+    lidar = [range_frame(t) for t in np.arange(2.0, 4.0, 0.1)]
+    assert len(stops_of([*lidar, frame("a", 1.0), frame("a", 1.5, 30.0)])) == 1

@@ -20,6 +20,7 @@ from atom_core.model.sensor import RGB
 
 _SAME_PLACE_SIGMAS = 3.0
 _EPSILON_S = 1e-6
+_AROUND_STOP_S = 1.0  # what a camera saw so shortly before or after a stop tells about it too
 _DENSEST_DATA_S = 0.19  # of a sensor; more often than that, only the labels are remembered
 
 
@@ -82,8 +83,10 @@ class StopMoments:
         """Return a stop that range sensors report, unless cameras could tell."""
         if stop is None:
             return None
+        early, late = stop.start_s - _AROUND_STOP_S, stop.end_s + _AROUND_STOP_S
         for (_, name), seen in self._seen_s.items():
-            if name == pattern and sum(stop.start_s <= s <= stop.end_s for s in seen) > 1:
+            inside = any(stop.start_s <= s <= stop.end_s for s in seen)
+            if name == pattern and inside and sum(early <= s <= late for s in seen) > 1:
                 return None
         return stop
 
