@@ -125,3 +125,11 @@ def test_a_long_stop_is_reported_before_it_ends_and_only_once():
 
 def test_a_sensor_that_lost_the_board_for_long_does_not_vouch_for_the_time_between():
     assert run([(0.0, (0, 0)), (0.1, (0, 0)), (20.0, (0, 0)), (20.1, (0, 0))]) == []
+
+
+def test_time_that_no_sensor_saw_twice_is_no_stop():
+    rng = np.random.default_rng(6)
+    detector, found = StopDetector(), []
+    for sensor, time_s, shift in (("a", 0.0, 0), ("b", 1.0, 0), ("b", 1.4, 90), ("a", 1.5, 90)):
+        found.append(detector.add(sensor, time_s, corners((shift, 0.0), rng)))
+    assert [*found, detector.finish()] == [None] * 5

@@ -22,6 +22,7 @@ LIDAR_SIGMA_M = 0.010
 _BESIDE_SIGMAS, _BESIDE_SIGMAS_OF_LAYERS = 4.0, 15.0
 _AFFINE_PARAMETERS = 3  # of each axis
 _MIN_CORNERS_FOR_AFFINE = 6
+_EPSILON_S = 1e-6
 _MOST_POINTS = 400  # of a label that its plane is fitted to
 
 
@@ -138,8 +139,8 @@ class StopDetector:
         """Start without a sighting."""
         self._options = options
         self._anchors: Dict[str, Sighting] = {}  # the first of each sensor since the start
+        self._first_s: Dict[str, float] = {}
         self._last_s: Dict[str, float] = {}
-        self._start_s = 0.0
         self._reported = False
 
     def add(self, sensor: str, stamp_s: float, sighting: Sighting) -> Optional[Stop]:
@@ -147,13 +148,13 @@ class StopDetector:
         anchor = self._anchors.get(sensor)
         if not self._anchors or (anchor is not None and self._moved(sensor, stamp_s, sighting)):
             stop = self._end(self._last_s[sensor]) if self._anchors else None
-            self._anchors, self._last_s = {sensor: sighting}, {sensor: stamp_s}
-            self._start_s, self._reported = stamp_s, False
+            self._anchors, self._reported = {sensor: sighting}, False
+            self._first_s, self._last_s = {sensor: stamp_s}, {sensor: stamp_s}
             return stop
         if anchor is None:
-            self._anchors[sensor] = sighting
+            self._anchors[sensor], self._first_s[sensor] = sighting, stamp_s
         self._last_s[sensor] = stamp_s
-        if stamp_s - self._start_s >= self._options.take_after_s:
+        if stamp_s - self._first_s[sensor] >= self._options.take_after_s:
             return self._end(stamp_s)
         return None
 
@@ -167,10 +168,15 @@ class StopDetector:
         return motion(self._anchors[sensor], sighting) > self._options.sigmas
 
     def _end(self, end_s: float) -> Optional[Stop]:
-        if self._reported or end_s - self._start_s < self._options.min_still_s:
+        """Return the time for which some sensor vouches, by a first and a last sighting."""
+        if self._reported:
+            return None
+        spans = [(first, min(self._last_s[s], end_s)) for s, first in self._first_s.items()]
+        spans = [(a, b) for a, b in spans if b - a >= self._options.min_still_s - _EPSILON_S]
+        if not spans:
             return None
         self._reported = True
-        return Stop(self._start_s, end_s)
+        return Stop(min(first for first, _ in spans), max(last for _, last in spans))
 
 
 def motion(first: Sighting, second: Sighting) -> float:
