@@ -10,6 +10,7 @@ from typing import Any, Dict, List, Optional, Tuple
 
 import cv2
 import numpy as np
+from geometry_msgs.msg import Point, Pose, Quaternion, TransformStamped, Vector3
 
 from atom_calibration.errors import MessageError
 from atom_core.geometry import se3
@@ -308,6 +309,47 @@ def transform(message: Any) -> np.ndarray:
             f"quaternion {quaternion.tolist()}); correct its publisher"
         )
     return se3.from_quaternion(translation, quaternion)
+
+
+def transform_message(edge: Edge, parent_T_child: np.ndarray, stamp: Any) -> TransformStamped:
+    """Return a transform as tf has it.
+
+    Args:
+        edge: from the parent to the child.
+        parent_T_child: (4, 4) pose of the child [m].
+        stamp: a ``rospy.Time``.
+    """
+    pose = pose_message(parent_T_child)
+    message = TransformStamped(child_frame_id=edge.child)
+    message.header.frame_id, message.header.stamp = edge.parent, stamp
+    message.transform.translation = Vector3(pose.position.x, pose.position.y, pose.position.z)
+    message.transform.rotation = pose.orientation
+    return message
+
+
+def pose_message(frame_T_object: np.ndarray) -> Pose:
+    """Return a pose (4, 4) [m] as a message."""
+    quaternion = se3.quaternion_from_rotation(frame_T_object[:3, :3])
+    return Pose(
+        Point(*(float(value) for value in frame_T_object[:3, 3])),
+        Quaternion(*(float(value) for value in quaternion)),
+    )
+
+
+def pose_matrix(message: Any) -> np.ndarray:
+    """Return ``frame_T_object`` (4, 4) [m] of a Pose.
+
+    Raises:
+        MessageError: a number is not finite, or the quaternion has no length.
+    """
+    p, q = message.position, message.orientation
+    position, quaternion = np.array([p.x, p.y, p.z]), np.array([q.x, q.y, q.z, q.w])
+    if not (np.all(np.isfinite(position)) and np.linalg.norm(quaternion) > 1e-6):
+        raise MessageError(
+            f"this is no pose (position {position.tolist()}, quaternion {quaternion.tolist()}); "
+            f"correct its publisher"
+        )
+    return se3.from_quaternion(position, quaternion)
 
 
 def header_document(message: Any) -> Dict[str, Any]:
