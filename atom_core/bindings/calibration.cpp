@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "atom_core/assessment.h"
 #include "atom_core/calibration_problem.h"
 #include "atom_core/ceres_minimiser.h"
 #include "bindings.h"
@@ -114,6 +115,11 @@ ResidualBlock AsResidualBlock(const py::dict& item) {
     Expect(
         block.centre.rows() == block.points.rows() && block.half_size.rows() == block.points.rows(),
         "centre and half_size must have the shape (n, 2)");
+    block.steps = item["steps"].cast<PointRows>();
+    block.inset = item["inset"].cast<Eigen::VectorXd>();
+    Expect(
+        block.steps.rows() == 2 * block.points.rows() && block.inset.size() == block.points.rows(),
+        "steps must have the shape (2 n, 3) and inset (n,)");
   } else {
     Expect(kind == "orthogonal", "kind must be reprojection, orthogonal or border");
     block.kind = ResidualKind::kOrthogonal;
@@ -174,38 +180,61 @@ py::dict MinimiseProblem(const CalibrationProblem& problem, const Eigen::VectorX
   return summary;
 }
 
-/// Reductions of all detections: by residual block (b, d, 6, 6), gradient (d, 6), cost (b,).
-py::tuple ReduceProblem(const CalibrationProblem& problem, const Eigen::VectorXd& x, Sigmas sigmas,
-                        const std::string& loss) {
-  Expect(x.size() == static_cast<Eigen::Index>(6 * problem.parameters().size()),
-         "x needs six numbers for each parameter block");
-  const auto detections = static_cast<py::ssize_t>(problem.chains().size());
-  const auto blocks = static_cast<py::ssize_t>(problem.residuals().size());
-  py::array_t<double> information({blocks, detections, py::ssize_t{6}, py::ssize_t{6}});
-  py::array_t<double> gradient({detections, py::ssize_t{6}}), cost(blocks);
-  std::fill(information.mutable_data(), information.mutable_data() + information.size(), 0.0);
-  std::fill(gradient.mutable_data(), gradient.mutable_data() + gradient.size(), 0.0);
-  std::fill(cost.mutable_data(), cost.mutable_data() + cost.size(), 0.0);
-  double* const information_data = information.mutable_data();
-  double* const gradient_data = gradient.mutable_data();
-  double* const cost_data = cost.mutable_data();
-  const py::gil_scoped_release release;
-  const Weighting weighting = problem.MakeWeighting(AsLoss(loss), std::move(sigmas));
+/// One block's reductions as arrays.
+py::dict BlockDocument(const BlockAssessment& block) {
+  const auto count = static_cast<py::ssize_t>(block.detection.size());
+  py::array_t<double> information({count, py::ssize_t{6}, py::ssize_t{6}});
+  py::array_t<double> gradient({count, py::ssize_t{6}});
+  double curvature = 0.0, slope = 0.0;
+  py::array_t<double> by_twist({block.inset.empty() ? 0 : count, py::ssize_t{6}});
+  for (py::ssize_t i = 0; i < count; ++i) {
+    Eigen::Map<Matrix6d>(information.mutable_data(i)) = block.reduction[i].information;
+    Eigen::Map<Vector6d>(gradient.mutable_data(i)) = block.reduction[i].gradient;
+    if (block.inset.empty()) continue;
+    curvature += block.inset[i].curvature;
+    slope += block.inset[i].slope;
+    Eigen::Map<Vector6d>(by_twist.mutable_data(i)) = block.inset[i].by_twist;
+  }
+  py::dict item;
+  item["detection"] = py::array_t<std::int64_t>(count, block.detection.data());
+  item["information"] = information;
+  item["gradient"] = gradient;
+  item["across"] = block.across;
+  item["curvature"] = curvature;
+  item["slope"] = slope;
+  item["by_twist"] = by_twist;
+  return item;
+}
+
+py::tuple AssessProblem(const CalibrationProblem& problem, const Eigen::VectorXd& x, Sigmas sigmas,
+                        const std::string& loss, bool with_insets) {
+  Assessment assessment;
+  {
+    const py::gil_scoped_release release;
+    const Weighting weighting = problem.MakeWeighting(AsLoss(loss), std::move(sigmas), false);
+    assessment = Assess(problem, weighting, x, with_insets);
+  }
+  std::size_t width = 0;
+  for (const PoseChain& chain : problem.chains()) width = std::max(width, chain.block.size());
+  const auto detections = static_cast<py::ssize_t>(assessment.maps.size());
+  py::array_t<double> maps(
+      {detections, static_cast<py::ssize_t>(width), py::ssize_t{6}, py::ssize_t{6}});
+  std::fill(maps.mutable_data(), maps.mutable_data() + maps.size(), 0.0);
+  using RowMatrix6d = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
   for (py::ssize_t d = 0; d < detections; ++d) {
-    std::vector<const double*> numbers;
-    for (const auto index : problem.chains()[d].block) numbers.push_back(x.data() + 6 * index);
-    const Eigen::Isometry3d pose = problem.Pose(d, numbers.data(), nullptr);
-    for (const auto& segment : problem.segments(d)) {
-      Reduction sum;
-      problem.Reduce(segment, weighting, pose, true, &sum);
-      Eigen::Map<Matrix6d>(information_data + 36 * (segment.residual_block * detections + d)) +=
-          Matrix6d(sum.information.selfadjointView<Eigen::Lower>());
-      Eigen::Map<Vector6d>(gradient_data + 6 * d) += sum.gradient;
-      cost_data[segment.residual_block] += sum.cost;
+    for (std::size_t k = 0; k < assessment.maps[d].size(); ++k) {
+      Eigen::Map<RowMatrix6d>(maps.mutable_data(d, k)) = assessment.maps[d][k];
     }
   }
-  const py::gil_scoped_acquire acquire;
-  return py::make_tuple(information, gradient, cost);
+  py::list blocks;
+  for (const BlockAssessment& block : assessment.blocks) blocks.append(BlockDocument(block));
+  return py::make_tuple(blocks, maps);
+}
+
+std::vector<Eigen::VectorXd> SquaresOfProblem(const CalibrationProblem& problem,
+                                              const Eigen::VectorXd& x, Sigmas sigmas) {
+  const py::gil_scoped_release release;
+  return SquaredNorms(problem, problem.MakeWeighting(Loss::kNone, std::move(sigmas), false), x);
 }
 
 }  // namespace
@@ -222,7 +251,8 @@ Args:
     eliminated: (b,) True for blocks that never meet one another in a detection.
     constants, block, inverted: of PoseChains.
     residual_blocks: list of dict with kind, detection (n,), points (n, 3), and
-        camera (dict), pixels (n, 2) for reprojection, centre, half_size (n, 2) for border.
+        camera (dict), pixels (n, 2) for reprojection, centre, half_size (n, 2), steps (2 n, 3),
+        inset (n,) for border.
 
 Raises:
     ValueError: shapes or indices do not fit together.
@@ -245,10 +275,18 @@ Args:
 Returns:
     dict with x, cost, iterations, converged, stopped, message.
 )")
-      .def("set_half_size", &CalibrationProblem::SetHalfSize, py::arg("residual_block"),
-           py::arg("half_size"), "Replaces half_size (n, 2) [m] of a border block.")
-      .def("reduce", &ReduceProblem, py::arg("x"), py::arg("sigmas"), py::arg("loss"),
-           R"(Returns information (blocks, d, 6, 6), gradient (d, 6) and cost (blocks,) at x.)");
+      .def("set_inset", &CalibrationProblem::SetInset, py::arg("residual_block"), py::arg("inset"),
+           "Replaces the inset (n,) [m] of a border block.")
+      .def("assess", &AssessProblem, py::arg("x"), py::arg("sigmas"), py::arg("loss"),
+           py::arg("with_insets"), R"(What an Assessment is made from.
+
+Returns:
+    For each residual block a dict with detection (m,), information (m, 6, 6), gradient (m, 6);
+    for border blocks, with_insets, also across (n,), curvature, slope, by_twist (m, 6).
+    And maps (d, k, 6, 6).
+)")
+      .def("squares", &SquaresOfProblem, py::arg("x"), py::arg("sigmas"),
+           "For each residual block, squared norms (n,) of the residuals in units of sigma.");
 }
 
 }  // namespace atom_core

@@ -1,10 +1,7 @@
 /// \file
-/// The calibration problem as arrays: chains of poses, residual blocks, and what a detection
-/// contributes to the normal equations.
+/// The calibration problem as arrays: chains of poses, and the residual blocks of the detections.
 ///
-/// The fast twin of atom_core/problem, which is the specification. The rows of a detection depend
-/// on one pose, sensor_T_pattern. They are reduced to a cost, a gradient (6,) and a Gauss-Newton
-/// matrix (6, 6) by the left twist (rotation, move) of that pose in the sensor's frame.
+/// The fast twin of atom_core/problem, which is the specification.
 
 #ifndef ATOM_CORE_CALIBRATION_PROBLEM_H_
 #define ATOM_CORE_CALIBRATION_PROBLEM_H_
@@ -14,32 +11,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "atom_core/camera.h"
-#include "atom_core/planar_compression.h"
+#include "atom_core/residual_block.h"
 
 namespace atom_core {
-
-using Vector6d = Eigen::Matrix<double, 6, 1>;
-using Matrix6d = Eigen::Matrix<double, 6, 6>;
-using PixelRows = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor>;
-
-enum class Loss { kNone, kHuber, kCauchy };
-enum class ResidualKind { kReprojection, kOrthogonal, kBorder };
-
-/// Rows of one sensor and one kind; see atom_core/problem/residuals.py.
-struct ResidualBlock {
-  ResidualKind kind = ResidualKind::kOrthogonal;
-  /// (n,) detection of each item, ascending.
-  std::vector<std::int64_t> detection;
-  /// (n, 3) corners in the pattern's frame, or points in the sensor's frame, metres.
-  PointRows points;
-  /// (n, 2) detected pixels; reprojection only.
-  PixelRows pixels;
-  /// (n, 2) of the board in its plane, metres; border only.
-  PixelRows centre, half_size;
-  /// Reprojection only.
-  Camera camera;
-};
 
 /// sensor_T_pattern = C0 X1 C1 X2 ... of one detection.
 struct PoseChain {
@@ -58,14 +32,6 @@ struct ParameterBlock {
   Eigen::Isometry3d Pose(const double* numbers) const;
   /// The left twist in the parent's frame by the six numbers, at a pose of this block.
   Matrix6d Twist(const double* numbers, const Eigen::Isometry3d& pose) const;
-};
-
-/// What the rows of a detection (or a part of them) amount to at a pose.
-struct Reduction {
-  /// Half the sum of rho.
-  double cost = 0.0;
-  Vector6d gradient = Vector6d::Zero();
-  Matrix6d information = Matrix6d::Zero();
 };
 
 /// Standard deviations and loss of one round; rows of a plane are compressed when no loss is used.
@@ -87,22 +53,24 @@ class CalibrationProblem {
   const std::vector<PoseChain>& chains() const { return chains_; }
   const std::vector<ResidualBlock>& residuals() const { return residuals_; }
 
-  /// Replaces the half sizes (n, 2) of a border block, metres.
+  /// Replaces how far inside the border the points of a border block are expected (n,), metres.
   /// \throws std::invalid_argument when it is no border block or has another length.
-  void SetHalfSize(std::size_t residual_block, const Eigen::Ref<const PixelRows>& half_size);
+  void SetInset(std::size_t residual_block, Eigen::VectorXd inset);
 
-  /// Rows of one residual block that belong to one detection.
-  struct Segment {
-    std::size_t residual_block;
-    std::size_t index;  ///< of this segment in its residual block
-    std::int64_t begin, end;
-  };
   /// The segments of a detection.
   const std::vector<Segment>& segments(std::size_t detection) const { return segments_[detection]; }
 
-  Weighting MakeWeighting(Loss loss, std::vector<Eigen::VectorXd> sigma) const;
+  /// The number of segments of a residual block.
+  std::size_t SegmentCount(std::size_t residual_block) const {
+    return segment_starts_[residual_block].size();
+  }
 
-  /// Adds a segment's rows at a pose; without `information` only the cost is computed.
+  /// \param compress false where the weights serve a single evaluation only.
+  /// \throws std::invalid_argument when the arrays of sigmas do not fit the residual blocks.
+  Weighting MakeWeighting(Loss loss, std::vector<Eigen::VectorXd> sigma,
+                          bool compress = true) const;
+
+  /// Adds a segment's rows at a pose; without derivatives only the cost is computed.
   void Reduce(const Segment& segment, const Weighting& weighting,
               const Eigen::Isometry3d& sensor_T_pattern, bool with_derivatives,
               Reduction* sum) const;
@@ -112,6 +80,10 @@ class CalibrationProblem {
   /// \param numbers for each block of the chain, its six numbers.
   /// \param maps may be null.
   Eigen::Isometry3d Pose(std::size_t detection, const double* const* numbers,
+                         std::vector<Matrix6d>* maps) const;
+  /// The same at the numbers (6 b,) of all parameter blocks.
+  /// \throws std::invalid_argument when x has another length.
+  Eigen::Isometry3d Pose(std::size_t detection, const Eigen::VectorXd& x,
                          std::vector<Matrix6d>* maps) const;
 
  private:

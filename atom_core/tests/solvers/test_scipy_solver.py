@@ -1,5 +1,7 @@
 """The minimiser against scipy.optimize.least_squares, and what its flags may claim."""
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -77,6 +79,16 @@ def test_block_normal_equations_are_those_of_the_jacobian(scene):
     assert predicted == pytest.approx(0.5 * residual @ residual - after, rel=1e-6)
 
 
+def meeting_blocks(problem):
+    """Return pairs of parameter blocks that are shared, or meet in a detection."""
+    shared = range(problem.parameters.shared_count)
+    pairs = set(itertools.product(shared, shared))
+    for chain in problem.chains.block:
+        used = chain[chain >= 0]
+        pairs |= set(itertools.product(used, used))
+    return sorted(pairs)
+
+
 @pytest.mark.parametrize("scene", SCENES)
 def test_covariance_is_the_inverse_of_the_whole_matrix(scene):
     problem = problem_of(SCENES[scene])
@@ -89,6 +101,12 @@ def test_covariance_is_the_inverse_of_the_whole_matrix(scene):
         at = slice(6 * i, 6 * i + 6)
         np.testing.assert_allclose(
             covariance.block(i), whole[at, at], rtol=1e-5, atol=1e-7 * np.max(whole[at, at])
+        )
+    for first, second in meeting_blocks(problem):
+        found = covariance.pairs(np.array([first]), np.array([second]))[0]
+        rows_, columns = (slice(6 * i, 6 * i + 6) for i in (first, second))
+        np.testing.assert_allclose(
+            found, whole[rows_, columns], rtol=1e-5, atol=1e-7 * np.max(np.abs(found))
         )
     explained = covariance.explained(problem, equations)
     assert np.sum(explained) == pytest.approx(problem.parameters.size, rel=1e-6)
@@ -105,11 +123,12 @@ def test_loss_weight_is_the_derivative_of_its_cost(loss):
 @pytest.mark.parametrize("loss", losses.LOSSES)
 def test_the_cost_never_rises(loss):
     problem = problem_of(scenes.random_scene)
+    solver = ScipySolver(problem)
     sigmas, x = sigmas_of(problem), np.zeros(problem.parameters.size)
-    costs = [total_cost(problem.residuals(x), sigmas, loss)]
+    costs = [total_cost(solver.squares(x, sigmas), loss)]
     for _ in range(6):
-        x = ScipySolver(problem).minimise(x, sigmas, loss, 1).x
-        costs.append(total_cost(problem.residuals(x), sigmas, loss))
+        x = solver.minimise(x, sigmas, loss, 1).x
+        costs.append(total_cost(solver.squares(x, sigmas), loss))
     assert all(later <= earlier for earlier, later in zip(costs, costs[1:]))
 
 
@@ -158,7 +177,7 @@ def test_planted_sigmas_are_found():
 def test_atom_normalisers_make_the_mean_of_each_modality_one():
     problem = problem_of(scenes.random_scene)
     x = np.zeros(problem.parameters.size)
-    sigmas = atom_normalisers(problem, x)
+    sigmas = atom_normalisers(ScipySolver(problem), x)
     by_modality = {}
     for block, residual, sigma in zip(problem.residual_blocks, problem.residuals(x), sigmas):
         scaled = np.linalg.norm(residual, axis=1) / sigma

@@ -107,10 +107,9 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
     clock.lap("initialise")
 
     make_solver = solver_factory(options.solver_name)
-    solver, rough = settle_boards(
-        initial, make_solver(problem), measurements, options.solver, make_solver
-    )
-    summary = solve(solver, options.solver, rough, guess=problem)
+    first = make_solver(problem)
+    solver, rough = settle_boards(initial, first, measurements, options.solver, make_solver)
+    summary = solve(solver, options.solver, rough, guess=first)
     problem = solver.problem
     clock.lap("solve")
     covariance = covariance_of(solver, summary, options.solver)

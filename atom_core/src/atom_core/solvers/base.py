@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Callable, NamedTuple, Protocol, Sequence, Tuple
+from typing import Callable, List, NamedTuple, Protocol, Sequence, Tuple
 
 import numpy as np
 
 from atom_core.problem.problem import Problem
+from atom_core.solvers.assessment import Assessment
 from atom_core.solvers.losses import CAUCHY, LOSSES
 from atom_core.solvers.normal_equations import NormalEquations
 
@@ -105,6 +106,14 @@ class Solver(Protocol):
 
     def equations(self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str) -> NormalEquations:
         """Return the weighted normal equations at x."""
+        ...
+
+    def assess(self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str) -> Assessment:
+        """Return the equations at x, and how the border rows depend on their insets."""
+        ...
+
+    def squares(self, x: np.ndarray, sigmas: Sequence[np.ndarray]) -> List[np.ndarray]:
+        """Return, for each residual block, squared norms (n,) at x in units of sigma."""
         ...
 
 

@@ -6,7 +6,7 @@ to six numbers are those of atom_core.problem; tests compare the two.
 
 from __future__ import annotations
 
-from typing import Any, Dict, Sequence
+from typing import Any, Dict, List, Sequence
 
 import numpy as np
 
@@ -19,8 +19,14 @@ from atom_core.problem.residuals import (
     ReprojectionBlock,
     ResidualBlock,
 )
+from atom_core.solvers.assessment import Assessment, InsetColumn
 from atom_core.solvers.base import EXACT, Minimum, Tolerance
-from atom_core.solvers.normal_equations import Layout, NormalEquations, spread
+from atom_core.solvers.normal_equations import (
+    DetectionParts,
+    Layout,
+    NormalEquations,
+    spread,
+)
 from atom_core.solvers.scipy_solver import ENOUGH, ROUNDING, unit_cost
 
 FEATURE = "the Ceres solver (--solver ceres)"
@@ -45,15 +51,31 @@ class CeresSolver:
         self.problem = problem
         for i, block in enumerate(problem.residual_blocks):
             if isinstance(block, BorderBlock):
-                self._native.set_half_size(i, block.expected_half_size)
+                self._native.set_inset(i, block.inset)
 
     def equations(self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str) -> NormalEquations:
         """Return the weighted normal equations at the vector x."""
-        information, gradient, _ = self._native.reduce(x, list(sigmas), loss)
-        parameters = self.problem.parameters
-        poses = parameters.poses(x)
-        _, maps = self.problem.chains.poses_and_maps(poses, parameters.twists(x, poses))
-        return spread(self.problem, self._layout, maps, gradient, list(information))
+        return self._assess(x, sigmas, loss, with_insets=False).equations
+
+    def assess(self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str) -> Assessment:
+        """Return the equations at x, and how the border rows depend on their insets."""
+        return self._assess(x, sigmas, loss, with_insets=True)
+
+    def squares(self, x: np.ndarray, sigmas: Sequence[np.ndarray]) -> List[np.ndarray]:
+        """Return, for each residual block, squared norms (n,) at x in units of sigma."""
+        return list(self._native.squares(x, list(sigmas)))
+
+    def _assess(
+        self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str, with_insets: bool
+    ) -> Assessment:
+        blocks, maps = self._native.assess(x, list(sigmas), loss, with_insets)
+        parts = [DetectionParts(b["detection"], b["information"], b["gradient"]) for b in blocks]
+        columns = [
+            InsetColumn(i, b["across"], b["curvature"], b["slope"], b["detection"], b["by_twist"])
+            for i, b in enumerate(blocks)
+            if b["curvature"] > 0
+        ]
+        return Assessment(spread(self.problem, self._layout, maps, parts), tuple(columns))
 
     def minimise(
         self,
@@ -120,5 +142,6 @@ def _residual_block(block: ResidualBlock) -> Dict[str, Any]:
     assert isinstance(block, (OrthogonalBlock, BorderBlock))
     item["points"] = block.points
     if isinstance(block, BorderBlock):
-        item["centre"], item["half_size"] = block.centre, block.expected_half_size
+        item["centre"], item["half_size"] = block.centre, block.half_size
+        item["steps"], item["inset"] = block.steps.reshape(-1, 3), block.inset
     return item

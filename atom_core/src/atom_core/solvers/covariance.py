@@ -25,14 +25,14 @@ class Covariance:
             scale: factor on all variances (the variance of unit weight).
         """
         self._layout = equations.layout
-        self._local_inverse = _pseudo_inverse(equations.local)
-        self._coupling = self._local_inverse @ equations.cross
+        inverse = _pseudo_inverse(equations.local)
+        coupling = inverse @ equations.cross
         size = equations.shared.shape[0]
-        reduced = equations.shared - np.tensordot(
-            equations.cross, self._coupling, axes=((0, 1), (0, 1))
-        )
+        reduced = equations.shared - np.tensordot(equations.cross, coupling, axes=((0, 1), (0, 1)))
         self._scale = scale
         self._shared = _pseudo_inverse(reduced[None])[0] if size else reduced
+        self._cross = -coupling @ self._shared
+        self._local = inverse - self._cross @ np.swapaxes(coupling, 1, 2)
 
     @property
     def shared(self) -> np.ndarray:
@@ -44,26 +44,28 @@ class Covariance:
         return self.pairs(np.array([index]), np.array([index]))[0]
 
     def pairs(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """Return the covariances (n, 6, 6) of block pairs that meet in one collection."""
-        layout = self._layout
-        result = np.empty((len(rows), 6, 6))
-        for i, (row, column) in enumerate(zip(rows, columns)):
-            right = self._gain(row) @ self._shared @ self._gain(column).T
-            group = layout.group[row]
-            if group >= 0 and group == layout.group[column]:
-                r, c = 6 * layout.position[row], 6 * layout.position[column]
-                right = right + self._local_inverse[group, r : r + 6, c : c + 6]
-            result[i] = right
-        return self._scale * result
+        """Return the covariances (n, 6, 6) of block pairs.
 
-    def _gain(self, index: int) -> np.ndarray:
-        """Return (6, 6 s): how a block follows the shared parameters."""
-        group, at = self._layout.group[index], 6 * self._layout.position[index]
-        if group >= 0:
-            return -self._coupling[group, at : at + 6]
-        gain = np.zeros((6, len(self._shared)))
-        gain[:, at : at + 6] = np.eye(6)
-        return gain
+        Args:
+            rows: (n,) indices of parameter blocks.
+            columns: (n,) indices of the other ones. Two blocks of collections must belong to the
+                same one: others are not computed.
+        """
+        layout = self._layout
+        group, other = layout.group[rows], layout.group[columns]
+        if np.any((group >= 0) & (other >= 0) & (group != other)):
+            raise ValueError("the two blocks of a pair belong to different collections")
+        r, c = layout.position[rows], layout.position[columns]
+        result = np.empty((len(rows), 6, 6))
+        both = (group < 0) & (other < 0)
+        result[both] = _tiles(self._shared[None])[0, r[both], c[both]]
+        mixed, turned = (group >= 0) & (other < 0), (group < 0) & (other >= 0)
+        cross = _tiles(self._cross)
+        result[mixed] = cross[group[mixed], r[mixed], c[mixed]]
+        result[turned] = np.swapaxes(cross[other[turned], c[turned], r[turned]], 1, 2)
+        own = (group >= 0) & (other >= 0)
+        result[own] = _tiles(self._local)[group[own], r[own], c[own]]
+        return self._scale * result
 
     def explained(self, problem: Problem, equations: NormalEquations) -> np.ndarray:
         """Return, for each residual block, how many of its rows the parameters explain.
@@ -81,10 +83,16 @@ class Covariance:
                 twist_covariance[both] += maps[both, k] @ pair @ np.swapaxes(maps[both, m], 1, 2)
         return np.array(
             [
-                float(np.einsum("dij,dji->", part, twist_covariance))
-                for part in equations.detection_information
+                float(np.einsum("dij,dji->", part.information, twist_covariance[part.detection]))
+                for part in equations.parts
             ]
         )
+
+
+def _tiles(matrices: np.ndarray) -> np.ndarray:
+    """View matrices (g, 6 r, 6 c) as blocks (g, r, c, 6, 6)."""
+    groups, rows, columns = matrices.shape
+    return matrices.reshape(groups, rows // 6, 6, columns // 6, 6).swapaxes(2, 3)
 
 
 def _pseudo_inverse(matrices: np.ndarray) -> np.ndarray:

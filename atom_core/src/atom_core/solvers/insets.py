@@ -8,97 +8,56 @@ takes the Newton step of the joint problem, in which the poses follow (their Sch
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Dict, List, NamedTuple, Sequence
+from typing import Dict, Optional, Sequence
 
 import numpy as np
 
-from atom_core.problem.problem import Problem
-from atom_core.problem.residuals import BorderBlock, squared_norms
 from atom_core.solvers import losses
+from atom_core.solvers.assessment import Assessment, InsetColumn
 from atom_core.solvers.base import Solver
-from atom_core.solvers.normal_equations import NormalEquations, pulled_back
+from atom_core.solvers.normal_equations import Factor, NormalEquations, pulled_back
 
 _MOST_STEPS = 1.0
 
 
-class _Column(NamedTuple):
-    """The derivative of a border block's rows by its inset, reduced.
-
-    Attributes:
-        block: index of the residual block.
-        across: (n,) steps across the border [m].
-        curvature: sum of weight times across squared.
-        slope: sum of weight times across times residual.
-        by_twist: (d, 6) what the inset and the detections' twists have in common.
-    """
-
-    block: int
-    across: np.ndarray
-    curvature: float
-    slope: float
-    by_twist: np.ndarray
-
-
 def update_insets(
-    solver: Solver, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str, steps: np.ndarray
+    solver: Solver, assessment: Assessment, loss: str, steps: np.ndarray
 ) -> np.ndarray:
     """Move the insets of a solver's problem by one Newton step.
 
     Args:
         solver: whose problem; it goes on with the new insets.
-        x: the vector, at or near the minimum for the present insets.
-        sigmas: for each residual block, (n,).
+        assessment: of the problem at or near the minimum for the present insets.
         loss: of the solver's rounds.
         steps: (b,) present insets by residual block, in steps of the sampling.
 
     Returns:
         (b,) new insets; 0 for blocks of other kinds.
     """
-    columns = _columns(solver.problem, x, sigmas, loss)
+    columns = assessment.columns
     if not columns:
         return steps
-    equations = solver.equations(x, sigmas, loss)
     new = steps.copy()
     chosen = [c.block for c in columns]
-    change = losses.step_length(loss) * _newton_step(solver, equations, columns)
+    change = losses.step_length(loss) * _newton_step(solver, assessment.equations, columns)
     new[chosen] = np.clip(steps[chosen] + change, 0.0, _MOST_STEPS)
     insets: Dict[int, np.ndarray] = {c.block: new[c.block] * c.across for c in columns}
     solver.take_insets(solver.problem.with_insets(insets))
     return new
 
 
-def _columns(
-    problem: Problem, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str
-) -> List[_Column]:
-    poses = problem.poses(x)
-    columns = []
-    for i, (block, sigma) in enumerate(zip(problem.residual_blocks, sigmas)):
-        if not isinstance(block, BorderBlock):
-            continue
-        _, across = block.steps_across(poses)
-        residual, jacobian = block.linearise(poses)
-        weight = losses.weight(loss, squared_norms(residual, sigma)) / sigma**2
-        by_twist = np.zeros((len(poses), 6))
-        np.add.at(by_twist, block.detection, (weight * across)[:, None] * jacobian[:, 0])
-        curvature = float(np.sum(weight * across**2))
-        slope = float(np.sum(weight * across * residual[:, 0]))
-        if curvature > 0:
-            columns.append(_Column(i, across, curvature, slope, by_twist))
-    return columns
-
-
 def _newton_step(
-    solver: Solver, equations: NormalEquations, columns: Sequence[_Column]
+    solver: Solver, equations: NormalEquations, columns: Sequence[InsetColumn]
 ) -> np.ndarray:
     """Return the change of the insets that lowers the cost most while the poses follow."""
-    vectors = [pulled_back(solver.problem, equations.layout, equations.maps, c.by_twist)
-               for c in columns]  # fmt: skip
-    flat = np.array([equations.layout.join(*v) for v in vectors])
-    solved = np.array(
-        [-_solve(replace(equations, gradient_shared=s, gradient_local=g)) for s, g in vectors]
-    )
-    gradient = equations.layout.join(equations.gradient_shared, equations.gradient_local)
+    join = equations.layout.join
+    vectors = [pulled_back(solver.problem, equations.layout, equations.maps, c.detection,
+                           c.by_twist) for c in columns]  # fmt: skip
+    flat = np.array([join(*v) for v in vectors])
+    factor, solved = _factor(equations), np.zeros_like(flat)
+    if factor is not None:
+        solved = np.array([join(*factor.solve(*v)) for v in vectors])
+    gradient = join(equations.gradient_shared, equations.gradient_local)
     curvature = np.diag([c.curvature for c in columns]) - flat @ solved.T
     slope = np.array([c.slope for c in columns]) - solved @ gradient
     scale = np.sqrt([c.curvature for c in columns])
@@ -107,10 +66,10 @@ def _newton_step(
     return -step / scale
 
 
-def _solve(equations: NormalEquations) -> np.ndarray:
+def _factor(equations: NormalEquations) -> Optional[Factor]:
     for damping in (0.0, 1e-12, 1e-9, 1e-6):
         try:
-            return equations.solve(damping)[0]
+            return Factor(equations, damping)
         except np.linalg.LinAlgError:
             continue
-    return np.zeros(equations.gradient_shared.size + equations.gradient_local.size)
+    return None

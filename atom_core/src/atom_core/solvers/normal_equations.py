@@ -10,7 +10,7 @@ collections. Triggs et al., "Bundle adjustment - a modern synthesis" (2000), sec
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import List, Sequence, Tuple
+from typing import List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 from scipy import linalg
@@ -53,6 +53,20 @@ class Layout:
         return steps.ravel()
 
 
+class DetectionParts(NamedTuple):
+    """The rows of one residual block, summed detection by detection, by the detection's twist.
+
+    Attributes:
+        detection: (m,) the detections that have rows in the block.
+        information: (m, 6, 6).
+        gradient: (m, 6).
+    """
+
+    detection: np.ndarray
+    information: np.ndarray
+    gradient: np.ndarray
+
+
 @dataclass
 class NormalEquations:
     """``H`` and ``g`` of the weighted rows, in blocks.
@@ -64,7 +78,7 @@ class NormalEquations:
         local: (g, w, w) of each collection's own; unit diagonal where it is padded.
         gradient_shared: (s,).
         gradient_local: (g, w).
-        detection_information: for each residual block, (d, 6, 6) by detection.
+        parts: for each residual block, its rows by detection.
         maps: (d, k, 6, 6) twist of each detection by the numbers of its blocks.
     """
 
@@ -74,7 +88,7 @@ class NormalEquations:
     local: np.ndarray
     gradient_shared: np.ndarray
     gradient_local: np.ndarray
-    detection_information: List[np.ndarray]
+    parts: List[DetectionParts]
     maps: np.ndarray
 
     @property
@@ -89,14 +103,9 @@ class NormalEquations:
             numpy.linalg.LinAlgError: the damped matrix is not positive definite.
         """
         shared_diagonal, local_diagonal = (_floored(d) for d in self.diagonal)
-        shared = self.shared + damping * np.diag(shared_diagonal)
-        local = self.local.copy()
-        local[:, range(local.shape[1]), range(local.shape[1])] += damping * local_diagonal
-        reduction = _Elimination(local, self.cross)
-        reduced = shared - reduction.reduce(self.cross)
-        right = -self.gradient_shared + reduction.reduce_vector(self.gradient_local)
-        step_shared = _solve_positive(reduced, right)
-        step_local = reduction.back(self.gradient_local, step_shared)
+        step_shared, step_local = Factor(self, damping).solve(
+            -self.gradient_shared, -self.gradient_local
+        )
         step = self.layout.join(step_shared, step_local)
         gradient = self.layout.join(self.gradient_shared, self.gradient_local)
         damped = float(shared_diagonal @ step_shared**2 + np.sum(local_diagonal * step_local**2))
@@ -114,22 +123,34 @@ class NormalEquations:
         return np.inf
 
 
-class _Elimination:
-    """Factors of the collections' own blocks, and what follows from them."""
+class Factor:
+    """``H + damping * diag H``, factored: the collections' own blocks are eliminated."""
 
-    def __init__(self, local: np.ndarray, cross: np.ndarray):
-        self.inverse = _inverse_positive(local)
-        self.solved_cross = self.inverse @ cross
+    def __init__(self, equations: NormalEquations, damping: float):
+        """Factor the matrix.
 
-    def reduce(self, cross: np.ndarray) -> np.ndarray:
-        return np.tensordot(cross, self.solved_cross, axes=((0, 1), (0, 1)))
+        Raises:
+            numpy.linalg.LinAlgError: it is not positive definite.
+        """
+        shared_diagonal, local_diagonal = (_floored(d) for d in equations.diagonal)
+        local = equations.local.copy()
+        local[:, range(local.shape[1]), range(local.shape[1])] += damping * local_diagonal
+        self._inverse = _inverse_positive(local)
+        self._solved_cross = self._inverse @ equations.cross
+        reduced = equations.shared + damping * np.diag(shared_diagonal)
+        reduced -= np.tensordot(equations.cross, self._solved_cross, axes=((0, 1), (0, 1)))
+        self._scale = 1.0 / np.sqrt(_floored(np.diagonal(reduced)))
+        if len(reduced):
+            scaled = reduced * self._scale[:, None] * self._scale
+            self._factor = linalg.cho_factor(scaled, lower=True)
 
-    def reduce_vector(self, gradient_local: np.ndarray) -> np.ndarray:
-        return np.einsum("gws,gw->s", self.solved_cross, gradient_local)
-
-    def back(self, gradient_local: np.ndarray, step_shared: np.ndarray) -> np.ndarray:
-        own = np.einsum("gvw,gw->gv", self.inverse, gradient_local)
-        return -own - self.solved_cross @ step_shared
+    def solve(self, shared: np.ndarray, local: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+        """Return the solution's shared part (s,) and groups' part (g, w), of a right side's."""
+        own = np.einsum("gvw,gw->gv", self._inverse, local)
+        right = shared - np.einsum("gws,gw->s", self._solved_cross, local)
+        if len(right):
+            right = self._scale * linalg.cho_solve(self._factor, self._scale * right)
+        return right, own - self._solved_cross @ right
 
 
 def _inverse_positive(matrices: np.ndarray) -> np.ndarray:
@@ -137,14 +158,6 @@ def _inverse_positive(matrices: np.ndarray) -> np.ndarray:
         return matrices
     np.linalg.cholesky(matrices)  # raises LinAlgError where one is not positive definite
     return np.linalg.inv(matrices)
-
-
-def _solve_positive(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    if len(right) == 0:
-        return right
-    scale = 1.0 / np.sqrt(_floored(np.diagonal(matrix)))
-    factor = linalg.cho_factor(matrix * scale[:, None] * scale, lower=True)
-    return scale * linalg.cho_solve(factor, scale * right)
 
 
 def _floored(diagonal: np.ndarray) -> np.ndarray:
@@ -162,44 +175,34 @@ def normal_equations(
         line: residuals and derivatives.
         weights: for each residual block, (n,): robust weight over sigma squared.
     """
-    count = len(problem.detections)
-    gradient, parts = np.zeros((count, 6)), []
-    for block, residual, by_twist, weight in zip(
-        problem.residual_blocks, line.residuals, line.by_twist, weights
-    ):
-        part, part_gradient = _reduce_detections(block, residual, by_twist, weight, count)
-        gradient += part_gradient
-        parts.append(part)
-    return spread(problem, layout, line.maps, gradient, parts)
+    parts = [
+        _reduce_detections(block, residual, by_twist, weight)
+        for block, residual, by_twist, weight in zip(
+            problem.residual_blocks, line.residuals, line.by_twist, weights
+        )
+    ]
+    return spread(problem, layout, line.maps, parts)
 
 
 def _reduce_detections(
-    block: ResidualBlock,
-    residual: np.ndarray,
-    by_twist: np.ndarray,
-    weight: np.ndarray,
-    count: int,
-) -> Tuple[np.ndarray, np.ndarray]:
-    """Sum the rows of each detection into (count, 6, 6) and (count, 6)."""
-    information, gradient = np.zeros((count, 6, 6)), np.zeros((count, 6))
+    block: ResidualBlock, residual: np.ndarray, by_twist: np.ndarray, weight: np.ndarray
+) -> DetectionParts:
+    """Sum the rows of each detection."""
     root = np.sqrt(weight)
     rows = (by_twist * root[:, None, None]).reshape(-1, 6)
     values = (residual * root[:, None]).ravel()
     detections, starts = np.unique(block.detection, return_index=True)
     ends = np.append(starts[1:], len(block.detection)) * block.dimension
-    for detection, start, end in zip(detections, starts * block.dimension, ends):
+    information, gradient = np.zeros((len(detections), 6, 6)), np.zeros((len(detections), 6))
+    for i, (start, end) in enumerate(zip(starts * block.dimension, ends)):
         mine = rows[start:end]
-        information[detection] = mine.T @ mine
-        gradient[detection] = mine.T @ values[start:end]
-    return information, gradient
+        information[i] = mine.T @ mine
+        gradient[i] = mine.T @ values[start:end]
+    return DetectionParts(detections, information, gradient)
 
 
 def spread(
-    problem: Problem,
-    layout: Layout,
-    maps: np.ndarray,
-    gradient: np.ndarray,
-    parts: List[np.ndarray],
+    problem: Problem, layout: Layout, maps: np.ndarray, parts: List[DetectionParts]
 ) -> NormalEquations:
     """Return the normal equations of reduced detections.
 
@@ -207,10 +210,12 @@ def spread(
         problem: whose detections.
         layout: where its parameter blocks stand.
         maps: (d, k, 6, 6) twist of each detection by the numbers of its blocks.
-        gradient: (d, 6) by twist.
-        parts: for each residual block, information (d, 6, 6) by twist.
+        parts: for each residual block, its rows by detection.
     """
-    information = np.sum(parts, axis=0)
+    information, gradient = np.zeros((len(maps), 6, 6)), np.zeros((len(maps), 6))
+    for part in parts:  # a detection stands once in each
+        information[part.detection] += part.information
+        gradient[part.detection] += part.gradient
     s, g, w = layout.shared, layout.groups, layout.width
     shared, cross = np.zeros((s, s, 6, 6)), np.zeros((g, w, s, 6, 6))
     local = np.zeros((g, w, w, 6, 6))
@@ -222,7 +227,8 @@ def spread(
             values = np.swapaxes(maps[both, m], 1, 2) @ reached[both]
             _add_pairs(layout, index[both, m], index[both, k], values, shared, cross, local)
     _pad(layout, local)
-    gradient_shared, gradient_local = pulled_back(problem, layout, maps, gradient)
+    every = np.arange(len(maps))
+    gradient_shared, gradient_local = pulled_back(problem, layout, maps, every, gradient)
     return NormalEquations(
         layout,
         shared.swapaxes(1, 2).reshape(6 * s, 6 * s),
@@ -236,15 +242,27 @@ def spread(
 
 
 def pulled_back(
-    problem: Problem, layout: Layout, maps: np.ndarray, by_twist: np.ndarray
+    problem: Problem,
+    layout: Layout,
+    maps: np.ndarray,
+    detection: np.ndarray,
+    by_twist: np.ndarray,
 ) -> Tuple[np.ndarray, np.ndarray]:
-    """Return vectors by twist (d, 6) as one by parameters: shared (s,), by collection (g, w)."""
+    """Return vectors by twist as one by parameters: shared (s,), by collection (g, w).
+
+    Args:
+        problem: whose detections.
+        layout: where its parameter blocks stand.
+        maps: (d, k, 6, 6) twist of each detection by the numbers of its blocks.
+        detection: (m,) the detections that have a vector.
+        by_twist: (m, 6).
+    """
     shared = np.zeros((layout.shared, 6))
     local = np.zeros((layout.groups, layout.width, 6))
-    index = problem.chains.block
+    index = problem.chains.block[detection]
     for k in range(index.shape[1]):
         used = index[:, k] >= 0
-        pulled = np.einsum("dij,di->dj", maps[used, k], by_twist[used])
+        pulled = np.einsum("dij,di->dj", maps[detection[used], k], by_twist[used])
         _add_vectors(layout, index[used, k], pulled, shared, local)
     return shared.ravel(), local.reshape(layout.groups, 6 * layout.width)
 

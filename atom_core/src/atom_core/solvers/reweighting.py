@@ -21,9 +21,9 @@ from atom_core.problem.residuals import (
     BORDER,
     ORTHOGONAL,
     REPROJECTION,
-    squared_norms,
 )
 from atom_core.solvers import losses
+from atom_core.solvers.assessment import Assessment
 from atom_core.solvers.base import (
     ATOM,
     CONVERGED,
@@ -39,7 +39,7 @@ from atom_core.solvers.base import (
 )
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.insets import update_insets
-from atom_core.solvers.scipy_solver import robust_weights, total_cost
+from atom_core.solvers.scipy_solver import total_cost
 
 # Relative change of a factor below which the rounds become finer, and below which they end.
 _NEARLY_STILL, _STILL = 0.05, 1e-3
@@ -62,7 +62,7 @@ def solve(
     solver: Solver,
     options: SolverOptions,
     rough: Optional[Minimum] = None,
-    guess: Optional[Problem] = None,
+    guess: Optional[Solver] = None,
 ) -> SolverSummary:
     """Solve a problem.
 
@@ -70,17 +70,17 @@ def solve(
         solver: made for the problem.
         options: weights, loss, limits.
         rough: a first answer to go on from; found here if None.
-        guess: the problem at the user's initial guess, from which ATOM takes its weights; the
-            solver's own if None.
+        guess: of the problem at the user's initial guess, from which ATOM takes its weights; the
+            solver itself if None.
     """
     zero = np.zeros(solver.problem.parameters.size)
     rough = rough or rough_minimum(solver, zero, options)
     if options.weights == ATOM:
-        sigmas = atom_normalisers(guess or solver.problem, zero)
+        sigmas = atom_normalisers(guess or solver, zero)
         left = options.max_iterations - rough.iterations
         end = solver.minimise(rough.x, sigmas, options.loss, left, EXACT)
         iterations, no_insets = rough.iterations + end.iterations, np.zeros(len(sigmas))
-        return _summary(solver.problem, options, end, sigmas, iterations, no_insets)
+        return _summary(solver, options, end, sigmas, iterations, no_insets)
     return _reweighted(solver, options, rough)
 
 
@@ -89,8 +89,10 @@ def _reweighted(solver: Solver, options: SolverOptions, rough: Minimum) -> Solve
     sigmas = _initial_sigmas(solver.problem)
     insets, settled = np.zeros(len(sigmas)), False
     for _ in range(options.reweighting_rounds):
-        now = update_insets(solver, end.x, sigmas, options.loss, insets)
-        factors = _sigma_factors(solver, end.x, sigmas, options.loss)
+        assessment = solver.assess(end.x, sigmas, options.loss)
+        now = update_insets(solver, assessment, options.loss, insets)
+        squares = solver.squares(end.x, sigmas)  # with the new insets
+        factors = _sigma_factors(solver.problem, assessment, squares, sigmas, options.loss)
         change = max(np.max(np.abs(factors - 1.0)), np.max(np.abs(now - insets)))
         sigmas, insets = tuple(s * f for s, f in zip(sigmas, factors)), now
         settled = change < _STILL
@@ -106,44 +108,45 @@ def _reweighted(solver: Solver, options: SolverOptions, rough: Minimum) -> Solve
     if not settled:
         why = f"the sigmas do not settle in {iterations} iterations"
         end = replace(end, converged=False, message=why)
-    return _summary(solver.problem, options, end, sigmas, iterations, insets)
+    return _summary(solver, options, end, sigmas, iterations, insets)
 
 
 def _initial_sigmas(problem: Problem) -> Tuple[np.ndarray, ...]:
     return tuple(block.sigma for block in problem.residual_blocks)
 
 
-def atom_normalisers(problem: Problem, x: np.ndarray) -> Tuple[np.ndarray, ...]:
+def atom_normalisers(solver: Solver, x: np.ndarray) -> Tuple[np.ndarray, ...]:
     """Return ATOM's weights as sigmas: each modality's mean residual at x, as ATOM does.
 
     Orthogonal and border residuals of a modality share one mean.
     """
-    magnitudes = [np.linalg.norm(r, axis=1) for r in problem.residuals(x)]
-    modalities = [block.modality for block in problem.residual_blocks]
+    blocks = solver.problem.residual_blocks
+    squares = solver.squares(x, [np.ones(block.count) for block in blocks])
     means = {}
-    for modality in modalities:
-        mine = [m for m, owner in zip(magnitudes, modalities) if owner == modality]
+    for modality in {block.modality for block in blocks}:
+        mine = [np.sqrt(s) for s, block in zip(squares, blocks) if block.modality == modality]
         means[modality] = max(float(np.mean(np.concatenate(mine))), _SMALLEST_NORMALISER)
-    return tuple(np.full(len(m), means[owner]) for m, owner in zip(magnitudes, modalities))
+    return tuple(np.full(block.count, means[block.modality]) for block in blocks)
 
 
 def _sigma_factors(
-    solver: Solver, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str
+    problem: Problem,
+    assessment: Assessment,
+    squares: Sequence[np.ndarray],
+    sigmas: Sequence[np.ndarray],
+    loss: str,
 ) -> np.ndarray:
-    problem = solver.problem
-    equations = solver.equations(x, sigmas, loss)
+    """Return (b,) by which the sigmas of each residual block are too small."""
+    equations = assessment.equations
     explained = Covariance(equations).explained(problem, equations)
     factors = []
-    for block, residual, sigma, used in zip(
-        problem.residual_blocks, problem.residuals(x), sigmas, explained
-    ):
+    for block, square, sigma, used in zip(problem.residual_blocks, squares, sigmas, explained):
         rows = block.count * block.dimension
         redundancy = max(rows - used, 0.05 * rows)
-        squares = squared_norms(residual, sigma)
         if loss == losses.NONE:
-            factor = np.sqrt(np.sum(squares) / redundancy)
+            factor = np.sqrt(np.sum(square) / redundancy)
         else:
-            median = np.sqrt(np.median(squares)) / _MEDIAN_OF_NORM[block.dimension]
+            median = np.sqrt(np.median(square)) / _MEDIAN_OF_NORM[block.dimension]
             factor = median * np.sqrt(rows / redundancy)
         smallest = _SMALLEST_SIGMA[block.kind] / float(np.median(sigma))
         factors.append(float(max(factor, smallest)))
@@ -151,18 +154,16 @@ def _sigma_factors(
 
 
 def _summary(
-    problem: Problem,
+    solver: Solver,
     options: SolverOptions,
     end: Minimum,
     sigmas: Tuple[np.ndarray, ...],
     iterations: int,
     insets: np.ndarray,
 ) -> SolverSummary:
-    start = np.zeros(problem.parameters.size)
-    first = problem.residuals(start)
-    cost_initial = total_cost(first, sigmas, options.loss)
-    residuals = problem.residuals(end.x)
-    cost_final = total_cost(residuals, sigmas, options.loss)
+    start = np.zeros(solver.problem.parameters.size)
+    first, last = (solver.squares(x, sigmas) for x in (start, end.x))
+    cost_initial, cost_final = (total_cost(squares, options.loss) for squares in (first, last))
     status = CONVERGED if end.converged else NOT_CONVERGED
     summary = SolverSummary(
         x=end.x,
@@ -173,9 +174,9 @@ def _summary(
         cost_final=cost_final,
         sigmas=sigmas,
         scales=tuple(
-            float(np.median(s / b.sigma)) for s, b in zip(sigmas, problem.residual_blocks)
+            float(np.median(s / b.sigma)) for s, b in zip(sigmas, solver.problem.residual_blocks)
         ),
-        robust_weights=tuple(robust_weights(residuals, sigmas, options.loss)),
+        robust_weights=tuple(losses.weight(options.loss, s) for s in last),
         inset_steps=tuple(float(v) for v in insets),
     )
     if not np.isfinite(cost_final) or cost_final > cost_initial:
@@ -185,7 +186,7 @@ def _summary(
             status=FAILED,
             message="the solver ended worse than it started; the start is kept",
             cost_final=cost_initial,
-            robust_weights=tuple(robust_weights(first, sigmas, options.loss)),
+            robust_weights=tuple(losses.weight(options.loss, s) for s in first),
         )
     return summary
 

@@ -15,8 +15,9 @@ import numpy as np
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import squared_norms
 from atom_core.solvers import losses
+from atom_core.solvers.assessment import Assessment, assess
 from atom_core.solvers.base import EXACT, Minimum, Tolerance
-from atom_core.solvers.normal_equations import Layout, NormalEquations, normal_equations
+from atom_core.solvers.normal_equations import Layout, NormalEquations
 
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-12, 1e12
 ROUNDING = 1e-13  # relative to the cost; near it the cost cannot tell steps apart any more
@@ -27,16 +28,9 @@ ENOUGH = "a further step would change nothing"
 _LONGEST_STEP_M, _LONGEST_STEP_RAD = 0.5, 0.5
 
 
-def total_cost(residuals: Sequence[np.ndarray], sigmas: Sequence[np.ndarray], loss: str) -> float:
-    """Return half the sum of rho over the items of all residual blocks."""
-    return sum(losses.cost(loss, squared_norms(r, s)) for r, s in zip(residuals, sigmas))
-
-
-def robust_weights(
-    residuals: Sequence[np.ndarray], sigmas: Sequence[np.ndarray], loss: str
-) -> List[np.ndarray]:
-    """Return the robust weight (n,) of every item, for each residual block."""
-    return [losses.weight(loss, squared_norms(r, s)) for r, s in zip(residuals, sigmas)]
+def total_cost(squares: Sequence[np.ndarray], loss: str) -> float:
+    """Return half the sum of rho over the squared norms (n,) of all residual blocks."""
+    return sum(losses.cost(loss, square) for square in squares)
 
 
 class ScipySolver:
@@ -53,10 +47,15 @@ class ScipySolver:
 
     def equations(self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str) -> NormalEquations:
         """Return the weighted normal equations at the vector x."""
-        line = self.problem.linearise(x)
-        robust = robust_weights(line.residuals, sigmas, loss)
-        weights = [w / s**2 for w, s in zip(robust, sigmas)]
-        return normal_equations(self.problem, self._layout, line, weights)
+        return self.assess(x, sigmas, loss).equations
+
+    def assess(self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str) -> Assessment:
+        """Return the equations at x, and how the border rows depend on their insets."""
+        return assess(self.problem, self._layout, x, sigmas, loss)
+
+    def squares(self, x: np.ndarray, sigmas: Sequence[np.ndarray]) -> List[np.ndarray]:
+        """Return, for each residual block, squared norms (n,) at x in units of sigma."""
+        return [squared_norms(r, s) for r, s in zip(self.problem.residuals(x), sigmas)]
 
     def minimise(
         self,
@@ -98,7 +97,7 @@ class ScipySolver:
         )
 
     def _cost(self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str) -> float:
-        return total_cost(self.problem.residuals(x), sigmas, loss)
+        return total_cost(self.squares(x, sigmas), loss)
 
 
 def unit_cost(problem: Problem, cost: float) -> float:

@@ -1,0 +1,53 @@
+#include "atom_core/assessment.h"
+
+namespace atom_core {
+
+Assessment Assess(const CalibrationProblem& problem, const Weighting& weighting,
+                  const Eigen::VectorXd& x, bool with_insets) {
+  Assessment result;
+  result.blocks.resize(problem.residuals().size());
+  for (std::size_t b = 0; b < result.blocks.size(); ++b) {
+    BlockAssessment& block = result.blocks[b];
+    const ResidualBlock& rows = problem.residuals()[b];
+    block.detection.resize(problem.SegmentCount(b));
+    block.reduction.resize(problem.SegmentCount(b));
+    if (with_insets && rows.kind == ResidualKind::kBorder) {
+      block.inset.resize(problem.SegmentCount(b));
+      block.across.resize(rows.points.rows());
+    }
+  }
+  result.maps.resize(problem.chains().size());
+  for (std::size_t d = 0; d < problem.chains().size(); ++d) {
+    const Eigen::Isometry3d pose = problem.Pose(d, x, &result.maps[d]);
+    for (const Segment& segment : problem.segments(d)) {
+      BlockAssessment& block = result.blocks[segment.residual_block];
+      Reduction& reduction = block.reduction[segment.index];
+      problem.Reduce(segment, weighting, pose, true, &reduction);
+      reduction.information = Matrix6d(reduction.information.selfadjointView<Eigen::Lower>());
+      block.detection[segment.index] = segment.detection;
+      if (block.inset.empty()) continue;
+      ReduceInset(problem.residuals()[segment.residual_block], segment,
+                  weighting.sigma[segment.residual_block], weighting.loss, pose, &block.across,
+                  &block.inset[segment.index]);
+    }
+  }
+  return result;
+}
+
+std::vector<Eigen::VectorXd> SquaredNorms(const CalibrationProblem& problem,
+                                          const Weighting& weighting, const Eigen::VectorXd& x) {
+  std::vector<Eigen::VectorXd> squares;
+  for (const ResidualBlock& block : problem.residuals()) {
+    squares.emplace_back(block.points.rows());
+  }
+  for (std::size_t d = 0; d < problem.chains().size(); ++d) {
+    const Eigen::Isometry3d pose = problem.Pose(d, x, nullptr);
+    for (const Segment& segment : problem.segments(d)) {
+      SquaredNorms(problem.residuals()[segment.residual_block], segment,
+                   weighting.sigma[segment.residual_block], pose, &squares[segment.residual_block]);
+    }
+  }
+  return squares;
+}
+
+}  // namespace atom_core

@@ -1,0 +1,249 @@
+#include "atom_core/residual_block.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "skew.h"
+
+namespace atom_core {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+constexpr double kHuberWidth = 1.345, kCauchyWidth = 2.385;  // solvers/losses.py
+
+/// Sums rho / 2 of squared norms in units of sigma, and gives rho' of each.
+class RobustSum {
+ public:
+  explicit RobustSum(Loss loss) : loss_(loss) {}
+
+  /// Adds a squared norm; returns its weight rho'.
+  double Add(double square) {
+    if (loss_ == Loss::kCauchy) {
+      // The sum of logarithms is the logarithm of a product, which is much cheaper.
+      const double factor = 1.0 + square / (kCauchyWidth * kCauchyWidth);
+      product_ *= factor;
+      if (product_ > kLargeProduct) TakeLogarithm();
+      return 1.0 / factor;
+    }
+    if (loss_ == Loss::kHuber && square > kHuberWidth * kHuberWidth) {
+      const double norm = std::sqrt(square);
+      half_rho_ += kHuberWidth * norm - 0.5 * kHuberWidth * kHuberWidth;
+      return kHuberWidth / norm;
+    }
+    half_rho_ += 0.5 * square;
+    return 1.0;
+  }
+
+  double Total() {
+    TakeLogarithm();
+    return half_rho_;
+  }
+
+ private:
+  static constexpr double kLargeProduct = 1e100;
+
+  void TakeLogarithm() {
+    half_rho_ += 0.5 * kCauchyWidth * kCauchyWidth * std::log(product_);
+    product_ = 1.0;
+  }
+
+  const Loss loss_;
+  double half_rho_ = 0.0, product_ = 1.0;
+};
+
+void AddRow(const Vector6d& row, double value, double weight, Reduction* sum) {
+  sum->gradient += (weight * value) * row;
+  sum->information.selfadjointView<Eigen::Lower>().rankUpdate(row, weight);
+}
+
+Vector2d ReprojectionError(const ResidualBlock& block, std::int64_t i, const Vector3d& point,
+                           Eigen::Matrix<double, 2, 3>* by_point) {
+  return block.camera.Project(point, by_point) - block.pixels.row(i).transpose();
+}
+
+void ReduceReprojection(const ResidualBlock& block, const Segment& segment, const VectorXd& sigma,
+                        Loss loss, const Isometry3d& pose, bool with_derivatives, Reduction* sum) {
+  Eigen::Matrix<double, 2, 3> by_point;
+  RobustSum robust(loss);
+  for (auto i = segment.begin; i < segment.end; ++i) {
+    const Vector3d point = pose * block.points.row(i).transpose();
+    const Vector2d error =
+        ReprojectionError(block, i, point, with_derivatives ? &by_point : nullptr);
+    const double inverse = 1.0 / (sigma[i] * sigma[i]);
+    const double weight = robust.Add(error.squaredNorm() * inverse);
+    if (!with_derivatives) continue;
+    for (int axis = 0; axis < 2; ++axis) {
+      const Vector3d gradient = by_point.row(axis).transpose();
+      Vector6d row;
+      row << point.cross(gradient), gradient;
+      AddRow(row, error[axis], weight * inverse, sum);
+    }
+  }
+  sum->cost += robust.Total();
+}
+
+/// The board's plane (n, d) in the sensor's frame: n . q + d is the height of a point q over it.
+Eigen::Vector4d PlaneOf(const Isometry3d& pose) {
+  Eigen::Vector4d plane;
+  plane << pose.linear().col(2), -pose.linear().col(2).dot(pose.translation());
+  return plane;
+}
+
+/// Adds rows that are linear in the board's plane, given their moments (4, 4) and the plane.
+void AddPlane(const Eigen::Matrix4d& moments, const Eigen::Vector4d& plane, Reduction* sum) {
+  Eigen::Matrix<double, 4, 6> by_twist = Eigen::Matrix<double, 4, 6>::Zero();
+  by_twist.topLeftCorner<3, 3>() = -Skew(plane.head<3>());
+  by_twist.bottomRightCorner<1, 3>() = -plane.head<3>().transpose();
+  const Eigen::Matrix<double, 4, 6> reached = moments * by_twist;
+  sum->gradient += reached.transpose() * plane;
+  sum->information.triangularView<Eigen::Lower>() += by_twist.transpose() * reached;
+}
+
+void ReduceOrthogonal(const ResidualBlock& block, const Segment& segment, const VectorXd& sigma,
+                      Loss loss, const Eigen::Matrix4d* compressed, const Isometry3d& pose,
+                      bool with_derivatives, Reduction* sum) {
+  const Eigen::Vector4d plane = PlaneOf(pose);
+  Eigen::Matrix4d moments = Eigen::Matrix4d::Zero();
+  if (loss == Loss::kNone && compressed != nullptr) {
+    sum->cost += 0.5 * (*compressed * plane).squaredNorm();
+    if (with_derivatives) moments = compressed->transpose() * *compressed;
+  } else {
+    RobustSum robust(loss);
+    for (auto i = segment.begin; i < segment.end; ++i) {
+      Eigen::Vector4d point;
+      point << block.points.row(i).transpose(), 1.0;
+      const double height = plane.dot(point), inverse = 1.0 / (sigma[i] * sigma[i]);
+      const double weight = robust.Add(height * height * inverse);
+      if (with_derivatives) moments.noalias() += (weight * inverse * point) * point.transpose();
+    }
+    sum->cost += robust.Total();
+  }
+  if (with_derivatives) AddPlane(moments, plane, sum);
+}
+
+/// Signed distance to a rectangle's border, negative inside, and its gradient.
+double DistanceToRectangle(const Vector2d& point, const Vector2d& centre, const Vector2d& half_size,
+                           Vector2d* gradient) {
+  const Vector2d offset = point - centre, beyond = offset.cwiseAbs() - half_size;
+  const Vector2d outward(offset.x() < 0 ? -1 : 1, offset.y() < 0 ? -1 : 1);
+  const Vector2d positive = beyond.cwiseMax(0.0);
+  const double outside = positive.norm();
+  if (outside > 0) {
+    *gradient = outward.cwiseProduct(positive) / outside;
+    return outside;
+  }
+  const int nearest = beyond.y() > beyond.x() ? 1 : 0;
+  gradient->setZero();
+  (*gradient)[nearest] = outward[nearest];
+  return beyond[nearest];
+}
+
+/// Distance of a limit point to where it is expected: the border, or its inset inside of it.
+class Border {
+ public:
+  Border(const ResidualBlock& block, const Isometry3d& pose)
+      : block_(block), axes_(pose.linear().leftCols<2>()), origin_(pose.translation()) {}
+
+  /// \param outward direction (3,) in the sensor's frame.
+  double Distance(std::int64_t i, double inset, Vector3d* outward) const {
+    const Vector2d in_plane = axes_.transpose() * (block_.points.row(i).transpose() - origin_);
+    const Vector2d half_size = block_.half_size.row(i).transpose().array() - inset;
+    Vector2d gradient;
+    const double distance =
+        DistanceToRectangle(in_plane, block_.centre.row(i).transpose(), half_size, &gradient);
+    *outward = axes_ * gradient;
+    return distance;
+  }
+
+  /// By the left twist of the pose.
+  Vector6d Row(std::int64_t i, const Vector3d& outward) const {
+    const Vector3d point = block_.points.row(i).transpose();
+    Vector6d row;
+    row << -point.cross(outward), -outward;
+    return row;
+  }
+
+ private:
+  const ResidualBlock& block_;
+  const Eigen::Matrix<double, 3, 2> axes_;
+  const Vector3d origin_;
+};
+
+void ReduceBorder(const ResidualBlock& block, const Segment& segment, const VectorXd& sigma,
+                  Loss loss, const Isometry3d& pose, bool with_derivatives, Reduction* sum) {
+  const Border border(block, pose);
+  RobustSum robust(loss);
+  Vector3d outward;
+  for (auto i = segment.begin; i < segment.end; ++i) {
+    const double distance = border.Distance(i, block.inset[i], &outward);
+    const double inverse = 1.0 / (sigma[i] * sigma[i]);
+    const double weight = robust.Add(distance * distance * inverse);
+    if (with_derivatives) AddRow(border.Row(i, outward), distance, weight * inverse, sum);
+  }
+  sum->cost += robust.Total();
+}
+
+}  // namespace
+
+void ReduceSegment(const ResidualBlock& block, const Segment& segment, const VectorXd& sigma,
+                   Loss loss, const Eigen::Matrix4d* compressed, const Isometry3d& sensor_T_pattern,
+                   bool with_derivatives, Reduction* sum) {
+  switch (block.kind) {
+    case ResidualKind::kReprojection:
+      ReduceReprojection(block, segment, sigma, loss, sensor_T_pattern, with_derivatives, sum);
+      break;
+    case ResidualKind::kOrthogonal:
+      ReduceOrthogonal(block, segment, sigma, loss, compressed, sensor_T_pattern, with_derivatives,
+                       sum);
+      break;
+    case ResidualKind::kBorder:
+      ReduceBorder(block, segment, sigma, loss, sensor_T_pattern, with_derivatives, sum);
+      break;
+  }
+}
+
+void SquaredNorms(const ResidualBlock& block, const Segment& segment, const VectorXd& sigma,
+                  const Isometry3d& sensor_T_pattern, VectorXd* squares) {
+  const Eigen::Vector4d plane = PlaneOf(sensor_T_pattern);
+  const Border border(block, sensor_T_pattern);
+  Vector3d outward;
+  for (auto i = segment.begin; i < segment.end; ++i) {
+    double square = 0.0;
+    if (block.kind == ResidualKind::kReprojection) {
+      const Vector3d point = sensor_T_pattern * block.points.row(i).transpose();
+      square = ReprojectionError(block, i, point, nullptr).squaredNorm();
+    } else if (block.kind == ResidualKind::kOrthogonal) {
+      const double height = plane.head<3>().dot(block.points.row(i)) + plane[3];
+      square = height * height;
+    } else {
+      const double distance = border.Distance(i, block.inset[i], &outward);
+      square = distance * distance;
+    }
+    (*squares)[i] = square / (sigma[i] * sigma[i]);
+  }
+}
+
+void ReduceInset(const ResidualBlock& block, const Segment& segment, const VectorXd& sigma,
+                 Loss loss, const Isometry3d& sensor_T_pattern, VectorXd* across,
+                 InsetReduction* sum) {
+  const Border border(block, sensor_T_pattern);
+  RobustSum robust(loss);
+  Vector3d outward;
+  for (auto i = segment.begin; i < segment.end; ++i) {
+    border.Distance(i, 0.0, &outward);
+    const double step = (block.steps.middleRows<2>(2 * i) * outward).cwiseAbs().maxCoeff();
+    const double residual = border.Distance(i, block.inset[i], &outward);
+    const double inverse = 1.0 / (sigma[i] * sigma[i]);
+    const double weight = inverse * robust.Add(residual * residual * inverse);
+    sum->curvature += weight * step * step;
+    sum->slope += weight * step * residual;
+    sum->by_twist += (weight * step) * border.Row(i, outward);
+    (*across)[i] = step;
+  }
+}
+
+}  // namespace atom_core

@@ -1,0 +1,48 @@
+/// \file
+/// What a calibration problem looks like at one vector: the reduced detections, and how the border
+/// rows depend on their inset. The fast twin of atom_core/solvers/assessment.py.
+
+#ifndef ATOM_CORE_ASSESSMENT_H_
+#define ATOM_CORE_ASSESSMENT_H_
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "atom_core/calibration_problem.h"
+
+namespace atom_core {
+
+/// A residual block, reduced detection by detection.
+struct BlockAssessment {
+  /// (m,) the detections that have rows in the block, in the order of the rows.
+  std::vector<std::int64_t> detection;
+  /// (m,) of each of them, the information as a full matrix.
+  std::vector<Reduction> reduction;
+  /// (m,) border blocks only, else empty.
+  std::vector<InsetReduction> inset;
+  /// (n,) lengths of the steps across the border, metres; border blocks only, else empty.
+  Eigen::VectorXd across;
+};
+
+struct Assessment {
+  /// By residual block.
+  std::vector<BlockAssessment> blocks;
+  /// By detection, for each parameter block of its chain: twist by the numbers.
+  std::vector<std::vector<Matrix6d>> maps;
+};
+
+/// \param x (6 b,) numbers of the parameter blocks.
+/// \param with_insets false leaves the border blocks' inset and across empty.
+/// \throws std::invalid_argument when x has the wrong length.
+Assessment Assess(const CalibrationProblem& problem, const Weighting& weighting,
+                  const Eigen::VectorXd& x, bool with_insets);
+
+/// For each residual block, the squared norms (n,) of the residuals in units of sigma.
+/// \throws std::invalid_argument when x has the wrong length.
+std::vector<Eigen::VectorXd> SquaredNorms(const CalibrationProblem& problem,
+                                          const Weighting& weighting, const Eigen::VectorXd& x);
+
+}  // namespace atom_core
+
+#endif  // ATOM_CORE_ASSESSMENT_H_

@@ -1,0 +1,95 @@
+/// \file
+/// Rows of one sensor and one kind, and what a part of them amounts to at a pose.
+///
+/// The fast twin of atom_core/problem/residuals.py, which is the specification. The rows of a
+/// detection depend on one pose, sensor_T_pattern. They are reduced to a cost, a gradient (6,) and
+/// a Gauss-Newton matrix (6, 6) by the left twist (rotation, move) of that pose in the sensor's
+/// frame.
+
+#ifndef ATOM_CORE_RESIDUAL_BLOCK_H_
+#define ATOM_CORE_RESIDUAL_BLOCK_H_
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <vector>
+
+#include "atom_core/camera.h"
+#include "atom_core/planar_compression.h"
+
+namespace atom_core {
+
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+using PixelRows = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor>;
+
+enum class Loss { kNone, kHuber, kCauchy };
+enum class ResidualKind { kReprojection, kOrthogonal, kBorder };
+
+/// Rows of one sensor and one kind.
+struct ResidualBlock {
+  ResidualKind kind = ResidualKind::kOrthogonal;
+  /// (n,) detection of each item, ascending.
+  std::vector<std::int64_t> detection;
+  /// (n, 3) corners in the pattern's frame, or points in the sensor's frame, metres.
+  PointRows points;
+  /// (n, 2) detected pixels; reprojection only.
+  PixelRows pixels;
+  /// (n, 2) of the board in its plane, metres; border only.
+  PixelRows centre, half_size;
+  /// (2 n, 3) to the next two samples, in the sensor's frame, metres; border only.
+  PointRows steps;
+  /// (n,) how far inside the border the points are expected, metres; border only.
+  Eigen::VectorXd inset;
+  /// Reprojection only.
+  Camera camera;
+};
+
+/// Items begin..end of a residual block, all of one detection.
+struct Segment {
+  std::size_t residual_block;
+  std::size_t index;  ///< of this segment in its residual block
+  std::int64_t detection;
+  std::int64_t begin, end;
+};
+
+/// What the rows of a detection (or a part of them) amount to at a pose.
+struct Reduction {
+  /// Half the sum of rho.
+  double cost = 0.0;
+  Vector6d gradient = Vector6d::Zero();
+  Matrix6d information = Matrix6d::Zero();  ///< lower triangle
+};
+
+/// Derivatives of a segment's cost by the inset of its points, in steps of the sampling.
+struct InsetReduction {
+  double curvature = 0.0;  ///< sum of weight times across squared
+  double slope = 0.0;      ///< sum of weight times across times residual
+  Vector6d by_twist = Vector6d::Zero();
+};
+
+/// Adds a segment's rows at a pose.
+///
+/// \param sigma (n,) of the whole block.
+/// \param compressed (4, 4) rows of the segment's points, weighted by 1 / sigma, or null; used for
+///     orthogonal rows without a loss.
+/// \param with_derivatives when false only the cost is computed.
+void ReduceSegment(const ResidualBlock& block, const Segment& segment, const Eigen::VectorXd& sigma,
+                   Loss loss, const Eigen::Matrix4d* compressed,
+                   const Eigen::Isometry3d& sensor_T_pattern, bool with_derivatives,
+                   Reduction* sum);
+
+/// Writes the squared norms of a segment's residuals in units of sigma to squares[begin..end].
+void SquaredNorms(const ResidualBlock& block, const Segment& segment, const Eigen::VectorXd& sigma,
+                  const Eigen::Isometry3d& sensor_T_pattern, Eigen::VectorXd* squares);
+
+/// Adds a border segment's derivatives by the inset.
+///
+/// \param across the lengths of the steps across the border, metres, go to across[begin..end].
+void ReduceInset(const ResidualBlock& block, const Segment& segment, const Eigen::VectorXd& sigma,
+                 Loss loss, const Eigen::Isometry3d& sensor_T_pattern, Eigen::VectorXd* across,
+                 InsetReduction* sum);
+
+}  // namespace atom_core
+
+#endif  // ATOM_CORE_RESIDUAL_BLOCK_H_

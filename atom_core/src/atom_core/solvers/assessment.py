@@ -1,0 +1,79 @@
+"""What a round of reweighting needs to know of a problem at one vector.
+
+The specification of the native twin (`CalibrationProblem.assess`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import List, NamedTuple, Sequence, Tuple
+
+import numpy as np
+
+from atom_core.problem.problem import Linearisation, Problem
+from atom_core.problem.residuals import BorderBlock, squared_norms
+from atom_core.solvers import losses
+from atom_core.solvers.normal_equations import Layout, NormalEquations, normal_equations
+
+
+class InsetColumn(NamedTuple):
+    """The derivative of a border block's rows by its inset, in steps of the sampling, reduced.
+
+    Attributes:
+        block: index of the residual block.
+        across: (n,) steps across the border [m].
+        curvature: sum of weight times across squared.
+        slope: sum of weight times across times residual.
+        detection: (m,) detections with rows in the block.
+        by_twist: (m, 6) what the inset and these detections' twists have in common.
+    """
+
+    block: int
+    across: np.ndarray
+    curvature: float
+    slope: float
+    detection: np.ndarray
+    by_twist: np.ndarray
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """A problem at one vector, one loss and one set of sigmas.
+
+    Attributes:
+        equations: the weighted normal equations.
+        columns: of the border blocks whose inset the data can tell.
+    """
+
+    equations: NormalEquations
+    columns: Tuple[InsetColumn, ...]
+
+
+def assess(
+    problem: Problem, layout: Layout, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str
+) -> Assessment:
+    """Return the assessment of a problem at the vector x."""
+    line = problem.linearise(x)
+    weights = [
+        losses.weight(loss, squared_norms(r, s)) / s**2 for r, s in zip(line.residuals, sigmas)
+    ]
+    equations = normal_equations(problem, layout, line, weights)
+    return Assessment(equations, tuple(_columns(problem, problem.poses(x), line, weights)))
+
+
+def _columns(
+    problem: Problem, poses: np.ndarray, line: Linearisation, weights: Sequence[np.ndarray]
+) -> List[InsetColumn]:
+    columns = []
+    for i, block in enumerate(problem.residual_blocks):
+        if not isinstance(block, BorderBlock):
+            continue
+        _, across = block.steps_across(poses)
+        detection, place = np.unique(block.detection, return_inverse=True)
+        by_twist = np.zeros((len(detection), 6))
+        np.add.at(by_twist, place, (weights[i] * across)[:, None] * line.by_twist[i][:, 0])
+        curvature = float(np.sum(weights[i] * across**2))
+        slope = float(np.sum(weights[i] * across * line.residuals[i][:, 0]))
+        if curvature > 0:
+            columns.append(InsetColumn(i, across, curvature, slope, detection, by_twist))
+    return columns
