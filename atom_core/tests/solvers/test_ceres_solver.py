@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from atom_core.calibration.calibrate import calibrate, free_edges, initial_boards
+from atom_core.calibration.boards import initial_boards
+from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.disturb import disturbed
 from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.preparation import free_edges
 from atom_core.geometry.camera import Camera
 from atom_core.problem.builder import build_problem
 from atom_core.problem.measurements import read_measurements

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from atom_core.calibration.calibrate import free_edges, initial_boards
+from atom_core.calibration.boards import initial_boards
 from atom_core.calibration.disturb import disturbed
 from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.preparation import free_edges
 from atom_core.problem.builder import build_problem
 from atom_core.problem.measurements import read_measurements
 from atom_core.solvers import losses

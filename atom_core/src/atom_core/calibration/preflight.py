@@ -7,14 +7,10 @@ from typing import Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
-from atom_core.calibration.calibrate import (
-    absent_data,
-    carried_boards,
-    check_modalities,
-    free_edges,
-)
+from atom_core.calibration.boards import carried_boards
 from atom_core.calibration.connectivity import check_connected, floats_freely
 from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.preparation import absent_data, check_modalities, free_edges
 from atom_core.calibration.statistics import Table, residual_table
 from atom_core.errors import AtomError
 from atom_core.geometry import se3

@@ -1,0 +1,153 @@
+"""Boards of a calibration: where they start, when they are placed anew, where they end."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Dict, List, Mapping, Sequence, Tuple
+
+import numpy as np
+
+from atom_core.errors import CalibrationError
+from atom_core.model.dataset import Dataset, board_edge, pose
+from atom_core.model.pattern import BoardKey
+from atom_core.model.transforms import Edge
+from atom_core.problem.builder import FreeEdges, with_boards
+from atom_core.problem.initial_boards import Placement, better_boards, estimate_boards
+from atom_core.problem.measurements import Measurement
+from atom_core.problem.parameters import PATTERN
+from atom_core.problem.problem import Problem
+from atom_core.solvers.base import Minimum, Solver, SolverFactory, SolverOptions
+from atom_core.solvers.reweighting import rough_minimum
+
+_BOARD_ROUNDS = 3
+
+
+def initial_boards(
+    dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges
+) -> Dict[BoardKey, np.ndarray]:
+    """Return ``parent_T_pattern`` of every board, from the sensors where they stand now.
+
+    With ``anchor_patterns`` the dataset's own board poses are held.
+    """
+    if free.anchor_patterns:
+        return _held_boards(dataset, measurements)
+    return estimate_boards(measurements, _fixed_patterns(dataset), placement(dataset, measurements))
+
+
+def _fixed_patterns(dataset: Dataset) -> List[str]:
+    return [p.name for p in dataset.patterns.values() if p.fixed]
+
+
+def placement(dataset: Dataset, measurements: Sequence[Measurement]) -> Placement:
+    """Return where the sensors and the patterns' parents stand in the dataset's transforms."""
+    graph = dataset.graph
+    world_T_sensor, world_T_parent = {}, {}
+    for m in measurements:
+        collection, world = dataset.collections[m.key.collection], dataset.world
+        world_T_sensor[(m.key.collection, m.key.sensor)] = pose(
+            collection, graph, world, dataset.sensors[m.key.sensor].frame
+        )
+        world_T_parent[(m.key.collection, m.key.pattern)] = pose(
+            collection, graph, world, dataset.patterns[m.key.pattern].parent_frame
+        )
+    return Placement(world_T_sensor, world_T_parent)
+
+
+def settle_boards(
+    initial: Dataset,
+    solver: Solver,
+    measurements: Sequence[Measurement],
+    options: SolverOptions,
+    make_solver: SolverFactory,
+) -> Tuple[Solver, Minimum]:
+    """Solve roughly, and place boards anew that turn out to stand in the wrong solution.
+
+    Returns:
+        The solver of the problem as it is then, and where to go on from.
+    """
+    rough = rough_minimum(solver, np.zeros(solver.problem.parameters.size), options)
+    for _ in range(_BOARD_ROUNDS):
+        problem = solver.problem
+        poses = problem.parameters.poses(rough.x)
+        boards: Dict[BoardKey, int] = {
+            (block.names[0], block.collection): i
+            for i, block in enumerate(problem.parameters.blocks)
+            if block.kind == PATTERN
+        }
+        better = better_boards(
+            [m for m in measurements if _board_key(initial, m) in boards],
+            _fixed_patterns(initial),
+            placement(solved_dataset(initial, problem, rough.x, {}), measurements),
+            {key: poses[i] for key, i in boards.items()},
+        )
+        if not better:
+            break
+        replaced = {boards[key]: pose_ for key, pose_ in better.items()}
+        solver = make_solver(replace(problem, parameters=problem.parameters.with_initial(replaced)))
+        x = rough.x.copy()
+        x.reshape(-1, 6)[list(replaced)] = 0.0
+        left = replace(options, max_iterations=max(options.max_iterations - rough.iterations, 1))
+        again = rough_minimum(solver, x, left)
+        rough = replace(again, iterations=rough.iterations + again.iterations)
+    return solver, rough
+
+
+def _board_key(dataset: Dataset, m: Measurement) -> BoardKey:
+    return dataset.patterns[m.key.pattern].board_key(m.key.collection)
+
+
+def carried_boards(
+    dataset: Dataset, measurements: Sequence[Measurement]
+) -> Dict[BoardKey, np.ndarray]:
+    """Return ``parent_T_pattern`` of the boards whose pose stands in the dataset's transforms."""
+    boards: Dict[BoardKey, np.ndarray] = {}
+    for m in measurements:
+        edge = board_edge(dataset.patterns[m.key.pattern])
+        transforms = dataset.collections[m.key.collection].transforms
+        if edge in transforms:
+            boards[(m.key.pattern, m.key.collection)] = transforms[edge]
+    return boards
+
+
+def _held_boards(
+    dataset: Dataset, measurements: Sequence[Measurement]
+) -> Dict[BoardKey, np.ndarray]:
+    boards = carried_boards(dataset, measurements)
+    for m in measurements:
+        if (m.key.pattern, m.key.collection) not in boards:
+            edge = board_edge(dataset.patterns[m.key.pattern])
+            raise CalibrationError(
+                f"--anchor_patterns: collection {m.key.collection} has no pose '{edge}' of pattern "
+                f"'{m.key.pattern}' to hold; calibrate once without -ap, and use its result"
+            )
+    return boards
+
+
+def placed(
+    dataset: Dataset,
+    measurements: Sequence[Measurement],
+    boards: Mapping[BoardKey, np.ndarray],
+    unused: Dict[str, str],
+) -> List[Measurement]:
+    """Return the measurements whose board has a pose; note the collections that lose theirs."""
+    kept = []
+    for m in measurements:
+        if (m.key.pattern, None) in boards or (m.key.pattern, m.key.collection) in boards:
+            kept.append(m)
+    used = {m.key.collection for m in kept}
+    for key in dataset.collections:
+        if key not in used and key not in unused:
+            unused[key] = "no detection is good enough to place the board"
+    return kept
+
+
+def solved_dataset(
+    dataset: Dataset, problem: Problem, x: np.ndarray, boards: Mapping[BoardKey, np.ndarray]
+) -> Dataset:
+    """Return the dataset with the solution's edges and boards in its transforms."""
+    changes: Dict[str, Dict[Edge, np.ndarray]] = {key: {} for key in dataset.collections}
+    for block, matrix in zip(problem.parameters.blocks, problem.parameters.poses(x)):
+        for key in dataset.collections if block.collection is None else [block.collection]:
+            changes[key][block.edge] = matrix
+    # the boards first: held ones keep their value, the others are among the changes
+    return with_boards(dataset, boards).with_transforms(changes)

@@ -1,0 +1,143 @@
+"""From a dataset and options to what is to be solved: measurements, what is free, what is held."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Dict, List, Sequence, Set, Tuple
+
+from atom_core.calibration.connectivity import check_connected, floats_freely
+from atom_core.calibration.options import CalibrationOptions
+from atom_core.errors import CalibrationError
+from atom_core.model.dataset import Dataset, is_complete
+from atom_core.model.sensor import LIDAR2D
+from atom_core.model.transforms import Edge
+from atom_core.problem.builder import FreeEdges, check_edges
+from atom_core.problem.measurements import Measurement, read_measurements
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """What a calibration works on.
+
+    Attributes:
+        measurements: the detections that can tie something.
+        free: what is estimated and what is held; something is, or motion ties the rig to world.
+        unused: why a collection was left out, by key.
+        remarks: what the user should know.
+    """
+
+    measurements: List[Measurement]
+    free: FreeEdges
+    unused: Dict[str, str]
+    remarks: List[str]
+
+
+def prepare(dataset: Dataset, options: CalibrationOptions) -> Prepared:
+    """Check a dataset and read its measurements.
+
+    Raises:
+        AtomError: the calibration cannot be posed; one sentence says why and what to do.
+    """
+    check_modalities(dataset)
+    check_data_present(dataset)
+    free = free_edges(dataset, options)
+    check_edges(dataset, free)
+    measurements, remarks = read_measurements(dataset)
+    measurements, unused = _usable(dataset, measurements, options)
+    check_connected(dataset, measurements, free)
+    if floats_freely(dataset, measurements, free):
+        free, remark = _anchor_first(dataset, free)
+        remarks.append(remark)
+    return Prepared(measurements, free, unused, remarks)
+
+
+def check_modalities(dataset: Dataset) -> None:
+    """Refuse sensors whose residuals do not exist yet, by name."""
+    for sensor in dataset.sensors.values():
+        if sensor.modality == LIDAR2D:
+            raise CalibrationError(
+                f"sensor '{sensor.name}': modality lidar2d can be read and written but not "
+                f"calibrated yet; leave it out with -ssf '!{sensor.name}'"
+            )
+
+
+def absent_data(dataset: Dataset) -> Dict[str, List[str]]:
+    """Return, by range sensor, the collections whose labels refer to absent data files."""
+    absent: Dict[str, List[str]] = {}
+    for key, _ in dataset.detections():
+        is_range = dataset.sensors[key.sensor].is_range
+        if is_range and not dataset.data.has_data(key.collection, key.sensor):
+            absent.setdefault(key.sensor, []).append(key.collection)
+    return absent
+
+
+def check_data_present(dataset: Dataset) -> None:
+    """Refuse a range sensor whose labels refer to data files that are absent."""
+    for sensor, collections in absent_data(dataset).items():
+        raise CalibrationError(
+            f"{dataset.source}: the data files of sensor '{sensor}' are absent (collections "
+            f"{', '.join(dict.fromkeys(collections))}); put them beside the dataset, or leave the "
+            f"sensor out with -ssf '!{sensor}'"
+        )
+
+
+def free_edges(dataset: Dataset, options: CalibrationOptions) -> FreeEdges:
+    """Return what is estimated and what is held, from configuration and options.
+
+    Raises:
+        CalibrationError: an anchored sensor that does not exist.
+    """
+    anchored = list(options.anchor_sensors)
+    configured = dataset.config.anchored_sensor
+    if configured and not options.ignore_anchored_sensor and configured in dataset.sensors:
+        anchored.append(configured)
+    for name in options.anchor_sensors:
+        if name not in dataset.sensors:
+            raise CalibrationError(
+                f"anchored sensor '{name}' is not among the sensors used: "
+                f"{', '.join(dataset.sensors)}"
+            )
+    additional = {
+        name: Edge(entry.parent_link, entry.child_link)
+        for name, entry in dataset.config.additional_tfs.items()
+        if options.additional_tfs is None or name in options.additional_tfs
+    }
+    return FreeEdges(tuple(dict.fromkeys(anchored)), additional, options.anchor_patterns)
+
+
+def _usable(
+    dataset: Dataset, measurements: Sequence[Measurement], options: CalibrationOptions
+) -> Tuple[List[Measurement], Dict[str, str]]:
+    """Return the measurements that can tie something, and why collections were left out."""
+    unused: Dict[str, str] = {}
+    seen_by: Dict[Tuple[str, str], Set[Edge]] = {}
+    for m in measurements:
+        edge = dataset.sensors[m.key.sensor].edge
+        seen_by.setdefault((m.key.collection, m.key.pattern), set()).add(edge)
+    for key in dataset.collections:
+        boards = [s for (collection, _), s in seen_by.items() if collection == key]
+        if not boards:
+            unused[key] = "no sensor detected a pattern"
+        elif options.complete_only and not is_complete(dataset, key):
+            unused[key] = "incomplete (--complete_only)"
+
+    def ties(m: Measurement) -> bool:
+        if dataset.patterns[m.key.pattern].fixed or options.anchor_patterns:
+            return True
+        return len(seen_by[(m.key.collection, m.key.pattern)]) > 1
+
+    kept = [m for m in measurements if m.key.collection not in unused and ties(m)]
+    used = {m.key.collection for m in kept}
+    for key in dataset.collections:
+        if key not in used and key not in unused:
+            unused[key] = "the board is seen by one sensor only, which ties nothing together"
+    return kept, unused
+
+
+def _anchor_first(dataset: Dataset, free: FreeEdges) -> Tuple[FreeEdges, str]:
+    name = next(iter(dataset.sensors))
+    remark = (
+        f"nothing ties the rig to '{dataset.world}': sensor '{name}' is held where it is, all "
+        f"others are relative to it (name one with anchored_sensor or -as)"
+    )
+    return replace(free, anchored_sensors=(name,)), remark
