@@ -7,13 +7,16 @@ from typing import Any, Dict, List, Optional
 import numpy as np
 
 from atom_core.calibration.calibrate import Calibration
-from atom_core.calibration.statistics import Table, kinds_of, outlier_counts, residual_table
+from atom_core.calibration.outliers import OUTLIER_SIGMAS, Outliers, find_outliers
+from atom_core.calibration.propagation import SensorPair, propagate, sensor_pairs
+from atom_core.calibration.statistics import Table, kinds_of, residual_table
 from atom_core.calibration.weak_directions import edge_covariance
 from atom_core.geometry import se3
 from atom_core.model.transforms import Edge
 from atom_core.problem.residuals import UNITS
 
 VERSION = "1.0"
+_COMMENT_DISTANCE_M = 2.0
 
 
 def result_document(
@@ -26,7 +29,9 @@ def result_document(
         options: the command's options, to be repeated.
         solver_name: which minimiser did the work.
     """
-    table = residual_table(calibration.problem, calibration.summary.x)
+    problem, summary = calibration.problem, calibration.summary
+    table = residual_table(problem, summary.x)
+    outliers = find_outliers(problem, summary.x, summary.sigmas)
     return {
         "version": VERSION,
         "dataset": str(calibration.dataset.source),
@@ -36,8 +41,12 @@ def result_document(
         "message": calibration.message,
         "solver": _solver(calibration, solver_name),
         "edges": edges_document(calibration),
-        "sensors": _sensors(calibration, table),
+        "sensors": _sensors(calibration, table, outliers),
         "collections": _collections(calibration, table),
+        "propagation": propagation_document(calibration),
+        "outlier_limit_sigmas": OUTLIER_SIGMAS,
+        "outlier_count": sum(outliers.counts.values()),
+        "outliers": [outlier.document() for outlier in outliers.largest],
         "weak_directions": [
             {"parameters": list(w.parameters), "sigma": w.sigma, "unit": w.unit, "why": w.why}
             for w in calibration.weak_directions
@@ -75,12 +84,25 @@ def selected_edges(calibration: Calibration) -> Dict[Edge, np.ndarray]:
 
 
 def sigma_text(calibration: Calibration, edge: Edge) -> str:
-    """Return an edge's standard deviations in words, for a comment."""
+    """Return, for a comment, an edge's standard deviations and how well its sensors see with it.
+
+    The latter is the deviation of a point carried to the reference, which is the anchored sensor,
+    or the first one.
+    """
     variance = edge_variance(calibration, edge)
     sigma = np.sqrt(np.zeros(6) if variance is None else variance)
     move = ", ".join(f"{1e3 * s:.2g}" for s in sigma[3:])
     turn = ", ".join(f"{np.rad2deg(s):.2g}" for s in sigma[:3])
-    return f"calibrated; sigma x y z: {move} mm, about x y z: {turn} deg"
+    text = f"calibrated; sigma x y z: {move} mm, about x y z: {turn} deg"
+    dataset, anchored = calibration.dataset, calibration.free.anchored_sensors
+    reference = anchored[0] if anchored else next(iter(dataset.sensors))
+    for pair in pairs_of(calibration):
+        if dataset.sensors[pair.source].edge == edge and pair.target == reference:
+            (carried,) = propagate([pair], dataset.sensors, [_COMMENT_DISTANCE_M])[0]
+            text += f"; a point at {_COMMENT_DISTANCE_M:g} m, carried to {reference}: "
+            text += f"{1e3 * carried.sigma_m:.2g} mm"
+            text += "" if carried.sigma_px is None else f", {carried.sigma_px:.2g} px"
+    return text
 
 
 def edges_document(calibration: Calibration) -> Dict[str, Any]:
@@ -121,16 +143,34 @@ def edge_variance(calibration: Calibration, edge: Edge) -> Optional[np.ndarray]:
     return None
 
 
-def _sensors(calibration: Calibration, table: Table) -> Dict[str, Any]:
+def pairs_of(calibration: Calibration) -> List[SensorPair]:
+    """Return every ordered pair of sensors with the covariance of its pose."""
+    x, parameters = calibration.summary.x, calibration.problem.parameters
+    return sensor_pairs(calibration.dataset, parameters, x, calibration.covariance)
+
+
+def propagation_document(calibration: Calibration) -> List[Dict[str, Any]]:
+    """Return, for every ordered pair of sensors, how exactly points are carried over."""
+    pairs = pairs_of(calibration)
+    return [
+        {
+            "source": pair.source,
+            "target": pair.target,
+            "points": [point.document() for point in points],
+        }
+        for pair, points in zip(pairs, propagate(pairs, calibration.dataset.sensors))
+    ]
+
+
+def _sensors(calibration: Calibration, table: Table, outliers: Outliers) -> Dict[str, Any]:
     problem, summary = calibration.problem, calibration.summary
-    outliers = outlier_counts(problem, summary.x, summary.sigmas)
     document = {}
     for name, sensor in calibration.dataset.sensors.items():
         kinds = kinds_of(table, name)
         document[name] = {
             "modality": sensor.modality,
             "detections": sum(key.sensor == name for key in problem.detections),
-            "outliers": outliers.get(name, 0),
+            "outliers": outliers.counts.get(name, 0),
             "residuals": {kind: table[(name, kind, None)].document() for kind in kinds},
             "border_inset_steps": sum(
                 inset

@@ -10,8 +10,6 @@ import numpy as np
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import UNITS
 
-_OUTLIER_SIGMAS = 4.0
-
 
 @dataclass(frozen=True)
 class ResidualStatistics:
@@ -75,17 +73,6 @@ def mean_over_collections(table: Table, sensor: str, kind: str) -> float:
         if name == sensor and what == kind and collection is not None
     ]
     return float(np.mean(means))
-
-
-def outlier_counts(
-    problem: Problem, x: np.ndarray, sigmas: Tuple[np.ndarray, ...]
-) -> Dict[str, int]:
-    """Return, by sensor, how many corners or points lie beyond four sigmas."""
-    counts: Dict[str, int] = {}
-    for block, residual, sigma in zip(problem.residual_blocks, problem.residuals(x), sigmas):
-        beyond = np.linalg.norm(residual, axis=1) > _OUTLIER_SIGMAS * sigma
-        counts[block.sensor] = counts.get(block.sensor, 0) + int(np.sum(beyond))
-    return counts
 
 
 def kinds_of(table: Table, sensor: str) -> List[str]:

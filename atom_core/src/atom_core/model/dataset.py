@@ -78,10 +78,20 @@ class DetectionKey(NamedTuple):
 
 
 class RangePoints(NamedTuple):
-    """Labelled points of a range sensor, in its frame [m]; ``dropped`` had no valid depth."""
+    """Labelled points of a range sensor.
+
+    Attributes:
+        inside: (n, 3) on the board, in the sensor's frame [m].
+        limit: (m, 3) on its border [m].
+        inside_indices: (n,) which points of the cloud or pixels of the image they are.
+        limit_indices: (m,) likewise.
+        dropped: so many labelled pixels had no valid depth.
+    """
 
     inside: np.ndarray
     limit: np.ndarray
+    inside_indices: np.ndarray
+    limit_indices: np.ndarray
     dropped: int
 
 
@@ -226,11 +236,12 @@ def range_points(dataset: Dataset, key: DetectionKey) -> RangePoints:
     inside, limit = np.unique(label.indices), np.unique(label.limit_indices)
     if sensor.modality == LIDAR3D:
         cloud = dataset.data.cloud(key.collection, key.sensor)
-        return RangePoints(_pick(cloud, inside, key), _pick(cloud, limit, key), 0)
+        return RangePoints(_pick(cloud, inside, key), _pick(cloud, limit, key), inside, limit, 0)
     image = dataset.data.depth_image(key.collection, key.sensor)
-    points_inside, lost_inside = _depth_points(image, inside, sensor, key)
-    points_limit, lost_limit = _depth_points(image, limit, sensor, key)
-    return RangePoints(points_inside, points_limit, lost_inside + lost_limit)
+    points_inside, kept_inside = _depth_points(image, inside, sensor, key)
+    points_limit, kept_limit = _depth_points(image, limit, sensor, key)
+    dropped = len(inside) + len(limit) - len(kept_inside) - len(kept_limit)
+    return RangePoints(points_inside, points_limit, kept_inside, kept_limit, dropped)
 
 
 def place(key: DetectionKey) -> str:
@@ -252,14 +263,15 @@ def _pick(cloud: np.ndarray, indices: np.ndarray, key: DetectionKey) -> np.ndarr
 
 def _depth_points(
     image: np.ndarray, indices: np.ndarray, sensor: Sensor, key: DetectionKey
-) -> Tuple[np.ndarray, int]:
+) -> Tuple[np.ndarray, np.ndarray]:
+    """Return points (n, 3) [m] of the pixels that have a depth, and the pixels' indices (n,)."""
     _check_indices(indices, image.size, key)
     row, column = np.divmod(indices, image.shape[1])
     depth = image[row, column].astype(float)
     valid = np.isfinite(depth) & (depth > 0)
     pixels = np.column_stack([column, row])[valid].astype(float)
     assert sensor.camera is not None
-    return sensor.camera.ray_points(pixels, depth[valid]), int(np.sum(~valid))
+    return sensor.camera.ray_points(pixels, depth[valid]), indices[valid]
 
 
 def _check_indices(indices: np.ndarray, size: int, key: DetectionKey) -> None:

@@ -104,7 +104,15 @@ def build_problem(
         + _pattern_blocks(placed, boards, measurements, free)
     )
     ordered = sorted(measurements, key=lambda m: (m.key.sensor, m.key.collection, m.key.pattern))
-    chains = _chains(placed, ordered, parameters)
+    ends = [
+        (
+            m.key.collection,
+            dataset.sensors[m.key.sensor].frame,
+            dataset.patterns[m.key.pattern].frame,
+        )
+        for m in ordered
+    ]
+    chains = pose_chains(placed, ends, parameters)
     blocks = _residual_blocks(ordered)
     return Problem(parameters, tuple(m.key for m in ordered), chains, tuple(blocks))
 
@@ -178,11 +186,18 @@ def _value(dataset: Dataset, collection: str, edge: Edge) -> np.ndarray:
     return transforms[edge]
 
 
-def _chains(
-    dataset: Dataset, measurements: Sequence[Measurement], parameters: Parameters
+def pose_chains(
+    dataset: Dataset, ends: Sequence[Tuple[str, str, str]], parameters: Parameters
 ) -> PoseChains:
+    """Return the chains between frames.
+
+    Args:
+        dataset: its transforms are the values of what is no parameter.
+        ends: (collection, target frame, source frame) of each chain.
+        parameters: what is estimated.
+    """
     graph = dataset.graph
-    factored = [_factor(dataset, graph, m, parameters) for m in measurements]
+    factored = [_factor(dataset, graph, *end, parameters) for end in ends]
     depth = max([len(blocks) for _, blocks, _ in factored] + [0])
     count = len(factored)
     constants = np.tile(np.eye(4), (count, depth + 1, 1, 1))
@@ -196,21 +211,25 @@ def _chains(
 
 
 def _factor(
-    dataset: Dataset, graph: FrameGraph, m: Measurement, parameters: Parameters
+    dataset: Dataset,
+    graph: FrameGraph,
+    collection: str,
+    target: str,
+    source: str,
+    parameters: Parameters,
 ) -> Tuple[List[np.ndarray], List[int], List[bool]]:
-    """Return constants, block indices and inversions of ``sensor_T_pattern``."""
-    sensor, pattern = dataset.sensors[m.key.sensor], dataset.patterns[m.key.pattern]
+    """Return constants, block indices and inversions of ``target_T_source``."""
     matrices: List[np.ndarray] = [np.eye(4)]
     blocks: List[int] = []
     turned: List[bool] = []
-    for edge, inverted in graph.chain(sensor.frame, pattern.frame):
-        index = parameters.find(edge, m.key.collection)
+    for edge, inverted in graph.chain(target, source):
+        index = parameters.find(edge, collection)
         if index >= 0:
             blocks.append(index)
             turned.append(inverted)
             matrices.append(np.eye(4))
             continue
-        matrix = _value(dataset, m.key.collection, edge)
+        matrix = _value(dataset, collection, edge)
         matrices[-1] = matrices[-1] @ (se3.inverse(matrix) if inverted else matrix)
     return matrices, blocks, turned
 
@@ -252,7 +271,7 @@ def _orthogonal(sensor: str, items: Sequence[Tuple[int, RangeMeasurement]]) -> O
         modality=items[0][1].modality,
         detection=_repeat([(i, len(m.inside)) for i, m in items]),
         sigma=np.concatenate([m.inside_sigma_m for _, m in items]),
-        ids=np.concatenate([np.arange(len(m.inside)) for _, m in items]),
+        ids=np.concatenate([m.inside_indices for _, m in items]),
         points=np.concatenate([m.inside for _, m in items]),
     )
 
@@ -264,7 +283,7 @@ def _border(sensor: str, items: Sequence[Tuple[int, RangeMeasurement]]) -> Borde
         modality=items[0][1].modality,
         detection=_repeat([(i, len(m.limit)) for i, m in items]),
         sigma=np.concatenate([m.limit_sigma_m for _, m in items]),
-        ids=np.concatenate([np.arange(n) for n in counts]),
+        ids=np.concatenate([m.limit_indices for _, m in items]),
         points=np.concatenate([m.limit for _, m in items]),
         centre=np.repeat([m.border.centre for _, m in items], counts, axis=0),
         half_size=np.repeat([m.border.half_size for _, m in items], counts, axis=0),

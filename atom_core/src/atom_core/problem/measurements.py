@@ -61,6 +61,7 @@ class RangeMeasurement:
         limit_sigma_m: (m,) expected deviation from the border [m].
         limit_steps: (m, 2, 3) in the board's plane, from a limit point to where the next sample
             in each direction of sampling would be [m]; zero where there is no second one.
+        inside_indices, limit_indices: (n,), (m,) which points of the cloud or pixels they are.
     """
 
     key: DetectionKey
@@ -71,6 +72,8 @@ class RangeMeasurement:
     inside_sigma_m: np.ndarray
     limit_sigma_m: np.ndarray
     limit_steps: np.ndarray
+    inside_indices: np.ndarray
+    limit_indices: np.ndarray
 
 
 Measurement = Union[CornerMeasurement, RangeMeasurement]
@@ -116,7 +119,16 @@ def _range_measurement(
         limit_sigma = np.full(len(points.limit), LIDAR_SIGMA_M)
         steps = _beam_steps(points)
     return RangeMeasurement(
-        key, sensor.modality, border, points.inside, points.limit, inside_sigma, limit_sigma, steps
+        key,
+        sensor.modality,
+        border,
+        points.inside,
+        points.limit,
+        inside_sigma,
+        limit_sigma,
+        steps,
+        points.inside_indices,
+        points.limit_indices,
     )
 
 

@@ -37,7 +37,7 @@ class ResidualBlock(ABC):
         modality: the sensor's.
         detection: (n,) index of the detection of each item, ascending.
         sigma: (n,) expected standard deviation of each item, in the kind's unit.
-        ids: (n,) corner id, or the position of the point in its detection.
+        ids: (n,) corner id, or index of the point in its cloud or of the pixel in its image.
     """
 
     sensor: str

@@ -12,12 +12,16 @@ from atom_core.calibration.statistics import Table, kinds_of
 from atom_core.model.dataset import Dataset, DetectionKey
 from atom_core.report.tables import ABSENT, text_table
 
+_PROPAGATED_M = 2.0  # the distance whose deviations are shown
+_WIDEST_MATRIX = 12  # sensors, that a matrix of them still fits the screen
+_OUTLIERS_NAMED = 3
 _SHOWN = {"reprojection": ("px", 1.0, 4), "orthogonal": ("mm", 1e3, 2), "border": ("mm", 1e3, 2)}
 
 
 def calibration_report(document: Mapping[str, Any], verbose: bool = False) -> str:
     """Return what ``calibrate`` prints, from the document ``calibration.json``."""
     parts = [_edges_table(document), _sensors_table(document)]
+    parts += _propagation_table(document) + _outliers_line(document)
     if verbose:
         parts.append(_collections_table(document))
     if "ground_truth" in document:
@@ -67,6 +71,44 @@ def _sensors_table(document: Mapping[str, Any]) -> str:
     for kind, (unit, _, _) in _SHOWN.items():
         headers += [f"{kind} mean [{unit}]", f"rms [{unit}]"]
     return text_table(headers, rows, "Residuals at the solution")
+
+
+def _propagation_table(document: Mapping[str, Any]) -> List[str]:
+    """Return the matrix of the deviations of a point carried from sensor to sensor."""
+    names = list(document["sensors"])
+    if not 2 <= len(names) <= _WIDEST_MATRIX:
+        return []
+    cells = {}
+    for pair in document["propagation"]:
+        point = next(p for p in pair["points"] if p["distance_m"] == _PROPAGATED_M)
+        cells[(pair["source"], pair["target"])] = _deviation(point)
+    rows = [[source] + [cells.get((source, target)) for target in names] for source in names]
+    title = (
+        f"Standard deviation of a point {_PROPAGATED_M:g} m before the sensor on the left, carried "
+        f"to another"
+    )
+    return [text_table(["From \\ to"] + names, rows, title)]
+
+
+def _deviation(point: Mapping[str, Any]) -> str:
+    if point["sigma_px"] is not None:
+        return f"{point['sigma_px']:.2f} px"
+    return f"{1e3 * point['sigma_m']:.2f} mm"
+
+
+def _outliers_line(document: Mapping[str, Any]) -> List[str]:
+    count, limit = document["outlier_count"], document["outlier_limit_sigmas"]
+    if count == 0:
+        return []
+    items = sum(r["count"] for s in document["sensors"].values() for r in s["residuals"].values())
+    largest = [
+        f"{o['sensor']} in {o['collection']}, {o['kind']} of {o['id']}: {o['sigmas']:.1f}"
+        for o in document["outliers"][:_OUTLIERS_NAMED]
+    ]
+    return [
+        f"{count} of {items} corners and points lie beyond {limit:g} sigma; the largest: "
+        f"{'; '.join(largest)} (all in calibration.json)"
+    ]
 
 
 def _collections_table(document: Mapping[str, Any]) -> str:

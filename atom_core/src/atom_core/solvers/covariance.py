@@ -67,20 +67,28 @@ class Covariance:
         result[own] = _tiles(self._local)[group[own], r[own], c[own]]
         return self._scale * result
 
+    def twists(self, index: np.ndarray, maps: np.ndarray) -> np.ndarray:
+        """Return the covariances (n, 6, 6) of the twists of chains.
+
+        Args:
+            index: (n, k) blocks of each chain, -1 where it is shorter.
+            maps: (n, k, 6, 6) twist by the numbers of the blocks.
+        """
+        result = np.zeros((len(index), 6, 6))
+        for k in range(index.shape[1]):
+            for m in range(index.shape[1]):
+                both = np.flatnonzero((index[:, k] >= 0) & (index[:, m] >= 0))
+                pair = self.pairs(index[both, k], index[both, m])
+                result[both] += maps[both, k] @ pair @ np.swapaxes(maps[both, m], 1, 2)
+        return result
+
     def explained(self, problem: Problem, equations: NormalEquations) -> np.ndarray:
         """Return, for each residual block, how many of its rows the parameters explain.
 
         The trace of the hat matrix over the block's rows: rows minus this are its redundancy
         (Foerstner 1979, variance components).
         """
-        maps = equations.maps
-        index = problem.chains.block
-        twist_covariance = np.zeros((len(index), 6, 6))
-        for k in range(index.shape[1]):
-            for m in range(index.shape[1]):
-                both = np.flatnonzero((index[:, k] >= 0) & (index[:, m] >= 0))
-                pair = self.pairs(index[both, k], index[both, m]) / self._scale
-                twist_covariance[both] += maps[both, k] @ pair @ np.swapaxes(maps[both, m], 1, 2)
+        twist_covariance = self.twists(problem.chains.block, equations.maps) / self._scale
         return np.array(
             [
                 float(np.einsum("dij,dji->", part.information, twist_covariance[part.detection]))

@@ -1,0 +1,83 @@
+"""Outliers: single corners and points that lie far from the solution, named one by one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Dict, NamedTuple, Sequence, Tuple
+
+import numpy as np
+
+from atom_core.problem.problem import Problem
+from atom_core.problem.residuals import UNITS
+
+OUTLIER_SIGMAS = 4.0
+MOST_LISTED = 1000
+
+
+class Outlier(NamedTuple):
+    """One item whose residual exceeds the limit.
+
+    Attributes:
+        collection, sensor, pattern: of its detection.
+        kind: reprojection, orthogonal or border.
+        id: corner id, or index of the point in its cloud or of the pixel in its image.
+        residual: its norm.
+        unit: of the residual, px or m.
+        sigmas: the residual in standard deviations.
+    """
+
+    collection: str
+    sensor: str
+    pattern: str
+    kind: str
+    id: int
+    residual: float
+    unit: str
+    sigmas: float
+
+    def document(self) -> Dict[str, Any]:
+        """Return it as it stands in a result file."""
+        return dict(self._asdict())
+
+
+@dataclass(frozen=True)
+class Outliers:
+    """All items beyond ``OUTLIER_SIGMAS``.
+
+    Attributes:
+        counts: how many, by sensor.
+        largest: the ``MOST_LISTED`` largest, in units of their sigma, the largest first.
+    """
+
+    counts: Dict[str, int]
+    largest: Tuple[Outlier, ...]
+
+
+def find_outliers(problem: Problem, x: np.ndarray, sigmas: Sequence[np.ndarray]) -> Outliers:
+    """Return the outliers at the vector x.
+
+    Args:
+        problem: whose items.
+        x: the vector.
+        sigmas: for each residual block, (n,) in its unit.
+    """
+    counts: Dict[str, int] = {}
+    owners, items, residuals, sizes = [], [], [], []
+    for b, residual in enumerate(problem.residuals(x)):
+        norms = np.linalg.norm(residual, axis=1)
+        beyond = np.flatnonzero(norms > OUTLIER_SIGMAS * sigmas[b])
+        sensor = problem.residual_blocks[b].sensor
+        counts[sensor] = counts.get(sensor, 0) + len(beyond)
+        owners.append(np.full(len(beyond), b))
+        items.append(beyond)
+        residuals.append(norms[beyond])
+        sizes.append(norms[beyond] / sigmas[b][beyond])
+    owner, item, norm, size = (np.concatenate(v) for v in (owners, items, residuals, sizes))
+    order = np.argsort(-size, kind="stable")[:MOST_LISTED]
+    largest = []
+    for i in order:
+        block = problem.residual_blocks[owner[i]]
+        key, unit = problem.detections[block.detection[item[i]]], UNITS[block.kind]
+        number = int(block.ids[item[i]])
+        largest.append(Outlier(*key, block.kind, number, float(norm[i]), unit, float(size[i])))
+    return Outliers(counts, tuple(largest))
