@@ -79,5 +79,17 @@ def find_outliers(problem: Problem, x: np.ndarray, sigmas: Sequence[np.ndarray])
         block = problem.residual_blocks[owner[i]]
         key, unit = problem.detections[block.detection[item[i]]], UNITS[block.kind]
         number = int(block.ids[item[i]])
-        largest.append(Outlier(*key, block.kind, number, float(norm[i]), unit, float(size[i])))
+        length, sigmas_off = float(norm[i]), float(size[i])
+        largest.append(
+            Outlier(
+                key.collection,
+                key.sensor,
+                key.pattern,
+                block.kind,
+                number,
+                length,
+                unit,
+                sigmas_off,
+            )
+        )
     return Outliers(counts, tuple(largest))
