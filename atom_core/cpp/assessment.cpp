@@ -27,8 +27,8 @@ Assessment Assess(const CalibrationProblem& problem, const Weighting& weighting,
       block.detection[segment.index] = segment.detection;
       if (block.inset.empty()) continue;
       ReduceInset(problem.residuals()[segment.residual_block], segment,
-                  weighting.sigma[segment.residual_block], weighting.loss, pose, &block.across,
-                  &block.inset[segment.index]);
+                  weighting.inverse_variance[segment.residual_block], weighting.loss, pose,
+                  &block.across, &block.inset[segment.index]);
     }
   }
   return result;
@@ -44,7 +44,8 @@ std::vector<Eigen::VectorXd> SquaredNorms(const CalibrationProblem& problem,
     const Eigen::Isometry3d pose = problem.Pose(d, x, nullptr);
     for (const Segment& segment : problem.segments(d)) {
       SquaredNorms(problem.residuals()[segment.residual_block], segment,
-                   weighting.sigma[segment.residual_block], pose, &squares[segment.residual_block]);
+                   weighting.inverse_variance[segment.residual_block], pose,
+                   &squares[segment.residual_block]);
     }
   }
   return squares;

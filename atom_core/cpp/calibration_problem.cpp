@@ -114,16 +114,18 @@ Weighting CalibrationProblem::MakeWeighting(Loss loss, std::vector<Eigen::Vector
   if (sigma.size() != residuals_.size()) {
     throw std::invalid_argument("one array of sigmas is needed for each residual block");
   }
-  Weighting weighting{loss, std::move(sigma), std::vector<PlaneRows>(residuals_.size())};
+  Weighting weighting{loss, {}, std::vector<PlaneRows>(residuals_.size())};
   for (std::size_t b = 0; b < residuals_.size(); ++b) {
-    if (weighting.sigma[b].size() != residuals_[b].points.rows()) {
+    if (sigma[b].size() != residuals_[b].points.rows()) {
       throw std::invalid_argument("one sigma is needed for each item of a residual block");
     }
     if (compress && loss == Loss::kNone && residuals_[b].kind == ResidualKind::kOrthogonal) {
-      weighting.compressed[b] = CompressPlanarSegments(
-          residuals_[b].points, weighting.sigma[b].cwiseInverse(), segment_starts_[b]);
+      weighting.compressed[b] =
+          CompressPlanarSegments(residuals_[b].points, sigma[b].cwiseInverse(), segment_starts_[b]);
     }
+    sigma[b] = sigma[b].array().square().inverse();
   }
+  weighting.inverse_variance = std::move(sigma);
   return weighting;
 }
 
@@ -134,7 +136,7 @@ void CalibrationProblem::Reduce(const Segment& segment, const Weighting& weighti
   Eigen::Matrix4d compressed;
   if (rows.size() > 0) compressed = rows.middleRows<4>(4 * segment.index);
   ReduceSegment(residuals_[segment.residual_block], segment,
-                weighting.sigma[segment.residual_block], weighting.loss,
+                weighting.inverse_variance[segment.residual_block], weighting.loss,
                 rows.size() > 0 ? &compressed : nullptr, pose, with_derivatives, sum);
 }
 

@@ -37,37 +37,54 @@ class DetectionCost : public ceres::CostFunction {
   bool Evaluate(double const* const* numbers, double* residuals,
                 double** jacobians) const override {
     if (!WithinReach(numbers)) return false;
-    std::vector<Matrix6d> maps(jacobians != nullptr ? accepted_.size() : 0);
-    const Eigen::Isometry3d pose =
-        problem_.Pose(detection_, numbers, jacobians != nullptr ? &maps : nullptr);
-    Reduction sum;
-    for (const auto& segment : problem_.segments(detection_)) {
-      problem_.Reduce(segment, weighting_, pose, jacobians != nullptr, &sum);
-    }
-    if (!std::isfinite(sum.cost)) return false;
+    if (!IsKept(numbers)) Reduce(numbers);
+    if (!std::isfinite(sum_.cost)) return false;
     if (jacobians == nullptr) {
       std::fill(residuals, residuals + kRows, 0.0);
-      residuals[kRows - 1] = std::sqrt(2.0 * sum.cost);
+      residuals[kRows - 1] = std::sqrt(2.0 * sum_.cost);
       return true;
     }
     Matrix6d root;
     Vector6d rotated;
-    SquareRoot(sum, &root, &rotated);
-    const double lengthening = Lengthening(2.0 * sum.cost, rotated.squaredNorm());
+    SquareRoot(sum_, &root, &rotated);
+    const double lengthening = Lengthening(2.0 * sum_.cost, rotated.squaredNorm());
     root /= lengthening;
     rotated *= lengthening;
     Eigen::Map<Vector6d>(residuals, 6) = rotated;
-    residuals[kRows - 1] = std::sqrt(std::max(0.0, 2.0 * sum.cost - rotated.squaredNorm()));
+    residuals[kRows - 1] = std::sqrt(std::max(0.0, 2.0 * sum_.cost - rotated.squaredNorm()));
     for (std::size_t k = 0; k < accepted_.size(); ++k) {
       if (jacobians[k] == nullptr) continue;
       Eigen::Map<RowMatrix> jacobian(jacobians[k]);
-      jacobian.topRows<6>().noalias() = root * maps[k];
+      jacobian.topRows<6>().noalias() = root * maps_[k];
       jacobian.bottomRows<1>().setZero();
     }
     return true;
   }
 
  private:
+  /// Ceres asks for the cost of a step first, and for the derivatives once it is accepted: both
+  /// are found together and kept.
+  void Reduce(double const* const* numbers) const {
+    kept_.clear();
+    for (std::size_t k = 0; k < accepted_.size(); ++k) {
+      kept_.insert(kept_.end(), numbers[k], numbers[k] + 6);
+    }
+    maps_.resize(accepted_.size());
+    const Eigen::Isometry3d pose = problem_.Pose(detection_, numbers, &maps_);
+    sum_ = Reduction();
+    for (const auto& segment : problem_.segments(detection_)) {
+      problem_.Reduce(segment, weighting_, pose, true, &sum_);
+    }
+  }
+
+  bool IsKept(double const* const* numbers) const {
+    if (kept_.empty()) return false;
+    for (std::size_t k = 0; k < accepted_.size(); ++k) {
+      if (!std::equal(numbers[k], numbers[k] + 6, kept_.begin() + 6 * k)) return false;
+    }
+    return true;
+  }
+
   /// The weights of Cauchy's loss make the cost look more curved than it is, by a quarter for
   /// Gaussian residuals: every step would fall short by as much.
   /// \param twice_cost limits it: the seven rows must still amount to the cost.
@@ -110,6 +127,10 @@ class DetectionCost : public ceres::CostFunction {
   const Weighting& weighting_;
   const std::size_t detection_;
   const std::vector<const double*> accepted_;
+  // Of the last evaluation; Ceres evaluates a residual block in one thread at a time.
+  mutable std::vector<double> kept_;
+  mutable std::vector<Matrix6d> maps_;
+  mutable Reduction sum_;
 };
 
 /// Decides when it is enough; what Ceres' own tolerances mean depends on the units.

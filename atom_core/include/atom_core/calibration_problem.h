@@ -37,8 +37,8 @@ struct ParameterBlock {
 /// Standard deviations and loss of one round; rows of a plane are compressed when no loss is used.
 struct Weighting {
   Loss loss = Loss::kNone;
-  /// For each residual block, (n,) in its unit.
-  std::vector<Eigen::VectorXd> sigma;
+  /// For each residual block, (n,): 1 / sigma squared.
+  std::vector<Eigen::VectorXd> inverse_variance;
   /// For each residual block, (4 m, 4) by segment; empty where it is not used.
   std::vector<PlaneRows> compressed;
 };
@@ -65,6 +65,7 @@ class CalibrationProblem {
     return segment_starts_[residual_block].size();
   }
 
+  /// \param sigma for each residual block, (n,) in its unit.
   /// \param compress false where the weights serve a single evaluation only.
   /// \throws std::invalid_argument when the arrays of sigmas do not fit the residual blocks.
   Weighting MakeWeighting(Loss loss, std::vector<Eigen::VectorXd> sigma,

@@ -70,24 +70,26 @@ struct InsetReduction {
 
 /// Adds a segment's rows at a pose.
 ///
-/// \param sigma (n,) of the whole block.
+/// \param inverse_variance (n,) of the whole block: 1 / sigma squared.
 /// \param compressed (4, 4) rows of the segment's points, weighted by 1 / sigma, or null; used for
 ///     orthogonal rows without a loss.
 /// \param with_derivatives when false only the cost is computed.
-void ReduceSegment(const ResidualBlock& block, const Segment& segment, const Eigen::VectorXd& sigma,
-                   Loss loss, const Eigen::Matrix4d* compressed,
-                   const Eigen::Isometry3d& sensor_T_pattern, bool with_derivatives,
-                   Reduction* sum);
+void ReduceSegment(const ResidualBlock& block, const Segment& segment,
+                   const Eigen::VectorXd& inverse_variance, Loss loss,
+                   const Eigen::Matrix4d* compressed, const Eigen::Isometry3d& sensor_T_pattern,
+                   bool with_derivatives, Reduction* sum);
 
 /// Writes the squared norms of a segment's residuals in units of sigma to squares[begin..end].
-void SquaredNorms(const ResidualBlock& block, const Segment& segment, const Eigen::VectorXd& sigma,
+void SquaredNorms(const ResidualBlock& block, const Segment& segment,
+                  const Eigen::VectorXd& inverse_variance,
                   const Eigen::Isometry3d& sensor_T_pattern, Eigen::VectorXd* squares);
 
 /// Adds a border segment's derivatives by the inset.
 ///
 /// \param across the lengths of the steps across the border, metres, go to across[begin..end].
-void ReduceInset(const ResidualBlock& block, const Segment& segment, const Eigen::VectorXd& sigma,
-                 Loss loss, const Eigen::Isometry3d& sensor_T_pattern, Eigen::VectorXd* across,
+void ReduceInset(const ResidualBlock& block, const Segment& segment,
+                 const Eigen::VectorXd& inverse_variance, Loss loss,
+                 const Eigen::Isometry3d& sensor_T_pattern, Eigen::VectorXd* across,
                  InsetReduction* sum);
 
 }  // namespace atom_core
