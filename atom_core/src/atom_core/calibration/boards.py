@@ -12,9 +12,13 @@ from atom_core.model.dataset import Dataset, board_edge, pose
 from atom_core.model.pattern import BoardKey
 from atom_core.model.transforms import Edge
 from atom_core.problem.builder import FreeEdges, with_boards
-from atom_core.problem.initial_boards import Placement, better_boards, estimate_boards
+from atom_core.problem.initial_boards import (
+    Placement,
+    better_boards,
+    doubtful_boards,
+    estimate_boards,
+)
 from atom_core.problem.measurements import Measurement
-from atom_core.problem.parameters import PATTERN
 from atom_core.problem.problem import Problem
 from atom_core.solvers.base import Minimum, Solver, SolverFactory, SolverOptions
 from atom_core.solvers.reweighting import rough_minimum
@@ -68,16 +72,18 @@ def settle_boards(
     rough = rough_minimum(solver, np.zeros(solver.problem.parameters.size), options)
     for _ in range(_BOARD_ROUNDS):
         problem = solver.problem
+        units = [np.ones(block.count) for block in problem.residual_blocks]
+        doubtful = doubtful_boards(problem, solver.squares(rough.x, units))
+        if not doubtful:
+            break
         poses = problem.parameters.poses(rough.x)
-        boards: Dict[BoardKey, int] = {
-            (block.names[0], block.collection): i
-            for i, block in enumerate(problem.parameters.blocks)
-            if block.kind == PATTERN
-        }
+        blocks = [problem.parameters.blocks[i] for i in doubtful]
+        boards = {(b.names[0], b.collection): i for b, i in zip(blocks, doubtful)}
+        seen = [m for m in measurements if _board_key(initial, m) in boards]
         better = better_boards(
-            [m for m in measurements if _board_key(initial, m) in boards],
+            seen,
             _fixed_patterns(initial),
-            placement(solved_dataset(initial, problem, rough.x, {}), measurements),
+            placement(solved_dataset(initial, problem, rough.x, {}), seen),
             {key: poses[i] for key, i in boards.items()},
         )
         if not better:

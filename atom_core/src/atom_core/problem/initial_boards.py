@@ -19,11 +19,15 @@ from atom_core.geometry.plane import fit_plane, plane_basis
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.model.pattern import BoardKey
 from atom_core.problem.measurements import CornerMeasurement, Measurement, RangeMeasurement
+from atom_core.problem.parameters import PATTERN
+from atom_core.problem.problem import Problem
+from atom_core.problem.residuals import ORTHOGONAL, REPROJECTION
 
 _MIN_CORNERS = 6
 _JUDGE_M_PER_PX = 0.1 / 30.0  # how metres and pixels are weighed against each other
 GUESSED_M, SOLVED_M = 0.1, 0.05  # errors to expect while sensors are guesses, and after a solve
 _CANDIDATE_SENSORS = 8
+_POINTS_LOOKED_AT = 200  # of a detection's points on the board
 _GOOD_ENOUGH = 0.05  # mean misfit of a detection that needs no second look
 
 
@@ -119,7 +123,7 @@ def misfit(measurement: Measurement, sensor_T_pattern: np.ndarray, expected_m: f
         errors = error * _JUDGE_M_PER_PX
     else:
         pattern_T_sensor = se3.inverse(sensor_T_pattern)
-        step = max(len(measurement.inside) // 200, 1)
+        step = max(len(measurement.inside) // _POINTS_LOOKED_AT, 1)
         height = se3.apply(pattern_T_sensor, measurement.inside[::step])[:, 2]
         limit = se3.apply(pattern_T_sensor, measurement.limit)[:, :2]
         errors = np.concatenate([height, measurement.border.signed_distance(limit)[0]])
@@ -163,6 +167,35 @@ def estimate_boards(
                 proposals, key=lambda pose: _total_misfit(seen, pose, placement, GUESSED_M)
             )
     return estimates
+
+
+def doubtful_boards(problem: Problem, squares: Sequence[np.ndarray]) -> List[int]:
+    """Return the indices of the parameter blocks of boards that deserve a second look.
+
+    All detections are judged at once, as ``misfit`` does it one by one.
+
+    Args:
+        problem: whose boards.
+        squares: for each residual block, (n,) squared residuals in its unit, after a solve.
+    """
+    total, count = np.zeros(len(problem.detections)), np.zeros(len(problem.detections))
+    for block, square in zip(problem.residual_blocks, squares):
+        scale = _JUDGE_M_PER_PX if block.kind == REPROJECTION else 1.0
+        scaled = square * (scale / SOLVED_M) ** 2
+        detection, value = block.detection, scaled / (1.0 + scaled)
+        if block.kind == ORTHOGONAL:
+            step = np.maximum(np.bincount(detection) // _POINTS_LOOKED_AT, 1)
+            looked_at = block.ids % step[detection] == 0
+            detection, value = detection[looked_at], value[looked_at]
+        total += np.bincount(detection, value, len(total))
+        count += np.bincount(detection, minlength=len(total))
+    blocks = problem.parameters.blocks
+    is_board = np.array([block.kind == PATTERN for block in blocks] + [False])
+    chains = np.where(is_board[problem.chains.block], problem.chains.block, -1)
+    board, placed = np.max(chains, axis=1, initial=-1), np.max(chains, axis=1, initial=-1) >= 0
+    misfits = np.bincount(board[placed], (total / count)[placed], len(blocks))
+    seen = np.bincount(board[placed], minlength=len(blocks))
+    return [int(i) for i in np.flatnonzero((seen > 0) & ~(misfits < _GOOD_ENOUGH * seen))]
 
 
 def better_boards(

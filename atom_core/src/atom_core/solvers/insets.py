@@ -8,27 +8,28 @@ takes the Newton step of the joint problem, in which the poses follow (their Sch
 
 from __future__ import annotations
 
-from typing import Dict, Optional, Sequence
+from typing import Optional, Sequence
 
 import numpy as np
 
+from atom_core.problem.problem import Problem
 from atom_core.solvers import losses
 from atom_core.solvers.assessment import Assessment, InsetColumn
 from atom_core.solvers.base import Solver
 from atom_core.solvers.normal_equations import Factor, NormalEquations, pulled_back
 
-_MOST_STEPS = 1.0
+MOST_STEPS = 1.0
 
 
-def update_insets(
-    solver: Solver, assessment: Assessment, loss: str, steps: np.ndarray
+def better_insets(
+    problem: Problem, assessment: Assessment, loss: str, steps: np.ndarray
 ) -> np.ndarray:
-    """Move the insets of a solver's problem by one Newton step.
+    """Return the insets after one Newton step of the joint problem.
 
     Args:
-        solver: whose problem; it goes on with the new insets.
-        assessment: of the problem at or near the minimum for the present insets.
-        loss: of the solver's rounds.
+        problem: with the present insets.
+        assessment: of the problem at or near the minimum for them.
+        loss: of the rounds.
         steps: (b,) present insets by residual block, in steps of the sampling.
 
     Returns:
@@ -39,19 +40,30 @@ def update_insets(
         return steps
     new = steps.copy()
     chosen = [c.block for c in columns]
-    change = losses.step_length(loss) * _newton_step(solver, assessment.equations, columns)
-    new[chosen] = np.clip(steps[chosen] + change, 0.0, _MOST_STEPS)
-    insets: Dict[int, np.ndarray] = {c.block: new[c.block] * c.across for c in columns}
-    solver.take_insets(solver.problem.with_insets(insets))
+    change = losses.step_length(loss) * _newton_step(problem, assessment.equations, columns)
+    new[chosen] = np.clip(steps[chosen] + change, 0.0, MOST_STEPS)
     return new
 
 
+def apply_insets(solver: Solver, columns: Sequence[InsetColumn], steps: np.ndarray) -> None:
+    """Let a solver go on with other insets.
+
+    Args:
+        solver: whose problem.
+        columns: of the last assessment, with the steps across the border.
+        steps: (b,) insets by residual block, in steps of the sampling.
+    """
+    if columns:
+        insets = {c.block: steps[c.block] * c.across for c in columns}
+        solver.take_insets(solver.problem.with_insets(insets))
+
+
 def _newton_step(
-    solver: Solver, equations: NormalEquations, columns: Sequence[InsetColumn]
+    problem: Problem, equations: NormalEquations, columns: Sequence[InsetColumn]
 ) -> np.ndarray:
     """Return the change of the insets that lowers the cost most while the poses follow."""
     join = equations.layout.join
-    vectors = [pulled_back(solver.problem, equations.layout, equations.maps, c.detection,
+    vectors = [pulled_back(problem, equations.layout, equations.maps, c.detection,
                            c.by_twist) for c in columns]  # fmt: skip
     flat = np.array([join(*v) for v in vectors])
     factor, solved = _factor(equations), np.zeros_like(flat)

@@ -38,7 +38,8 @@ from atom_core.solvers.base import (
     SolverSummary,
 )
 from atom_core.solvers.covariance import Covariance
-from atom_core.solvers.insets import update_insets
+from atom_core.solvers.fixed_point import FixedPoint
+from atom_core.solvers.insets import apply_insets, better_insets
 from atom_core.solvers.scipy_solver import total_cost
 
 # Relative change of a factor below which the rounds become finer, and below which they end.
@@ -86,19 +87,24 @@ def solve(
 
 def _reweighted(solver: Solver, options: SolverOptions, rough: Minimum) -> SolverSummary:
     end, iterations, tolerance = rough, rough.iterations, ROUGH
-    sigmas = _initial_sigmas(solver.problem)
-    insets, settled = np.zeros(len(sigmas)), False
+    sigmas = initial = _initial_sigmas(solver.problem)
+    count, settled = len(sigmas), False
+    state = FixedPoint(np.zeros(2 * count))  # logarithms of the scales, insets
     for _ in range(options.reweighting_rounds):
         assessment = solver.assess(end.x, sigmas, options.loss)
-        now = update_insets(solver, assessment, options.loss, insets)
-        squares = solver.squares(end.x, sigmas)  # with the new insets
+        insets = state.value[count:]
+        now = better_insets(solver.problem, assessment, options.loss, insets)
+        apply_insets(solver, assessment.columns, now)
+        squares = solver.squares(end.x, sigmas)
         factors = _sigma_factors(solver.problem, assessment, squares, sigmas, options.loss)
-        change = max(np.max(np.abs(factors - 1.0)), np.max(np.abs(now - insets)))
-        sigmas, insets = tuple(s * f for s, f in zip(sigmas, factors)), now
-        settled = change < _STILL
+        change = np.concatenate([np.log(factors), now - insets])
+        scales, insets = np.split(state.advance(change), 2)
+        sigmas = tuple(s * np.exp(scale) for s, scale in zip(initial, scales))
+        apply_insets(solver, assessment.columns, insets)
+        settled = np.max(np.abs(change)) < _STILL
         if settled or iterations >= options.max_iterations:
             break
-        tolerance = SETTLING if change < _NEARLY_STILL else tolerance
+        tolerance = SETTLING if np.max(np.abs(change)) < _NEARLY_STILL else tolerance
         left = options.max_iterations - iterations
         end = solver.minimise(end.x, sigmas, options.loss, left, tolerance)
         iterations += end.iterations
@@ -108,7 +114,7 @@ def _reweighted(solver: Solver, options: SolverOptions, rough: Minimum) -> Solve
     if not settled:
         why = f"the sigmas do not settle in {iterations} iterations"
         end = replace(end, converged=False, message=why)
-    return _summary(solver, options, end, sigmas, iterations, insets)
+    return _summary(solver, options, end, sigmas, iterations, state.value[count:])
 
 
 def _initial_sigmas(problem: Problem) -> Tuple[np.ndarray, ...]:
