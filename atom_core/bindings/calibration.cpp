@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <exception>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -156,13 +157,27 @@ py::dict MinimiseProblem(const CalibrationProblem& problem, const Eigen::VectorX
   options.relative = relative;
   options.initial_trust_region_radius = radius;
   options.threads = threads;
-  options.progress = [&progress](int iteration, double cost, const Eigen::VectorXd& numbers) {
+  std::exception_ptr raised;  // must not go through Ceres
+  options.progress = [&progress, &raised](int iteration, double cost, const Eigen::VectorXd& x) {
     const py::gil_scoped_acquire acquire;
-    if (PyErr_CheckSignals() != 0) {  // Ctrl-C: stop with the best state, then let Python know
+    if (PyErr_CheckSignals() != 0) {  // Ctrl-C: stop with the best state; the caller is told so
+      if (!PyErr_ExceptionMatches(PyExc_KeyboardInterrupt)) {
+        try {
+          throw py::error_already_set();
+        } catch (...) {
+          raised = std::current_exception();
+        }
+      }
       PyErr_Clear();
       return false;
     }
-    return progress.is_none() || !progress(iteration, cost, numbers).equal(py::bool_(false));
+    if (progress.is_none()) return true;
+    try {
+      return !progress(iteration, cost, x).is(py::bool_(false));
+    } catch (...) {
+      raised = std::current_exception();
+      return false;
+    }
   };
   MinimiserResult result;
   {
@@ -170,6 +185,7 @@ py::dict MinimiseProblem(const CalibrationProblem& problem, const Eigen::VectorX
     const Weighting weighting = problem.MakeWeighting(AsLoss(loss), std::move(sigmas));
     result = Minimise(problem, weighting, x, options);
   }
+  if (raised) std::rethrow_exception(raised);
   py::dict summary;
   summary["x"] = result.x;
   summary["cost"] = result.cost;

@@ -71,6 +71,8 @@ def settle_boards(
     """
     rough = rough_minimum(solver, np.zeros(solver.problem.parameters.size), options)
     for _ in range(_BOARD_ROUNDS):
+        if rough.interrupted:
+            break
         problem = solver.problem
         units = [np.ones(block.count) for block in problem.residual_blocks]
         doubtful = doubtful_boards(problem, solver.squares(rough.x, units))
@@ -92,9 +94,7 @@ def settle_boards(
         solver = make_solver(replace(problem, parameters=problem.parameters.with_initial(replaced)))
         x = rough.x.copy()
         x.reshape(-1, 6)[list(replaced)] = 0.0
-        left = replace(options, max_iterations=max(options.max_iterations - rough.iterations, 1))
-        again = rough_minimum(solver, x, left)
-        rough = replace(again, iterations=rough.iterations + again.iterations)
+        rough = rough_minimum(solver, x, options, rough.iterations)
     return solver, rough
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Dict, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
@@ -21,6 +21,7 @@ from atom_core.problem.problem import Problem
 from atom_core.solvers.base import CONVERGED, SolverSummary
 from atom_core.solvers.choice import solver_factory
 from atom_core.solvers.covariance import Covariance
+from atom_core.solvers.interrupt import Interrupt
 from atom_core.solvers.reweighting import covariance_of, solve
 
 RANK_DEFICIENT = "rank_deficient"
@@ -88,8 +89,10 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
 
     make_solver = solver_factory(options.solver_name)
     first = make_solver(problem)
-    solver, rough = settle_boards(initial, first, measurements, options.solver, make_solver)
-    summary = solve(solver, options.solver, rough, guess=first)
+    with Interrupt() as interrupt:
+        how = replace(options.solver, progress=interrupt.watching(options.solver.progress))
+        solver, rough = settle_boards(initial, first, measurements, how, make_solver)
+        summary = solve(solver, how, rough, guess=first)
     problem = solver.problem
     clock.lap("solve")
     covariance = covariance_of(solver, summary, options.solver)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Callable, List, NamedTuple, Protocol, Sequence, Tuple
+from dataclasses import dataclass, field
+from typing import Callable, Dict, List, NamedTuple, Optional, Protocol, Sequence, Tuple
 
 import numpy as np
 
+from atom_core.model.transforms import Edge
 from atom_core.problem.problem import Problem
 from atom_core.solvers.assessment import Assessment
 from atom_core.solvers.losses import CAUCHY, LOSSES
@@ -35,6 +36,35 @@ EXACT, ROUGH = Tolerance(1e-11, 0.0), Tolerance(1e-2, 1e-3)
 SETTLING = Tolerance(1e-5, 0.0)  # in between: while the last digits of the weights settle
 
 
+class Iteration(NamedTuple):
+    """Where a solver stands, for live views.
+
+    Attributes:
+        number: of the iteration, counted over all rounds.
+        cost: half the sum of rho, with the weights of the present round.
+        x: the vector; the solver goes on using it, so copy what is to be kept.
+        problem: that the vector belongs to.
+    """
+
+    number: int
+    cost: float
+    x: np.ndarray
+    problem: Problem
+
+    def edges(self) -> Dict[Edge, np.ndarray]:
+        """Return ``parent_T_child`` (4, 4) of the edges that hold for all collections."""
+        parameters = self.problem.parameters
+        shared = parameters.blocks[: parameters.shared_count]
+        return {block.edge: pose for block, pose in zip(shared, parameters.poses(self.x))}
+
+
+# Called after every iteration; False stops with the best state so far. What it raises goes
+# through the solver to the caller.
+Progress = Callable[[Iteration], Optional[bool]]
+# The same within one round.
+RoundProgress = Callable[[int, float, np.ndarray], Optional[bool]]
+
+
 @dataclass(frozen=True)
 class SolverOptions:
     """How to solve.
@@ -45,12 +75,14 @@ class SolverOptions:
         loss: none, huber or cauchy, its width in units of sigma.
         max_iterations: over all rounds of reweighting.
         reweighting_rounds: at most so many estimates of the sigmas.
+        progress: told of every iteration.
     """
 
     weights: str = SIGMA
     loss: str = CAUCHY
     max_iterations: int = 200
     reweighting_rounds: int = 10
+    progress: Optional[Progress] = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.weights not in (SIGMA, ATOM):
@@ -71,6 +103,7 @@ class Minimum:
         iterations: accepted and refused steps.
         converged: True only when a Newton step from x would move it by far less than a sigma.
         message: why it ended.
+        interrupted: True when it was stopped from outside.
     """
 
     x: np.ndarray
@@ -78,6 +111,7 @@ class Minimum:
     iterations: int
     converged: bool
     message: str
+    interrupted: bool = False
 
 
 class Solver(Protocol):
@@ -100,8 +134,13 @@ class Solver(Protocol):
         loss: str,
         max_iterations: int,
         tolerance: Tolerance = EXACT,
+        progress: Optional[RoundProgress] = None,
     ) -> Minimum:
-        """Minimise half the sum of rho from the vector x (p,)."""
+        """Minimise half the sum of rho from the vector x (p,).
+
+        ``progress`` is called with iteration, cost and vector, before the first step too; where
+        it returns False, or at Ctrl-C, the best state so far is the result.
+        """
         ...
 
     def equations(self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str) -> NormalEquations:

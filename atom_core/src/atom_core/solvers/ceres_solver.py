@@ -6,7 +6,7 @@ to six numbers are those of atom_core.problem; tests compare the two.
 
 from __future__ import annotations
 
-from typing import Any, Dict, List, Sequence
+from typing import Any, Dict, List, Optional, Sequence
 
 import numpy as np
 
@@ -20,14 +20,14 @@ from atom_core.problem.residuals import (
     ResidualBlock,
 )
 from atom_core.solvers.assessment import Assessment, InsetColumn
-from atom_core.solvers.base import EXACT, Minimum, Tolerance
+from atom_core.solvers.base import EXACT, Minimum, RoundProgress, Tolerance
 from atom_core.solvers.normal_equations import (
     DetectionParts,
     Layout,
     NormalEquations,
     spread,
 )
-from atom_core.solvers.scipy_solver import ENOUGH, ROUNDING, unit_cost
+from atom_core.solvers.scipy_solver import ENOUGH, ROUNDING, interrupted_at, unit_cost
 
 FEATURE = "the Ceres solver (--solver ceres)"
 _FIRST_RADIUS, _LAST_RADIUS, _RADIUS_GROWTH = 1e4, 1e16, 1e6
@@ -84,6 +84,7 @@ class CeresSolver:
         loss: str,
         max_iterations: int,
         tolerance: Tolerance = EXACT,
+        progress: Optional[RoundProgress] = None,
     ) -> Minimum:
         """Minimise the cost from x; the result is never worse than the start.
 
@@ -94,9 +95,12 @@ class CeresSolver:
         while True:
             left = max_iterations - iterations
             end = self._native.minimise(
-                x, list(sigmas), loss, left, tolerance.decrease, tolerance.relative, radius
-            )
+                x, list(sigmas), loss, left, tolerance.decrease, tolerance.relative, radius,
+                progress=_counted_from(iterations, progress),
+            )  # fmt: skip
             x, iterations = end["x"], iterations + end["iterations"]
+            if end["stopped"]:
+                return interrupted_at(x, end["cost"], iterations)
             if not end["converged"] or tolerance.relative > 0 or iterations >= max_iterations:
                 break
             promised = self.equations(x, sigmas, loss).newton_decrease()
@@ -106,10 +110,14 @@ class CeresSolver:
             if radius >= _LAST_RADIUS:
                 return Minimum(x, end["cost"], iterations, False, "Ceres stopped too early")
             radius *= _RADIUS_GROWTH
-        if end["stopped"]:
-            raise KeyboardInterrupt
         message = ENOUGH if end["converged"] else f"not done after {iterations} iterations"
         return Minimum(x, end["cost"], iterations, end["converged"], message)
+
+
+def _counted_from(first: int, progress: Optional[RoundProgress]) -> Optional[RoundProgress]:
+    if progress is None or first == 0:
+        return progress
+    return lambda iteration, cost, x: progress(first + iteration, cost, x)
 
 
 def _native_problem(problem: Problem) -> Any:

@@ -32,10 +32,13 @@ from atom_core.solvers.base import (
     NOT_CONVERGED,
     ROUGH,
     SETTLING,
+    Iteration,
     Minimum,
+    RoundProgress,
     Solver,
     SolverOptions,
     SolverSummary,
+    Tolerance,
 )
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.fixed_point import FixedPoint
@@ -50,13 +53,37 @@ _SMALLEST_NORMALISER = 1e-9  # a perfect guess must not divide by zero
 _MEDIAN_OF_NORM = {1: 0.67449, 2: 1.17741}
 
 
-def rough_minimum(solver: Solver, start: np.ndarray, options: SolverOptions) -> Minimum:
+def rough_minimum(
+    solver: Solver, start: np.ndarray, options: SolverOptions, done: int = 0
+) -> Minimum:
     """Return a first answer with the initial sigmas and no robust loss.
 
     Far from the solution every residual is large, and a robust loss would drop them all.
+    ``done`` iterations are behind; they are counted in the result.
     """
-    sigmas = _initial_sigmas(solver.problem)
-    return solver.minimise(start, sigmas, losses.NONE, options.max_iterations, ROUGH)
+    unweighted = replace(options, loss=losses.NONE)
+    return _minimise(solver, start, _initial_sigmas(solver.problem), unweighted, done, ROUGH)
+
+
+def _minimise(
+    solver: Solver,
+    x: np.ndarray,
+    sigmas: Sequence[np.ndarray],
+    options: SolverOptions,
+    done: int,
+    tolerance: Tolerance,
+) -> Minimum:
+    """Go on from x; ``done`` iterations are behind, and so many are in the result at least."""
+    left = max(options.max_iterations - done, 0)
+    progress, problem = options.progress, solver.problem
+    told: Optional[RoundProgress] = None
+    if progress is not None:
+
+        def told(number: int, cost: float, now: np.ndarray) -> Optional[bool]:
+            return progress(Iteration(done + number, cost, now, problem))
+
+    end = solver.minimise(x, sigmas, options.loss, left, tolerance, told)
+    return replace(end, iterations=done + end.iterations)
 
 
 def solve(
@@ -78,19 +105,21 @@ def solve(
     rough = rough or rough_minimum(solver, zero, options)
     if options.weights == ATOM:
         sigmas = atom_normalisers(guess or solver, zero)
-        left = options.max_iterations - rough.iterations
-        end = solver.minimise(rough.x, sigmas, options.loss, left, EXACT)
-        iterations, no_insets = rough.iterations + end.iterations, np.zeros(len(sigmas))
-        return _summary(solver, options, end, sigmas, iterations, no_insets)
+        end = rough
+        if not rough.interrupted:
+            end = _minimise(solver, rough.x, sigmas, options, rough.iterations, EXACT)
+        return _summary(solver, options, end, sigmas, np.zeros(len(sigmas)))
     return _reweighted(solver, options, rough)
 
 
 def _reweighted(solver: Solver, options: SolverOptions, rough: Minimum) -> SolverSummary:
-    end, iterations, tolerance = rough, rough.iterations, ROUGH
+    end, tolerance = rough, ROUGH
     sigmas = initial = _initial_sigmas(solver.problem)
     count, settled = len(sigmas), False
     state = FixedPoint(np.zeros(2 * count))  # logarithms of the scales, insets
     for _ in range(options.reweighting_rounds):
+        if end.interrupted:
+            break
         assessment = solver.assess(end.x, sigmas, options.loss)
         insets = state.value[count:]
         now = better_insets(solver.problem, assessment, options.loss, insets)
@@ -101,20 +130,17 @@ def _reweighted(solver: Solver, options: SolverOptions, rough: Minimum) -> Solve
         scales, insets = np.split(state.advance(change), 2)
         sigmas = tuple(s * np.exp(scale) for s, scale in zip(initial, scales))
         apply_insets(solver, assessment.columns, insets)
-        settled = np.max(np.abs(change)) < _STILL
-        if settled or iterations >= options.max_iterations:
+        settled = bool(np.max(np.abs(change)) < _STILL)
+        if settled or end.iterations >= options.max_iterations:
             break
         tolerance = SETTLING if np.max(np.abs(change)) < _NEARLY_STILL else tolerance
-        left = options.max_iterations - iterations
-        end = solver.minimise(end.x, sigmas, options.loss, left, tolerance)
-        iterations += end.iterations
-    left = options.max_iterations - iterations
-    end = solver.minimise(end.x, sigmas, options.loss, max(left, 0), EXACT)
-    iterations += end.iterations
-    if not settled:
-        why = f"the sigmas do not settle in {iterations} iterations"
+        end = _minimise(solver, end.x, sigmas, options, end.iterations, tolerance)
+    if not end.interrupted:
+        end = _minimise(solver, end.x, sigmas, options, end.iterations, EXACT)
+    if not settled and not end.interrupted:
+        why = f"the sigmas do not settle in {end.iterations} iterations"
         end = replace(end, converged=False, message=why)
-    return _summary(solver, options, end, sigmas, iterations, state.value[count:])
+    return _summary(solver, options, end, sigmas, state.value[count:])
 
 
 def _initial_sigmas(problem: Problem) -> Tuple[np.ndarray, ...]:
@@ -164,7 +190,6 @@ def _summary(
     options: SolverOptions,
     end: Minimum,
     sigmas: Tuple[np.ndarray, ...],
-    iterations: int,
     insets: np.ndarray,
 ) -> SolverSummary:
     start = np.zeros(solver.problem.parameters.size)
@@ -174,8 +199,8 @@ def _summary(
     summary = SolverSummary(
         x=end.x,
         status=status,
-        message=end.message,
-        iterations=iterations,
+        message=_message(end),
+        iterations=end.iterations,
         cost_initial=cost_initial,
         cost_final=cost_final,
         sigmas=sigmas,
@@ -195,6 +220,12 @@ def _summary(
             robust_weights=tuple(losses.weight(options.loss, s) for s in first),
         )
     return summary
+
+
+def _message(end: Minimum) -> str:
+    if end.interrupted:
+        return f"interrupted after {end.iterations} iterations; this is the best state so far"
+    return end.message
 
 
 def covariance_of(solver: Solver, summary: SolverSummary, options: SolverOptions) -> Covariance:

@@ -16,7 +16,7 @@ from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import squared_norms
 from atom_core.solvers import losses
 from atom_core.solvers.assessment import Assessment, assess
-from atom_core.solvers.base import EXACT, Minimum, Tolerance
+from atom_core.solvers.base import EXACT, Minimum, RoundProgress, Tolerance
 from atom_core.solvers.normal_equations import Layout, NormalEquations
 
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-12, 1e12
@@ -31,6 +31,11 @@ _LONGEST_STEP_M, _LONGEST_STEP_RAD = 0.5, 0.5
 def total_cost(squares: Sequence[np.ndarray], loss: str) -> float:
     """Return half the sum of rho over the squared norms (n,) of all residual blocks."""
     return sum(losses.cost(loss, square) for square in squares)
+
+
+def interrupted_at(x: np.ndarray, cost: float, iterations: int) -> Minimum:
+    """Return the best state of a minimiser that was stopped."""
+    return Minimum(x, cost, iterations, False, "interrupted", interrupted=True)
 
 
 class ScipySolver:
@@ -64,6 +69,7 @@ class ScipySolver:
         loss: str,
         max_iterations: int,
         tolerance: Tolerance = EXACT,
+        progress: Optional[RoundProgress] = None,
     ) -> Minimum:
         """Minimise the cost from x; the result is never worse than the start."""
         cost = self._cost(x, sigmas, loss)
@@ -72,6 +78,8 @@ class ScipySolver:
         damping, growth, slow = _FIRST_DAMPING, 2.0, 0
         equations = self.equations(x, sigmas, loss)
         for iteration in range(max_iterations):
+            if progress is not None and progress(iteration, cost, x) is False:
+                return interrupted_at(x, cost, iteration)
             promised = equations.newton_decrease()
             if slow == 2 or promised < tolerance.decrease * unit_cost(self.problem, cost):
                 return Minimum(x, cost, iteration, True, ENOUGH)
