@@ -142,8 +142,8 @@ class Judge : public ceres::IterationCallback {
   ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
     radius = summary.trust_region_radius;
     if (options_.progress && !options_.progress(summary.iteration, summary.cost, x_)) {
-      stopped = true;
-      return ceres::SOLVER_ABORT;
+      stopped = true;  // an abort would leave the parameters where they began
+      return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
     }
     // A step out of reach counts as one of infinite cost: it promises nothing either way.
     const bool out_of_reach = summary.cost_change < -0.5 * std::numeric_limits<double>::max();
@@ -239,7 +239,8 @@ MinimiserResult Minimise(const CalibrationProblem& problem, const Weighting& wei
   ceres::Solve(solver, &ceres_problem, &summary);
   result.cost = summary.final_cost;
   result.iterations = static_cast<int>(summary.iterations.size()) - 1;
-  result.converged = judge.enough || summary.termination_type == ceres::CONVERGENCE;
+  result.converged =
+      !judge.stopped && (judge.enough || summary.termination_type == ceres::CONVERGENCE);
   result.stopped = judge.stopped;
   result.trust_region_radius = judge.radius;
   result.message = summary.message;
