@@ -31,7 +31,7 @@ def show(predictor, tree, stamp_s, rng):
     camera_T_pattern = se3.transform(
         se3.random_rotation(0.5, rng), rng.uniform(-1, 1, 3) + [0, 0, 2]
     )
-    predictor.see(CAMERA, PATTERN.name, stamp_s, camera_T_pattern, tree)
+    predictor.see(CAMERA.frame, PATTERN.name, stamp_s, camera_T_pattern, tree)
     middle = np.append(PATTERN.border.centre, 0.0)[None]
     lidar_T_pattern = se3.inverse(WORLD_T_LIDAR) @ WORLD_T_CAMERA @ camera_T_pattern
     return se3.apply(lidar_T_pattern, middle)[0]

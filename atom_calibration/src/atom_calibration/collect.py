@@ -6,7 +6,7 @@ import time
 from collections import Counter
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Protocol
+from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Protocol, Tuple
 
 import numpy as np
 
@@ -91,8 +91,9 @@ class Collector:
         self._setup, self._moments = setup, moments
         skew = setup.config.max_duration_between_msgs_s
         self._recent = RecentFrames(moments.memory_s + 2 * skew)
-        self._last: Dict[str, Frame] = {}
-        self._seeds: List[Seed] = []
+        self._last: Tuple[str, Mapping[str, Frame]] = ("", {})  # key and frames
+        self._seeds: Dict[str, List[Seed]] = {}  # by collection
+        self._detected: Dict[str, List[str]] = {}  # sensors by collection
         self.taken: Counter = Counter(dict.fromkeys(setup.sensors, 0))
         self.reasons: Dict[str, Counter] = {name: Counter() for name in setup.sensors}
         self.refused: List[str] = []
@@ -105,12 +106,22 @@ class Collector:
         self._recent.add(frame)
         return [key for m in self._moments.add(frame) for key in self._take_or_refuse(m)]
 
+    def begin_anew(self, moments: Moments) -> None:
+        """Forget the data of the last seconds: time went back. Collections stay."""
+        self._moments = moments
+        self._recent.clear()
+
     def finish(self) -> List[str]:
         """Write what only the end of the stream makes certain; return the keys."""
         return [key for m in self._moments.finish() for key in self._take_or_refuse(m)]
 
-    def take(self, moment: Moment) -> Optional[str]:
+    def take(self, moment: Moment, asked: bool = False) -> Optional[str]:
         """Write a collection; None if it was no stop, or at the place of the last collection.
+
+        Args:
+            moment: when.
+            asked: somebody wants this one: it is taken at the place of the last one too, and if
+                the board moved that is an error.
 
         Raises:
             CollectionError: nothing was detected, or the board moved.
@@ -127,15 +138,28 @@ class Collector:
         try:
             check_still(chosen, self._recent, moment)
         except CollectionError:
-            if setup.at_stops:  # to some sensor it only looked like a stop
+            if setup.at_stops and not asked:  # to some sensor it only looked like a stop
                 return None
             raise
-        if setup.at_stops and same_place(chosen, self._last):
+        if setup.at_stops and not asked and same_place(chosen, self._last[1]):
             return None
         key = write_collection(setup, chosen)
-        self._last = chosen
-        self._remember(chosen)
+        self._last = (key, chosen)
+        self._remember(key, chosen)
         return key
+
+    def delete(self, key: str) -> None:
+        """Remove a collection; the place of the last one may then be taken again.
+
+        Raises:
+            DatasetError: there is none of that key.
+        """
+        self._setup.store.delete(key)
+        self.taken.subtract(self._detected.pop(key, []))
+        if self._last[0] == key:
+            self._last = ("", {})
+        self._seeds.pop(key, None)
+        self._write_seeds()
 
     def _take_or_refuse(self, moment: Moment) -> Iterator[str]:
         try:
@@ -147,11 +171,17 @@ class Collector:
         if key is not None:
             yield key
 
-    def _remember(self, chosen: Mapping[str, Frame]) -> None:
-        for name, frame in chosen.items():
-            self.taken[name] += int(frame.detections > 0)
-            self._seeds += [Seed(name, seed, frame.stamp_s) for seed in frame.seeds.values()]
-        write_seeds(self._setup.store.folder / SEEDS_FILE, self._seeds, self._setup.sensors)
+    def _remember(self, key: str, chosen: Mapping[str, Frame]) -> None:
+        self._detected[key] = [name for name, frame in chosen.items() if frame.detections]
+        self.taken.update(self._detected[key])
+        self._seeds[key] = [
+            Seed(name, seed, f.stamp_s) for name, f in chosen.items() for seed in f.seeds.values()
+        ]
+        self._write_seeds()
+
+    def _write_seeds(self) -> None:
+        seeds = [seed for of_one in self._seeds.values() for seed in of_one]
+        write_seeds(self._setup.store.folder / SEEDS_FILE, seeds, self._setup.sensors)
 
 
 # --- one collection to files ------------------------------------------------------------------
@@ -273,14 +303,3 @@ def _labels_lost(frame: Frame) -> bool:
     labels = [labeled.label for labeled in frame.labels.values()]
     depths = [frame.data.ravel()[x.indices] for x in labels if isinstance(x, RangeLabel)]
     return any(bool(np.any(z > MAX_DEPTH_M)) for z in depths)
-
-
-def summary(collector: Collector, keys: List[str]) -> List[str]:
-    """Return lines for the user: what was collected, and what was not seen."""
-    lines = [f"{'sensor':16} detections in {len(keys)} collections"]
-    for name, count in collector.taken.items():
-        why = ""
-        if not count and collector.reasons[name]:
-            why = f"  never: {collector.reasons[name].most_common(1)[0][0]}"
-        lines.append(f"{name:16} {count:4d}{why}")
-    return lines

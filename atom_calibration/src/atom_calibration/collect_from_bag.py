@@ -14,8 +14,9 @@ import numpy as np
 from tqdm import tqdm
 
 from atom_calibration.bag_reader import BagReader
-from atom_calibration.collect import Collector, Moments, Setup, summary
-from atom_calibration.errors import CollectionError, MessageError
+from atom_calibration.collect import Collector, Moments, Setup
+from atom_calibration.conclusion import conclude
+from atom_calibration.errors import MessageError
 from atom_calibration.expectation import PointExpectation
 from atom_calibration.frames import Frame, decode
 from atom_calibration.labelling import FrameLabeler
@@ -33,7 +34,7 @@ from atom_core.model.sensor import RGB
 EXAMPLE = (
     "rosrun atom_calibration collect_from_bag --config config.yml --bag train.bag --output dataset"
 )
-_DONE, _NOT_ACCEPTABLE, _BAD_INPUT, _INTERRUPTED = 0, 1, 2, 130
+_BAD_INPUT, _INTERRUPTED = 2, 130
 _LOOK_AHEAD = 12  # messages that are decoded and, if images, labelled beforehand
 _WORKERS = 2
 _MOST_BAD_MESSAGES = 3  # of a sensor that are told one by one
@@ -81,7 +82,7 @@ def collect_from_bag(args: argparse.Namespace) -> int:
             expectation.add(frame)
             keys += collector.add(frame)
         keys += collector.finish()
-    return _conclude(store, collector, keys)
+    return conclude(store, collector, keys, print, _warn)
 
 
 def labelled_frames(
@@ -143,23 +144,6 @@ def _moments(args: argparse.Namespace, skew_s: float, bag: BagReader, patterns: 
         times = np.arange(bag.start_s + 0.5 * args.interval, bag.end_s, args.interval)
         return TimedMoments(times.tolist(), skew_s)
     return StopMoments(patterns)
-
-
-def _conclude(store: CollectionStore, collector: Collector, keys: List[str]) -> int:
-    if not keys:
-        never = "; ".join(
-            f"{name}: {reasons.most_common(1)[0][0]}"
-            for name, reasons in collector.reasons.items() if reasons
-        )  # fmt: skip
-        why = collector.refused[0] if collector.refused else "the board never stood still in view"
-        raise CollectionError(f"{store.folder}: no collection was taken: {why} ({never})")
-    path, _ = store.assemble()
-    print("\n".join(summary(collector, keys)))
-    print(f"\n{path}: {len(keys)} collections")
-    unseen = [name for name, count in collector.taken.items() if not count]
-    for name in unseen:
-        _warn(f"sensor '{name}' never saw the board in a collection")
-    return _NOT_ACCEPTABLE if unseen or collector.refused else _DONE
 
 
 def _warn(text: str) -> None:

@@ -62,7 +62,8 @@ class FrameLabeler:
         self._manual = _ManualSeeds(seeds)
         self._tracked: Dict[Key, Tuple[float, np.ndarray]] = {}
         self._searched_s: Dict[Key, float] = {}
-        self._boards = BoardPredictor(config.world_link)
+        self._world = config.world_link
+        self._boards = BoardPredictor(self._world)
 
     def label_image(self, frame: Frame) -> Frame:
         """Label a colour image; needs nothing else, so that it may run in a thread of its own."""
@@ -90,6 +91,37 @@ class FrameLabeler:
             self._label_range(frame, name, tree)
         return frame
 
+    def see_board(
+        self,
+        camera_frame: str,
+        pattern: str,
+        stamp_s: float,
+        camera_T_pattern: np.ndarray,
+        tree: TransformTree,
+    ) -> None:
+        """Take note of where a camera sees a pattern, to predict seeds from."""
+        self._boards.see(camera_frame, pattern, stamp_s, camera_T_pattern, tree)
+
+    def set_seed(self, sensor: str, position: Optional[np.ndarray]) -> None:
+        """Let the user tell where a range sensor shall look, from now on and whenever it is lost.
+
+        Args:
+            sensor: its name.
+            position: (3,) [m] or (2,) [px]; None: seeds are automatic again.
+        """
+        self._manual.set_for_all(sensor, position)
+        for pattern in self._patterns:
+            self._tracked.pop((sensor, pattern), None)
+
+    def manual_seed(self, sensor: str) -> Optional[np.ndarray]:
+        """Return the seed that the user has given for all times."""
+        return self._manual.for_all(sensor)
+
+    def begin_anew(self) -> None:
+        """Forget what was seen; time may go back. Seeds given by hand stay."""
+        self._tracked, self._searched_s = {}, {}
+        self._boards = BoardPredictor(self._world)
+
     def _label_range(self, frame: Frame, pattern: str, tree: Optional[TransformTree]) -> None:
         key = (frame.sensor.name, pattern)
         labeled = nothing(frame.sensor.modality, "there is no seed")
@@ -105,7 +137,8 @@ class FrameLabeler:
                 self._boards.learn(
                     frame.sensor, self._patterns[pattern], frame.stamp_s, found, tree
                 )
-            if labeled.detected and manual is None:
+            by_hand = manual is not None or self.manual_seed(frame.sensor.name) is not None
+            if labeled.detected and not by_hand:
                 labeled = self._judged(frame, pattern, labeled, prediction)
             if labeled.detected:
                 begun = seed if seed is not None else labeled.next_seed
@@ -167,7 +200,7 @@ class FrameLabeler:
         for name, labeled in frame.labels.items():
             pose = camera_T_pattern(frame.sensor, self._patterns[name], labeled)
             if pose is not None:
-                self._boards.see(frame.sensor, name, frame.stamp_s, pose, tree)
+                self.see_board(frame.sensor.frame, name, frame.stamp_s, pose, tree)
 
     def _label(self, frame: Frame, pattern: str, seed: Optional[np.ndarray]) -> Labeled:
         try:
@@ -210,7 +243,7 @@ class _ManualSeeds:
             if seed.sensor != frame.sensor.name or seed.stamp_s is None:
                 continue
             if abs(seed.stamp_s - frame.stamp_s) <= _SAME_STAMP_S:
-                _check_inside(seed, frame)
+                check_inside(seed, frame, "correct it in the file of --seeds")
                 return seed.position
         return None
 
@@ -219,8 +252,19 @@ class _ManualSeeds:
         found = [s for s in self._seeds if s.sensor == sensor and s.stamp_s is None]
         return found[0].position if found else None
 
+    def set_for_all(self, sensor: str, position: Optional[np.ndarray]) -> None:
+        """Replace, or with None remove, the seed for all times."""
+        self._seeds = [s for s in self._seeds if s.sensor != sensor or s.stamp_s is not None]
+        if position is not None:
+            self._seeds.append(Seed(sensor, position))
 
-def _check_inside(seed: Seed, frame: Frame) -> None:
+
+def check_inside(seed: Seed, frame: Frame, remedy: str) -> None:
+    """Refuse a seed that lies outside the data of its sensor.
+
+    Raises:
+        CollectionError: with the remedy given.
+    """
     if frame.sensor.modality == LIDAR3D:
         away = np.linalg.norm(cloud_xyz(frame.data) - seed.position, axis=1)
         nearest = float(np.nanmin(away)) if np.any(np.isfinite(away)) else np.inf
@@ -235,5 +279,5 @@ def _check_inside(seed: Seed, frame: Frame) -> None:
     if problem:
         raise CollectionError(
             f"{frame.place}: the seed {np.round(seed.position, 3).tolist()} {unit} lies outside "
-            f"the data ({problem}); correct it in the file of --seeds"
+            f"the data ({problem}); {remedy}"
         )

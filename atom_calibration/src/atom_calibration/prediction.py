@@ -45,7 +45,7 @@ class BoardPredictor:
 
     def see(
         self,
-        camera: Sensor,
+        camera_frame: str,
         pattern: str,
         stamp_s: float,
         camera_T_pattern: np.ndarray,
@@ -53,7 +53,7 @@ class BoardPredictor:
     ) -> None:
         """Take note of a board that a camera saw, unless the camera's place is not known."""
         try:
-            world_T_camera = tree.lookup(self._world, camera.frame, stamp_s)
+            world_T_camera = tree.lookup(self._world, camera_frame, stamp_s)
         except TransformError:
             return
         self._boards[pattern] = (stamp_s, world_T_camera @ camera_T_pattern)

@@ -1,12 +1,11 @@
-"""The sensors of a configuration as a bag knows them: topics, modality, intrinsics, frames."""
+"""The sensors of a configuration as a bag, or the master, knows them: topics, modality, frames."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Dict, List, Tuple
+from typing import Any, Dict, List, Mapping, Protocol, Sequence, Tuple
 
 from atom_calibration import conversions
-from atom_calibration.bag_reader import BagReader
 from atom_calibration.errors import BagError, MessageError, TransformError
 from atom_calibration.tf_snapshot import TransformTree
 from atom_core.geometry.camera import Camera
@@ -32,8 +31,33 @@ class Rig:
     warnings: Tuple[str, ...]
 
 
-def rig_from_bag(config: CalibrationConfig, bag: BagReader) -> Rig:
-    """Find the sensors of a configuration in a bag.
+class TopicSource(Protocol):
+    """Where topics are: a bag, or a running system.
+
+    Attributes:
+        path: what messages call it.
+    """
+
+    path: Any
+
+    @property
+    def types(self) -> Mapping[str, str]:
+        """Type of messages by topic."""
+
+    def first(self, topic: str) -> Any:
+        """Return the first message of a topic."""
+
+    def absent(self, topic: str, types: Sequence[str], whose: str) -> BagError:
+        """Return the error that a topic is not there."""
+
+
+def candidate_topics(entry: SensorConfig) -> List[str]:
+    """Return every topic that may have a sensor's data or intrinsics."""
+    return [*(entry.topic_name + suffix for suffix in _SUFFIXES), _info_topic(entry)]
+
+
+def rig_from_bag(config: CalibrationConfig, bag: TopicSource) -> Rig:
+    """Find the sensors of a configuration in a bag, or among the topics that are published.
 
     Raises:
         BagError: a topic, or a camera's camera_info, is absent.
@@ -85,7 +109,7 @@ def check_frames(rig: Rig, config: CalibrationConfig, tree: TransformTree) -> No
         tree.path(config.world_link, pattern.parent_link)
 
 
-def _data_topic(name: str, entry: SensorConfig, bag: BagReader) -> str:
+def _data_topic(name: str, entry: SensorConfig, bag: TopicSource) -> str:
     """Return the topic with the data, the raw one before the compressed ones."""
     types = conversions.DATA_TYPES.get(entry.modality or "", ())
     known = types or tuple({t for kinds in conversions.DATA_TYPES.values() for t in kinds})
@@ -102,11 +126,15 @@ def _data_topic(name: str, entry: SensorConfig, bag: BagReader) -> str:
     raise bag.absent(entry.topic_name, known, f"sensor '{name}'")
 
 
-def _camera(name: str, entry: SensorConfig, bag: BagReader) -> Camera:
-    topic = f"{entry.topic_name.rpartition('/')[0]}/camera_info"
+def _camera(name: str, entry: SensorConfig, bag: TopicSource) -> Camera:
+    topic = _info_topic(entry)
     if topic not in bag.types:
         raise bag.absent(topic, [conversions.CAMERA_INFO], f"intrinsics of sensor '{name}'")
     try:
         return conversions.camera(bag.first(topic))
     except MessageError as error:
         raise MessageError(f"{bag.path}: sensor '{name}', topic {topic}: {error}") from None
+
+
+def _info_topic(entry: SensorConfig) -> str:
+    return f"{entry.topic_name.rpartition('/')[0]}/camera_info"

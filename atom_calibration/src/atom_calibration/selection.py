@@ -91,6 +91,27 @@ class StopMoments:
         return stop
 
 
+class SwitchedMoments:
+    """Moments of another kind, which count only while they are switched on.
+
+    Attributes:
+        on: whether they do.
+    """
+
+    def __init__(self, moments: StopMoments, on: bool):
+        """Wrap others."""
+        self._moments, self.on = moments, on
+        self.memory_s = moments.memory_s
+
+    def add(self, frame: Frame) -> Iterator[Moment]:
+        """Take note of a frame; yield moments that have become certain."""
+        yield from (moment for moment in self._moments.add(frame) if self.on)
+
+    def finish(self) -> Iterator[Moment]:
+        """Yield those that only the end makes certain."""
+        yield from (moment for moment in self._moments.finish() if self.on)
+
+
 class TimedMoments:
     """Moments at times that are given."""
 
@@ -147,6 +168,11 @@ class RecentFrames:
                 queue.popleft()
         while self._sightings and self._sightings[0][0] < oldest:
             self._sightings.popleft()
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._frames.clear()
+        self._sightings.clear()
 
     def between(self, start_s: float, end_s: float) -> List[Frame]:
         """Return the frames of a time."""

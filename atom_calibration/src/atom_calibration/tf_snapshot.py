@@ -7,7 +7,7 @@ did in it.
 
 from __future__ import annotations
 
-from bisect import bisect_left
+from bisect import bisect_left, insort
 from typing import Any, Dict, Iterable, List, Mapping, Optional, Set, Tuple
 
 import numpy as np
@@ -37,7 +37,7 @@ class TransformTree:
             max_gap_s: longest time between two poses of an edge that is bridged.
         """
         self._buffer = tf2_ros.BufferCore(rospy.Duration.from_sec(span_s))
-        self._max_gap_s = max_gap_s
+        self._span_s, self._max_gap_s = span_s, max_gap_s
         self._fixed: Dict[Edge, np.ndarray] = {}
         self._stamps: Dict[Edge, List[float]] = {}
         self._parents: Dict[str, str] = {}
@@ -55,8 +55,15 @@ class TransformTree:
                 self._fixed[edge] = matrix
                 self._buffer.set_transform_static(_copy(edge, matrix, message), "bag")
             else:
-                self._stamps.setdefault(edge, []).append(stamp_s(message))
+                self._note(edge, stamp_s(message))
                 self._buffer.set_transform(_copy(edge, matrix, message), "bag")
+
+    def _note(self, edge: Edge, stamp: float) -> None:
+        """Remember a stamp, and forget those that the buffer has forgotten."""
+        stamps = self._stamps.setdefault(edge, [])
+        insort(stamps, stamp)
+        if stamps[-1] - stamps[0] > 2 * self._span_s:
+            del stamps[: bisect_left(stamps, stamps[-1] - self._span_s)]
 
     @property
     def frames(self) -> Set[str]:
@@ -138,7 +145,7 @@ class TransformTree:
 
     def _within_gap(self, edge: Edge, time_s: float) -> float:
         """Return the time to look up: the same, or that of the first or last pose if near."""
-        stamps = sorted(self._stamps[edge])
+        stamps = self._stamps[edge]
         after = bisect_left(stamps, time_s - 1e-9)
         before_s = stamps[after - 1] if after > 0 else None
         after_s = stamps[after] if after < len(stamps) else None

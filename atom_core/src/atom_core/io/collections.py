@@ -148,6 +148,17 @@ class CollectionStore:
             DatasetError: there is no whole collection, or a file is damaged.
             OutputError: the file cannot be written.
         """
+        document, warnings = self.document()
+        path = self.folder / DATASET_FILE
+        write_text_atomically(path, dumps(document))
+        return path, warnings
+
+    def document(self) -> Tuple[Dict[str, Any], List[str]]:
+        """Return the dataset's document of the collections that are there, and warnings.
+
+        Raises:
+            DatasetError: there is no whole collection, or a file is damaged.
+        """
         if not self.has_header:
             raise DatasetError(
                 f"{self._inside / HEADER_FILE}: absent, so no collection was finished here; "
@@ -156,10 +167,7 @@ class CollectionStore:
         whole, warnings = self._whole_collections()
         if not whole:
             raise DatasetError(f"{self.folder}: holds no whole collection; collect again")
-        document = assembled_document(_read(self._inside / HEADER_FILE), whole)
-        path = self.folder / DATASET_FILE
-        write_text_atomically(path, dumps(document))
-        return path, warnings
+        return assembled_document(_read(self._inside / HEADER_FILE), whole), warnings
 
     def _whole_collections(self) -> Tuple[List[StoredCollection], List[str]]:
         whole, warnings = [], []

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Dict, List, Mapping, Optional, Sequence
+from typing import Any, Dict, List, Mapping, Optional, Protocol, Sequence, Tuple
 
 import numpy as np
 import yaml
@@ -19,6 +19,7 @@ from atom_core.model.sensor import DEPTH, LIDAR3D, Sensor
 
 SEEDS_FILE = "seeds.yaml"
 _KEYS = {LIDAR3D: ("xyz_m", 3), DEPTH: ("uv_px", 2)}
+_UNITS = {LIDAR3D: "m", DEPTH: "px"}
 
 
 @dataclass(frozen=True)
@@ -36,12 +37,25 @@ class Seed:
     stamp_s: Optional[float] = None
 
 
-def read_seeds(path: Path, sensors: Mapping[str, Sensor]) -> List[Seed]:
+class HasModality(Protocol):
+    """A sensor, or its entry in a configuration."""
+
+    @property
+    def modality(self) -> Optional[str]:
+        """Kind of its data."""
+
+
+def seed_size(sensor: Sensor) -> Tuple[int, str]:
+    """Return how many numbers the seed of a range sensor has, and their unit."""
+    return _KEYS[sensor.modality][1], _UNITS[sensor.modality]
+
+
+def read_seeds(path: Path, sensors: Mapping[str, HasModality]) -> List[Seed]:
     """Read a file of seeds.
 
     Args:
         path: the YAML file.
-        sensors: of the configuration, by name.
+        sensors: of the configuration, by name; also as the configuration has them.
 
     Raises:
         ConfigError: naming the file, the entry and the remedy.
@@ -75,17 +89,17 @@ def write_seeds(path: Path, seeds: Sequence[Seed], sensors: Mapping[str, Sensor]
     write_text_atomically(path, text)
 
 
-def _seed(where: str, entry: Any, sensors: Mapping[str, Sensor]) -> Seed:
+def _seed(where: str, entry: Any, sensors: Mapping[str, HasModality]) -> Seed:
     if not isinstance(entry, dict):
         raise ConfigError(f"{where} is no map; write stamp, sensor and xyz_m or uv_px")
     name = entry.get("sensor")
-    seeded = [s.name for s in sensors.values() if s.modality in _KEYS]
+    seeded = [known for known, sensor in sensors.items() if sensor.modality in _KEYS]
     if name not in seeded:
         raise ConfigError(
             f"{where}: sensor '{name}' is no range sensor of the configuration; use one of "
             f"{', '.join(seeded) or 'none'}"
         )
-    key, count = _KEYS[sensors[name].modality]
+    key, count = _KEYS[sensors[name].modality or ""]
     position, stamp = entry.get(key), entry.get("stamp")
     if not isinstance(position, list) or len(position) != count or not _finite(*position):
         raise ConfigError(f"{where} (sensor '{name}'): {key} has to be {count} numbers")

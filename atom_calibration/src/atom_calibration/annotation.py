@@ -1,0 +1,67 @@
+"""Labelled data as messages to look at: what RViz shows on TOPIC/labeled."""
+
+from __future__ import annotations
+
+from typing import Union
+
+import cv2
+import numpy as np
+from sensor_msgs.msg import Image, PointCloud2, PointField
+
+from atom_calibration.conversions import cloud_xyz
+from atom_calibration.frames import Frame
+from atom_calibration.label_messages import header_message
+from atom_calibration.pictures import labelled_picture
+from atom_core.model.dataset import RangeLabel
+from atom_core.model.sensor import LIDAR3D
+
+INSIDE_RGB, BORDER_RGB = 0x3CDC3C, 0xFF2828
+_WHITE, _BLACK = (255, 255, 255), (0, 0, 0)
+# A point as RViz colours it; `idx` is its index in the sensor's own cloud.
+POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("rgb", "<u4"), ("idx", "<u4")])
+_FLOAT32, _UINT32 = 7, 6
+
+
+def annotated(frame: Frame) -> Union[Image, PointCloud2]:
+    """Return an image with the labels drawn in, or the cloud of the labelled points alone."""
+    return _cloud(frame) if frame.sensor.modality == LIDAR3D else _image(frame)
+
+
+def _image(frame: Frame) -> Image:
+    picture = labelled_picture(frame)
+    for line, labeled in enumerate(x for x in frame.labels.values() if not x.detected):
+        place = (8, 20 + 20 * line)
+        for colour, width in ((_BLACK, 3), (_WHITE, 1)):
+            cv2.putText(
+                picture, labeled.reason, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, colour, width,
+                cv2.LINE_AA,
+            )  # fmt: skip
+    height, width = picture.shape[:2]
+    return Image(
+        header=header_message(frame), height=height, width=width, encoding="bgr8",
+        step=3 * width, data=picture.tobytes(),
+    )  # fmt: skip
+
+
+def _cloud(frame: Frame) -> PointCloud2:
+    parts = []
+    for labeled in frame.labels.values():
+        label = labeled.label
+        assert isinstance(label, RangeLabel)
+        points = np.zeros(len(label.indices), POINT)
+        points["idx"] = label.indices
+        points["rgb"] = np.where(
+            np.isin(label.indices, label.limit_indices), BORDER_RGB, INSIDE_RGB
+        )
+        parts.append(points)
+    table = np.concatenate(parts) if parts else np.zeros(0, POINT)
+    for axis, values in zip("xyz", cloud_xyz(frame.data[table["idx"]]).T):
+        table[axis] = values
+    fields = [
+        PointField(name, offset, _FLOAT32 if name in "xyz" else _UINT32, 1)
+        for name, (_, offset) in POINT.fields.items()
+    ]
+    return PointCloud2(
+        header=header_message(frame), height=1, width=len(table), fields=fields,
+        point_step=POINT.itemsize, row_step=table.nbytes, is_dense=True, data=table.tobytes(),
+    )  # fmt: skip

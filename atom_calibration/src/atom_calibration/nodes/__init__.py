@@ -1,0 +1,1 @@
+"""Nodes: parameters in, messages to the library and back."""

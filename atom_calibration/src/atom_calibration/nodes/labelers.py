@@ -1,0 +1,96 @@
+"""Starts one labeler for each sensor of a configuration, each a node and a process of its own."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+from typing import Dict, List, Optional, Sequence
+
+import roslaunch
+import rospy
+
+from atom_calibration import conversions
+from atom_calibration.live_topics import NotYetError, wait_for
+from atom_calibration.nodes import running
+from atom_calibration.rig import candidate_topics
+from atom_core.commands.common import add_option
+from atom_core.io.config_yaml import read_config
+from atom_core.model.config import SensorConfig
+from atom_core.model.sensor import DEPTH, LIDAR3D, RGB
+
+_LABELED = (RGB, DEPTH, LIDAR3D)
+
+
+def main(argv: Optional[Sequence[str]] = None) -> int:
+    """Run until the node is asked to end; return the exit code."""
+    args = _parser().parse_args(rospy.myargv(sys.argv)[1:] if argv is None else argv)
+    return running.guarded("labelers", lambda: _run(args))
+
+
+def _run(args: argparse.Namespace) -> int:
+    config = read_config(args.config)
+    launcher = roslaunch.scriptapi.ROSLaunch()  # has signal handlers of its own: before ours
+    running.start("labelers")
+    launcher.start()
+    try:
+        for name, entry in config.sensors.items():
+            modality = _modality(name, entry)
+            if modality in _LABELED:
+                launcher.launch(_node(name, modality, args))
+            elif modality is not None:
+                rospy.logwarn(f"sensor '{name}' ({modality}) is left out: it is not labelled")
+        while not running.stopped():
+            time.sleep(0.1)
+    finally:
+        launcher.stop()
+    return 0
+
+
+def _modality(name: str, entry: SensorConfig) -> Optional[str]:
+    """Return the modality by the configuration, else by the type of the topic once it is there."""
+
+    def by_topic() -> Optional[str]:
+        types: Dict[str, str] = dict(rospy.get_published_topics())
+        known = [conversions.modality_of(types.get(topic, "")) for topic in candidate_topics(entry)]
+        found: List[str] = [modality for modality in known if modality is not None]
+        if not found:
+            raise NotYetError(
+                f"sensor '{name}' has no modality in the configuration, and topic "
+                f"{entry.topic_name} is not published"
+            )
+        return found[0]
+
+    return entry.modality or wait_for(by_topic, running.stopped, rospy.logwarn)
+
+
+def _node(name: str, modality: str, args: argparse.Namespace) -> roslaunch.core.Node:
+    words = f"--config '{args.config}' --sensor '{name}' --automatic_seeds {args.automatic_seeds}"
+    words += f" --rate {args.rate}" + (f" --seeds '{args.seeds}'" if args.seeds else "")
+    return roslaunch.core.Node(
+        "atom_calibration", f"{modality}_labeler", name=f"{name}_labeler", args=words,
+        output="screen",
+    )  # fmt: skip
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="labelers",
+        description=__doc__,
+        epilog="example: rosrun atom_calibration labelers -cfg config.yml",
+    )
+    add_option(
+        parser, "config", "-cfg", "--config_file", required=True, type=Path, metavar="FILE",
+        help="the calibration's config.yml",
+    )  # fmt: skip
+    add_option(
+        parser, "automatic_seeds", choices=("on", "off"), default="on",
+        help="predict seeds from the cameras and search the board (default: on)",
+    )  # fmt: skip
+    add_option(parser, "seeds", default="", metavar="FILE", help="seeds given by hand")
+    add_option(
+        parser, "rate", type=running.positive, default=5.0, metavar="HZ",
+        help="most labels a second and sensor (default: 5)",
+    )  # fmt: skip
+    return parser

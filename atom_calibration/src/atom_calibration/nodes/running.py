@@ -1,0 +1,75 @@
+"""How every node starts and ends: arguments, signals, exit codes."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import threading
+from dataclasses import replace
+from pathlib import Path
+from typing import Callable
+
+import rospy
+
+from atom_core.errors import AtomError, ConfigError
+from atom_core.io.config_yaml import read_config
+from atom_core.model.config import CalibrationConfig
+
+BAD_INPUT = 2
+_stop = threading.Event()
+
+
+def stopped() -> bool:
+    """Tell whether the node was asked to end, by a signal or by the master."""
+    return _stop.is_set() or rospy.is_shutdown()
+
+
+def start(name: str) -> None:
+    """Become a node; SIGINT and SIGTERM then only ask it to end, so that it can finish its work.
+
+    Raises:
+        ConfigError: there is no master.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: _stop.set())
+    try:
+        rospy.get_master().getPid()
+    except OSError:
+        raise ConfigError(
+            "no ROS master answers; start one with roscore, or use roslaunch"
+        ) from None
+    rospy.init_node(name, disable_signals=True)
+
+
+def guarded(name: str, run: Callable[[], int]) -> int:
+    """Run a node; return its exit code. A refusal is one line."""
+    try:
+        return run()
+    except AtomError as error:
+        sys.stderr.write(f"{name}: {error}\n")
+        return BAD_INPUT
+    finally:
+        rospy.signal_shutdown("done")
+
+
+def positive(text: str) -> float:
+    """Return a number above 0 of the command line."""
+    value = float(text)
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"'{text}' is no number above 0")
+    return value
+
+
+def config_of_sensor(path: Path, name: str) -> CalibrationConfig:
+    """Read a configuration and leave only one of its sensors in it.
+
+    Raises:
+        ConfigError: it cannot be read, or has no such sensor.
+    """
+    config = read_config(path)
+    if name not in config.sensors:
+        raise ConfigError(
+            f"{path}: there is no sensor '{name}'; use one of {', '.join(config.sensors)}"
+        )
+    return replace(config, sensors={name: config.sensors[name]}, anchored_sensor=None)
