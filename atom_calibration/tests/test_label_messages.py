@@ -134,4 +134,4 @@ def test_the_annotated_image_shows_the_labels_and_why_there_are_none():
     frame.set_label(PATTERN.name, nothing("depth", "too far away"))
     image = annotated(frame)
     pixels = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width, 3)
-    assert pixels[:30, :120].max() == 255 and pixels[:30, :120].min() == 0
+    assert pixels[:30, :120].max() > 240 and pixels[:30, :120].min() == 0
