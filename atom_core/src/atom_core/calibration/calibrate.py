@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from typing import Dict, Mapping, Optional, Sequence, Tuple
+from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
-from atom_core.calibration.boards import initial_boards, placed, settle_boards, solved_dataset
-from atom_core.calibration.connectivity import check_connected
+from atom_core.calibration.boards import solved_dataset
 from atom_core.calibration.disturb import disturbed
-from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.preparation import prepare
+from atom_core.calibration.initial_sensors import sensors_from_boards
+from atom_core.calibration.options import DESCRIPTION, NO_GUESS, CalibrationOptions
+from atom_core.calibration.preparation import Prepared, prepare
+from atom_core.calibration.starts import Posed, ambiguity, best_settled, pose_problem, rescued
 from atom_core.calibration.weak_directions import WeakDirection, weak_directions
-from atom_core.errors import CalibrationError
 from atom_core.model.dataset import Dataset
-from atom_core.problem.builder import FreeEdges, build_problem
+from atom_core.problem.builder import FreeEdges
 from atom_core.problem.problem import Problem
 from atom_core.solvers.base import CONVERGED, SolverSummary
 from atom_core.solvers.choice import solver_factory
@@ -73,36 +73,33 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
     options = options or CalibrationOptions()
     clock = _Clock()
     ready = prepare(dataset, options)
-    measurements, free, unused = ready.measurements, ready.free, ready.unused
+    free = ready.free
     warnings = list(dataset.warnings) + ready.remarks
     clock.lap("build")
 
-    rng = np.random.default_rng(options.seed)
-    initial = disturbed(dataset, free, *options.noisy_initial_guess, rng)
-    boards = initial_boards(initial, measurements, free)
-    measurements = placed(initial, measurements, boards, unused)
-    check_connected(dataset, measurements, free)
-    problem = build_problem(initial, measurements, boards, free)
-    if problem.parameters.size == 0:
-        raise CalibrationError("nothing is left to estimate: every sensor and board is held")
+    starts, remarks = _starts(dataset, ready, options)
+    warnings += remarks
     clock.lap("initialise")
 
     make_solver = solver_factory(options.solver_name)
-    first = make_solver(problem)
     with Interrupt() as interrupt:
         how = replace(options.solver, progress=interrupt.watching(options.solver.progress))
-        solver, rough = settle_boards(initial, first, measurements, how, make_solver)
-        summary = solve(solver, how, rough, guess=first)
+        settled, rivals = best_settled(starts, how, make_solver)
+        if options.initial_guess == DESCRIPTION:
+            settled, remarks = rescued(settled, dataset, free, how, make_solver)
+            warnings += remarks
+        initial, solver = settled.posed.initial, settled.solver
+        summary = solve(solver, how, settled.rough, guess=settled.first)
     problem = solver.problem
     clock.lap("solve")
     covariance = covariance_of(solver, summary, options.solver)
-    weak = weak_directions(
+    weak = ambiguity(settled, rivals) + weak_directions(
         initial, problem.parameters, summary.x, covariance, *options.undetermined_limit
     )
     clock.lap("covariance")
     status, message = _verdict(summary, weak)
     return Calibration(
-        dataset=solved_dataset(initial, problem, summary.x, boards),
+        dataset=solved_dataset(initial, problem, summary.x, settled.posed.boards),
         initial=initial,
         free=free,
         problem=problem,
@@ -111,11 +108,29 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
         status=status,
         message=message,
         weak_directions=tuple(weak),
-        unused=unused,
+        unused=settled.posed.unused,
         warnings=tuple(warnings),
         seconds=clock.laps,
         seed=options.seed,
     )
+
+
+def _starts(
+    dataset: Dataset, ready: Prepared, options: CalibrationOptions
+) -> Tuple[List[Posed], List[str]]:
+    """Return the starts to try: the description's, or what the data allow; then disturbed."""
+    measurements, free = ready.measurements, ready.free
+    if options.initial_guess == NO_GUESS:
+        estimate = sensors_from_boards(dataset, measurements, free)
+        guesses, remarks = [estimate.dataset, *estimate.others], list(estimate.remarks)
+    else:
+        guesses, remarks = [dataset], []
+    posed = []
+    for guess in guesses:
+        rng = np.random.default_rng(options.seed)
+        moved = disturbed(guess, free, *options.noisy_initial_guess, rng)
+        posed.append(pose_problem(moved, measurements, free, ready.unused))
+    return posed, remarks
 
 
 def _verdict(summary: SolverSummary, weak: Sequence[WeakDirection]) -> Tuple[str, str]:

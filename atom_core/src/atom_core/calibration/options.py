@@ -7,6 +7,8 @@ from typing import Optional, Tuple
 
 from atom_core.solvers.base import SolverOptions
 
+DESCRIPTION, NO_GUESS = "description", "none"
+
 
 @dataclass(frozen=True)
 class CalibrationOptions:
@@ -20,6 +22,8 @@ class CalibrationOptions:
         anchor_patterns: hold the boards where the dataset has them.
         additional_tfs: names of the configuration's additional tfs to estimate; None for all.
         complete_only: use only collections in which every sensor sees every pattern.
+        initial_guess: ``description`` starts from the transforms of the dataset (and leaves them
+            where that cannot be right), ``none`` places the sensors from the data alone.
         noisy_initial_guess: metres and radians by which each free edge is moved at the start.
         seed: of that disturbance.
         undetermined_limit: metres and radians; a larger predicted sigma is undetermined.
@@ -32,11 +36,14 @@ class CalibrationOptions:
     anchor_patterns: bool = False
     additional_tfs: Optional[Tuple[str, ...]] = None
     complete_only: bool = False
+    initial_guess: str = DESCRIPTION
     noisy_initial_guess: Tuple[float, float] = (0.0, 0.0)
     seed: int = 0
     undetermined_limit: Tuple[float, float] = (0.05, 0.05)
 
     def __post_init__(self) -> None:
+        if self.initial_guess not in (DESCRIPTION, NO_GUESS):
+            raise ValueError(f"initial_guess must be {DESCRIPTION} or {NO_GUESS}")
         if min(self.noisy_initial_guess) < 0:
             raise ValueError("noisy_initial_guess needs two numbers >= 0: metres and radians")
         if min(self.undetermined_limit) <= 0:

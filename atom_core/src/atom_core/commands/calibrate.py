@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import List, Optional
 
 from atom_core.calibration.calibrate import Calibration, calibrate
-from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.options import DESCRIPTION, NO_GUESS, CalibrationOptions
 from atom_core.calibration.result import result_document, selected_edges, sigma_text
 from atom_core.commands import common
 from atom_core.errors import CalibrationError, DescriptionError
@@ -83,9 +83,10 @@ def _add_solver_options(parser: argparse.ArgumentParser) -> None:
     add(
         parser,
         "initial_guess",
-        choices=["description"],
-        default="description",
-        help="where the sensors start: the transforms that the dataset carries",
+        choices=[DESCRIPTION, NO_GUESS],
+        default=DESCRIPTION,
+        help="where the sensors start: the transforms that the dataset carries, or none: they are "
+        "placed from the shared boards alone",
     )
     add(
         parser,
@@ -202,6 +203,7 @@ def _options(args: argparse.Namespace) -> CalibrationOptions:
             ignore_anchored_sensor=args.ignore_anchored_sensor,
             anchor_patterns=args.anchor_patterns,
             complete_only=args.complete_only,
+            initial_guess=args.initial_guess,
             noisy_initial_guess=tuple(args.noisy_initial_guess),
             seed=args.sample_seed,
             undetermined_limit=tuple(args.undetermined_limit),

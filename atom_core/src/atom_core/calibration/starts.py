@@ -1,0 +1,228 @@
+"""Where the solver starts, and which start leads where it should.
+
+A start is the description's, or is taken from the data alone. The description's is left for the
+data's when it ends where residuals are implausible and the data's ends lower.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
+
+from atom_core.calibration.boards import initial_boards, placed, settle_boards
+from atom_core.calibration.connectivity import check_connected
+from atom_core.calibration.initial_sensors import sensors_from_boards
+from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.preparation import prepare
+from atom_core.calibration.weak_directions import WeakDirection
+from atom_core.errors import CalibrationError
+from atom_core.geometry import se3
+from atom_core.model.dataset import Dataset
+from atom_core.model.pattern import BoardKey
+from atom_core.problem.builder import FreeEdges, build_problem
+from atom_core.problem.measurements import Measurement
+from atom_core.problem.parameters import SENSOR
+from atom_core.problem.problem import Problem
+from atom_core.solvers import losses
+from atom_core.solvers.base import Minimum, Solver, SolverFactory, SolverOptions
+
+# A sensor's median residual, in units of its expected sigma, that no noise explains.
+_IMPLAUSIBLE = 10.0
+_AS_GOOD, _ELSEWHERE_M = 1.02, 0.2  # outcomes that nothing but chance decides between
+_CLEARLY_LOWER = 0.9  # the other start must lower the cost by this factor
+
+
+@dataclass(frozen=True)
+class Posed:
+    """A problem and where it starts.
+
+    Attributes:
+        initial: the dataset whose transforms are the start.
+        measurements: those whose board could be placed.
+        boards: initial (or held) poses.
+        unused: why a collection is left out, by key.
+        problem: not solved yet.
+    """
+
+    initial: Dataset
+    measurements: Sequence[Measurement]
+    boards: Mapping[BoardKey, np.ndarray]
+    unused: Mapping[str, str]
+    problem: Problem
+
+
+class SensorPose(NamedTuple):
+    """The sensors on an edge, and its ``parent_T_child`` (4, 4)."""
+
+    names: Tuple[str, ...]
+    pose: np.ndarray
+
+
+@dataclass(frozen=True)
+class Settled:
+    """A problem solved roughly, every board in its place.
+
+    Attributes:
+        posed: the start.
+        first: solver of the problem as it was posed.
+        solver: of the problem as it is now.
+        rough: where to go on from.
+    """
+
+    posed: Posed
+    first: Solver
+    solver: Solver
+    rough: Minimum
+
+    def robust_cost(self) -> float:
+        """Return the cost with the sensors' initial sigmas, comparable between starts."""
+        return sum(losses.cost(losses.CAUCHY, squares) for squares in self._squares())
+
+    def is_implausible(self) -> bool:
+        """Tell whether half of some sensor's residuals are larger than noise explains."""
+        rows = max(self.solver.problem.row_count, 1)
+        if 2.0 * self.rough.cost < rows:  # no need to look closer
+            return False
+        return any(np.median(squares) > _IMPLAUSIBLE**2 for squares in self._squares())
+
+    def sensor_edges(self) -> List[SensorPose]:
+        """Return the sensors' estimated edges."""
+        parameters = self.solver.problem.parameters
+        poses = parameters.poses(self.rough.x)
+        return [
+            SensorPose(block.names, poses[i])
+            for i, block in enumerate(parameters.blocks)
+            if block.kind == SENSOR
+        ]
+
+    def _squares(self) -> List[np.ndarray]:
+        sigmas = [block.sigma for block in self.solver.problem.residual_blocks]
+        return self.solver.squares(self.rough.x, sigmas)
+
+
+def pose_problem(
+    initial: Dataset,
+    measurements: Sequence[Measurement],
+    free: FreeEdges,
+    unused: Optional[Mapping[str, str]] = None,
+) -> Posed:
+    """Place the boards and build the problem of a start.
+
+    Raises:
+        CalibrationError: nothing is left to estimate, or what is left does not hang together.
+    """
+    left_out: Dict[str, str] = dict(unused or {})
+    boards = initial_boards(initial, measurements, free)
+    kept = placed(initial, measurements, boards, left_out)
+    check_connected(initial, kept, free)
+    problem = build_problem(initial, kept, boards, free)
+    if problem.parameters.size == 0:
+        raise CalibrationError("nothing is left to estimate: every sensor and board is held")
+    return Posed(initial, kept, boards, left_out, problem)
+
+
+def settle(posed: Posed, options: SolverOptions, make_solver: SolverFactory) -> Settled:
+    """Solve roughly, boards placed anew where they stand wrong."""
+    first = make_solver(posed.problem)
+    solver, rough = settle_boards(posed.initial, first, posed.measurements, options, make_solver)
+    return Settled(posed, first, solver, rough)
+
+
+def best_settled(
+    starts: Sequence[Posed], options: SolverOptions, make_solver: SolverFactory
+) -> Tuple[Settled, List[Settled]]:
+    """Settle every start.
+
+    Returns:
+        The one with the lowest cost, and those that are as good and put a sensor elsewhere.
+    """
+    settled: List[Settled] = []
+    for posed in starts:
+        settled.append(settle(posed, options, make_solver))
+        if settled[-1].rough.interrupted:
+            break
+    if len(settled) == 1:
+        return settled[0], []
+    costs = [s.robust_cost() for s in settled]
+    best = settled[int(np.argmin(costs))]
+    rivals = [s for s, cost in zip(settled, costs) if cost <= _AS_GOOD * min(costs)]
+    return best, [s for s in rivals if s is not best and moved_sensors(best, s)]
+
+
+def moved_sensors(one: Settled, other: Settled) -> Dict[str, float]:
+    """Return the sensors that stand elsewhere in the other outcome, and by how much [m].
+
+    A sensor that only turned counts with the length of the arc one metre away.
+    """
+    moved = {}
+    for a, b in zip(one.sensor_edges(), other.sensor_edges()):
+        turned = float(se3.rotation_angle(a.pose[:3, :3].T @ b.pose[:3, :3]))
+        apart = max(float(np.linalg.norm(a.pose[:3, 3] - b.pose[:3, 3])), turned)
+        if apart > _ELSEWHERE_M:
+            moved["+".join(a.names)] = apart
+    return moved
+
+
+def ambiguity(settled: Settled, rivals: Sequence[Settled]) -> List[WeakDirection]:
+    """Return, for each equally good outcome, which sensors it puts elsewhere."""
+    found = []
+    for rival in rivals:
+        moved = moved_sensors(settled, rival)
+        parameters = tuple(f"{name} pose" for name in moved)
+        why = (
+            f"the data allow {', '.join(moved)} at two places, equally good: range sensors cannot "
+            f"tell a board from one turned by half; add collections that cameras see as well, or "
+            f"start from a description"
+        )
+        found.append(WeakDirection(parameters, max(moved.values()), "m", why))
+    return found
+
+
+def rescued(
+    settled: Settled,
+    dataset: Dataset,
+    free: FreeEdges,
+    options: SolverOptions,
+    make_solver: SolverFactory,
+) -> Tuple[Settled, List[str]]:
+    """Return the outcome of a start from the data where it is better, with a warning.
+
+    It is tried only when the outcome of the description's start is implausible.
+    """
+    if settled.rough.interrupted or not settled.is_implausible():
+        return settled, []
+    posed = settled.posed
+    estimate = sensors_from_boards(dataset, posed.measurements, free)
+    starts = [
+        pose_problem(guess, posed.measurements, free, posed.unused)
+        for guess in (estimate.dataset, *estimate.others)
+    ]
+    other, _ = best_settled(starts, options, make_solver)
+    if not other.robust_cost() < _CLEARLY_LOWER * settled.robust_cost():
+        return settled, []
+    remark = (
+        "the initial guess of the description leads to implausible residuals: the sensors were "
+        "placed from the shared boards instead (as with --initial_guess none); correct the "
+        "description, or look whether it is the right one"
+    )
+    return other, [remark, *estimate.remarks]
+
+
+def estimate_sensors(dataset: Dataset, options: Optional[CalibrationOptions] = None) -> Dataset:
+    """Return the dataset with its sensors placed from the data alone, before any solve.
+
+    What the dataset's transforms say about the edges to be found is not used. Positions are good
+    to centimetres, enough to start a calibration from or to show as a first guess. To get the
+    calibration itself use ``calibrate`` with ``initial_guess="none"``.
+
+    Args:
+        dataset: already reduced to the selected sensors, collections and patterns.
+        options: what is held; defaults as in ``calibrate``.
+
+    Raises:
+        AtomError: sensors that no shared board connects, or data that cannot be read.
+    """
+    ready = prepare(dataset, options or CalibrationOptions())
+    return sensors_from_boards(dataset, ready.measurements, ready.free).dataset
