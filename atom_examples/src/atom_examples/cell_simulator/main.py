@@ -5,10 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import List, Optional
+from typing import TYPE_CHECKING, List, Optional
 
 from atom_core.errors import AtomError, OutputError
 from atom_core.synthetic.cell import SCENARIOS
+
+if TYPE_CHECKING:  # both need MuJoCo, which takes its time
+    from atom_examples.cell_simulator.recorder import Recording
+    from atom_examples.cell_simulator.world import World
 
 PROGRAM = "cell_simulator"
 EXAMPLE = "rosrun atom_examples cell_simulator --bag train.bag --scenario train --seed 0"
@@ -39,6 +43,8 @@ def build_parser() -> argparse.ArgumentParser:
          help="depth in millimetres or in metres")  # fmt: skip
     _add(parser, "no_noise", action="store_true", help="exact sensors")
     _add(parser, "overwrite", action="store_true", help="replace an existing bag")
+    _add(parser, "reuse", action="store_true",
+         help="keep an existing bag that would be the same again")  # fmt: skip
     _add(parser, "rtf", type=float, default=1.0, metavar="F",
          help="live: seconds simulated in a second, at most")  # fmt: skip
     return parser
@@ -68,7 +74,7 @@ def main(argv: Optional[List[str]] = None) -> int:
 
 
 def _bag(args: argparse.Namespace) -> int:
-    from atom_examples.cell_simulator.recorder import Recording, record
+    from atom_examples.cell_simulator.recorder import Recording
     from atom_examples.cell_simulator.world import World
 
     wanted = SCENARIOS[args.scenario].collections if args.collections is None else args.collections
@@ -76,7 +82,7 @@ def _bag(args: argparse.Namespace) -> int:
         raise OutputError(f"--collections is {wanted}; give 1 or more")
     if args.bag.is_dir() or not args.bag.name.endswith(".bag"):
         raise OutputError(f"{args.bag}: no name of a bag; give one that ends with .bag")
-    if args.bag.exists() and not args.overwrite:
+    if args.bag.exists() and not (args.overwrite or args.reuse):
         raise OutputError(f"{args.bag}: exists; choose another name or add --overwrite")
     if not args.bag.parent.is_dir():
         raise OutputError(f"{args.bag.parent}: no such folder; create it")
@@ -90,11 +96,28 @@ def _bag(args: argparse.Namespace) -> int:
     )
     world = World(_checked_seed(args.seed))
     try:
-        record(world, recording, args.bag)
+        print(f"{args.bag}: {_recorded(world, recording, args)}")
     finally:
         world.scene.close()
-    print(f"{args.bag}: {wanted} stops, seed {args.seed}; truth beside it")
     return 0
+
+
+def _recorded(world: World, recording: Recording, args: argparse.Namespace) -> str:
+    """Record, unless what is there may be kept; return what was done."""
+    from atom_examples.cell_simulator.fingerprint import inputs_of, is_current, write_fingerprint
+    from atom_examples.cell_simulator.recorder import record
+
+    inputs = inputs_of(world, recording)
+    if args.reuse and is_current(args.bag, inputs):
+        return "kept, it would be the same again"
+    if args.bag.exists() and not args.overwrite:
+        raise OutputError(
+            f"{args.bag}: exists and is not what would be recorded now; choose another name or "
+            f"add --overwrite"
+        )
+    record(world, recording, args.bag)
+    write_fingerprint(args.bag, inputs)
+    return f"{recording.collections} stops, seed {world.seed}; truth beside it"
 
 
 def _live(args: argparse.Namespace) -> int:

@@ -6,7 +6,7 @@ import os
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Dict, Iterator, Optional
+from typing import Any, Dict, Iterator, List, Optional
 
 import numpy as np
 import rosbag
@@ -55,6 +55,11 @@ class Recording:
     moving_cloud_hz: float = 10.0
 
 
+def recording_files(bag: Path) -> List[Path]:
+    """Return the files of a recording: the truth of its labels, its truth, the bag itself."""
+    return [bag.with_suffix(".labels.npz"), bag.with_suffix(".truth.json"), bag]
+
+
 def record(world: World, recording: Recording, path: Path, progress: bool = True) -> None:
     """Write a bag, its truth (``.truth.json``) and the truth of its labels (``.labels.npz``).
 
@@ -65,7 +70,7 @@ def record(world: World, recording: Recording, path: Path, progress: bool = True
     """
     stops = plan_stops(world, recording.scenario, recording.collections)
     trajectory = Trajectory(stops, recording.stop_s, world.scene.board.pattern)
-    files = [path.with_suffix(".labels.npz"), path.with_suffix(".truth.json"), path]
+    files = recording_files(path)
     active = [file.with_name(file.name + ".active") for file in files]
     try:
         with _open(active[2], recording) as bag:

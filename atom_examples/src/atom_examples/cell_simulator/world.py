@@ -102,6 +102,11 @@ class World:
             s.name: Lidar(s.name, s.frame, s.model, s.noise) for s in by_kind[LidarSettings]
         }
 
+    @property
+    def folder(self) -> Path:
+        """The folder of the cell's description."""
+        return self._files.cell.parents[1]
+
     def edges(self, estimate: str) -> Dict[Edge, np.ndarray]:
         """Return the calibrated edges (4, 4): the true ones, or those of the disturbed start."""
         return initial_edges(self.rig, self.seed, _DISTURBANCES[estimate])
