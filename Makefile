@@ -13,7 +13,7 @@ PYTHON_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicat
 CPP_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicate \
 	-- '*.h' '*.cpp' | xargs -r ls -d 2>/dev/null)
 
-.PHONY: help setup build demo test test-quick lint format bench clean pictures pictures-cell
+.PHONY: help setup build demo test test-regression test-quick lint format bench clean pictures pictures-cell
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1	\2/p' Makefile | expand -t 14
@@ -32,8 +32,8 @@ build: setup ## compile into build/ and devel/
 	@[ build/build.ninja -nt Makefile ] || flock CMakeLists.txt $(CONFIGURE)
 	@$(COMPILE)
 
-demo: build ## the main job on the simulated cell, from data to evaluation; results in demo_output/
-	@$(ENV) python3 -m atom_core demo --output demo_output --overwrite
+demo: build ## the main job on the simulated cell, from bags to evaluation; results in demo_output/
+	@$(ENV) rosrun atom_examples demo --output demo_output --overwrite
 
 test: build ## lint and every test: pytest, gtest, rostest
 	@$(ENV) failed=(); \
@@ -42,6 +42,9 @@ test: build ## lint and every test: pytest, gtest, rostest
 	$(COMPILE) --target tests || failed+=("tests' build"); \
 	(cd build && ROS_HOME="$$PWD/ros_home" ctest -j $(JOBS) --output-on-failure) || failed+=(ctest); \
 	if [ "$${#failed[@]}" -gt 0 ]; then echo "make test: failed: $${failed[*]}" >&2; exit 1; fi
+
+test-regression: build ## does calibration still work? rostests on recordings of the simulated cell
+	@$(ENV) cd build && ROS_HOME="$$PWD/ros_home" ctest -j $(JOBS) --output-on-failure -R regression
 
 test-quick: build ## unit tests, at most two minutes
 	@$(ENV) python3 -m pytest -m "not slow"
