@@ -1,0 +1,28 @@
+#include "logic/sensor_of_cloud.h"
+
+namespace atom_rviz {
+namespace {
+
+bool shows(const std::string& topic, const std::string& data_topic) {
+  if (data_topic.empty()) return false;
+  return topic == data_topic || topic.compare(0, data_topic.size() + 1, data_topic + "/") == 0;
+}
+
+}  // namespace
+
+std::string sensor_of_cloud(const atom_calibration::CollectorState& state, const std::string& topic,
+                            const std::string& frame_id) {
+  std::string by_frame;
+  int of_frame = 0;
+  for (const auto& sensor : state.sensors) {
+    if (sensor.modality != "lidar3d") continue;
+    if (shows(topic, sensor.topic)) return sensor.name;
+    if (sensor.frame_id == frame_id) {
+      by_frame = sensor.name;
+      ++of_frame;
+    }
+  }
+  return of_frame == 1 ? by_frame : "";
+}
+
+}  // namespace atom_rviz

@@ -1,0 +1,57 @@
+// What the panel shows, as plain tables of text.
+#pragma once
+
+#include <atom_calibration/CalibrationState.h>
+#include <atom_calibration/CollectionStates.h>
+#include <atom_calibration/CollectorState.h>
+
+#include <string>
+#include <vector>
+
+namespace atom_rviz {
+
+/// How a cell is coloured.
+enum class Tone { kPlain, kGood, kBad, kFaint };
+
+/// A cell; `hint` is shown when the mouse rests on it.
+struct Cell {
+  std::string text;
+  Tone tone = Tone::kPlain;
+  std::string hint;
+};
+
+/// A row; `key` is the name that services know it by: of a sensor, of a collection.
+struct Row {
+  std::string key;
+  std::vector<Cell> cells;
+};
+
+/// Every row has as many cells as there are names in the header.
+struct Table {
+  std::vector<std::string> header;
+  std::vector<Row> rows;
+};
+
+/// Sensors while data are collected: a row for each sensor and pattern.
+///
+/// Labels older than `kOld_s` at `now_s` are said to be old: their sensor is silent.
+Table sensor_table(const atom_calibration::CollectorState& state, double now_s);
+constexpr double kOld_s = 3.0;
+
+/// The detection matrix: collections down, sensors across, in each cell the number of points or
+/// corners; several patterns of a sensor are added up, and told apart by the hint.
+///
+/// Sensors stand in the order of `state`; those that only occur in `collections` follow.
+Table collection_table(const atom_calibration::CollectionStates& collections,
+                       const atom_calibration::CollectorState& state);
+
+/// Residuals of each sensor and kind: count, rms now, rms at the start; m are shown in mm.
+Table residual_table(const atom_calibration::CalibrationState& state);
+
+/// One line: "12 collections in FOLDER, automatic".
+std::string collector_line(const atom_calibration::CollectorState& state);
+
+/// One line: "running: iteration 3, cost 123.4" or the status and what it means.
+std::string calibration_line(const atom_calibration::CalibrationState& state);
+
+}  // namespace atom_rviz

@@ -1,0 +1,44 @@
+// Which sensor a cloud belongs to.
+#include <gtest/gtest.h>
+
+#include "logic/sensor_of_cloud.h"
+
+namespace atom_rviz {
+namespace {
+
+atom_calibration::CollectorState state_of(
+    const std::vector<std::vector<std::string>>& name_modality_topic_frame) {
+  atom_calibration::CollectorState state;
+  for (const auto& entry : name_modality_topic_frame) {
+    atom_calibration::SensorState sensor;
+    sensor.name = entry[0];
+    sensor.modality = entry[1];
+    sensor.topic = entry[2];
+    sensor.frame_id = entry[3];
+    state.sensors.push_back(sensor);
+  }
+  return state;
+}
+
+TEST(SensorOfCloud, TopicOrWhatStandsBelowIt) {
+  const auto state = state_of(
+      {{"left", "lidar3d", "/left/points", "l"}, {"left_2", "lidar3d", "/left/points_2", "l"}});
+  EXPECT_EQ(sensor_of_cloud(state, "/left/points", "l"), "left");
+  EXPECT_EQ(sensor_of_cloud(state, "/left/points/labeled", "l"), "left");
+  EXPECT_EQ(sensor_of_cloud(state, "/left/points_2", "l"), "left_2");
+}
+
+TEST(SensorOfCloud, ElseTheOnlyLidarWithTheFrame) {
+  auto state = state_of({{"left", "lidar3d", "/left/points", "l"}, {"cam", "rgb", "/cam", "l"}});
+  EXPECT_EQ(sensor_of_cloud(state, "/filtered", "l"), "left");
+  EXPECT_EQ(sensor_of_cloud(state, "/filtered", "r"), "");
+  state.sensors.push_back(state.sensors.front());
+  EXPECT_EQ(sensor_of_cloud(state, "/filtered", "l"), "") << "two sensors share the frame";
+}
+
+TEST(SensorOfCloud, NothingIsKnownBeforeTheCollectorSpeaks) {
+  EXPECT_EQ(sensor_of_cloud({}, "/left/points", "l"), "");
+}
+
+}  // namespace
+}  // namespace atom_rviz

@@ -1,0 +1,199 @@
+// The panel's tables from messages.
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "logic/tables.h"
+
+namespace atom_rviz {
+namespace {
+
+using atom_calibration::CalibrationState;
+using atom_calibration::CollectionState;
+using atom_calibration::CollectionStates;
+using atom_calibration::CollectorState;
+using atom_calibration::PatternState;
+using atom_calibration::SensorDetection;
+using atom_calibration::SensorState;
+
+constexpr double kNow_s = 1000.0;
+
+SensorState sensor_of(const std::string& name, const std::string& modality, double stamp_s) {
+  SensorState sensor;
+  sensor.name = name;
+  sensor.modality = modality;
+  sensor.topic = "/" + name + "/data";
+  sensor.stamp.fromSec(stamp_s);
+  return sensor;
+}
+
+PatternState pattern_of(const std::string& name, unsigned points, const std::string& reason) {
+  PatternState pattern;
+  pattern.pattern_name = name;
+  pattern.detected = points > 0;
+  pattern.points = points;
+  pattern.reason = reason;
+  return pattern;
+}
+
+CollectionState collection_of(const std::string& name,
+                              const std::vector<std::pair<std::string, unsigned>>& detections) {
+  CollectionState collection;
+  collection.name = name;
+  for (const auto& [sensor, points] : detections) {
+    SensorDetection detection;
+    detection.sensor = sensor;
+    detection.pattern_name = "board";
+    detection.points = points;
+    collection.detections.push_back(detection);
+  }
+  return collection;
+}
+
+void expect_rectangular(const Table& table) {
+  for (const Row& row : table.rows) EXPECT_EQ(row.cells.size(), table.header.size()) << row.key;
+}
+
+TEST(SensorTable, TellsWhatEachSensorSees) {
+  CollectorState state;
+  state.sensors = {sensor_of("cam", "rgb", kNow_s - 0.2), sensor_of("lidar", "lidar3d", kNow_s)};
+  state.sensors[0].patterns = {pattern_of("board", 48, "")};
+  state.sensors[1].patterns = {pattern_of("board", 0, "fewer than 10 points")};
+  const Table table = sensor_table(state, kNow_s);
+  expect_rectangular(table);
+  ASSERT_EQ(table.rows.size(), 2u);
+  EXPECT_EQ(table.rows[0].key, "cam");
+  EXPECT_EQ(table.rows[0].cells[2].text, "48");
+  EXPECT_EQ(table.rows[0].cells[2].tone, Tone::kGood);
+  EXPECT_EQ(table.rows[0].cells[4].text, "0.2 s");
+  EXPECT_EQ(table.rows[1].cells[2].tone, Tone::kBad);
+  EXPECT_EQ(table.rows[1].cells[5].text, "fewer than 10 points");
+}
+
+TEST(SensorTable, SilentAndOldSensorsStandOut) {
+  CollectorState state;
+  state.sensors = {sensor_of("never", "rgb", 0), sensor_of("old", "rgb", kNow_s - 12),
+                   sensor_of("ahead", "rgb", kNow_s + 1)};
+  const Table table = sensor_table(state, kNow_s);
+  expect_rectangular(table);
+  EXPECT_EQ(table.rows[0].cells[4].text, "no data yet");
+  EXPECT_EQ(table.rows[0].cells[4].tone, Tone::kBad);
+  EXPECT_NE(table.rows[0].cells[4].hint.find("/never/data"), std::string::npos);
+  EXPECT_EQ(table.rows[1].cells[4].text, "12 s");
+  EXPECT_EQ(table.rows[1].cells[4].tone, Tone::kBad);
+  EXPECT_EQ(table.rows[2].cells[4].text, "0.0 s");
+}
+
+TEST(SensorTable, SeedsSetByHandAreShownInTheirUnit) {
+  CollectorState state;
+  state.sensors = {sensor_of("lidar", "lidar3d", kNow_s), sensor_of("depth", "depth", kNow_s),
+                   sensor_of("other", "depth", kNow_s), sensor_of("cam", "rgb", kNow_s)};
+  state.sensors[0].manual_seed = {1.5, -2.0, 0.25};
+  state.sensors[1].manual_seed = {320, 240};
+  const Table table = sensor_table(state, kNow_s);
+  EXPECT_EQ(table.rows[0].cells[3].text, "1.50, -2.00, 0.25");
+  EXPECT_EQ(table.rows[1].cells[3].text, "320, 240");
+  EXPECT_EQ(table.rows[2].cells[3].text, "automatic");
+  EXPECT_EQ(table.rows[3].cells[3].text, "");
+}
+
+TEST(SensorTable, EachPatternHasARow) {
+  CollectorState state;
+  state.sensors = {sensor_of("cam", "rgb", kNow_s)};
+  state.sensors[0].patterns = {pattern_of("a", 5, ""), pattern_of("b", 0, "not seen")};
+  const Table table = sensor_table(state, kNow_s);
+  ASSERT_EQ(table.rows.size(), 2u);
+  EXPECT_EQ(table.rows[1].cells[1].text, "b");
+  EXPECT_EQ(table.rows[1].key, "cam");
+}
+
+TEST(CollectionTable, IsTheDetectionMatrix) {
+  CollectorState state;
+  state.sensors = {sensor_of("cam", "rgb", 0), sensor_of("lidar", "lidar3d", 0)};
+  CollectionStates collections;
+  collections.collections = {collection_of("000", {{"lidar", 812}, {"cam", 48}}),
+                             collection_of("001", {{"cam", 40}})};
+  const Table table = collection_table(collections, state);
+  expect_rectangular(table);
+  EXPECT_EQ(table.header, (std::vector<std::string>{"collection", "cam", "lidar"}));
+  EXPECT_EQ(table.rows[0].cells[2].text, "812");
+  EXPECT_EQ(table.rows[1].key, "001");
+  EXPECT_EQ(table.rows[1].cells[1].text, "40");
+  EXPECT_EQ(table.rows[1].cells[2].text, "-");
+  EXPECT_EQ(table.rows[1].cells[2].tone, Tone::kFaint);
+}
+
+TEST(CollectionTable, SensorsOfOldCollectionsAndSeveralPatternsAreNotLost) {
+  CollectionStates collections;
+  collections.collections = {collection_of("000", {{"gone", 3}, {"gone", 4}})};
+  const Table table = collection_table(collections, CollectorState());
+  EXPECT_EQ(table.header, (std::vector<std::string>{"collection", "gone"}));
+  EXPECT_EQ(table.rows[0].cells[1].text, "7");
+  EXPECT_EQ(table.rows[0].cells[1].hint, "board: 3\nboard: 4");
+}
+
+TEST(CollectionTable, DetectionWithoutPointsIsStillOne) {
+  CollectionStates collections;
+  collections.collections = {collection_of("000", {{"cam", 0}})};
+  EXPECT_EQ(collection_table(collections, CollectorState()).rows[0].cells[1].text, "0");
+}
+
+atom_calibration::ResidualSummary residual_of(const std::string& unit, unsigned count, double rms,
+                                              double rms_initial) {
+  atom_calibration::ResidualSummary part;
+  part.sensor = "s";
+  part.kind = "k";
+  part.unit = unit;
+  part.count = count;
+  part.rms = rms;
+  part.rms_initial = rms_initial;
+  return part;
+}
+
+TEST(ResidualTable, MetresAreShownInMillimetres) {
+  CalibrationState state;
+  state.residuals = {residual_of("m", 10, 0.01234, 0.2), residual_of("px", 5, 0.3456, 0.1)};
+  const Table table = residual_table(state);
+  expect_rectangular(table);
+  EXPECT_EQ(table.rows[0].cells[3].text, "12.34");
+  EXPECT_EQ(table.rows[0].cells[3].tone, Tone::kGood);
+  EXPECT_EQ(table.rows[0].cells[4].text, "200.00");
+  EXPECT_EQ(table.rows[0].cells[5].text, "mm");
+  EXPECT_EQ(table.rows[1].cells[3].text, "0.346");
+  EXPECT_EQ(table.rows[1].cells[3].tone, Tone::kBad) << "worse than at the start";
+  EXPECT_EQ(table.rows[1].cells[5].text, "px");
+}
+
+TEST(ResidualTable, UnknownFiguresAreDashes) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  CalibrationState state;
+  state.residuals = {residual_of("px", 0, 0.0, 0.0), residual_of("px", 3, 1.0, nan)};
+  const Table table = residual_table(state);
+  EXPECT_EQ(table.rows[0].cells[3].text, "-");
+  EXPECT_EQ(table.rows[0].cells[4].text, "-");
+  EXPECT_EQ(table.rows[1].cells[3].text, "1.000");
+  EXPECT_EQ(table.rows[1].cells[3].tone, Tone::kPlain);
+  EXPECT_EQ(table.rows[1].cells[4].text, "-");
+}
+
+TEST(Lines, SayHowItStands) {
+  CollectorState collector;
+  collector.collections = 1;
+  collector.dataset_folder = "data";
+  EXPECT_EQ(collector_line(collector), "1 collection in data");
+  collector.collections = 2;
+  collector.automatic = true;
+  EXPECT_EQ(collector_line(collector), "2 collections in data, automatic");
+  CalibrationState calibration;
+  calibration.running = true;
+  calibration.iteration = 3;
+  calibration.cost = 1234.5;
+  EXPECT_EQ(calibration_line(calibration), "running: iteration 3, cost 1234.5");
+  calibration.running = false;
+  calibration.status = "converged";
+  calibration.message = "Seven sensors.";
+  EXPECT_EQ(calibration_line(calibration), "converged: iteration 3, cost 1234.5. Seven sensors.");
+}
+
+}  // namespace
+}  // namespace atom_rviz
