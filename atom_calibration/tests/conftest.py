@@ -1,6 +1,7 @@
 """Small bags and messages for the tests."""
 
 import os
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,8 @@ from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from atom_core.geometry import se3
+
+sys.path.insert(0, str(Path(__file__).parent))  # small_rig, which tests and rostests share
 
 
 @pytest.fixture(scope="session")

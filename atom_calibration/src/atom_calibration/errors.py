@@ -17,3 +17,7 @@ class TransformError(AtomError):
 
 class CollectionError(AtomError):
     """No collection can be taken, or not as asked."""
+
+
+class ToolError(AtomError):
+    """A program that is needed is absent, or fails."""

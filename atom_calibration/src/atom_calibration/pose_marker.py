@@ -60,6 +60,30 @@ MenuEntries = Sequence[Tuple[str, Callable[[], None]]]
 OnMoved = Callable[[Moved], None]
 
 
+class MarkerServer(InteractiveMarkerServer):
+    """A server that listens to RViz whatever the clock does.
+
+    The original refuses whoever speaks within a second after another, by ROS's clock. It counts the
+    making of a marker as speech, and when a recording begins anew, that was in the future.
+    """
+
+    def applyChanges(self) -> None:  # noqa: N802  (the server's name for it)
+        """Send what was changed; a marker that nobody moved yet is free for everyone."""
+        super().applyChanges()
+        with self.mutex:
+            for context in self.marker_contexts.values():
+                if not context.last_client_id:
+                    context.last_feedback = rospy.Time()
+
+    def processFeedback(self, feedback: Any) -> None:  # noqa: N802
+        """Take feedback; a time to come, from before the clock went back, is forgotten."""
+        with self.mutex:
+            context = self.marker_contexts.get(feedback.marker_name)
+            if context is not None and context.last_feedback > rospy.Time.now():
+                context.last_feedback = rospy.Time()
+        super().processFeedback(feedback)
+
+
 class PoseMarker:
     """One marker on a server; several may share the server.
 
@@ -168,8 +192,10 @@ class PoseMarker:
             self.move(self.frame_T_marker)
             return
         self.frame_T_marker = conversions.pose_matrix(feedback.pose)
+        dropped = feedback.event_type == InteractiveMarkerFeedback.MOUSE_UP
+        if dropped:  # while it is dragged, an echo would pull it back
+            self._server.applyChanges()
         if self._on_moved is not None:
-            dropped = feedback.event_type == InteractiveMarkerFeedback.MOUSE_UP
             self._on_moved(Moved(self.frame_T_marker.copy(), feedback.header.stamp, dropped))
 
 

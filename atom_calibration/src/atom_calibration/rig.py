@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Dict, List, Mapping, Protocol, Sequence, Tuple
+from typing import Any, Dict, List, Mapping, Optional, Protocol, Sequence, Tuple
 
 from atom_calibration import conversions
 from atom_calibration.errors import BagError, MessageError, TransformError
@@ -67,14 +67,11 @@ def rig_from_bag(config: CalibrationConfig, bag: TopicSource) -> Rig:
     topics: Dict[str, Sensor] = {}
     warnings: List[str] = []
     for name, entry in config.sensors.items():
-        topic = _data_topic(name, entry, bag)
-        modality = entry.modality or conversions.modality_of(bag.types[topic])
-        if modality == LIDAR2D or modality is None:
+        topic, sensor = sensor_from_bag(name, entry, bag)
+        if sensor is None:
             warnings.append(f"sensor '{name}' ({bag.types[topic]}) is left out: it is not labelled")
             continue
-        camera = _camera(name, entry, bag) if modality in (RGB, DEPTH) else None
-        edge = Edge(entry.parent_link, entry.child_link)
-        sensors[name] = Sensor(name, modality, entry.link, edge, camera, entry.topic_name)
+        sensors[name] = sensor
         topics[topic] = sensors[name]
         frame_id = conversions.frame(bag.first(topic).header.frame_id)
         if frame_id != entry.link:
@@ -85,6 +82,24 @@ def rig_from_bag(config: CalibrationConfig, bag: TopicSource) -> Rig:
     if not sensors:
         raise BagError(f"{bag.path}: no sensor of the configuration can be labelled")
     return Rig(sensors, topics, tuple(warnings))
+
+
+def sensor_from_bag(
+    name: str, entry: SensorConfig, bag: TopicSource
+) -> Tuple[str, Optional[Sensor]]:
+    """Return the topic of a sensor's data, and the sensor; None for a modality without labels.
+
+    Raises:
+        BagError: a topic, or a camera's camera_info, is absent.
+        MessageError: a camera_info is of no use.
+    """
+    topic = _data_topic(name, entry, bag)
+    modality = entry.modality or conversions.modality_of(bag.types[topic])
+    if modality == LIDAR2D or modality is None:
+        return topic, None
+    camera = _camera(name, entry, bag) if modality in (RGB, DEPTH) else None
+    edge = Edge(entry.parent_link, entry.child_link)
+    return topic, Sensor(name, modality, entry.link, edge, camera, entry.topic_name)
 
 
 def check_frames(rig: Rig, config: CalibrationConfig, tree: TransformTree) -> None:

@@ -25,6 +25,13 @@ def stopped() -> bool:
     return _stop.is_set() or rospy.is_shutdown()
 
 
+def wait() -> int:
+    """Let callbacks do the work until the node is asked to end; return the exit code 0."""
+    while not _stop.wait(0.1) and not rospy.is_shutdown():
+        pass
+    return 0
+
+
 def start(name: str) -> None:
     """Become a node; SIGINT and SIGTERM then only ask it to end, so that it can finish its work.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any, Dict, List, Optional, Set, Tuple
+from typing import Any, Callable, Dict, List, Optional, Set, Tuple
 
 import yaml
 
@@ -44,6 +44,18 @@ def read_config(path: PathLike) -> CalibrationConfig:
     Raises:
         ConfigError: one line, ``file:line: key problem; remedy``.
     """
+    return read_config_with_places(path)[0]
+
+
+def read_config_with_places(path: PathLike) -> Tuple[CalibrationConfig, Callable[[KeyPath], str]]:
+    """Read a configuration; return it and a function that tells where a key stands.
+
+    The function takes a key path such as ``("sensors", "rgb_1", "link")`` and returns
+    ``file:line``, for messages about values that only their use shows to be wrong.
+
+    Raises:
+        ConfigError: as `read_config`.
+    """
     text = _read_text(path)
     root = _compose(path, text)
     if root is None:
@@ -53,7 +65,8 @@ def read_config(path: PathLike) -> CalibrationConfig:
     def locate(key_path: KeyPath) -> str:
         return f"{path}:{_line_of(root, key_path)}"
 
-    return CalibrationConfig.from_document(_construct(path, text), str(path), locate)
+    config = CalibrationConfig.from_document(_construct(path, text), str(path), locate)
+    return config, locate
 
 
 def write_config(path: PathLike, config: CalibrationConfig) -> None:

@@ -1,0 +1,325 @@
+"""Does a configuration fit its bag and its description? Every problem is told, with its line."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass, replace
+from typing import Callable, Dict, List, Mapping, Optional, Set, Tuple
+
+import numpy as np
+
+from atom_calibration import conversions
+from atom_calibration.bag_reader import BagReader
+from atom_calibration.configure.tree import MULTIPLE, TransformGraph
+from atom_calibration.rig import sensor_from_bag
+from atom_core.errors import AtomError
+from atom_core.geometry import se3
+from atom_core.io.urdf import Description
+from atom_core.model.config import CalibrationConfig, EdgeConfig, SensorConfig
+from atom_core.model.config_section import KeyPath
+from atom_core.model.robot import CONTINUOUS, FIXED, PRISMATIC, REVOLUTE
+from atom_core.model.sensor import Sensor
+from atom_core.model.transforms import Edge
+
+Locate = Callable[[KeyPath], str]
+
+JOINT_STATE = "sensor_msgs/JointState"
+_TF_TYPES = (conversions.TF_MESSAGE, "tf/tfMessage")
+_CALIBRATED_JOINTS = (REVOLUTE, CONTINUOUS, PRISMATIC)
+_LOOKED_AT_S = 20.0  # of /tf and /joint_states, which repeat themselves
+_SAME_M, _SAME_RAD = 1e-4, 1e-4  # between description and bag; more is told
+_LISTED = 8
+
+
+@dataclass(frozen=True)
+class BagFacts:
+    """What configuring needs to know of a bag.
+
+    Attributes:
+        sensors: those with labels, by name.
+        data_topics: where the data of every sensor are, compressed ones by their full name.
+        modalities: of every sensor.
+        edges: kind, fixed or multiple, of the edges of /tf_static and /tf.
+        fixed: ``parent_T_child`` (4, 4) of those of /tf_static [m].
+        joints: names in /joint_states.
+    """
+
+    sensors: Mapping[str, Sensor]
+    data_topics: Mapping[str, str]
+    modalities: Mapping[str, Optional[str]]
+    edges: Mapping[Edge, str]
+    fixed: Mapping[Edge, np.ndarray]
+    joints: Set[str]
+
+
+@dataclass
+class Findings:
+    """Problems, which forbid going on, and warnings; lines with their place."""
+
+    locate: Locate
+    problems: List[str]
+    warnings: List[str]
+
+    def problem(self, path: KeyPath, text: str) -> None:
+        """Note what is wrong with a value."""
+        self.problems.append(f"{self.locate(path)}: {'.'.join(path)} {text}")
+
+    def warn(self, path: KeyPath, text: str) -> None:
+        """Note what is probably not meant."""
+        self.warnings.append(f"{self.locate(path)}: {'.'.join(path)} {text}")
+
+
+def bag_facts(config: CalibrationConfig, bag: BagReader, findings: Findings) -> BagFacts:
+    """Read what is needed of a bag; topics and frames that do not fit are problems."""
+    sensors: Dict[str, Sensor] = {}
+    topics: Dict[str, str] = {}
+    modalities: Dict[str, Optional[str]] = {}
+    for name, entry in config.sensors.items():
+        path = ("sensors", name)
+        try:
+            topic, sensor = sensor_from_bag(name, entry, bag)
+            frame_id = conversions.frame(bag.first(topic).header.frame_id)
+        except AtomError as error:
+            findings.problem((*path, "topic_name"), f"does not fit the bag: {error}")
+            continue
+        topics[name] = topic
+        modalities[name] = entry.modality or conversions.modality_of(bag.types[topic])
+        if sensor is None:
+            findings.warn(path, f"({bag.types[topic]}) is shown but not calibrated: no labels")
+        else:
+            sensors[name] = sensor
+        if frame_id != entry.link:
+            findings.problem(
+                (*path, "link"),
+                f"is '{entry.link}', but the data of {topic} in {bag.path} are in frame "
+                f"'{frame_id}' (header.frame_id); write that, or correct topic_name",
+            )
+    edges, fixed = _bag_edges(bag, findings)
+    return BagFacts(sensors, topics, modalities, edges, fixed, _bag_joints(bag))
+
+
+def check_rig(
+    config: CalibrationConfig, facts: BagFacts, description: Description, findings: Findings
+) -> TransformGraph:
+    """Compare a configuration with the transforms of its description and its bag."""
+    tree = TransformGraph(description.robot, facts.edges)
+    if config.world_link not in tree.frames:
+        findings.problem(("world_link",), _unknown(config.world_link, tree))
+    for name, sensor in config.sensors.items():
+        _check_sensor(config, ("sensors", name), sensor, tree, findings)
+    for name, edge in config.additional_tfs.items():
+        _check_edge(("additional_tfs", name), edge, tree, (FIXED, MULTIPLE), findings)
+    _check_joints(config, facts, description, findings)
+    for name, pattern in config.calibration_patterns.items():
+        path = ("calibration_patterns", name)
+        if pattern.parent_link not in tree.frames:
+            findings.problem((*path, "parent_link"), _unknown(pattern.parent_link, tree))
+        elif tree.chain(config.world_link, pattern.parent_link) is None:
+            text = f"is '{pattern.parent_link}', which does not hang on '{config.world_link}'"
+            findings.problem((*path, "parent_link"), f"{text}; use a frame that does")
+        above = tree.above.get(pattern.link)
+        if above is not None and above.edge.parent != pattern.parent_link:
+            findings.problem(
+                (*path, "link"),
+                f"is '{pattern.link}', which hangs on '{above.edge.parent}' in the transforms; "
+                f"make that the parent_link, or choose another name",
+            )
+    _compare_with_bag(description, facts, findings)
+    return tree
+
+
+def with_modalities(config: CalibrationConfig, facts: BagFacts) -> CalibrationConfig:
+    """Return the configuration with the modalities that the bag's messages tell."""
+    sensors = {
+        name: replace(entry, modality=facts.modalities.get(name))
+        for name, entry in config.sensors.items()
+    }
+    return replace(config, sensors=sensors)
+
+
+def edges_from_bag(
+    config: CalibrationConfig, facts: BagFacts, description: Description
+) -> Dict[Edge, np.ndarray]:
+    """Return what the bag's /tf_static says otherwise than the description of edges to estimate."""
+    wanted = {
+        Edge(entry.parent_link, entry.child_link)
+        for entry in (*config.sensors.values(), *config.additional_tfs.values())
+    }
+    described = description.robot.transforms()
+    return {
+        edge: matrix
+        for edge, matrix in facts.fixed.items()
+        if edge in wanted and not np.allclose(matrix, described.get(edge, np.nan), 0.0, 1e-9)
+    }
+
+
+# --- the bag ----------------------------------------------------------------------------------
+
+
+def _bag_edges(
+    bag: BagReader, findings: Findings
+) -> Tuple[Dict[Edge, str], Dict[Edge, np.ndarray]]:
+    edges: Dict[Edge, str] = {}
+    fixed: Dict[Edge, np.ndarray] = {}
+    topics = bag.topics_of(_TF_TYPES)
+    if not topics:
+        findings.problem(
+            ("bag_file",),
+            f"({bag.path}) has neither /tf nor /tf_static; record them with the sensors' data",
+        )
+        return edges, fixed
+    static = [topic for topic in topics if topic.endswith("tf_static")]
+    moving = [topic for topic in topics if topic not in static]
+    for names, kind, end_s in (
+        (static, FIXED, bag.end_s),
+        (moving, MULTIPLE, bag.start_s + _LOOKED_AT_S),
+    ):
+        for found in bag.messages(names, None, end_s) if names else ():
+            for message in found.message.transforms:
+                edges.setdefault(conversions.edge_of(message), kind)
+                if kind == FIXED:
+                    fixed[conversions.edge_of(message)] = conversions.transform(message)
+    return edges, fixed
+
+
+def _bag_joints(bag: BagReader) -> Set[str]:
+    topics = bag.topics_of([JOINT_STATE])
+    if not topics:
+        return set()
+    messages = bag.messages(topics, None, bag.start_s + _LOOKED_AT_S)
+    return {name for found in messages for name in found.message.name}
+
+
+# --- the transforms ---------------------------------------------------------------------------
+
+
+def _check_sensor(
+    config: CalibrationConfig,
+    path: KeyPath,
+    sensor: SensorConfig,
+    tree: TransformGraph,
+    findings: Findings,
+) -> None:
+    if sensor.link not in tree.frames:
+        findings.problem((*path, "link"), _unknown(sensor.link, tree))
+    if not _check_edge(path, sensor, tree, (FIXED,), findings) or sensor.link not in tree.frames:
+        return
+    chain = tree.chain(config.world_link, sensor.link)
+    if chain is None:
+        findings.problem(
+            (*path, "link"),
+            f"is '{sensor.link}', which does not hang on world_link '{config.world_link}'; record "
+            f"the missing transforms, or correct world_link",
+        )
+    elif Edge(sensor.parent_link, sensor.child_link) not in [item.edge for item in chain]:
+        listed = ", ".join(str(item.edge) for item in chain)
+        findings.problem(
+            (*path, "child_link"),
+            f"is '{sensor.child_link}', but the edge from parent_link to it is not between "
+            f"'{config.world_link}' and '{sensor.link}' ({listed}); choose one of those",
+        )
+
+
+def _check_edge(
+    path: KeyPath,
+    entry: EdgeConfig,
+    tree: TransformGraph,
+    kinds: Tuple[str, ...],
+    findings: Findings,
+) -> bool:
+    """Check that an entry's edge is there, direct and of a kind that can be estimated."""
+    unknown = [
+        key for key in ("parent_link", "child_link") if getattr(entry, key) not in tree.frames
+    ]
+    for key in unknown:
+        findings.problem((*path, key), _unknown(getattr(entry, key), tree))
+    if unknown:
+        return False
+    found = tree.between(entry.parent_link, entry.child_link)
+    if found is None:
+        above = tree.above.get(entry.child_link)
+        where = f"hangs on '{above.edge.parent}'" if above else "is the root of its tree"
+        findings.problem(
+            (*path, "parent_link"),
+            f"is '{entry.parent_link}', but '{entry.child_link}' {where}; what is estimated is one "
+            f"direct edge",
+        )
+    elif found.kind not in kinds:
+        findings.problem(
+            (*path, "child_link"),
+            f"is '{entry.child_link}', which "
+            + (f"a {found.kind} joint moves" if found.joint else "moves in the bag")
+            + "; what is estimated here is fixed (parameters of a moving joint stand in `joints`)",
+        )
+    return found is not None and found.kind in kinds
+
+
+def _check_joints(
+    config: CalibrationConfig,
+    facts: BagFacts,
+    description: Description,
+    findings: Findings,
+) -> None:
+    taken = {
+        Edge(entry.parent_link, entry.child_link): name
+        for group in (config.sensors, config.additional_tfs)
+        for name, entry in group.items()
+    }
+    for name in config.joints:
+        path = ("joints", name)
+        joint = description.robot.joints.get(name)
+        if joint is None:
+            moving = [j.name for j in description.robot.joints.values() if j.type != FIXED]
+            findings.problem(
+                path, f"is no joint of the description; moving ones are {_list(moving)}"
+            )
+        elif joint.type not in _CALIBRATED_JOINTS:
+            findings.problem(
+                path,
+                f"is {joint.type}; use {', '.join(_CALIBRATED_JOINTS)} (fixed: additional_tfs)",
+            )
+        elif name not in facts.joints:
+            findings.problem(
+                path, f"is not in /joint_states of the bag, which has {_list(sorted(facts.joints))}"
+            )
+        elif joint.edge in taken:
+            findings.problem(path, f"is the edge of '{taken[joint.edge]}' already; remove one")
+
+
+def _compare_with_bag(description: Description, facts: BagFacts, findings: Findings) -> None:
+    """Tell where the bag was recorded with another description."""
+    differing: List[str] = []
+    for edge, in_bag in facts.fixed.items():
+        above = description.robot.joint_above(edge.child)
+        if above is None or above.type != FIXED:
+            continue
+        if above.parent_link != edge.parent:
+            differing.append(f"'{edge.child}' hangs on '{edge.parent}'")
+            continue
+        move = se3.inverse(above.parent_T_child_at_zero) @ in_bag
+        distance, angle = np.linalg.norm(move[:3, 3]), float(se3.rotation_angle(move[:3, :3]))
+        if distance > _SAME_M or angle > _SAME_RAD:
+            differing.append(f"{edge} {distance * 1e3:.1f} mm, {np.degrees(angle):.2f} deg")
+    if differing:
+        findings.warn(
+            ("description_file",),
+            f"has other fixed transforms than the bag: {_list(differing)}; the description's are "
+            f"used (--first_guess bag starts from the bag's)",
+        )
+
+
+def _unknown(frame: str, tree: TransformGraph) -> str:
+    return (
+        f"is '{frame}', which is neither in the description nor in the bag's transforms; frames: "
+        f"{_list(_similar(frame, tree.frames))}"
+    )
+
+
+def _similar(frame: str, frames: List[str]) -> List[str]:
+    """Return frames, those first that share the most with a name."""
+    return sorted(frames, key=lambda f: -difflib.SequenceMatcher(None, frame, f).ratio())
+
+
+def _list(words: List[str]) -> str:
+    shown = ", ".join(words[:_LISTED]) + (" ..." if len(words) > _LISTED else "")
+    return shown or "none"

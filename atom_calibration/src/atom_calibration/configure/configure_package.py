@@ -1,0 +1,263 @@
+"""Make the files of a calibration package from its config.yml, once bag and description fit."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Dict, List, Optional, Sequence, Tuple
+
+from atom_calibration.bag_reader import BagReader
+from atom_calibration.configure.check import (
+    BagFacts,
+    Findings,
+    bag_facts,
+    check_rig,
+    edges_from_bag,
+    with_modalities,
+)
+from atom_calibration.configure.estimate import write_including_description
+from atom_calibration.configure.files import RECORD, GeneratedFiles, Outcome
+from atom_calibration.configure.package import (
+    CalibrationPackage,
+    config_path,
+    find_package,
+    missing_dependencies,
+)
+from atom_calibration.configure.render import needed_packages, rendered_files
+from atom_calibration.configure.summary import FORMATS, dot_text, draw
+from atom_calibration.configure.tree import TransformGraph, graph_document, networkx_graph
+from atom_core.commands.common import add_option
+from atom_core.errors import AtomError, ConfigError
+from atom_core.io.config_yaml import read_config_with_places
+from atom_core.io.urdf import Description, read_description, write_calibrated_description
+from atom_core.model.config import CalibrationConfig
+
+EXAMPLE = "rosrun atom_calibration configure_calibration_pkg -n my_robot_calibration"
+ESTIMATE = "urdf/initial_estimate.urdf.xacro"
+_DONE, _NOT_ACCEPTABLE, _BAD_INPUT = 0, 1, 2
+
+
+def main(argv: Optional[Sequence[str]] = None) -> int:
+    """Run the command; return its exit code."""
+    args = parser().parse_args(argv)
+    try:
+        return configure(args)
+    except AtomError as error:
+        _tell(str(error))
+        return _BAD_INPUT
+
+
+@dataclass(frozen=True)
+class CheckedRig:
+    """A configuration that fits its bag and its description."""
+
+    config: CalibrationConfig
+    facts: BagFacts
+    description: Description
+    tree: TransformGraph
+
+
+def configure(args: argparse.Namespace) -> int:
+    """Check, then write; nothing is written when anything is wrong."""
+    package = find_package(args.name, args.config_file)
+    config, locate = read_config_with_places(package.config_file)
+    findings = Findings(locate, [], list(config.warnings))
+    rig = checked_rig(config, package, args.bag, findings)
+    for warning in findings.warnings:
+        _tell(f"warning: {warning}")
+    if rig is None:
+        for problem in findings.problems:
+            _tell(problem)
+        return _BAD_INPUT
+    files = GeneratedFiles(package.folder, package.calibration_folder / RECORD)
+    outcome = files.write(_contents(rig, package), args.overwrite)
+    remarks = _write_estimate(rig, package, files, args)
+    missing = missing_dependencies(package, needed_packages(rig.config))
+    if missing:
+        remarks.append(f"package.xml lacks <exec_depend> of {', '.join(missing)}; add them")
+    _report(package, rig, outcome, remarks)
+    return _NOT_ACCEPTABLE if outcome.kept else _DONE
+
+
+def checked_rig(
+    config: CalibrationConfig, package: CalibrationPackage, bag: Optional[Path], findings: Findings
+) -> Optional[CheckedRig]:
+    """Return the rig, or None; the findings say why.
+
+    Args:
+        config: the configuration.
+        package: where its relative paths begin.
+        bag: the recording, instead of the configuration's.
+        findings: what is found is added to them.
+    """
+    facts = _facts(config, package, bag, findings)
+    description = _description(config, package, findings)
+    for name, pattern in config.calibration_patterns.items():
+        if pattern.mesh_file:
+            path = ("calibration_patterns", name, "mesh_file")
+            _existing(pattern.mesh_file, path, package, findings, needed=False)
+    if facts is None or description is None:
+        return None
+    tree = check_rig(config, facts, description, findings)
+    if findings.problems:
+        return None
+    return CheckedRig(with_modalities(config, facts), facts, description, tree)
+
+
+def _facts(
+    config: CalibrationConfig, package: CalibrationPackage, bag: Optional[Path], findings: Findings
+) -> Optional[BagFacts]:
+    if bag is None and config.bag_file is None:
+        findings.problem(("bag_file",), "is absent; give a recording, there or with --bag")
+        return None
+    path = bag or _existing(config.bag_file or "", ("bag_file",), package, findings)
+    if path is None:
+        return None
+    if path.is_dir():
+        findings.problem(
+            ("bag_file",),
+            f"is the folder {path}, a recording of ROS 2; convert it to a .bag file, e.g. with "
+            f"`rosbags-convert` of the Python package rosbags",
+        )
+        return None
+    try:
+        with BagReader(path) as reader:
+            return bag_facts(config, reader, findings)
+    except AtomError as error:
+        findings.problem(("bag_file",), f"cannot be used: {error}")
+        return None
+
+
+def _description(
+    config: CalibrationConfig, package: CalibrationPackage, findings: Findings
+) -> Optional[Description]:
+    key = ("description_file",)
+    if config.description_file is None:
+        findings.problem(key, "is absent; give the URDF or xacro of the robot")
+        return None
+    path = _existing(config.description_file, key, package, findings)
+    if path is None:
+        return None
+    try:
+        return read_description(path)
+    except AtomError as error:
+        findings.problem(key, f"cannot be used: {error}")
+        return None
+
+
+def _existing(
+    text: str,
+    key: Tuple[str, ...],
+    package: CalibrationPackage,
+    findings: Findings,
+    needed: bool = True,
+) -> Optional[Path]:
+    """Return the file that a text of the configuration names, or None with a finding."""
+    note = findings.problem if needed else findings.warn
+    try:
+        path = config_path(text, package)
+    except ConfigError as error:
+        note(key, f"is '{text}': {error}")
+        return None
+    if not path.exists():
+        note(key, f"is '{text}', but {path} does not exist; correct the path")
+        return None
+    return path
+
+
+def _contents(rig: CheckedRig, package: CalibrationPackage) -> Dict[str, bytes]:
+    """Return every generated file by its path in the package, but for the description."""
+    texts = rendered_files(rig.config, rig.facts, package)
+    contents = {name: text.encode() for name, text in texts.items()}
+    folder = package.calibration_folder.relative_to(package.folder).as_posix()
+    graph = networkx_graph(rig.config, rig.tree)
+    document = json.dumps(graph_document(graph), indent=2) + "\n"
+    contents[f"{folder}/transforms_graph.json"] = document.encode()
+    dot = dot_text(graph, rig.config)
+    for kind in FORMATS:
+        contents[f"{folder}/summary.{kind}"] = draw(dot, kind)
+    return contents
+
+
+def _write_estimate(
+    rig: CheckedRig, package: CalibrationPackage, files: GeneratedFiles, args: argparse.Namespace
+) -> List[str]:
+    """Write the first guess, unless there is one that was edited; return remarks."""
+    path = package.folder / ESTIMATE
+    if files.is_edited(ESTIMATE) and not args.reset_estimate:
+        return [f"{ESTIMATE}: your first guess is kept (--reset_estimate replaces it)"]
+    from_bag = args.first_guess == "bag"
+    edges = edges_from_bag(rig.config, rig.facts, rig.description) if from_bag else {}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    report = write_calibrated_description(rig.description, edges, path)
+    remarks = [f"{ESTIMATE}: the origin of {edge} is that of the bag" for edge in report.replaced]
+    if (
+        report.flattened
+        and not edges
+        and write_including_description(rig.description, str(rig.config.description_file), path)
+    ):
+        remarks.append(
+            f"{ESTIMATE}: includes the description; a first guess that is saved will not"
+        )
+    elif report.flattened:
+        remarks.append(f"{ESTIMATE}: expanded, without the macros of the xacro: {report.reason}")
+    files.remember(ESTIMATE)
+    return remarks
+
+
+def _report(
+    package: CalibrationPackage, rig: CheckedRig, outcome: Outcome, remarks: Sequence[str]
+) -> None:
+    lines = [f"{package.folder}:"]
+    lines += [f"  {name}: written" for name in outcome.written]
+    lines += [f"  {name}: replaced, with your edits" for name in outcome.replaced]
+    if outcome.unchanged:
+        lines.append(f"  {len(outcome.unchanged)} files as they were")
+    lines += [f"  {remark}" for remark in remarks]
+    sys.stdout.write("\n".join(lines) + "\n")
+    for name in outcome.kept:
+        _tell(f"{name}: has edits of yours and is kept; --overwrite replaces it")
+
+
+def _tell(text: str) -> None:
+    sys.stderr.write(f"configure_calibration_pkg: {text}\n")
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command."""
+    made = argparse.ArgumentParser(
+        prog="configure_calibration_pkg",
+        description=__doc__,
+        epilog=f"example: {EXAMPLE}",
+    )
+    add_option(
+        made, "name", "-n", required=True, metavar="PKG",
+        help="the calibration package, by its name or its folder",
+    )  # fmt: skip
+    add_option(
+        made, "config_file", "-cfg", metavar="FILE",
+        help="name of the configuration in the package, or its path (default: config.yml)",
+    )  # fmt: skip
+    add_option(
+        made, "bag", "-b", type=Path, metavar="FILE",
+        help="recording to check with, instead of the configuration's bag_file",
+    )  # fmt: skip
+    add_option(
+        made, "first_guess", choices=("description", "bag"), default="description",
+        help="whose values initial_estimate.urdf.xacro has for what is estimated",
+    )  # fmt: skip
+    add_option(
+        made, "overwrite", action="store_true", help="replace generated files that you edited, too"
+    )
+    add_option(
+        made, "reset_estimate", action="store_true",
+        help="replace the first guess that set_initial_estimate saved, too",
+    )  # fmt: skip
+    return made
+
+
+if __name__ == "__main__":
+    sys.exit(main())

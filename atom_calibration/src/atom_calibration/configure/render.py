@@ -1,0 +1,111 @@
+"""Templates to the texts of launch files, RViz configurations and the skeleton of a package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Dict, List, Mapping, Optional, Sequence
+
+import jinja2
+
+from atom_calibration.configure.check import BagFacts
+from atom_calibration.configure.package import CalibrationPackage, launch_text
+from atom_calibration.markers import colour_of
+from atom_core.io.paths import package_folder
+from atom_core.model.config import CalibrationConfig
+
+# Each is made from the template of its name; a launch file is listed once all its nodes exist.
+LAUNCH_FILES = ("playbag", "set_initial_estimate", "full_evaluation")
+RVIZ_FILES = ("playbag", "set_initial_estimate")
+SKELETON = {
+    "package.xml": "package.xml.j2",
+    "CMakeLists.txt": "CMakeLists.txt.j2",
+    "scripts/configure": "configure.j2",
+    "calibration/config.yml": "config.yml.j2",
+}
+# What launch files start, as roslaunch-check wants it in the manifest of a calibration package.
+PACKAGES = ("atom_calibration", "robot_state_publisher", "rosbag", "rviz", "xacro")
+_THROTTLING = "topic_tools"
+MADE_BY = "Made by `configure` from {config}; it tells before it replaces what you edit."
+
+
+def rendered_files(
+    config: CalibrationConfig, facts: BagFacts, package: CalibrationPackage
+) -> Dict[str, str]:
+    """Return the texts of launch and RViz files by their path in the package."""
+    values = template_values(config, facts, package)
+    names = [f"launch/{name}.launch" for name in LAUNCH_FILES]
+    names += [f"rviz/{name}.rviz" for name in RVIZ_FILES]
+    environment = _environment()
+    return {
+        name: environment.get_template(f"{Path(name).name}.j2").render(values) for name in names
+    }
+
+
+def needed_packages(config: CalibrationConfig) -> List[str]:
+    """Return the packages whose nodes the launch files start."""
+    throttles = any(entry.throttle for entry in config.sensors.values())
+    return [*PACKAGES, *([_THROTTLING] if throttles else [])]
+
+
+def skeleton_files(name: str) -> Dict[str, str]:
+    """Return the texts of a new package by their path in it."""
+    environment = _environment()
+    return {
+        path: environment.get_template(template).render(
+            name=name, packages=[*PACKAGES, _THROTTLING]
+        )
+        for path, template in SKELETON.items()
+    }
+
+
+def template_values(
+    config: CalibrationConfig, facts: BagFacts, package: CalibrationPackage
+) -> Mapping[str, Any]:
+    """Return what the templates may use."""
+    sensors: List[Dict[str, Any]] = []
+    for index, (name, entry) in enumerate(config.sensors.items()):
+        colour = "; ".join(str(round(255 * value)) for value in colour_of(index))
+        sensors.append(
+            {
+                "name": name,
+                "modality": entry.modality,
+                "frame": entry.link,
+                "topic": entry.topic_name,
+                "data_topic": facts.data_topics[name],
+                "throttle": entry.throttle,
+                "colour": colour,
+            }
+        )
+    return {
+        "made_by": MADE_BY.format(config=package.config_file.name),
+        "find": package.find,
+        "config_file": package.launch_path(package.config_file),
+        "bag_file": _bag_text(config.bag_file, package),
+        "world": config.world_link,
+        "sensors": sensors,
+        "data_frames": _unique([s["frame"] for s in sensors]),
+        "compressed": [s["data_topic"] for s in sensors if s["data_topic"] != s["topic"]],
+        "has_joint_states": bool(facts.joints),
+    }
+
+
+def _bag_text(bag_file: Optional[str], package: CalibrationPackage) -> str:
+    return launch_text(bag_file, package) if bag_file else "/bag_file-is-not-given"
+
+
+def _unique(words: Sequence[str]) -> List[str]:
+    return list(dict.fromkeys(words))
+
+
+def _environment() -> jinja2.Environment:
+    return jinja2.Environment(
+        loader=jinja2.FileSystemLoader(str(package_folder("atom_calibration") / "templates")),
+        undefined=jinja2.StrictUndefined,
+        autoescape=_needs_escaping,
+        keep_trailing_newline=True,
+    )
+
+
+def _needs_escaping(template: Optional[str]) -> bool:
+    """XML is escaped, so that a quote or an ampersand in a path does not break a launch file."""
+    return template is not None and template.endswith((".launch.j2", ".xml.j2"))
