@@ -13,12 +13,13 @@ from atom_core.calibration.disturb import disturbed
 from atom_core.calibration.initial_sensors import sensors_from_boards
 from atom_core.calibration.options import DESCRIPTION, NO_GUESS, CalibrationOptions
 from atom_core.calibration.preparation import Prepared, prepare
+from atom_core.calibration.reasons import Solution
 from atom_core.calibration.starts import Posed, ambiguity, best_settled, pose_problem, rescued
 from atom_core.calibration.weak_directions import WeakDirection, weak_directions
 from atom_core.model.dataset import Dataset
 from atom_core.problem.builder import FreeEdges
 from atom_core.problem.problem import Problem
-from atom_core.solvers.base import CONVERGED, SolverSummary
+from atom_core.solvers.base import CONVERGED, FAILED, SolverSummary
 from atom_core.solvers.choice import solver_factory
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.interrupt import Interrupt
@@ -93,13 +94,14 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
     problem = solver.problem
     clock.lap("solve")
     covariance = covariance_of(solver, summary, options.solver)
+    solved = solved_dataset(initial, problem, summary.x, settled.posed.boards)
     weak = ambiguity(settled, rivals) + weak_directions(
-        initial, problem.parameters, summary.x, covariance, *options.undetermined_limit
+        Solution(solved, problem, summary.x), covariance, *options.undetermined_limit
     )
     clock.lap("covariance")
     status, message = _verdict(summary, weak)
     return Calibration(
-        dataset=solved_dataset(initial, problem, summary.x, settled.posed.boards),
+        dataset=solved,
         initial=initial,
         free=free,
         problem=problem,
@@ -134,8 +136,9 @@ def _starts(
 
 
 def _verdict(summary: SolverSummary, weak: Sequence[WeakDirection]) -> Tuple[str, str]:
-    if summary.status == CONVERGED and weak:
-        return RANK_DEFICIENT, f"{len(weak)} undetermined direction(s): {weak[0].why}"
+    if weak and summary.status != FAILED:
+        restless = "" if summary.status == CONVERGED else f"; the solver: {summary.message}"
+        return RANK_DEFICIENT, f"{len(weak)} undetermined direction(s): {weak[0].why}{restless}"
     return summary.status, summary.message
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import List, Sequence, Tuple
+from typing import Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
+from atom_core.calibration.reasons import Boards, Solution, is_spin_axis, parallel_boards, reason
 from atom_core.geometry import se3
-from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import chain_transform
-from atom_core.problem.parameters import COMPONENTS, ParameterBlock, Parameters
+from atom_core.problem.parameters import COMPONENTS, ParameterBlock
 from atom_core.solvers.covariance import Covariance
 
 _NAMED_SHARE = 0.5  # parameters are named when they move at least this part of the largest
@@ -50,18 +50,15 @@ def edge_covariance(block: ParameterBlock, x: np.ndarray, covariance: np.ndarray
 
 
 def weak_directions(
-    dataset: Dataset,
-    parameters: Parameters,
-    x: np.ndarray,
-    covariance: Covariance,
-    limit_m: float,
-    limit_rad: float,
+    solution: Solution, covariance: Covariance, limit_m: float, limit_rad: float
 ) -> List[WeakDirection]:
     """Return the undetermined directions of the shared parameters, weakest first.
 
     A parameter is undetermined when its predicted sigma exceeds the limit. The directions that
-    make it so are the leading eigenvectors of the covariance in units of the limits.
+    make it so are the leading eigenvectors of the covariance in units of the limits. Where the
+    boards show why a sensor's are open, they are named along and about the boards' normal.
     """
+    parameters, x = solution.problem.parameters, solution.x
     blocks = parameters.blocks[: parameters.shared_count]
     if not blocks:
         return []
@@ -69,12 +66,49 @@ def weak_directions(
     scaled = _in_parent_axes(blocks, x, covariance.shared) / limits[:, None] / limits
     values, vectors = np.linalg.eigh((scaled + scaled.T) / 2.0)
     left = np.diagonal(scaled).copy()
-    found: List[WeakDirection] = []
+    spreads: List[np.ndarray] = []
     for value, vector in zip(values[::-1], vectors.T[::-1]):
-        if np.max(left) <= 1.0 or value <= 1.0 or len(found) == _MOST_REPORTED:
+        if np.max(left) <= 1.0 or value <= 1.0 or len(spreads) == _MOST_REPORTED:
             break
-        found.append(_describe(dataset, blocks, np.sqrt(value) * vector, limits))
+        spreads.append(np.sqrt(value) * vector)
         left = left - value * vector**2
+    return _described(solution, scaled, spreads, limits)
+
+
+def _described(
+    solution: Solution, scaled: np.ndarray, spreads: Sequence[np.ndarray], limits: np.ndarray
+) -> List[WeakDirection]:
+    found: List[WeakDirection] = []
+    by_boards: Dict[int, Optional[Boards]] = {}
+    for spread in spreads:
+        moving = sorted({int(i) // 6 for i in _named(spread)})
+        block = moving[0]
+        if len(moving) == 1 and block not in by_boards:
+            by_boards[block] = boards = parallel_boards(solution, block)
+            if boards is not None:
+                found += _along_boards(solution, block, boards, scaled, limits)
+        if len(moving) > 1 or by_boards[block] is None:
+            found.append(_describe(solution, spread, limits, None))
+    return found
+
+
+def _along_boards(
+    solution: Solution, block: int, boards: Boards, scaled: np.ndarray, limits: np.ndarray
+) -> List[WeakDirection]:
+    """Return the two shifts along parallel boards and the turn about their normal."""
+    parent_R_world = _world_R_parent(solution, block).T
+    level = np.cross(boards.normal, [0.0, 0.0, 1.0])
+    if np.linalg.norm(level) < 0.1:
+        level = np.cross(boards.normal, [1.0, 0.0, 0.0])
+    level /= np.linalg.norm(level)
+    found = []
+    for axis, start in ((level, 3), (np.cross(boards.normal, level), 3), (boards.normal, 0)):
+        at = 6 * block + start + np.arange(3)
+        direction = parent_R_world @ axis
+        variance = float(direction @ scaled[np.ix_(at, at)] @ direction)
+        spread = np.zeros(len(scaled))
+        spread[at] = np.sqrt(max(variance, 0.0)) * direction
+        found.append(_describe(solution, spread, limits, boards.words))
     return found
 
 
@@ -90,36 +124,54 @@ def _in_parent_axes(
     return to_parent @ shared @ to_parent.T
 
 
+def _named(spread: np.ndarray) -> np.ndarray:
+    """Return the indices of the parameters that move most."""
+    return np.flatnonzero(np.abs(spread) >= _NAMED_SHARE * np.max(np.abs(spread)))
+
+
 def _describe(
-    dataset: Dataset, blocks: Sequence[ParameterBlock], spread: np.ndarray, limits: np.ndarray
+    solution: Solution, spread: np.ndarray, limits: np.ndarray, known_reason: Optional[str]
 ) -> WeakDirection:
     """Name a direction; ``spread`` is one sigma along it, in units of the limits."""
-    largest = int(np.argmax(np.abs(spread)))
-    named = np.flatnonzero(np.abs(spread) >= _NAMED_SHARE * abs(spread[largest]))
+    blocks = solution.problem.parameters.blocks
+    largest, named = int(np.argmax(np.abs(spread))), _named(spread)
     names = tuple(f"{'+'.join(blocks[i // 6].names)} {COMPONENTS[i % 6]}" for i in named)
     unit = "rad" if largest % 6 < 3 else "m"
     sigma = min(float(abs(spread[largest]) * limits[largest]), _LARGEST_SIGMA)
-    motion = "turns" if unit == "rad" else "shifts"
-    who = sorted({"+".join(blocks[i // 6].names) for i in named})
-    direction = _world_direction(dataset, blocks[largest // 6], spread, largest)
-    why = (
-        f"the data hardly change when {', '.join(who)} {motion if len(who) == 1 else motion[:-1]} "
-        f"{'about' if unit == 'rad' else 'along'} ({direction}) of {dataset.world}"
+    moving = sorted({int(i) // 6 for i in named})
+    axis = _world_direction(solution, spread, largest)
+    why = f"the data hardly change when {_motion(solution, moving, unit, axis)}"
+    because = known_reason or reason(solution, moving, axis)
+    return WeakDirection(names, sigma, unit, f"{why}: {because}" if because else why)
+
+
+def _motion(solution: Solution, moving: Sequence[int], unit: str, axis: np.ndarray) -> str:
+    """Return who moves how, in words."""
+    blocks = solution.problem.parameters.blocks
+    who = sorted({"+".join(blocks[i].names) for i in moving})
+    motion, how = ("turn", "about") if unit == "rad" else ("shift", "along")
+    direction = (
+        f"({', '.join(f'{v:.2f}' for v in axis.round(2) + 0.0)}) of {solution.dataset.world}"
     )
     if len(who) > 1:
-        why += " together"
-    return WeakDirection(names, sigma, unit, why)
+        return f"{', '.join(who)} {motion} {how} {direction} together"
+    if unit == "rad" and is_spin_axis(solution, moving[0], axis):
+        direction = f"its spin axis, {direction}"
+    return f"{who[0]} {motion}s {how} {direction}"
 
 
-def _world_direction(
-    dataset: Dataset, block: ParameterBlock, spread: np.ndarray, largest: int
-) -> str:
-    """Return the direction of the strongest part in world, as text."""
-    start = 6 * (largest // 6) + (0 if largest % 6 < 3 else 3)
-    part = spread[start : start + 3]
-    chain = dataset.graph.chain(dataset.world, block.edge.parent)
+def _world_R_parent(solution: Solution, block: int) -> np.ndarray:
+    dataset = solution.dataset
+    chain = dataset.graph.chain(
+        dataset.world, solution.problem.parameters.blocks[block].edge.parent
+    )
     collection = next(iter(dataset.collections.values()))
-    direction = chain_transform(chain, collection.transforms)[:3, :3] @ part
+    return chain_transform(chain, collection.transforms)[:3, :3]
+
+
+def _world_direction(solution: Solution, spread: np.ndarray, largest: int) -> np.ndarray:
+    """Return the unit direction (3,) of the strongest part in world."""
+    start = 6 * (largest // 6) + (0 if largest % 6 < 3 else 3)
+    direction = _world_R_parent(solution, largest // 6) @ spread[start : start + 3]
     direction = direction / np.linalg.norm(direction)
-    direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
-    return ", ".join(f"{v + 0.0:.2f}" for v in direction)
+    return direction * np.sign(direction[np.argmax(np.abs(direction))])

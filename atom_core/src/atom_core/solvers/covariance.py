@@ -25,12 +25,14 @@ class Covariance:
             scale: factor on all variances (the variance of unit weight).
         """
         self._layout = equations.layout
-        inverse = _pseudo_inverse(equations.local)
+        inverse = _pseudo_inverse(equations.local, np.diagonal(equations.local, axis1=1, axis2=2))
         coupling = inverse @ equations.cross
         size = equations.shared.shape[0]
         reduced = equations.shared - np.tensordot(equations.cross, coupling, axes=((0, 1), (0, 1)))
         self._scale = scale
-        self._shared = _pseudo_inverse(reduced[None])[0] if size else reduced
+        # What elimination leaves of an unseen direction is rounding: measure it against before.
+        diagonal = np.diagonal(equations.shared)[None]
+        self._shared = _pseudo_inverse(reduced[None], diagonal)[0] if size else reduced
         self._cross = -coupling @ self._shared
         self._local = inverse - self._cross @ np.swapaxes(coupling, 1, 2)
 
@@ -103,14 +105,18 @@ def _tiles(matrices: np.ndarray) -> np.ndarray:
     return matrices.reshape(groups, rows // 6, 6, columns // 6, 6).swapaxes(2, 3)
 
 
-def _pseudo_inverse(matrices: np.ndarray) -> np.ndarray:
-    """Invert symmetric matrices (n, k, k); eigenvalues are floored, never dropped."""
+def _pseudo_inverse(matrices: np.ndarray, diagonal: np.ndarray) -> np.ndarray:
+    """Invert symmetric matrices (n, k, k); eigenvalues are floored, never dropped.
+
+    Args:
+        matrices: positive semidefinite up to rounding.
+        diagonal: (n, k) the sizes against which an eigenvalue is small.
+    """
     if matrices.size == 0:
         return matrices.copy()
-    diagonal = np.maximum(np.diagonal(matrices, axis1=1, axis2=2), 1e-12)
-    scale = 1.0 / np.sqrt(diagonal)
+    scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-12))
     scaled = matrices * scale[:, :, None] * scale[:, None, :]
     values, vectors = np.linalg.eigh((scaled + np.swapaxes(scaled, 1, 2)) / 2.0)
-    values = np.maximum(values, _SMALLEST * values[:, -1:])
+    values = np.maximum(values, _SMALLEST * np.maximum(values[:, -1:], 1.0))
     inverse = (vectors / values[:, None, :]) @ np.swapaxes(vectors, 1, 2)
     return inverse * scale[:, :, None] * scale[:, None, :]

@@ -1,7 +1,7 @@
 """Simulated rigs, boards, measurements and their truth; seeded, in memory, fast.
 
 Everything goes ``rig -> board poses -> make_dataset -> disturbed``; ``cell`` holds the paper's
-cell, ``scenes`` small ones for tests.
+cell, ``scenes`` small ones for tests, ``degenerate`` such that leave something open.
 """
 
 from atom_core.synthetic.board import charuco, chessboard

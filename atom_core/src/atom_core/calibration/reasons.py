@@ -1,0 +1,244 @@
+"""Why the data leave a direction open: what the boards and the motions have in common."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Dict, List, NamedTuple, Optional, Sequence, Set
+
+import numpy as np
+
+from atom_core.geometry import se3
+from atom_core.model.dataset import Dataset, pose
+from atom_core.model.sensor import LIDAR3D
+from atom_core.problem.parameters import PATTERN, SENSOR
+from atom_core.problem.problem import Problem
+from atom_core.problem.residuals import BORDER, REPROJECTION
+
+_PARALLEL_RAD = np.deg2rad(1.0)  # RMS tilt of boards that count as parallel
+_ALONG_RAD = np.deg2rad(5.0)  # and of boards that count as lying along an axis
+_ONE_PLANE_M = 0.03  # RMS distance of boards that count as one plane
+_STILL_RAD, _STILL_M = np.deg2rad(0.5), 0.005  # motions below this are none
+_ONE_AXIS_RAD = np.deg2rad(3.0)  # RMS angle between axes that count as one
+_SPIN_AXIS_RAD = np.deg2rad(15.0)
+_FEW = 3
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A solved problem: the dataset with the solution in its transforms, and the vector."""
+
+    dataset: Dataset
+    problem: Problem
+    x: np.ndarray
+
+
+class Boards(NamedTuple):
+    """What the boards that range sensors saw without their borders have in common.
+
+    Attributes:
+        normal: (3,) in world, of boards that are all parallel.
+        words: of what they are.
+    """
+
+    normal: np.ndarray
+    words: str
+
+
+def reason(solution: Solution, blocks: Sequence[int], axis_in_world: np.ndarray) -> Optional[str]:
+    """Return why the blocks can move along or about an axis (3,), or None where it is not seen.
+
+    Args:
+        solution: the solved problem.
+        blocks: indices of the parameter blocks that move.
+        axis_in_world: (3,) unit vector of the strongest motion.
+    """
+    return (
+        _in_series(solution.problem, blocks)
+        or _boards_follow(solution.problem, blocks)
+        or _along_all_boards(solution, blocks, axis_in_world)
+        or _one_motion(solution, blocks, axis_in_world)
+        or _few_detections(solution, blocks)
+    )
+
+
+# ------------------------------------------------------------------------------- chains
+
+
+def _in_series(problem: Problem, blocks: Sequence[int]) -> Optional[str]:
+    """Two edges that always follow one another at a constant distance are one too many."""
+    for i in blocks:
+        for j in blocks:
+            if i < j and _always_adjacent(problem, i, j):
+                one, two = (problem.parameters.blocks[k] for k in (i, j))
+                return (
+                    f"the edges '{one.edge}' and '{two.edge}' follow one another on every chain "
+                    f"with nothing that moves between them, so that only their product is seen; "
+                    f"estimate one of the two"
+                )
+    return None
+
+
+def _always_adjacent(problem: Problem, i: int, j: int) -> bool:
+    chains = problem.chains
+    between: List[np.ndarray] = []
+    for row, constants in zip(chains.block, chains.constants):
+        at = {int(b): k for k, b in enumerate(row) if b in (i, j)}
+        if not at:
+            continue
+        if len(at) == 1 or abs(at[i] - at[j]) != 1:
+            return False
+        between.append(constants[max(at.values())])
+    return bool(between) and bool(np.allclose(between, between[0], atol=1e-9))
+
+
+def _boards_follow(problem: Problem, blocks: Sequence[int]) -> Optional[str]:
+    """An edge above everything that sees a board moves boards and all."""
+    own = {i for i, b in enumerate(problem.parameters.blocks) if b.kind == PATTERN}
+    chains = problem.chains.block
+    for i in blocks:
+        if i in own:
+            continue
+        mine = np.any(chains == i, axis=1)
+        boards = {int(b) for b in chains[mine].ravel() if int(b) in own}
+        seen = np.any(np.isin(chains, list(boards)), axis=1)
+        beside = all(_next_to(row, i, own) for row in chains[mine])
+        if beside and np.array_equal(seen, mine):
+            edge = problem.parameters.blocks[i].edge
+            return (
+                f"edge '{edge}' stands between the boards and every sensor that sees them, and "
+                f"the boards' own poses are free: they follow; hold one of them"
+            )
+    return None
+
+
+def _next_to(row: np.ndarray, i: int, others: Set[int]) -> bool:
+    at = int(np.flatnonzero(row == i)[0])
+    near = [int(row[k]) for k in (at - 1, at + 1) if 0 <= k < len(row)]
+    return any(b in others for b in near)
+
+
+# ------------------------------------------------------------------------------- boards
+
+
+class _Planes(NamedTuple):
+    """What sensors that see planes only saw: unit normals (n, 3) and centres (n, 3), in world."""
+
+    sensors: str
+    normals: np.ndarray
+    centres: np.ndarray
+
+
+def _planes(solution: Solution, block: int) -> Optional[_Planes]:
+    """Return a sensor block's boards; None where corners or borders tell of them too."""
+    problem = solution.problem
+    sensors = set(problem.parameters.blocks[block].names)
+    kinds = {b.kind for b in problem.residual_blocks if b.sensor in sensors}
+    if problem.parameters.blocks[block].kind != SENSOR or kinds & {BORDER, REPROJECTION}:
+        return None
+    mine = [i for i, key in enumerate(problem.detections) if key.sensor in sensors]
+    pairs = np.array([_plane_in_world(solution, i) for i in mine])
+    normals = pairs[:, 0] * np.where(pairs[:, 0] @ pairs[0, 0] < 0, -1.0, 1.0)[:, None]
+    return _Planes(" and ".join(sorted(sensors)), normals, pairs[:, 1])
+
+
+def parallel_boards(solution: Solution, block: int) -> Optional[Boards]:
+    """Tell whether a block's sensors saw planes only, and all of them parallel.
+
+    Points on a plane tell nothing of shifts along it and turns about its normal; corners and
+    borders do.
+    """
+    planes = _planes(solution, block)
+    if planes is None:
+        return None
+    _, singular, axes = np.linalg.svd(planes.normals, full_matrices=False)
+    if np.sqrt(np.sum(singular[1:] ** 2) / len(planes.normals)) > _PARALLEL_RAD:
+        return None
+    if len(planes.normals) == 1:
+        words = f"{planes.sensors} saw the inside of a single board"
+    else:
+        one = np.std(planes.centres @ axes[0]) < _ONE_PLANE_M
+        how = "lie in one plane" if one else "are parallel"
+        words = f"all boards that {planes.sensors} saw {how}, and none of their borders is labelled"
+    return Boards(axes[0], f"{words}; add boards held at other angles")
+
+
+def _along_all_boards(
+    solution: Solution, blocks: Sequence[int], axis_in_world: np.ndarray
+) -> Optional[str]:
+    planes = _planes(solution, blocks[0]) if len(blocks) == 1 else None
+    if planes is None:
+        return None
+    if np.sqrt(np.mean((planes.normals @ axis_in_world) ** 2)) > _ALONG_RAD:
+        return None
+    return (
+        f"all boards that {planes.sensors} saw lie along this axis, and none of their borders is "
+        f"labelled; add boards that are tilted against it"
+    )
+
+
+def _plane_in_world(solution: Solution, detection: int) -> List[np.ndarray]:
+    """Return a board's normal and its origin (3,), in world."""
+    dataset, key = solution.dataset, solution.problem.detections[detection]
+    frame = dataset.patterns[key.pattern].frame
+    world_T_pattern = pose(dataset.collections[key.collection], dataset.graph, dataset.world, frame)
+    return [world_T_pattern[:3, 2], world_T_pattern[:3, 3]]
+
+
+def is_spin_axis(solution: Solution, block: int, axis_in_world: np.ndarray) -> bool:
+    """Tell whether an axis is that about which a block's LiDAR spins."""
+    dataset = solution.dataset
+    for name in solution.problem.parameters.blocks[block].names:
+        sensor = dataset.sensors.get(name)
+        if sensor is not None and sensor.modality == LIDAR3D:
+            collection = next(iter(dataset.collections.values()))
+            z = pose(collection, dataset.graph, dataset.world, sensor.frame)[:3, 2]
+            return bool(abs(z @ axis_in_world) > np.cos(_SPIN_AXIS_RAD))
+    return False
+
+
+# ------------------------------------------------------------------------------ motions
+
+
+def _one_motion(
+    solution: Solution, blocks: Sequence[int], axis_in_world: np.ndarray
+) -> Optional[str]:
+    """A robot that turns about one axis, or not at all, leaves what lies along that axis."""
+    for frame, poses in _moving_frames(solution, blocks).items():
+        turns = se3.rotation_vector_from_rotation(poses[:, :3, :3] @ poses[0, :3, :3].T)
+        angles = np.linalg.norm(turns, axis=1)
+        if np.max(angles) < _STILL_RAD:
+            return f"frame '{frame}' moves but never turns; collect with turns about two axes"
+        _, singular, axes = np.linalg.svd(turns, full_matrices=False)
+        off_axis = np.sqrt(np.sum(singular[1:] ** 2) / np.sum(singular**2))
+        if off_axis < _ONE_AXIS_RAD and abs(axes[0] @ axis_in_world) > 0.9:
+            return (
+                f"frame '{frame}' turns about this axis only, as in planar motion, which leaves "
+                f"what lies along it open; collect with a tilted robot, or hold one of them"
+            )
+    return None
+
+
+def _moving_frames(solution: Solution, blocks: Sequence[int]) -> Dict[str, np.ndarray]:
+    """Return ``world_T_frame`` (n, 4, 4) of the frames that carry the blocks, where it varies."""
+    dataset, problem = solution.dataset, solution.problem
+    used = dict.fromkeys(key.collection for key in problem.detections)
+    moving = {}
+    for i in blocks:
+        frame = problem.parameters.blocks[i].edge.parent
+        poses = np.array(
+            [pose(dataset.collections[key], dataset.graph, dataset.world, frame) for key in used]
+        )
+        shifts = np.linalg.norm(poses[:, :3, 3] - poses[0, :3, 3], axis=1)
+        turns = se3.rotation_angle(poses[:, :3, :3] @ poses[0, :3, :3].T)
+        if np.max(shifts) > _STILL_M or np.max(turns) > _STILL_RAD:
+            moving[frame] = poses
+    return moving
+
+
+def _few_detections(solution: Solution, blocks: Sequence[int]) -> Optional[str]:
+    for i in blocks:
+        names = solution.problem.parameters.blocks[i].names
+        count = sum(key.sensor in names for key in solution.problem.detections)
+        if 0 < count < _FEW:
+            return f"{' and '.join(names)} shares only {count} detection(s) with other sensors"
+    return None
