@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 from small_rig import CONFIG, XACRO
 
-from atom_calibration.first_guess import FirstGuess
-from atom_core.errors import ConfigError
+from atom_calibration.first_guess import FirstGuess, values_from_dataset
+from atom_core.errors import ConfigError, DatasetError
 from atom_core.geometry import se3
 from atom_core.io.config_yaml import read_config
+from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.io.urdf import read_description
 from atom_core.model.transforms import Edge
+from atom_core.synthetic import scenes
 
 CAMERA, LIDAR, GUARD = (
     Edge("mast", "camera_link"),
@@ -112,3 +114,20 @@ def test_a_joint_of_a_macro_costs_the_macros_but_not_the_old_file(make_guess, tm
     assert saved.original.read_text(encoding="utf-8") == XACRO
     values = read_description(path).robot.transforms()
     np.testing.assert_allclose(values[LIDAR], MOVED, atol=1e-9)
+
+
+def test_a_start_from_a_dataset_is_near_the_truth_whatever_its_transforms_say(tmp_path):
+    scene = scenes.two_cameras(disturbance=(1.0, 1.0))
+    path = write_dataset_folder(scene.dataset, tmp_path / "dataset", name="two cameras")
+    values = values_from_dataset(path)
+    held, found = (sensor.edge for sensor in scene.dataset.sensors.values())
+    np.testing.assert_allclose(values[held], scene.dataset.first_value(held), atol=1e-12)
+    (start,) = (np.linalg.inv(scene.dataset.first_value(e)) @ scene.truth.edges[e] for e in [found])
+    off = np.linalg.inv(values[found]) @ scene.truth.edges[found]
+    assert np.linalg.norm(start[:3, 3]) > 0.9
+    assert np.linalg.norm(off[:3, 3]) < 0.05
+
+
+def test_a_dataset_that_is_none_is_told(tmp_path):
+    with pytest.raises(DatasetError, match="no such file"):
+        values_from_dataset(tmp_path / "none.json")

@@ -8,8 +8,10 @@ from typing import Dict, List, Mapping, Optional, Tuple
 
 import numpy as np
 
+from atom_core.calibration.starts import estimate_sensors
 from atom_core.errors import ConfigError
 from atom_core.io.atomic import write_text_atomically
+from atom_core.io.dataset_json import read_dataset
 from atom_core.io.urdf import Description, WriteReport, write_calibrated_description
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.robot import FIXED
@@ -118,6 +120,19 @@ class FirstGuess:
             return Saved(report, original if report.flattened and original.exists() else None)
         write_text_atomically(original, before)
         return Saved(report, original)
+
+
+def values_from_dataset(path: Path) -> Dict[Edge, np.ndarray]:
+    """Return where the data alone put the sensors: ``parent_T_child`` (4, 4) [m] by edge.
+
+    Sensors that are held, and those that the data do not place, keep the dataset's value.
+
+    Raises:
+        AtomError: the dataset cannot be read, or its boards do not tie the sensors together.
+    """
+    dataset = read_dataset(path)
+    placed = estimate_sensors(dataset)
+    return {sensor.edge: placed.first_value(sensor.edge) for sensor in dataset.sensors.values()}
 
 
 def _editable(

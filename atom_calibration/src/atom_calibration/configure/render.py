@@ -14,8 +14,8 @@ from atom_core.io.paths import package_folder
 from atom_core.model.config import CalibrationConfig
 
 # Each is made from the template of its name; a launch file is listed once all its nodes exist.
-LAUNCH_FILES = ("playbag", "set_initial_estimate", "full_evaluation")
-RVIZ_FILES = ("playbag", "set_initial_estimate")
+LAUNCH_FILES = ("playbag", "set_initial_estimate", "collect_data", "full_evaluation")
+RVIZ_FILES = ("playbag", "set_initial_estimate", "collect_data")
 SKELETON = {
     "package.xml": "package.xml.j2",
     "CMakeLists.txt": "CMakeLists.txt.j2",

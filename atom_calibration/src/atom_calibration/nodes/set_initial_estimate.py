@@ -22,7 +22,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from atom_calibration import conversions, markers
 from atom_calibration.errors import MessageError
-from atom_calibration.first_guess import FirstGuess
+from atom_calibration.first_guess import FirstGuess, values_from_dataset
 from atom_calibration.nodes import running
 from atom_calibration.pose_marker import STILL, MarkerServer, Moved, PoseMarker
 from atom_calibration.srv import (
@@ -55,9 +55,16 @@ def main() -> int:
 def _run(args: argparse.Namespace) -> int:
     config = read_config(args.config_file)
     guess = FirstGuess(config, read_description(args.description_file))
+    remarks = [f"{remark}, so it has no marker" for remark in guess.remarks]
+    if args.from_dataset:
+        missing = guess.start_from(values_from_dataset(Path(args.from_dataset)))
+        remarks += [
+            f"'{name}' is not in {args.from_dataset} and starts where the description has it"
+            for name in missing
+        ]
     running.start(NODE)
-    for remark in guess.remarks:
-        rospy.logwarn(f"{remark}, so it has no marker")
+    for remark in remarks:
+        rospy.logwarn(remark)
     SetInitialEstimate(config, guess, args.filename or args.description_file, args.marker_scale)
     return running.wait()
 
@@ -256,6 +263,11 @@ def parser() -> argparse.ArgumentParser:
     add_option(
         made, "marker_scale", "-s", type=_size, default=0.6, metavar="M",
         help="size of the markers in metres (default: 0.6)",
+    )  # fmt: skip
+    add_option(
+        made, "from_dataset", metavar="FILE", default="",
+        help="dataset.json: sensors start where the boards they share put them, not where the "
+        "description does",
     )  # fmt: skip
     return made
 
