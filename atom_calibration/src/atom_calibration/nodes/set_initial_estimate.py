@@ -261,7 +261,7 @@ def parser() -> argparse.ArgumentParser:
         help="what is saved (default: the description_file)",
     )  # fmt: skip
     add_option(
-        made, "marker_scale", "-s", type=_size, default=0.6, metavar="M",
+        made, "marker_scale", "-s", type=running.positive, default=0.6, metavar="M",
         help="size of the markers in metres (default: 0.6)",
     )  # fmt: skip
     add_option(
@@ -270,10 +270,3 @@ def parser() -> argparse.ArgumentParser:
         "description does",
     )  # fmt: skip
     return made
-
-
-def _size(text: str) -> float:
-    value = float(text)
-    if not 0 < value < np.inf:
-        raise argparse.ArgumentTypeError(f"'{text}' is no size above 0 in metres")
-    return value
