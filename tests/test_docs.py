@@ -14,6 +14,7 @@ from atom_core import cli
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.io.truth_json import write_truth
 from atom_core.synthetic import scenes
+from atom_core.synthetic.mistakes import Origin, with_detections_from
 
 ROOT = Path(__file__).resolve().parents[1]
 FORMATS = ROOT / "docs" / "dataset_format.md"
@@ -154,7 +155,9 @@ def run(tmp_path_factory):
     """Return the folder of a small simulation, its calibration and its evaluation."""
     folder = tmp_path_factory.mktemp("docs")
     scene = scenes.random_scene(3, collections=6, rgb=2, lidar3d=2, disturbance=(0.02, 0.02))
-    write_dataset_folder(scene.dataset, folder / "data", name="docs")
+    wrong = {("000", "rgb_1"): Origin(scene.dataset, "001")}  # for an entry in rejected_detections
+    dataset = with_detections_from(scene.dataset, wrong)
+    write_dataset_folder(dataset, folder / "data", name="docs")
     write_truth(scene.truth, folder / "truth.json")
     data, truth = str(folder / "data" / "dataset.json"), str(folder / "truth.json")
     result = folder / "result"

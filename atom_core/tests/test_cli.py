@@ -15,7 +15,7 @@ from atom_core.synthetic import Noise, paper_cell, scenes
 CALIBRATION_KEYS = {
     "version", "dataset", "seed", "options", "status", "message", "solver", "edges", "sensors",
     "collections", "propagation", "outliers", "outlier_count", "outlier_limit_sigmas",
-    "weak_directions", "warnings",
+    "rejected_detections", "weak_directions", "warnings",
 }  # fmt: skip
 
 

@@ -14,9 +14,16 @@ from atom_core.calibration.initial_sensors import sensors_from_boards
 from atom_core.calibration.options import DESCRIPTION, NO_GUESS, CalibrationOptions
 from atom_core.calibration.preparation import Prepared, prepare
 from atom_core.calibration.reasons import Solution
+from atom_core.calibration.rejection import (
+    Rejected,
+    reject_bad_detections,
+    rejection_warnings,
+    whole_collections,
+)
 from atom_core.calibration.starts import Posed, ambiguity, best_settled, pose_problem, rescued
 from atom_core.calibration.weak_directions import WeakDirection, weak_directions
 from atom_core.model.dataset import Dataset
+from atom_core.model.pattern import BoardKey
 from atom_core.problem.builder import FreeEdges
 from atom_core.problem.problem import Problem
 from atom_core.solvers.base import CONVERGED, FAILED, SolverSummary
@@ -41,6 +48,7 @@ class Calibration:
         message: one sentence.
         weak_directions: what the data leave open.
         unused: why a collection was not used, by key.
+        rejected: detections that were left out since they contradict the others.
         warnings: what the user should know.
         seconds: time by step.
         seed: of the disturbance.
@@ -56,6 +64,7 @@ class Calibration:
     message: str
     weak_directions: Tuple[WeakDirection, ...]
     unused: Mapping[str, str]
+    rejected: Tuple[Rejected, ...]
     warnings: Tuple[str, ...]
     seconds: Mapping[str, float]
     seed: int
@@ -89,17 +98,24 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
         if options.initial_guess == DESCRIPTION:
             settled, remarks = rescued(settled, dataset, free, how, make_solver)
             warnings += remarks
-        initial, solver = settled.posed.initial, settled.solver
+        initial, solver, posed = settled.posed.initial, settled.solver, settled.posed
         summary = solve(solver, how, settled.rough, guess=settled.first)
-    problem = solver.problem
+        told = replace(options, solver=how)
+        purged = reject_bad_detections(
+            initial, solver, summary, posed.measurements, free, told, make_solver
+        )
+    solver, summary, problem = purged.solver, purged.summary, purged.solver.problem
+    left = {key.collection for key in problem.detections}
+    unused = {**posed.unused, **whole_collections(purged.rejected, left)}
+    warnings += rejection_warnings(purged.rejected, left)
     clock.lap("solve")
     covariance = covariance_of(solver, summary, options.solver)
-    solved = solved_dataset(initial, problem, summary.x, settled.posed.boards)
+    solved = solved_dataset(initial, problem, summary.x, _of_use(dataset, posed.boards, problem))
     weak = ambiguity(settled, rivals) + weak_directions(
         Solution(solved, problem, summary.x), covariance, *options.undetermined_limit
     )
     clock.lap("covariance")
-    status, message = _verdict(summary, weak)
+    status, message = _verdict(summary, weak, purged.failure)
     return Calibration(
         dataset=solved,
         initial=initial,
@@ -110,7 +126,8 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
         status=status,
         message=message,
         weak_directions=tuple(weak),
-        unused=settled.posed.unused,
+        unused=unused,
+        rejected=purged.rejected,
         warnings=tuple(warnings),
         seconds=clock.laps,
         seed=options.seed,
@@ -135,7 +152,19 @@ def _starts(
     return posed, remarks
 
 
-def _verdict(summary: SolverSummary, weak: Sequence[WeakDirection]) -> Tuple[str, str]:
+def _of_use(
+    dataset: Dataset, boards: Mapping[BoardKey, np.ndarray], problem: Problem
+) -> Dict[BoardKey, np.ndarray]:
+    """Return the boards that some detection of the problem is of."""
+    used = {dataset.patterns[k.pattern].board_key(k.collection) for k in problem.detections}
+    return {key: pose for key, pose in boards.items() if key in used}
+
+
+def _verdict(
+    summary: SolverSummary, weak: Sequence[WeakDirection], failure: Optional[str]
+) -> Tuple[str, str]:
+    if failure is not None:
+        return FAILED, failure
     if weak and summary.status != FAILED:
         restless = "" if summary.status == CONVERGED else f"; the solver: {summary.message}"
         return RANK_DEFICIENT, f"{len(weak)} undetermined direction(s): {weak[0].why}{restless}"

@@ -47,6 +47,10 @@ def result_document(
         "outlier_limit_sigmas": OUTLIER_SIGMAS,
         "outlier_count": sum(outliers.counts.values()),
         "outliers": [outlier.document() for outlier in outliers.largest],
+        "rejected_detections": [
+            {**r.key._asdict(), "reason": r.reason, "excess": r.excess}
+            for r in calibration.rejected
+        ],
         "weak_directions": [
             {"parameters": list(w.parameters), "sigma": w.sigma, "unit": w.unit, "why": w.why}
             for w in calibration.weak_directions

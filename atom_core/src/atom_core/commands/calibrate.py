@@ -6,7 +6,7 @@ import argparse
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import List, Optional
+from typing import List, Optional, Tuple
 
 from atom_core.calibration.calibrate import Calibration, calibrate
 from atom_core.calibration.options import DESCRIPTION, NO_GUESS, CalibrationOptions
@@ -19,6 +19,7 @@ from atom_core.io.dataset_json import write_dataset
 from atom_core.io.results import write_parameters_yaml
 from atom_core.io.truth_json import read_truth
 from atom_core.io.urdf import Description, read_description, write_calibrated_description
+from atom_core.model.dataset import Dataset
 from atom_core.model.selection import select_names
 from atom_core.report.calibration_tables import calibration_report
 from atom_core.solvers.base import CONVERGED, SolverOptions
@@ -35,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     common.add_output_options(parser)
     _add_solver_options(parser)
     _add_freedom_options(parser)
+    _add_keep_options(parser)
     common.add_option(
         parser,
         "description",
@@ -118,6 +120,24 @@ def _add_solver_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_keep_options(parser: argparse.ArgumentParser) -> None:
+    common.add_option(
+        parser,
+        "keep_collections",
+        nargs="+",
+        metavar="K",
+        help="use these collections (keys, globs) even if they contradict all others",
+    )
+    common.add_option(
+        parser,
+        "keep_detections",
+        nargs="+",
+        metavar="K:S",
+        help="use what these sensors saw in these collections (collection:sensor) even if it "
+        "contradicts all others",
+    )
+
+
 def _add_freedom_options(parser: argparse.ArgumentParser) -> None:
     add = common.add_option
     add(parser, "anchor_sensors", "-as", nargs="+", metavar="S", help="further sensors to hold")
@@ -170,6 +190,11 @@ def run(args: argparse.Namespace) -> int:
             dataset.config.additional_tfs, args.additional_tf_selection_function, "additional tf"
         )
         options = replace(options, additional_tfs=tuple(names))
+    options = replace(
+        options,
+        keep_collections=_kept_collections(args, dataset),
+        keep_detections=_kept_detections(args, dataset),
+    )
     description = _description(args, dataset.config.description_file)
     load_seconds = time.perf_counter() - began
     calibration = calibrate(dataset, options)
@@ -210,6 +235,26 @@ def _options(args: argparse.Namespace) -> CalibrationOptions:
         )
     except ValueError as error:
         raise CalibrationError(str(error)) from None
+
+
+def _kept_collections(args: argparse.Namespace, dataset: Dataset) -> Tuple[str, ...]:
+    if not args.keep_collections:
+        return ()
+    return tuple(select_names(dataset.collections, args.keep_collections, "collection"))
+
+
+def _kept_detections(args: argparse.Namespace, dataset: Dataset) -> Tuple[Tuple[str, str], ...]:
+    detected = {(key.collection, key.sensor) for key, _ in dataset.detections()}
+    kept = []
+    for text in common.strings(args.keep_detections):
+        collection, _, sensor = text.partition(":")
+        if (collection, sensor) not in detected:
+            raise CalibrationError(
+                f"--keep_detections {text}: there is no such detection; write collection:sensor, "
+                f"as in 003:rgb_1"
+            )
+        kept.append((collection, sensor))
+    return tuple(kept)
 
 
 def _description(args: argparse.Namespace, configured: Optional[str]) -> Optional[Description]:

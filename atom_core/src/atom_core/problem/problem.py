@@ -55,6 +55,18 @@ class PoseChains:
             maps[:, k] = np.where(used[:, None, None], twist, 0.0)
         return prefixes[-1], maps
 
+    def around(
+        self, block_poses: np.ndarray, detection: int, block: int
+    ) -> Tuple[np.ndarray, np.ndarray, bool]:
+        """Return what stands before and after a block in a detection's chain, and its direction."""
+        (k,) = np.flatnonzero(self.block[detection] == block)
+        mine = PoseChains(
+            *(part[[detection]] for part in (self.constants, self.block, self.inverted))
+        )
+        prefixes = mine._walk(block_poses)
+        before, through, whole = prefixes[2 * k][0], prefixes[2 * k + 1][0], prefixes[-1][0]
+        return before, se3.inverse(through) @ whole, bool(self.inverted[detection, k])
+
     def _walk(self, block_poses: np.ndarray) -> List[np.ndarray]:
         """Return the products before and after each block, and the whole product last."""
         product = self.constants[:, 0]

@@ -15,7 +15,7 @@ Kinds, after Rato et al. 2022, section 4, but as signed components:
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Tuple
 
 import numpy as np
@@ -53,6 +53,12 @@ class ResidualBlock(ABC):
     def count(self) -> int:
         """Number of items; an item has ``dimension`` rows."""
         return len(self.detection)
+
+    def of_items(self, chosen: np.ndarray, detection: np.ndarray) -> ResidualBlock:
+        """Return the rows of some items (m,), with other indices (m,) of their detections."""
+        arrays = {f.name: getattr(self, f.name) for f in fields(self)}
+        items = {k: v[chosen] for k, v in arrays.items() if isinstance(v, np.ndarray)}
+        return replace(self, **{**items, "detection": detection})
 
     def residuals(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
         """Return (n, dimension) at the poses (d, 4, 4) of the detections."""

@@ -26,7 +26,12 @@ def calibration_report(document: Mapping[str, Any], verbose: bool = False) -> st
         parts.append(_collections_table(document))
     if "ground_truth" in document:
         parts.append(_truth_table(document["ground_truth"]))
-    unused = [f"{k} ({v['reason']})" for k, v in document["collections"].items() if not v["used"]]
+    rejected = {r["collection"] for r in document["rejected_detections"]}  # among the warnings
+    unused = [
+        f"{key} ({value['reason']})"
+        for key, value in document["collections"].items()
+        if not value["used"] and key not in rejected
+    ]
     if unused:
         parts.append("collections not used: " + "; ".join(unused))
     parts += [f"warning: {w}" for w in document["warnings"]]

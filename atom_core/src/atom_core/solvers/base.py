@@ -174,6 +174,7 @@ class SolverSummary:
         robust_weights: for each residual block, (n,) in 0..1.
         inset_steps: for each residual block, how many steps of sampling the limit points are
             expected inside the border; 0 for other kinds.
+        interrupted: True when it was stopped from outside.
     """
 
     x: np.ndarray
@@ -186,3 +187,4 @@ class SolverSummary:
     scales: Tuple[float, ...]
     robust_weights: Tuple[np.ndarray, ...]
     inset_steps: Tuple[float, ...]
+    interrupted: bool = False

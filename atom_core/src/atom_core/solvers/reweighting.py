@@ -21,6 +21,7 @@ from atom_core.problem.residuals import (
     BORDER,
     ORTHOGONAL,
     REPROJECTION,
+    BorderBlock,
 )
 from atom_core.solvers import losses
 from atom_core.solvers.assessment import Assessment
@@ -109,14 +110,50 @@ def solve(
         if not rough.interrupted:
             end = _minimise(solver, rough.x, sigmas, options, rough.iterations, EXACT)
         return _summary(solver, options, end, sigmas, np.zeros(len(sigmas)))
-    return _reweighted(solver, options, rough)
+    count = len(solver.problem.residual_blocks)
+    return _reweighted(solver, options, rough, np.ones(count), np.zeros(count))
 
 
-def _reweighted(solver: Solver, options: SolverOptions, rough: Minimum) -> SolverSummary:
+def solve_again(
+    solver: Solver, options: SolverOptions, before: Problem, summary: SolverSummary
+) -> SolverSummary:
+    """Solve a problem that has lost some detections; sigmas and insets go on from where they were.
+
+    Args:
+        solver: made for the problem, which starts from the solution of the one before.
+        options: weights, loss, limits.
+        before: the problem before.
+        summary: its solution; the iterations go on counting, but their limit begins anew.
+    """
+    problem = solver.problem
+    place = {(b.sensor, b.kind): i for i, b in enumerate(before.residual_blocks)}
+    kept = [place[(b.sensor, b.kind)] for b in problem.residual_blocks]
+    scales, insets = (np.array(v)[kept] for v in (summary.scales, summary.inset_steps))
+    start = np.zeros(problem.parameters.size)
+    poses = problem.poses(start)
+    expected = {
+        i: insets[i] * block.steps_across(poses)[1]
+        for i, block in enumerate(problem.residual_blocks)
+        if isinstance(block, BorderBlock)
+    }
+    solver.take_insets(problem.with_insets(expected))
+    sigmas = tuple(b.sigma * scale for b, scale in zip(problem.residual_blocks, scales))
+    # What was left out may have used the iterations up: it is another problem now.
+    fresh = replace(options, max_iterations=summary.iterations + options.max_iterations)
+    rough = _minimise(solver, start, sigmas, fresh, summary.iterations, ROUGH)
+    again = _reweighted(solver, fresh, rough, scales, insets)
+    return replace(again, cost_initial=summary.cost_initial)
+
+
+def _reweighted(
+    solver: Solver, options: SolverOptions, rough: Minimum, scales: np.ndarray, insets: np.ndarray
+) -> SolverSummary:
+    """Solve in rounds, from a rough answer for some scales (b,) and insets (b,)."""
     end, tolerance = rough, ROUGH
-    sigmas = initial = _initial_sigmas(solver.problem)
+    initial = _initial_sigmas(solver.problem)
+    sigmas = tuple(s * scale for s, scale in zip(initial, scales))
     count, settled = len(sigmas), False
-    state = FixedPoint(np.zeros(2 * count))  # logarithms of the scales, insets
+    state = FixedPoint(np.concatenate([np.log(scales), insets]))
     for _ in range(options.reweighting_rounds):
         if end.interrupted:
             break
@@ -209,6 +246,7 @@ def _summary(
         ),
         robust_weights=tuple(losses.weight(options.loss, s) for s in last),
         inset_steps=tuple(float(v) for v in insets),
+        interrupted=end.interrupted,
     )
     if not np.isfinite(cost_final) or cost_final > cost_initial:
         return replace(

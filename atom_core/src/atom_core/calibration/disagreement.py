@@ -1,0 +1,111 @@
+"""How much each detection disagrees with all others: the test for whole bad detections.
+
+A detection's rows depend on the parameters through the twist of its pose only. If the detection
+were allowed a pose of its own, its six numbers would move by what its gradient asks for; under
+random errors alone that gradient has the covariance ``H - H C H``, with H the detection's
+information and C the covariance of its twist in the joint solution. The square of one in units of
+the other is a chi-square variable of up to six degrees of freedom (Baarda 1968, "A testing
+procedure for use in geodetic networks", for a block of unknowns).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Sequence, Tuple
+
+import numpy as np
+from scipy import stats
+
+from atom_core.problem.problem import Problem
+from atom_core.solvers.covariance import Covariance
+from atom_core.solvers.normal_equations import NormalEquations
+
+CHANCE = 1e-7  # that random errors alone make one detection suspicious
+_SEEN, _REDUNDANT = 1e-6, 0.03  # shares below which a direction tells nothing
+_ENOUGH = 5  # detections, to know the scatter of one sensor's
+_OUTLIER_SQUARE = 16.0  # four sigmas
+_MOST = 0.5  # share of outliers from which a detection is no detection
+
+
+class Disagreement(NamedTuple):
+    """Of all detections of a problem.
+
+    Attributes:
+        excess: (d,) chi-square over what ``CHANCE`` allows; beyond 1 is suspicious.
+        scatter: (d,) factor on the chi-squares of the detection's sensor, 1 or more: real
+            sensors have errors that all points of a detection share.
+        mostly_outliers: (d,) more than half of its corners and points are.
+    """
+
+    excess: np.ndarray
+    scatter: np.ndarray
+    mostly_outliers: np.ndarray
+
+    @property
+    def suspicious(self) -> np.ndarray:
+        """(d,) what random errors do not explain."""
+        return (self.excess > 1.0) | self.mostly_outliers
+
+
+def disagreement(
+    problem: Problem,
+    equations: NormalEquations,
+    squares: Sequence[np.ndarray],
+) -> Disagreement:
+    """Test all detections.
+
+    Args:
+        problem: whose detections.
+        equations: at the solution.
+        squares: for each residual block, squared norms (n,) in units of sigma.
+    """
+    chi_square, freedom = chi_squares(problem, equations)
+    sensors = np.array([key.sensor for key in problem.detections])
+    relative = chi_square / stats.chi2.median(np.maximum(freedom, 1))
+    scatter = np.full(len(sensors), np.median(relative[freedom > 0]) if freedom.any() else 1.0)
+    for sensor in np.unique(sensors):
+        mine = (sensors == sensor) & (freedom > 0)
+        if np.sum(mine) >= _ENOUGH:
+            scatter[sensors == sensor] = np.median(relative[mine])
+    scatter = np.maximum(scatter, 1.0)
+    limit = scatter * stats.chi2.isf(CHANCE, np.maximum(freedom, 1))
+    return Disagreement(chi_square / limit, scatter, _mostly_outliers(problem, squares))
+
+
+def chi_squares(problem: Problem, equations: NormalEquations) -> Tuple[np.ndarray, np.ndarray]:
+    """Return chi-squares (d,) and their degrees of freedom (d,).
+
+    Args:
+        problem: whose detections.
+        equations: at the solution, weighted by the inverse variances.
+    """
+    count = len(problem.detections)
+    information, gradient = np.zeros((count, 6, 6)), np.zeros((count, 6))
+    for part in equations.parts:
+        information[part.detection] += part.information
+        gradient[part.detection] += part.gradient
+    covariance = Covariance(equations).twists(problem.chains.block, equations.maps)
+    diagonal = np.maximum(np.diagonal(information, axis1=1, axis2=2), 1e-12)
+    scale = 1.0 / np.sqrt(diagonal)
+    values, vectors = np.linalg.eigh(information * scale[:, :, None] * scale[:, None, :])
+    seen = values > _SEEN * values[:, -1:]
+    inverse_root = np.where(seen, 1.0 / np.sqrt(np.where(seen, values, 1.0)), 0.0)
+    whitening = inverse_root[:, :, None] * np.swapaxes(vectors, 1, 2) * scale[:, None, :]
+    reached = whitening @ information
+    redundancy = reached @ np.swapaxes(whitening, 1, 2)
+    redundancy -= reached @ covariance @ np.swapaxes(reached, 1, 2)
+    shares, axes = np.linalg.eigh((redundancy + np.swapaxes(redundancy, 1, 2)) / 2.0)
+    white = np.einsum("dij,dj->di", whitening, gradient)
+    along = np.einsum("dji,dj->di", axes, white)
+    tells = shares > _REDUNDANT
+    chi_square = np.sum(np.where(tells, along**2 / np.maximum(shares, _REDUNDANT), 0.0), axis=1)
+    return chi_square, np.sum(tells, axis=1)
+
+
+def _mostly_outliers(problem: Problem, squares: Sequence[np.ndarray]) -> np.ndarray:
+    count = len(problem.detections)
+    items, outliers = np.zeros(count), np.zeros(count)
+    for block, square in zip(problem.residual_blocks, squares):
+        items += np.bincount(block.detection, minlength=count)
+        beyond = block.detection[square > _OUTLIER_SQUARE]
+        outliers += np.bincount(beyond, minlength=count)
+    return outliers > _MOST * np.maximum(items, 1)
