@@ -239,7 +239,7 @@ def test_the_statistic_has_its_distribution():
         result = calibrate(scene.dataset, plain)
         solver, x = solver_factory(None)(result.problem), result.summary.x
         equations = solver.equations(x, result.summary.sigmas, "none")
-        values, freedom = chi_squares(result.problem, equations)
+        values, freedom = chi_squares(result.problem, equations, np.zeros((1, 6, 6)))
         sums, freedoms = sums + np.sum(values), freedoms + np.sum(freedom)
     assert freedoms > 1000  # so that the ratio is known to 5 %
     assert sums / freedoms == pytest.approx(1.0, abs=0.15)

@@ -6,6 +6,7 @@ from typing import Dict, List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
+from atom_core.calibration.disagreement import FAR_SQUARE, MOST
 from atom_core.geometry import se3
 from atom_core.problem.initial_boards import board_candidates
 from atom_core.problem.measurements import Measurement
@@ -16,7 +17,6 @@ from atom_core.solvers.base import SETTLING, SolverFactory
 
 _STARTS = 3  # of the candidate poses, so many are followed to their minimum
 _ITERATIONS = 50
-_OUTLIER_SQUARE, _MOST = 16.0, 0.5
 
 
 class Fit(NamedTuple):
@@ -25,7 +25,7 @@ class Fit(NamedTuple):
     Attributes:
         parent_T_pattern: (4, 4).
         cost: robust cost of these detections.
-        outlier_share: of their corners and points.
+        outlier_share: of their corners and points, those grossly off.
     """
 
     parent_T_pattern: np.ndarray
@@ -95,12 +95,12 @@ class BoardFits:
         ]
         best = min(ends, key=lambda end: end.cost)
         squares = np.concatenate(solver.squares(best.x, sigmas))
-        share = float(np.mean(squares > _OUTLIER_SQUARE))
+        share = float(np.mean(squares > FAR_SQUARE))
         return Fit(problem.parameters.poses(best.x)[0], best.cost, share)
 
     def is_garbage(self, detection: int) -> bool:
         """Tell whether no pose of the board explains most of a detection."""
-        return self.fit([detection]).outlier_share > _MOST
+        return self.fit([detection]).outlier_share > MOST
 
     def disagreement(self, detections: Sequence[int]) -> float:
         """Return a chi-square: what it costs that all of them share one pose."""

@@ -15,15 +15,17 @@ from typing import NamedTuple, Sequence, Tuple
 import numpy as np
 from scipy import stats
 
+from atom_core.geometry import se3
 from atom_core.problem.problem import Problem
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.normal_equations import NormalEquations
 
 CHANCE = 1e-7  # that random errors alone make one detection suspicious
+# A detection's points share errors (of the label, the board, the intrinsics): so far off is nobody.
+OWN_M, OWN_RAD = 1e-3, 1.7e-3
+FAR_SQUARE, MOST = 100.0, 0.5  # most of a detection beyond ten sigmas: it is no detection
 _SEEN, _REDUNDANT = 1e-6, 0.03  # shares below which a direction tells nothing
 _ENOUGH = 5  # detections, to know the scatter of one sensor's
-_OUTLIER_SQUARE = 16.0  # four sigmas
-_MOST = 0.5  # share of outliers from which a detection is no detection
 
 
 class Disagreement(NamedTuple):
@@ -33,7 +35,7 @@ class Disagreement(NamedTuple):
         excess: (d,) chi-square over what ``CHANCE`` allows; beyond 1 is suspicious.
         scatter: (d,) factor on the chi-squares of the detection's sensor, 1 or more: real
             sensors have errors that all points of a detection share.
-        mostly_outliers: (d,) more than half of its corners and points are.
+        mostly_outliers: (d,) more than half of its corners and points are, grossly.
     """
 
     excess: np.ndarray
@@ -48,6 +50,7 @@ class Disagreement(NamedTuple):
 
 def disagreement(
     problem: Problem,
+    x: np.ndarray,
     equations: NormalEquations,
     squares: Sequence[np.ndarray],
 ) -> Disagreement:
@@ -55,10 +58,12 @@ def disagreement(
 
     Args:
         problem: whose detections.
-        equations: at the solution.
+        x: the solution.
+        equations: there.
         squares: for each residual block, squared norms (n,) in units of sigma.
     """
-    chi_square, freedom = chi_squares(problem, equations)
+    own = _own_errors(problem.poses(x), OWN_M, OWN_RAD)
+    chi_square, freedom = chi_squares(problem, equations, own)
     sensors = np.array([key.sensor for key in problem.detections])
     relative = chi_square / stats.chi2.median(np.maximum(freedom, 1))
     scatter = np.full(len(sensors), np.median(relative[freedom > 0]) if freedom.any() else 1.0)
@@ -71,12 +76,23 @@ def disagreement(
     return Disagreement(chi_square / limit, scatter, _mostly_outliers(problem, squares))
 
 
-def chi_squares(problem: Problem, equations: NormalEquations) -> Tuple[np.ndarray, np.ndarray]:
+def _own_errors(sensor_T_pattern: np.ndarray, own_m: float, own_rad: float) -> np.ndarray:
+    """Return (d, 6, 6): twist covariance of a board that is off by itself, by so much."""
+    about_board = np.tile(np.eye(6), (len(sensor_T_pattern), 1, 1))
+    about_board[:, 3:, :3] = se3.skew(sensor_T_pattern[:, :3, 3])
+    variance = np.array([own_rad] * 3 + [own_m] * 3) ** 2
+    return (about_board * variance) @ np.swapaxes(about_board, 1, 2)
+
+
+def chi_squares(
+    problem: Problem, equations: NormalEquations, own: np.ndarray
+) -> Tuple[np.ndarray, np.ndarray]:
     """Return chi-squares (d,) and their degrees of freedom (d,).
 
     Args:
         problem: whose detections.
         equations: at the solution, weighted by the inverse variances.
+        own: (d, 6, 6) covariance of the twists that detections may have by themselves.
     """
     count = len(problem.detections)
     information, gradient = np.zeros((count, 6, 6)), np.zeros((count, 6))
@@ -95,9 +111,12 @@ def chi_squares(problem: Problem, equations: NormalEquations) -> Tuple[np.ndarra
     redundancy -= reached @ covariance @ np.swapaxes(reached, 1, 2)
     shares, axes = np.linalg.eigh((redundancy + np.swapaxes(redundancy, 1, 2)) / 2.0)
     white = np.einsum("dij,dj->di", whitening, gradient)
-    along = np.einsum("dji,dj->di", axes, white)
     tells = shares > _REDUNDANT
-    chi_square = np.sum(np.where(tells, along**2 / np.maximum(shares, _REDUNDANT), 0.0), axis=1)
+    along = np.where(tells, np.einsum("dji,dj->di", axes, white), 0.0)
+    reached = np.swapaxes(axes, 1, 2) @ reached * tells[:, :, None]
+    variance = reached @ own @ np.swapaxes(reached, 1, 2)
+    variance += np.where(tells, shares, 1.0)[:, :, None] * np.eye(6)
+    chi_square = np.einsum("di,di->d", along, np.linalg.solve(variance, along[..., None])[..., 0])
     return chi_square, np.sum(tells, axis=1)
 
 
@@ -106,6 +125,6 @@ def _mostly_outliers(problem: Problem, squares: Sequence[np.ndarray]) -> np.ndar
     items, outliers = np.zeros(count), np.zeros(count)
     for block, square in zip(problem.residual_blocks, squares):
         items += np.bincount(block.detection, minlength=count)
-        beyond = block.detection[square > _OUTLIER_SQUARE]
+        beyond = block.detection[square > FAR_SQUARE]
         outliers += np.bincount(beyond, minlength=count)
-    return outliers > _MOST * np.maximum(items, 1)
+    return outliers > MOST * np.maximum(items, 1)

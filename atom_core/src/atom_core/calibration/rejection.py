@@ -168,7 +168,7 @@ class _Judge:
         x, sigmas = purged.summary.x, purged.summary.sigmas
         equations = purged.solver.equations(x, sigmas, options.solver.loss)
         squares = purged.solver.squares(x, sigmas)
-        self._test: Disagreement = disagreement(self._problem, equations, squares)
+        self._test: Disagreement = disagreement(self._problem, x, equations, squares)
 
     def verdict(self) -> List[Rejected]:
         """Return what is to be left out; empty when all is well."""
