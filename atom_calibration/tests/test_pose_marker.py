@@ -101,6 +101,13 @@ def test_a_drag_is_told_with_pose_stamp_and_whether_it_ended(server, marker, mov
     np.testing.assert_allclose(marker.frame_T_marker, OTHER, atol=1e-12)
 
 
+def test_a_click_that_only_rounds_the_pose_does_not_move_it(server, marker, moves):
+    rounded = POSE.astype(np.float32).astype(float)
+    server.feedback["m"](feedback(rounded, event=InteractiveMarkerFeedback.MOUSE_UP))
+    assert moves[0].dropped
+    np.testing.assert_array_equal(moves[0].frame_T_marker, POSE)
+
+
 def test_other_events_move_nothing(server, marker, moves):
     for event in (
         InteractiveMarkerFeedback.KEEP_ALIVE,

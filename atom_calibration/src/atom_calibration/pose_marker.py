@@ -32,6 +32,9 @@ _MOVES = {
     PLANAR: (("x", "y"), ("z",)),
     STILL: ((), ()),
 }
+_ROUNDING = (
+    1e-6  # m and entries of rotations: RViz has 32 bits, so that even a click moves a little
+)
 # Quaternions (x, y, z, w) of controls: RViz moves along, and turns about, their x axis.
 _HALF = 0.5**0.5
 _AXES = {
@@ -191,7 +194,9 @@ class PoseMarker:
             rospy.logwarn(f"marker '{self.name}': {problem}; the move is ignored")
             self.move(self.frame_T_marker)
             return
-        self.frame_T_marker = conversions.pose_matrix(feedback.pose)
+        dragged = conversions.pose_matrix(feedback.pose)
+        if not np.allclose(dragged, self.frame_T_marker, rtol=0.0, atol=_ROUNDING):
+            self.frame_T_marker = dragged
         dropped = feedback.event_type == InteractiveMarkerFeedback.MOUSE_UP
         if dropped:  # while it is dragged, an echo would pull it back
             self._server.applyChanges()
