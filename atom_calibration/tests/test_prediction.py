@@ -1,9 +1,12 @@
 """Predicted seeds: near with the first estimate, nearer with every board seen."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from atom_calibration.prediction import BoardPredictor
+from atom_calibration.stillness import PlaneSighting
 from atom_calibration.tf_snapshot import TransformTree
 from atom_core.geometry import se3
 from atom_core.synthetic import paper_cell
@@ -27,44 +30,97 @@ def tree(make):
 
 
 def show(predictor, tree, stamp_s, rng):
-    """Let the camera see a board somewhere; return where its middle truly is for the LiDAR."""
+    """Let the camera see a board somewhere; return its true pose for the LiDAR."""
     camera_T_pattern = se3.transform(
         se3.random_rotation(0.5, rng), rng.uniform(-1, 1, 3) + [0, 0, 2]
     )
-    predictor.see(CAMERA.frame, PATTERN.name, stamp_s, camera_T_pattern, tree)
-    middle = np.append(PATTERN.border.centre, 0.0)[None]
-    lidar_T_pattern = se3.inverse(WORLD_T_LIDAR) @ WORLD_T_CAMERA @ camera_T_pattern
-    return se3.apply(lidar_T_pattern, middle)[0]
+    predictor.see(CAMERA.frame, PATTERN, stamp_s, camera_T_pattern, tree)
+    return se3.inverse(WORLD_T_LIDAR) @ WORLD_T_CAMERA @ camera_T_pattern
 
 
-def test_the_error_shrinks_from_decimetres_to_what_labels_leave(tree):
+def middle(lidar_T_pattern):
+    return se3.apply(lidar_T_pattern, np.append(PATTERN.border.centre, 0.0)[None])[0]
+
+
+def label(lidar_T_pattern, rng, beside_m=0.15):
+    """Return the plane that a label of part of the board shows, from either side."""
+    along = lidar_T_pattern[:3, :2] @ rng.uniform(-beside_m, beside_m, 2)
+    normal = lidar_T_pattern[:3, 2] + 0.01 * rng.normal(size=3)
+    normal *= rng.choice([-1, 1]) / np.linalg.norm(normal)
+    centre = middle(lidar_T_pattern) + along + 0.005 * rng.normal(size=3)
+    return PlaneSighting(centre, normal, 0.25, 0.01, 300, 15.0)
+
+
+def stand_still(predictor, tree, stamp_s, rng):
+    """Let the camera see a board twice, so that it is known to stand still."""
+    state = rng.bit_generator.state
+    show(predictor, tree, stamp_s - 0.5, rng)
+    rng.bit_generator.state = state
+    return show(predictor, tree, stamp_s, rng)
+
+
+def test_the_error_shrinks_from_decimetres_to_centimetres_within_a_few_places(tree):
     rng, predictor, errors = np.random.default_rng(1), BoardPredictor("world"), []
     for number in range(30):
-        true = show(predictor, tree, float(number), rng)
-        predicted = predictor.predict(LIDAR, PATTERN, float(number), tree)
-        assert predictor.is_plausible(LIDAR, predicted, true)
-        errors.append(np.linalg.norm(predicted - true))
-        label = true + rng.normal(size=3) * 0.03  # parts of the board are hidden
-        predictor.learn(LIDAR, PATTERN, float(number), label, tree)
+        stamp_s = 5.0 * number
+        true = stand_still(predictor, tree, stamp_s, rng)
+        guess = predictor.predict(LIDAR, PATTERN, stamp_s, tree)
+        found = label(true, rng)
+        assert guess.agrees(found)
+        errors.append(np.linalg.norm(guess.middle - middle(true)))
+        predictor.learn(LIDAR, PATTERN, stamp_s, found, tree)
     assert errors[0] > 0.1
-    assert np.mean(errors[10:]) < 0.05
+    assert np.mean(errors[6:]) < 0.03
 
 
-def test_a_thing_elsewhere_is_not_plausible(tree):
-    predictor = BoardPredictor("world")
-    true = show(predictor, tree, 0.0, np.random.default_rng(2))
-    predicted = predictor.predict(LIDAR, PATTERN, 0.0, tree)
-    assert not predictor.is_plausible(LIDAR, predicted, true + [2.0, 0.0, 0.0])
+def test_a_thing_elsewhere_or_slanted_otherwise_is_not_the_board(tree):
+    rng, predictor = np.random.default_rng(2), BoardPredictor("world")
+    true = stand_still(predictor, tree, 0.0, rng)
+    guess = predictor.predict(LIDAR, PATTERN, 0.0, tree)
+    found = label(true, rng)
+    elsewhere = replace(found, centre=found.centre + [2.5, 0.0, 0.0])
+    across = np.cross(found.normal, [1.0, 0.0, 0.0])
+    slanted = replace(found, normal=across / np.linalg.norm(across))
+    assert guess.agrees(found)
+    assert not guess.agrees(elsewhere)
+    assert not guess.agrees(slanted)
+
+
+def test_what_was_learnt_tells_the_board_from_a_thing_beside_it(tree):
+    rng, predictor = np.random.default_rng(6), BoardPredictor("world")
+    for number in range(6):
+        true = stand_still(predictor, tree, 5.0 * number, rng)
+        predictor.learn(LIDAR, PATTERN, 5.0 * number, label(true, rng), tree)
+    true = stand_still(predictor, tree, 99.0, rng)
+    guess, found = predictor.predict(LIDAR, PATTERN, 99.0, tree), label(true, rng)
+    turn = se3.rotation_from_rotation_vector(0.35 * np.cross(found.normal, [0.0, 0.0, 1.0]))
+    assert guess.agrees(found)
+    assert not guess.agrees(replace(found, normal=turn @ found.normal))
+    assert not guess.agrees(replace(found, centre=found.centre + 0.3 * found.normal))
 
 
 def test_one_false_label_among_many_is_no_harm(tree):
     rng, predictor = np.random.default_rng(3), BoardPredictor("world")
     for number in range(20):
-        true = show(predictor, tree, float(number), rng)
-        wrong = np.array([0.5, -0.5, 0.5]) if number == 7 else 0.0
-        predictor.learn(LIDAR, PATTERN, float(number), true + wrong, tree)
-    true = show(predictor, tree, 99.0, rng)
-    assert np.linalg.norm(predictor.predict(LIDAR, PATTERN, 99.0, tree) - true) < 0.02
+        stamp_s = 5.0 * number
+        found = label(stand_still(predictor, tree, stamp_s, rng), rng)
+        if number == 2:
+            found = replace(found, centre=found.centre + [0.4, -0.4, 0.4])
+        predictor.learn(LIDAR, PATTERN, stamp_s, found, tree)
+    true = stand_still(predictor, tree, 999.0, rng)
+    guess = predictor.predict(LIDAR, PATTERN, 999.0, tree)
+    assert np.linalg.norm(guess.middle - middle(true)) < 0.03
+
+
+def test_nothing_is_learnt_from_a_board_in_motion(tree):
+    rng, predictor = np.random.default_rng(5), BoardPredictor("world")
+    show(predictor, tree, 0.0, rng)
+    true = show(predictor, tree, 0.5, rng)
+    before = predictor.predict(LIDAR, PATTERN, 0.9, tree)
+    predictor.learn(LIDAR, PATTERN, 0.9, label(true, rng), tree)
+    after = predictor.predict(LIDAR, PATTERN, 0.9, tree)
+    assert before.drift_m > 0.1
+    assert np.array_equal(before.middle, after.middle)
 
 
 def test_without_a_fresh_sight_there_is_no_prediction(tree):

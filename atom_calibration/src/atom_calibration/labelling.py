@@ -9,7 +9,7 @@ import numpy as np
 from atom_calibration.conversions import cloud_xyz
 from atom_calibration.errors import CollectionError
 from atom_calibration.frames import Frame
-from atom_calibration.prediction import FRESH_S, BoardPredictor
+from atom_calibration.prediction import FRESH_S, BoardPredictor, Guess
 from atom_calibration.stillness import PlaneSighting
 from atom_calibration.tf_snapshot import TransformTree
 from atom_core.errors import LabelingError
@@ -100,7 +100,7 @@ class FrameLabeler:
         tree: TransformTree,
     ) -> None:
         """Take note of where a camera sees a pattern, to predict seeds from."""
-        self._boards.see(camera_frame, pattern, stamp_s, camera_T_pattern, tree)
+        self._boards.see(camera_frame, self._patterns[pattern], stamp_s, camera_T_pattern, tree)
 
     def set_seed(self, sensor: str, position: Optional[np.ndarray]) -> None:
         """Let the user tell where a range sensor shall look, from now on and whenever it is lost.
@@ -133,9 +133,8 @@ class FrameLabeler:
             frame.set_label(pattern, labeled)
             sighting = frame.sightings.get(pattern)
             if labeled.detected and tree is not None and isinstance(sighting, PlaneSighting):
-                found = sighting.centre
                 self._boards.learn(
-                    frame.sensor, self._patterns[pattern], frame.stamp_s, found, tree
+                    frame.sensor, self._patterns[pattern], frame.stamp_s, sighting, tree
                 )
             by_hand = manual is not None or self.manual_seed(frame.sensor.name) is not None
             if labeled.detected and not by_hand:
@@ -152,23 +151,24 @@ class FrameLabeler:
             self._tracked[key] = (frame.stamp_s, labeled.next_seed)
 
     def _judged(
-        self, frame: Frame, pattern: str, labeled: Labeled, prediction: Optional[np.ndarray]
+        self, frame: Frame, pattern: str, labeled: Labeled, prediction: Optional[Guess]
     ) -> Labeled:
         """Return the label, or an empty one if a camera sees the board somewhere else."""
         sighting = frame.sightings.get(pattern)
         if prediction is None or not isinstance(sighting, PlaneSighting):
             return labeled
-        if self._boards.is_plausible(frame.sensor, prediction, sighting.centre):
+        if prediction.agrees(sighting):
             return labeled
-        away = float(np.linalg.norm(sighting.centre - prediction))
+        away = float(np.linalg.norm(sighting.centre - prediction.middle))
         return nothing(
             frame.sensor.modality,
-            f"what was found is {away:.1f} m from where a camera sees the board",
+            f"what was found is not where a camera sees the board, but {away:.1f} m from its middle, "
+            f"or slanted otherwise",
             labeled.quality,
         )
 
     def _seeds(
-        self, frame: Frame, pattern: str, prediction: Optional[np.ndarray]
+        self, frame: Frame, pattern: str, prediction: Optional[Guess]
     ) -> List[Optional[np.ndarray]]:
         """Return the seeds to try, the most trusted first; None stands for a search."""
         seeds: List[Optional[np.ndarray]] = []
@@ -180,7 +180,7 @@ class FrameLabeler:
         if for_all is not None:
             return [*seeds, for_all]
         if self._automatic:
-            predicted = None if prediction is None else _in_data(frame.sensor, prediction)
+            predicted = None if prediction is None else _in_data(frame.sensor, prediction.middle)
             seeds += [] if predicted is None else [predicted]
             if frame.stamp_s - self._searched_s.get(key, -np.inf) >= _SEARCH_EVERY_S:
                 self._searched_s[key] = frame.stamp_s
@@ -189,7 +189,7 @@ class FrameLabeler:
 
     def _prediction(
         self, frame: Frame, pattern: str, tree: Optional[TransformTree]
-    ) -> Optional[np.ndarray]:
+    ) -> Optional[Guess]:
         if tree is None or not self._automatic:
             return None
         return self._boards.predict(frame.sensor, self._patterns[pattern], frame.stamp_s, tree)

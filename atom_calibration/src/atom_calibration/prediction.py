@@ -1,32 +1,72 @@
 """Where a range sensor should see the board, from a camera's sight of it and the first estimate.
 
-The first estimate may be off by decimetres. Every label tells by how much, so that the next
-prediction is better: a shift at first, a whole rigid motion once the board was seen in several
-places.
+The first estimate may be off by decimetres and degrees. Every label tells by how much: its plane
+to a degree and centimetres, its middle roughly, since part of the board may be hidden or out of
+view. So for each camera and range sensor one rigid motion is estimated, with its covariance. It
+makes the next prediction better, and says how far from it something may be and still be the board.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from typing import Deque, Dict, List, Optional, Tuple
+from dataclasses import dataclass, field
+from typing import Deque, Dict, NamedTuple, Optional, Tuple
 
 import numpy as np
 
 from atom_calibration.errors import TransformError
+from atom_calibration.stillness import PlaneSighting
 from atom_calibration.tf_snapshot import TransformTree
 from atom_core.geometry import se3
-from atom_core.labeling.lidar3d import predict_seed
+from atom_core.geometry.plane import plane_basis
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import Sensor
 
 FRESH_S = 1.0  # a camera's sight of the board is of use for so long
-# A label farther from the prediction is another thing; by the number of places learnt from. A first
-# estimate that is off by 0.1 m and 0.1 rad, of camera and sensor, makes 0.6 m at 2 m; part of the
-# board may be hidden.
-_NEAR_M = (1.2, 0.9, 0.65, 0.65, 0.65, 0.5)
-_APART_M = 0.2  # places nearer to each other than this count once
-_PLACES_FOR_SHIFT, _PLACES_FOR_MOTION, _MOST_PLACES = 1, 5, 60
-_SPREAD_M = 0.3  # of the places, in the second direction: what a motion needs to be determined
+_PRIOR_RAD, _PRIOR_M = 0.12, 0.15  # one sigma of the first estimate of camera and sensor, each axis
+_NORMAL_RAD, _OFF_PLANE_M = 0.03, 0.03  # one sigma of a label
+_GATE_SIGMAS = 4.0
+_MOST_DRIFT_M = 0.02  # of a board in motion since a camera saw it, to learn from its label
+_UNKNOWN_SPEED_M_S = 0.5
+_APART_M, _APART_RAD = 0.2, 0.2  # places nearer to each other than this count once
+_MOST_PLACES, _ITERATIONS = 40, 8
+_USUAL_SQUARE, _TAIL_SQUARE = 5.0, 9.0  # of a label's misfit in sigmas: expected, and half weight
+
+
+class Guess(NamedTuple):
+    """Where the board should be in a sensor's frame.
+
+    Attributes:
+        middle: (3,) of the board [m].
+        normal: (3,) of the board, either way.
+        half_diagonal_m: of the board.
+        drift_m: how far the board may have moved since a camera saw it.
+        covariance: (6, 6) of a small rotation about the sensor's axes [rad] and a shift [m].
+    """
+
+    middle: np.ndarray
+    normal: np.ndarray
+    half_diagonal_m: float
+    drift_m: float
+    covariance: np.ndarray
+
+    @property
+    def sigma_m(self) -> float:
+        """Return how exact the middle is: root of the mean variance."""
+        jacobian = np.hstack([-se3.skew(self.middle), np.eye(3)])
+        variance = np.trace(jacobian @ self.covariance @ jacobian.T) / 3.0
+        return float(np.sqrt(variance + self.drift_m**2))
+
+    def agrees(self, found: PlaneSighting) -> bool:
+        """Tell whether what was found may be the board."""
+        misfit, jacobian = _misfit(self.middle, self.normal, found)
+        variance = np.einsum("ij,jk,ik->i", jacobian, self.covariance, jacobian)
+        turned = self.drift_m / self.half_diagonal_m
+        variance += [turned**2] * 2 + [self.drift_m**2] * 3
+        variance += [_NORMAL_RAD**2] * 2 + [_OFF_PLANE_M**2] * 3
+        limit = _GATE_SIGMAS * np.sqrt(variance)
+        limit[3:] += self.half_diagonal_m  # the labelled part may be any
+        return bool(np.all(np.abs(misfit) <= limit))
 
 
 class BoardPredictor:
@@ -39,14 +79,13 @@ class BoardPredictor:
             world: frame in which boards are remembered.
         """
         self._world = world
-        self._boards: Dict[str, Tuple[float, np.ndarray]] = {}  # stamp, world_T_pattern
-        self._pairs: Dict[str, Deque[Tuple[np.ndarray, np.ndarray]]] = {}
-        self._corrections: Dict[str, np.ndarray] = {}
+        self._seen: Dict[Tuple[str, str], _Seen] = {}  # by a camera's frame and pattern
+        self._corrections: Dict[Tuple[str, str], _Correction] = {}  # by frame, range sensor
 
     def see(
         self,
         camera_frame: str,
-        pattern: str,
+        pattern: Pattern,
         stamp_s: float,
         camera_T_pattern: np.ndarray,
         tree: TransformTree,
@@ -56,74 +95,156 @@ class BoardPredictor:
             world_T_camera = tree.lookup(self._world, camera_frame, stamp_s)
         except TransformError:
             return
-        self._boards[pattern] = (stamp_s, world_T_camera @ camera_T_pattern)
+        key = (camera_frame, pattern.name)
+        pose = world_T_camera @ camera_T_pattern
+        speed = _speed(self._seen.get(key), stamp_s, pose, pattern)
+        self._seen[key] = _Seen(stamp_s, pose, speed)
 
     def predict(
         self, sensor: Sensor, pattern: Pattern, stamp_s: float, tree: TransformTree
-    ) -> Optional[np.ndarray]:
-        """Return the board's middle (3,) [m] in a sensor's frame; None if nothing tells."""
-        raw = self._raw(sensor, pattern, stamp_s, tree)
-        if raw is None or sensor.name not in self._corrections:
-            return raw
-        return se3.apply(self._corrections[sensor.name], raw[None])[0]
+    ) -> Optional[Guess]:
+        """Return where a sensor should see the board, by the camera that tells it most exactly.
 
-    def is_plausible(self, sensor: Sensor, prediction: np.ndarray, found: np.ndarray) -> bool:
-        """Tell whether what was found (3,) [m] may be the board that was predicted."""
-        places = len(self._pairs.get(sensor.name, ()))
-        near = _NEAR_M[min(places, len(_NEAR_M) - 1)]
-        return bool(np.linalg.norm(found - prediction) <= near)
+        None if no camera saw it lately, or transforms are not known.
+        """
+        guesses = [
+            self._corrections.get((camera, sensor.name), _Correction()).apply(raw)
+            for camera, raw in self._raw(sensor, pattern, stamp_s, tree).items()
+        ]
+        return min(guesses, key=lambda guess: guess.sigma_m, default=None)
 
     def learn(
         self,
         sensor: Sensor,
         pattern: Pattern,
         stamp_s: float,
-        found: np.ndarray,
+        found: PlaneSighting,
         tree: TransformTree,
     ) -> None:
-        """Improve predictions by where a label's points have their middle (3,) [m].
+        """Improve predictions by what a label says of the board's plane and middle.
 
-        Also of labels that are not plausible by what was learnt so far: it may have been wrong.
-        A thing that stands still while the board moves counts once.
+        Also by labels that are not plausible by what was learnt so far: it may have been wrong.
+        What would be out of the question even at the beginning is passed over.
         """
-        raw = self._raw(sensor, pattern, stamp_s, tree)
-        if raw is None or np.linalg.norm(raw - found) > _NEAR_M[0]:
-            return
-        pairs = self._pairs.setdefault(sensor.name, deque(maxlen=_MOST_PLACES))
-        for seen in pairs:
-            if min(np.linalg.norm(raw - seen[0]), np.linalg.norm(found - seen[1])) < _APART_M:
-                return
-        pairs.append((raw, found))
-        if len(pairs) >= _PLACES_FOR_SHIFT:
-            self._corrections[sensor.name] = _correction(list(pairs))
+        for camera, raw in self._raw(sensor, pattern, stamp_s, tree).items():
+            if raw.drift_m <= _MOST_DRIFT_M and raw.agrees(found):
+                key = (camera, sensor.name)
+                self._corrections.setdefault(key, _Correction()).add(raw, found)
 
     def _raw(
         self, sensor: Sensor, pattern: Pattern, stamp_s: float, tree: TransformTree
-    ) -> Optional[np.ndarray]:
-        seen_s, world_T_pattern = self._boards.get(pattern.name, (-np.inf, np.eye(4)))
-        if abs(stamp_s - seen_s) > FRESH_S:
-            return None
-        try:
-            world_T_sensor = tree.lookup(self._world, sensor.frame, stamp_s)
-        except TransformError:
-            return None
-        return predict_seed(world_T_sensor, world_T_pattern, pattern.border)
+    ) -> Dict[str, Guess]:
+        """Return what the first estimate says, by camera."""
+        guesses: Dict[str, Guess] = {}
+        for (camera, name), seen in self._seen.items():
+            if name != pattern.name or abs(stamp_s - seen.stamp_s) > FRESH_S:
+                continue
+            try:
+                world_T_sensor = tree.lookup(self._world, sensor.frame, stamp_s)
+            except TransformError:
+                return {}
+            sensor_T_pattern = se3.inverse(world_T_sensor) @ seen.world_T_pattern
+            guesses[camera] = Guess(
+                _middle(sensor_T_pattern, pattern),
+                sensor_T_pattern[:3, 2],
+                float(np.linalg.norm(pattern.border.half_size)),
+                seen.speed_m_s * abs(stamp_s - seen.stamp_s),
+                _PRIOR,
+            )
+        return guesses
 
 
-def _correction(pairs: List[Tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-    """Return found_T_predicted (4, 4): the median shift, or the best rigid motion."""
-    predicted = np.array([p for p, _ in pairs])
-    found = np.array([f for _, f in pairs])
-    shift = se3.transform(np.eye(3), np.median(found - predicted, axis=0))
-    if len(pairs) < _PLACES_FOR_MOTION:
-        return shift
-    off = np.linalg.norm(se3.apply(shift, predicted) - found, axis=1)
-    good = off <= 3.0 * np.median(off) + 0.05
-    a, b = predicted[good], found[good]
-    centre_a, centre_b = a.mean(axis=0), b.mean(axis=0)
-    u, _, vt = np.linalg.svd((b - centre_b).T @ (a - centre_a))
-    spread = np.linalg.svd(a - centre_a, compute_uv=False) / np.sqrt(len(a))
-    if spread[1] < _SPREAD_M:
-        return shift
-    rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-    return se3.transform(rotation, centre_b - rotation @ centre_a)
+class _Seen(NamedTuple):
+    """A camera's sight of a board."""
+
+    stamp_s: float
+    world_T_pattern: np.ndarray
+    speed_m_s: float
+
+
+_PRIOR = np.diag([_PRIOR_RAD**2] * 3 + [_PRIOR_M**2] * 3)
+
+
+@dataclass
+class _Correction:
+    """The rigid motion from predicted to found, by all places seen so far."""
+
+    places: Deque[Tuple[Guess, PlaneSighting]] = field(
+        default_factory=lambda: deque(maxlen=_MOST_PLACES)
+    )
+    found_T_predicted: np.ndarray = field(default_factory=lambda: np.eye(4))
+    covariance: np.ndarray = field(default_factory=lambda: _PRIOR)
+
+    def apply(self, raw: Guess) -> Guess:
+        """Return the corrected guess."""
+        middle = se3.apply(self.found_T_predicted, raw.middle[None])[0]
+        normal = self.found_T_predicted[:3, :3] @ raw.normal
+        return raw._replace(middle=middle, normal=normal, covariance=self.covariance)
+
+    def add(self, raw: Guess, found: PlaneSighting) -> None:
+        """Learn from a place, unless board or thing found stand where they stood."""
+        for before, seen in self.places:
+            still = np.linalg.norm(raw.middle - before.middle) < _APART_M
+            still &= bool(np.linalg.norm(np.cross(raw.normal, before.normal)) < _APART_RAD)
+            if still or np.linalg.norm(found.centre - seen.centre) < 0.25 * _APART_M:
+                return
+        self.places.append((raw, found))
+        self._estimate()
+
+    def _estimate(self) -> None:
+        """Robust weighted least squares, beside a prior of no correction."""
+        pose = np.eye(4)
+        for _ in range(_ITERATIONS):
+            information = np.linalg.inv(_PRIOR)
+            turn = se3.rotation_vector_from_rotation(pose[:3, :3])
+            gradient = information @ np.concatenate([turn, pose[:3, 3]])
+            for raw, found in self.places:
+                middle, normal = se3.apply(pose, raw.middle[None])[0], pose[:3, :3] @ raw.normal
+                misfit, jacobian = _misfit(middle, normal, found)
+                beside = 0.5 * raw.half_diagonal_m
+                sigma = np.array([_NORMAL_RAD] * 2 + [_OFF_PLANE_M] + [beside] * 2)
+                square = float(np.sum((misfit / sigma) ** 2))
+                weight = 1.0 / (1.0 + max(square - _USUAL_SQUARE, 0.0) / _TAIL_SQUARE)
+                rows = jacobian / sigma[:, None]
+                information += weight * rows.T @ rows
+                gradient += weight * rows.T @ (misfit / sigma)
+            step = -np.linalg.solve(information, gradient)
+            turned = se3.rotation_from_rotation_vector(step[:3])
+            pose = se3.transform(turned, step[3:]) @ pose
+        self.found_T_predicted, self.covariance = pose, np.linalg.inv(information)
+
+
+def _misfit(
+    middle: np.ndarray, normal: np.ndarray, found: PlaneSighting
+) -> Tuple[np.ndarray, np.ndarray]:
+    """Compare a predicted board with a plane.
+
+    Returns:
+        (5,): the normal's direction, two numbers [rad]; off the plane [m]; beside, two numbers [m].
+        And (5, 6) its derivative by a rotation of the prediction about the sensor's axes and a shift.
+    """
+    axes = plane_basis(found.normal)
+    beside, off = axes[:, :2].T, axes[:, 2]
+    normal = normal if normal @ off >= 0 else -normal
+    away = middle - found.centre
+    misfit = np.concatenate([beside @ normal, [off @ away], beside @ away])
+    jacobian = np.zeros((5, 6))
+    jacobian[:2, :3] = -beside @ se3.skew(normal)
+    moved = np.vstack([off, beside])
+    jacobian[2:, :3] = -moved @ se3.skew(middle)
+    jacobian[2:, 3:] = moved
+    return misfit, jacobian
+
+
+def _middle(frame_T_pattern: np.ndarray, pattern: Pattern) -> np.ndarray:
+    return se3.apply(frame_T_pattern, np.append(pattern.border.centre, 0.0)[None])[0]
+
+
+def _speed(before: Optional[_Seen], stamp_s: float, pose: np.ndarray, pattern: Pattern) -> float:
+    """Return how fast [m/s] the board's points move, at most, by two sights in a row."""
+    if before is None or not 0.0 < stamp_s - before.stamp_s <= 2.0 * FRESH_S:
+        return _UNKNOWN_SPEED_M_S
+    shift = np.linalg.norm(_middle(pose, pattern) - _middle(before.world_T_pattern, pattern))
+    angle = se3.rotation_angle(before.world_T_pattern[:3, :3].T @ pose[:3, :3])
+    way = shift + angle * np.linalg.norm(pattern.border.half_size)
+    return float(way / (stamp_s - before.stamp_s))

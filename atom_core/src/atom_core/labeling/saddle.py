@@ -63,7 +63,7 @@ def refine(
     """
     if len(expected) == 0:
         return Corners(np.zeros((0, 2)), np.zeros(0), np.zeros(0), np.zeros(0))
-    to_squares = np.linalg.inv(axes_px)
+    to_squares = _inverse(axes_px)
     # distance [px] between lines one square apart, for each axis: rows of the inverse
     pitch_px = 1.0 / np.linalg.norm(to_squares, axis=2)
     arm = np.maximum(gap_squares * pitch_px - _MARGIN_PX, _NARROWEST_PX) / pitch_px
@@ -76,6 +76,13 @@ def refine(
     quality[~good] = 0.0
     moved = np.linalg.norm(pixels - expected, axis=1)
     return Corners(pixels, quality, contrast, moved)
+
+
+def _inverse(matrices: np.ndarray) -> np.ndarray:
+    """Return the inverses of (n, 2, 2); LAPACK, called for each, takes longer than all the rest."""
+    a, b, c, d = (matrices[:, i, j] for i in (0, 1) for j in (0, 1))
+    adjugate = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=1)
+    return adjugate / (a * d - b * c)[:, None, None]
 
 
 def _radius_px(axes_px: np.ndarray) -> int:
