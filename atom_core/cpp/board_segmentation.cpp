@@ -28,6 +28,7 @@ constexpr double kLeastSigma = 0.002;    // [m] below, rounding and the board's 
 constexpr double kLeastCosine = 0.14;    // of the incidence, 82 degrees
 constexpr double kDropoutSteps = 4.5;    // of azimuth without a return that a run bridges
 constexpr double kNeighbourSteps = 3.5;  // within which a return is beside a limit point
+constexpr double kSurfaceShare = 0.03;   // of the range, between neighbours on one surface
 constexpr double kApart = 4.0;           // standard deviations of ranges of something else, but
 constexpr double kLeastApart = 0.03;     // [m] at least
 constexpr double kConfidence = 0.9999;   // of RANSAC
@@ -422,14 +423,30 @@ class Candidate {
     return i;
   }
 
-  // Half a beam step beyond the last return of a layer, on the plane: the border's mean place.
+  // Where the border is met beyond the last return of a layer: half way to the first beam that
+  // reached a surface behind, since returns in between, mixed of both, may be on either side; half a
+  // beam step where there is none.
   Eigen::Vector2d Border(int i, int side) const {
     Eigen::Vector2d in_plane;
-    if (!Meets(scan_.Direction(At(i).azimuth + side * scan_.azimuth_step / 2.0, At(i).elevation),
-               &in_plane)) {
+    const double azimuth = At(i).azimuth + side * BeyondEnd(i, side);
+    if (!Meets(scan_.Direction(azimuth, At(i).elevation), &in_plane)) {
       return InPlane(At(i).position);
     }
     return in_plane;
+  }
+
+  double BeyondEnd(int i, int side) const {
+    int k = i;
+    for (int step = 0; step < 3; ++step) {
+      k = Neighbour(k, side);
+      const int next = k < 0 ? -1 : Neighbour(k, side);
+      if (next < 0) break;
+      const bool on_surface = std::abs(At(next).range - At(k).range) < kSurfaceShare * At(k).range;
+      if (plane_.Side(At(k)) > 0 && on_surface) {
+        return std::abs(window_.points[k].azimuth - window_.points[i].azimuth) / 2.0;
+      }
+    }
+    return scan_.azimuth_step / 2.0;
   }
 
   bool FitOutline() { return FitToRuns() && Restrict() && FitToEnds(); }
@@ -685,9 +702,9 @@ class Candidate {
   }
 
   void AddLimit(int i, int side) {
-    const double distance = SignedDistance(pose_.ToBoard(Border(i, side)), seen_half_);
-    const double tolerance = options_.border_tolerance + 1.5 * StepOnBoard();
-    if (!IsHiddenBeside(i, side) && std::abs(distance) < tolerance) {
+    const double distance = SignedDistance(pose_.ToBoard(InPlane(At(i).position)), seen_half_);
+    if (!IsHiddenBeside(i, side) && distance > -options_.most_inside * StepOnBoard() &&
+        distance < options_.border_tolerance + StepOnBoard()) {
       segment_.limit_indices.push_back(At(i).index);
     }
   }

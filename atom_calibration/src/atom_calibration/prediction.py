@@ -29,7 +29,7 @@ _GATE_SIGMAS = 4.0
 _MOST_DRIFT_M = 0.02  # of a board in motion since a camera saw it, to learn from its label
 _UNKNOWN_SPEED_M_S = 0.5
 _APART_M, _APART_RAD = 0.2, 0.2  # places nearer to each other than this count once
-_MOST_PLACES, _ITERATIONS = 40, 8
+_MOST_PLACES, _ITERATIONS = 30, 6
 _USUAL_SQUARE, _TAIL_SQUARE = 5.0, 9.0  # of a label's misfit in sigmas: expected, and half weight
 
 
@@ -183,10 +183,13 @@ class _Correction:
 
     def add(self, raw: Guess, found: PlaneSighting) -> None:
         """Learn from a place, unless board or thing found stand where they stood."""
-        for before, seen in self.places:
-            still = np.linalg.norm(raw.middle - before.middle) < _APART_M
-            still &= bool(np.linalg.norm(np.cross(raw.normal, before.normal)) < _APART_RAD)
-            if still or np.linalg.norm(found.centre - seen.centre) < 0.25 * _APART_M:
+        if self.places:
+            before = np.array([[g.middle, g.normal, seen.centre] for g, seen in self.places])
+            moved = np.linalg.norm(before[:, 0] - raw.middle, axis=1)
+            turned = np.linalg.norm(np.cross(before[:, 1], raw.normal), axis=1)
+            apart = np.linalg.norm(before[:, 2] - found.centre, axis=1)
+            still = (moved < _APART_M) & (turned < _APART_RAD)
+            if np.any(still | (apart < 0.25 * _APART_M)):
                 return
         self.places.append((raw, found))
         self._estimate()

@@ -145,15 +145,20 @@ class DepthLabeler:
         Args:
             depth_m: (height, width) [m], NaN where there is no depth.
         """
-        smooth = _smooth(depth_m)
+        smooth = np.ascontiguousarray(_smooth(depth_m)[::_COARSE, ::_COARSE])
         best = nothing(DEPTH, "no plane region of the board's size and shape is seen")
         for _ in range(_MOST_REGIONS):
-            seed = self._next_region(smooth)
-            if seed is None:
+            region = self._next_region(depth_m, smooth)
+            if region is None:
                 break
+            seed, radius_px = region
+            larger = self._larger_surface(depth_m, seed)
+            if larger is not None:
+                smooth[larger] = 0
+                continue
             plane_region = self._plane_region(depth_m, seed)
             if plane_region is None:
-                cv2.circle(smooth, (int(seed[0]), int(seed[1])), 6, 0, -1)
+                _clear_about(smooth, seed, radius_px)
                 continue
             found = self._judged(depth_m, *plane_region)
             if _fitness(found) >= max(_LEAST_FITNESS, _fitness(best)):
@@ -161,11 +166,78 @@ class DepthLabeler:
             _clear(smooth, plane_region[1], seed)
         return best
 
-    def _next_region(self, smooth: np.ndarray) -> Optional[np.ndarray]:
-        """Return the pixel deepest inside what is not yet looked at, None if nothing is large."""
-        away = cv2.distanceTransform(smooth, cv2.DIST_L2, 3)
-        _, deepest, _, place = cv2.minMaxLoc(away)
-        return np.array(place) if deepest >= _LEAST_DEEP_PX else None
+    def _next_region(
+        self, depth_m: np.ndarray, smooth: np.ndarray
+    ) -> Optional[Tuple[np.ndarray, float]]:
+        """Return the pixel deepest inside what is not yet looked at, and how deep it is [px].
+
+        None if nothing is left that is large enough.
+        """
+        least_m = _LEAST_DEEP * float(self.pattern.border.half_size.min())
+        while True:
+            away = cv2.distanceTransform(smooth, cv2.DIST_L2, 3)
+            _, deepest, _, place = cv2.minMaxLoc(away)
+            if _COARSE * deepest < _LEAST_DEEP_PX:
+                return None
+            seed = _COARSE * np.array(place)
+            pixel_m = float(depth_m[seed[1], seed[0]]) / float(self.camera.focal_px.mean())
+            if not _COARSE * deepest * pixel_m < least_m:
+                return seed, _COARSE * deepest
+            cv2.circle(smooth, place, int(deepest) + 1, 0, -1)
+
+    def _larger_surface(self, depth_m: np.ndarray, seed: np.ndarray) -> Optional[np.ndarray]:
+        """Return the pixels, coarse, of the plane at a seed if it is larger than a board.
+
+        Floors and walls would cost most of a search. They are known by a circle about the seed that
+        no board reaches.
+        """
+        x, y = (int(v) for v in seed)
+        z_m, focal = float(depth_m[y, x]), float(self.camera.focal_px.mean())
+        if not np.isfinite(z_m):
+            return None
+        diagonal_m = 2.0 * float(np.hypot(*self.pattern.border.half_size))
+        reach = int(np.clip(_PATCH * diagonal_m * focal / z_m, 3, 60))
+        step = max(reach // 6, 1)
+        rows, columns = np.mgrid[y - reach : y + reach + 1 : step, x - reach : x + reach + 1 : step]
+        patch = self._with_depth(depth_m, rows.ravel(), columns.ravel())
+        if len(patch[0]) < _LEAST_FIRST:
+            return None
+        away = np.hypot(patch[0] - y, patch[1] - x)
+        plane = _grown_plane(self._rays[patch], depth_m[patch], away)
+        if plane is None:
+            return None
+        ring = self._with_depth(depth_m, *self._circle(plane, seed, _BEYOND * diagonal_m))
+        if len(ring[0]) < _LEAST_RING:
+            return None
+        seen = depth_m[ring]
+        off = np.abs(seen - plane.z(self._rays[ring]))
+        near = off <= _FAR_TOLERANCE * self._tolerance_m(plane, seen)
+        if np.mean(near) < _LARGER_SHARE:
+            return None
+        seen, everywhere = depth_m[::_COARSE, ::_COARSE], plane.z(self._rays[::_COARSE, ::_COARSE])
+        with np.errstate(invalid="ignore"):
+            return np.abs(seen - everywhere) <= self._tolerance_m(plane, seen)
+
+    def _circle(
+        self, plane: _Plane, seed: np.ndarray, radius_m: float
+    ) -> Tuple[np.ndarray, np.ndarray]:
+        """Return rows and columns of pixels on a circle in a plane about the seed's point."""
+        axes = _PlaneAxes(plane)
+        middle = axes.to_plane(self._rays[int(seed[1]), int(seed[0])][None])
+        angle = np.arange(0.0, 2.0 * np.pi, np.pi / 24)
+        points = axes.to_camera(middle + radius_m * np.column_stack([np.cos(angle), np.sin(angle)]))
+        pixels = np.rint(self.camera.project(points[points[:, 2] > 0.1])).astype(int)
+        return pixels[:, 1], pixels[:, 0]
+
+    def _with_depth(
+        self, depth_m: np.ndarray, rows: np.ndarray, columns: np.ndarray
+    ) -> Tuple[np.ndarray, np.ndarray]:
+        """Return those of the pixels that the image holds and that have a depth."""
+        height, width = depth_m.shape
+        inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+        rows, columns = rows[inside], columns[inside]
+        known = np.isfinite(depth_m[rows, columns])
+        return rows[known], columns[known]
 
     def _from_seed(self, depth_m: np.ndarray, seed: np.ndarray) -> Labeled:
         if self._start(depth_m, seed) is None:
@@ -470,8 +542,11 @@ _SHIFT = 4  # binary digits of a pixel for drawing
 _POST_SHARE, _LEAST_CORE = 0.15, 0.7
 _MOST_REGIONS = 30
 _LEAST_FITNESS = 0.85  # of what was searched: nobody said that the board is there
-_LEAST_DEEP_PX = 5.0
+_COARSE = 2  # pixels, of the map of what is searched
+_LEAST_DEEP_PX, _LEAST_DEEP = 5.0, 0.15  # from a region's middle to its border; share of the board's
 _SEED_REACH_PX = 5
+_PATCH, _BEYOND = 0.3, 1.02  # of the diagonal: what a first plane is fitted to; farther is no board
+_LEAST_RING, _LARGER_SHARE, _FAR_TOLERANCE = 6, 0.4, 2.0
 _FIT_POINTS, _BORDER_POINTS = 2000, 400
 _LEAST_BORDER_PX = 12
 _BORDER_M = 0.012
@@ -672,8 +747,15 @@ def _smooth(depth_m: np.ndarray) -> np.ndarray:
 def _clear(smooth: np.ndarray, region: _Region, seed: np.ndarray) -> None:
     """Take a region that was looked at out of the search."""
     grown = cv2.dilate(region.mask, np.ones((5, 5), np.uint8))
-    smooth[_window(region)][grown > 0] = 0
-    cv2.circle(smooth, (int(seed[0]), int(seed[1])), 6, 0, -1)
+    part = grown[-region.top % _COARSE :: _COARSE, -region.left % _COARSE :: _COARSE]
+    top, left = -(-region.top // _COARSE), -(-region.left // _COARSE)
+    smooth[top : top + part.shape[0], left : left + part.shape[1]][part > 0] = 0
+    _clear_about(smooth, seed, 6.0)
+
+
+def _clear_about(smooth: np.ndarray, seed: np.ndarray, radius_px: float) -> None:
+    x, y = (int(v) // _COARSE for v in seed)
+    cv2.circle(smooth, (x, y), int(np.ceil(radius_px / _COARSE)), 0, -1)
 
 
 def _fitness(found: Labeled) -> float:
