@@ -37,7 +37,7 @@ LARGEST_INCIDENCE_DEG = 70.0
 LEAST_LAYERS, LEAST_PIXELS = 4, 500
 LEAST_CORNERS = 0.25
 MIXED_WITHIN_RAD = 0.0015  # of a beam's middle; half the divergence in sensors.yaml
-LAYER_STEP_DEG = 2.0  # of the simulated LiDARs
+LAYER_STEP_DEG, HIGHEST_LAYER_DEG = 2.0, 15.0  # of the simulated LiDARs; the lowest is at -15
 TRUE_SHARE = 0.5  # of a label's points must be the board's; else it is a false board
 WRONG_PX = 5.0  # a corner as far off is another one
 _CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
@@ -57,6 +57,7 @@ class Sight:
         distance_m: to the board's middle.
         points: true returns, pixels or corners.
         layers: of a LiDAR that meet the board.
+        in_view: share of the board between the lowest and the highest layer of a LiDAR.
         square_px: side of a square in the image, seen from the front.
         should, recalled: range sensors: points that belong to the label, and those in it.
         labelled, wrong: points of the label, and those that do not belong to it.
@@ -73,6 +74,7 @@ class Sight:
     distance_m: float = 0.0
     points: int = 0
     layers: int = 0
+    in_view: float = 1.0
     square_px: float = 0.0
     should: int = 0
     recalled: int = 0
@@ -171,7 +173,9 @@ class _Scene:
     def _corners(self, sight: Sight, label: Optional[Label]) -> None:
         camera = self.sensor.camera
         assert camera is not None
-        corners = self.in_sensor(self.pattern.corners_of(np.arange(self.pattern.corner_count))[:, :2])
+        corners = self.in_sensor(
+            self.pattern.corners_of(np.arange(self.pattern.corner_count))[:, :2]
+        )
         from_the_front = self.sensor_T_pattern[:3, 2] @ corners.mean(axis=0) > 0
         sight.points = int(np.sum(camera.in_image(corners))) if from_the_front else 0
         sight.to_be_found = sight.points >= LEAST_CORNERS * self.pattern.corner_count
@@ -192,14 +196,23 @@ class _Scene:
         on_board[self.seen[f"returns_{number}"]] = True
         board = cloud[on_board]
         elevation = np.degrees(np.arcsin(board[:, 2] / np.linalg.norm(board, axis=1)))
-        sight.layers = len(np.unique(np.rint((elevation + 15.0) / LAYER_STEP_DEG)))
+        sight.layers = len(np.unique(np.rint((elevation + HIGHEST_LAYER_DEG) / LAYER_STEP_DEG)))
         sight.points = int(on_board.sum())
+        sight.in_view = self._between_layers()
         steep = sight.incidence_deg <= LARGEST_INCIDENCE_DEG
         sight.to_be_found = steep and sight.layers >= LEAST_LAYERS
         mixed = _mixed(cloud, self.sensor_T_pattern, self.pattern.border)
         if isinstance(label, RangeLabel) and label.detected:
             self._count(sight, label.indices, on_board, mixed, np.ones_like(on_board))
             sight.border_m = self._from_border(cloud[label.limit_indices])
+
+    def _between_layers(self) -> float:
+        steps = np.linspace(-1.0, 1.0, 41)
+        grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+        border = self.pattern.border
+        points = self.in_sensor(border.centre + grid * border.half_size)
+        elevation = np.degrees(np.arcsin(points[:, 2] / np.linalg.norm(points, axis=1)))
+        return float(np.mean(np.abs(elevation) <= HIGHEST_LAYER_DEG + 0.5 * LAYER_STEP_DEG))
 
     def _pixels(self, sight: Sight, label: Optional[Label]) -> None:
         depth_m = self.dataset.data.depth_image(self.key.collection, self.sensor.name)

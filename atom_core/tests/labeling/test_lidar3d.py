@@ -164,7 +164,7 @@ def test_a_hidden_side_gives_no_limit_points():
     check(found, cloud)
     board_T_lidar = se3.inverse(scene.world_T_board) @ scene.world_T_lidar
     in_board = se3.apply(board_T_lidar, cloud.points[found.label.limit_indices])
-    assert len(in_board) >= 8
+    assert len(in_board) >= 4  # about half of the ends lie near enough to the border
     assert np.all(np.abs(BORDER.signed_distance(in_board[:, :2])[0]) < 0.05)
     assert found.quality["hidden"] > 0.05
 

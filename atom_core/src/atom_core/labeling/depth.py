@@ -543,7 +543,10 @@ _POST_SHARE, _LEAST_CORE = 0.15, 0.7
 _MOST_REGIONS = 30
 _LEAST_FITNESS = 0.85  # of what was searched: nobody said that the board is there
 _COARSE = 2  # pixels, of the map of what is searched
-_LEAST_DEEP_PX, _LEAST_DEEP = 5.0, 0.15  # from a region's middle to its border; share of the board's
+_LEAST_DEEP_PX, _LEAST_DEEP = (
+    5.0,
+    0.15,
+)  # from a region's middle to its border; share of the board's
 _SEED_REACH_PX = 5
 _PATCH, _BEYOND = 0.3, 1.02  # of the diagonal: what a first plane is fitted to; farther is no board
 _LEAST_RING, _LARGER_SHARE, _FAR_TOLERANCE = 6, 0.4, 2.0

@@ -1,0 +1,135 @@
+"""The main job on the simulated cell, step by step, with what each step costs."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Dict, List, NamedTuple, Sequence
+
+CONFIG = Path(__file__).resolve().parents[2] / "atom_examples/collab_cell/config/config.yml"
+STOPS = {"train": 23, "test": 17}  # as the paper's simulated sets
+
+
+class Cost(NamedTuple):
+    """What a command took: wall clock, processor time of all its threads, largest memory."""
+
+    wall_s: float
+    cpu_s: float
+    peak_mb: float
+
+
+@dataclass
+class CellRun:
+    """The files of one seed, and what making them took.
+
+    Attributes:
+        seed: of rig, boards and noise.
+        folder: for all files of the seed.
+        costs: by step, ``collect_train`` and so on; only what was run.
+    """
+
+    seed: int
+    folder: Path
+    compressed: bool = True
+    costs: Dict[str, Cost] = field(default_factory=dict)
+
+    def bag(self, scenario: str) -> Path:
+        """Return the recording."""
+        return self.folder / f"{scenario}.bag"
+
+    def truth(self, scenario: str) -> Path:
+        """Return the truth file."""
+        return self.folder / f"{scenario}.truth.json"
+
+    def labels(self, scenario: str) -> Path:
+        """Return the truth of the labels."""
+        return self.folder / f"{scenario}.labels.npz"
+
+    def dataset(self, scenario: str) -> Path:
+        """Return what was collected."""
+        return self.folder / scenario / "dataset.json"
+
+    @property
+    def calibration(self) -> Path:
+        """The folder of the calibration."""
+        return self.folder / "calibration"
+
+    @property
+    def evaluation(self) -> Path:
+        """The folder of the evaluation."""
+        return self.folder / "evaluation"
+
+    def simulate(self, scenario: str, stops: int) -> None:
+        """Record a bag, unless the one wanted is there."""
+        wanted = {
+            "seed": self.seed, "scenario": scenario, "collections": stops,
+            "initial_estimate": "disturbed", "compressed": self.compressed,
+        }  # fmt: skip
+        if self.bag(scenario).is_file() and _holds(self.truth(scenario), wanted):
+            return
+        options: List[Any] = ["--bag", self.bag(scenario), "--scenario", scenario]
+        options += ["--collections", stops, "--seed", self.seed, "--overwrite"]
+        options += ["--initial_estimate", "disturbed"]
+        options += ["--compressed"] if self.compressed else []
+        self._run("simulate", scenario, "atom_examples", "cell_simulator", options)
+
+    def collect(self, scenario: str) -> None:
+        """Label the bag, without seeds given by hand."""
+        options = ["--config", CONFIG, "--bag", self.bag(scenario), "--pictures"]
+        options += ["--output", self.folder / scenario, "--overwrite"]
+        self._run("collect", scenario, "atom_calibration", "collect_from_bag", options)
+
+    def calibrate(self) -> None:
+        """Calibrate the train set from its disturbed start."""
+        options = ["--dataset", self.dataset("train"), "--output", self.calibration]
+        options += ["--truth", self.truth("train"), "--overwrite"]
+        self._run("calibrate", "train", "atom_calibration", "calibrate", options)
+
+    def evaluate(self) -> None:
+        """Measure on the test set, and against the truth."""
+        options = ["--train", self.calibration / "atom_calibration.json"]
+        options += ["--test", self.dataset("test"), "--truth", self.truth("test")]
+        options += ["--output", self.evaluation, "--overwrite"]
+        self._run("evaluate", "test", "atom_calibration", "evaluate", options)
+
+    def evaluation_document(self) -> Dict[str, Any]:
+        """Return ``evaluation.json``."""
+        return json.loads((self.evaluation / "evaluation.json").read_text(encoding="utf-8"))
+
+    def _run(self, step: str, scenario: str, package: str, command: str, options: Sequence) -> None:
+        print(f"seed {self.seed}: {step} {scenario}", file=sys.stderr, flush=True)
+        log = self.folder / f"{step}_{scenario}.log"
+        call = ["rosrun", package, command, *(str(option) for option in options)]
+        self.costs[f"{step}_{scenario}"] = measured(call, log)
+
+
+def measured(call: Sequence[str], log: Path) -> Cost:
+    """Run a command, its output into a file; return what it took.
+
+    Raises:
+        SystemExit: it failed.
+    """
+    log.parent.mkdir(parents=True, exist_ok=True)
+    start = time.monotonic()
+    with log.open("w", encoding="utf-8") as output:
+        process = subprocess.Popen(call, stdout=output, stderr=subprocess.STDOUT)
+        _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode not in (0, 1):
+        tail = log.read_text(encoding="utf-8").replace("\r", "\n").splitlines()[-3:]
+        raise SystemExit(f"{' '.join(call[:3])} failed ({process.returncode}): " + " ".join(tail))
+    cpu_s = usage.ru_utime + usage.ru_stime
+    return Cost(time.monotonic() - start, cpu_s, usage.ru_maxrss / 1024.0)
+
+
+def _holds(truth: Path, wanted: Dict[str, Any]) -> bool:
+    """Tell whether a recording was made as wanted."""
+    if not truth.is_file():
+        return False
+    document = json.loads(truth.read_text(encoding="utf-8"))
+    return all(document.get(key) == value for key, value in wanted.items())

@@ -1,0 +1,211 @@
+"""`make results`: the paper's tables, and the labels against their truth, on the simulated cell.
+
+For each seed: a train and a test bag are simulated (kept in results_output/, 1.4 GB each, and used
+again), labelled without any seed by hand, calibrated from a start 0.1 m and 0.1 rad off, evaluated
+on the test set. Writes docs/results/results.json and docs/results/README.md. With three seeds it
+takes about half an hour on two cores.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import time
+from pathlib import Path
+from typing import Any, Dict, List, NamedTuple, Optional, Sequence
+
+import numpy as np
+from cell_runs import STOPS, CellRun
+from label_figures import Figure, found_figures, label_figures
+from label_truth import Sight, sights
+from results_page import page
+
+from atom_core.io.atomic import write_json_atomically, write_text_atomically
+from atom_core.io.dataset_json import read_dataset
+from atom_core.report.tables import text_table
+from atom_core.synthetic.cell import SCENARIOS, statistics
+
+ROOT = Path(__file__).resolve().parents[2]
+SHORT_STOPS = 6
+COLLECT_LIMIT_S = 90.0  # of the train bag, on two cores
+WHOLE_BOARD = 0.95  # of it between a LiDAR's layers
+
+
+class Row(NamedTuple):
+    """A row of the paper's table: its figure, and the kind of pairs in ``evaluation.json``."""
+
+    name: str
+    kind: str
+    paper: Optional[float]
+    goal: Optional[float]
+
+
+ROWS = (
+    Row("rgb-rgb_px", "rgb-rgb", 0.563, 0.563),
+    Row("lidar3d-rgb_px", "lidar3d-rgb", 2.582, 2.58),
+    Row("lidar3d-depth_px", "lidar3d-depth", 1.306, 1.31),
+    Row("depth-rgb_px", "depth-rgb", 3.394, 3.39),
+    Row("lidar3d-lidar3d_mm", "lidar3d-lidar3d", 32.974, 33.0),
+    Row("lidar3d-lidar3d_plane_mm", "lidar3d-lidar3d_plane", None, None),
+)
+
+
+def main() -> None:
+    """Run everything that is not there yet; print and write the results."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
+    parser.add_argument("--work", type=Path, default=ROOT / "results_output")
+    parser.add_argument("--output", type=Path, default=ROOT / "docs" / "results")
+    parser.add_argument("--raw", action="store_true", help="bags without compression, 3.5 GB each")
+    args = parser.parse_args()
+    runs = [CellRun(s, args.work / f"seed_{s}", not args.raw) for s in args.seeds]
+    seen = {(run.seed, name): _carried_out(run, name) for run in runs for name in STOPS}
+    for run in runs:
+        run.calibrate()
+        run.evaluate()
+    documents = [run.evaluation_document() for run in runs]
+    every = [sight for some in seen.values() for sight in some]
+    document = {
+        "rows": table(documents, args.seeds),
+        "whole_board_lidar3d-lidar3d_mm": whole_board(documents, runs, seen),
+        "pairs": _texts([_worst_pair(documents)]),
+        "labels": _texts(label_figures(every) + _found(runs, seen)),
+        "cost": _texts(cost(runs, args.work, not args.raw)),
+        "made": {"date": time.strftime("%Y-%m-%d"), "cores": os.cpu_count(),
+                 "compressed": not args.raw},
+    }  # fmt: skip
+    args.output.mkdir(parents=True, exist_ok=True)
+    write_json_atomically(args.output / "results.json", document, indent=1)
+    write_text_atomically(args.output / "README.md", page(document))
+    _show(document)
+
+
+def _carried_out(run: CellRun, scenario: str) -> List[Sight]:
+    run.simulate(scenario, STOPS[scenario])
+    run.collect(scenario)
+    return sights(run.dataset(scenario), run.truth(scenario), run.labels(scenario))
+
+
+def table(documents: Sequence[Dict[str, Any]], seeds: Sequence[int]) -> Dict[str, Any]:
+    """Return the paper's table: mean and standard deviation over the seeds."""
+    rows = {}
+    for row in ROWS:
+        averages = [document["averages"][row.kind] for document in documents]
+        rows[row.name] = _row(
+            row.paper, [a["rms"] for a in averages], seeds, [a["at_truth"] for a in averages]
+        )
+    means = [document["ground_truth"]["mean"] for document in documents]
+    rows["pose_mm"] = _row(None, [1e3 * mean["translation_error_m"] for mean in means], seeds)
+    rows["pose_deg"] = _row(None, [mean["rotation_error_deg"] for mean in means], seeds)
+    return rows
+
+
+def _row(
+    paper: Optional[float],
+    values: Sequence[float],
+    seeds: Sequence[int],
+    at_truth: Optional[Sequence[float]] = None,
+) -> Dict[str, Any]:
+    return {
+        "paper": paper,
+        "mean": float(np.mean(values)),
+        "std": float(np.std(values)),
+        "at_truth": None if at_truth is None else float(np.mean(at_truth)),
+        "seeds": list(seeds),
+        "values": [float(value) for value in values],
+    }
+
+
+def whole_board(
+    documents: Sequence[Dict[str, Any]], runs: Sequence[CellRun], seen: Dict[Any, List[Sight]]
+) -> Dict[str, float]:
+    """Return LiDAR-LiDAR over the collections in which both see the whole board."""
+    rms, everything = [], 0
+    for document, run in zip(documents, runs):
+        share = {s.key[:2]: s.in_view for s in seen[(run.seed, "test")]}
+        for pair in document["pairs"]:
+            if pair["kind"] != "lidar3d-lidar3d" or pair.get("reverse") or pair["skipped"]:
+                continue
+            for key, figures in pair["per_collection"].items():
+                both = min(share[(key, pair["source"])], share[(key, pair["target"])])
+                everything += 1
+                if both >= WHOLE_BOARD:
+                    rms.append(figures["rms"])
+    mean = float(np.mean(rms)) if rms else float("nan")
+    return {"mean": mean, "detection_pairs": len(rms), "of": everything}
+
+
+def _worst_pair(documents: Sequence[Dict[str, Any]]) -> Figure:
+    """Return the pair whose figure exceeds that of the true edges most."""
+    worst = ("", 0.0)
+    for document in documents:
+        for pair in document["pairs"]:
+            if not pair["skipped"] and pair["at_truth"]:
+                ratio = pair["rms"] / pair["at_truth"]["rms"]
+                name = f"{pair['source']} to {pair['target']}, {pair['kind']}"
+                worst = max(worst, (name, ratio), key=lambda item: item[1])
+    return Figure(f"largest ratio of a pair to its floor ({worst[0]})", f"{worst[1]:.3f}",
+                  "<= 1.10", worst[1] <= 1.10)  # fmt: skip
+
+
+def _found(runs: Sequence[CellRun], seen: Dict[Any, List[Sight]]) -> List[Figure]:
+    figures = []
+    for name in STOPS:
+        figures += found_figures([s for run in runs for s in seen[(run.seed, name)]], name)
+        wanted = SCENARIOS[name]
+        counts = [statistics(read_dataset(run.dataset(name))) for run in runs]
+        for what in ("collections", "complete", "partial"):
+            found = [getattr(count, what) for count in counts]
+            planned = getattr(wanted, what)
+            share = float(np.mean(found)) / planned
+            figures.append(
+                Figure(f"{name}: {what} by seed / the paper's", f"{found} / {planned}",
+                       "0.8 to 1.2", 0.8 <= share <= 1.2)
+            )  # fmt: skip
+    return figures
+
+
+def cost(runs: Sequence[CellRun], work: Path, compressed: bool) -> List[Figure]:
+    """Return what labelling a bag costs, and whether its length matters for memory."""
+    short = CellRun(runs[0].seed, work / "short", compressed)
+    short.simulate("train", SHORT_STOPS)
+    short.collect("train")
+    figures, load = [], os.getloadavg()[1]
+    for run in runs:
+        spent = run.costs["collect_train"]
+        figures.append(
+            Figure(f"train bag of seed {run.seed} to dataset: wall clock, processor time",
+                   f"{spent.wall_s:.0f} s, {spent.cpu_s:.0f} s (load about {load:.0f})",
+                   f"<= {COLLECT_LIMIT_S:.0f} s on two free cores", spent.wall_s <= COLLECT_LIMIT_S)
+        )  # fmt: skip
+    long_mb, short_mb = runs[0].costs["collect_train"].peak_mb, short.costs["collect_train"].peak_mb
+    figures.append(
+        Figure(f"peak memory, {STOPS['train']} stops and {SHORT_STOPS} stops",
+               f"{long_mb:.0f} MB, {short_mb:.0f} MB", "the same to 10 %",
+               long_mb <= 1.1 * short_mb)
+    )  # fmt: skip
+    return figures
+
+
+def _texts(figures: Sequence[Figure]) -> List[Dict[str, Any]]:
+    return [
+        {**figure._asdict(), "reached": None if figure.reached is None else bool(figure.reached)}
+        for figure in figures
+    ]
+
+
+def _show(document: Dict[str, Any]) -> None:
+    rows = [
+        [name, row["paper"], row["mean"], row["std"], row["at_truth"]]
+        for name, row in document["rows"].items()
+    ]
+    print(text_table(["", "paper", "mean", "std", "at truth"], rows, digits=3))
+    print(json.dumps(document["whole_board_lidar3d-lidar3d_mm"]))
+    for part in ("pairs", "labels", "cost"):
+        figures = [[f["what"], f["measured"], f["goal"], f["reached"]] for f in document[part]]
+        print("\n" + text_table(["", "measured", "goal", "reached"], figures))
+
+
+if __name__ == "__main__":
+    main()

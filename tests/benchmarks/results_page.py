@@ -1,0 +1,75 @@
+"""docs/results/README.md out of results.json."""
+
+from __future__ import annotations
+
+from typing import Any, Dict, List, Mapping, Sequence
+
+_NAMES = {
+    "rgb-rgb_px": "RGB-RGB, RMS [px]",
+    "lidar3d-rgb_px": "LiDAR-RGB, RMS [px]",
+    "lidar3d-depth_px": "LiDAR-depth, RMS [px]",
+    "depth-rgb_px": "depth-RGB, RMS [px]",
+    "lidar3d-lidar3d_mm": "LiDAR-LiDAR, nearest points, RMS [mm]",
+    "lidar3d-lidar3d_plane_mm": "LiDAR-LiDAR, points to plane, RMS [mm]",
+    "pose_mm": "pose against the truth, mean of six sensors [mm]",
+    "pose_deg": "pose against the truth, mean of six sensors [deg]",
+}
+_HEAD = """# Results on the simulated cell
+
+Written by `make results`; do not edit. What is measured, and how: [evaluation](../evaluation.md),
+[labels](../labels.md). Everything comes out of simulated bags: 23 stops of the board to calibrate
+with, 17 others to evaluate on; range sensors are labelled without a seed by hand; every free sensor
+starts 0.1 m and 0.1 rad off.
+"""
+
+
+def page(document: Mapping[str, Any]) -> str:
+    """Return the page as Markdown."""
+    rows = document["rows"]
+    made = document["made"]
+    seeds = ", ".join(str(seed) for seed in rows["rgb-rgb_px"]["seeds"])
+    bags = "compressed" if made["compressed"] else "raw"
+    parts = [
+        _HEAD,
+        f"Seeds {seeds}; {bags} bags; {made['date']}, {made['cores']} cores.\n",
+        "## The paper's table\n",
+        "*At the truth* is the same metric on the same labels with the true edges: the floor that "
+        "labels, noise and metric set. The paper's figures are those of its own simulated cell.\n",
+        _table(
+            ["", "paper", "here, mean", "std over seeds", "at the truth"],
+            [[_NAMES[n], *(_number(r[k]) for k in ("paper", "mean", "std", "at_truth"))]
+             for n, r in rows.items()],
+        ),
+        _whole_board(document["whole_board_lidar3d-lidar3d_mm"]),
+        _figures(document["pairs"]),
+        "\n## Labels against their truth\n",
+        _figures(document["labels"]),
+        "\n## Cost of `collect_from_bag`\n",
+        _figures(document["cost"]),
+    ]  # fmt: skip
+    return "\n".join(parts) + "\n"
+
+
+def _whole_board(found: Dict[str, float]) -> str:
+    return (
+        f"\nNearest points of two LiDARs are far apart where one of them sees only a strip of the "
+        f"board. Over the {found['detection_pairs']:.0f} of {found['of']:.0f} pairs of detections "
+        f"in which both see all of it, the LiDAR-LiDAR figure is {found['mean']:.1f} mm.\n"
+    )
+
+
+def _figures(figures: Sequence[Mapping[str, Any]]) -> str:
+    marks = {True: "yes", False: "**no**", None: ""}
+    return _table(
+        ["", "measured", "goal", "reached"],
+        [[f["what"], f["measured"], f["goal"], marks[f["reached"]]] for f in figures],
+    )
+
+
+def _table(headers: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines: List[Sequence[str]] = [headers, ["---"] * len(headers), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def _number(value: Any) -> str:
+    return "" if value is None else f"{value:.3f}" if abs(value) < 10 else f"{value:.1f}"
