@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Sequence
+
 import cv2
 import numpy as np
 
@@ -11,7 +13,7 @@ from atom_core.model.dataset import RangeLabel, RgbLabel
 from atom_core.model.sensor import DEPTH, RGB
 
 _GREEN, _RED, _GREY = (60, 220, 60), (40, 40, 255), (120, 120, 120)
-_CLOUD_SIZE, _MARGIN = 640, 1.4
+_CLOUD_SIZE, _MARGIN = 640, 1.2
 
 
 def labelled_picture(frame: Frame) -> np.ndarray:
@@ -48,10 +50,18 @@ def _depth(frame: Frame) -> np.ndarray:
 
 
 def _cloud(frame: Frame) -> np.ndarray:
-    """Return the board's neighbourhood, seen along the board's normal."""
-    picture = np.zeros((_CLOUD_SIZE, _CLOUD_SIZE, 3), np.uint8)
-    points = cloud_xyz(frame.data)
-    labels = _range_labels(frame)
+    return cloud_picture(cloud_xyz(frame.data), _range_labels(frame), _CLOUD_SIZE)
+
+
+def cloud_picture(points: np.ndarray, labels: Sequence[RangeLabel], size_px: int) -> np.ndarray:
+    """Return the board's neighbourhood, seen along the board's normal (size, size, 3).
+
+    Args:
+        points: (n, 3) the cloud.
+        labels: on it; the first one says where the board is. Without one the picture is black.
+        size_px: of the picture.
+    """
+    picture = np.zeros((size_px, size_px, 3), np.uint8)
     if not labels:
         return picture
     board = points[labels[0].indices]
@@ -60,17 +70,21 @@ def _cloud(frame: Frame) -> np.ndarray:
     flat = (points - centre) @ axes.T
     extent = _MARGIN * np.abs(flat[labels[0].indices, :2]).max()
     near = np.flatnonzero(np.all(np.abs(flat) <= extent, axis=1))
-    _dots(picture, flat[near], extent, _GREY)
+    radius = max(size_px // 320, 1)
+    _dots(picture, flat[near], extent, _GREY, radius)
     for label in labels:
-        _dots(picture, flat[label.indices], extent, _GREEN)
-        _dots(picture, flat[label.limit_indices], extent, _RED)
+        _dots(picture, flat[label.indices], extent, _GREEN, radius)
+    for label in labels:
+        _dots(picture, flat[label.limit_indices], extent, _RED, radius + 1)
     return picture
 
 
-def _dots(picture: np.ndarray, flat: np.ndarray, extent: float, colour: tuple) -> None:
-    pixels = (0.5 + 0.5 * flat[:, :2] / extent) * (_CLOUD_SIZE - 1)
+def _dots(
+    picture: np.ndarray, flat: np.ndarray, extent: float, colour: tuple, radius: int
+) -> None:
+    pixels = (0.5 + 0.5 * flat[:, :2] / extent) * (len(picture) - 1)
     for x, y in pixels.astype(int):
-        cv2.circle(picture, (int(x), int(y)), 2, colour, -1)
+        cv2.circle(picture, (int(x), int(y)), radius, colour, -1)
 
 
 def _range_labels(frame: Frame) -> list:
