@@ -436,8 +436,8 @@ class Candidate {
   }
 
   double BeyondEnd(int i, int side) const {
-    int k = i;
-    for (int step = 0; step < 3; ++step) {
+    int k = i;  // where the beam's width is given, it accounts for mixed returns
+    for (int step = 0; options_.beam_width <= 0.0 && step < 3; ++step) {
       k = Neighbour(k, side);
       const int next = k < 0 ? -1 : Neighbour(k, side);
       if (next < 0) break;

@@ -79,9 +79,7 @@ def cloud_picture(points: np.ndarray, labels: Sequence[RangeLabel], size_px: int
     return picture
 
 
-def _dots(
-    picture: np.ndarray, flat: np.ndarray, extent: float, colour: tuple, radius: int
-) -> None:
+def _dots(picture: np.ndarray, flat: np.ndarray, extent: float, colour: tuple, radius: int) -> None:
     pixels = (0.5 + 0.5 * flat[:, :2] / extent) * (len(picture) - 1)
     for x, y in pixels.astype(int):
         cv2.circle(picture, (int(x), int(y)), radius, colour, -1)
