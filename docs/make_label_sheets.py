@@ -35,7 +35,7 @@ def main() -> None:
     args = parser.parse_args()
     dataset = read_dataset(args.dataset / "dataset.json")
     tiles: Dict[str, List[np.ndarray]] = {}
-    for name, sensor in dataset.sensors.items():
+    for sensor in dataset.sensors.values():
         for key in dataset.collections:
             picture = _picture(dataset, sensor, key, args.dataset / "pictures")
             if picture is not None:

@@ -424,8 +424,8 @@ class Candidate {
   }
 
   // Where the border is met beyond the last return of a layer: half way to the first beam that
-  // reached a surface behind, since returns in between, mixed of both, may be on either side; half a
-  // beam step where there is none.
+  // reached a surface behind, since returns in between, mixed of both, may be on either side; half
+  // a beam step where there is none.
   Eigen::Vector2d Border(int i, int side) const {
     Eigen::Vector2d in_plane;
     const double azimuth = At(i).azimuth + side * BeyondEnd(i, side);

@@ -162,8 +162,8 @@ class FrameLabeler:
         away = float(np.linalg.norm(sighting.centre - prediction.middle))
         return nothing(
             frame.sensor.modality,
-            f"what was found is not where a camera sees the board, but {away:.1f} m from its middle, "
-            f"or slanted otherwise",
+            f"what was found is not where a camera sees the board, but {away:.1f} m from its "
+            f"middle, or slanted otherwise",
             labeled.quality,
         )
 

@@ -224,7 +224,8 @@ def _misfit(
 
     Returns:
         (5,): the normal's direction, two numbers [rad]; off the plane [m]; beside, two numbers [m].
-        And (5, 6) its derivative by a rotation of the prediction about the sensor's axes and a shift.
+        And (5, 6) its derivative by a rotation of the prediction about the sensor's axes and by
+        a shift.
     """
     axes = plane_basis(found.normal)
     beside, off = axes[:, :2].T, axes[:, 2]
