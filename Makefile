@@ -13,7 +13,7 @@ PYTHON_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicat
 CPP_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicate \
 	-- '*.h' '*.cpp' | xargs -r ls -d 2>/dev/null)
 
-.PHONY: help setup build demo test test-regression test-quick lint format bench results clean pictures pictures-cell
+.PHONY: help setup build demo test test-regression test-quick lint format bench bench-labels results clean pictures pictures-cell
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1	\2/p' Makefile | expand -t 14
@@ -70,6 +70,10 @@ format: setup ## apply ruff and clang-format
 
 bench: build ## measure speed and accuracy; results in bench_output/
 	@$(ENV) python3 tests/benchmarks/bench.py
+
+bench-labels: build ## speed and accuracy of the labelers, on synthetic and on real data
+	@$(ENV) python3 tests/benchmarks/bench_labeling.py; \
+	python3 tests/benchmarks/bench_lidar_labeling.py; python3 tests/benchmarks/bench_real_data.py
 
 results: build ## the paper's tables and the labels against their truth, docs/results; half an hour, 9 GB
 	@$(ENV) python3 tests/benchmarks/results.py

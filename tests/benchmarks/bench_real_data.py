@@ -1,0 +1,94 @@
+"""Labels of real pictures and clouds, from the folder of $ATOM_TEST_DATA.
+
+``charuco_real``: 28 pictures of a ChArUco; ``ouster_board``: 4 clouds with a square board of 1.016 m,
+found without a seed. The Ouster's returns reach about two centimetres beyond the board on each
+side; only the width of its beams, two azimuth steps, accounts for that, and no cloud tells it.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import List
+
+import cv2
+import numpy as np
+
+from atom_core.geometry.rectangle import Rectangle
+from atom_core.io.pcd import read_pcd
+from atom_core.labeling.charuco import CharucoFinder
+from atom_core.labeling.lidar3d import Cloud, Lidar3dOptions, find_boards
+from atom_core.report.tables import text_table
+
+DATA = Path(os.environ.get("ATOM_TEST_DATA", Path(__file__).resolve().parents[3] / "shared/data"))
+COLUMNS, ROWS, SQUARE_M, MARKER_M = 6, 4, 0.030, 0.022  # inner corners
+OUSTER_SIDE_M, OUSTER_STEP_RAD = 1.016, 2.0 * np.pi / 1024
+
+
+def main() -> None:
+    """Print one table."""
+    rows = charuco(DATA / "charuco_real") + ouster(DATA / "ouster_board")
+    print(text_table(["", "measured", "goal"], rows, "Real data"))
+
+
+def charuco(folder: Path) -> List[List[str]]:
+    """Find the corners of all pictures, calibrate the camera, compare with OpenCV's corners."""
+    finder = CharucoFinder(COLUMNS, ROWS, MARKER_M / SQUARE_M, "DICT_4X4_50")
+    row, column = np.mgrid[1 : ROWS + 1, 1 : COLUMNS + 1]
+    board = SQUARE_M * np.column_stack([column.ravel(), row.ravel(), np.zeros(row.size)])
+    objects, corners, differences = [], [], []
+    paths = sorted(folder.glob("*.png"))
+    for path in paths:
+        image = cv2.imread(str(path))
+        found = finder.find(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
+        if len(found.ids):
+            objects.append(board[found.ids].astype(np.float32))
+            corners.append(found.corners.pixels.astype(np.float32))
+            differences.append(_beyond_opencv(image, found))
+    if not paths:
+        return [["charuco_real", "absent", ""]]
+    rms, *_ = cv2.calibrateCamera(objects, corners, (1280, 720), None, None)
+    shift = np.concatenate(differences).mean(axis=0)
+    return [
+        ["charuco_real: found", f"{len(objects)} / {len(paths)}", "all"],
+        ["charuco_real: RMS after calibration", f"{rms:.3f} px", "<= 0.65 px"],
+        ["charuco_real: corners minus OpenCV's", f"{shift[0]:+.3f}, {shift[1]:+.3f} px",
+         "-0.5 +- 0.05 px"],
+    ]  # fmt: skip
+
+
+def _beyond_opencv(image: np.ndarray, found) -> np.ndarray:
+    """Return (n, 2) by how much our corners differ from OpenCV's own, where it has them (4.6)."""
+    if not hasattr(cv2.aruco, "CharucoBoard_create"):
+        return np.full((1, 2), np.nan)
+    markers = cv2.aruco.Dictionary_get(cv2.aruco.DICT_4X4_50)
+    board = cv2.aruco.CharucoBoard_create(COLUMNS + 1, ROWS + 1, SQUARE_M, MARKER_M, markers)
+    outlines, ids, _ = cv2.aruco.detectMarkers(image, markers)
+    _, raw, raw_ids = cv2.aruco.interpolateCornersCharuco(outlines, ids, image, board)
+    _, ours, theirs = np.intersect1d(found.ids, raw_ids.ravel(), return_indices=True)
+    return found.corners.pixels[ours] - raw[theirs, 0]
+
+
+def ouster(folder: Path) -> List[List[str]]:
+    """Search the board in each cloud, with point-like beams and with the Ouster's."""
+    half = OUSTER_SIDE_M / 2.0
+    border = Rectangle(-half, -half, half, half)
+    paths = sorted(folder.glob("*.pcd"))
+    rows = []
+    for name, width in (("point-like beams", 0.0), ("its beams", 2.0 * OUSTER_STEP_RAD)):
+        sides = []
+        for path in paths:
+            file = read_pcd(path)
+            cloud = Cloud(file.xyz, file.fields["ring"], file.width, file.height)
+            found = find_boards(cloud, border, Lidar3dOptions(beam_width_rad=width))
+            if len(found) == 1:
+                quality = found[0].labeled.quality
+                sides.append((quality["measured_width_m"] + quality["measured_height_m"]) / 2.0)
+        off = ", ".join(f"{100.0 * (side / OUSTER_SIDE_M - 1.0):+.1f}" for side in sides)
+        rows.append([f"ouster_board, {name}: found", f"{len(sides)} / {len(paths)}", "4 / 4"])
+        rows.append([f"ouster_board, {name}: side against 1.016 m", f"{off} %", "+- 2 %"])
+    return rows
+
+
+if __name__ == "__main__":
+    main()
