@@ -1,0 +1,297 @@
+"""A simulated rig as messages: two cameras (the second one compressed), a depth camera, a LiDAR.
+
+The first estimate on tf is off by 0.1 m and 0.1 rad; labels have their truth. A turntable that no
+sensor stands on turns on /tf.
+"""
+
+import os
+import subprocess
+import sys
+import time
+
+import cv2
+import numpy as np
+import rosbag
+import rospy
+from geometry_msgs.msg import TransformStamped
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
+
+from atom_core.geometry import se3
+from atom_core.io.config_yaml import write_config
+from atom_core.model.dataset import pose
+from atom_core.synthetic import scenes
+from atom_core.synthetic.dataset import Sampling
+
+COLLECTIONS = ("001", "002", "003", "004")  # that every sensor sees
+CLOUD_SIGMA_M, DEPTH_SIGMA_M, GREY_SIGMA = 0.004, 0.001, 1.5  # beyond the scene's own noise
+TURNTABLE, TURN_RAD_S = "turntable", 0.3
+
+
+class LiveScene:
+    """The scene, its messages, and the truth of its labels."""
+
+    def __init__(self):
+        self.scene = scenes.random_scene(
+            2, rgb=2, depth=1, lidar3d=1, collections=5,
+            sampling=Sampling(background_step=1), disturbance=(0.1, 0.1),
+        )  # fmt: skip
+        self.dataset = self.scene.dataset
+        (self.pattern,) = self.dataset.patterns.values()
+        self._data = {}
+        self._exact = scenes.random_scene(
+            2, rgb=2, depth=1, lidar3d=1, collections=5, sampling=Sampling(background_step=1)
+        ).dataset
+
+    def write_config(self, path):
+        write_config(path, self.dataset.config)
+        return path
+
+    @property
+    def sensors(self):
+        return self.dataset.sensors
+
+    def topic(self, name):
+        """Where the data of a sensor are published."""
+        return self.sensors[name].topic + ("/compressed" if name == "rgb_2" else "")
+
+    def kind(self, name):
+        kinds = {"rgb_2": CompressedImage, "lidar_1": PointCloud2}
+        return kinds.get(name, Image)
+
+    def info_topic(self, name):
+        return self.sensors[name].topic.rpartition("/")[0] + "/camera_info"
+
+    # --- truth
+
+    def label(self, name, key):
+        return self.dataset.collections[key].labels[(name, self.pattern.name)]
+
+    def true_corners(self, name, key, ids):
+        """Return the pixels (n, 2) of corners without any noise."""
+        corners = self.pattern.corners_of(ids)
+        in_camera = se3.apply(self.sensor_T_pattern(name, key), corners)
+        return self.sensors[name].camera.project(in_camera)
+
+    def on_board(self, name, key, indices):
+        """Return how far pixels lie outside of the true board's border and off its plane [m]."""
+        sensor, depth = self.sensors[name], self.data(name, key)
+        row, column = np.divmod(np.array(indices), depth.shape[1])
+        pixels = np.column_stack([column, row]).astype(float)
+        points = sensor.camera.ray_points(pixels, depth[row, column].astype(float))
+        x, y, z = se3.apply(se3.inverse(self.sensor_T_pattern(name, key)), points).T
+        return self.pattern.border.signed_distance(np.column_stack([x, y]))[0], z
+
+    def sensor_T_pattern(self, name, key):
+        """Return the true pose (4, 4) of the board in a sensor's frame."""
+        exact = self._exact
+        frame = self.sensors[name].frame
+        world_T_sensor = pose(exact.collections[key], exact.graph, exact.world, frame)
+        world_T_pattern = self.scene.truth.boards[self.pattern.board_key(key)]
+        return se3.inverse(world_T_sensor) @ world_T_pattern
+
+    # --- messages
+
+    def message(self, name, key, stamp_s):
+        """Return the data of a sensor; key None: the room without a board."""
+        rng = np.random.default_rng([int(1000 * stamp_s) % 100000, len(name), ord(name[-1])])
+        head = Header(stamp=rospy.Time.from_sec(stamp_s), frame_id=self.sensors[name].frame)
+        data = self.data(name, key)
+        if name == "lidar_1":
+            points = (data + CLOUD_SIGMA_M * rng.standard_normal(data.shape)).astype("<f4")
+            fields = [PointField(axis, 4 * i, 7, 1) for i, axis in enumerate("xyz")]
+            return PointCloud2(
+                header=head, height=1, width=len(points), fields=fields, point_step=12,
+                row_step=12 * len(points), is_dense=True, data=points.tobytes(),
+            )  # fmt: skip
+        if name == "depth_1":
+            depth = (data + DEPTH_SIGMA_M * rng.standard_normal(data.shape)).astype("<f4")
+            return Image(
+                header=head, height=depth.shape[0], width=depth.shape[1], encoding="32FC1",
+                step=4 * depth.shape[1], data=depth.tobytes(),
+            )  # fmt: skip
+        noise = np.zeros(data.shape, np.int16)
+        cv2.setRNGSeed(int(1000 * stamp_s) % 100000)
+        cv2.randn(noise, (0, 0, 0), (GREY_SIGMA, GREY_SIGMA, GREY_SIGMA))
+        picture = np.clip(data + noise, 0, 255).astype(np.uint8)
+        if name == "rgb_2":
+            packed = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 95])[1]
+            return CompressedImage(header=head, format="bgr8; jpeg", data=packed.tobytes())
+        return Image(
+            header=head, height=picture.shape[0], width=picture.shape[1], encoding="bgr8",
+            step=3 * picture.shape[1], data=picture.tobytes(),
+        )  # fmt: skip
+
+    def data(self, name, key):
+        """Return the picture, depth image or cloud of a place of the board; None: of no board."""
+        if (name, key) not in self._data:
+            source, shown = self.dataset.data, key or COLLECTIONS[0]
+            if name == "lidar_1":
+                data = source.cloud(shown, name)
+            elif name == "depth_1":
+                data = source.depth_image(shown, name)
+            else:
+                data = source.colour_image(shown, name)
+            if key is None:
+                data = self._without_board(name, data, self.label(name, shown))
+            self._data[(name, key)] = data
+        return self._data[(name, key)]
+
+    @staticmethod
+    def _without_board(name, data, label):
+        """Return the data with nothing where the board was, and a little around it."""
+        if name.startswith("rgb"):
+            return np.full_like(data, 120)
+        if name == "lidar_1":
+            centre = data[label.indices].mean(axis=0)
+            return data[np.linalg.norm(data - centre, axis=1) > 0.9]
+        rows, columns = np.divmod(label.indices, data.shape[1])
+        emptied = data.copy()
+        emptied[max(rows.min() - 20, 0) : rows.max() + 20, columns.min() : columns.max()] = np.nan
+        return emptied
+
+    def info(self, name, stamp_s):
+        sensor = self.sensors[name]
+        return CameraInfo(
+            header=Header(stamp=rospy.Time.from_sec(stamp_s), frame_id=sensor.frame),
+            height=sensor.camera.height, width=sensor.camera.width, distortion_model="plumb_bob",
+            D=list(sensor.camera.D) or [0.0] * 5, K=sensor.camera.K.ravel().tolist(),
+        )  # fmt: skip
+
+    def static_transforms(self, stamp_s):
+        first = next(iter(self.dataset.collections.values()))
+        return TFMessage([_transform(*e, m, stamp_s) for e, m in first.transforms.items()])
+
+    def moving_transforms(self, stamp_s):
+        return TFMessage([_transform("world", TURNTABLE, turntable(stamp_s), stamp_s)])
+
+    def write_bag(self, path, start_s=100.0, stop_s=2.0, rate_hz=5.0, keys=COLLECTIONS):
+        """Write a bag in which the board stands in one place after the other."""
+        with rosbag.Bag(path, "w") as bag:
+            header = {
+                "topic": "/tf_static", "type": TFMessage._type, "md5sum": TFMessage._md5sum,
+                "message_definition": TFMessage._full_text, "callerid": "/rig", "latching": "1",
+            }  # fmt: skip
+            begin, static = rospy.Time.from_sec(start_s), self.static_transforms(start_s)
+            bag.write("/tf_static", static, begin, connection_header=header)
+            for tick in range(int(len(keys) * stop_s * rate_hz)):
+                stamp = start_s + tick / rate_hz
+                key, now = keys[int(tick / rate_hz / stop_s)], rospy.Time.from_sec(stamp)
+                bag.write("/tf", self.moving_transforms(stamp), now)
+                for name, sensor in self.sensors.items():
+                    if sensor.camera is not None:
+                        bag.write(self.info_topic(name), self.info(name, stamp), now)
+                    bag.write(self.topic(name), self.message(name, key, stamp), now)
+        return path
+
+
+class LiveRig:
+    """Publishes what the sensors see, at the stamps that a test chooses."""
+
+    def __init__(self, scene, start_s=1000.0, period_s=0.2):
+        self.scene, self.stamp_s, self.period_s = scene, start_s, period_s
+        self._data = {
+            name: rospy.Publisher(scene.topic(name), scene.kind(name), queue_size=2)
+            for name in scene.sensors
+        }
+        self._infos = {
+            name: rospy.Publisher(scene.info_topic(name), CameraInfo, queue_size=2)
+            for name, sensor in scene.sensors.items() if sensor.camera is not None
+        }  # fmt: skip
+        self._tf = rospy.Publisher("/tf", TFMessage, queue_size=10)
+        self._tf_static = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
+        self._tf_static.publish(scene.static_transforms(start_s))
+
+    def show(self, key, names=None):
+        """Publish one message of every sensor (or of some), and advance the stamp."""
+        self._tf.publish(self.scene.moving_transforms(self.stamp_s))
+        for name in names if names is not None else self.scene.sensors:
+            if name in self._infos:
+                self._infos[name].publish(self.scene.info(name, self.stamp_s))
+            self._data[name].publish(self.scene.message(name, key, self.stamp_s))
+        self.stamp_s += self.period_s
+
+    def send(self, name, message):
+        """Publish one message as it is."""
+        self._data[name].publish(message)
+
+    def show_until(self, key, condition, seconds, what, names=None):
+        """Publish, at most five times a second, until a condition holds."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            begin = time.monotonic()
+            self.show(key, names)
+            while time.monotonic() < begin + self.period_s:
+                if condition():
+                    return
+                time.sleep(0.02)
+        raise AssertionError(f"not within {seconds} s: {what()}")
+
+
+def turntable(stamp_s):
+    """Return world_T_turntable (4, 4)."""
+    angle = TURN_RAD_S * stamp_s
+    return se3.from_rpy(np.array([2.0, 0.0, 0.5]), np.array([0.0, 0.0, angle]))
+
+
+def _transform(parent, child, matrix, stamp_s):
+    message = TransformStamped(
+        header=Header(stamp=rospy.Time.from_sec(stamp_s), frame_id=parent), child_frame_id=child
+    )
+    t, q = message.transform.translation, message.transform.rotation
+    t.x, t.y, t.z = matrix[:3, 3]
+    q.x, q.y, q.z, q.w = se3.quaternion_from_rotation(matrix[:3, :3])
+    return message
+
+
+def wait_until(condition, seconds, what):
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if condition():
+            return
+        time.sleep(0.05)
+    raise AssertionError(f"not within {seconds} s: {what() if callable(what) else what}")
+
+
+class Process:
+    """A command that runs beside the test; what it printed is shown when it does not end well."""
+
+    def __init__(self, *words):
+        self._process = subprocess.Popen(
+            [str(word) for word in words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            text=True, start_new_session=True,
+        )  # fmt: skip
+        self.output = ""
+
+    @property
+    def pid(self):
+        return self._process.pid
+
+    def is_running(self):
+        return self._process.poll() is None
+
+    def signal(self, number):
+        self._process.send_signal(number)
+
+    def wait(self, seconds):
+        """Return the exit code."""
+        try:
+            text, _ = self._process.communicate(timeout=seconds)
+            self.output += text or ""
+        except subprocess.TimeoutExpired:
+            self.end()
+            raise AssertionError(f"still running after {seconds} s:\n{self.output}") from None
+        return self._process.returncode
+
+    def end(self):
+        """End it if it still runs."""
+        if self.is_running():
+            self._process.terminate()
+            try:
+                text, _ = self._process.communicate(timeout=20)
+            except subprocess.TimeoutExpired:
+                os.killpg(self._process.pid, 9)
+                text, _ = self._process.communicate()
+            self.output += text or ""
+            sys.stdout.write(self.output)
