@@ -47,8 +47,10 @@ class LabelersTest(unittest.TestCase):
     def setUpClass(cls):
         cls.scene = LiveScene()
         cls.folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(cls.folder.cleanup)
         config = cls.scene.write_config(f"{cls.folder.name}/config.yml")
         cls.labelers = Process("rosrun", "atom_calibration", "labelers", "-cfg", config)
+        cls.addClassCleanup(cls.labelers.end)
         cls.rig = LiveRig(cls.scene)
         for name, sensor in cls.scene.sensors.items():
             rospy.Subscriber(f"/{name}/labels", SensorLabels, keep)
@@ -59,11 +61,6 @@ class LabelersTest(unittest.TestCase):
             lambda: all(n in LATEST and part(n).detected for n in cls.scene.sensors),
             60, lambda: f"everybody sees the board; {cls.why()}",
         )  # fmt: skip
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.labelers.end()
-        cls.folder.cleanup()
 
     @staticmethod
     def why():

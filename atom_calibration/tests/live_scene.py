@@ -5,8 +5,10 @@ sensor stands on turns on /tf.
 """
 
 import os
+import signal
 import subprocess
 import sys
+import tempfile
 import time
 
 import cv2
@@ -189,8 +191,9 @@ class LiveScene:
 class LiveRig:
     """Publishes what the sensors see, at the stamps that a test chooses."""
 
-    def __init__(self, scene, start_s=1000.0, period_s=0.2):
+    def __init__(self, scene, start_s=1000.0, period_s=0.2, lidar_lag_s=0.0):
         self.scene, self.stamp_s, self.period_s = scene, start_s, period_s
+        self._lag_s = {name: lidar_lag_s for name in scene.sensors if name.startswith("lidar")}
         self._data = {
             name: rospy.Publisher(scene.topic(name), scene.kind(name), queue_size=2)
             for name in scene.sensors
@@ -204,12 +207,18 @@ class LiveRig:
         self._tf_static.publish(scene.static_transforms(start_s))
 
     def show(self, key, names=None):
-        """Publish one message of every sensor (or of some), and advance the stamp."""
+        """Publish one message of every sensor (or of some), and advance the stamp.
+
+        Several keys: one after the other, with every call.
+        """
+        if isinstance(key, tuple):
+            key = key[int(round(self.stamp_s / self.period_s)) % len(key)]
         self._tf.publish(self.scene.moving_transforms(self.stamp_s))
         for name in names if names is not None else self.scene.sensors:
             if name in self._infos:
                 self._infos[name].publish(self.scene.info(name, self.stamp_s))
-            self._data[name].publish(self.scene.message(name, key, self.stamp_s))
+            stamp = self.stamp_s + self._lag_s.get(name, 0.0)
+            self._data[name].publish(self.scene.message(name, key, stamp))
         self.stamp_s += self.period_s
 
     def send(self, name, message):
@@ -255,18 +264,19 @@ def wait_until(condition, seconds, what):
 
 
 class Process:
-    """A command that runs beside the test; what it printed is shown when it does not end well."""
+    """A command that runs beside the test; `end` prints what it said."""
 
     def __init__(self, *words):
+        self._file = tempfile.TemporaryFile("w+")  # noqa: SIM115 - open as long as the process
         self._process = subprocess.Popen(
-            [str(word) for word in words], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-            text=True, start_new_session=True,
+            [str(word) for word in words], stdout=self._file, stderr=subprocess.STDOUT,
+            start_new_session=True,
         )  # fmt: skip
-        self.output = ""
 
     @property
-    def pid(self):
-        return self._process.pid
+    def output(self):
+        self._file.seek(0)
+        return self._file.read()
 
     def is_running(self):
         return self._process.poll() is None
@@ -277,21 +287,18 @@ class Process:
     def wait(self, seconds):
         """Return the exit code."""
         try:
-            text, _ = self._process.communicate(timeout=seconds)
-            self.output += text or ""
+            return self._process.wait(seconds)
         except subprocess.TimeoutExpired:
             self.end()
-            raise AssertionError(f"still running after {seconds} s:\n{self.output}") from None
-        return self._process.returncode
+            raise AssertionError(f"it still ran after {seconds} s") from None
 
     def end(self):
         """End it if it still runs."""
         if self.is_running():
             self._process.terminate()
             try:
-                text, _ = self._process.communicate(timeout=20)
+                self._process.wait(20)
             except subprocess.TimeoutExpired:
-                os.killpg(self._process.pid, 9)
-                text, _ = self._process.communicate()
-            self.output += text or ""
-            sys.stdout.write(self.output)
+                os.killpg(self._process.pid, signal.SIGKILL)
+                self._process.wait()
+        sys.stdout.write(self.output)

@@ -9,6 +9,7 @@ from atom_calibration.selection import (
     Moment,
     RecentFrames,
     StopMoments,
+    SwitchedMoments,
     TimedMoments,
     check_still,
     choose_frames,
@@ -131,3 +132,27 @@ def test_where_a_camera_sees_motion_a_range_sensor_does_not_make_a_stop():
 def test_where_no_camera_sees_the_board_range_sensors_make_the_stop():
     lidar = [range_frame(t) for t in np.arange(2.0, 4.0, 0.1)]
     assert len(stops_of([*lidar, frame("a", 1.0), frame("a", 1.5, 30.0)])) == 1
+
+
+def test_a_stop_after_which_nobody_sees_the_board_is_due_before_its_data_are_forgotten():
+    moments = StopMoments(["p"])
+    seen = [frame("a", t) for t in np.arange(0.0, 1.05, 0.1)]
+    gone = [frame("a", t, detected=False) for t in np.arange(1.1, 10.0, 0.1)]
+    due = [(f.stamp_s, m) for f in [*seen, *gone] for m in moments.add(f)]
+    assert [moment for _, moment in due] == [Moment(0.0, pytest.approx(1.0))]
+    assert due[0][0] - due[0][1].start_s < moments.memory_s
+    assert list(moments.finish()) == []
+
+
+def test_moments_count_only_while_they_are_switched_on():
+    def taken(switch_on_s, switch_off_s):
+        moments = SwitchedMoments(StopMoments(["p"]), on=False)
+        found = []
+        for t in np.arange(0.0, 12.0, 0.1):
+            moments.on = switch_on_s <= t < switch_off_s
+            found += moments.add(frame("a", t, shift_px=30.0 * (t // 2.0)))
+        return [int(moment.start_s // 2.0) for moment in found]
+
+    assert taken(-1.0, 99.0) == [0, 1, 2, 3, 4]
+    assert taken(3.0, 99.0) == [1, 2, 3, 4]  # of the stop that goes on when it is switched on, too
+    assert taken(-1.0, 7.0) == [0, 1, 2]

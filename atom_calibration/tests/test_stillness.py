@@ -133,3 +133,18 @@ def test_time_that_no_sensor_saw_twice_is_no_stop():
     for sensor, time_s, shift in (("a", 0.0, 0), ("b", 1.0, 0), ("b", 1.4, 90), ("a", 1.5, 90)):
         found.append(detector.add(sensor, time_s, corners((shift, 0.0), rng)))
     assert [*found, detector.finish()] == [None] * 5
+
+
+def test_a_stop_ends_when_the_board_goes_out_of_sight_and_is_reported_once():
+    rng = np.random.default_rng(7)
+    detector = StopDetector()
+    for time_s in np.arange(0.0, 1.05, 0.1):
+        assert detector.add("a", time_s, corners((0.0, 0.0), rng)) is None
+    found = [detector.pass_time(1.0 + wait_s) for wait_s in (0.5, 1.4, 1.6, 2.0, 9.0)]
+    assert [stop is not None for stop in found] == [False, False, True, False, False]
+    assert found[2] == pytest.approx((0.0, 1.0))
+    assert detector.finish() is None
+    # What comes then is another stop, even where the board stands as before.
+    for time_s in np.arange(20.0, 21.05, 0.1):
+        detector.add("b", time_s, corners((0.0, 0.0), rng))
+    assert detector.finish() == pytest.approx((20.0, 21.0))

@@ -89,3 +89,22 @@ def test_a_bag_without_tf_is_refused(make, tmp_path):
     path = make.bag(tmp_path / "b.bag", [("/points", make.xyz_cloud(np.ones((3, 3))), 1.0)])
     with BagReader(path) as reader, pytest.raises(TransformError, match="neither /tf nor"):
         BagTransforms(reader)
+
+
+def test_poses_older_than_the_span_are_forgotten(make):
+    tree = TransformTree(span_s=5.0)
+    for stamp_s in np.arange(0.0, 100.0, 0.1):
+        tree.add(make.tf("world", "arm", shifted(stamp_s), stamp_s).transforms, fixed=False)
+    edge = Edge("world", "arm")
+    np.testing.assert_allclose(tree.edge(edge, 97.33), shifted(97.33), atol=1e-6)
+    with pytest.raises(TransformError, match="no pose of 'world-arm' near time 50.000"):
+        tree.edge(edge, 50.0)
+    assert len(tree._stamps[edge]) <= 101
+
+
+def test_poses_may_come_in_any_order(make):
+    tree = TransformTree()
+    for stamp_s in (3.0, 1.0, 2.0, 2.5, 1.5):
+        tree.add(make.tf("world", "arm", shifted(stamp_s), stamp_s).transforms, fixed=False)
+    for time_s in (1.2, 1.7, 2.2, 2.9):
+        np.testing.assert_allclose(tree.edge(Edge("world", "arm"), time_s), shifted(time_s))

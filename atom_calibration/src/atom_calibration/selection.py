@@ -56,6 +56,8 @@ class StopMoments:
     def add(self, frame: Frame) -> Iterator[Moment]:
         """Take note of a frame; yield the stops that have become certain."""
         name, stamp = frame.sensor.name, frame.stamp_s
+        for stop in self._ended_unseen(stamp):
+            yield Moment(stop.start_s, stop.end_s)
         for pattern, sighting in frame.sightings.items():
             if frame.sensor.modality == RGB:
                 self._note(name, pattern, stamp)
@@ -72,6 +74,12 @@ class StopMoments:
             for stop in (detector.finish(), by_range):
                 if stop is not None:
                     yield Moment(stop.start_s, stop.end_s)
+
+    def _ended_unseen(self, stamp_s: float) -> List[Stop]:
+        """Return stops after which the board went out of sight: its data would be forgotten."""
+        stops = [detector.pass_time(stamp_s) for detector in self._cameras.values()]
+        stops += [self._trusted(p, found.pass_time(stamp_s)) for p, found in self._range.items()]
+        return [stop for stop in stops if stop is not None]
 
     def _note(self, camera: str, pattern: str, stamp_s: float) -> None:
         seen = self._seen_s.setdefault((camera, pattern), deque())

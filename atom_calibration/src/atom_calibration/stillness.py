@@ -158,6 +158,16 @@ class StopDetector:
             return self._end(stamp_s)
         return None
 
+    def pass_time(self, stamp_s: float) -> Optional[Stop]:
+        """Say what time it is; return the stop that ended because the board went out of sight."""
+        last_s = max(self._last_s.values(), default=np.inf)
+        if stamp_s - last_s <= self._options.longest_pause_s:
+            return None
+        stop = self.finish()
+        self._anchors, self._first_s, self._last_s = {}, {}, {}
+        self._reported = False
+        return stop
+
     def finish(self) -> Optional[Stop]:
         """Return the stop that lasted until the end of the stream, if any."""
         return self._end(max(self._last_s.values())) if self._last_s else None
