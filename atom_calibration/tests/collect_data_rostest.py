@@ -75,7 +75,7 @@ class CollectDataTest(unittest.TestCase):
         """Ask for a collection while the data go on."""
         with ThreadPoolExecutor(1) as pool:
             answer = pool.submit(call, "save_collection", SaveCollection)
-            self.rig.show_until(key, answer.done, 30, lambda: "the service answers")
+            self.rig.show_until(key, answer.done, 60, lambda: "the service answers")
             return answer.result()
 
     def test_1_the_state_names_every_sensor(self):
@@ -150,7 +150,7 @@ class CollectDataTest(unittest.TestCase):
 
         self.show(THIRD)
         click("Save collection")
-        self.rig.show_until(THIRD, lambda: collections() == ["000", "001"], 20, collections)
+        self.rig.show_until(THIRD, lambda: collections() == ["000", "001"], 60, collections)
         click("Delete last collection")
         wait_until(lambda: collections() == ["000"], 10, collections)
         click("Automatic data collection on/off")
@@ -170,7 +170,7 @@ class CollectDataTest(unittest.TestCase):
             begin = self.rig.stamp_s
             self.show(key, 2.0)
             end, wanted = self.rig.stamp_s, before + number + 1
-            self.rig.show_until(None, lambda w=wanted: len(collections()) == w, 30, collections)
+            self.rig.show_until(None, lambda w=wanted: len(collections()) == w, 60, collections)
             stamp = NOW["collections"].collections[-1].stamp.to_sec()
             self.assertTrue(begin - 1e-6 <= stamp <= end, (begin, stamp, end))
         self.show(None, 2.0)

@@ -71,8 +71,11 @@ class LabelersTest(unittest.TestCase):
         wanted, since = names or list(self.scene.sensors), self.rig.stamp_s
         self.rig.show_until(
             key,
-            lambda: all(stamp(n) > since and part(n).detected == detected for n in wanted),
-            20, lambda: f"{wanted} {'see' if detected else 'lose'} the board; {self.why()}",
+            lambda: all(
+                since < stamp(n) < self.rig.stamp_s and part(n).detected == detected
+                for n in wanted
+            ),
+            60, lambda: f"{wanted} {'see' if detected else 'lose'} the board; {self.why()}",
         )  # fmt: skip
 
     def test_1_labels_are_true(self):

@@ -20,6 +20,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, Poi
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
+from atom_calibration.msg import SensorLabels
 from atom_core.geometry import se3
 from atom_core.io.config_yaml import write_config
 from atom_core.model.dataset import pose
@@ -29,6 +30,7 @@ from atom_core.synthetic.dataset import Sampling
 COLLECTIONS = ("001", "002", "003", "004")  # that every sensor sees
 CLOUD_SIGMA_M, DEPTH_SIGMA_M, GREY_SIGMA = 0.004, 0.001, 1.5  # beyond the scene's own noise
 TURNTABLE, TURN_RAD_S = "turntable", 0.3
+_LABELS_WITHIN_S = 2.0
 
 
 class LiveScene:
@@ -169,7 +171,10 @@ class LiveScene:
         return TFMessage([_transform("world", TURNTABLE, turntable(stamp_s), stamp_s)])
 
     def write_bag(self, path, start_s=100.0, stop_s=2.0, rate_hz=5.0, keys=COLLECTIONS):
-        """Write a bag in which the board stands in one place after the other."""
+        """Write a bag in which the board stands in one place after the other.
+
+        Cameras see it half as often as the other sensors.
+        """
         with rosbag.Bag(path, "w") as bag:
             header = {
                 "topic": "/tf_static", "type": TFMessage._type, "md5sum": TFMessage._md5sum,
@@ -182,6 +187,8 @@ class LiveScene:
                 key, now = keys[int(tick / rate_hz / stop_s)], rospy.Time.from_sec(stamp)
                 bag.write("/tf", self.moving_transforms(stamp), now)
                 for name, sensor in self.sensors.items():
+                    if name.startswith("rgb") and tick % 2:
+                        continue
                     if sensor.camera is not None:
                         bag.write(self.info_topic(name), self.info(name, stamp), now)
                     bag.write(self.topic(name), self.message(name, key, stamp), now)
@@ -189,7 +196,10 @@ class LiveScene:
 
 
 class LiveRig:
-    """Publishes what the sensors see, at the stamps that a test chooses."""
+    """Publishes what the sensors see, at the stamps that a test chooses.
+
+    It waits for the labels of what it has published, so that a busy machine only takes longer.
+    """
 
     def __init__(self, scene, start_s=1000.0, period_s=0.2, lidar_lag_s=0.0):
         self.scene, self.stamp_s, self.period_s = scene, start_s, period_s
@@ -202,9 +212,20 @@ class LiveRig:
             name: rospy.Publisher(scene.info_topic(name), CameraInfo, queue_size=2)
             for name, sensor in scene.sensors.items() if sensor.camera is not None
         }  # fmt: skip
+        self._labelled_s = {}
+        for name in scene.sensors:
+            rospy.Subscriber(f"/{name}/labels", SensorLabels, self._note_labels)
         self._tf = rospy.Publisher("/tf", TFMessage, queue_size=10)
         self._tf_static = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
         self._tf_static.publish(scene.static_transforms(start_s))
+
+    def _note_labels(self, labels):
+        self._labelled_s[labels.sensor] = labels.header.stamp.to_sec()
+
+    def _all_labelled(self, names):
+        """Tell whether the last data of these sensors have labels."""
+        shown_s = self.stamp_s - self.period_s
+        return all(abs(self._labelled_s.get(n, 0.0) - shown_s) < 0.1 for n in names)
 
     def show(self, key, names=None):
         """Publish one message of every sensor (or of some), and advance the stamp.
@@ -231,10 +252,14 @@ class LiveRig:
         while time.monotonic() < end:
             begin = time.monotonic()
             self.show(key, names)
-            while time.monotonic() < begin + self.period_s:
+            while time.monotonic() < begin + _LABELS_WITHIN_S:
                 if condition():
                     return
                 time.sleep(0.02)
+                if time.monotonic() > begin + self.period_s and self._all_labelled(
+                    names or self.scene.sensors
+                ):
+                    break
         raise AssertionError(f"not within {seconds} s: {what()}")
 
 
