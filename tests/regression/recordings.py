@@ -59,6 +59,15 @@ def dataset(name):
     return folder / "dataset.json"
 
 
+def evaluate(folder):
+    """Evaluate ``folder/calibration`` on the test dataset into ``folder/evaluation``."""
+    run(
+        "rosrun", "atom_calibration", "evaluate",
+        "--train", folder / "calibration" / "atom_calibration.json", "--test", dataset("test"),
+        "--truth", truth("test"), "--output", folder / "evaluation", "--overwrite",
+    )  # fmt: skip
+
+
 def run(*words, code=0):
     """Run a program that has to end with an exit code; return what it printed.
 

@@ -8,6 +8,7 @@ import numpy as np
 from label_truth import scores
 from recordings import LIMITS
 
+from atom_core.errors import AtomError
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.sensor import LIDAR3D, RGB
 
@@ -15,8 +16,23 @@ from atom_core.model.sensor import LIDAR3D, RGB
 class RegressionCase(unittest.TestCase):
     """Collects all that is wrong before it fails, so that one run says everything."""
 
+    _prepared, _problem = False, ""
+
+    @classmethod
+    def prepare(cls):
+        """Make what the tests look at; not in setUpClass, whose failure rostest does not show."""
+
     def setUp(self):
         self.faults = []
+        cls = type(self)
+        if not cls._prepared:
+            cls._prepared = True
+            try:
+                cls.prepare()
+            except (AssertionError, AtomError, OSError) as error:
+                cls._problem = str(error)
+        if cls._problem:
+            self.fail(cls._problem)
 
     def tearDown(self):
         if self.faults:

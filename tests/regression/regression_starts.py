@@ -27,7 +27,7 @@ def with_true_mounts():
 
 class Starts(RegressionCase):
     @classmethod
-    def setUpClass(cls):
+    def prepare(cls):
         limits = LIMITS["starts"]
         cls.dataset, cls.answers = with_true_mounts(), {}
         for seed in range(limits["seeds"]):

@@ -12,7 +12,7 @@ OUTPUT = recordings.FOLDER / "offline"
 
 class Offline(RegressionCase):
     @classmethod
-    def setUpClass(cls):
+    def prepare(cls):
         cls.bag = recordings.bag("train")
         recordings.run(
             "roslaunch", "atom_calibration", "calibrate_from_bag.launch",
@@ -33,13 +33,8 @@ class Offline(RegressionCase):
         self.check_calibration(OUTPUT / "calibration", LIMITS["scenario"]["train"])
 
     def test_4_pairs_of_sensors_agree_on_other_recordings(self):
-        test = recordings.dataset("test")
-        self.check_counts(test, LIMITS["scenario"]["test"])
-        recordings.run(
-            "rosrun", "atom_calibration", "evaluate",
-            "--train", OUTPUT / "calibration" / "atom_calibration.json", "--test", test,
-            "--truth", recordings.truth("test"), "--output", OUTPUT / "evaluation", "--overwrite",
-        )  # fmt: skip
+        self.check_counts(recordings.dataset("test"), LIMITS["scenario"]["test"])
+        recordings.evaluate(OUTPUT)
         self.check_pairs(OUTPUT / "evaluation" / "evaluation.json")
 
 
