@@ -282,6 +282,31 @@ def test_a_board_that_never_rests_is_told(place, make, capsys):
     assert "the board never stood still" in refusal(arguments, capsys)
 
 
+def test_a_sensor_that_never_saw_the_board_is_named_with_the_reason(place, make, capsys):
+    blind = list(messages(make))
+    for topic, message, _ in blind:
+        if topic == "/cam/image_raw":
+            message.data = bytes(len(message.data))
+    assert main(place(blind)) == 1
+    said = capsys.readouterr()
+    assert "warning: sensor 'cam' never saw the board in a collection" in said.err
+    (line,) = [x for x in said.out.splitlines() if x.startswith("cam ")]
+    assert "never: no markers" in line
+    assert len(read_dataset(place.folder / "dataset.json").collections) == STOPS
+
+
+def test_a_board_that_no_sensor_sees_is_refused_with_each_ones_reason(place, make, capsys):
+    blind = [m for m in messages(make) if m[0] != "/lidar/points"]
+    for topic, message, _ in blind:
+        if topic == "/cam/image_raw":
+            message.data = bytes(len(message.data))
+    arguments = place(blind)
+    text = CONFIG[: CONFIG.index("  lidar:")] + CONFIG[CONFIG.index("calibration_patterns") :]
+    place.config.write_text(text)
+    line = refusal(arguments, capsys)
+    assert "no collection was taken" in line and "cam: no markers" in line
+
+
 def test_a_bag_damaged_inside_leaves_the_collections_before_it(place, make, capsys):
     content = messages(make, stops=8)
     arguments = place(content, compression=rosbag.Compression.BZ2, chunk_threshold=100000)

@@ -1,5 +1,6 @@
 """Corners in pictures: where they truly are, all of them, and a reason where there are none."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -144,8 +145,7 @@ def test_the_layout_of_an_even_number_of_rows_is_recognised(legacy):
 
 
 def test_a_layout_that_is_demanded_and_wrong_is_named():
-    config = charuco(dimension=(7, 5))
-    object.__setattr__(config, "extra", {"legacy": True})
+    config = replace(charuco(dimension=(7, 5)), legacy=True)
     image = cv2.copyMakeBorder(
         aruco.charuco_print((8, 6), 0.75, "DICT_5X5_100", 60), 60, 60, 60, 60, 0, value=255
     )

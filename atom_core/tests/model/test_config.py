@@ -146,6 +146,16 @@ def test_writing_gives_the_document_back():
     json.dumps(written, allow_nan=False)
 
 
+@pytest.mark.parametrize("legacy", [True, False])
+def test_the_layout_of_a_charuco_is_a_key_that_is_known_and_kept(legacy):
+    document = full_document()
+    document["calibration_patterns"]["board"]["legacy"] = legacy
+    config = read(document)
+    assert config.calibration_patterns["board"].legacy is legacy and config.warnings == ()
+    assert config.to_document() == document
+    assert read(full_document()).calibration_patterns["board"].legacy == "auto"
+
+
 def test_unknown_keys_are_kept_at_every_level_and_reported():
     document = full_document()
     places = [
@@ -292,6 +302,7 @@ BOARD = ("calibration_patterns", "board")
         ((*BOARD, "dimension", "y"), "8", "is '8'; write the number of inner corners"),
         ((*BOARD, "dimension", "y"), True, "is true; write the number of inner corners"),
         ((*BOARD, "dimension", "z"), 3, "use x and y"),
+        ((*BOARD, "legacy"), "yes", "legacy is 'yes'; write true, false or auto"),
         ((*BOARD, "border_size"), -0.01, "of at least 0"),
         ((*BOARD, "border_size", "x"), -0.01, "of at least 0"),
         ((*BOARD, "border_size"), "wide", "is 'wide'; write a number"),

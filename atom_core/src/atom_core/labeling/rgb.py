@@ -9,7 +9,7 @@ import numpy as np
 
 from atom_core.errors import LabelingError
 from atom_core.labeling.base import Labeled, nothing
-from atom_core.labeling.charuco import AUTO, CharucoFinder
+from atom_core.labeling.charuco import CharucoFinder
 from atom_core.labeling.chessboard import ChessboardFinder
 from atom_core.model.config import PatternConfig
 from atom_core.model.dataset import RgbLabel
@@ -18,7 +18,6 @@ from atom_core.model.sensor import RGB, Sensor
 
 LEAST_SHARE = 0.25  # of the corners; ATOM's rule too
 _SMALLEST_IMAGE_PX = 16
-_LEGACY_KEY = "legacy"
 
 
 class RgbLabeler:
@@ -46,7 +45,7 @@ class RgbLabeler:
                 pattern.rows,
                 config.inner_size / pattern.square_m,
                 config.dictionary,
-                _legacy(config),
+                config.legacy,
             )
         self._chessboard = ChessboardFinder(pattern.columns, pattern.rows)
 
@@ -139,15 +138,6 @@ class RgbLabeler:
 
 
 _CHANNELS = ((), (1,), (3,))
-
-
-def _legacy(config: PatternConfig) -> object:
-    value = config.extra.get(_LEGACY_KEY, AUTO)
-    if value not in (True, False, AUTO):
-        raise LabelingError(
-            f"pattern '{config.link}': legacy is {value!r}; write true, false or auto"
-        )
-    return value
 
 
 def _mean(values: np.ndarray) -> float:

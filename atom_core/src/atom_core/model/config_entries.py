@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Dict, Mapping, Optional, Tuple
+from typing import Any, Dict, Mapping, Optional, Tuple, Union
 
 from atom_core.model.config_section import (
     ConfigValueError,
@@ -22,6 +22,7 @@ from atom_core.model.pattern import CHARUCO, CHESSBOARD
 from atom_core.model.sensor import MODALITIES
 
 PATTERN_TYPES = (CHESSBOARD, CHARUCO)
+AUTO = "auto"
 DICTIONARIES = tuple(
     f"DICT_{bits}_{count}"
     for bits in ("4X4", "5X5", "6X6", "7X7")
@@ -178,13 +179,15 @@ class PatternConfig:
         inner_size: side of a marker (charuco) [m].
         dictionary: of the markers (charuco).
         mesh_file: URI of a mesh for display and for the exported description.
+        legacy: layout of a charuco with an even number of rows of squares: True, as OpenCV before
+            4.6 printed it; False, as since; "auto", whichever the pictures show.
         extra: unknown keys.
         border_is_number: border_size was given as one number, and is written so.
     """
 
     KEYS = (
         *("link", "parent_link", "fixed", "pattern_type", "dictionary", "mesh_file"),
-        *("border_size", "dimension", "size", "inner_size"),
+        *("border_size", "dimension", "size", "inner_size", "legacy"),
     )
 
     link: str
@@ -197,6 +200,7 @@ class PatternConfig:
     inner_size: Optional[float] = None
     dictionary: Optional[str] = None
     mesh_file: Optional[str] = None
+    legacy: Union[bool, str] = AUTO
     extra: Mapping[str, Any] = field(default_factory=dict)
     border_is_number: bool = field(default=False, compare=False)
 
@@ -208,6 +212,10 @@ class PatternConfig:
         check_number(self.size, "size", "side of a square in metres", above=0)
         self._check_border()
         check_optional_text(self.mesh_file, "mesh_file")
+        if not isinstance(self.legacy, bool) and self.legacy != AUTO:
+            raise ConfigValueError(
+                f"is {shown(self.legacy)}; write true, false or auto, without quotes", "legacy"
+            )
         if self.pattern_type == CHARUCO:
             self._check_markers()
         else:  # ATOM's template fills these in for a chessboard too; they mean nothing there
@@ -234,12 +242,15 @@ class PatternConfig:
             inner_size=section.get("inner_size"),
             dictionary=section.get("dictionary"),
             mesh_file=section.get("mesh_file"),
+            legacy=AUTO if section.get("legacy") is None else section.get("legacy"),
             extra=section.extra(),
         )
 
     def to_document(self) -> Dict[str, Any]:
         """Return the entry as plain values."""
         document = document_of(self, self.KEYS)
+        if self.legacy == AUTO:  # ATOM does not know the key
+            del document["legacy"]
         document["dimension"] = dict(zip("xy", self.dimension))
         as_number = self.border_is_number and self.border_size[0] == self.border_size[1]
         document["border_size"] = (
