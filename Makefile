@@ -69,7 +69,7 @@ format: setup ## apply ruff and clang-format
 	@$(ENV) clang-format -i $(CPP_FILES)
 
 bench: build ## measure speed and accuracy; results in bench_output/
-	@$(ENV) python3 tests/benchmarks/bench.py
+	@$(ENV) python3 tests/benchmarks/bench.py $(ARGS)
 
 bench-labels: build ## speed and accuracy of the labelers, on synthetic and on real data
 	@$(ENV) python3 tests/benchmarks/bench_labeling.py; \

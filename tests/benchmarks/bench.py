@@ -1,21 +1,24 @@
-"""`make bench`: speed and accuracy of the solvers on the paper's synthetic cell.
+"""`make bench`: speed, growth and accuracy of the solvers on synthetic rigs.
 
-Prints tables and writes bench_output/{speed,accuracy,starts,gross_errors}.csv. Times depend on
-the machine and its load: compare the rows of one run with each other. The references beside our
-solvers, on the same rows from the same start: plain_ceres.cpp (a straightforward Ceres program,
-one thread) and scipy.optimize.least_squares (trf, sparse analytic Jacobian, lsmr).
+Prints tables and writes bench_output/{speed,scaling,accuracy,starts,gross_errors}.csv and
+scaling.png; docs/benchmarks/README.md tells how to read them. Times depend on the machine and its
+load: compare the rows of one run with each other. The references beside our solvers, on the same
+rows from the same start: plain_ceres.cpp (a straightforward Ceres program, one thread) and
+scipy.optimize.least_squares (trf, sparse analytic Jacobian, lsmr).
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
-import resource
+import shutil
 import time
 from pathlib import Path
+from typing import Callable, Dict
 
 import numpy as np
-from plain_ceres import plain_ceres
+from plain_ceres import PlainCeres
+from scaling import command_seconds, comparable, find, scaling
 from scipy.optimize import least_squares
 from tqdm import tqdm
 
@@ -43,12 +46,51 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--output", type=Path, default=Path("bench_output"))
     parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--quick", action="store_true", help="small sizes and few seeds")
+    parser.add_argument(
+        "--everything", action="store_true", help="all solvers for the largest size, too"
+    )
+    parser.add_argument("--only", choices=list(PARTS), action="append", help="some parts only")
+    parser.add_argument(
+        "--keep", type=Path, metavar="DIR", help="copy table and plot of the growth there"
+    )
     args = parser.parse_args()
     args.output.mkdir(parents=True, exist_ok=True)
-    speed(args.output)
-    accuracy(args.output, args.seeds)
-    starts(args.output)
-    gross_errors(args.output, min(args.seeds, 5))
+    for name in args.only or PARTS:
+        PARTS[name](args)
+
+
+def growth(args: argparse.Namespace) -> None:
+    """Measure how time and memory grow, and judge them."""
+    rows = scaling(args.output, args.quick, args.everything)
+    small, large = find(rows, (7, 23)), find(rows, (50, 500))
+    for row in (small, find(rows, (7, 100))):
+        if row is None or not comparable(row):
+            print("the plain program did not end within 1 % of our cost: no comparison")
+            continue
+        size = f"{row['sensors']}x{row['collections']}"
+        _verdict(f"{size}, atom none over plain Ceres", row["atom_none_s"] / row["plain_s"],
+                 0.25, "x")  # fmt: skip
+        if row is small:
+            _verdict(f"{size}, defaults over plain Ceres", row["solve_s"] / row["plain_s"],
+                     0.8, "x")  # fmt: skip
+    if small:
+        _verdict("7x23, peak memory", small["peak_mb"], 200, "MB")
+    clock, cores = command_seconds(args.output)
+    _verdict("7x23, the whole command", clock, 1.5, "s")
+    print(f"of which {cores:.2f} s of work; the rest is waiting for a busy machine")
+    hundred, four_hundred = find(rows, (7, 100)), find(rows, (7, 400))
+    if hundred and four_hundred:
+        ratio = four_hundred["solve_s"] / hundred["solve_s"]
+        _verdict("solve 7x400 over 7x100", ratio, 5, "x")
+    if large:
+        _verdict("50x500, solve", large["solve_s"], 30, "s")
+        _verdict("50x500, peak memory", large["peak_mb"], 2000, "MB")
+    print()
+    if args.keep:
+        args.keep.mkdir(parents=True, exist_ok=True)
+        for name in ("scaling.csv", "scaling.png"):
+            shutil.copy(args.output / name, args.keep / name)
 
 
 def speed(output: Path) -> None:
@@ -73,13 +115,8 @@ def speed(output: Path) -> None:
     table = rows + references
     _report(output / "speed.csv", headers, table, "Speed, 7 sensors x 23 collections", 4)
     median = {row[0]: row[5] for row in table}
-    plain = median["one round, plain Ceres program"]
     _verdict("scipy solve, default options", median["scipy sigma cauchy"], LIMITS["solve_s"], "s")
-    _verdict("ceres atom none over plain Ceres", median["ceres atom none"] / plain, 0.25, "x")
-    _verdict("ceres, default options over plain Ceres", median["ceres sigma cauchy"] / plain,
-             0.8, "x")  # fmt: skip
-    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(f"peak memory of this process: {peak_mb:.0f} MB\n")
+    print()
 
 
 def _one_round(dataset: Dataset, output: Path) -> list:
@@ -96,7 +133,10 @@ def _one_round(dataset: Dataset, output: Path) -> list:
         end = make_solver(problem).minimise(start, sigmas, NONE, 200)
         rows.append([f"one round, {name}", end.iterations, time.perf_counter() - began])
         costs[name] = end.cost
-    plain = plain_ceres(problem, sigmas, output)
+    program = PlainCeres(output)
+    data = program.write(problem, sigmas)
+    plain = program.run(data)
+    data.unlink()
     rows.append(["one round, plain Ceres program", plain.iterations, plain.seconds])
     costs["plain Ceres program"] = plain.cost
     began = time.perf_counter()
@@ -191,6 +231,14 @@ def _verdict(what: str, value: float, limit: float, unit: str) -> None:
     word = "reached" if value <= limit else "MISSED"
     print(f"{what}: {value:.4g} {unit}, to reach <= {limit:g} {unit}: {word}")
 
+
+PARTS: Dict[str, Callable[[argparse.Namespace], None]] = {
+    "speed": lambda args: speed(args.output),
+    "growth": growth,
+    "accuracy": lambda args: accuracy(args.output, 3 if args.quick else args.seeds),
+    "starts": lambda args: starts(args.output),
+    "gross_errors": lambda args: gross_errors(args.output, 1 if args.quick else min(args.seeds, 5)),
+}
 
 if __name__ == "__main__":
     main()

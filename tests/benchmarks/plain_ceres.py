@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 from pathlib import Path
 from typing import NamedTuple, Sequence
@@ -27,21 +28,36 @@ class Outcome(NamedTuple):
     seconds: float
 
 
-def plain_ceres(problem: Problem, sigmas: Sequence[np.ndarray], folder: Path) -> Outcome:
-    """Compile the program, give it the problem, return what it found.
+class PlainCeres:
+    """The program, compiled."""
 
-    Args:
-        problem: with at most one sensor and one board on each chain, plumb_bob cameras.
-        sigmas: for each residual block, (n,) in its unit.
-        folder: for the program and its input.
-    """
-    program, data = folder / "plain_ceres", folder / "plain_ceres.bin"
-    subprocess.run([*_COMPILE, str(_SOURCE), "-o", str(program), *_LIBRARIES], check=True)
-    data.write_bytes(_serialised(problem, sigmas))
-    printed = subprocess.run([str(program), str(data)], check=True, capture_output=True, text=True)
-    data.unlink()
-    initial, cost, iterations, seconds = printed.stdout.split()
-    return Outcome(float(initial), float(cost), int(iterations), float(seconds))
+    def __init__(self, folder: Path):
+        """Compile it into a folder, unless it is there already."""
+        self._program, self._folder = folder / "plain_ceres", folder
+        newer = self._program.exists() and (self._program.stat().st_mtime > _SOURCE.stat().st_mtime)
+        if not newer:
+            folder.mkdir(parents=True, exist_ok=True)
+            command = [*_COMPILE, str(_SOURCE), "-o", str(self._program), *_LIBRARIES]
+            subprocess.run(command, check=True)
+
+    def write(self, problem: Problem, sigmas: Sequence[np.ndarray]) -> Path:
+        """Write a problem as the program reads it.
+
+        Args:
+            problem: with at most one sensor and one board on each chain, plumb_bob cameras.
+            sigmas: for each residual block, (n,) in its unit.
+        """
+        data = self._folder / f"plain_ceres_{os.getpid()}.bin"
+        data.write_bytes(_serialised(problem, sigmas))
+        return data
+
+    def run(self, data: Path) -> Outcome:
+        """Solve a written problem."""
+        printed = subprocess.run(
+            [str(self._program), str(data)], check=True, capture_output=True, text=True
+        )
+        initial, cost, iterations, seconds = printed.stdout.split()
+        return Outcome(float(initial), float(cost), int(iterations), float(seconds))
 
 
 def _serialised(problem: Problem, sigmas: Sequence[np.ndarray]) -> bytes:

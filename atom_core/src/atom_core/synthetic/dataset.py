@@ -45,11 +45,13 @@ class Sampling:
         depth_step: grid of the labelled depth pixels [px].
         exact_border: move LiDAR limit points onto the true border, and label no depth limit
             pixels (they lie up to a pixel inside), so that border residuals vanish too.
+        labelled_only: keep only what is labelled of a depth image, for large datasets.
     """
 
     background_step: int = 16
     depth_step: int = 4
     exact_border: bool = False
+    labelled_only: bool = False
 
 
 class MemoryDataSource(DataSource):
@@ -63,11 +65,18 @@ class MemoryDataSource(DataSource):
         """
         self._patterns = patterns
         self._arrays: Dict[Tuple[str, str], np.ndarray] = {}
+        self._pixels: Dict[Tuple[str, str], Tuple[Tuple[int, ...], np.ndarray, np.ndarray]] = {}
         self._views: Dict[Tuple[str, str], Tuple[Sensor, Mapping[str, np.ndarray]]] = {}
 
     def add_array(self, collection: str, sensor: str, array: np.ndarray) -> None:
         """Keep a cloud or a depth image."""
         self._arrays[(collection, sensor)] = array
+
+    def add_pixels(
+        self, collection: str, sensor: str, image: np.ndarray, indices: np.ndarray
+    ) -> None:
+        """Keep some pixels (n,) of a depth image; the others will be NaN."""
+        self._pixels[(collection, sensor)] = (image.shape, indices, image.ravel()[indices])
 
     def add_view(
         self, collection: str, sensor: Sensor, camera_T_patterns: Mapping[str, np.ndarray]
@@ -77,7 +86,9 @@ class MemoryDataSource(DataSource):
 
     def has_data(self, collection: str, sensor: str) -> bool:
         """Tell whether there are data of a sensor in a collection."""
-        return (collection, sensor) in self._arrays or (collection, sensor) in self._views
+        kept: Sequence[Mapping[Tuple[str, str], object]]
+        kept = (self._arrays, self._pixels, self._views)
+        return any((collection, sensor) in those for those in kept)
 
     def cloud(self, collection: str, sensor: str) -> np.ndarray:
         """Return the cloud (n, 3) [m] in the sensor's frame."""
@@ -86,6 +97,11 @@ class MemoryDataSource(DataSource):
 
     def depth_image(self, collection: str, sensor: str) -> np.ndarray:
         """Return the depth image (height, width) [m], NaN where there is none."""
+        if (collection, sensor) in self._pixels:
+            shape, indices, depths = self._pixels[(collection, sensor)]
+            image = np.full(shape, np.nan)
+            image.ravel()[indices] = depths
+            return image
         array = self._arrays.get((collection, sensor))
         return super().depth_image(collection, sensor) if array is None else array
 
@@ -217,7 +233,14 @@ class _Observer:
             self.rng,
             self.sampling.depth_step,
         )
-        self.data.add_array(key, sensor.name, image)
+        if self.sampling.labelled_only:
+            labelled = [
+                i for label in labels.values() for i in (label.indices, label.limit_indices)
+            ]
+            kept = np.unique(np.concatenate(labelled)) if labelled else np.zeros(0, dtype=int)
+            self.data.add_pixels(key, sensor.name, image, kept)
+        else:
+            self.data.add_array(key, sensor.name, image)
         if self.sampling.exact_border:
             none = np.zeros(0, dtype=int)
             labels = {n: replace(label, limit_indices=none) for n, label in labels.items()}
