@@ -5,6 +5,7 @@ from copy import deepcopy
 
 import pytest
 
+from atom_core import native
 from atom_core.cli import main
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset
@@ -312,6 +313,20 @@ def test_an_output_folder_that_is_not_empty_is_left_alone(cell, tmp_path, capsys
     assert "--overwrite" in line
     assert (output / "calibration.json").read_text() == "precious"
     assert main(["calibrate", "--dataset", str(path), "--output", str(output), "-ow"]) == 0
+
+
+def test_without_the_native_module_scipy_does_it_and_says_how_to_build(
+    cell, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setattr(native, "_MODULE", "atom_core._not_built")
+    path, output = cell / "data" / "dataset.json", tmp_path / "out"
+    assert main(["calibrate", "--dataset", str(path), "--output", str(output)]) == 0
+    document = json.loads((output / "calibration.json").read_text())
+    assert document["solver"]["name"] == "scipy"
+    assert any("make build" in warning for warning in document["warnings"])
+    capsys.readouterr()
+    line = calibrate(capsys, path, tmp_path / "other", "--solver", "ceres")
+    assert "make build" in line and "--solver ceres" in line
 
 
 def test_a_description_is_written_with_the_calibrated_edges(cell, tmp_path):

@@ -95,7 +95,7 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
     with Interrupt() as interrupt:
         how = replace(options.solver, progress=interrupt.watching(options.solver.progress))
         settled, rivals = best_settled(starts, how, make_solver)
-        if options.initial_guess == DESCRIPTION:
+        if options.initial_guess == DESCRIPTION and not settled.rough.interrupted:
             settled, remarks = rescued(settled, dataset, free, how, make_solver)
             warnings += remarks
         initial, solver, posed = settled.posed.initial, settled.solver, settled.posed

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Dict, List, Sequence, Set, Tuple
 
 from atom_core.calibration.connectivity import check_connected, floats_freely
+from atom_core.calibration.memory import check_memory
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.errors import CalibrationError
 from atom_core.model.dataset import Dataset, is_complete
@@ -13,6 +14,7 @@ from atom_core.model.sensor import LIDAR2D
 from atom_core.model.transforms import Edge
 from atom_core.problem.builder import FreeEdges, check_edges
 from atom_core.problem.measurements import Measurement, read_measurements
+from atom_core.solvers.choice import default_solver
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,7 @@ def prepare(dataset: Dataset, options: CalibrationOptions) -> Prepared:
     check_data_present(dataset)
     free = free_edges(dataset, options)
     check_edges(dataset, free)
+    check_memory(dataset, options.solver_name or default_solver())
     measurements, remarks = read_measurements(dataset)
     measurements, unused = _usable(dataset, measurements, options)
     check_connected(dataset, measurements, free)

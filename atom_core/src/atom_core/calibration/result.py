@@ -191,12 +191,13 @@ def _sensors(calibration: Calibration, table: Table, outliers: Outliers) -> Dict
 
 
 def _collections(calibration: Calibration, table: Table) -> Dict[str, Any]:
+    by_collection: Dict[Optional[str], Dict[str, Any]] = {}
+    for (sensor, kind, collection), value in table.items():
+        of_sensor = by_collection.setdefault(collection, {}).setdefault(sensor, {})
+        of_sensor[kind] = value.document()
     document = {}
     for key in calibration.dataset.collections:
-        residuals: Dict[str, Any] = {}
-        for (sensor, kind, collection), value in table.items():
-            if collection == key:
-                residuals.setdefault(sensor, {})[kind] = value.document()
+        residuals = by_collection.get(key, {})
         reason = calibration.unused.get(key)
         document[key] = {"used": reason is None, "reason": reason, "residuals": residuals}
     return document

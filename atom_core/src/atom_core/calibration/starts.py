@@ -13,6 +13,7 @@ import numpy as np
 
 from atom_core.calibration.boards import initial_boards, placed, settle_boards
 from atom_core.calibration.connectivity import check_connected
+from atom_core.calibration.finite import check_finite
 from atom_core.calibration.initial_sensors import sensors_from_boards
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.preparation import prepare
@@ -126,6 +127,7 @@ def pose_problem(
 def settle(posed: Posed, options: SolverOptions, make_solver: SolverFactory) -> Settled:
     """Solve roughly, boards placed anew where they stand wrong."""
     first = make_solver(posed.problem)
+    check_finite(first)
     solver, rough = settle_boards(posed.initial, first, posed.measurements, options, make_solver)
     return Settled(posed, first, solver, rough)
 

@@ -53,15 +53,19 @@ Table = Dict[Tuple[str, str, Optional[str]], ResidualStatistics]
 
 def residual_table(problem: Problem, x: np.ndarray) -> Table:
     """Return the statistics at the vector x, in all and by collection."""
-    collections = np.array([key.collection for key in problem.detections])
+    names, of_detection = np.unique(
+        [key.collection for key in problem.detections], return_inverse=True
+    )
     table: Table = {}
     for block, residual in zip(problem.residual_blocks, problem.residuals(x)):
         norms = np.linalg.norm(residual, axis=1)
-        unit, of_item = UNITS[block.kind], collections[block.detection]
+        unit, of_item = UNITS[block.kind], of_detection[block.detection]
         table[(block.sensor, block.kind, None)] = statistics(norms, unit)
-        for collection in np.unique(of_item):
-            mine = statistics(norms[of_item == collection], unit)
-            table[(block.sensor, block.kind, str(collection))] = mine
+        order = np.argsort(of_item, kind="stable")
+        present, starts = np.unique(of_item[order], return_index=True)
+        for collection, mine in zip(present, np.split(norms[order], starts[1:])):
+            where = (block.sensor, block.kind, str(names[collection]))
+            table[where] = statistics(mine, unit)
     return table
 
 
