@@ -7,38 +7,49 @@ Exit codes: 0 done, 1 finished but not acceptable (results are written), 2 bad i
 from __future__ import annotations
 
 import argparse
+import importlib
 import os
 import sys
-from typing import Dict, List, Optional
+from typing import TYPE_CHECKING, List, Optional, cast
 
 import atom_core
-from atom_core.commands import calibrate, check, convert, demo, evaluate, recover
-from atom_core.commands.common import Command
 from atom_core.errors import AtomError
+
+if TYPE_CHECKING:
+    from atom_core.commands.common import Command
 
 BAD_INPUT = 2
 INTERRUPTED = 130
 BROKEN_PIPE = 141
 
-_COMMANDS: Dict[str, Command] = {
-    "check": check,
-    "calibrate": calibrate,
-    "evaluate": evaluate,
-    "convert": convert,
-    "recover": recover,
-    "demo": demo,
-}
+# Modules of atom_core.commands; those that are not asked for are not loaded.
+_COMMANDS = (
+    "check",
+    "calibrate",
+    "evaluate",
+    "convert",
+    "recover",
+    "demo",
+)  # modules of atom_core.commands
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """Return the parser of all commands."""
+def build_parser(only: Optional[str] = None) -> argparse.ArgumentParser:
+    """Return the parser of all commands.
+
+    Args:
+        only: a command; the modules of the others are not loaded, and their options unknown.
+    """
     parser = argparse.ArgumentParser(
         prog="python3 -m atom_core",
         description="Calibrate the sensors of a robotic cell in one optimisation.",
     )
     parser.add_argument("--version", action="version", version=atom_core.__version__)
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name, module in _COMMANDS.items():
+    for name in _COMMANDS:
+        if only in _COMMANDS and name != only:
+            commands.add_parser(name)
+            continue
+        module = cast("Command", importlib.import_module(f"atom_core.commands.{name}"))
         summary = str(module.__doc__).splitlines()[0]
         sub = commands.add_parser(
             name,
@@ -54,7 +65,8 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(argv: Optional[List[str]] = None) -> int:
     """Run one command; return its exit code."""
-    args = build_parser().parse_args(argv)
+    words = sys.argv[1:] if argv is None else argv
+    args = build_parser(words[0] if words else None).parse_args(words)
     try:
         return args.run(args)
     except AtomError as error:

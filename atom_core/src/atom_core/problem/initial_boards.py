@@ -26,7 +26,7 @@ from atom_core.problem.residuals import ORTHOGONAL, REPROJECTION
 _MIN_CORNERS = 6
 _JUDGE_M_PER_PX = 0.1 / 30.0  # how metres and pixels are weighed against each other
 GUESSED_M, SOLVED_M = 0.1, 0.05  # errors to expect while sensors are guesses, and after a solve
-_CANDIDATE_SENSORS = 8
+_CANDIDATE_SENSORS, _JUDGING_SENSORS = 8, 12
 _POINTS_LOOKED_AT = 200  # of a detection's points on the board
 _GOOD_ENOUGH = 0.05  # mean misfit of a detection that needs no second look
 
@@ -163,8 +163,9 @@ def estimate_boards(
     for key, seen in _by_board(measurements, fixed_patterns).items():
         proposals = _proposals(seen, placement)
         if proposals:
+            judges = sorted(seen, key=_information, reverse=True)[:_JUDGING_SENSORS]
             estimates[key] = min(
-                proposals, key=lambda pose: _total_misfit(seen, pose, placement, GUESSED_M)
+                proposals, key=lambda pose: _total_misfit(judges, pose, placement, GUESSED_M)
             )
     return estimates
 

@@ -8,15 +8,17 @@ inverted. All detections are evaluated at once, as arrays.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import List, Mapping, NamedTuple, Sequence, Tuple
+from typing import TYPE_CHECKING, List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
-from scipy import sparse
 
 from atom_core.geometry import se3
 from atom_core.model.dataset import DetectionKey
 from atom_core.problem.parameters import Parameters
 from atom_core.problem.residuals import BorderBlock, ResidualBlock
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 
 @dataclass(frozen=True)
@@ -153,6 +155,8 @@ class Problem:
             x: the vector.
             sigmas: for each residual block, (n,) in its unit.
         """
+        from scipy import sparse  # slow to load, and no solver needs it
+
         line = self.linearise(x)
         parts = [
             self._rows(block, by_twist / sigma[:, None, None], line.maps)
@@ -163,6 +167,8 @@ class Problem:
     def _rows(
         self, block: ResidualBlock, by_twist: np.ndarray, maps: np.ndarray
     ) -> sparse.csr_matrix:
+        from scipy import sparse
+
         rows = block.count * block.dimension
         blocks = self.chains.block[block.detection]
         values = np.einsum("nrt,nktp->nrkp", by_twist, maps[block.detection])
