@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
 """The labelers as nodes: what they publish against the truth, seeds by hand, bad data."""
 
+import signal
 import sys
 import tempfile
 import unittest
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import rospy
@@ -14,7 +16,8 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from atom_calibration.annotation import POINT
 from atom_calibration.msg import SensorLabels
-from atom_calibration.srv import SetSeed
+from atom_calibration.srv import SaveCollection, SetSeed
+from atom_core.io.dataset_json import read_dataset
 
 RANGE = ("depth_1", "lidar_1")
 LATEST, COUNT, SHOWN = {}, {}, {}
@@ -207,6 +210,32 @@ class LabelersTest(unittest.TestCase):
             self.assertEqual(process.wait(30), 2)
             (line,) = [x for x in process.output.splitlines() if x.startswith("rgb_labeler:")]
             self.assertIn(words, line)
+
+    def test_b_a_collector_that_is_interrupted_leaves_a_whole_dataset(self):
+        output = f"{self.folder.name}/dataset"
+        collector = Process(
+            "rosrun", "atom_calibration", "collect_data", "-c", f"{self.folder.name}/config.yml",
+            "-o", output,
+        )  # fmt: skip
+        self.addCleanup(collector.end)
+
+        def saved():
+            try:
+                rospy.wait_for_service("/collect_data/save_collection", timeout=0.01)
+            except rospy.ROSException:
+                return False
+            with ThreadPoolExecutor(1) as pool:
+                save = rospy.ServiceProxy("/collect_data/save_collection", SaveCollection)
+                answer = pool.submit(save)
+                self.rig.show_until(COLLECTIONS[1], answer.done, 30, lambda: "an answer")
+                return answer.result().success
+
+        self.rig.show_until(COLLECTIONS[1], saved, 60, lambda: "a collection is saved")
+        collector.signal(signal.SIGINT)
+        self.assertEqual(collector.wait(30), 0, collector.output)
+        dataset = read_dataset(f"{output}/dataset.json")
+        self.assertEqual(list(dataset.collections), ["000"])
+        self.assertIn("1 collections", collector.output)
 
 
 if __name__ == "__main__":
