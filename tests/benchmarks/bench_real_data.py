@@ -1,8 +1,9 @@
 """Labels of real pictures and clouds, from the folder of $ATOM_TEST_DATA.
 
 ``charuco_real``: 28 pictures of a ChArUco; ``ouster_board``: 4 clouds with a square board of
-1.016 m, found without a seed. The Ouster's returns reach about two centimetres beyond the board on each
-side; only the width of its beams, two azimuth steps, accounts for that, and no cloud tells it.
+1.016 m, found without a seed. The Ouster's returns reach about two centimetres beyond the board
+on each side; only the width of its beams, two azimuth steps, accounts for that, and no cloud
+tells it.
 """
 
 from __future__ import annotations
