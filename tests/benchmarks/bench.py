@@ -1,8 +1,8 @@
 """`make bench`: speed, growth and accuracy of the solvers on synthetic rigs.
 
-Prints tables and writes bench_output/{speed,scaling,accuracy,starts,gross_errors}.csv and
-scaling.png; docs/benchmarks/README.md tells how to read them. Times depend on the machine and its
-load: compare the rows of one run with each other. The references beside our solvers, on the same
+Prints tables and writes bench_output/{speed,scaling,accuracy,starts,convergence,gross_errors}.csv
+and scaling.png; docs/benchmarks/README.md tells how to read them. Times depend on the machine and
+its load: compare the rows of one run with each other. The references beside our solvers, on the same
 rows from the same start: plain_ceres.cpp (a straightforward Ceres program, one thread) and
 scipy.optimize.least_squares (trf, sparse analytic Jacobian, lsmr).
 """
@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Callable, Dict
 
 import numpy as np
+from convergence import convergence
 from plain_ceres import PlainCeres
 from scaling import command_seconds, comparable, find, scaling
 from scipy.optimize import least_squares
@@ -237,6 +238,7 @@ PARTS: Dict[str, Callable[[argparse.Namespace], None]] = {
     "growth": growth,
     "accuracy": lambda args: accuracy(args.output, 3 if args.quick else args.seeds),
     "starts": lambda args: starts(args.output),
+    "convergence": lambda args: convergence(args.output, 10 if args.quick else 5 * args.seeds),
     "gross_errors": lambda args: gross_errors(args.output, 1 if args.quick else min(args.seeds, 5)),
 }
 

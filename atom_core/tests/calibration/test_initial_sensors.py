@@ -14,7 +14,8 @@ from atom_core.errors import CalibrationError
 from atom_core.geometry import se3
 from atom_core.model.config import EdgeConfig
 from atom_core.model.transforms import Edge
-from atom_core.synthetic import Noise, paper_cell, scenes
+from atom_core.solvers.base import SolverOptions
+from atom_core.synthetic import Noise, disturbed, paper_cell, scenes
 
 FAR = (3.0, 2.0)  # metres and radians: nothing of the description is left
 NO_GUESS = CalibrationOptions(initial_guess="none")
@@ -165,6 +166,29 @@ def test_a_description_that_is_metres_off_is_left_and_said():
     assert result.status == "converged"
     assert np.max(edge_errors(result.dataset, scene.truth)[:, 0]) < 0.005
     assert any("placed from the shared boards instead" in w for w in result.warnings)
+
+
+@pytest.mark.parametrize("loss", ["cauchy", "none"])
+def test_boards_that_stand_wrong_and_pull_the_sensors_away_are_placed_anew(loss):
+    """Two mirrored boards: only a robust loss lets go of them, so that they can be seen."""
+    dataset = scenes.random_scene(0, collections=12).dataset
+    options = CalibrationOptions(solver=SolverOptions(loss=loss))
+    good = calibrate(dataset, options).dataset
+    found = calibrate(dataset, replace(options, noisy_initial_guess=(0.5, 0.5))).dataset
+    for sensor in dataset.sensors.values():
+        apart = found.first_value(sensor.edge) - good.first_value(sensor.edge)
+        assert np.max(np.abs(apart)) < 1e-6
+
+
+def test_a_board_that_turned_round_on_its_way_does_not_stop_the_solver():
+    """The numbers of a pose become singular at a full turn; they are counted anew before it."""
+    scene = paper_cell(5)
+    far = disturbed(scene, FAR, np.random.default_rng([5, 900]))
+    result = calibrate(far.dataset)
+    assert result.status == "converged", result.message
+    turns = np.linalg.norm(result.summary.x.reshape(-1, 6)[:, :3], axis=1)
+    assert np.max(turns) < np.pi
+    assert np.max(edge_errors(result.dataset, scene.truth)[:, 0]) < 0.005
 
 
 def test_a_good_description_is_not_doubted():

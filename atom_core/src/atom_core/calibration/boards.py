@@ -20,10 +20,12 @@ from atom_core.problem.initial_boards import (
 )
 from atom_core.problem.measurements import Measurement
 from atom_core.problem.problem import Problem
+from atom_core.solvers import losses
 from atom_core.solvers.base import Minimum, Solver, SolverFactory, SolverOptions
 from atom_core.solvers.reweighting import rough_minimum
 
 _BOARD_ROUNDS = 3
+_FAR_RAD = 2.5  # of a rotation vector, which is singular at a full turn
 
 
 def initial_boards(
@@ -73,29 +75,61 @@ def settle_boards(
     for _ in range(_BOARD_ROUNDS):
         if rough.interrupted:
             break
-        problem = solver.problem
-        units = [np.ones(block.count) for block in problem.residual_blocks]
-        doubtful = doubtful_boards(problem, solver.squares(rough.x, units))
-        if not doubtful:
+        replaced, doubtful = _placed_anew(initial, solver, rough.x, measurements)
+        if doubtful and not replaced:
+            # Boards that stand wrong have pulled the sensors away; a robust loss lets go of them.
+            robust = rough_minimum(solver, rough.x, options, rough.iterations, losses.CAUCHY)
+            replaced, _ = _placed_anew(initial, solver, robust.x, measurements)
+            rough = replace(robust if replaced else rough, iterations=robust.iterations)
+        if not replaced:
             break
-        poses = problem.parameters.poses(rough.x)
-        blocks = [problem.parameters.blocks[i] for i in doubtful]
-        boards = {(b.names[0], b.collection): i for b, i in zip(blocks, doubtful)}
-        seen = [m for m in measurements if _board_key(initial, m) in boards]
-        better = better_boards(
-            seen,
-            _fixed_patterns(initial),
-            placement(solved_dataset(initial, problem, rough.x, {}), seen),
-            {key: poses[i] for key, i in boards.items()},
-        )
-        if not better:
-            break
-        replaced = {boards[key]: pose_ for key, pose_ in better.items()}
-        solver = make_solver(replace(problem, parameters=problem.parameters.with_initial(replaced)))
-        x = rough.x.copy()
-        x.reshape(-1, 6)[list(replaced)] = 0.0
+        solver, x = _restarted(solver, rough.x, replaced, make_solver)
         rough = rough_minimum(solver, x, options, rough.iterations)
+    turned = _far_turned(solver.problem, rough.x)
+    if turned:
+        solver, x = _restarted(solver, rough.x, turned, make_solver)
+        rough = replace(rough, x=x)
     return solver, rough
+
+
+def _placed_anew(
+    initial: Dataset, solver: Solver, x: np.ndarray, measurements: Sequence[Measurement]
+) -> Tuple[Dict[int, np.ndarray], List[int]]:
+    """Return better poses of boards by index of their block, and the boards that were doubted."""
+    problem = solver.problem
+    units = [np.ones(block.count) for block in problem.residual_blocks]
+    doubtful = doubtful_boards(problem, solver.squares(x, units))
+    if not doubtful:
+        return {}, []
+    poses = problem.parameters.poses(x)
+    blocks = [problem.parameters.blocks[i] for i in doubtful]
+    boards = {(b.names[0], b.collection): i for b, i in zip(blocks, doubtful)}
+    seen = [m for m in measurements if _board_key(initial, m) in boards]
+    better = better_boards(
+        seen,
+        _fixed_patterns(initial),
+        placement(solved_dataset(initial, problem, x, {}), seen),
+        {key: poses[i] for key, i in boards.items()},
+    )
+    return {boards[key]: pose_ for key, pose_ in better.items()}, doubtful
+
+
+def _far_turned(problem: Problem, x: np.ndarray) -> Dict[int, np.ndarray]:
+    """Return the poses of blocks that have turned so far that their numbers become singular."""
+    turns = np.linalg.norm(x.reshape(-1, 6)[:, :3], axis=1)
+    poses = problem.parameters.poses(x)
+    return {int(i): poses[i] for i in np.flatnonzero(turns > _FAR_RAD)}
+
+
+def _restarted(
+    solver: Solver, x: np.ndarray, poses: Mapping[int, np.ndarray], make_solver: SolverFactory
+) -> Tuple[Solver, np.ndarray]:
+    """Return a solver whose blocks begin at new poses (4, 4), by index, and the vector then."""
+    problem = solver.problem
+    solver = make_solver(replace(problem, parameters=problem.parameters.with_initial(poses)))
+    x = x.copy()
+    x.reshape(-1, 6)[list(poses)] = 0.0
+    return solver, x
 
 
 def _board_key(dataset: Dataset, m: Measurement) -> BoardKey:

@@ -6,7 +6,7 @@ data's when it ends where residuals are implausible and the data's ends lower.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
@@ -125,10 +125,11 @@ def pose_problem(
 
 
 def settle(posed: Posed, options: SolverOptions, make_solver: SolverFactory) -> Settled:
-    """Solve roughly, boards placed anew where they stand wrong."""
+    """Solve roughly, boards placed anew where they stand wrong; with half of the iterations."""
     first = make_solver(posed.problem)
     check_finite(first)
-    solver, rough = settle_boards(posed.initial, first, posed.measurements, options, make_solver)
+    half = replace(options, max_iterations=max(options.max_iterations // 2, 1))
+    solver, rough = settle_boards(posed.initial, first, posed.measurements, half, make_solver)
     return Settled(posed, first, solver, rough)
 
 
@@ -191,9 +192,10 @@ def rescued(
 ) -> Tuple[Settled, List[str]]:
     """Return the outcome of a start from the data where it is better, with a warning.
 
-    It is tried only when the outcome of the description's start is implausible.
+    It is tried only when the outcome of the description's start is implausible, or none.
     """
-    if settled.rough.interrupted or not settled.is_implausible():
+    lost = not settled.rough.converged
+    if settled.rough.interrupted or not (lost or settled.is_implausible()):
         return settled, []
     posed = settled.posed
     estimate = sensors_from_boards(dataset, posed.measurements, free)
@@ -202,12 +204,13 @@ def rescued(
         for guess in (estimate.dataset, *estimate.others)
     ]
     other, _ = best_settled(starts, options, make_solver)
-    if not other.robust_cost() < _CLEARLY_LOWER * settled.robust_cost():
+    enough = _AS_GOOD if lost and other.rough.converged else _CLEARLY_LOWER
+    if not other.robust_cost() < enough * settled.robust_cost():
         return settled, []
     remark = (
-        "the initial guess of the description leads to implausible residuals: the sensors were "
-        "placed from the shared boards instead (as with --initial_guess none); correct the "
-        "description, or look whether it is the right one"
+        f"the initial guess of the description {'is far off' if lost else 'ends implausibly'}: the "
+        f"sensors were placed from the shared boards instead (as with --initial_guess none); "
+        f"correct the description, or look whether it is the right one"
     )
     return other, [remark, *estimate.remarks]
 

@@ -55,15 +55,19 @@ _MEDIAN_OF_NORM = {1: 0.67449, 2: 1.17741}
 
 
 def rough_minimum(
-    solver: Solver, start: np.ndarray, options: SolverOptions, done: int = 0
+    solver: Solver,
+    start: np.ndarray,
+    options: SolverOptions,
+    done: int = 0,
+    loss: str = losses.NONE,
 ) -> Minimum:
-    """Return a first answer with the initial sigmas and no robust loss.
+    """Return a first answer with the initial sigmas and, unless asked for, no robust loss.
 
     Far from the solution every residual is large, and a robust loss would drop them all.
     ``done`` iterations are behind; they are counted in the result.
     """
-    unweighted = replace(options, loss=losses.NONE)
-    return _minimise(solver, start, _initial_sigmas(solver.problem), unweighted, done, ROUGH)
+    rough = replace(options, loss=loss)
+    return _minimise(solver, start, _initial_sigmas(solver.problem), rough, done, ROUGH)
 
 
 def _minimise(
