@@ -2,8 +2,8 @@
 
 Prints tables and writes bench_output/{speed,scaling,accuracy,starts,convergence,gross_errors}.csv
 and scaling.png; docs/benchmarks/README.md tells how to read them. Times depend on the machine and
-its load: compare the rows of one run with each other. The references beside our solvers, on the same
-rows from the same start: plain_ceres.cpp (a straightforward Ceres program, one thread) and
+its load: compare the rows of one run with each other. The references beside our solvers, on the
+same rows from the same start: plain_ceres.cpp (a straightforward Ceres program, one thread) and
 scipy.optimize.least_squares (trf, sparse analytic Jacobian, lsmr).
 """
 
