@@ -97,6 +97,17 @@ def test_playbag_throttles_filters_and_decompresses(made_once):
     assert nodes["filter_bag_tf"].get("args") == ""  # the bag has /joint_states
 
 
+@pytest.mark.parametrize(("throttle", "waits"), [("throttle: 5", False), ("throttle:", True)])
+def test_collecting_waits_for_listeners_unless_topics_are_throttled(package, throttle, waits):
+    # topic_tools announces a throttled topic with its first message, so nobody can wait for it
+    edit_config(package, "throttle: 5", throttle)
+    assert configure(package) == 0
+    root = ElementTree.parse(str(package / "launch" / "collect_data.launch")).getroot()
+    assert ("start_bag" in [node.get("name") for node in root.findall("node")]) is waits
+    paused = {arg.get("name"): arg.get("value") for arg in root.find("include").findall("arg")}
+    assert paused["paused"] == str(waits).lower()
+
+
 def test_rviz_files_show_every_sensor(made_once):
     for path in (made_once / "rviz").iterdir():
         displays = yaml.safe_load(path.read_text("utf-8"))["Visualization Manager"]["Displays"]

@@ -85,6 +85,7 @@ def template_values(
         "sensors": sensors,
         "data_frames": _unique([s["frame"] for s in sensors]),
         "compressed": [s["data_topic"] for s in sensors if s["data_topic"] != s["topic"]],
+        "throttles": any(s["throttle"] for s in sensors),
         "has_joint_states": bool(facts.joints),
     }
 
