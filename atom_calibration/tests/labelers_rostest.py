@@ -4,6 +4,7 @@
 import signal
 import sys
 import tempfile
+import time
 import unittest
 from concurrent.futures import ThreadPoolExecutor
 
@@ -15,7 +16,7 @@ from live_scene import COLLECTIONS, LiveRig, LiveScene, Process, wait_until
 from sensor_msgs.msg import Image, PointCloud2
 
 from atom_calibration.annotation import POINT
-from atom_calibration.msg import SensorLabels
+from atom_calibration.msg import CollectorState, SensorLabels
 from atom_calibration.srv import SaveCollection, SetSeed
 from atom_core.io.dataset_json import read_dataset
 
@@ -219,18 +220,25 @@ class LabelersTest(unittest.TestCase):
         )  # fmt: skip
         self.addCleanup(collector.end)
 
-        def saved():
-            try:
-                rospy.wait_for_service("/collect_data/save_collection", timeout=0.01)
-            except rospy.ROSException:
-                return False
-            with ThreadPoolExecutor(1) as pool:
-                save = rospy.ServiceProxy("/collect_data/save_collection", SaveCollection)
-                answer = pool.submit(save)
-                self.rig.show_until(COLLECTIONS[1], answer.done, 30, lambda: "an answer")
-                return answer.result().success
+        seen, service = {}, "/collect_data/save_collection"
+        rospy.Subscriber("/collect_data/state", CollectorState, lambda m: seen.update(state=m))
 
-        self.rig.show_until(COLLECTIONS[1], saved, 60, lambda: "a collection is saved")
+        def all_seen():
+            states = seen["state"].sensors if "state" in seen else []
+            services = rospy.get_master().getSystemState()[2][2]
+            ready = any(service == name for name, _ in services)
+            return ready and states and all(s.patterns and s.patterns[0].detected for s in states)
+
+        self.rig.show_until(COLLECTIONS[1], all_seen, 60, lambda: "the collector is ready")
+        until = self.rig.stamp_s + 1.0
+        self.rig.show_until(COLLECTIONS[1], lambda: self.rig.stamp_s > until, 60, lambda: "1 s")
+        save = rospy.ServiceProxy(service, SaveCollection)
+        with ThreadPoolExecutor(1) as pool:
+            answer = pool.submit(save)
+            self.rig.show_until(COLLECTIONS[1], answer.done, 60, lambda: "an answer")
+        self.assertTrue(answer.result().success, answer.result().message)
+        time.sleep(5.2)
+        self.assertIn("no labels have come for more than 5 s", save().message)
         collector.signal(signal.SIGINT)
         self.assertEqual(collector.wait(30), 0, collector.output)
         dataset = read_dataset(f"{output}/dataset.json")

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import time
 from concurrent.futures import Future
+from concurrent.futures import TimeoutError as FutureTimeoutError  # the builtin from 3.11 on
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Callable, List, Optional
 
 import message_filters
+import numpy as np
 import rospy
 from std_srvs.srv import SetBool, SetBoolResponse
 
@@ -239,7 +241,7 @@ class LiveCollector:
             return self._inbox.ask(request).result(_ANSWER_WITHIN_S), ""
         except AtomError as error:
             return None, str(error)
-        except TimeoutError:
+        except FutureTimeoutError:
             return None, "the collector is ending, or busy; try again"
 
     def _from_menu(self, request: Callable[[Future], None]) -> Callable[[], None]:
@@ -260,7 +262,8 @@ class LiveCollector:
 
     def _save(self, answer: Future) -> None:
         now = time.monotonic()
-        if self.last_data_s is None or now - self.last_data_s > _STALE_S:
+        nothing = self.last_data_s is None or not np.isfinite(self._order.newest_s)
+        if nothing or now - (self.last_data_s or now) > _STALE_S:
             self._answer(answer, self._no_data)
             return
         self._saves.append(_Save(self._order.newest_s, now + _SAVE_WITHIN_S, answer))
