@@ -443,13 +443,3 @@ def test_a_document_without_a_file_names_its_source():
     dataset = scenes.two_cameras(0, collections=1).dataset
     again = dataset_from_document(new_document(dataset, name="x"), dataset.source)
     assert again.source == dataset.source
-
-
-def test_the_text_is_that_of_the_library():
-    document = {
-        "z": {"b": [1, 2, 3], "a": [], "c": {}},
-        'é\n"': [[0.1, -1e-30, 1], [True, None, "x"], [{"k": [1.5]}]],
-        "n": [float("inf"), 10**20],
-        "numbers as keys": {2: "b", 1: {"x": [3]}},
-    }
-    assert dumps(document) == json.dumps(document, indent=2, sort_keys=True)
