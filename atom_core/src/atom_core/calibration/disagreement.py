@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import NamedTuple, Sequence, Tuple
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtri  # scipy.stats has it as chi2.isf, and takes long to load
 
 from atom_core.geometry import se3
 from atom_core.problem.problem import Problem
@@ -65,14 +65,14 @@ def disagreement(
     own = _own_errors(problem.poses(x), OWN_M, OWN_RAD)
     chi_square, freedom = chi_squares(problem, equations, own)
     sensors = np.array([key.sensor for key in problem.detections])
-    relative = chi_square / stats.chi2.median(np.maximum(freedom, 1))
+    relative = chi_square / chdtri(np.maximum(freedom, 1), 0.5)
     scatter = np.full(len(sensors), np.median(relative[freedom > 0]) if freedom.any() else 1.0)
     for sensor in np.unique(sensors):
         mine = (sensors == sensor) & (freedom > 0)
         if np.sum(mine) >= _ENOUGH:
             scatter[sensors == sensor] = np.median(relative[mine])
     scatter = np.maximum(scatter, 1.0)
-    limit = scatter * stats.chi2.isf(CHANCE, np.maximum(freedom, 1))
+    limit = scatter * chdtri(np.maximum(freedom, 1), CHANCE)
     return Disagreement(chi_square / limit, scatter, _mostly_outliers(problem, squares))
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtri  # scipy.stats has it as chi2.isf, and takes long to load
 
 from atom_core.calibration.board_fit import BoardFits
 from atom_core.calibration.boards import solved_dataset
@@ -36,7 +36,7 @@ _LENIENT = 2.0  # on the limit of what the test of all detections did not find s
 GARBAGE = "most of it fits no pose of the board"
 DISAGREES = "it disagrees with the other sensors on where the board is"
 NO_MAJORITY = "its sensors do not agree on where the board is"
-_LIMIT = float(stats.chi2.isf(CHANCE, 6))
+_LIMIT = float(chdtri(6, CHANCE))
 ALONE = "no other sensor is left that sees the board"
 
 
