@@ -152,7 +152,7 @@ def plot(rows: List[Row], path: Path) -> None:
     times.set(xlabel="residual rows", ylabel="solve [s]", title="Time to solve")
     times.legend()
     for solver, style in (("ceres", "o-"), ("scipy", "d-.")):
-        mine = [(r["rows"], r["peak_mb"]) for r in rows if r["solver"] == solver]
+        mine = [(r["rows"], r["peak_mb"]) for r in rows if r["solver"] == solver and r["peak_mb"]]
         memory.loglog(*zip(*sorted(mine)), style, label=solver)
     memory.set(xlabel="residual rows", ylabel="MB", title="Peak memory of the process")
     memory.legend()
