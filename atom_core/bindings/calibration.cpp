@@ -293,6 +293,8 @@ Returns:
 )")
       .def("set_inset", &CalibrationProblem::SetInset, py::arg("residual_block"), py::arg("inset"),
            "Replaces the inset (n,) [m] of a border block.")
+      .def("set_points", &CalibrationProblem::SetPoints, py::arg("residual_block"),
+           py::arg("points"), "Moves the points (n, 3) [m] of an orthogonal or border block.")
       .def("assess", &AssessProblem, py::arg("x"), py::arg("sigmas"), py::arg("loss"),
            py::arg("with_insets"), R"(What an Assessment is made from.
 

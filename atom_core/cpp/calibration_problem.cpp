@@ -109,6 +109,15 @@ void CalibrationProblem::SetInset(std::size_t residual_block, Eigen::VectorXd in
   residuals_[residual_block].inset = std::move(inset);
 }
 
+void CalibrationProblem::SetPoints(std::size_t residual_block, PointRows points) {
+  if (residual_block >= residuals_.size() ||
+      residuals_[residual_block].kind == ResidualKind::kReprojection ||
+      residuals_[residual_block].points.rows() != points.rows()) {
+    throw std::invalid_argument("points are set for all items of an orthogonal or border block");
+  }
+  residuals_[residual_block].points = std::move(points);
+}
+
 Weighting CalibrationProblem::MakeWeighting(Loss loss, std::vector<Eigen::VectorXd> sigma,
                                             bool compress) const {
   if (sigma.size() != residuals_.size()) {

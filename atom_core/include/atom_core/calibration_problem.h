@@ -57,6 +57,10 @@ class CalibrationProblem {
   /// \throws std::invalid_argument when it is no border block or has another length.
   void SetInset(std::size_t residual_block, Eigen::VectorXd inset);
 
+  /// Moves the points of an orthogonal or border block: (n, 3), in the sensor's frame, metres.
+  /// \throws std::invalid_argument when the block has other points.
+  void SetPoints(std::size_t residual_block, PointRows points);
+
   /// The segments of a detection.
   const std::vector<Segment>& segments(std::size_t detection) const { return segments_[detection]; }
 

@@ -12,7 +12,7 @@ from atom_core.calibration.boards import solved_dataset
 from atom_core.calibration.disturb import disturbed
 from atom_core.calibration.initial_sensors import sensors_from_boards
 from atom_core.calibration.options import DESCRIPTION, NO_GUESS, CalibrationOptions
-from atom_core.calibration.preparation import Prepared, prepare
+from atom_core.calibration.preparation import Prepared, check_range_offsets, prepare
 from atom_core.calibration.reasons import Solution
 from atom_core.calibration.rejection import (
     Rejected,
@@ -21,7 +21,11 @@ from atom_core.calibration.rejection import (
     whole_collections,
 )
 from atom_core.calibration.starts import Posed, ambiguity, best_settled, pose_problem, rescued
-from atom_core.calibration.weak_directions import WeakDirection, weak_directions
+from atom_core.calibration.weak_directions import (
+    WeakDirection,
+    weak_directions,
+    weak_range_offsets,
+)
 from atom_core.model.dataset import Dataset
 from atom_core.model.pattern import BoardKey
 from atom_core.problem.builder import FreeEdges
@@ -81,7 +85,9 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
         AtomError: the calibration cannot be posed; one sentence says why and what to do.
     """
     options = options or CalibrationOptions()
+    options = replace(options, solver=replace(options.solver, range_offsets=options.range_offset))
     clock = _Clock()
+    check_range_offsets(dataset, options)
     ready = prepare(dataset, options)
     free = ready.free
     warnings = list(dataset.warnings) + ready.remarks
@@ -114,6 +120,7 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
     weak = ambiguity(settled, rivals) + weak_directions(
         Solution(solved, problem, summary.x), covariance, *options.undetermined_limit
     )
+    weak += weak_range_offsets(covariance, options.undetermined_limit[0])
     clock.lap("covariance")
     status, message = _verdict(summary, weak, purged.failure)
     return Calibration(

@@ -26,6 +26,7 @@ class CalibrationOptions:
             where that cannot be right), ``none`` places the sensors from the data alone.
         noisy_initial_guess: metres and radians by which each free edge is moved at the start.
         seed: of that disturbance.
+        range_offset: lidar3d sensors whose range offset is estimated.
         keep_collections: keys of collections that are used even if they contradict the others.
         keep_detections: (collection, sensor) of detections that are.
         undetermined_limit: metres and radians; a larger predicted sigma is undetermined.
@@ -41,6 +42,7 @@ class CalibrationOptions:
     initial_guess: str = DESCRIPTION
     noisy_initial_guess: Tuple[float, float] = (0.0, 0.0)
     seed: int = 0
+    range_offset: Tuple[str, ...] = ()
     keep_collections: Tuple[str, ...] = ()
     keep_detections: Tuple[Tuple[str, str], ...] = ()
     undetermined_limit: Tuple[float, float] = (0.05, 0.05)

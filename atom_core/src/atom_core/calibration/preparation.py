@@ -10,10 +10,11 @@ from atom_core.calibration.memory import check_memory
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.errors import CalibrationError
 from atom_core.model.dataset import Dataset, is_complete
-from atom_core.model.sensor import LIDAR2D
+from atom_core.model.sensor import LIDAR2D, LIDAR3D
 from atom_core.model.transforms import Edge
 from atom_core.problem.builder import FreeEdges, check_edges
 from atom_core.problem.measurements import Measurement, read_measurements
+from atom_core.solvers.base import SIGMA
 from atom_core.solvers.choice import default_solver
 
 
@@ -62,6 +63,20 @@ def check_modalities(dataset: Dataset) -> None:
                 f"sensor '{sensor.name}': modality lidar2d can be read and written but not "
                 f"calibrated yet; leave it out with -ssf '!{sensor.name}'"
             )
+
+
+def check_range_offsets(dataset: Dataset, options: CalibrationOptions) -> None:
+    """Refuse a range offset of what is no lidar3d sensor, and one that no weights can tell."""
+    for name in options.range_offset:
+        sensor = dataset.sensors.get(name)
+        if sensor is None or sensor.modality != LIDAR3D:
+            lidars = [s.name for s in dataset.sensors.values() if s.modality == LIDAR3D]
+            raise CalibrationError(
+                f"--range_offset {name}: there is no such lidar3d sensor; there are: "
+                f"{', '.join(lidars) or 'none'}"
+            )
+    if options.range_offset and options.solver.weights != SIGMA:
+        raise CalibrationError("--range_offset needs --weights sigma")
 
 
 def absent_data(dataset: Dataset) -> Dict[str, List[str]]:

@@ -181,6 +181,7 @@ def _sensors(calibration: Calibration, table: Table, outliers: Outliers) -> Dict
                 for block, inset in zip(problem.residual_blocks, summary.inset_steps)
                 if block.sensor == name
             ),
+            **_range_offset(calibration, name),
             "sigma": {
                 f"{block.kind}_{UNITS[block.kind]}": float(np.median(sigma))
                 for block, sigma in zip(problem.residual_blocks, summary.sigmas)
@@ -188,6 +189,15 @@ def _sensors(calibration: Calibration, table: Table, outliers: Outliers) -> Dict
             },
         }
     return document
+
+
+def _range_offset(calibration: Calibration, sensor: str) -> Dict[str, float]:
+    """Return what was found of a sensor's range offset; nothing where it was not asked for."""
+    offsets = calibration.summary.range_offsets_m
+    if sensor not in offsets:
+        return {}
+    sigma = calibration.covariance.range_offset_sigmas_m.get(sensor, 0.0)
+    return {"range_offset_m": offsets[sensor], "sigma_range_offset_m": min(sigma, 1e6)}
 
 
 def _collections(calibration: Calibration, table: Table) -> Dict[str, Any]:

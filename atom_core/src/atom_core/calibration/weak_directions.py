@@ -49,6 +49,21 @@ def edge_covariance(block: ParameterBlock, x: np.ndarray, covariance: np.ndarray
     return to_parent @ covariance @ to_parent.T
 
 
+def weak_range_offsets(covariance: Covariance, limit_m: float) -> List[WeakDirection]:
+    """Return the range offsets whose predicted sigma exceeds the limit."""
+    return [
+        WeakDirection(
+            (f"{sensor} range offset",),
+            min(sigma, _LARGEST_SIGMA),
+            "m",
+            f"the data hardly tell an offset of the ranges of {sensor} from a shift of the sensor; "
+            f"collect boards at other distances and angles, or leave it out of --range_offset",
+        )
+        for sensor, sigma in covariance.range_offset_sigmas_m.items()
+        if sigma > limit_m
+    ]
+
+
 def weak_directions(
     solution: Solution, covariance: Covariance, limit_m: float, limit_rad: float
 ) -> List[WeakDirection]:

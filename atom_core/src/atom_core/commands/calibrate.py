@@ -21,6 +21,7 @@ from atom_core.io.truth_json import read_truth
 from atom_core.io.urdf import Description, read_description, write_calibrated_description
 from atom_core.model.dataset import Dataset
 from atom_core.model.selection import select_names
+from atom_core.model.sensor import LIDAR3D
 from atom_core.report.calibration_tables import calibration_report
 from atom_core.solvers.base import CONVERGED, SolverOptions
 from atom_core.solvers.choice import CERES, SOLVERS, default_solver
@@ -37,6 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_solver_options(parser)
     _add_freedom_options(parser)
     _add_keep_options(parser)
+    _add_range_offset_option(parser)
     common.add_option(
         parser,
         "description",
@@ -120,6 +122,17 @@ def _add_solver_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_range_offset_option(parser: argparse.ArgumentParser) -> None:
+    common.add_option(
+        parser,
+        "range_offset",
+        nargs="*",
+        metavar="S",
+        help="estimate what must be added to all distances of these LiDARs (names, globs; all "
+        "without a name)",
+    )
+
+
 def _add_keep_options(parser: argparse.ArgumentParser) -> None:
     common.add_option(
         parser,
@@ -192,6 +205,7 @@ def run(args: argparse.Namespace) -> int:
         options = replace(options, additional_tfs=tuple(names))
     options = replace(
         options,
+        range_offset=_range_offset_sensors(args, dataset),
         keep_collections=_kept_collections(args, dataset),
         keep_detections=_kept_detections(args, dataset),
     )
@@ -235,6 +249,15 @@ def _options(args: argparse.Namespace) -> CalibrationOptions:
         )
     except ValueError as error:
         raise CalibrationError(str(error)) from None
+
+
+def _range_offset_sensors(args: argparse.Namespace, dataset: Dataset) -> Tuple[str, ...]:
+    if args.range_offset is None:
+        return ()
+    lidars = [s.name for s in dataset.sensors.values() if s.modality == LIDAR3D]
+    if not lidars:
+        raise CalibrationError("--range_offset: there is no lidar3d sensor")
+    return tuple(select_names(lidars, args.range_offset, "lidar3d sensor"))
 
 
 def _kept_collections(args: argparse.Namespace, dataset: Dataset) -> Tuple[str, ...]:

@@ -273,6 +273,7 @@ def _orthogonal(sensor: str, items: Sequence[Tuple[int, RangeMeasurement]]) -> O
         sigma=np.concatenate([m.inside_sigma_m for _, m in items]),
         ids=np.concatenate([m.inside_indices for _, m in items]),
         points=np.concatenate([m.inside for _, m in items]),
+        range_offset_m=0.0,
     )
 
 
@@ -285,6 +286,7 @@ def _border(sensor: str, items: Sequence[Tuple[int, RangeMeasurement]]) -> Borde
         sigma=np.concatenate([m.limit_sigma_m for _, m in items]),
         ids=np.concatenate([m.limit_indices for _, m in items]),
         points=np.concatenate([m.limit for _, m in items]),
+        range_offset_m=0.0,
         centre=np.repeat([m.border.centre for _, m in items], counts, axis=0),
         half_size=np.repeat([m.border.half_size for _, m in items], counts, axis=0),
         steps=np.concatenate([m.limit_steps for _, m in items]),

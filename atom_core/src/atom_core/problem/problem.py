@@ -15,7 +15,7 @@ import numpy as np
 from atom_core.geometry import se3
 from atom_core.model.dataset import DetectionKey
 from atom_core.problem.parameters import Parameters
-from atom_core.problem.residuals import BorderBlock, ResidualBlock
+from atom_core.problem.residuals import BorderBlock, RangeBlock, ResidualBlock
 
 if TYPE_CHECKING:
     from scipy import sparse
@@ -133,6 +133,16 @@ class Problem:
             block = blocks[i]
             assert isinstance(block, BorderBlock), "only limit points have an inset"
             blocks[i] = replace(block, inset=inset)
+        return replace(self, residual_blocks=tuple(blocks))
+
+    def with_range_offsets(self, offsets_m: Mapping[str, float]) -> Problem:
+        """Return the problem with the points of some range sensors moved along their rays."""
+        blocks = [
+            block.with_range_offset(offsets_m[block.sensor])
+            if isinstance(block, RangeBlock) and block.sensor in offsets_m
+            else block
+            for block in self.residual_blocks
+        ]
         return replace(self, residual_blocks=tuple(blocks))
 
     def residuals(self, x: np.ndarray) -> List[np.ndarray]:

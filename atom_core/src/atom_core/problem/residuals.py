@@ -100,10 +100,37 @@ class ReprojectionBlock(ResidualBlock):
 
 
 @dataclass(frozen=True)
-class OrthogonalBlock(ResidualBlock):
-    """Points of one range sensor on the boards; ``points`` (n, 3) in its frame [m]."""
+class RangeBlock(ResidualBlock):
+    """Points of one range sensor.
+
+    Attributes:
+        points: (n, 3) in its frame [m], already moved by the range offset.
+        range_offset_m: by how much they are moved away from the sensor, along their rays.
+    """
 
     points: np.ndarray
+    range_offset_m: float
+
+    @property
+    def rays(self) -> np.ndarray:
+        """(n, 3) unit vectors from the sensor to the points."""
+        return self.points / np.linalg.norm(self.points, axis=1, keepdims=True)
+
+    def with_range_offset(self, offset_m: float) -> RangeBlock:
+        """Return the block with its points moved by another offset."""
+        points = self.points.astype(float)  # clouds have single precision
+        rays = points / np.linalg.norm(points, axis=1, keepdims=True)
+        moved = points + (offset_m - self.range_offset_m) * rays
+        return replace(self, points=moved, range_offset_m=offset_m)
+
+    @abstractmethod
+    def by_range_offset(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
+        """Return the derivatives (n,) of the residuals by the range offset."""
+
+
+@dataclass(frozen=True)
+class OrthogonalBlock(RangeBlock):
+    """How far points lie before or behind the boards."""
 
     kind = ORTHOGONAL
 
@@ -120,22 +147,24 @@ class OrthogonalBlock(ResidualBlock):
         jacobian = -np.concatenate([np.cross(self.points, normal), normal], axis=1)
         return self.residuals(sensor_T_pattern), jacobian[:, None, :]
 
+    def by_range_offset(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
+        """Return the derivatives (n,) of the heights by the range offset."""
+        return np.einsum("ni,ni->n", sensor_T_pattern[self.detection, :3, 2], self.rays)
+
 
 @dataclass(frozen=True)
-class BorderBlock(ResidualBlock):
+class BorderBlock(RangeBlock):
     """Limit points of one range sensor.
 
     The last sample on a board lies inside its border, on average by half a step to the next one.
     With an ``inset`` the distance is taken to where the last samples are to be expected.
 
     Attributes:
-        points: (n, 3) in its frame [m].
         centre, half_size: (n, 2) of the board's border in the pattern's plane [m].
         steps: (n, 2, 3) to the next samples, in the sensor's frame [m].
         inset: (n,) how far inside the border the points are expected [m].
     """
 
-    points: np.ndarray
     centre: np.ndarray
     half_size: np.ndarray
     steps: np.ndarray
@@ -153,6 +182,11 @@ class BorderBlock(ResidualBlock):
         distance, outward = self._distance(sensor_T_pattern, self.expected_half_size)
         jacobian = -np.concatenate([np.cross(self.points, outward), outward], axis=1)
         return distance[:, None], jacobian[:, None, :]
+
+    def by_range_offset(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
+        """Return the derivatives (n,) of the distances by the range offset."""
+        _, outward = self._distance(sensor_T_pattern, self.expected_half_size)
+        return np.einsum("ni,ni->n", outward, self.rays)
 
     def steps_across(self, sensor_T_pattern: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
         """Return distances to the true border (n,) and the steps' lengths across it (n,) [m]."""

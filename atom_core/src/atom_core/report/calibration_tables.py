@@ -21,6 +21,7 @@ _SHOWN = {"reprojection": ("px", 1.0, 4), "orthogonal": ("mm", 1e3, 2), "border"
 def calibration_report(document: Mapping[str, Any], verbose: bool = False) -> str:
     """Return what ``calibrate`` prints, from the document ``calibration.json``."""
     parts = [_edges_table(document), _sensors_table(document)]
+    parts += _range_offset_lines(document)
     parts += _propagation_table(document) + _outliers_line(document)
     if verbose:
         parts.append(_collections_table(document))
@@ -76,6 +77,15 @@ def _sensors_table(document: Mapping[str, Any]) -> str:
     for kind, (unit, _, _) in _SHOWN.items():
         headers += [f"{kind} mean [{unit}]", f"rms [{unit}]"]
     return text_table(headers, rows, "Residuals at the solution")
+
+
+def _range_offset_lines(document: Mapping[str, Any]) -> List[str]:
+    found = [
+        f"{name} {1e3 * s['range_offset_m']:+.2f} mm (sigma {1e3 * s['sigma_range_offset_m']:.2g})"
+        for name, s in document["sensors"].items()
+        if "range_offset_m" in s
+    ]
+    return [f"Added to all distances: {', '.join(found)}"] if found else []
 
 
 def _propagation_table(document: Mapping[str, Any]) -> List[str]:

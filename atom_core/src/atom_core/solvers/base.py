@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Callable, Dict, List, NamedTuple, Optional, Protocol, Sequence, Tuple
+from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Protocol, Sequence, Tuple
 
 import numpy as np
 
@@ -75,6 +75,7 @@ class SolverOptions:
         loss: none, huber or cauchy, its width in units of sigma.
         max_iterations: over all rounds of reweighting.
         reweighting_rounds: at most so many estimates of the sigmas.
+        range_offsets: names of the range sensors whose range offset is estimated.
         progress: told of every iteration.
     """
 
@@ -82,6 +83,7 @@ class SolverOptions:
     loss: str = CAUCHY
     max_iterations: int = 200
     reweighting_rounds: int = 10
+    range_offsets: Tuple[str, ...] = ()
     progress: Optional[Progress] = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -125,6 +127,10 @@ class Solver(Protocol):
 
     def take_insets(self, problem: Problem) -> None:
         """Go on with a problem that differs from the present one in its insets only."""
+        ...
+
+    def take_range_offsets(self, problem: Problem) -> None:
+        """Go on with a problem that differs from the present one in its range offsets only."""
         ...
 
     def minimise(
@@ -175,6 +181,7 @@ class SolverSummary:
         inset_steps: for each residual block, how many steps of sampling the limit points are
             expected inside the border; 0 for other kinds.
         interrupted: True when it was stopped from outside.
+        range_offsets_m: by sensor, how far its points are moved along their rays; estimated.
     """
 
     x: np.ndarray
@@ -188,3 +195,4 @@ class SolverSummary:
     robust_weights: Tuple[np.ndarray, ...]
     inset_steps: Tuple[float, ...]
     interrupted: bool = False
+    range_offsets_m: Mapping[str, float] = field(default_factory=dict)

@@ -16,6 +16,7 @@ from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import (
     BorderBlock,
     OrthogonalBlock,
+    RangeBlock,
     ReprojectionBlock,
     ResidualBlock,
 )
@@ -52,6 +53,13 @@ class CeresSolver:
         for i, block in enumerate(problem.residual_blocks):
             if isinstance(block, BorderBlock):
                 self._native.set_inset(i, block.inset)
+
+    def take_range_offsets(self, problem: Problem) -> None:
+        """Go on with a problem that differs from the present one in its range offsets only."""
+        before, self.problem = self.problem, problem
+        for i, (old, block) in enumerate(zip(before.residual_blocks, problem.residual_blocks)):
+            if isinstance(block, RangeBlock) and block is not old:
+                self._native.set_points(i, block.points)
 
     def equations(self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str) -> NormalEquations:
         """Return the weighted normal equations at the vector x."""

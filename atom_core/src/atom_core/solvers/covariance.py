@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import copy
+from typing import Dict
+
 import numpy as np
 
 from atom_core.problem.problem import Problem
 from atom_core.solvers.normal_equations import NormalEquations
+from atom_core.solvers.range_offsets import UNIT_M, OffsetColumn
+from atom_core.solvers.scalars import JointScalars
 
 _SMALLEST = 1e-13  # relative eigenvalue below which a direction counts as not seen at all
 
@@ -30,11 +35,30 @@ class Covariance:
         size = equations.shared.shape[0]
         reduced = equations.shared - np.tensordot(equations.cross, coupling, axes=((0, 1), (0, 1)))
         self._scale = scale
+        self.range_offset_sigmas_m: Dict[str, float] = {}  # by sensor, of those estimated
         # What elimination leaves of an unseen direction is rounding: measure it against before.
         diagonal = np.diagonal(equations.shared)[None]
         self._shared = _pseudo_inverse(reduced[None], diagonal)[0] if size else reduced
         self._cross = -coupling @ self._shared
         self._local = inverse - self._cross @ np.swapaxes(coupling, 1, 2)
+
+    def bordered(self, joint: JointScalars) -> Covariance:
+        """Return the covariance when scalars are estimated beside the poses."""
+        result = copy.copy(self)
+        variance, layout = joint.covariance(), self._layout
+        parts = [layout.split(gain) for gain in joint.gains]
+        shared = np.array([part[0] for part in parts]).T  # (6 s, k)
+        local = np.stack([part[1] for part in parts], axis=-1)  # (g, 6 w, k)
+        result._shared = self._shared + shared @ variance @ shared.T
+        result._cross = self._cross + local @ (variance @ shared.T)
+        result._local = self._local + (local @ variance) @ np.swapaxes(local, 1, 2)
+        sigmas = np.sqrt(np.diagonal(variance) * self._scale)
+        result.range_offset_sigmas_m = {
+            column.sensor: float(UNIT_M * sigma)
+            for column, sigma in zip(joint.columns, sigmas)
+            if isinstance(column, OffsetColumn)
+        }
+        return result
 
     @property
     def shared(self) -> np.ndarray:

@@ -43,7 +43,14 @@ from atom_core.solvers.base import (
 )
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.fixed_point import FixedPoint
-from atom_core.solvers.insets import apply_insets, better_insets
+from atom_core.solvers.insets import apply_insets
+from atom_core.solvers.range_offsets import (
+    UNIT_M,
+    apply_range_offsets,
+    in_metres,
+    offset_columns,
+)
+from atom_core.solvers.scalars import better_scalars, joint_scalars
 from atom_core.solvers.scipy_solver import total_cost
 
 # Relative change of a factor below which the rounds become finer, and below which they end.
@@ -115,7 +122,8 @@ def solve(
             end = _minimise(solver, rough.x, sigmas, options, rough.iterations, EXACT)
         return _summary(solver, options, end, sigmas, np.zeros(len(sigmas)))
     count = len(solver.problem.residual_blocks)
-    return _reweighted(solver, options, rough, np.ones(count), np.zeros(count))
+    none = np.zeros(len(options.range_offsets))
+    return _reweighted(solver, options, rough, np.ones(count), np.zeros(count), none)
 
 
 def solve_again(
@@ -134,6 +142,10 @@ def solve_again(
     kept = [place[(b.sensor, b.kind)] for b in problem.residual_blocks]
     scales, insets = (np.array(v)[kept] for v in (summary.scales, summary.inset_steps))
     start = np.zeros(problem.parameters.size)
+    offsets_m = [summary.range_offsets_m.get(name, 0.0) for name in options.range_offsets]
+    offsets = np.array(offsets_m) / UNIT_M
+    apply_range_offsets(solver, options.range_offsets, offsets)
+    problem = solver.problem
     poses = problem.poses(start)
     expected = {
         i: insets[i] * block.steps_across(poses)[1]
@@ -145,32 +157,43 @@ def solve_again(
     # What was left out may have used the iterations up: it is another problem now.
     fresh = replace(options, max_iterations=summary.iterations + options.max_iterations)
     rough = _minimise(solver, start, sigmas, fresh, summary.iterations, ROUGH)
-    again = _reweighted(solver, fresh, rough, scales, insets)
+    again = _reweighted(solver, fresh, rough, scales, insets, offsets)
     return replace(again, cost_initial=summary.cost_initial)
 
 
 def _reweighted(
-    solver: Solver, options: SolverOptions, rough: Minimum, scales: np.ndarray, insets: np.ndarray
+    solver: Solver,
+    options: SolverOptions,
+    rough: Minimum,
+    scales: np.ndarray,
+    insets: np.ndarray,
+    offsets: np.ndarray,
 ) -> SolverSummary:
-    """Solve in rounds, from a rough answer for some scales (b,) and insets (b,)."""
+    """Solve in rounds, from a rough answer for some scales (b,), insets (b,) and offsets (s,)."""
     end, tolerance = rough, ROUGH
     initial = _initial_sigmas(solver.problem)
     sigmas = tuple(s * scale for s, scale in zip(initial, scales))
     count, settled = len(sigmas), False
-    state = FixedPoint(np.concatenate([np.log(scales), insets]))
+    sensors = options.range_offsets
+    state = FixedPoint(np.concatenate([np.log(scales), insets, offsets]))
     for _ in range(options.reweighting_rounds):
         if end.interrupted:
             break
         assessment = solver.assess(end.x, sigmas, options.loss)
-        insets = state.value[count:]
-        now = better_insets(solver.problem, assessment, options.loss, insets)
+        _, insets, offsets = np.split(state.value, [count, 2 * count])
+        columns = offset_columns(solver.problem, end.x, sigmas, options.loss, sensors)
+        now, offsets_now = better_scalars(
+            solver.problem, assessment, columns, options.loss, insets, offsets
+        )
         apply_insets(solver, assessment.columns, now)
+        apply_range_offsets(solver, sensors, offsets_now)
         squares = solver.squares(end.x, sigmas)
         factors = _sigma_factors(solver.problem, assessment, squares, sigmas, options.loss)
-        change = np.concatenate([np.log(factors), now - insets])
-        scales, insets = np.split(state.advance(change), 2)
+        change = np.concatenate([np.log(factors), now - insets, offsets_now - offsets])
+        scales, insets, offsets = np.split(state.advance(change), [count, 2 * count])
         sigmas = tuple(s * np.exp(scale) for s, scale in zip(initial, scales))
         apply_insets(solver, assessment.columns, insets)
+        apply_range_offsets(solver, sensors, offsets)
         settled = bool(np.max(np.abs(change)) < _STILL)
         if settled or end.iterations >= options.max_iterations:
             break
@@ -181,7 +204,9 @@ def _reweighted(
     if not settled and not end.interrupted:
         why = f"the sigmas do not settle in {end.iterations} iterations"
         end = replace(end, converged=False, message=why)
-    return _summary(solver, options, end, sigmas, state.value[count:])
+    _, insets, offsets = np.split(state.value, [count, 2 * count])
+    summary = _summary(solver, options, end, sigmas, insets)
+    return replace(summary, range_offsets_m=in_metres(sensors, offsets))
 
 
 def _initial_sigmas(problem: Problem) -> Tuple[np.ndarray, ...]:
@@ -277,4 +302,11 @@ def covariance_of(solver: Solver, summary: SolverSummary, options: SolverOptions
     if options.weights == ATOM:  # its weights are no variances: scale by the residuals
         redundancy = max(solver.problem.row_count - solver.problem.parameters.size, 1)
         scale = 2.0 * summary.cost_final / redundancy
-    return Covariance(equations, scale)
+    covariance = Covariance(equations, scale)
+    if not summary.range_offsets_m:
+        return covariance
+    assessment = solver.assess(summary.x, summary.sigmas, options.loss)
+    sensors = list(summary.range_offsets_m)
+    columns = offset_columns(solver.problem, summary.x, summary.sigmas, options.loss, sensors)
+    joint = joint_scalars(solver.problem, equations, assessment.columns, columns)
+    return covariance.bordered(joint)

@@ -50,6 +50,10 @@ class ScipySolver:
         """Go on with a problem that differs from the present one in its insets only."""
         self.problem = problem
 
+    def take_range_offsets(self, problem: Problem) -> None:
+        """Go on with a problem that differs from the present one in its range offsets only."""
+        self.problem = problem
+
     def equations(self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str) -> NormalEquations:
         """Return the weighted normal equations at the vector x."""
         return self.assess(x, sigmas, loss).equations

@@ -73,6 +73,36 @@ class _Spliced(DataSource):
         return source.has_data(key, sensor)
 
 
+@dataclass(frozen=True)
+class _Longer(DataSource):
+    """The same data, but for the ranges of one LiDAR."""
+
+    own: DataSource
+    sensor: str
+    offset_m: float
+
+    def cloud(self, collection: str, sensor: str) -> np.ndarray:
+        cloud = self.own.cloud(collection, sensor)
+        if sensor != self.sensor:
+            return cloud
+        ranges = np.linalg.norm(cloud, axis=1, keepdims=True)
+        return cloud * (1.0 + self.offset_m / ranges)
+
+    def depth_image(self, collection: str, sensor: str) -> np.ndarray:
+        return self.own.depth_image(collection, sensor)
+
+    def colour_image(self, collection: str, sensor: str) -> np.ndarray:
+        return self.own.colour_image(collection, sensor)
+
+    def has_data(self, collection: str, sensor: str) -> bool:
+        return self.own.has_data(collection, sensor)
+
+
+def with_long_ranges(dataset: Dataset, sensor: str, offset_m: float) -> Dataset:
+    """Return the dataset in which a LiDAR reads all distances too long by an offset."""
+    return replace(dataset, data=_Longer(dataset.data, sensor, offset_m))
+
+
 def with_moved_board(
     scene: SyntheticDataset,
     rig: Rig,
