@@ -202,7 +202,7 @@ class _Observer:
         self.data.add_view(key, sensor, poses)
         labels = {
             name: rgb.label_corners(
-                camera_of(sensor), pose, self.patterns[name], self.noise, self.rng
+                camera_of(sensor), pose, self.patterns[name], self.noise.of(sensor.name), self.rng
             )
             for name, pose in poses.items()
         }
@@ -215,7 +215,7 @@ class _Observer:
             self.patterns,
             world_T_sensor,
             self.rig.room,
-            self.noise,
+            self.noise.of(sensor.name),
             self.rng,
             self.sampling.background_step,
             self.sampling.exact_border,
@@ -229,7 +229,7 @@ class _Observer:
             poses,
             self.patterns,
             world_T_sensor,
-            self.noise,
+            self.noise.of(sensor.name),
             self.rng,
             self.sampling.depth_step,
         )

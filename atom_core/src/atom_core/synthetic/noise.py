@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Mapping
 
 import numpy as np
 
@@ -20,6 +21,7 @@ class Noise:
         gross_fraction: share of the labelled items (corners, points inside, limit points) that
             are grossly wrong: a corner by 20-60 px, a range by 5-50 cm along the ray.
         dropout: share of the corners, beams and depth pixels on the board that are lost.
+        sensors: the noise of some sensors by name, where it is another one.
         float32: store clouds and depth images in single precision, as files do.
     """
 
@@ -29,12 +31,17 @@ class Noise:
     gross_fraction: float = 0.0
     dropout: float = 0.0
     float32: bool = True
+    sensors: Mapping[str, Noise] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if min(self.corner_px, self.lidar_m, self.depth_scale) < 0:
             raise ValueError("a standard deviation must not be negative")
         if not (0 <= self.gross_fraction <= 1 and 0 <= self.dropout < 1):
             raise ValueError("gross_fraction must be in [0, 1] and dropout in [0, 1)")
+
+    def of(self, sensor: str) -> Noise:
+        """Return the noise of a sensor."""
+        return self.sensors.get(sensor, self)
 
     @classmethod
     def none(cls) -> Noise:
