@@ -97,6 +97,16 @@ TEST(SensorTable, SeedsSetByHandAreShownInTheirUnit) {
   EXPECT_EQ(table.rows[3].cells[3].text, "");
 }
 
+TEST(SensorTable, OnlyRangeSensorsOfTheCollectorTakeSeeds) {
+  CollectorState state;
+  state.sensors = {sensor_of("lidar", "lidar3d", 0), sensor_of("depth", "depth", 0),
+                   sensor_of("cam", "rgb", 0)};
+  EXPECT_TRUE(takes_seed(state, "lidar"));
+  EXPECT_TRUE(takes_seed(state, "depth"));
+  EXPECT_FALSE(takes_seed(state, "cam"));
+  EXPECT_FALSE(takes_seed(state, ""));
+}
+
 TEST(SensorTable, EachPatternHasARow) {
   CollectorState state;
   state.sensors = {sensor_of("cam", "rgb", kNow_s)};

@@ -135,6 +135,12 @@ Table residual_table(const CalibrationState& state) {
   return table;
 }
 
+bool takes_seed(const CollectorState& state, const std::string& sensor) {
+  return std::any_of(state.sensors.begin(), state.sensors.end(), [&](const SensorState& entry) {
+    return entry.name == sensor && entry.modality != "rgb";
+  });
+}
+
 std::string collector_line(const CollectorState& state) {
   return std::to_string(state.collections) +
          (state.collections == 1 ? " collection in " : " collections in ") + state.dataset_folder +

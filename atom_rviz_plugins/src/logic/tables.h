@@ -48,6 +48,9 @@ Table collection_table(const atom_calibration::CollectionStates& collections,
 /// Residuals of each sensor and kind: count, rms now, rms at the start; m are shown in mm.
 Table residual_table(const atom_calibration::CalibrationState& state);
 
+/// Whether a sensor of the collector begins its labels at a seed; cameras do not.
+bool takes_seed(const atom_calibration::CollectorState& state, const std::string& sensor);
+
 /// One line: "12 collections in FOLDER, automatic".
 std::string collector_line(const atom_calibration::CollectorState& state);
 

@@ -1,0 +1,40 @@
+#include "plugins/atom_panel.h"
+
+#include <QVBoxLayout>
+#include <pluginlib/class_list_macros.hpp>
+
+namespace atom_rviz {
+
+AtomPanel::AtomPanel(QWidget* parent) : rviz::Panel(parent) {
+  pages_->addTab(collect_, "Collect");
+  pages_->addTab(calibrate_, "Calibrate");
+  connect(pages_, &QTabWidget::currentChanged, this, &AtomPanel::configChanged);
+  auto* layout = new QVBoxLayout(this);
+  layout->setContentsMargins(2, 2, 2, 2);
+  layout->addWidget(pages_);
+}
+
+void AtomPanel::onInitialize() {
+  const auto subscribe = [this] {
+    collect_->subscribe();
+    calibrate_->subscribe();
+  };
+  master_ = std::make_unique<MasterWatch>(CollectPage::services(), subscribe);
+  connect(master_.get(), &MasterWatch::changed, this,
+          [this] { collect_->show_master(master_->status()); });
+}
+
+void AtomPanel::load(const rviz::Config& config) {
+  rviz::Panel::load(config);
+  int page = 0;
+  if (config.mapGetInt("Page", &page)) pages_->setCurrentIndex(page);
+}
+
+void AtomPanel::save(rviz::Config config) const {
+  rviz::Panel::save(config);
+  config.mapSetValue("Page", pages_->currentIndex());
+}
+
+}  // namespace atom_rviz
+
+PLUGINLIB_EXPORT_CLASS(atom_rviz::AtomPanel, rviz::Panel)

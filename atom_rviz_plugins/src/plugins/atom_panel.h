@@ -1,0 +1,33 @@
+// The panel of the calibration in RViz.
+#pragma once
+
+#include <rviz/panel.h>
+
+#include <QTabWidget>
+#include <memory>
+
+#include "plugins/calibrate_page.h"
+#include "plugins/collect_page.h"
+#include "plugins/master_watch.h"
+
+namespace atom_rviz {
+
+/// Collecting data and the calibration itself, a page for each. Never waits for anybody; where the
+/// collector or the master is missing it says so.
+class AtomPanel : public rviz::Panel {
+  Q_OBJECT
+ public:
+  explicit AtomPanel(QWidget* parent = nullptr);
+
+  void onInitialize() override;
+  void load(const rviz::Config& config) override;
+  void save(rviz::Config config) const override;
+
+ private:
+  QTabWidget* pages_ = new QTabWidget;
+  CollectPage* collect_ = new CollectPage;
+  CalibratePage* calibrate_ = new CalibratePage;
+  std::unique_ptr<MasterWatch> master_;  // last: its thread ends before the pages do
+};
+
+}  // namespace atom_rviz

@@ -1,0 +1,70 @@
+// A widget that shows an image and takes clicks and polygons in its pixels.
+#pragma once
+
+#include <QImage>
+#include <QWidget>
+#include <optional>
+
+#include "logic/image_view.h"
+#include "logic/polygon_drawing.h"
+
+namespace atom_rviz {
+
+/// The wheel zooms at the mouse, the middle button moves, F shows all of the image.
+///
+/// Clicking: the left button. Polygons: left adds a corner, right or Enter closes (so does the
+/// first corner), Backspace takes one back, Escape forgets all.
+class ImageCanvas : public QWidget {
+  Q_OBJECT
+ public:
+  enum class Mode { kClick, kPolygon };
+
+  explicit ImageCanvas(QWidget* parent = nullptr);
+
+  /// Show an image; a null image shows `text` instead.
+  void show_image(const QImage& image, const QString& text = "");
+
+  void set_mode(Mode mode);
+
+  QSize sizeHint() const override { return {480, 360}; }
+  QSize minimumSizeHint() const override { return {120, 90}; }
+
+ public Q_SLOTS:
+  void fit();
+
+ Q_SIGNALS:
+  /// A click, or a closed polygon, in px; (0, 0) is the centre of the top-left pixel.
+  void clicked(double x_px, double y_px);
+  void polygon_closed(const QVector<QPointF>& corners_px);
+
+  /// The mouse is over a pixel, or (with column -1) over none.
+  void hovered(int column, int row);
+
+  /// Something to tell the user.
+  void told(const QString& text);
+
+ protected:
+  void paintEvent(QPaintEvent* event) override;
+  void resizeEvent(QResizeEvent* event) override;
+  void mousePressEvent(QMouseEvent* event) override;
+  void mouseMoveEvent(QMouseEvent* event) override;
+  void wheelEvent(QWheelEvent* event) override;
+  void keyPressEvent(QKeyEvent* event) override;
+  void enterEvent(QEvent* event) override;
+  void leaveEvent(QEvent* event) override;
+
+ private:
+  void press_left(Point2 pixel);
+  void say(PolygonDrawing::Outcome outcome);
+  void draw_marks(QPainter& painter) const;
+
+  ImageView view_;
+  PolygonDrawing drawing_;
+  Mode mode_ = Mode::kClick;
+  QImage image_;
+  QString text_;
+  std::optional<Point2> last_click_px_;
+  QPointF mouse_;
+};
+
+}  // namespace atom_rviz

@@ -1,0 +1,187 @@
+"""What the plugins are tried on: two patches of points, a picture, services of a collector."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import rospy
+from geometry_msgs.msg import TransformStamped
+from sensor_msgs.msg import Image, PointCloud2, PointField
+from std_srvs.srv import SetBool, SetBoolResponse
+from tf2_msgs.msg import TFMessage
+
+from atom_calibration.msg import (
+    CalibrationState,
+    CollectionState,
+    CollectionStates,
+    CollectorState,
+    PatternState,
+    ResidualSummary,
+    SensorDetection,
+    SensorState,
+)
+from atom_calibration.srv import (
+    DeleteCollection,
+    DeleteCollectionResponse,
+    SaveCollection,
+    SaveCollectionResponse,
+    SetSeed,
+    SetSeedResponse,
+)
+
+LEFT, RIGHT = (255, 0, 0), (0, 0, 255)  # colours of the patches of points
+BLOCK = (255, 0, 255)  # colour of the block in the picture
+BLOCK_PX = (200, 120, 40, 30)  # its left column, top row, width, height
+IMAGE_SIZE = (480, 640)
+SIDE = 20  # points along a patch
+SPACING_M = 0.02
+LEFT_M, RIGHT_M = (2.0, 0.5, 0.3), (2.0, -0.5, 0.3)  # middles of the patches in the cloud's frame
+
+
+def cloud_message(stamp):
+    """An organised cloud: a row of NaN, then the left patch, then the right one."""
+    steps = (np.arange(SIDE) - (SIDE - 1) / 2) * SPACING_M
+    patch = np.stack([*np.meshgrid(steps, steps, indexing="ij"), np.zeros((SIDE, SIDE))], axis=2)
+    nothing = np.full((1, SIDE, 3), np.nan)
+    points = np.concatenate([nothing, patch + LEFT_M, patch + RIGHT_M]).reshape(-1, 3)
+    colours = [0] * SIDE
+    for red, green, blue in (LEFT, RIGHT):
+        colours += [red << 16 | green << 8 | blue] * SIDE**2
+    data = np.zeros(len(points), [("xyz", np.float32, 3), ("rgb", np.uint32)])
+    data["xyz"], data["rgb"] = points, colours
+    message = PointCloud2(height=2 * SIDE + 1, width=SIDE, point_step=16, row_step=16 * SIDE)
+    message.header.frame_id, message.header.stamp = "lidar", stamp
+    message.fields = [
+        PointField(name, 4 * i, PointField.FLOAT32, 1) for i, name in enumerate(["x", "y", "z"])
+    ] + [PointField("rgb", 12, PointField.FLOAT32, 1)]
+    message.data = data.tobytes()
+    return message
+
+
+def image_message(stamp):
+    """A grey picture with a block in it."""
+    pixels = np.full((*IMAGE_SIZE, 3), 90, np.uint8)
+    left, top, width, height = BLOCK_PX
+    pixels[top : top + height, left : left + width] = BLOCK
+    message = Image(height=IMAGE_SIZE[0], width=IMAGE_SIZE[1], encoding="bgr8")
+    message.header.frame_id, message.header.stamp = "camera", stamp
+    message.step = 3 * IMAGE_SIZE[1]
+    message.data = pixels[:, :, ::-1].tobytes()
+    return message
+
+
+def transform_message():
+    """world to lidar: a quarter turn about z, and moved."""
+    transform = TransformStamped()
+    transform.header.frame_id, transform.child_frame_id = "world", "lidar"
+    transform.transform.translation.x = 0.5
+    transform.transform.translation.y = -2.0
+    transform.transform.rotation.z = transform.transform.rotation.w = np.sqrt(0.5)
+    return TFMessage([transform])
+
+
+class Scene:
+    """Publishes all of it, and notes which services are called."""
+
+    def __init__(self):
+        self.calls = []
+        self._services = []
+        self._collections = ["000", "001", "002"]
+        self._automatic = False
+        self._lock = threading.Lock()
+        self._publishers = {
+            "cloud": rospy.Publisher("/lidar/points", PointCloud2, queue_size=1),
+            "image": rospy.Publisher("/camera/labeled", Image, queue_size=1),
+            "tf": rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True),
+            "state": rospy.Publisher(
+                "/collect_data/state", CollectorState, queue_size=1, latch=True
+            ),
+            "collections": rospy.Publisher(
+                "/collect_data/collections", CollectionStates, queue_size=1, latch=True
+            ),
+            "calibration": rospy.Publisher(
+                "/calibrate/state", CalibrationState, queue_size=1, latch=True
+            ),
+        }
+        self._publishers["tf"].publish(transform_message())
+        self._publish_collections()
+        self._publish_calibration()
+        self._timer = rospy.Timer(rospy.Duration(0.2), self._publish)
+
+    def offer_services(self):
+        """The collector begins to run."""
+        self._services = [
+            rospy.Service("/collect_data/save_collection", SaveCollection, self._save),
+            rospy.Service("/collect_data/delete_collection", DeleteCollection, self._delete),
+            rospy.Service("/collect_data/toggle_automatic_data_collector", SetBool, self._toggle),
+            rospy.Service("/my_lidar/set_seed", SetSeed, self._seed),
+        ]
+
+    def withdraw_services(self):
+        """The collector ends."""
+        for service in self._services:
+            service.shutdown()
+
+    # ---- messages
+
+    def _publish(self, _):
+        now = rospy.Time.now()
+        self._publishers["cloud"].publish(cloud_message(now))
+        self._publishers["image"].publish(image_message(now))
+        state = CollectorState(dataset_folder="data/first", automatic=self._automatic)
+        state.header.stamp = now
+        state.collections = len(self._collections)
+        lidar = SensorState("my_lidar", "lidar3d", "/lidar/points", "lidar", now, [], [])
+        lidar.patterns = [PatternState("board", False, "fewer than 10 points near the seed", 0)]
+        camera = SensorState("camera", "rgb", "/camera", "camera", now, [], [])
+        camera.patterns = [PatternState("board", True, "", 48)]
+        state.sensors = [camera, lidar]
+        state.message = "Ready."
+        self._publishers["state"].publish(state)
+
+    def _publish_collections(self):
+        message = CollectionStates()
+        for number, name in enumerate(self._collections):
+            collection = CollectionState(name, rospy.Time(10 + number), [])
+            collection.detections = [SensorDetection("camera", "board", 48)]
+            if number != 1:
+                collection.detections.append(SensorDetection("my_lidar", "board", 512))
+            message.collections.append(collection)
+        self._publishers["collections"].publish(message)
+
+    def _publish_calibration(self):
+        message = CalibrationState(running=True, status="running", iteration=4, cost=321.5)
+        message.residuals = [
+            ResidualSummary("camera", "reprojection", "px", 1100, 0.31, 24.7),
+            ResidualSummary("my_lidar", "orthogonal", "m", 9000, 0.0098, 0.12),
+            ResidualSummary("my_lidar", "border", "m", 420, 0.021, 0.0204),
+        ]
+        self._publishers["calibration"].publish(message)
+
+    # ---- services
+
+    def _note(self, *call):
+        with self._lock:
+            self.calls.append(call)
+
+    def _save(self, _):
+        self._note("save")
+        self._collections.append("003")
+        self._publish_collections()
+        return SaveCollectionResponse(True, "Collection 003 is saved.", "003")
+
+    def _delete(self, request):
+        self._note("delete", request.collection_name)
+        self._collections.remove(request.collection_name)
+        self._publish_collections()
+        return DeleteCollectionResponse(True, "")
+
+    def _toggle(self, request):
+        self._note("automatic", request.data)
+        self._automatic = request.data
+        return SetBoolResponse(True, "")
+
+    def _seed(self, request):
+        self._note("seed", tuple(request.position))
+        return SetSeedResponse(True, "")
