@@ -28,12 +28,18 @@ SeedTool::SeedTool() {
 void SeedTool::onInitialize() {
   CloudTool::onInitialize();
   setName("Set seed");
+}
+
+// Only while it is used: roscpp shares a subscription within a program, and one that lives on would
+// keep the panel from subscribing anew when the master is restarted.
+void SeedTool::activate() {
   subscriber_ = ros::NodeHandle().subscribe<atom_calibration::CollectorState>(
       "/collect_data/state", 1,
       [this](const atom_calibration::CollectorStateConstPtr& state) { state_ = *state; });
+  setStatus("Click a point of the board in a cloud.");
 }
 
-void SeedTool::activate() { setStatus("Click a point of the board in a cloud."); }
+void SeedTool::deactivate() { subscriber_.shutdown(); }
 
 int SeedTool::processMouseEvent(rviz::ViewportMouseEvent& event) {
   if (is_for_camera(event)) return 0;

@@ -25,6 +25,7 @@ class SeedTool : public CloudTool {
 
   void onInitialize() override;
   void activate() override;
+  void deactivate() override;
   int processMouseEvent(rviz::ViewportMouseEvent& event) override;
 
  private:
