@@ -82,7 +82,10 @@ def _measured(size: Size, folder: Path, output: Path, all_solvers: bool) -> List
 def _run(path: Path, size: Size, solver: str, more: Sequence[str]) -> Row:
     program = Path(__file__).with_name("measure.py")
     command = [sys.executable, str(program), str(path), "--solver", solver, *more]
-    printed = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+    # As in the commands, where atom_core is loaded before numpy and sees to it.
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    ended = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True, env=environment)
+    printed = ended.stdout
     row: Row = {"sensors": size[0], "collections": size[1], "solver": solver}
     return {**row, "weights": "sigma", "loss": "cauchy", **json.loads(printed.splitlines()[-1])}
 
