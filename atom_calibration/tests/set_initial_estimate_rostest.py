@@ -25,6 +25,7 @@ from visualization_msgs.msg import (
     InteractiveMarkerInit,
     MarkerArray,
 )
+from waiting import PATIENCE_S, until
 
 from atom_calibration import conversions
 from atom_calibration.configure import configure_package
@@ -36,18 +37,6 @@ from atom_core.model.transforms import Edge
 NODE = "/set_initial_estimate"
 CAMERA = Edge("mast", "camera_link")
 MOVED = se3.from_rpy(np.array([0.4, -0.3, 0.2]), np.array([0.1, -0.5, 2.0]))
-PATIENCE_S = 15.0
-
-
-def until(condition, what):
-    """Wait for something to become true; return it."""
-    end = time.monotonic() + PATIENCE_S
-    while time.monotonic() < end:
-        value = condition()
-        if value:
-            return value
-        time.sleep(0.02)
-    raise AssertionError(f"not within {PATIENCE_S} s: {what}")
 
 
 class SetInitialEstimateTest(unittest.TestCase):

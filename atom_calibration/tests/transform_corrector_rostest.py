@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 import unittest
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import rosunit
 import tf2_ros
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import InteractiveMarkerFeedback, InteractiveMarkerInit, MarkerArray
+from waiting import PATIENCE_S, until
 
 from atom_calibration import conversions
 from atom_core.geometry import se3
@@ -25,18 +25,6 @@ from atom_core.synthetic import scenes
 
 NODE = "/transform_corrector"
 MOVED = se3.from_rpy(np.array([0.4, -0.3, 0.2]), np.array([0.1, -0.5, 2.0]))
-PATIENCE_S = 15.0
-
-
-def until(condition, what):
-    """Wait for something to become true; return it."""
-    end = time.monotonic() + PATIENCE_S
-    while time.monotonic() < end:
-        value = condition()
-        if value:
-            return value
-        time.sleep(0.02)
-    raise AssertionError(f"not within {PATIENCE_S} s: {what}")
 
 
 class TransformCorrectorTest(unittest.TestCase):

@@ -1,0 +1,16 @@
+"""Waiting in rostests: for a condition, not for seconds."""
+
+import time
+
+PATIENCE_S = 15.0
+
+
+def until(condition, what):
+    """Wait for something to become true; return it."""
+    end = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end:
+        value = condition()
+        if value:
+            return value
+        time.sleep(0.02)
+    raise AssertionError(f"not within {PATIENCE_S} s: {what}")
