@@ -66,24 +66,20 @@ OnMoved = Callable[[Moved], None]
 class MarkerServer(InteractiveMarkerServer):
     """A server that listens to RViz whatever the clock does.
 
-    The original refuses whoever speaks within a second after another, by ROS's clock. It counts the
-    making of a marker as speech, and when a recording begins anew, that was in the future.
+    The original refuses whoever speaks within a second after another, by ROS's clock. To it, the
+    making of a marker is speech too: nobody is heard while the clock stands still before a
+    recording begins, nor after it has begun anew, when the past was in the future.
     """
 
-    def applyChanges(self) -> None:  # noqa: N802  (the server's name for it)
-        """Send what was changed; a marker that nobody moved yet is free for everyone."""
-        super().applyChanges()
-        with self.mutex:
-            for context in self.marker_contexts.values():
-                if not context.last_client_id:
-                    context.last_feedback = rospy.Time()
-
-    def processFeedback(self, feedback: Any) -> None:  # noqa: N802
-        """Take feedback; a time to come, from before the clock went back, is forgotten."""
+    def processFeedback(self, feedback: Any) -> None:  # noqa: N802  (the server's name for it)
+        """Take feedback from anyone if nobody moved the marker, or did so in a time to come."""
         with self.mutex:
             context = self.marker_contexts.get(feedback.marker_name)
-            if context is not None and context.last_feedback > rospy.Time.now():
-                context.last_feedback = rospy.Time()
+            if context is not None:
+                if not context.last_client_id:
+                    context.last_client_id = feedback.client_id
+                if context.last_feedback > rospy.Time.now():
+                    context.last_feedback = rospy.Time()
         super().processFeedback(feedback)
 
 
