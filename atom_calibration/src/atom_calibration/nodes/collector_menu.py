@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Callable
 
 import numpy as np
-from interactive_markers.interactive_marker_server import InteractiveMarkerServer
 
 from atom_calibration import markers
-from atom_calibration.pose_marker import STILL, PoseMarker
+from atom_calibration.pose_marker import STILL, MarkerServer, PoseMarker
 from atom_core.geometry import se3
 
 SERVER, MARKER = "data_labeler", "menu"
@@ -37,7 +36,7 @@ class CollectorMenu:
             delete_last: of the collections.
         """
         self._world, self._size_m = world, size_m
-        self._server = InteractiveMarkerServer(SERVER)
+        self._server = MarkerServer(SERVER)
         self._marker = PoseMarker(
             self._server, MARKER, world, se3.transform(np.eye(3), _PLACE_M), moves=STILL,
             scale=size_m, shapes=[self._sphere(False)], description="collect data",
