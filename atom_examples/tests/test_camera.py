@@ -1,3 +1,5 @@
+import gc
+
 import cell_boards as boards
 import cv2
 import numpy as np
@@ -6,6 +8,7 @@ import pytest
 from atom_core.geometry.camera import Camera
 from atom_examples.cell_simulator.camera import ColourCamera, pinhole_view
 from atom_examples.cell_simulator.errors import SimulatorError
+from atom_examples.cell_simulator.world import World
 
 LIMIT_RMS_PX, LIMIT_BIAS_PX = 0.15, 0.05
 
@@ -84,3 +87,13 @@ def test_a_fisheye_that_no_pinhole_holds_is_refused():
     )
     with pytest.raises(SimulatorError, match="wide_1.*too wide"):
         pinhole_view("wide_1", "f", fisheye)
+
+
+def test_a_second_cell_does_not_draw_into_the_first_ones_pictures(world):
+    before = world.scene.colours("rgb_1")
+    other = World(1)
+    assert not np.array_equal(other.scene.colours("rgb_1"), before)
+    assert np.array_equal(world.scene.colours("rgb_1"), before)
+    del other  # not closed
+    gc.collect()
+    assert np.array_equal(world.scene.colours("rgb_1"), before)

@@ -31,7 +31,7 @@ class Noise:
     gross_fraction: float = 0.0
     dropout: float = 0.0
     float32: bool = True
-    sensors: Mapping[str, Noise] = field(default_factory=dict)
+    sensors: Mapping[str, Noise] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         if min(self.corner_px, self.lidar_m, self.depth_scale) < 0:

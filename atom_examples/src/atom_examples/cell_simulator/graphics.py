@@ -56,7 +56,11 @@ def _nothing_draws(why: str) -> str:
 
 
 class Renderer:
-    """Draws one model off screen. One graphics context, to be used from one thread."""
+    """Draws one model off screen. One graphics context, to be used from one thread.
+
+    OpenGL draws into, and frees from, whichever context is current in the thread; several
+    renderers may live in one process, so each makes its own current first.
+    """
 
     def __init__(self, model, largest: Dict[str, int], groups: Sequence[int]):
         """Make the context.
@@ -107,6 +111,8 @@ class Renderer:
 
     def _draw(self, data, camera: int, width: int, height: int):
         mujoco = self._mujoco
+        assert self._gl is not None, "the renderer is closed"
+        self._gl.make_current()  # type: ignore[attr-defined]
         view = mujoco.MjvCamera()
         view.type, view.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, camera
         mujoco.mjv_updateScene(
@@ -119,6 +125,12 @@ class Renderer:
     def close(self) -> None:
         """Free the context; in this order, or EGL complains at exit."""
         if self._gl is not None:
+            self._gl.make_current()  # type: ignore[attr-defined]
             self._context.free()
             self._gl.free()  # type: ignore[attr-defined]
             self._gl = None
+
+    def __del__(self):
+        """Free what nobody closed, before MuJoCo does so in another renderer's context."""
+        if getattr(self, "_context", None) is not None:
+            self.close()
