@@ -11,7 +11,6 @@ import argparse
 import sys
 import threading
 from collections import deque
-from pathlib import Path
 from typing import Any, Deque, List, Mapping, Optional, Sequence, Tuple
 
 import cv2
@@ -281,24 +280,9 @@ def _parser(name: str) -> argparse.ArgumentParser:
         epilog=f"example: rosrun atom_calibration {name} -cfg config.yml -sn SENSOR",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add_option(
-        parser, "config", "-cfg", "--config_file", required=True, type=Path, metavar="FILE",
-        help="the calibration's config.yml",
-    )  # fmt: skip
+    running.add_config_option(parser)
     add_option(
         parser, "sensor", "-sn", "--sensor_name", required=True, metavar="NAME", help="which one"
     )
-    add_option(
-        parser, "automatic_seeds", choices=("on", "off"), default="on",
-        help="predict seeds from the cameras and search the board (default: on)",
-    )  # fmt: skip
-    add_option(parser, "seeds", type=_optional_path, metavar="FILE", help="seeds given by hand")
-    add_option(
-        parser, "rate", type=running.positive, default=5.0, metavar="HZ",
-        help="most labels a second (default: 5)",
-    )  # fmt: skip
+    running.add_labelling_options(parser)
     return parser
-
-
-def _optional_path(text: str) -> Optional[Path]:
-    return Path(text) if text else None

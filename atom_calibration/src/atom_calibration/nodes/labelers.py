@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from pathlib import Path
 from typing import Dict, List, Optional, Sequence
 
 import roslaunch
@@ -15,7 +14,6 @@ from atom_calibration import conversions
 from atom_calibration.live_topics import NotYetError, wait_for
 from atom_calibration.nodes import running
 from atom_calibration.rig import candidate_topics
-from atom_core.commands.common import add_option
 from atom_core.io.config_yaml import read_config
 from atom_core.model.config import SensorConfig
 from atom_core.model.sensor import DEPTH, LIDAR3D, RGB
@@ -80,17 +78,6 @@ def _parser() -> argparse.ArgumentParser:
         description=__doc__,
         epilog="example: rosrun atom_calibration labelers -cfg config.yml",
     )
-    add_option(
-        parser, "config", "-cfg", "--config_file", required=True, type=Path, metavar="FILE",
-        help="the calibration's config.yml",
-    )  # fmt: skip
-    add_option(
-        parser, "automatic_seeds", choices=("on", "off"), default="on",
-        help="predict seeds from the cameras and search the board (default: on)",
-    )  # fmt: skip
-    add_option(parser, "seeds", default="", metavar="FILE", help="seeds given by hand")
-    add_option(
-        parser, "rate", type=running.positive, default=5.0, metavar="HZ",
-        help="most labels a second and sensor (default: 5)",
-    )  # fmt: skip
+    running.add_config_option(parser)
+    running.add_labelling_options(parser)
     return parser

@@ -8,10 +8,11 @@ import sys
 import threading
 from dataclasses import replace
 from pathlib import Path
-from typing import Callable
+from typing import Callable, Optional
 
 import rospy
 
+from atom_core.commands.common import add_option
 from atom_core.errors import AtomError, ConfigError
 from atom_core.io.config_yaml import read_config
 from atom_core.model.config import CalibrationConfig
@@ -66,6 +67,31 @@ def positive(text: str) -> float:
     if not 0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"'{text}' is no number above 0")
     return value
+
+
+def add_config_option(parser: argparse.ArgumentParser) -> None:
+    """Add the option that names the calibration's configuration."""
+    add_option(
+        parser, "config", "-cfg", "--config_file", required=True, type=Path, metavar="FILE",
+        help="the calibration's config.yml",
+    )  # fmt: skip
+
+
+def add_labelling_options(parser: argparse.ArgumentParser) -> None:
+    """Add what one labeler, and the program that starts them all, can be told."""
+    add_option(
+        parser, "automatic_seeds", choices=("on", "off"), default="on",
+        help="predict seeds from the cameras and search the board (default: on)",
+    )  # fmt: skip
+    add_option(parser, "seeds", type=_optional_path, metavar="FILE", help="seeds given by hand")
+    add_option(
+        parser, "rate", type=positive, default=5.0, metavar="HZ",
+        help="most labels a second and sensor (default: 5)",
+    )  # fmt: skip
+
+
+def _optional_path(text: str) -> Optional[Path]:
+    return Path(text) if text else None
 
 
 def config_of_sensor(path: Path, name: str) -> CalibrationConfig:

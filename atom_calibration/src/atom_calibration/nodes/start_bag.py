@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from pathlib import Path
 from typing import Optional, Sequence
 
 import rospy
@@ -62,9 +61,6 @@ def _parser() -> argparse.ArgumentParser:
         description=__doc__,
         epilog="example: rosrun atom_calibration start_bag -cfg config.yml --player /play_bag",
     )
-    add_option(
-        parser, "config", "-cfg", "--config_file", required=True, type=Path, metavar="FILE",
-        help="the calibration's config.yml",
-    )  # fmt: skip
+    running.add_config_option(parser)
     add_option(parser, "player", required=True, metavar="NODE", help="name of `rosbag play`")
     return parser
