@@ -1,10 +1,10 @@
-"""`make bench`: speed, growth and accuracy of the solvers on synthetic rigs.
+"""`make bench`: speed, growth and accuracy of the solvers on synthetic rigs; frames of RViz.
 
-Prints tables and writes bench_output/{speed,scaling,accuracy,starts,convergence,gross_errors}.csv
-and scaling.png; docs/benchmarks/README.md tells how to read them. Times depend on the machine and
-its load: compare the rows of one run with each other. The references beside our solvers, on the
-same rows from the same start: plain_ceres.cpp (a straightforward Ceres program, one thread) and
-scipy.optimize.least_squares (trf, sparse analytic Jacobian, lsmr).
+Prints tables and writes bench_output/*.csv (speed, scaling, accuracy, starts, convergence,
+gross_errors, rviz) and scaling.png; docs/benchmarks/README.md tells how to read them. Times depend
+on the machine and its load: compare the rows of one run with each other. The references beside our
+solvers, on the same rows from the same start: plain_ceres.cpp (a straightforward Ceres program, one
+thread) and scipy.optimize.least_squares (trf, sparse analytic Jacobian, lsmr).
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from typing import Callable, Dict
 import numpy as np
 from convergence import convergence
 from plain_ceres import PlainCeres
+from rviz_rate import rviz_rates
 from scaling import command_seconds, comparable, find, scaling
 from scipy.optimize import least_squares
 from tqdm import tqdm
@@ -220,6 +221,22 @@ def gross_errors(output: Path, seeds: int) -> None:
     _verdict("mean error over the clean one", dirty_mm / clean_mm, LIMITS["gross_ratio"], "x")
 
 
+def rviz(output: Path, quick: bool) -> None:
+    """Count the frames of RViz with our plugins and without."""
+    alone, *_ = rates = rviz_rates(5 if quick else 15)
+    rows = [
+        [rate.name, rate.frames, float(np.median(rate.per_second)),
+         float(np.median(rate.per_second / alone.per_second)), rate.cpu_ms,
+         alone.cpu_ms / rate.cpu_ms]
+        for rate in rates
+    ]  # fmt: skip
+    headers = ["RViz", "frames", "frames/s", "ratio", "CPU of a frame [ms]", "ratio of CPU"]
+    title = "RViz, a cloud of 131,072 points; medians over turns"
+    _report(output / "rviz.csv", headers, rows, title, 2)
+    _verdict("frame rate with the plugins over without", rows[2][3], 0.8, "x", at_least=True)
+    print()
+
+
 def _report(path: Path, headers: list, rows: list, title: str, digits: int) -> None:
     with path.open("w", newline="") as stream:
         writer = csv.writer(stream)
@@ -228,9 +245,10 @@ def _report(path: Path, headers: list, rows: list, title: str, digits: int) -> N
     print(text_table(headers, rows, title, digits))
 
 
-def _verdict(what: str, value: float, limit: float, unit: str) -> None:
-    word = "reached" if value <= limit else "MISSED"
-    print(f"{what}: {value:.4g} {unit}, to reach <= {limit:g} {unit}: {word}")
+def _verdict(what: str, value: float, limit: float, unit: str, at_least: bool = False) -> None:
+    word = "reached" if (value >= limit if at_least else value <= limit) else "MISSED"
+    sign = ">=" if at_least else "<="
+    print(f"{what}: {value:.4g} {unit}, to reach {sign} {limit:g} {unit}: {word}")
 
 
 PARTS: Dict[str, Callable[[argparse.Namespace], None]] = {
@@ -240,6 +258,7 @@ PARTS: Dict[str, Callable[[argparse.Namespace], None]] = {
     "starts": lambda args: starts(args.output),
     "convergence": lambda args: convergence(args.output, 10 if args.quick else 5 * args.seeds),
     "gross_errors": lambda args: gross_errors(args.output, 1 if args.quick else min(args.seeds, 5)),
+    "rviz": lambda args: rviz(args.output, args.quick),
 }
 
 if __name__ == "__main__":

@@ -135,6 +135,13 @@ def _is_enough(live: LiveCollector, args: argparse.Namespace) -> bool:
     return 0 < args.end_after <= live.count
 
 
+def _folder(text: str) -> Path:
+    """Return the folder of the command line; launch files give an empty one if they have none."""
+    if not text:
+        raise argparse.ArgumentTypeError("no folder for the dataset; say output_folder:=DIR")
+    return Path(text)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog=NAME,
@@ -147,7 +154,7 @@ def _parser() -> argparse.ArgumentParser:
         help="the calibration's config.yml",
     )  # fmt: skip
     add_option(
-        parser, "output", "-o", "--output_folder", required=True, type=Path, metavar="DIR",
+        parser, "output", "-o", "--output_folder", required=True, type=_folder, metavar="DIR",
         help="folder for the dataset; must be empty or absent unless --overwrite is given",
     )  # fmt: skip
     add_option(parser, "overwrite", "-ov", action="store_true", help="replace an earlier dataset")
