@@ -220,6 +220,8 @@ class LabelersTest(unittest.TestCase):
         )  # fmt: skip
         self.addCleanup(collector.end)
 
+        self.see(COLLECTIONS[1])
+        since = self.rig.stamp_s
         seen, service = {}, "/collect_data/save_collection"
         rospy.Subscriber("/collect_data/state", CollectorState, lambda m: seen.update(state=m))
 
@@ -227,11 +229,11 @@ class LabelersTest(unittest.TestCase):
             states = seen["state"].sensors if "state" in seen else []
             services = rospy.get_master().getSystemState()[2][2]
             ready = any(service == name for name, _ in services)
-            return ready and states and all(s.patterns and s.patterns[0].detected for s in states)
+            new = all(s.stamp.to_sec() > since + 1.0 for s in states)
+            detected = all(s.patterns and s.patterns[0].detected for s in states)
+            return ready and states and new and detected
 
         self.rig.show_until(COLLECTIONS[1], all_seen, 60, lambda: "the collector is ready")
-        until = self.rig.stamp_s + 1.0
-        self.rig.show_until(COLLECTIONS[1], lambda: self.rig.stamp_s > until, 60, lambda: "1 s")
         save = rospy.ServiceProxy(service, SaveCollection)
         with ThreadPoolExecutor(1) as pool:
             answer = pool.submit(save)
