@@ -27,6 +27,17 @@ def test_a_frame_waits_until_every_sensor_is_past_it():
     assert stamps(order.flush()) == [1.2]
 
 
+def test_at_the_beginning_every_expected_sensor_is_waited_for():
+    order = TimeOrder(("fast", "slow"), hold_s=1.0)
+    assert stamps(order.add(frame("fast", 5.0))) == [5.0]
+    assert not order.add(frame("fast", 5.2)) and not order.goes_back(frame("slow", 3.0))
+    assert stamps(order.add(frame("slow", 5.2))) == [5.2, 5.2]
+    order.clear()
+    assert stamps(order.add(frame("fast", 1.0))) == [1.0]
+    out = [s for i in range(1, 30) for s in stamps(order.add(frame("fast", 1.0 + 0.1 * i)))]
+    assert out[-1] == pytest.approx(3.9)  # one that never comes does not hold up the others
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_any_delays_below_the_limit_come_out_sorted_and_complete(seed):
     rng = np.random.default_rng(seed)

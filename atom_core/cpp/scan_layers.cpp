@@ -19,6 +19,10 @@ constexpr double kWidestLayer = 0.35 * kDegree;  // standard deviation of elevat
 constexpr std::size_t kSearchPoints = 1500;
 constexpr std::size_t kMostLayers = 512;
 constexpr double kLongestStep = 2.0 * kDegree;  // between neighbours in a layer
+constexpr double kSameAzimuth = 1e-6;           // [rad]; two returns of one beam
+constexpr std::size_t kStepsOfRun = 12;
+constexpr double kStrayShare = 0.02;  // of the fullest layer
+constexpr double kStrayGaps = 0.6;    // of the gap between layers
 
 using Labels = std::vector<int>;
 
@@ -95,6 +99,45 @@ std::vector<double> Elevations(const std::vector<ScanPoint>& points, const Eigen
   return elevation;
 }
 
+double Median(std::vector<double> values) {
+  std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
+  return values[values.size() / 2];
+}
+
+// A run of elevations without a gap.
+struct Run {
+  double mean = 0.0;
+  int size = 0;
+  int layer = 0;
+};
+
+// Numbers runs as layers. A few points that stray (noise across the beam shows near the sensor) are
+// no layer of their own: they belong to the full layer that is nearer than layers are apart.
+int NumberRuns(std::vector<Run>* runs) {
+  std::vector<double> sizes, gaps;
+  for (const Run& run : *runs) sizes.push_back(run.size);
+  const double most = kStrayShare * *std::max_element(sizes.begin(), sizes.end());
+  std::vector<const Run*> full;
+  for (const Run& run : *runs) {
+    if (run.size <= most) continue;
+    if (!full.empty()) gaps.push_back(run.mean - full.back()->mean);
+    full.push_back(&run);
+  }
+  const double near = gaps.empty() ? 0.0 : kStrayGaps * Median(gaps);
+  int count = 0;
+  for (Run& run : *runs) {
+    if (run.size > most) run.layer = count++;
+  }
+  for (Run& run : *runs) {
+    if (run.size > most) continue;
+    const Run* home = *std::min_element(full.begin(), full.end(), [&](const Run* a, const Run* b) {
+      return std::abs(a->mean - run.mean) < std::abs(b->mean - run.mean);
+    });
+    run.layer = std::abs(home->mean - run.mean) < near ? home->layer : count++;
+  }
+  return count;
+}
+
 // Groups of elevations with gaps between them.
 Grouping FromElevations(const std::vector<ScanPoint>& points, const Eigen::Vector3d& axis) {
   Grouping grouping;
@@ -103,11 +146,14 @@ Grouping FromElevations(const std::vector<ScanPoint>& points, const Eigen::Vecto
   std::iota(order.begin(), order.end(), 0);
   std::sort(order.begin(), order.end(), [&](int a, int b) { return elevation[a] < elevation[b]; });
   grouping.layer.resize(points.size());
+  std::vector<Run> runs;
   for (std::size_t i = 0; i < order.size(); ++i) {
-    if (i > 0 && elevation[order[i]] - elevation[order[i - 1]] > kLeastGap) ++grouping.count;
-    grouping.layer[order[i]] = grouping.count;
+    if (i == 0 || elevation[order[i]] - elevation[order[i - 1]] > kLeastGap) runs.emplace_back();
+    runs.back().mean += (elevation[order[i]] - runs.back().mean) / ++runs.back().size;
+    grouping.layer[order[i]] = static_cast<int>(runs.size()) - 1;
   }
-  grouping.count += order.empty() ? 0 : 1;
+  grouping.count = runs.empty() ? 0 : NumberRuns(&runs);
+  for (int& layer : grouping.layer) layer = runs[layer].layer;
   if (grouping.count > 1 && grouping.count <= static_cast<int>(kMostLayers)) {
     FitAxis(points, &grouping);
   }
@@ -219,6 +265,9 @@ void Assign(const Grouping& grouping, Scan* scan) {
 }
 
 // Median distance of neighbours, in the fullest layer.
+// The step is the mean over runs of neighbours, not the median of single steps: where azimuths
+// jitter (a cloud that was undistorted, say), sorted ones are mostly closer than a step.
+// A low quantile over the runs, since some have gaps and none has too many points.
 double AzimuthStep(const Scan& scan) {
   std::vector<std::vector<double>> azimuths(scan.layer_elevation.size());
   for (const ScanPoint& point : scan.points) azimuths[point.layer].push_back(point.azimuth);
@@ -226,14 +275,18 @@ double AzimuthStep(const Scan& scan) {
       *std::max_element(azimuths.begin(), azimuths.end(),
                         [](const auto& a, const auto& b) { return a.size() < b.size(); });
   std::sort(fullest.begin(), fullest.end());
+  const auto same = [](double a, double b) { return b - a <= kSameAzimuth; };
+  fullest.erase(std::unique(fullest.begin(), fullest.end(), same), fullest.end());
+  const std::size_t run = std::min(kStepsOfRun, std::max<std::size_t>(fullest.size() / 4, 1));
   std::vector<double> steps;
-  for (std::size_t i = 1; i < fullest.size(); ++i) {
-    const double step = fullest[i] - fullest[i - 1];
-    if (step > 1e-6 && step < kLongestStep) steps.push_back(step);
+  for (std::size_t i = run; i < fullest.size(); ++i) {
+    const double step = (fullest[i] - fullest[i - run]) / run;
+    if (step < kLongestStep) steps.push_back(step);
   }
   if (steps.empty()) return kLongestStep;
-  std::nth_element(steps.begin(), steps.begin() + steps.size() / 2, steps.end());
-  return steps[steps.size() / 2];
+  const auto low = steps.begin() + steps.size() / 4;
+  std::nth_element(steps.begin(), low, steps.end());
+  return *low;
 }
 
 }  // namespace

@@ -216,6 +216,29 @@ def test_layers_are_found_without_ring_field_in_any_orientation(rpy):
     assert found.label.indices.tolist() == label(cloud).label.indices.tolist()
 
 
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("with_seed", [True, False])
+def test_noise_across_the_beams_does_not_hide_the_board(seed, with_seed):
+    cloud, rng = scan(Scene(pose(EYE), before()), 12), np.random.default_rng(seed)
+    points = cloud.points.copy()
+    points[-300:] *= 0.8 / np.linalg.norm(points[-300:], axis=1)[:, None]  # an arm: jitters most
+    points += 0.004 * rng.standard_normal(points.shape)
+    shaken, exact = Cloud(points), find_layers(Cloud(cloud.points))
+    layers = find_layers(shaken)
+    assert len(layers.layer_elevation) == len(exact.layer_elevation)
+    np.testing.assert_allclose(layers.layer_elevation, exact.layer_elevation, atol=3e-3)
+    assert layers.azimuth_step == pytest.approx(exact.azimuth_step, rel=0.1)
+    truth = set(label(cloud).label.indices)
+    found = (
+        board_at(shaken, BORDER, cloud.seed).labeled
+        if with_seed
+        else find_boards(shaken, BORDER)[0].labeled
+    )
+    assert found.detected, found.reason
+    shared = truth & set(found.label.indices)
+    assert len(shared) > 0.95 * max(len(truth), len(found.label.indices))
+
+
 @pytest.mark.parametrize("ring", ["zeros", "noise", "float"])
 def test_a_useless_ring_field_is_passed_over(ring):
     cloud = scan(Scene(pose(EYE), before()), 8)

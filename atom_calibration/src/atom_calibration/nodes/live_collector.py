@@ -105,7 +105,7 @@ class LiveCollector:
         self.collector = Collector(setup, self._moments)
         self.last_data_s: Optional[float] = None
         self._expectation = PointExpectation(setup)
-        self._order, self._inbox = TimeOrder(), Inbox(_MOST_DATA)
+        self._order, self._inbox = TimeOrder(setup.config.sensors), Inbox(_MOST_DATA)
         self._saves: List[_Save] = []
         self._menu: Optional[CollectorMenu] = None
         self._pairs: List[message_filters.TimeSynchronizer] = []
