@@ -220,20 +220,24 @@ class LabelersTest(unittest.TestCase):
         )  # fmt: skip
         self.addCleanup(collector.end)
 
-        self.see(COLLECTIONS[1])
-        since = self.rig.stamp_s
         seen, service = {}, "/collect_data/save_collection"
         rospy.Subscriber("/collect_data/state", CollectorState, lambda m: seen.update(state=m))
 
+        def is_ready():
+            services = rospy.get_master().getSystemState()[2][2]
+            heard = self.rig.listeners() > 1  # besides the labelers
+            return heard and any(service == name for name, _ in services)
+
+        self.rig.show_until(COLLECTIONS[1], is_ready, 60, lambda: "the collector is ready")
+        until = self.rig.stamp_s + 1.0
+
         def all_seen():
             states = seen["state"].sensors if "state" in seen else []
-            services = rospy.get_master().getSystemState()[2][2]
-            ready = any(service == name for name, _ in services)
-            new = all(s.stamp.to_sec() > since + 1.0 for s in states)
+            new = all(s.stamp.to_sec() > until for s in states)
             detected = all(s.patterns and s.patterns[0].detected for s in states)
-            return ready and states and new and detected
+            return states and new and detected
 
-        self.rig.show_until(COLLECTIONS[1], all_seen, 60, lambda: "the collector is ready")
+        self.rig.show_until(COLLECTIONS[1], all_seen, 60, lambda: "everybody sees the board")
         save = rospy.ServiceProxy(service, SaveCollection)
         with ThreadPoolExecutor(1) as pool:
             answer = pool.submit(save)

@@ -242,6 +242,10 @@ class LiveRig:
             self._data[name].publish(self.scene.message(name, key, stamp))
         self.stamp_s += self.period_s
 
+    def listeners(self):
+        """Return the number of those that hear every sensor."""
+        return min(data.get_num_connections() for data in self._data.values())
+
     def send(self, name, message):
         """Publish one message as it is."""
         self._data[name].publish(message)
