@@ -5,12 +5,12 @@ import time
 PATIENCE_S = 15.0
 
 
-def until(condition, what):
+def until(condition, what, seconds=PATIENCE_S):
     """Wait for something to become true; return it."""
-    end = time.monotonic() + PATIENCE_S
+    end = time.monotonic() + seconds
     while time.monotonic() < end:
         value = condition()
         if value:
             return value
         time.sleep(0.02)
-    raise AssertionError(f"not within {PATIENCE_S} s: {what}")
+    raise AssertionError(f"not within {seconds} s: {what}")

@@ -36,10 +36,17 @@ def _image(frame: Frame) -> Image:
                 picture, labeled.reason, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, colour, width,
                 cv2.LINE_AA,
             )  # fmt: skip
+    message = image_message(picture)
+    message.header = header_message(frame)
+    return message
+
+
+def image_message(picture: np.ndarray) -> Image:
+    """Return a picture (height, width, 3), blue green red; the header is left to the caller."""
     height, width = picture.shape[:2]
     return Image(
-        header=header_message(frame), height=height, width=width, encoding="bgr8",
-        step=3 * width, data=picture.tobytes(),
+        height=height, width=width, encoding="bgr8", step=3 * width,
+        data=np.ascontiguousarray(picture).tobytes(),
     )  # fmt: skip
 
 
@@ -57,11 +64,18 @@ def _cloud(frame: Frame) -> PointCloud2:
     table = np.concatenate(parts) if parts else np.zeros(0, POINT)
     for axis, values in zip("xyz", cloud_xyz(frame.data[table["idx"]]).T):
         table[axis] = values
+    message = cloud_message(table)
+    message.header = header_message(frame)
+    return message
+
+
+def cloud_message(table: np.ndarray) -> PointCloud2:
+    """Return points (n,) of the type `POINT` as a cloud; the header is left to the caller."""
     fields = [
         PointField(name, offset, _FLOAT32 if name in "xyz" else _UINT32, 1)
         for name, (_, offset) in POINT.fields.items()
     ]
     return PointCloud2(
-        header=header_message(frame), height=1, width=len(table), fields=fields,
-        point_step=POINT.itemsize, row_step=table.nbytes, is_dense=True, data=table.tobytes(),
+        height=1, width=len(table), fields=fields, point_step=POINT.itemsize,
+        row_step=table.nbytes, is_dense=True, data=table.tobytes(),
     )  # fmt: skip

@@ -1,6 +1,7 @@
 """From a bag to a calibration: collections in DIR/dataset, results in DIR/calibration.
 
-DIR/status.json says how far it came: {"step", "exit_code", "message"}.
+DIR/status.json says how far it came: {"step", "exit_code", "message"}. With -rv the calibration is
+shown in RViz while it runs.
 """
 
 from __future__ import annotations
@@ -14,7 +15,11 @@ from typing import Callable, List, Optional, Sequence, Tuple
 import rospy
 
 from atom_calibration import collect_from_bag
+from atom_calibration.nodes import running
+from atom_calibration.nodes.calibrate import add_view_options, take_view_options
+from atom_calibration.nodes.calibration_view import CalibrationView
 from atom_core import cli
+from atom_core.commands import calibrate
 from atom_core.commands.calibrate import DATASET_FILE as RESULT_FILE
 from atom_core.commands.common import add_option
 from atom_core.errors import AtomError, OutputError
@@ -29,10 +34,16 @@ _EXAMPLE = "roslaunch atom_calibration calibrate_from_bag.launch config:=C bag:=
 def main(argv: Optional[Sequence[str]] = None) -> int:
     """Run the steps until one is not done; return its exit code."""
     args = _parser().parse_args(argv)
+    args.view, stay = take_view_options(args)
     try:
         args.output.mkdir(parents=True, exist_ok=True)
+        if args.view:
+            running.check_master()  # and not only when the collections are there
     except OSError as error:
         print(f"calibrate_from_bag: {args.output}: {error.strerror}", file=sys.stderr)
+        return _BAD_INPUT
+    except AtomError as error:
+        print(f"calibrate_from_bag: {error}", file=sys.stderr)
         return _BAD_INPUT
     code, steps = 0, (("collect", _collect), ("calibrate", _calibrate))
     for step, run in steps:
@@ -42,6 +53,8 @@ def main(argv: Optional[Sequence[str]] = None) -> int:
         if code == _BAD_INPUT:
             print(f"calibrate_from_bag: {step}: {message}", file=sys.stderr)
             return code
+    if args.view and stay:
+        running.wait()
     return code
 
 
@@ -68,7 +81,9 @@ def _calibrate(args: argparse.Namespace) -> Tuple[int, str]:
     options += ["--output", folder]
     options += ["--truth", args.truth] if args.truth else []
     parsed = cli.build_parser().parse_args(_texts(options, args))
-    code = parsed.run(parsed)
+    if args.view:
+        running.start("calibrate_from_bag")
+    code = calibrate.run(parsed, CalibrationView(args.view) if args.view else None)
     try:
         result = json.loads((folder / "calibration.json").read_text(encoding="utf-8"))
         return code, f"{result['status']}: {result['message']}"
@@ -105,6 +120,7 @@ def _parser() -> argparse.ArgumentParser:
     add_option(parser, "seeds", type=_optional_path, metavar="FILE", help="seeds given by hand")
     add_option(parser, "truth", type=_optional_path, metavar="FILE", help="a simulation's truth")
     add_option(parser, "overwrite", "-ow", action="store_true", help="replace earlier results")
+    add_view_options(parser)
     return parser
 
 

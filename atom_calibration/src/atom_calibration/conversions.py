@@ -6,7 +6,7 @@ read by its fields; nothing here needs a master.
 
 from __future__ import annotations
 
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, Iterable, List, Optional, Tuple
 
 import cv2
 import numpy as np
@@ -327,11 +327,16 @@ def transform_message(edge: Edge, parent_T_child: np.ndarray, stamp: Any) -> Tra
     return message
 
 
+def point_message(position: Iterable[float]) -> Point:
+    """Return a position (3,) [m] as a message."""
+    return Point(*(float(value) for value in position))
+
+
 def pose_message(frame_T_object: np.ndarray) -> Pose:
     """Return a pose (4, 4) [m] as a message."""
     quaternion = se3.quaternion_from_rotation(frame_T_object[:3, :3])
     return Pose(
-        Point(*(float(value) for value in frame_T_object[:3, 3])),
+        point_message(frame_T_object[:3, 3]),
         Quaternion(*(float(value) for value in quaternion)),
     )
 

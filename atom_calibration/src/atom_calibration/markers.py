@@ -120,6 +120,16 @@ def text(frame: str, words: str, height_m: float, colour: Colour, above_m: float
     return marker
 
 
+def lines(
+    frame: str, ends: np.ndarray, colour: Colour, namespace: str = "lines", width_m: float = _LINE_M
+) -> Marker:
+    """Return lines between pairs of points (2 n, 3) [m] of a frame."""
+    marker = _marker(Marker.LINE_LIST, frame, namespace, colour, 0.9)
+    marker.scale.x = width_m
+    marker.points = _points(ends)
+    return marker
+
+
 def points(
     frame: str,
     positions: np.ndarray,
@@ -176,4 +186,4 @@ def _black_squares(pattern: Pattern) -> np.ndarray:
 
 
 def _points(positions: np.ndarray) -> List[Point]:
-    return [Point(*(float(value) for value in position)) for position in positions]
+    return [conversions.point_message(position) for position in positions]

@@ -37,16 +37,21 @@ def _corners(frame: Frame) -> np.ndarray:
 
 
 def _depth(frame: Frame) -> np.ndarray:
-    depth = frame.data
-    near, far = np.nanpercentile(depth, [1, 99]) if np.any(np.isfinite(depth)) else (0.0, 1.0)
-    scaled = np.nan_to_num((depth - near) / max(far - near, 1e-6), nan=0.0)
-    grey = (255 - 215 * np.clip(scaled, 0, 1)).astype(np.uint8)
-    picture = cv2.cvtColor(np.where(np.isfinite(depth), grey, 0).astype(np.uint8), 8)
+    picture = depth_picture(frame.data)
     for label in _range_labels(frame):
         for indices, colour in ((label.indices, _GREEN), (label.limit_indices, _RED)):
-            row, column = np.divmod(indices, depth.shape[1])
+            row, column = np.divmod(indices, picture.shape[1])
             picture[row, column] = colour
     return picture
+
+
+def depth_picture(depth_m: np.ndarray) -> np.ndarray:
+    """Return a depth image (height, width) [m] in grey (height, width, 3): near is bright."""
+    near, far = np.nanpercentile(depth_m, [1, 99]) if np.any(np.isfinite(depth_m)) else (0.0, 1.0)
+    scaled = np.nan_to_num((depth_m - near) / max(far - near, 1e-6), nan=0.0)
+    grey = (255 - 215 * np.clip(scaled, 0, 1)).astype(np.uint8)
+    black_without = np.where(np.isfinite(depth_m), grey, 0).astype(np.uint8)
+    return cv2.cvtColor(black_without, cv2.COLOR_GRAY2BGR)
 
 
 def _cloud(frame: Frame) -> np.ndarray:

@@ -10,7 +10,7 @@ import argparse
 import importlib
 import os
 import sys
-from typing import TYPE_CHECKING, List, Optional, cast
+from typing import TYPE_CHECKING, Callable, List, Optional, cast
 
 import atom_core
 from atom_core.errors import AtomError
@@ -67,14 +67,19 @@ def main(argv: Optional[List[str]] = None) -> int:
     """Run one command; return its exit code."""
     words = sys.argv[1:] if argv is None else argv
     args = build_parser(words[0] if words else None).parse_args(words)
+    return guarded(args.command, lambda: int(args.run(args)))
+
+
+def guarded(command: str, run: Callable[[], int]) -> int:
+    """Run a command; return its exit code. A refusal is one line on stderr."""
     try:
-        return args.run(args)
+        return run()
     except AtomError as error:
-        print(f"{args.command}: {error}", file=sys.stderr)
+        print(f"{command}: {error}", file=sys.stderr)
         return BAD_INPUT
     except BrokenPipeError:  # the reader of a pipe has gone, e.g. `| head`
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (so that nothing is flushed at exit)
         return BROKEN_PIPE
     except KeyboardInterrupt:
-        print(f"{args.command}: interrupted, nothing more is written", file=sys.stderr)
+        print(f"{command}: interrupted, nothing more is written", file=sys.stderr)
         return INTERRUPTED

@@ -26,6 +26,11 @@ def stopped() -> bool:
     return _stop.is_set() or rospy.is_shutdown()
 
 
+def pause(seconds: float) -> None:
+    """Wait, but no longer than until the node is asked to end."""
+    _stop.wait(seconds)
+
+
 def wait() -> int:
     """Let callbacks do the work until the node is asked to end; return the exit code 0."""
     while not _stop.wait(0.1) and not rospy.is_shutdown():
@@ -41,13 +46,22 @@ def start(name: str) -> None:
     """
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: _stop.set())
+    check_master()
+    rospy.init_node(name, disable_signals=True)
+
+
+def check_master() -> None:
+    """Refuse to go on without a master.
+
+    Raises:
+        ConfigError: there is none.
+    """
     try:
         rospy.get_master().getPid()
     except OSError:
         raise ConfigError(
             "no ROS master answers; start one with roscore, or use roslaunch"
         ) from None
-    rospy.init_node(name, disable_signals=True)
 
 
 def guarded(name: str, run: Callable[[], int]) -> int:
@@ -59,6 +73,14 @@ def guarded(name: str, run: Callable[[], int]) -> int:
         return BAD_INPUT
     finally:
         rospy.signal_shutdown("done")
+
+
+def not_negative(text: str) -> float:
+    """Return a number of the command line that is 0 or above."""
+    value = float(text)
+    if not 0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"'{text}' is no number of 0 or above")
+    return value
 
 
 def positive(text: str) -> float:

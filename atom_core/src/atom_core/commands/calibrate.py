@@ -6,7 +6,7 @@ import argparse
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import List, Optional, Tuple
+from typing import List, Optional, Protocol, Tuple
 
 from atom_core.calibration.calibrate import Calibration, calibrate
 from atom_core.calibration.options import DESCRIPTION, NO_GUESS, CalibrationOptions
@@ -23,12 +23,25 @@ from atom_core.model.dataset import Dataset
 from atom_core.model.selection import select_names
 from atom_core.model.sensor import LIDAR3D
 from atom_core.report.calibration_tables import calibration_report
-from atom_core.solvers.base import CONVERGED, SolverOptions
+from atom_core.solvers.base import CONVERGED, Iteration, SolverOptions
 from atom_core.solvers.choice import CERES, SOLVERS, default_solver
 
 EXAMPLE = "python3 -m atom_core calibrate --dataset data/dataset.json --output results"
 DATASET_FILE, RESULT_FILE = "atom_calibration.json", "calibration.json"
 PARAMETERS_FILE, DESCRIPTION_FILE = "atom_calibration_params.yml", "optimized.urdf.xacro"
+
+
+class Watcher(Protocol):
+    """Somebody who looks on while the command runs, such as a live view."""
+
+    def begin(self, dataset: Dataset) -> None:
+        """Called with the selected dataset, before anything is solved."""
+
+    def progress(self, iteration: Iteration) -> Optional[bool]:
+        """Called after every iteration, see ``SolverOptions.progress``."""
+
+    def end(self, calibration: Calibration) -> None:
+        """Called when the results are written."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -191,8 +204,13 @@ def _add_freedom_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(args: argparse.Namespace) -> int:
-    """Calibrate, write the results, print the tables; 1 when the answer is not acceptable."""
+def run(args: argparse.Namespace, watcher: Optional[Watcher] = None) -> int:
+    """Calibrate, write the results, print the tables; 1 when the answer is not acceptable.
+
+    Args:
+        args: as parsed.
+        watcher: told how it gets on, if there is one.
+    """
     began = time.perf_counter()
     options = _options(args)
     common.refuse_occupied(args.output, args.overwrite)
@@ -211,6 +229,9 @@ def run(args: argparse.Namespace) -> int:
     )
     description = _description(args, dataset.config.description_file)
     load_seconds = time.perf_counter() - began
+    if watcher is not None:
+        watcher.begin(dataset)
+        options = replace(options, solver=replace(options.solver, progress=watcher.progress))
     calibration = calibrate(dataset, options)
     solver_name = options.solver_name or default_solver()
     document = result_document(calibration, common.options_document(args), solver_name)
@@ -226,6 +247,8 @@ def run(args: argparse.Namespace) -> int:
     seconds["write"] = time.perf_counter() - writing
     seconds["total"] = time.perf_counter() - began
     write_json_atomically(folder / RESULT_FILE, document, sort_keys=False)
+    if watcher is not None:
+        watcher.end(calibration)
     print(calibration_report(document, verbose=args.verbose))
     print(f"results: {folder}")
     return 0 if calibration.status == CONVERGED else 1
