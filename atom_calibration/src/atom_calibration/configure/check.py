@@ -303,8 +303,8 @@ def _compare_with_bag(description: Description, facts: BagFacts, findings: Findi
     if differing:
         findings.warn(
             ("description_file",),
-            f"has other fixed transforms than the bag: {_list(differing)}; the description's are "
-            f"used (--first_guess bag starts from the bag's)",
+            f"has other fixed transforms than the bag: {_list(differing)}; the first guess is the "
+            f"description's, or with --first_guess bag the bag's",
         )
 
 

@@ -127,7 +127,8 @@ def _facts(
         with BagReader(path) as reader:
             return bag_facts(config, reader, findings)
     except AtomError as error:
-        findings.problem(("bag_file",), f"cannot be used: {error}")
+        which = "is replaced by --bag, which cannot be used" if bag else "cannot be used"
+        findings.problem(("bag_file",), f"{which}: {error}")
         return None
 
 
