@@ -13,7 +13,7 @@ import pytest
 from atom_core import cli
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.io.truth_json import write_truth
-from atom_core.synthetic import scenes
+from atom_core.synthetic import arm, scenes
 from atom_core.synthetic.mistakes import Origin, with_detections_from
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -169,6 +169,13 @@ def run(tmp_path_factory):
         )
         == 1
     )
+    errors = {"elbow": {"position_bias": 0.01}}
+    on_arm = arm.camera_on_arm(0, errors=errors, collections=8).dataset
+    write_dataset_folder(on_arm, folder / "arm_data", name="arm")
+    arm_data = str(folder / "arm_data" / "dataset.json")
+    assert (
+        cli.main(["calibrate", "--dataset", arm_data, "--output", str(folder / "arm_result")]) == 0
+    )
     train = str(result / "atom_calibration.json")
     assert (
         cli.main(
@@ -187,9 +194,11 @@ def read(path):
 
 
 def test_keys_of_calibration_json_are_those_documented(run):
-    document, keys = read(run / "result" / "calibration.json"), documented_keys("calibration.json")
+    keys = documented_keys("calibration.json")
+    document, of_arm = (read(run / name / "calibration.json") for name in ("result", "arm_result"))
     assert undocumented(document, keys) == []
-    assert unwritten(document, keys) == []
+    assert undocumented({"joints": of_arm["joints"]}, keys) == []
+    assert [key for key in unwritten(document, keys) if key in unwritten(of_arm, keys)] == []
 
 
 def test_keys_of_evaluation_json_are_those_documented(run):
@@ -206,7 +215,10 @@ def test_keys_of_the_truth_file_are_those_documented(run):
     assert unwritten(document, keys) == []
 
 
-@pytest.mark.parametrize("name", ["data/dataset.json", "result/atom_calibration.json"])
+@pytest.mark.parametrize(
+    "name",
+    ["data/dataset.json", "result/atom_calibration.json", "arm_result/atom_calibration.json"],
+)
 def test_keys_of_a_dataset_are_documented(run, name):
     keys = documented_keys("dataset.json")
     assert undocumented(read(run / name), keys, prefix=True) == []

@@ -55,6 +55,25 @@ std::vector<ParameterBlock> AsParameters(const DoubleArray& initial, const BoolA
   return blocks;
 }
 
+/// Makes some of the blocks parts of joints.
+void SetParts(const py::list& parts, std::vector<ParameterBlock>* blocks) {
+  for (const auto& entry : parts) {
+    const auto item = entry.cast<py::dict>();
+    const auto index = item["block"].cast<std::size_t>();
+    Expect(index < blocks->size(), "a part names a parameter block that does not exist");
+    ParameterBlock& block = (*blocks)[index];
+    const auto kind = item["kind"].cast<std::string>();
+    Expect(kind == "origin" || kind == "bias", "a part's kind must be origin or bias");
+    block.kind = kind == "origin" ? BlockKind::kOrigin : BlockKind::kBias;
+    block.values = item["values"].cast<Vector6d>();
+    block.free = item["free"].cast<Vector6d>();
+    if (kind == "bias") {
+      block.axis = item["axis"].cast<Eigen::Vector3d>();
+      block.is_prismatic = item["is_prismatic"].cast<bool>();
+    }
+  }
+}
+
 std::vector<PoseChain> AsChains(const DoubleArray& constants, const IndexArray& block,
                                 const BoolArray& inverted) {
   Expect(constants.ndim() == 4 && constants.shape(2) == 4 && constants.shape(3) == 4,
@@ -132,13 +151,15 @@ std::unique_ptr<CalibrationProblem> MakeProblem(const DoubleArray& initial,
                                                 const BoolArray& eliminated,
                                                 const DoubleArray& constants,
                                                 const IndexArray& block, const BoolArray& inverted,
-                                                const py::list& residual_blocks) {
+                                                const py::list& residual_blocks,
+                                                const py::list& parts) {
   std::vector<ResidualBlock> residuals;
   for (const auto& item : residual_blocks)
     residuals.push_back(AsResidualBlock(item.cast<py::dict>()));
-  return std::make_unique<CalibrationProblem>(AsParameters(initial, eliminated),
-                                              AsChains(constants, block, inverted),
-                                              std::move(residuals));
+  std::vector<ParameterBlock> parameters = AsParameters(initial, eliminated);
+  SetParts(parts, &parameters);
+  return std::make_unique<CalibrationProblem>(
+      std::move(parameters), AsChains(constants, block, inverted), std::move(residuals));
 }
 
 Loss AsLoss(const std::string& name) {
@@ -261,7 +282,8 @@ void BindCalibration(py::module& m) {
 The fast twin of atom_core.problem.problem.Problem, which is the specification.
 )")
       .def(py::init(&MakeProblem), py::arg("initial"), py::arg("eliminated"), py::arg("constants"),
-           py::arg("block"), py::arg("inverted"), py::arg("residual_blocks"), R"(
+           py::arg("block"), py::arg("inverted"), py::arg("residual_blocks"),
+           py::arg("parts") = py::list(), R"(
 Args:
     initial: (b, 4, 4) parent_T_child of the parameter blocks.
     eliminated: (b,) True for blocks that never meet one another in a detection.
@@ -269,6 +291,8 @@ Args:
     residual_blocks: list of dict with kind, detection (n,), points (n, 3), and
         camera (dict), pixels (n, 2) for reprojection, centre, half_size (n, 2), steps (2 n, 3),
         inset (n,) for border.
+    parts: list of dict, for blocks that are no poses: block (index), kind (origin or bias),
+        values (6,) and free (6,) 1 or 0, and for a bias axis (3,) and is_prismatic.
 
 Raises:
     ValueError: shapes or indices do not fit together.

@@ -43,9 +43,60 @@ Matrix6d Adjoint(const Isometry3d& a_T_b) {
   return m;
 }
 
+/// Rz(yaw) Ry(pitch) Rx(roll), and the axes about which the three angles turn.
+Matrix3d FromRpy(const Vector3d& rpy, Matrix3d* axes) {
+  const Matrix3d about_z = Eigen::AngleAxisd(rpy[2], Vector3d::UnitZ()).toRotationMatrix();
+  const Matrix3d about_yz = about_z * Eigen::AngleAxisd(rpy[1], Vector3d::UnitY());
+  if (axes != nullptr) *axes << about_yz.col(0), about_z.col(1), Vector3d::UnitZ();
+  return about_yz * Eigen::AngleAxisd(rpy[0], Vector3d::UnitX()).toRotationMatrix();
+}
+
+Isometry3d OriginPose(const ParameterBlock& block, const double* numbers) {
+  const Vector6d values =
+      block.values + block.free.cwiseProduct(Eigen::Map<const Vector6d>(numbers));
+  Isometry3d pose = Isometry3d::Identity();
+  pose.linear() = FromRpy(values.head<3>(), nullptr);
+  pose.translation() = values.tail<3>();
+  return pose;
+}
+
+Matrix6d OriginTwist(const ParameterBlock& block, const double* numbers) {
+  const Vector6d values =
+      block.values + block.free.cwiseProduct(Eigen::Map<const Vector6d>(numbers));
+  Matrix3d axes;
+  FromRpy(values.head<3>(), &axes);
+  Matrix6d twist = Matrix6d::Zero();
+  twist.topLeftCorner<3, 3>() = axes;
+  twist.bottomLeftCorner<3, 3>() = Skew(values.tail<3>()) * axes;
+  twist.bottomRightCorner<3, 3>().setIdentity();
+  return twist * block.free.asDiagonal();
+}
+
+Isometry3d BiasPose(const ParameterBlock& block, const double* numbers) {
+  const int place = block.is_prismatic ? 3 : 0;
+  const Vector3d move = (block.values[place] + numbers[place]) * block.axis;
+  Isometry3d pose = Isometry3d::Identity();
+  if (block.is_prismatic) {
+    pose.translation() = move;
+  } else {
+    pose.linear() = Exponential(move);
+  }
+  return pose;
+}
+
+/// The axis is the same in both frames.
+Matrix6d BiasTwist(const ParameterBlock& block) {
+  Matrix6d twist = Matrix6d::Zero();
+  const int place = block.is_prismatic ? 3 : 0;
+  twist.block<3, 1>(place, place) = block.axis;
+  return twist;
+}
+
 }  // namespace
 
 Isometry3d ParameterBlock::Pose(const double* numbers) const {
+  if (kind == BlockKind::kOrigin) return OriginPose(*this, numbers);
+  if (kind == BlockKind::kBias) return BiasPose(*this, numbers);
   Isometry3d pose = initial;
   pose.linear() = initial.linear() * Exponential(Eigen::Map<const Vector3d>(numbers));
   pose.translation() += Eigen::Map<const Vector3d>(numbers + 3);
@@ -53,6 +104,8 @@ Isometry3d ParameterBlock::Pose(const double* numbers) const {
 }
 
 Matrix6d ParameterBlock::Twist(const double* numbers, const Isometry3d& pose) const {
+  if (kind == BlockKind::kOrigin) return OriginTwist(*this, numbers);
+  if (kind == BlockKind::kBias) return BiasTwist(*this);
   const Matrix3d turn = pose.linear() * RightJacobian(Eigen::Map<const Vector3d>(numbers));
   Matrix6d twist = Matrix6d::Zero();
   twist.topLeftCorner<3, 3>() = turn;

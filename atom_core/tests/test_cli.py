@@ -14,8 +14,8 @@ from atom_core.io.truth_json import write_truth
 from atom_core.synthetic import Noise, paper_cell, scenes
 
 CALIBRATION_KEYS = {
-    "version", "dataset", "seed", "options", "status", "message", "solver", "edges", "sensors",
-    "collections", "propagation", "outliers", "outlier_count", "outlier_limit_sigmas",
+    "version", "dataset", "seed", "options", "status", "message", "solver", "edges", "joints",
+    "sensors", "collections", "propagation", "outliers", "outlier_count", "outlier_limit_sigmas",
     "rejected_detections", "weak_directions", "warnings",
 }  # fmt: skip
 

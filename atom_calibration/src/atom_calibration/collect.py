@@ -13,6 +13,7 @@ import numpy as np
 from atom_calibration.conversions import cloud_xyz
 from atom_calibration.errors import CollectionError, TransformError
 from atom_calibration.frames import Frame
+from atom_calibration.joint_positions import joint_documents
 from atom_calibration.labelling import camera_T_pattern
 from atom_calibration.pictures import labelled_picture
 from atom_calibration.selection import (
@@ -33,6 +34,7 @@ from atom_core.io.seeds import SEEDS_FILE, Seed, write_seeds
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.dataset import Collection, Dataset, RangeLabel, board_edge
 from atom_core.model.pattern import Pattern
+from atom_core.model.robot import Joint
 from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
 from atom_core.model.transforms import Edge, FrameGraph, chain_transform
 
@@ -65,6 +67,7 @@ class Setup:
         pictures: write a picture of each labelled frame.
         at_stops: moments come from stops, where two in a row at one place are one.
         warn: is told, in one line, what the user should know.
+        joints: of the description, whose positions are recorded, by name.
     """
 
     config: CalibrationConfig
@@ -76,6 +79,7 @@ class Setup:
     pictures: bool = False
     at_stops: bool = True
     warn: Callable[[str], None] = field(default=lambda _text: None)
+    joints: Mapping[str, Joint] = field(default_factory=dict)
 
 
 class Collector:
@@ -207,7 +211,7 @@ def write_collection(setup: Setup, frames: Mapping[str, Frame]) -> str:
         "data": data,
         "labels": _labels(setup, frames),
         "transforms": {str(e): transform_document(e, matrix) for e, matrix in transforms.items()},
-        "joints": {},
+        "joints": joint_documents(setup.joints, transforms),
         "additional_data": {},
     }
     if not store.has_header:

@@ -19,6 +19,7 @@ from atom_calibration.conclusion import conclude
 from atom_calibration.errors import MessageError
 from atom_calibration.expectation import PointExpectation
 from atom_calibration.frames import Frame, decode
+from atom_calibration.joint_positions import described_joints
 from atom_calibration.labelling import FrameLabeler
 from atom_calibration.rig import Rig, check_frames, rig_from_bag
 from atom_calibration.selection import StopMoments, TimedMoments
@@ -73,7 +74,7 @@ def collect_from_bag(args: argparse.Namespace) -> int:
         store = CollectionStore.create(args.output, args.overwrite)
         setup = Setup(
             config, rig.sensors, patterns, transforms.at, store, args.bag.stem,
-            args.pictures, isinstance(moments, StopMoments), _warn,
+            args.pictures, isinstance(moments, StopMoments), _warn, described_joints(config, _warn),
         )  # fmt: skip
         collector = Collector(setup, moments)
         expectation = PointExpectation(setup)

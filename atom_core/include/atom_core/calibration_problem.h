@@ -22,13 +22,26 @@ struct PoseChain {
   std::vector<bool> inverted;
 };
 
-/// One pose to estimate, relative to its initial value: (R0 exp(r), t0 + t).
+/// What the six numbers of a block mean: a pose, or parameters of a joint.
+enum class BlockKind { kPose, kOrigin, kBias };
+
+/// One pose to estimate, relative to its initial value: (R0 exp(r), t0 + t); or a part of a joint
+/// (atom_core/problem/joint_blocks.py), of which only some numbers are estimated.
 struct ParameterBlock {
+  BlockKind kind = BlockKind::kPose;
   Eigen::Isometry3d initial = Eigen::Isometry3d::Identity();
   /// Eliminated first: no two such blocks meet in a detection.
   bool eliminated = false;
+  /// Of a joint: roll, pitch, yaw, x, y, z of its origin, or the bias in its place; rad, m.
+  Vector6d values = Vector6d::Zero();
+  /// Of a joint: 1 for the numbers that are estimated, else 0.
+  Vector6d free = Vector6d::Ones();
+  /// Of a joint's bias: unit vector of the motion, in the joint's frame.
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitX();
+  /// Of a joint's bias: a shift along the axis instead of a turn about it.
+  bool is_prismatic = false;
 
-  /// \param numbers r (3,) rad and t (3,) m.
+  /// \param numbers r (3,) rad and t (3,) m; or what the kind says.
   Eigen::Isometry3d Pose(const double* numbers) const;
   /// The left twist in the parent's frame by the six numbers, at a pose of this block.
   Matrix6d Twist(const double* numbers, const Eigen::Isometry3d& pose) const;

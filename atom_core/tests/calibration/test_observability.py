@@ -15,7 +15,7 @@ from atom_core.model.config import EdgeConfig
 from atom_core.model.dataset import pose
 from atom_core.model.transforms import Edge
 from atom_core.solvers.choice import SOLVERS
-from atom_core.synthetic import degenerate, paper_cell, scenes
+from atom_core.synthetic import arm, degenerate, paper_cell, scenes
 
 DISTURBED = (0.1, 0.1)
 SEEDS = range(3)
@@ -98,6 +98,43 @@ def test_of_two_edges_in_series_only_the_product_is_seen(seed, solver_name):
         assert "only their product is seen" in weak.why
 
 
+@pytest.mark.parametrize("solver_name", sorted(SOLVERS))
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize(
+    "which, blamed",
+    [
+        ("last", ("joint wrist_3 position_bias", "rgb_1 ")),
+        ("first", ("joint shoulder_pan position_bias", "pattern_1 ")),
+        ("own", ("joint elbow position_bias", "joint elbow origin_pitch")),
+    ],
+)
+def test_a_redundant_joint_is_named_with_what_imitates_it(which, blamed, seed, solver_name):
+    scene = degenerate.redundant_joint(seed, which=which, disturbance=DISTURBED)
+    result = calibrate(scene.dataset, CalibrationOptions(solver_name=solver_name))
+    assert result.status == "rank_deficient"
+    (weak,) = result.weak_directions
+    for name in blamed:
+        assert any(parameter.startswith(name) for parameter in weak.parameters), weak
+    assert all(parameter.startswith(blamed) for parameter in weak.parameters)
+    assert "only both together are seen; estimate one of the two" in weak.why
+
+
+def test_a_joint_that_nothing_seen_hangs_on_is_named():
+    dataset = arm.camera_on_arm(0, errors={"elbow": {"position_bias": 0.01}}).dataset
+    collections = {
+        key: replace(
+            c,
+            joints={**c.joints, "gripper": replace(c.joints["elbow"], edge=Edge("flange", "jaw"))},
+        )
+        for key, c in dataset.collections.items()
+    }
+    options = CalibrationOptions(joints={"gripper": ("position_bias",)})
+    result = calibrate(replace(dataset, collections=collections), options)
+    (weak,) = result.weak_directions
+    assert weak.parameters == ("joint gripper position_bias",)
+    assert "no sensor and no board that was seen hangs on joint gripper" in weak.why
+
+
 def test_an_edge_above_sensor_and_free_board_is_followed_by_the_board():
     dataset = scenes.hand_eye(0, collections=12).dataset
     entry = EdgeConfig(parent_link="world", child_link="rig_base")
@@ -136,6 +173,7 @@ def test_an_unanchored_rig_is_held_by_its_first_sensor_and_the_user_is_told(seed
         (degenerate.planar_motion, 1),
         (degenerate.parallel_boards, 1),
         (degenerate.redundant_edge, 1),
+        (degenerate.redundant_joint, 1),
         (degenerate.unanchored, 0),
     ],
 )
@@ -171,6 +209,8 @@ HEALTHY = [
     (scenes.two_cameras, {"collections": 4}),
     (scenes.hand_eye, {}),
     (scenes.board_on_arm, {}),
+    (arm.camera_on_arm, {"collections": 14, "errors": {"elbow": {"position_bias": 0.02}}}),
+    (arm.board_on_arm, {"collections": 14, "errors": {"wrist_1": {"position_bias": 0.02}}}),
 ]
 
 

@@ -12,7 +12,7 @@ from atom_core.model.dataset import board_edge
 from atom_core.model.truth import with_truth
 from atom_core.problem.builder import build_problem
 from atom_core.problem.measurements import read_measurements
-from atom_core.synthetic import Noise, paper_cell, scenes
+from atom_core.synthetic import Noise, arm, paper_cell, scenes
 
 K = np.array([[900.0, 0, 640.0], [0, 890.0, 400.0], [0, 0, 1]])
 MODELS = {
@@ -21,12 +21,20 @@ MODELS = {
     "rational_polynomial": [0.3, -0.1, 0.001, -0.002, 0.01, 0.5, -0.1, 0.02],
     "equidistant": [-0.03, 0.01, -0.004, 0.001],
 }
+JOINTS = {
+    "shoulder_lift": dict.fromkeys(("origin_x", "origin_roll", "origin_pitch", "origin_yaw"), 0.01),
+    "telescope": {"position_bias": 0.01, "origin_y": 0.01},
+    "elbow": {"position_bias": 0.02},
+    "wrist_3": {"origin_y": 0.01, "origin_z": 0.02},
+}
 SCENES = {
     "random_scene": lambda: scenes.random_scene(1, collections=4),
     "shared_edge": lambda: scenes.shared_edge(1, collections=4),
     "hand_eye": lambda: scenes.hand_eye(1, collections=4),
     "board_on_arm": lambda: scenes.board_on_arm(1, collections=4),
     "two_patterns": lambda: scenes.two_patterns(1, collections=4),
+    "joints_above_a_camera": lambda: arm.camera_on_arm(1, errors=JOINTS, collections=4),
+    "joints_above_a_board": lambda: arm.board_on_arm(1, errors=JOINTS, collections=4),
 }
 for _model in MODELS:
     SCENES[_model] = lambda model=_model: scenes.two_cameras(

@@ -16,7 +16,7 @@ from atom_core.solvers import losses
 from atom_core.solvers.base import SolverOptions
 from atom_core.solvers.ceres_solver import CeresSolver
 from atom_core.solvers.scipy_solver import ScipySolver, total_cost
-from atom_core.synthetic import Noise, paper_cell, scenes
+from atom_core.synthetic import Noise, arm, paper_cell, scenes
 
 pytest.importorskip("atom_core._core", reason="native module is not built: make build")
 
@@ -27,6 +27,12 @@ MODELS = {
     "rational_polynomial": [0.3, -0.1, 0.001, -0.002, 0.01, 0.5, -0.1, 0.02],
     "equidistant": [-0.03, 0.01, -0.004, 0.001],
 }
+JOINTS = {
+    "shoulder_lift": {"origin_x": 0.01, "origin_yaw": 0.01},
+    "telescope": {"position_bias": 0.01},
+    "elbow": {"position_bias": 0.02},
+    "wrist_2": {"origin_roll": 0.01, "origin_z": 0.02},
+}
 SCENES = {
     "random_scene": lambda: scenes.random_scene(1, collections=6),
     "shared_edge": lambda: scenes.shared_edge(1, collections=6),
@@ -34,6 +40,8 @@ SCENES = {
     "board_on_arm": lambda: scenes.board_on_arm(1, collections=6),
     "two_patterns": lambda: scenes.two_patterns(1, collections=6),
     "lidar_only": lambda: scenes.lidar_only(1, collections=6),
+    "joints_above_a_camera": lambda: arm.camera_on_arm(1, errors=JOINTS, collections=12),
+    "joints_above_a_board": lambda: arm.board_on_arm(1, errors=JOINTS, collections=12),
 }
 for _model in MODELS:
     SCENES[_model] = lambda model=_model: scenes.two_cameras(

@@ -19,6 +19,7 @@ import rospy
 from atom_calibration.collect import Setup
 from atom_calibration.conclusion import conclude
 from atom_calibration.errors import CollectionError
+from atom_calibration.joint_positions import described_joints
 from atom_calibration.live_topics import LiveTopics, wait_for
 from atom_calibration.live_transforms import LiveTransforms
 from atom_calibration.nodes import running
@@ -77,7 +78,7 @@ def _collect(args: argparse.Namespace, config: CalibrationConfig, store: Collect
         patterns = {n: pattern_from_config(n, p) for n, p in config.calibration_patterns.items()}
         setup = Setup(
             config, rig.sensors, patterns, transforms.at, store, store.folder.name,
-            args.pictures, warn=warn,
+            args.pictures, warn=warn, joints=described_joints(config, warn),
         )  # fmt: skip
         live = LiveCollector(setup, transforms, board, args.automatic)
         live.listen(rig, topics, labels)

@@ -19,6 +19,7 @@ from atom_core.problem.initial_boards import (
     estimate_boards,
 )
 from atom_core.problem.measurements import Measurement
+from atom_core.problem.parameters import joint_parameters
 from atom_core.problem.problem import Problem
 from atom_core.solvers import losses
 from atom_core.solvers.base import Minimum, Solver, SolverFactory, SolverOptions
@@ -117,8 +118,9 @@ def _placed_anew(
 def _far_turned(problem: Problem, x: np.ndarray) -> Dict[int, np.ndarray]:
     """Return the poses of blocks that have turned so far that their numbers become singular."""
     turns = np.linalg.norm(x.reshape(-1, 6)[:, :3], axis=1)
-    poses = problem.parameters.poses(x)
-    return {int(i): poses[i] for i in np.flatnonzero(turns > _FAR_RAD)}
+    poses, blocks = problem.parameters.poses(x), problem.parameters.blocks
+    far = [int(i) for i in np.flatnonzero(turns > _FAR_RAD)]
+    return {i: poses[i] for i in far if blocks[i].numbers is None}
 
 
 def _restarted(
@@ -187,7 +189,10 @@ def solved_dataset(
     """Return the dataset with the solution's edges and boards in its transforms."""
     changes: Dict[str, Dict[Edge, np.ndarray]] = {key: {} for key in dataset.collections}
     for block, matrix in zip(problem.parameters.blocks, problem.parameters.poses(x)):
+        if block.numbers is not None:
+            continue
         for key in dataset.collections if block.collection is None else [block.collection]:
             changes[key][block.edge] = matrix
     # the boards first: held ones keep their value, the others are among the changes
-    return with_boards(dataset, boards).with_transforms(changes)
+    solved = with_boards(dataset, boards).with_transforms(changes)
+    return solved.with_joint_parameters(joint_parameters(problem.parameters, x))

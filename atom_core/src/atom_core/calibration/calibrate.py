@@ -89,7 +89,7 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
     clock = _Clock()
     check_range_offsets(dataset, options)
     ready = prepare(dataset, options)
-    free = ready.free
+    free, dataset = ready.free, ready.dataset
     warnings = list(dataset.warnings) + ready.remarks
     clock.lap("build")
 

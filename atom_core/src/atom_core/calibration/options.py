@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Optional, Tuple
 
+from atom_core.model.joints import JointSelection
 from atom_core.solvers.base import SolverOptions
 
 DESCRIPTION, NO_GUESS = "description", "none"
@@ -21,6 +22,7 @@ class CalibrationOptions:
         ignore_anchored_sensor: do not hold the configuration's anchored sensor.
         anchor_patterns: hold the boards where the dataset has them.
         additional_tfs: names of the configuration's additional tfs to estimate; None for all.
+        joints: parameters to estimate, by joint; None for those of the configuration.
         complete_only: use only collections in which every sensor sees every pattern.
         initial_guess: ``description`` starts from the transforms of the dataset (and leaves them
             where that cannot be right), ``none`` places the sensors from the data alone.
@@ -38,6 +40,7 @@ class CalibrationOptions:
     ignore_anchored_sensor: bool = False
     anchor_patterns: bool = False
     additional_tfs: Optional[Tuple[str, ...]] = None
+    joints: Optional[JointSelection] = None
     complete_only: bool = False
     initial_guess: str = DESCRIPTION
     noisy_initial_guess: Tuple[float, float] = (0.0, 0.0)

@@ -9,6 +9,7 @@ import numpy as np
 
 from atom_core.calibration.boards import carried_boards
 from atom_core.calibration.connectivity import check_connected, floats_freely
+from atom_core.calibration.joints import check_joints
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.preparation import absent_data, check_modalities, free_edges
 from atom_core.calibration.statistics import Table, residual_table
@@ -70,6 +71,7 @@ def preflight(dataset: Dataset) -> Preflight:
     for check in (
         lambda: check_modalities(dataset),
         lambda: check_edges(dataset, free),
+        lambda: check_joints(dataset, free),
         lambda: check_connected(present, measurements, free),
     ):
         _collect(check, problems)
@@ -128,7 +130,8 @@ def _rows(m: Measurement) -> int:
 def _parameter_count(dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges) -> int:
     edges = {dataset.sensors[m.key.sensor].edge for m in measurements} - free.held_edges(dataset)
     boards = {dataset.patterns[m.key.pattern].board_key(m.key.collection) for m in measurements}
-    return 6 * (len(edges) + len(free.additional_tfs) + len(boards))
+    poses = 6 * (len(edges) + len(free.additional_tfs) + len(boards))
+    return poses + sum(len(parameters) for parameters in free.joints.values())
 
 
 def _implausible(dataset: Dataset, measurements: Sequence[Measurement]) -> List[str]:

@@ -6,6 +6,11 @@ from dataclasses import dataclass, replace
 from typing import Dict, List, Sequence, Set, Tuple
 
 from atom_core.calibration.connectivity import check_connected, floats_freely
+from atom_core.calibration.joints import (
+    check_joints,
+    configured_joints,
+    with_joint_transforms,
+)
 from atom_core.calibration.memory import check_memory
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.errors import CalibrationError
@@ -23,12 +28,14 @@ class Prepared:
     """What a calibration works on.
 
     Attributes:
+        dataset: as it was given, with the edges of free joints as their positions say.
         measurements: the detections that can tie something.
         free: what is estimated and what is held; something is, or motion ties the rig to world.
         unused: why a collection was left out, by key.
         remarks: what the user should know.
     """
 
+    dataset: Dataset
     measurements: List[Measurement]
     free: FreeEdges
     unused: Dict[str, str]
@@ -45,14 +52,17 @@ def prepare(dataset: Dataset, options: CalibrationOptions) -> Prepared:
     check_data_present(dataset)
     free = free_edges(dataset, options)
     check_edges(dataset, free)
+    check_joints(dataset, free)
+    dataset, joint_remarks = with_joint_transforms(dataset, free)
     check_memory(dataset, options.solver_name or default_solver())
     measurements, remarks = read_measurements(dataset)
+    remarks += joint_remarks
     measurements, unused = _usable(dataset, measurements, options)
     check_connected(dataset, measurements, free)
     if floats_freely(dataset, measurements, free):
         free, remark = _anchor_first(dataset, free)
         remarks.append(remark)
-    return Prepared(measurements, free, unused, remarks)
+    return Prepared(dataset, measurements, free, unused, remarks)
 
 
 def check_modalities(dataset: Dataset) -> None:
@@ -120,7 +130,8 @@ def free_edges(dataset: Dataset, options: CalibrationOptions) -> FreeEdges:
         for name, entry in dataset.config.additional_tfs.items()
         if options.additional_tfs is None or name in options.additional_tfs
     }
-    return FreeEdges(tuple(dict.fromkeys(anchored)), additional, options.anchor_patterns)
+    joints = configured_joints(dataset) if options.joints is None else options.joints
+    return FreeEdges(tuple(dict.fromkeys(anchored)), additional, options.anchor_patterns, joints)
 
 
 def _usable(

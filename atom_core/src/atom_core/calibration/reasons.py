@@ -10,7 +10,7 @@ import numpy as np
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset, pose
 from atom_core.model.sensor import LIDAR3D
-from atom_core.problem.parameters import PATTERN, SENSOR
+from atom_core.problem.parameters import JOINT, PATTERN, SENSOR, ParameterBlock
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import BORDER, REPROJECTION
 
@@ -21,6 +21,7 @@ _STILL_RAD, _STILL_M = np.deg2rad(0.5), 0.005  # motions below this are none
 _ONE_AXIS_RAD = np.deg2rad(3.0)  # RMS angle between axes that count as one
 _SPIN_AXIS_RAD = np.deg2rad(15.0)
 _FEW = 3
+_SAME_MOTION = 1e-9  # one minus the cosine between what two blocks can do
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,9 @@ def reason(solution: Solution, blocks: Sequence[int], axis_in_world: np.ndarray)
         axis_in_world: (3,) unit vector of the strongest motion.
     """
     return (
-        _in_series(solution.problem, blocks)
+        _joint_without_effect(solution.problem, blocks)
+        or _joint_imitated(solution, blocks)
+        or _in_series(solution.problem, blocks)
         or _boards_follow(solution.problem, blocks)
         or _along_all_boards(solution, blocks, axis_in_world)
         or _one_motion(solution, blocks, axis_in_world)
@@ -62,6 +65,53 @@ def reason(solution: Solution, blocks: Sequence[int], axis_in_world: np.ndarray)
 
 
 # ------------------------------------------------------------------------------- chains
+
+
+def _joint_without_effect(problem: Problem, blocks: Sequence[int]) -> Optional[str]:
+    for i in blocks:
+        block = problem.parameters.blocks[i]
+        if block.kind == JOINT and not np.any(problem.chains.block == i):
+            return f"no sensor and no board that was seen hangs on {block.title}; hold it"
+    return None
+
+
+def _joint_imitated(solution: Solution, blocks: Sequence[int]) -> Optional[str]:
+    """A joint's parameter and another block that can do the same to every detection."""
+    parameters = solution.problem.parameters
+    if not any(parameters.blocks[i].kind == JOINT for i in blocks):
+        return None
+    poses = parameters.poses(solution.x)
+    twists = parameters.twists(solution.x, poses)
+    _, maps = solution.problem.chains.poses_and_maps(poses, twists)
+    bases = {i: _reach(solution.problem, maps, i) for i in blocks}
+    for i in blocks:
+        for j in blocks:
+            if parameters.blocks[i].kind != JOINT or i == j:
+                continue
+            common = np.linalg.svd(bases[i].T @ bases[j], compute_uv=False)
+            if np.max(common, initial=0.0) > 1.0 - _SAME_MOTION:
+                one, two = (parameters.blocks[k].title for k in (i, j))
+                return (
+                    f"{_parameters_of(parameters.blocks[i])} of {one} does to every detection what "
+                    f"{_parameters_of(parameters.blocks[j])} of {two} can do too, so that only "
+                    f"both together are seen; estimate one of the two"
+                )
+    return None
+
+
+def _parameters_of(block: ParameterBlock) -> str:
+    if block.numbers is None:
+        return "the pose"
+    return " or ".join(n for n, free in zip(block.components, block.numbers.free) if free)
+
+
+def _reach(problem: Problem, maps: np.ndarray, block: int) -> np.ndarray:
+    """Return an orthonormal basis (6 d, k) of what a block can do to all detections' poses."""
+    moved = np.where((problem.chains.block == block)[:, :, None, None], maps, 0.0).sum(axis=1)
+    columns = moved.reshape(-1, 6)[:, problem.parameters.free[block]]
+    columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    left, singular, _ = np.linalg.svd(columns, full_matrices=False)
+    return left[:, singular > 1e-9]
 
 
 def _in_series(problem: Problem, blocks: Sequence[int]) -> Optional[str]:
@@ -187,6 +237,8 @@ def _plane_in_world(solution: Solution, detection: int) -> List[np.ndarray]:
 def is_spin_axis(solution: Solution, block: int, axis_in_world: np.ndarray) -> bool:
     """Tell whether an axis is that about which a block's LiDAR spins."""
     dataset = solution.dataset
+    if solution.problem.parameters.blocks[block].kind != SENSOR:
+        return False
     for name in solution.problem.parameters.blocks[block].names:
         sensor = dataset.sensors.get(name)
         if sensor is not None and sensor.modality == LIDAR3D:

@@ -13,6 +13,7 @@ from atom_core.calibration.statistics import Table, kinds_of, residual_table
 from atom_core.calibration.weak_directions import edge_covariance
 from atom_core.geometry import se3
 from atom_core.model.transforms import Edge
+from atom_core.problem.parameters import JOINT
 from atom_core.problem.residuals import UNITS
 
 VERSION = "1.0"
@@ -41,6 +42,7 @@ def result_document(
         "message": calibration.message,
         "solver": _solver(calibration, solver_name),
         "edges": edges_document(calibration),
+        "joints": joints_document(calibration),
         "sensors": _sensors(calibration, table, outliers),
         "collections": _collections(calibration, table),
         "propagation": propagation_document(calibration),
@@ -65,7 +67,7 @@ def _solver(calibration: Calibration, name: str) -> Dict[str, Any]:
         "name": name,
         "iterations": summary.iterations,
         "residuals": calibration.problem.row_count,
-        "parameters": calibration.problem.parameters.size,
+        "parameters": calibration.problem.parameters.free_count,
         "cost_initial": _finite(summary.cost_initial),
         "cost_final": _finite(summary.cost_final),
         "seconds": dict(calibration.seconds),
@@ -137,11 +139,32 @@ def _edge(
     }
 
 
+def joints_document(calibration: Calibration) -> Dict[str, Any]:
+    """Return every calibrated parameter of joints: value, change, sigma; in m or rad."""
+    parameters = calibration.problem.parameters
+    document: Dict[str, Any] = {}
+    for i, block in enumerate(parameters.blocks):
+        if block.kind != JOINT or block.numbers is None:
+            continue
+        name = block.names[0]
+        variance = np.diagonal(calibration.covariance.block(i))
+        joint, before = calibration.dataset.joint(name), calibration.initial.joint(name)
+        for parameter, free, value in zip(block.components, block.numbers.free, variance):
+            if free:
+                document.setdefault(name, {})[parameter] = {
+                    "value": joint.parameters[parameter],
+                    "change": joint.parameters[parameter] - before.parameters[parameter],
+                    "sigma": float(np.sqrt(min(value, 1e12))),
+                    "unit": joint.unit(parameter),
+                }
+    return document
+
+
 def edge_variance(calibration: Calibration, edge: Edge) -> Optional[np.ndarray]:
     """Return (6,) variances of rotation and translation in the parent's axes; None if held."""
     parameters = calibration.problem.parameters
     for i, block in enumerate(parameters.blocks):
-        if block.edge == edge:
+        if block.edge == edge and block.numbers is None:
             x = calibration.summary.x[6 * i : 6 * i + 6]
             return np.diagonal(edge_covariance(block, x, calibration.covariance.block(i)))
     return None

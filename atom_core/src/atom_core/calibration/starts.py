@@ -230,4 +230,4 @@ def estimate_sensors(dataset: Dataset, options: Optional[CalibrationOptions] = N
         AtomError: sensors that no shared board connects, or data that cannot be read.
     """
     ready = prepare(dataset, options or CalibrationOptions())
-    return sensors_from_boards(dataset, ready.measurements, ready.free).dataset
+    return sensors_from_boards(ready.dataset, ready.measurements, ready.free).dataset

@@ -10,7 +10,8 @@ import numpy as np
 from atom_core.calibration.reasons import Boards, Solution, is_spin_axis, parallel_boards, reason
 from atom_core.geometry import se3
 from atom_core.model.transforms import chain_transform
-from atom_core.problem.parameters import COMPONENTS, ParameterBlock
+from atom_core.problem.joint_blocks import BiasNumbers
+from atom_core.problem.parameters import ParameterBlock
 from atom_core.solvers.covariance import Covariance
 
 _NAMED_SHARE = 0.5  # parameters are named when they move at least this part of the largest
@@ -132,6 +133,8 @@ def _in_parent_axes(
 ) -> np.ndarray:
     to_parent = np.eye(len(shared))
     for i, block in enumerate(blocks):
+        if block.numbers is not None:
+            continue
         at = slice(6 * i, 6 * i + 3)
         steps = x[at]
         rotation = block.initial[:3, :3] @ se3.rotation_from_rotation_vector(steps)
@@ -150,7 +153,7 @@ def _describe(
     """Name a direction; ``spread`` is one sigma along it, in units of the limits."""
     blocks = solution.problem.parameters.blocks
     largest, named = int(np.argmax(np.abs(spread))), _named(spread)
-    names = tuple(f"{'+'.join(blocks[i // 6].names)} {COMPONENTS[i % 6]}" for i in named)
+    names = tuple(f"{blocks[i // 6].title} {blocks[i // 6].components[i % 6]}" for i in named)
     unit = "rad" if largest % 6 < 3 else "m"
     sigma = min(float(abs(spread[largest]) * limits[largest]), _LARGEST_SIGMA)
     moving = sorted({int(i) // 6 for i in named})
@@ -163,7 +166,7 @@ def _describe(
 def _motion(solution: Solution, moving: Sequence[int], unit: str, axis: np.ndarray) -> str:
     """Return who moves how, in words."""
     blocks = solution.problem.parameters.blocks
-    who = sorted({"+".join(blocks[i].names) for i in moving})
+    who = sorted({blocks[i].title for i in moving})
     motion, how = ("turn", "about") if unit == "rad" else ("shift", "along")
     direction = (
         f"({', '.join(f'{v:.2f}' for v in axis.round(2) + 0.0)}) of {solution.dataset.world}"
@@ -186,7 +189,16 @@ def _world_R_parent(solution: Solution, block: int) -> np.ndarray:
 
 def _world_direction(solution: Solution, spread: np.ndarray, largest: int) -> np.ndarray:
     """Return the unit direction (3,) of the strongest part in world."""
-    start = 6 * (largest // 6) + (0 if largest % 6 < 3 else 3)
-    direction = _world_R_parent(solution, largest // 6) @ spread[start : start + 3]
+    index, first = largest // 6, 0 if largest % 6 < 3 else 3
+    in_parent = spread[6 * index + first : 6 * index + first + 3]
+    block = solution.problem.parameters.blocks[index]
+    if block.numbers is not None:
+        part = np.zeros(6)
+        part[first : first + 3] = in_parent
+        in_parent = block.numbers.twist(solution.x[6 * index : 6 * index + 6]) @ part
+        in_parent = in_parent[first : first + 3]
+        if isinstance(block.numbers, BiasNumbers):  # it stands behind the origin
+            in_parent = solution.dataset.joint(block.names[0]).origin[:3, :3] @ in_parent
+    direction = _world_R_parent(solution, index) @ in_parent
     direction = direction / np.linalg.norm(direction)
     return direction * np.sign(direction[np.argmax(np.abs(direction))])

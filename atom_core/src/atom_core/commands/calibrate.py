@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import List, Optional, Protocol, Tuple
 
 from atom_core.calibration.calibrate import Calibration, calibrate
+from atom_core.calibration.joints import select_joints
 from atom_core.calibration.options import DESCRIPTION, NO_GUESS, CalibrationOptions
 from atom_core.calibration.result import result_document, selected_edges, sigma_text
 from atom_core.commands import common
@@ -20,6 +21,7 @@ from atom_core.io.results import write_parameters_yaml
 from atom_core.io.truth_json import read_truth
 from atom_core.io.urdf import Description, read_description, write_calibrated_description
 from atom_core.model.dataset import Dataset
+from atom_core.model.joints import JOINT_PARAMETERS, JointSelection
 from atom_core.model.selection import select_names
 from atom_core.model.sensor import LIDAR3D
 from atom_core.report.calibration_tables import calibration_report
@@ -191,6 +193,30 @@ def _add_freedom_options(parser: argparse.ArgumentParser) -> None:
     )
     add(
         parser,
+        "joint_selection_function",
+        "-jsf",
+        nargs="+",
+        metavar="SELECTION",
+        help="joints to calibrate (names, globs, lambda; default: those of the configuration)",
+    )
+    add(
+        parser,
+        "joint_parameter_selection_function",
+        "-jpsf",
+        nargs="+",
+        metavar="SELECTION",
+        help=f"which of their parameters: {', '.join(JOINT_PARAMETERS)} (default: those of the "
+        f"configuration)",
+    )
+    add(
+        parser,
+        "all_joints_fixed",
+        "-ajf",
+        action="store_true",
+        help="hold all joints, also those of the configuration",
+    )
+    add(
+        parser,
         "use_incomplete_collections",
         "-uic",
         action="store_true",
@@ -223,6 +249,7 @@ def run(args: argparse.Namespace, watcher: Optional[Watcher] = None) -> int:
         options = replace(options, additional_tfs=tuple(names))
     options = replace(
         options,
+        joints=_joints(args, dataset),
         range_offset=_range_offset_sensors(args, dataset),
         keep_collections=_kept_collections(args, dataset),
         keep_detections=_kept_detections(args, dataset),
@@ -274,6 +301,17 @@ def _options(args: argparse.Namespace) -> CalibrationOptions:
         raise CalibrationError(str(error)) from None
 
 
+def _joints(args: argparse.Namespace, dataset: Dataset) -> Optional[JointSelection]:
+    joints, parameters = args.joint_selection_function, args.joint_parameter_selection_function
+    if args.all_joints_fixed:
+        if joints or parameters:
+            raise CalibrationError("--all_joints_fixed holds what a selection of joints frees")
+        return {}
+    if not joints and not parameters:
+        return None
+    return select_joints(dataset, common.strings(joints), common.strings(parameters))
+
+
 def _range_offset_sensors(args: argparse.Namespace, dataset: Dataset) -> Tuple[str, ...]:
     if args.range_offset is None:
         return ()
@@ -321,7 +359,10 @@ def _write_files(
     """Write dataset, parameters and description; return what the user should know."""
     write_dataset(calibration.dataset, folder / DATASET_FILE)
     write_parameters_yaml(
-        folder / PARAMETERS_FILE, calibration.dataset, calibration.free.additional_tfs
+        folder / PARAMETERS_FILE,
+        calibration.dataset,
+        calibration.free.additional_tfs,
+        calibration.free.joints,
     )
     if description is None:
         return ["no robot description found: optimized.urdf.xacro is not written (--description)"]
@@ -334,8 +375,12 @@ def _write_description(path: Path, calibration: Calibration, description: Descri
     comments = {
         edge: "anchored" if edge in held else sigma_text(calibration, edge) for edge in edges
     }
-    report = write_calibrated_description(description, edges, path, comments)
-    remarks = [f"edge '{e}' is not written to {path.name}: {why}" for e, why in report.missing]
+    joints = {name: calibration.dataset.joint(name) for name in calibration.free.joints}
+    comments.update({joint.edge: "calibrated joint" for joint in joints.values()})
+    origins = {name: joint.corrected_origin for name, joint in joints.items()}
+    report = write_calibrated_description(description, edges, path, comments, origins)
+    missing = [*report.missing, *report.missing_joints]
+    remarks = [f"'{what}' is not written to {path.name}: {why}" for what, why in missing]
     if report.flattened:
         remarks.append(f"{path.name} is the expanded description: {report.reason}")
     return remarks

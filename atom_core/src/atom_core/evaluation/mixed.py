@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Collection, Dict, List, Optional
+from typing import Collection, Dict, List, Mapping, Optional
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from atom_core.model.transforms import Edge
 def mixed_dataset(
     train: Dataset, test: Dataset, sensors: Optional[Collection[str]] = None
 ) -> Dataset:
-    """Return the test set with the edges and intrinsics that the train file estimated.
+    """Return the test set with the edges, joints and intrinsics that the train file estimated.
 
     Edges: of every sensor, and the configuration's additional tfs; an edge with a value of its
     own in each collection (type ``multiple``) stays the test's own. The value is that of the
@@ -32,6 +32,7 @@ def mixed_dataset(
     """
     _check_same_sensors(train, test, sensors)
     mixed = test.with_transforms(dict.fromkeys(test.collections, calibrated_edges(train, test)))
+    mixed = mixed.with_joint_parameters(calibrated_joints(train, test))
     shared = {
         name: replace(sensor, camera=train.sensors[name].camera)
         for name, sensor in test.sensors.items()
@@ -55,6 +56,28 @@ def calibrated_edges(train: Dataset, test: Dataset) -> Dict[Edge, np.ndarray]:
             raise DatasetError(f"{train.source}: transform '{edge}' is in no collection")
         values[edge] = found[0]
     return values
+
+
+def calibrated_joints(train: Dataset, test: Dataset) -> Dict[str, Mapping[str, float]]:
+    """Return the parameters of the joints whose description is another in the train file.
+
+    Raises:
+        DatasetError: a test collection does not know the position of such a joint.
+    """
+    changed: Dict[str, Mapping[str, float]] = {}
+    for name in {name for c in train.collections.values() for name in c.joints}:
+        parameters = train.joint(name).parameters
+        without = [key for key, c in test.collections.items() if name not in c.joints]
+        if without and name in train.config.joints:
+            raise DatasetError(
+                f"{test.source}: collection {without[0]} has no position of joint '{name}', which "
+                f"{train.source} calibrated; collect the test set with the same configuration"
+            )
+        if not without and any(
+            c.joints[name].parameters != parameters for c in test.collections.values()
+        ):
+            changed[name] = parameters
+    return changed
 
 
 def _estimated(train: Dataset, test: Dataset) -> List[Edge]:

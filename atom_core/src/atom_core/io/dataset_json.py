@@ -21,6 +21,7 @@ from atom_core.io.atomic import write_text_atomically
 from atom_core.io.data_files import FileDataSource
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.dataset import Collection, Dataset, DataSource, Label, RangeLabel, RgbLabel
+from atom_core.model.joints import ORIGIN_PARAMETERS, POSITION_BIAS, JointState
 from atom_core.model.pattern import (
     Pattern,
     border_from_document,
@@ -82,7 +83,7 @@ def _check_maps(document: Mapping[str, Any], path: Path) -> None:
         _check_map(sensor, f"sensor '{name}'", path)
     for key, collection in document["collections"].items():
         _check_map(collection, f"collection {key}", path)
-        for part in ("data", "labels", "transforms"):
+        for part in ("data", "labels", "transforms", "joints"):
             _check_map(collection.get(part) or {}, f"collection {key}, {part}", path)
         for name, labels in (collection.get("labels") or {}).items():
             _check_map(labels, f"collection {key}, labels of '{name}'", path)
@@ -239,7 +240,19 @@ class _Reader:
             key=key,
             labels=self.labels(key, entry, sensors, patterns),
             transforms=self.transforms(key, entry),
+            joints=self.joints(key, entry),
         )
+
+    def joints(self, key: str, entry: Mapping[str, Any]) -> Dict[str, JointState]:
+        joints = {}
+        for name, value in (entry.get("joints") or {}).items():
+            try:
+                joints[name] = _joint(value)
+            except KeyError as error:
+                raise self.fail(f"collection {key}, joint '{name}' lacks {error}") from None
+            except (ValueError, TypeError) as error:
+                raise self.fail(f"collection {key}, joint '{name}': {error}") from None
+        return joints
 
     def transforms(self, key: str, entry: Mapping[str, Any]) -> Dict[Edge, np.ndarray]:
         transforms = {}
@@ -370,6 +383,13 @@ def document_of(dataset: Dataset) -> Dict[str, Any]:
         for edge, matrix in collection.transforms.items():
             _lay_over(stored, names.get(edge, str(edge)), edge, matrix)
         kept[key]["transforms"] = stored
+        if collection.joints:
+            joints = dict(kept[key].get("joints") or {})
+            for name, joint in collection.joints.items():
+                old = joints.get(name)
+                if old is None or _joint(old).parameters != joint.parameters:
+                    joints[name] = {**(old or {}), **joint_document(joint)}
+            kept[key]["joints"] = joints
     document["collections"] = kept
     return document
 
@@ -382,6 +402,31 @@ def transform_document(edge: Edge, parent_T_child: np.ndarray) -> Dict[str, Any]
         "trans": [float(v) for v in parent_T_child[:3, 3]],
         "quat": [float(v) for v in se3.quaternion_from_rotation(parent_T_child[:3, :3])],
     }
+
+
+def joint_document(joint: JointState) -> Dict[str, Any]:
+    """Return a joint as it stands in a collection."""
+    return {
+        "transform_key": str(joint.edge),
+        "parent_link": joint.edge.parent,
+        "child_link": joint.edge.child,
+        "joint_type": joint.type,
+        "position": joint.position,
+        **joint.parameters,
+        **{f"axis_{axis}": float(v) for axis, v in zip("xyz", joint.axis)},
+    }
+
+
+def _joint(value: Mapping[str, Any]) -> JointState:
+    parameters = {name: float(value[name]) for name in ORIGIN_PARAMETERS}
+    parameters[POSITION_BIAS] = float(value.get(POSITION_BIAS, 0.0))
+    return JointState(
+        edge=Edge(value["parent_link"], value["child_link"]),
+        type=value["joint_type"],
+        axis=np.array([value[f"axis_{axis}"] for axis in "xyz"], dtype=float),
+        position=float(value["position"]),
+        parameters=parameters,
+    )
 
 
 def _lay_over(stored: Dict[str, Any], name: str, edge: Edge, matrix: np.ndarray) -> None:

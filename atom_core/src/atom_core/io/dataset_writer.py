@@ -14,7 +14,12 @@ import numpy as np
 
 from atom_core.geometry.camera import Camera
 from atom_core.io.atomic import prepare_output_folder, write_text_atomically
-from atom_core.io.dataset_json import CURRENT_VERSION, dumps, transform_document
+from atom_core.io.dataset_json import (
+    CURRENT_VERSION,
+    dumps,
+    joint_document,
+    transform_document,
+)
 from atom_core.io.images import write_depth_png, write_image
 from atom_core.io.pcd import write_pcd
 from atom_core.model.dataset import Collection, Dataset, Label, RgbLabel, board_edge
@@ -193,7 +198,7 @@ def _collection(
             str(edge): transform_document(edge, matrix)
             for edge, matrix in collection.transforms.items()
         },
-        "joints": {},
+        "joints": {name: joint_document(joint) for name, joint in collection.joints.items()},
         "additional_data": {},
     }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Dict, Mapping
+from typing import Any, Dict, Mapping, Optional
 
 import numpy as np
 import yaml
@@ -11,6 +11,7 @@ import yaml
 from atom_core.geometry import se3
 from atom_core.io.atomic import write_text_atomically
 from atom_core.model.dataset import Dataset
+from atom_core.model.joints import JointSelection
 from atom_core.model.transforms import Edge
 
 _HEADER = (
@@ -19,19 +20,30 @@ _HEADER = (
 )
 
 
-def write_parameters_yaml(path: Path, dataset: Dataset, additional: Mapping[str, Edge]) -> None:
+def write_parameters_yaml(
+    path: Path,
+    dataset: Dataset,
+    additional: Mapping[str, Edge],
+    joints: Optional[JointSelection] = None,
+) -> None:
     """Write ``atom_calibration_params.yml``.
 
     Args:
         path: the file.
         dataset: the calibrated dataset.
         additional: additional tfs that were estimated, by name.
+        joints: parameters that were estimated, by joint.
     """
     document: Dict[str, Any] = {
         "sensors": {s.name: _values(dataset, s.edge) for s in dataset.sensors.values()}
     }
     if additional:
         document["additional_tfs"] = {n: _values(dataset, e) for n, e in additional.items()}
+    if joints:
+        document["joints"] = {
+            name: {parameter: dataset.joint(name).parameters[parameter] for parameter in parameters}
+            for name, parameters in joints.items()
+        }
     text = _HEADER + yaml.safe_dump(document, sort_keys=False, default_flow_style=None)
     write_text_atomically(path, text)
 

@@ -18,6 +18,7 @@ from atom_core.model.config_section import (
     document_of,
     shown,
 )
+from atom_core.model.joints import JOINT_PARAMETERS
 from atom_core.model.pattern import CHARUCO, CHESSBOARD
 from atom_core.model.sensor import MODALITIES
 
@@ -29,10 +30,6 @@ DICTIONARIES = tuple(
     for count in (50, 100, 250, 1000)
 )
 _BORDER = "metres from the squares to the board's edge"
-JOINT_PARAMETERS = (
-    *("origin_x", "origin_y", "origin_z"),
-    *("origin_roll", "origin_pitch", "origin_yaw"),
-)
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ import numpy as np
 
 from atom_core.errors import DatasetError
 from atom_core.model.config import CalibrationConfig
+from atom_core.model.joints import JointState
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import LIDAR3D, Sensor
 from atom_core.model.transforms import Edge, FrameGraph, chain_transform
@@ -102,11 +103,13 @@ class Collection:
     Attributes:
         labels: by (sensor, pattern); only what was detected.
         transforms: ``parent_T_child`` (4, 4) by edge.
+        joints: the joints whose position is known, by name.
     """
 
     key: str
     labels: Mapping[Tuple[str, str], Label]
     transforms: Mapping[Edge, np.ndarray]
+    joints: Mapping[str, JointState] = field(default_factory=dict)
 
 
 class DataSource:
@@ -186,6 +189,38 @@ class Dataset:
             merged: Dict[Edge, np.ndarray] = {**collections[key].transforms, **edges}
             collections[key] = replace(collections[key], transforms=merged)
         return replace(self, collections=collections)
+
+    def with_joint_parameters(self, changes: Mapping[str, Mapping[str, float]]) -> Dataset:
+        """Return a copy with other parameters [m, rad] of some joints, in all collections.
+
+        The transforms of these joints are computed anew, also where ``changes`` names none.
+        """
+        collections = dict(self.collections)
+        for key, collection in self.collections.items():
+            moved = {
+                name: collection.joints[name].with_parameters(values)
+                for name, values in changes.items()
+                if name in collection.joints
+            }
+            if moved:
+                edges = {joint.edge: joint.parent_T_child for joint in moved.values()}
+                collections[key] = replace(
+                    collection,
+                    joints={**collection.joints, **moved},
+                    transforms={**collection.transforms, **edges},
+                )
+        return replace(self, collections=collections)
+
+    def joint(self, name: str) -> JointState:
+        """Return a joint as it stands in the first collection that has it.
+
+        Raises:
+            DatasetError: no collection has it.
+        """
+        for collection in self.collections.values():
+            if name in collection.joints:
+                return collection.joints[name]
+        raise DatasetError(f"{self.source}: joint '{name}' is in no collection's joints")
 
     def first_value(self, edge: Edge) -> np.ndarray:
         """Return ``parent_T_child`` (4, 4) in the first collection that has the edge.

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Dict, FrozenSet, List, Mapping, Sequence, Set, Tuple
+from typing import Dict, FrozenSet, List, Mapping, Sequence, Set, Tuple, Union
 
 import numpy as np
 
 from atom_core.errors import CalibrationError
 from atom_core.geometry import se3
 from atom_core.model.dataset import MULTIPLE, Dataset, board_edge
+from atom_core.model.joints import POSITION_BIAS, JointSelection
 from atom_core.model.pattern import BoardKey
 from atom_core.model.sensor import RGB
 from atom_core.model.transforms import Edge, FrameGraph, Step
+from atom_core.problem.joint_blocks import BiasNumbers, Numbers, OriginNumbers
 from atom_core.problem.measurements import (
     CORNER_SIGMA_PX,
     CornerMeasurement,
@@ -21,6 +23,7 @@ from atom_core.problem.measurements import (
 )
 from atom_core.problem.parameters import (
     ADDITIONAL_TF,
+    JOINT,
     PATTERN,
     SENSOR,
     ParameterBlock,
@@ -43,11 +46,13 @@ class FreeEdges:
         anchored_sensors: sensors whose edge stays as it is.
         additional_tfs: further edges to estimate, by name.
         anchor_patterns: True to hold every board where it is.
+        joints: parameters to estimate, by joint.
     """
 
     anchored_sensors: Tuple[str, ...] = ()
     additional_tfs: Mapping[str, Edge] = field(default_factory=dict)
     anchor_patterns: bool = False
+    joints: JointSelection = field(default_factory=dict)
 
     def held_edges(self, dataset: Dataset) -> FrozenSet[Edge]:
         """Return the sensor edges that stay; one that sensors share stays for all of them."""
@@ -101,6 +106,7 @@ def build_problem(
     parameters = Parameters(
         _sensor_blocks(placed, measurements, free, first)
         + _additional_blocks(placed, free, sorted(used))
+        + _joint_blocks(placed, free)
         + _pattern_blocks(placed, boards, measurements, free)
     )
     ordered = sorted(measurements, key=lambda m: (m.key.sensor, m.key.collection, m.key.pattern))
@@ -159,6 +165,25 @@ def _additional_blocks(
         elif collections:
             value = _value(dataset, collections[0], edge)
             blocks.append(ParameterBlock(edge, ADDITIONAL_TF, None, value, (name,)))
+    return blocks
+
+
+def _joint_blocks(dataset: Dataset, free: FreeEdges) -> List[ParameterBlock]:
+    blocks: List[ParameterBlock] = []
+    for name, selected in free.joints.items():
+        joint = dataset.joint(name)
+        values = joint.parameters
+        parts: List[Numbers] = []
+        origin = np.array([parameter in selected for parameter in OriginNumbers.names])
+        if np.any(origin):
+            initial = np.array([values[parameter] for parameter in OriginNumbers.names])
+            parts.append(OriginNumbers(initial, origin))
+        if POSITION_BIAS in selected:
+            parts.append(BiasNumbers(joint.axis, joint.is_prismatic, values[POSITION_BIAS]))
+        blocks += [
+            ParameterBlock(joint.edge, JOINT, None, part.pose(np.zeros(6)), (name,), part)
+            for part in parts
+        ]
     return blocks
 
 
@@ -223,15 +248,33 @@ def _factor(
     blocks: List[int] = []
     turned: List[bool] = []
     for edge, inverted in graph.chain(target, source):
-        index = parameters.find(edge, collection)
-        if index >= 0:
-            blocks.append(index)
+        factors: List[Union[int, np.ndarray]] = list(parameters.find(edge, collection))
+        if not factors:
+            factors = [_value(dataset, collection, edge)]
+        elif parameters.blocks[parameters.find(edge, collection)[0]].kind == JOINT:
+            factors = _joint_factors(dataset, collection, edge, parameters)
+        for factor in reversed(factors) if inverted else factors:
+            if isinstance(factor, np.ndarray):
+                matrices[-1] = matrices[-1] @ (se3.inverse(factor) if inverted else factor)
+                continue
+            blocks.append(factor)
             turned.append(inverted)
             matrices.append(np.eye(4))
-            continue
-        matrix = _value(dataset, collection, edge)
-        matrices[-1] = matrices[-1] @ (se3.inverse(matrix) if inverted else matrix)
     return matrices, blocks, turned
+
+
+def _joint_factors(
+    dataset: Dataset, collection: str, edge: Edge, parameters: Parameters
+) -> List[Union[int, np.ndarray]]:
+    """Return a joint's origin, bias and motion: the block's index where it is estimated."""
+    indices = parameters.find(edge, collection)
+    name = parameters.blocks[indices[0]].names[0]
+    joint = dataset.collections[collection].joints[name]
+    blocks = {type(parameters.blocks[i].numbers): i for i in indices}
+    origin: Union[int, np.ndarray] = blocks.get(OriginNumbers, joint.origin)
+    bias: Union[int, np.ndarray]
+    bias = blocks.get(BiasNumbers, joint.motion(joint.parameters[POSITION_BIAS]))
+    return [origin, bias, joint.motion(joint.position)]
 
 
 def _residual_blocks(measurements: Sequence[Measurement]) -> List[ResidualBlock]:

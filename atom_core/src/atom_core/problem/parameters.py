@@ -1,8 +1,9 @@
-"""Parameter blocks: one pose each, packed into the solver's vector.
+"""Parameter blocks: mostly one pose each, packed into the solver's vector.
 
 A block holds six numbers relative to its initial value: a rotation vector r [rad] and a
 translation t [m], with ``parent_T_child = (R0 exp(r), t0 + t)``. What is held still is no
-block and not in the vector.
+block and not in the vector. A block of a joint says itself what its numbers mean
+(``joint_blocks.py``), and which of the six are estimated.
 """
 
 from __future__ import annotations
@@ -14,21 +15,23 @@ import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.model.transforms import Edge
+from atom_core.problem.joint_blocks import BiasNumbers, Numbers, OriginNumbers
 
-SENSOR, ADDITIONAL_TF, PATTERN = "sensor", "additional_tf", "pattern"
+SENSOR, ADDITIONAL_TF, PATTERN, JOINT = "sensor", "additional_tf", "pattern", "joint"
 COMPONENTS = ("r1", "r2", "r3", "x", "y", "z")
 
 
 @dataclass(frozen=True)
 class ParameterBlock:
-    """One pose to estimate.
+    """One pose to estimate, or a part of a joint.
 
     Attributes:
         edge: the edge of the tree.
-        kind: sensor, additional_tf or pattern.
+        kind: sensor, additional_tf, pattern or joint.
         collection: whose value it is; None when one value holds for all collections.
-        initial: (4, 4) ``parent_T_child`` to start from.
-        names: sensors (or the pattern) that it belongs to.
+        initial: (4, 4) ``parent_T_child`` to start from; of a joint, its part of it.
+        names: sensors (or the pattern, or the joint) that it belongs to.
+        numbers: what the six numbers mean; None: a pose.
     """
 
     edge: Edge
@@ -36,12 +39,23 @@ class ParameterBlock:
     collection: Optional[str]
     initial: np.ndarray
     names: Tuple[str, ...]
+    numbers: Optional[Numbers] = None
 
     @property
     def label(self) -> str:
         """A name for messages."""
         within = f" in collection {self.collection}" if self.collection is not None else ""
         return f"{self.kind} {'+'.join(self.names)} ({self.edge}){within}"
+
+    @property
+    def title(self) -> str:
+        """The name that stands before those of its numbers."""
+        return ("joint " if self.kind == JOINT else "") + "+".join(self.names)
+
+    @property
+    def components(self) -> Tuple[str, ...]:
+        """Names of the six numbers."""
+        return COMPONENTS if self.numbers is None else self.numbers.names
 
 
 class Parameters:
@@ -53,17 +67,27 @@ class Parameters:
         local = sorted((b for b in blocks if b.collection is not None), key=_collection_of)
         self.blocks: Tuple[ParameterBlock, ...] = tuple(shared + local)
         self.shared_count = len(shared)
-        self._index: Dict[Tuple[Edge, Optional[str]], int] = {
-            (b.edge, b.collection): i for i, b in enumerate(self.blocks)
-        }
-        if len(self._index) != len(self.blocks):
-            raise ValueError("two parameter blocks hold the same edge")
+        self._index: Dict[Tuple[Edge, Optional[str]], List[int]] = {}
+        for i, block in enumerate(self.blocks):
+            holders = self._index.setdefault((block.edge, block.collection), [])
+            if holders and None in (block.numbers, self.blocks[holders[0]].numbers):
+                raise ValueError("two parameter blocks hold the same edge")
+            holders.append(i)
         self._initial = np.array([b.initial for b in self.blocks]).reshape(-1, 4, 4)
+        self._special = [(i, b.numbers) for i, b in enumerate(self.blocks) if b.numbers is not None]
+        self.free = np.ones((len(self.blocks), 6), dtype=bool)
+        for i, numbers in self._special:
+            self.free[i] = numbers.free
 
     @property
     def size(self) -> int:
         """Length of the vector."""
         return 6 * len(self.blocks)
+
+    @property
+    def free_count(self) -> int:
+        """How many numbers of the vector are estimated; the others stay zero."""
+        return int(np.sum(self.free))
 
     def with_initial(self, poses: Mapping[int, np.ndarray]) -> Parameters:
         """Return the same blocks with other initial values (4, 4), by index."""
@@ -71,10 +95,13 @@ class Parameters:
             [replace(b, initial=poses.get(i, b.initial)) for i, b in enumerate(self.blocks)]
         )
 
-    def find(self, edge: Edge, collection: str) -> int:
-        """Return the index of the block that holds the edge in the collection, or -1."""
-        found = self._index.get((edge, None))
-        return self._index.get((edge, collection), -1) if found is None else found
+    def find(self, edge: Edge, collection: str) -> Sequence[int]:
+        """Return the indices of the blocks that hold the edge in the collection, in its order.
+
+        None or one for a pose; of a joint, the origin's before the bias's.
+        """
+        everywhere: Sequence[int] = self._index.get((edge, None), ())
+        return everywhere or self._index.get((edge, collection), ())
 
     def local_groups(self) -> List[np.ndarray]:
         """Return, for each collection with blocks of its own, their indices."""
@@ -87,7 +114,10 @@ class Parameters:
         """Return ``parent_T_child`` (b, 4, 4) of all blocks at the vector x."""
         steps = x.reshape(-1, 6)
         rotation = self._initial[:, :3, :3] @ se3.rotation_from_rotation_vector(steps[:, :3])
-        return se3.transform(rotation, self._initial[:, :3, 3] + steps[:, 3:])
+        poses = se3.transform(rotation, self._initial[:, :3, 3] + steps[:, 3:])
+        for i, numbers in self._special:
+            poses[i] = numbers.pose(steps[i])
+        return poses
 
     def twists(self, x: np.ndarray, poses: np.ndarray) -> np.ndarray:
         """Return E (b, 6, 6): the left twist (rotation, move) in parent, by the six numbers.
@@ -101,8 +131,26 @@ class Parameters:
         result[:, :3, :3] = turn
         result[:, 3:, :3] = se3.skew(poses[:, :3, 3]) @ turn
         result[:, 3:, 3:] = np.eye(3)
+        for i, numbers in self._special:
+            result[i] = numbers.twist(x.reshape(-1, 6)[i])
         return result
 
 
 def _collection_of(block: ParameterBlock) -> str:
     return str(block.collection)
+
+
+def joint_parameters(parameters: Parameters, x: np.ndarray) -> Dict[str, Dict[str, float]]:
+    """Return the estimated values [rad, m] at the vector x, by joint and parameter."""
+    found: Dict[str, Dict[str, float]] = {}
+    for block, numbers in zip(parameters.blocks, x.reshape(-1, 6)):
+        if isinstance(block.numbers, (OriginNumbers, BiasNumbers)):
+            values = block.numbers.values(numbers)
+            found.setdefault(block.names[0], {}).update(
+                {
+                    name: float(value)
+                    for name, value, free in zip(block.components, values, block.numbers.free)
+                    if free
+                }
+            )
+    return found

@@ -20,7 +20,7 @@ _SHOWN = {"reprojection": ("px", 1.0, 4), "orthogonal": ("mm", 1e3, 2), "border"
 
 def calibration_report(document: Mapping[str, Any], verbose: bool = False) -> str:
     """Return what ``calibrate`` prints, from the document ``calibration.json``."""
-    parts = [_edges_table(document), _sensors_table(document)]
+    parts = [_edges_table(document), *_joints_table(document), _sensors_table(document)]
     parts += _range_offset_lines(document)
     parts += _propagation_table(document) + _outliers_line(document)
     if verbose:
@@ -62,6 +62,17 @@ def _edges_table(document: Mapping[str, Any]) -> str:
     headers = ["Sensors", "Edge (parent-child)", "", "x [m]", "y [m]", "z [m]"]
     headers += ["sigma [mm]", "sigma [deg]"]
     return text_table(headers, rows, "Calibrated edges (sigma: the largest of three axes)")
+
+
+def _joints_table(document: Mapping[str, Any]) -> List[str]:
+    rows = []
+    for name, parameters in document["joints"].items():
+        for parameter, found in parameters.items():
+            factor, unit = (1e3, "mm") if found["unit"] == "m" else (math.degrees(1.0), "deg")
+            numbers = [factor * found[key] for key in ("value", "change", "sigma")]
+            rows.append([name, parameter, *numbers, unit])
+    headers = ["Joint", "Parameter", "Value", "Change", "Sigma", "Unit"]
+    return [text_table(headers, rows, "Calibrated joints")] if rows else []
 
 
 def _sensors_table(document: Mapping[str, Any]) -> str:

@@ -55,7 +55,8 @@ class Iteration(NamedTuple):
         """Return ``parent_T_child`` (4, 4) of the edges that hold for all collections."""
         parameters = self.problem.parameters
         shared = parameters.blocks[: parameters.shared_count]
-        return {block.edge: pose for block, pose in zip(shared, parameters.poses(self.x))}
+        poses = parameters.poses(self.x)
+        return {b.edge: pose for b, pose in zip(shared, poses) if b.numbers is None}
 
 
 # Called after every iteration; False stops with the best state so far. What it raises goes

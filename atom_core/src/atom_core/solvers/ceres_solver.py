@@ -11,6 +11,7 @@ from typing import Any, Dict, List, Optional, Sequence
 import numpy as np
 
 from atom_core import native
+from atom_core.problem.joint_blocks import BiasNumbers, Numbers, OriginNumbers
 from atom_core.problem.parameters import PATTERN
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import (
@@ -139,7 +140,26 @@ def _native_problem(problem: Problem) -> Any:
         block=problem.chains.block,
         inverted=problem.chains.inverted,
         residual_blocks=[_residual_block(b) for b in problem.residual_blocks],
+        parts=[
+            {"block": i, **_part(block.numbers)}
+            for i, block in enumerate(blocks)
+            if block.numbers is not None
+        ],
     )
+
+
+def _part(numbers: Numbers) -> Dict[str, Any]:
+    free = np.asarray(numbers.free, dtype=float)
+    if isinstance(numbers, OriginNumbers):
+        return {"kind": "origin", "values": numbers.initial, "free": free}
+    assert isinstance(numbers, BiasNumbers)
+    return {
+        "kind": "bias",
+        "values": numbers.initial * free,
+        "free": free,
+        "axis": numbers.axis,
+        "is_prismatic": numbers.is_prismatic,
+    }
 
 
 def _residual_block(block: ResidualBlock) -> Dict[str, Any]:

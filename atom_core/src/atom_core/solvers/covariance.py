@@ -39,6 +39,8 @@ class Covariance:
         # What elimination leaves of an unseen direction is rounding: measure it against before.
         diagonal = np.diagonal(equations.shared)[None]
         self._shared = _pseudo_inverse(reduced[None], diagonal)[0] if size else reduced
+        self._shared[self._layout.idle] = 0.0  # they do not vary
+        self._shared[:, self._layout.idle] = 0.0
         self._cross = -coupling @ self._shared
         self._local = inverse - self._cross @ np.swapaxes(coupling, 1, 2)
 

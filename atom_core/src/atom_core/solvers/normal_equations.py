@@ -29,6 +29,8 @@ class Layout:
         self.shared = parameters.shared_count
         self.groups = len(groups)
         self.width = max([len(g) for g in groups] + [1])
+        # Numbers that do not exist get a unit diagonal; they are all in shared blocks.
+        self.idle = np.flatnonzero(~parameters.free[: self.shared].ravel())
         self.group = np.full(len(parameters.blocks), -1)
         self.position = np.arange(len(parameters.blocks))
         for g, members in enumerate(groups):
@@ -229,9 +231,11 @@ def spread(
     _pad(layout, local)
     every = np.arange(len(maps))
     gradient_shared, gradient_local = pulled_back(problem, layout, maps, every, gradient)
+    dense = shared.swapaxes(1, 2).reshape(6 * s, 6 * s)
+    dense[layout.idle, layout.idle] = 1.0
     return NormalEquations(
         layout,
-        shared.swapaxes(1, 2).reshape(6 * s, 6 * s),
+        dense,
         cross.swapaxes(2, 3).reshape(g, 6 * w, 6 * s),
         local.swapaxes(2, 3).reshape(g, 6 * w, 6 * w),
         gradient_shared,

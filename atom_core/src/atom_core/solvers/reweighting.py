@@ -300,7 +300,7 @@ def covariance_of(solver: Solver, summary: SolverSummary, options: SolverOptions
     equations = solver.equations(summary.x, summary.sigmas, options.loss)
     scale = 1.0
     if options.weights == ATOM:  # its weights are no variances: scale by the residuals
-        redundancy = max(solver.problem.row_count - solver.problem.parameters.size, 1)
+        redundancy = max(solver.problem.row_count - solver.problem.parameters.free_count, 1)
         scale = 2.0 * summary.cost_final / redundancy
     covariance = Covariance(equations, scale)
     if not summary.range_offsets_m:

@@ -17,6 +17,7 @@ from atom_core.model.dataset import RangeLabel
 from atom_core.model.pattern import pattern_from_config
 from atom_core.model.sensor import LIDAR3D, RGB
 from atom_core.model.transforms import Edge
+from atom_core.synthetic.arm import camera_on_arm
 from atom_core.synthetic.board import charuco, held_before
 from atom_core.synthetic.dataset import Disturbance, SyntheticDataset, disturbed, make_dataset
 from atom_core.synthetic.noise import Noise
@@ -111,6 +112,34 @@ def redundant_edge(
     entry = EdgeConfig(parent_link=edge.parent, child_link=edge.child)
     config = replace(simulated.dataset.config, additional_tfs={"post": entry})
     return replace(simulated, dataset=replace(simulated.dataset, config=config))
+
+
+def redundant_joint(
+    seed: int = 0,
+    *,
+    which: str = "last",
+    collections: int = 14,
+    noise: Noise = Noise(),  # noqa: B008 (frozen)
+    disturbance: Disturbance = (0.0, 0.0),
+) -> SyntheticDataset:
+    """Simulate a camera on an arm of which one joint parameter too much is free.
+
+    Open: ``last``: the last joint's bias, since the pose of rgb_1 in the flange is free; ``first``:
+    the first joint's, since the pose of the board is; ``own``: the elbow's bias, since its
+    origin_pitch, about the same axis, is free too.
+    """
+    parameters = {
+        "last": {"wrist_3": {"position_bias": 0.01}},
+        "first": {"shoulder_pan": {"position_bias": 0.01}},
+        "own": {"elbow": {"position_bias": 0.01, "origin_pitch": 0.0}},
+    }
+    return camera_on_arm(
+        seed,
+        errors=parameters[which],
+        collections=collections,
+        noise=noise,
+        disturbance=disturbance,
+    )
 
 
 def unanchored(
