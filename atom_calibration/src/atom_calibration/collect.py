@@ -110,6 +110,10 @@ class Collector:
         self._recent.add(frame)
         return [key for m in self._moments.add(frame) for key in self._take_or_refuse(m)]
 
+    def label_again(self, frame: Frame) -> None:
+        """Take note that the newest frame of a sensor has other labels now: a seed was moved."""
+        self._recent.label_again(frame)
+
     def begin_anew(self, moments: Moments) -> None:
         """Forget the data of the last seconds: time went back. Collections stay."""
         self._moments = moments

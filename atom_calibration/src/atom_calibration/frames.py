@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Dict, Mapping
+from typing import Any, Dict, Mapping, Optional
 
 import numpy as np
 
@@ -26,7 +26,8 @@ class Frame:
         data: rgb: (height, width, 3) uint8, blue green red; depth: (height, width) [m], NaN where
             none; lidar3d: structured points (n,) with the fields of the message.
         labels: what the labeler found, by pattern.
-        seeds: where the labels were begun from, by pattern.
+        seeds: where the labels were begun from, by pattern; of what was not detected, the one that
+            was set by hand.
         sightings: what tells whether the board moved, by pattern; only of what was detected.
     """
 
@@ -55,6 +56,16 @@ class Frame:
         sighting = sighting_of(self, labeled) if labeled.detected else None
         if sighting is not None:
             self.sightings[pattern] = sighting
+
+    def set_seed(self, pattern: str, seed: Optional[np.ndarray]) -> None:
+        """Keep where a label was begun from; None: nowhere."""
+        self.seeds.pop(pattern, None)
+        if seed is not None:
+            self.seeds[pattern] = seed
+
+    def unlabelled(self) -> Frame:
+        """Return the same data without labels."""
+        return Frame(self.sensor, self.stamp_s, self.header, self.data)
 
 
 def decode(sensor: Sensor, message: Any) -> Frame:

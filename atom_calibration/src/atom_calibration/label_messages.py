@@ -75,8 +75,7 @@ def set_labels(frame: Frame, message: Any) -> Frame:
         next_seed = np.array(part.next_seed) if part.next_seed else None
         labeled = Labeled(label, reason=part.reason, quality=quality, next_seed=next_seed)
         frame.set_label(part.pattern_name, labeled)
-        if part.seed:
-            frame.seeds[part.pattern_name] = np.array(part.seed)
+        frame.set_seed(part.pattern_name, np.array(part.seed) if part.seed else None)
     return frame
 
 

@@ -6,9 +6,8 @@ from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
-from atom_calibration.conversions import cloud_xyz
-from atom_calibration.errors import CollectionError
 from atom_calibration.frames import Frame
+from atom_calibration.manual_seeds import ManualSeeds, outside_data
 from atom_calibration.prediction import FRESH_S, BoardPredictor, Guess
 from atom_calibration.stillness import PlaneSighting
 from atom_calibration.tf_snapshot import TransformTree
@@ -18,13 +17,11 @@ from atom_core.labeling.base import Labeled, Labeler, labeler_for, nothing
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.dataset import DetectionKey, RgbLabel
 from atom_core.model.pattern import Pattern
-from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
+from atom_core.model.sensor import DEPTH, RGB, Sensor
 from atom_core.problem.initial_boards import camera_candidates
 from atom_core.problem.measurements import CornerMeasurement
 
 _SEARCH_EVERY_S = 0.35  # of each range sensor that lost the board
-_SAME_STAMP_S = 0.005
-_OUTSIDE_M = 1.0  # a seed so far from every point is a mistake
 
 Key = Tuple[str, str]  # sensor, pattern
 
@@ -59,7 +56,7 @@ class FrameLabeler:
         }
         self._patterns = patterns
         self._automatic = automatic_seeds
-        self._manual = _ManualSeeds(seeds)
+        self._manual = ManualSeeds(seeds)
         self._tracked: Dict[Key, Tuple[float, np.ndarray]] = {}
         self._searched_s: Dict[Key, float] = {}
         self._world = config.world_link
@@ -112,6 +109,7 @@ class FrameLabeler:
         self._manual.set_for_all(sensor, position)
         for pattern in self._patterns:
             self._tracked.pop((sensor, pattern), None)
+            self._searched_s.pop((sensor, pattern), None)
 
     def manual_seed(self, sensor: str) -> Optional[np.ndarray]:
         """Return the seed that the user has given for all times."""
@@ -124,31 +122,38 @@ class FrameLabeler:
 
     def _label_range(self, frame: Frame, pattern: str, tree: Optional[TransformTree]) -> None:
         key = (frame.sensor.name, pattern)
-        labeled = nothing(frame.sensor.modality, "there is no seed")
+        by_hand = self._manual.of(frame)
         prediction = self._prediction(frame, pattern, tree)
-        manual = self._manual.at(frame)
-        seeds = [manual] if manual is not None else self._seeds(frame, pattern, prediction)
-        for seed in seeds:
-            labeled = self._label(frame, pattern, seed)
+        labeled = nothing(frame.sensor.modality, _why_no_seed(by_hand, frame))
+        for seed in self._seeds(frame, pattern, prediction):
+            labeled, begun = self._begun(frame, pattern, seed)
             frame.set_label(pattern, labeled)
             sighting = frame.sightings.get(pattern)
             if labeled.detected and tree is not None and isinstance(sighting, PlaneSighting):
                 self._boards.learn(
                     frame.sensor, self._patterns[pattern], frame.stamp_s, sighting, tree
                 )
-            by_hand = manual is not None or self.manual_seed(frame.sensor.name) is not None
-            if labeled.detected and not by_hand:
+            if labeled.detected and by_hand is None:
                 labeled = self._judged(frame, pattern, labeled, prediction)
             if labeled.detected:
-                begun = seed if seed is not None else labeled.next_seed
-                if begun is not None:
-                    frame.seeds[pattern] = begun
                 break
         frame.set_label(pattern, labeled)
         if not labeled.detected:
+            begun = by_hand if by_hand is not None and not outside_data(by_hand, frame) else None
             self._tracked.pop(key, None)
         elif labeled.next_seed is not None:
             self._tracked[key] = (frame.stamp_s, labeled.next_seed)
+        frame.set_seed(pattern, begun)
+
+    def _begun(
+        self, frame: Frame, pattern: str, seed: Optional[np.ndarray]
+    ) -> Tuple[Labeled, Optional[np.ndarray]]:
+        """Return the label from a seed, or with None of a search, and a seed that repeats it."""
+        labeled = self._label(frame, pattern, seed)
+        if seed is not None or labeled.next_seed is None:
+            return labeled, seed
+        again = self._label(frame, pattern, labeled.next_seed)
+        return again if again.detected else labeled, labeled.next_seed
 
     def _judged(
         self, frame: Frame, pattern: str, labeled: Labeled, prediction: Optional[Guess]
@@ -172,13 +177,16 @@ class FrameLabeler:
     ) -> List[Optional[np.ndarray]]:
         """Return the seeds to try, the most trusted first; None stands for a search."""
         seeds: List[Optional[np.ndarray]] = []
+        of_this = self._manual.at(frame)
+        if of_this is not None:
+            return [of_this]
         key = (frame.sensor.name, pattern)
         stamp, tracked = self._tracked.get(key, (-np.inf, np.zeros(0)))
         if frame.stamp_s - stamp <= FRESH_S:
             seeds.append(tracked)
         for_all = self._manual.for_all(frame.sensor.name)
         if for_all is not None:
-            return [*seeds, for_all]
+            return seeds if outside_data(for_all, frame) else [*seeds, for_all]
         if self._automatic:
             predicted = None if prediction is None else _in_data(frame.sensor, prediction.middle)
             seeds += [] if predicted is None else [predicted]
@@ -231,53 +239,8 @@ def _in_data(sensor: Sensor, point: np.ndarray) -> Optional[np.ndarray]:
     return sensor.camera.project(point[None])[0] if inside else None
 
 
-class _ManualSeeds:
-    """Seeds given by hand: for one time, or for all."""
-
-    def __init__(self, seeds: Sequence[Seed]):
-        self._seeds = list(seeds)
-
-    def at(self, frame: Frame) -> Optional[np.ndarray]:
-        """Return the seed for the frame's time."""
-        for seed in self._seeds:
-            if seed.sensor != frame.sensor.name or seed.stamp_s is None:
-                continue
-            if abs(seed.stamp_s - frame.stamp_s) <= _SAME_STAMP_S:
-                check_inside(seed, frame, "correct it in the file of --seeds")
-                return seed.position
-        return None
-
-    def for_all(self, sensor: str) -> Optional[np.ndarray]:
-        """Return the seed for all times."""
-        found = [s for s in self._seeds if s.sensor == sensor and s.stamp_s is None]
-        return found[0].position if found else None
-
-    def set_for_all(self, sensor: str, position: Optional[np.ndarray]) -> None:
-        """Replace, or with None remove, the seed for all times."""
-        self._seeds = [s for s in self._seeds if s.sensor != sensor or s.stamp_s is not None]
-        if position is not None:
-            self._seeds.append(Seed(sensor, position))
-
-
-def check_inside(seed: Seed, frame: Frame, remedy: str) -> None:
-    """Refuse a seed that lies outside the data of its sensor.
-
-    Raises:
-        CollectionError: with the remedy given.
-    """
-    if frame.sensor.modality == LIDAR3D:
-        away = np.linalg.norm(cloud_xyz(frame.data) - seed.position, axis=1)
-        nearest = float(np.nanmin(away)) if np.any(np.isfinite(away)) else np.inf
-        problem = f"the nearest point is {nearest:.2f} m away" if nearest > _OUTSIDE_M else ""
-        unit = "m"
-    else:
-        height, width = frame.data.shape
-        u, v = seed.position
-        inside = -0.5 <= u <= width - 0.5 and -0.5 <= v <= height - 0.5
-        problem = "" if inside else f"the image has {width} x {height} pixels"
-        unit = "px"
-    if problem:
-        raise CollectionError(
-            f"{frame.place}: the seed {np.round(seed.position, 3).tolist()} {unit} lies outside "
-            f"the data ({problem}); {remedy}"
-        )
+def _why_no_seed(by_hand: Optional[np.ndarray], frame: Frame) -> str:
+    problem = "" if by_hand is None else outside_data(by_hand, frame)
+    if not problem:
+        return "there is no seed"
+    return f"the seed set by hand lies outside the data ({problem}); put it onto the board"

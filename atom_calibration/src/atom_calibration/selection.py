@@ -177,6 +177,12 @@ class RecentFrames:
         while self._sightings and self._sightings[0][0] < oldest:
             self._sightings.popleft()
 
+    def label_again(self, frame: Frame) -> None:
+        """Take note that the newest frame of a sensor has other labels now."""
+        key = (frame.stamp_s, frame.sensor.name)
+        self._sightings = deque(seen for seen in self._sightings if seen[:2] != key)
+        self.add(frame)
+
     def clear(self) -> None:
         """Forget all."""
         self._frames.clear()

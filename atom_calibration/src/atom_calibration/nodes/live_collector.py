@@ -7,7 +7,7 @@ from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError  # the builtin from 3.11 on
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Callable, List, Optional
+from typing import Any, Callable, Dict, List, Optional
 
 import message_filters
 import numpy as np
@@ -15,6 +15,7 @@ import rospy
 from std_srvs.srv import SetBool, SetBoolResponse
 
 from atom_calibration.collect import Collector, Setup
+from atom_calibration.conversions import stamp_s
 from atom_calibration.errors import CollectionError, MessageError
 from atom_calibration.expectation import PointExpectation
 from atom_calibration.frames import Frame, decode
@@ -104,6 +105,9 @@ class LiveCollector:
         self._moments = self._new_moments(automatic)
         self.collector = Collector(setup, self._moments)
         self.last_data_s: Optional[float] = None
+        self._last_data_time = rospy.Time()
+        self._labelled: Dict[str, rospy.Time] = {}  # stamp of the newest labels by sensor
+        self._newest: Dict[str, Frame] = {}  # by sensor
         self._expectation = PointExpectation(setup)
         self._order, self._inbox = TimeOrder(setup.config.sensors), Inbox(_MOST_DATA)
         self._saves: List[_Save] = []
@@ -128,6 +132,7 @@ class LiveCollector:
             )
             pair.registerCallback(self._receive, sensor)
             self._pairs.append(pair)
+            labels.filters[sensor.name].registerCallback(self._receive_labels, sensor)
             for message in topics.early(topic):
                 data.callback(message)
 
@@ -170,8 +175,19 @@ class LiveCollector:
     # --- data -------------------------------------------------------------------------------
 
     def _receive(self, data: Any, labels: SensorLabels, sensor: Sensor) -> None:
-        self.last_data_s = time.monotonic()
+        self._data_came()
         self._inbox.put(partial(self._take_in, sensor, data, labels))
+
+    def _data_came(self) -> None:
+        self.last_data_s, self._last_data_time = time.monotonic(), rospy.Time.now()
+
+    def _receive_labels(self, labels: SensorLabels, sensor: Sensor) -> None:
+        """Notice labels of data that were labelled before: somebody moved a seed."""
+        again = self._labelled.get(sensor.name) == labels.header.stamp
+        self._labelled[sensor.name] = labels.header.stamp
+        if again:
+            self._data_came()
+            self._inbox.put(partial(self._label_again, sensor, labels))
 
     def _take_in(self, sensor: Sensor, data: Any, labels: SensorLabels) -> None:
         try:
@@ -181,7 +197,16 @@ class LiveCollector:
             return
         if self._order.goes_back(frame):
             self._begin_anew()
+        self._newest[sensor.name] = frame
         self._add(self._order.add(frame))
+
+    def _label_again(self, sensor: Sensor, labels: SensorLabels) -> None:
+        frame = self._newest.get(sensor.name)
+        if frame is None or frame.stamp_s != stamp_s(labels):
+            return
+        set_labels(frame, labels)
+        if frame.stamp_s <= self._order.released_s:  # else it is added with these labels
+            self.collector.label_again(frame)
 
     def _add(self, frames: List[Frame]) -> None:
         for frame in frames:
@@ -261,12 +286,17 @@ class LiveCollector:
     # --- what is done, in the working thread ------------------------------------------------
 
     def _save(self, answer: Future) -> None:
-        now = time.monotonic()
-        nothing = self.last_data_s is None or not np.isfinite(self._order.newest_s)
-        if nothing or now - (self.last_data_s or now) > _STALE_S:
+        if self.last_data_s is None or not np.isfinite(self._order.newest_s) or self._is_stale():
             self._answer(answer, self._no_data)
             return
-        self._saves.append(_Save(self._order.newest_s, now + _SAVE_WITHIN_S, answer))
+        end_wall_s = time.monotonic() + _SAVE_WITHIN_S
+        self._saves.append(_Save(self._order.newest_s, end_wall_s, answer))
+
+    def _is_stale(self) -> bool:
+        """Tell whether data have ceased to come; while a recording is paused they have not."""
+        quiet_s = time.monotonic() - (self.last_data_s or 0.0)
+        passed_s = (rospy.Time.now() - self._last_data_time).to_sec()
+        return min(quiet_s, abs(passed_s)) > _STALE_S
 
     def _no_data(self) -> str:
         since = "yet" if self.last_data_s is None else f"for more than {_STALE_S:g} s"

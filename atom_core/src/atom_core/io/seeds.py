@@ -75,7 +75,7 @@ def read_seeds(path: Path, sensors: Mapping[str, HasModality]) -> List[Seed]:
 
 
 def write_seeds(path: Path, seeds: Sequence[Seed], sensors: Mapping[str, Sensor]) -> None:
-    """Write seeds so that `read_seeds` reads the same.
+    """Write seeds so that `read_seeds` reads the same, to the last digit: labels then repeat.
 
     Raises:
         OutputError: the file cannot be written.
@@ -83,7 +83,7 @@ def write_seeds(path: Path, seeds: Sequence[Seed], sensors: Mapping[str, Sensor]
     entries: List[Dict[str, Any]] = []
     for seed in seeds:
         key, _ = _KEYS[sensors[seed.sensor].modality]
-        position = [round(float(v), 4) for v in seed.position]
+        position = [float(v) for v in seed.position]
         entries.append({"stamp": seed.stamp_s, "sensor": seed.sensor, key: position})
     text = yaml.safe_dump(entries, sort_keys=False, default_flow_style=None, width=100)
     write_text_atomically(path, text)
