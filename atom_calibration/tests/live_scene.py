@@ -36,7 +36,8 @@ _LABELS_WITHIN_S = 2.0
 class LiveScene:
     """The scene, its messages, and the truth of its labels."""
 
-    def __init__(self):
+    def __init__(self, cloud_sigma_m=CLOUD_SIGMA_M):
+        self._cloud_sigma_m = cloud_sigma_m
         self.scene = scenes.random_scene(
             2, rgb=2, depth=1, lidar3d=1, collections=5,
             sampling=Sampling(background_step=1), disturbance=(0.1, 0.1),
@@ -103,7 +104,7 @@ class LiveScene:
         head = Header(stamp=rospy.Time.from_sec(stamp_s), frame_id=self.sensors[name].frame)
         data = self.data(name, key)
         if name == "lidar_1":
-            points = (data + CLOUD_SIGMA_M * rng.standard_normal(data.shape)).astype("<f4")
+            points = (data + self._cloud_sigma_m * rng.standard_normal(data.shape)).astype("<f4")
             fields = [PointField(axis, 4 * i, 7, 1) for i, axis in enumerate("xyz")]
             return PointCloud2(
                 header=head, height=1, width=len(points), fields=fields, point_step=12,

@@ -111,7 +111,10 @@ class Collector:
         return [key for m in self._moments.add(frame) for key in self._take_or_refuse(m)]
 
     def label_again(self, frame: Frame) -> None:
-        """Take note that the newest frame of a sensor has other labels now: a seed was moved."""
+        """Take a sensor's newest frame with other labels: a seed was moved.
+
+        What was labelled before, from another seed, is not collected any more.
+        """
         self._recent.label_again(frame)
 
     def begin_anew(self, moments: Moments) -> None:

@@ -178,9 +178,10 @@ class RecentFrames:
             self._sightings.popleft()
 
     def label_again(self, frame: Frame) -> None:
-        """Take note that the newest frame of a sensor has other labels now."""
-        key = (frame.stamp_s, frame.sensor.name)
-        self._sightings = deque(seen for seen in self._sightings if seen[:2] != key)
+        """Take the newest frame of a sensor with other labels; those before count no more."""
+        name = frame.sensor.name
+        self._frames.pop(name, None)
+        self._sightings = deque(seen for seen in self._sightings if seen[1] != name)
         self.add(frame)
 
     def clear(self) -> None:
