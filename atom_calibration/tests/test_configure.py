@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -16,7 +17,7 @@ from small_rig import CAMERA_IN_BAG, CONFIG, XACRO, write_package
 from atom_calibration.configure import configure_package, create_package
 from atom_calibration.configure.check import BagFacts
 from atom_calibration.configure.package import find_package, launch_text
-from atom_calibration.configure.render import rendered_files
+from atom_calibration.configure.render import collecting_view, rendered_files
 from atom_core.errors import OutputError
 from atom_core.io.config_yaml import read_config
 from atom_core.io.urdf import read_description
@@ -114,7 +115,32 @@ def test_rviz_files_show_every_sensor(made_once):
         text = json.dumps(displays)
         assert "/camera/image_raw" in text
         assert "/lidar/points" in text
-        assert all(display["Class"].startswith("rviz/") for display in displays)
+        ours = {d["Class"] for d in displays if not d["Class"].startswith("rviz/")}
+        assert ours <= our_plugins()
+
+
+def our_plugins():
+    path = Path(__file__).resolve().parents[2] / "atom_rviz_plugins" / "plugin_description.xml"
+    return {entry.get("name") for entry in ElementTree.parse(str(path)).getroot().findall("class")}
+
+
+def test_collecting_shows_labels_seeds_and_the_panel_without_a_package_too(made_once):
+    of_package = yaml.safe_load((made_once / "rviz" / "collect_data.rviz").read_text("utf-8"))
+    config = read_config(made_once / "calibration" / "config.yml")
+    camera = replace(config.sensors["camera"], modality="rgb")  # as its topic tells
+    config = replace(config, sensors={**config.sensors, "camera": camera})
+    alone = yaml.safe_load(collecting_view(config))
+    for view in (of_package, alone):
+        manager = view["Visualization Manager"]
+        topics = {d.get("Topic") or d.get("Image Topic") for d in manager["Displays"]}
+        assert {"/camera/image_raw/labeled", "/lidar/points/labeled"} <= topics
+        servers = {d.get("Update Topic") for d in manager["Displays"]} - {None}
+        assert servers == {"/data_labeler/update", "/lidar/data_labeler/update"}
+        classes = [entry["Class"] for entry in (*view["Panels"], *manager["Tools"])]
+        assert {c for c in classes if not c.startswith("rviz/")} == {
+            "atom_rviz_plugins/AtomPanel", "atom_rviz_plugins/SeedTool",
+        }  # fmt: skip
+        assert our_plugins() >= {c for c in classes if not c.startswith("rviz/")}
 
 
 def test_the_graph_says_what_is_estimated_and_where_it_is_from(made_once):

@@ -8,8 +8,7 @@ import cv2
 import numpy as np
 from sensor_msgs.msg import Image, PointCloud2, PointField
 
-from atom_calibration.conversions import cloud_xyz
-from atom_calibration.frames import Frame
+from atom_calibration.frames import Frame, points_of
 from atom_calibration.label_messages import header_message
 from atom_calibration.pictures import labelled_picture
 from atom_core.model.dataset import RangeLabel
@@ -24,7 +23,7 @@ _FLOAT32, _UINT32 = 7, 6
 
 def annotated(frame: Frame) -> Union[Image, PointCloud2]:
     """Return an image with the labels drawn in, or the cloud of the labelled points alone."""
-    return _cloud(frame) if frame.sensor.modality == LIDAR3D else _image(frame)
+    return labelled_cloud(frame) if frame.sensor.modality == LIDAR3D else _image(frame)
 
 
 def _image(frame: Frame) -> Image:
@@ -50,7 +49,8 @@ def image_message(picture: np.ndarray) -> Image:
     )  # fmt: skip
 
 
-def _cloud(frame: Frame) -> PointCloud2:
+def labelled_cloud(frame: Frame) -> PointCloud2:
+    """Return the labelled points, or pixels in space, of a range sensor, inside and border."""
     parts = []
     for labeled in frame.labels.values():
         label = labeled.label
@@ -62,7 +62,7 @@ def _cloud(frame: Frame) -> PointCloud2:
         )
         parts.append(points)
     table = np.concatenate(parts) if parts else np.zeros(0, POINT)
-    for axis, values in zip("xyz", cloud_xyz(frame.data[table["idx"]]).T):
+    for axis, values in zip("xyz", points_of(frame, table["idx"]).T):
         table[axis] = values
     message = cloud_message(table)
     message.header = header_message(frame)

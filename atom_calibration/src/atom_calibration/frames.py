@@ -86,14 +86,18 @@ def decode(sensor: Sensor, message: Any) -> Frame:
 
 def labelled_points(frame: Frame, indices: np.ndarray) -> np.ndarray:
     """Return points (n, 3) [m] in the sensor's frame of indices into a range sensor's data."""
-    if frame.sensor.modality == LIDAR3D:
-        points = conversions.cloud_xyz(frame.data[indices])
-    else:
-        assert frame.sensor.camera is not None
-        row, column = np.divmod(indices, frame.data.shape[1])
-        pixels = np.column_stack([column, row]).astype(float)
-        points = frame.sensor.camera.ray_points(pixels, frame.data[row, column].astype(float))
+    points = points_of(frame, indices)
     return points[np.all(np.isfinite(points), axis=1)]
+
+
+def points_of(frame: Frame, indices: np.ndarray) -> np.ndarray:
+    """Return a point (3,) [m] for each index into a range sensor's data, valid or not."""
+    if frame.sensor.modality == LIDAR3D:
+        return conversions.cloud_xyz(frame.data[indices])
+    assert frame.sensor.camera is not None
+    row, column = np.divmod(indices, frame.data.shape[1])
+    pixels = np.column_stack([column, row]).astype(float)
+    return frame.sensor.camera.ray_points(pixels, frame.data[row, column].astype(float))
 
 
 def sighting_of(frame: Frame, labeled: Labeled) -> Any:

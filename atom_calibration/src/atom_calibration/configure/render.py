@@ -58,10 +58,37 @@ def skeleton_files(name: str) -> Dict[str, str]:
     }
 
 
+def collecting_view(config: CalibrationConfig) -> str:
+    """Return an RViz configuration for collecting without a calibration package.
+
+    Args:
+        config: each sensor with its modality.
+    """
+    values = {"made_by": "Made by `collect_data_rviz`.", **_sensor_values(config)}
+    return _environment().get_template("collect_data.rviz.j2").render(values)
+
+
 def template_values(
     config: CalibrationConfig, facts: BagFacts, package: CalibrationPackage
 ) -> Mapping[str, Any]:
     """Return what the templates may use."""
+    values = _sensor_values(config)
+    for sensor in values["sensors"]:
+        sensor["data_topic"] = facts.data_topics[sensor["name"]]
+    return {
+        **values,
+        "made_by": MADE_BY.format(config=package.config_file.name),
+        "find": package.find,
+        "config_file": package.launch_path(package.config_file),
+        "bag_file": _bag_text(config.bag_file, package),
+        "compressed": [s["data_topic"] for s in values["sensors"] if s["data_topic"] != s["topic"]],
+        "throttles": any(s["throttle"] for s in values["sensors"]),
+        "has_joint_states": bool(facts.joints),
+    }
+
+
+def _sensor_values(config: CalibrationConfig) -> Dict[str, Any]:
+    """Return what the configuration alone says."""
     sensors: List[Dict[str, Any]] = []
     for index, (name, entry) in enumerate(config.sensors.items()):
         colour = "; ".join(str(round(255 * value)) for value in colour_of(index))
@@ -71,22 +98,14 @@ def template_values(
                 "modality": entry.modality,
                 "frame": entry.link,
                 "topic": entry.topic_name,
-                "data_topic": facts.data_topics[name],
                 "throttle": entry.throttle,
                 "colour": colour,
             }
         )
     return {
-        "made_by": MADE_BY.format(config=package.config_file.name),
-        "find": package.find,
-        "config_file": package.launch_path(package.config_file),
-        "bag_file": _bag_text(config.bag_file, package),
         "world": config.world_link,
         "sensors": sensors,
         "data_frames": _unique([s["frame"] for s in sensors]),
-        "compressed": [s["data_topic"] for s in sensors if s["data_topic"] != s["topic"]],
-        "throttles": any(s["throttle"] for s in sensors),
-        "has_joint_states": bool(facts.joints),
     }
 
 

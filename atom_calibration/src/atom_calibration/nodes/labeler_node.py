@@ -11,7 +11,7 @@ import rospy
 from sensor_msgs.msg import Image, PointCloud2
 
 from atom_calibration import conversions
-from atom_calibration.annotation import annotated
+from atom_calibration.annotation import annotated, labelled_cloud
 from atom_calibration.errors import CollectionError, MessageError
 from atom_calibration.frames import Frame, decode
 from atom_calibration.label_messages import labels_message
@@ -27,7 +27,7 @@ from atom_core.io.seeds import Seed
 from atom_core.labeling.base import nothing
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.pattern import pattern_from_config
-from atom_core.model.sensor import LIDAR3D
+from atom_core.model.sensor import DEPTH, LIDAR3D
 
 _BUFFER_BYTES = 2**25  # of a connection: less than a message makes old messages wait
 _BACK_S = 1.0  # data that are older by more begin anew, as when a bag is repeated
@@ -108,6 +108,10 @@ class LabelerNode:
         self._seeds: Optional[SeedInput] = None
         kind = PointCloud2 if sensor.modality == LIDAR3D else Image
         self._annotated = rospy.Publisher(f"{sensor.topic}/labeled", kind, queue_size=2)
+        self._in_space: Optional[rospy.Publisher] = None
+        if sensor.modality == DEPTH:
+            topic = f"{sensor.topic}/labeled3d"
+            self._in_space = rospy.Publisher(topic, PointCloud2, queue_size=2)
 
     def listen(self, topics: LiveTopics) -> None:
         """Subscribe to the data and to seeds; take up data that came already."""
@@ -207,5 +211,7 @@ class LabelerNode:
         self._last = frame
         if self._annotated.get_num_connections() > 0:
             self._annotated.publish(annotated(frame))
+        if self._in_space is not None and self._in_space.get_num_connections() > 0:
+            self._in_space.publish(labelled_cloud(frame))
         if self._seeds is not None:
             self._seeds.show(frame, seed)

@@ -5,17 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from typing import Dict, List, Optional, Sequence
+from typing import Optional, Sequence
 
 import roslaunch
 import rospy
 
-from atom_calibration import conversions
-from atom_calibration.live_topics import NotYetError, wait_for
 from atom_calibration.nodes import running
-from atom_calibration.rig import candidate_topics
+from atom_calibration.nodes.modality import modality_of_sensor
 from atom_core.io.config_yaml import read_config
-from atom_core.model.config import SensorConfig
 from atom_core.model.sensor import DEPTH, LIDAR3D, RGB
 
 _LABELED = (RGB, DEPTH, LIDAR3D)
@@ -34,7 +31,7 @@ def _run(args: argparse.Namespace) -> int:
     launcher.start()
     try:
         for name, entry in config.sensors.items():
-            modality = _modality(name, entry)
+            modality = modality_of_sensor(name, entry, running.stopped, rospy.logwarn)
             if modality in _LABELED:
                 launcher.launch(_node(name, modality, args))
             elif modality is not None:
@@ -44,23 +41,6 @@ def _run(args: argparse.Namespace) -> int:
     finally:
         launcher.stop()
     return 0
-
-
-def _modality(name: str, entry: SensorConfig) -> Optional[str]:
-    """Return the modality by the configuration, else by the type of the topic once it is there."""
-
-    def by_topic() -> Optional[str]:
-        types: Dict[str, str] = dict(rospy.get_published_topics())
-        known = [conversions.modality_of(types.get(topic, "")) for topic in candidate_topics(entry)]
-        found: List[str] = [modality for modality in known if modality is not None]
-        if not found:
-            raise NotYetError(
-                f"sensor '{name}' has no modality in the configuration, and topic "
-                f"{entry.topic_name} is not published"
-            )
-        return found[0]
-
-    return entry.modality or wait_for(by_topic, running.stopped, rospy.logwarn)
 
 
 def _node(name: str, modality: str, args: argparse.Namespace) -> roslaunch.core.Node:

@@ -43,6 +43,7 @@ class SeedMarker:
         self._sensor, self._on_seed = sensor, on_seed
         self._lock = threading.Lock()
         self._held_until_s = 0.0  # of the wall's clock
+        self._dragged_to = np.zeros(3)
         self._look = (_GREY, False, sensor.name)  # colour, by hand, words
         ahead = [0.0, 0.0, 1.0] if sensor.modality == DEPTH else [1.0, 0.0, 0.0]
         self._marker = PoseMarker(
@@ -114,7 +115,10 @@ class SeedMarker:
             self._held_until_s = 0.0 if move.dropped else now + _HELD_S
         if move.dropped and not held:
             return
-        self._on_seed(self._pixel() if self._sensor.modality == DEPTH else self._position.copy())
+        place = self._position.copy()
+        rests, self._dragged_to = held and np.array_equal(place, self._dragged_to), place
+        if move.dropped or not rests:  # RViz repeats itself while nobody moves
+            self._on_seed(self._pixel() if self._sensor.modality == DEPTH else place)
 
     def _sphere(self) -> markers.Marker:
         colour, by_hand, _ = self._look
