@@ -31,6 +31,8 @@ def _run(args: argparse.Namespace) -> int:
     launcher.start()
     try:
         for name, entry in config.sensors.items():
+            if running.stopped():
+                break
             modality = modality_of_sensor(name, entry, running.stopped, rospy.logwarn)
             if modality in _LABELED:
                 launcher.launch(_node(name, modality, args))
