@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import argparse
+import subprocess
 import sys
 import time
-from typing import Optional, Sequence
+from typing import Dict, List, Optional, Sequence
 
-import roslaunch
+import roslib.packages
 import rospy
 
+from atom_calibration.errors import CollectionError
 from atom_calibration.nodes import running
 from atom_calibration.nodes.modality import modality_of_sensor
 from atom_core.io.config_yaml import read_config
 from atom_core.model.sensor import DEPTH, LIDAR3D, RGB
 
 _LABELED = (RGB, DEPTH, LIDAR3D)
+_END_WITHIN_S, _ASK_EVERY_S = 8.0, 1.0
+_POLL_S = 0.1
 
 
 def main(argv: Optional[Sequence[str]] = None) -> int:
@@ -26,32 +30,76 @@ def main(argv: Optional[Sequence[str]] = None) -> int:
 
 def _run(args: argparse.Namespace) -> int:
     config = read_config(args.config)
-    launcher = roslaunch.scriptapi.ROSLaunch()  # has signal handlers of its own: before ours
     running.start("labelers")
-    launcher.start()
+    labelers = _Labelers()
     try:
         for name, entry in config.sensors.items():
+            modality = modality_of_sensor(name, entry, running.stopped, rospy.logwarn)
             if running.stopped():
                 break
-            modality = modality_of_sensor(name, entry, running.stopped, rospy.logwarn)
             if modality in _LABELED:
-                launcher.launch(_node(name, modality, args))
-            elif modality is not None:
+                labelers.start(name, f"{modality}_labeler", _words(name, args))
+            else:
                 rospy.logwarn(f"sensor '{name}' ({modality}) is left out: it is not labelled")
         while not running.stopped():
-            time.sleep(0.1)
+            labelers.tell_deaths()
+            running.pause(_POLL_S)
     finally:
-        launcher.stop()
+        labelers.end()
     return 0
 
 
-def _node(name: str, modality: str, args: argparse.Namespace) -> roslaunch.core.Node:
-    words = f"--config '{args.config}' --sensor '{name}' --automatic_seeds {args.automatic_seeds}"
-    words += f" --rate {args.rate}" + (f" --seeds '{args.seeds}'" if args.seeds else "")
-    return roslaunch.core.Node(
-        "atom_calibration", f"{modality}_labeler", name=f"{name}_labeler", args=words,
-        output="screen",
-    )  # fmt: skip
+class _Labelers:
+    """The processes that were started."""
+
+    def __init__(self) -> None:
+        self._running: Dict[str, subprocess.Popen] = {}  # by the node's name
+
+    def start(self, sensor: str, program: str, words: Sequence[str]) -> None:
+        """Start the labeler of a sensor.
+
+        Raises:
+            CollectionError: the program is not there.
+        """
+        places = roslib.packages.find_node("atom_calibration", program)
+        if not places:
+            raise CollectionError(f"{program} is not found; is the workspace built and sourced?")
+        node = f"{sensor}_labeler"
+        # A session of its own: a Ctrl-C reaches it through `end` only, when it is told once.
+        process = subprocess.Popen([places[0], *words, f"__name:={node}"], start_new_session=True)
+        self._running[node] = process
+        number = len(self._running)
+        sys.stdout.write(f"process[{node}-{number}]: started with pid [{process.pid}]\n")
+        sys.stdout.flush()
+
+    def tell_deaths(self) -> None:
+        """Say which ended though nobody asked for it."""
+        for node, process in list(self._running.items()):
+            if process.poll() is not None:
+                del self._running[node]
+                rospy.logerr(f"{node} has ended with exit code {process.returncode}")
+
+    def end(self) -> None:
+        """Ask all to end, more than once: one that only begins to run may not hear it."""
+        patience_end_s = time.monotonic() + _END_WITHIN_S
+        while self._left() and time.monotonic() < patience_end_s:
+            for process in self._left():
+                process.terminate()
+            asked_s = time.monotonic()
+            while self._left() and time.monotonic() < asked_s + _ASK_EVERY_S:
+                time.sleep(_POLL_S)
+        for process in self._left():
+            process.kill()
+            process.wait()
+
+    def _left(self) -> List[subprocess.Popen]:
+        return [process for process in self._running.values() if process.poll() is None]
+
+
+def _words(name: str, args: argparse.Namespace) -> List[str]:
+    words = ["--config", str(args.config), "--sensor", name, "--rate", str(args.rate)]
+    words += ["--automatic_seeds", args.automatic_seeds]
+    return words + (["--seeds", str(args.seeds)] if args.seeds else [])
 
 
 def _parser() -> argparse.ArgumentParser:
