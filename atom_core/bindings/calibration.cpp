@@ -136,10 +136,10 @@ ResidualBlock AsResidualBlock(const py::dict& item) {
         block.centre.rows() == block.points.rows() && block.half_size.rows() == block.points.rows(),
         "centre and half_size must have the shape (n, 2)");
     block.steps = item["steps"].cast<PointRows>();
-    block.inset = item["inset"].cast<Eigen::VectorXd>();
+    block.inset = item["inset"].cast<PixelRows>();
     Expect(
-        block.steps.rows() == 2 * block.points.rows() && block.inset.size() == block.points.rows(),
-        "steps must have the shape (2 n, 3) and inset (n,)");
+        block.steps.rows() == 2 * block.points.rows() && block.inset.rows() == block.points.rows(),
+        "steps must have the shape (2 n, 3) and inset (n, 2)");
   } else {
     Expect(kind == "orthogonal", "kind must be reprojection, orthogonal or border");
     block.kind = ResidualKind::kOrthogonal;
@@ -237,6 +237,7 @@ py::dict BlockDocument(const BlockAssessment& block) {
   item["information"] = information;
   item["gradient"] = gradient;
   item["across"] = block.across;
+  item["by_steps"] = block.by_steps;
   item["curvature"] = curvature;
   item["slope"] = slope;
   item["by_twist"] = by_twist;
@@ -290,7 +291,7 @@ Args:
     constants, block, inverted: of PoseChains.
     residual_blocks: list of dict with kind, detection (n,), points (n, 3), and
         camera (dict), pixels (n, 2) for reprojection, centre, half_size (n, 2), steps (2 n, 3),
-        inset (n,) for border.
+        inset (n, 2) for border.
     parts: list of dict, for blocks that are no poses: block (index), kind (origin or bias),
         values (6,) and free (6,) 1 or 0, and for a bias axis (3,) and is_prismatic.
 
@@ -316,7 +317,7 @@ Returns:
     dict with x, cost, iterations, converged, stopped, message.
 )")
       .def("set_inset", &CalibrationProblem::SetInset, py::arg("residual_block"), py::arg("inset"),
-           "Replaces the inset (n,) [m] of a border block.")
+           "Replaces the inset (n, 2) [m] of a border block.")
       .def("set_points", &CalibrationProblem::SetPoints, py::arg("residual_block"),
            py::arg("points"), "Moves the points (n, 3) [m] of an orthogonal or border block.")
       .def("assess", &AssessProblem, py::arg("x"), py::arg("sigmas"), py::arg("loss"),
@@ -324,7 +325,7 @@ Returns:
 
 Returns:
     For each residual block a dict with detection (m,), information (m, 6, 6), gradient (m, 6);
-    for border blocks, with_insets, also across (n,), curvature, slope, by_twist (m, 6).
+    for border blocks, with_insets, also across (n, 2), by_steps (n,), curvature, slope, by_twist (m, 6).
     And maps (d, k, 6, 6).
 )")
       .def("squares", &SquaresOfProblem, py::arg("x"), py::arg("sigmas"),

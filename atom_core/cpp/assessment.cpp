@@ -13,7 +13,8 @@ Assessment Assess(const CalibrationProblem& problem, const Weighting& weighting,
     block.reduction.resize(problem.SegmentCount(b));
     if (with_insets && rows.kind == ResidualKind::kBorder) {
       block.inset.resize(problem.SegmentCount(b));
-      block.across.resize(rows.points.rows());
+      block.across.resize(rows.points.rows(), 2);
+      block.by_steps.resize(rows.points.rows());
     }
   }
   result.maps.resize(problem.chains().size());
@@ -28,7 +29,7 @@ Assessment Assess(const CalibrationProblem& problem, const Weighting& weighting,
       if (block.inset.empty()) continue;
       ReduceInset(problem.residuals()[segment.residual_block], segment,
                   weighting.inverse_variance[segment.residual_block], weighting.loss, pose,
-                  &block.across, &block.inset[segment.index]);
+                  &block.across, &block.by_steps, &block.inset[segment.index]);
     }
   }
   return result;

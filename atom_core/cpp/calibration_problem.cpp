@@ -153,10 +153,10 @@ CalibrationProblem::CalibrationProblem(std::vector<ParameterBlock> parameters,
   }
 }
 
-void CalibrationProblem::SetInset(std::size_t residual_block, Eigen::VectorXd inset) {
+void CalibrationProblem::SetInset(std::size_t residual_block, PixelRows inset) {
   if (residual_block >= residuals_.size() ||
       residuals_[residual_block].kind != ResidualKind::kBorder ||
-      residuals_[residual_block].inset.size() != inset.size()) {
+      residuals_[residual_block].inset.rows() != inset.rows()) {
     throw std::invalid_argument("insets are set for all points of a border block");
   }
   residuals_[residual_block].inset = std::move(inset);

@@ -204,7 +204,10 @@ void ReduceOrthogonal(const ResidualBlock& block, const Segment& segment,
   if (with_derivatives) AddPlane(moments, plane, sum);
 }
 
-/// Signed distance to a rectangle's border, negative inside, and its gradient.
+constexpr double kBlend = 0.5;  // geometry/rectangle.py
+
+/// Signed distance to a rectangle's border, negative inside, and its gradient; blended where two
+/// sides are about equally far (blended_distance_to_rectangles in geometry/rectangle.py).
 double DistanceToRectangle(const Vector2d& point, const Vector2d& centre, const Vector2d& half_size,
                            Vector2d* gradient) {
   const Vector2d offset = point - centre, beyond = offset.cwiseAbs() - half_size;
@@ -216,9 +219,16 @@ double DistanceToRectangle(const Vector2d& point, const Vector2d& centre, const 
     return outside;
   }
   const int nearest = beyond.y() > beyond.x() ? 1 : 0;
-  gradient->setZero();
-  (*gradient)[nearest] = outward[nearest];
-  return beyond[nearest];
+  const double width = -kBlend * beyond.sum(), apart = beyond[nearest] - beyond[1 - nearest];
+  if (apart >= width) {  // on the border itself, too
+    gradient->setZero();
+    (*gradient)[nearest] = outward[nearest];
+    return beyond[nearest];
+  }
+  const double share = 1.0 - apart / width, by_width = kBlend * share * (2.0 - share) / 4.0;
+  (*gradient)[nearest] = outward[nearest] * (1.0 - share / 2.0 - by_width);
+  (*gradient)[1 - nearest] = outward[1 - nearest] * (share / 2.0 - by_width);
+  return beyond[nearest] + width * share * share / 4.0;
 }
 
 /// Distance of a limit point to where it is expected: the border, or its inset inside of it.
@@ -227,20 +237,21 @@ class Border {
   Border(const ResidualBlock& block, const Isometry3d& pose)
       : block_(block), axes_(pose.linear().leftCols<2>()), origin_(pose.translation()) {}
 
-  /// \param outward direction (3,) in the sensor's frame.
-  double Distance(std::int64_t i, double inset, Vector3d* outward) const {
+  /// \param gradient in the board's plane.
+  double Distance(std::int64_t i, Vector2d* gradient) const {
     const Vector2d in_plane = axes_.transpose() * (block_.points.row(i).transpose() - origin_);
-    const Vector2d half_size = block_.half_size.row(i).transpose().array() - inset;
-    Vector2d gradient;
-    const double distance =
-        DistanceToRectangle(in_plane, block_.centre.row(i).transpose(), half_size, &gradient);
-    *outward = axes_ * gradient;
-    return distance;
+    const Vector2d half_size = (block_.half_size.row(i) - block_.inset.row(i)).transpose();
+    return DistanceToRectangle(in_plane, block_.centre.row(i).transpose(), half_size, gradient);
+  }
+
+  /// The lengths of the steps across the sides of x and of y.
+  Vector2d StepsAcross(std::int64_t i) const {
+    return (block_.steps.middleRows<2>(2 * i) * axes_).cwiseAbs().colwise().maxCoeff();
   }
 
   /// By the left twist of the pose.
-  Vector6d Row(std::int64_t i, const Vector3d& outward) const {
-    const Vector3d point = block_.points.row(i).transpose();
+  Vector6d Row(std::int64_t i, const Vector2d& gradient) const {
+    const Vector3d point = block_.points.row(i).transpose(), outward = axes_ * gradient;
     Vector6d row;
     row << -point.cross(outward), -outward;
     return row;
@@ -257,12 +268,12 @@ void ReduceBorder(const ResidualBlock& block, const Segment& segment,
                   bool with_derivatives, Reduction* sum) {
   const Border border(block, pose);
   RobustSum robust(loss);
-  Vector3d outward;
+  Vector2d gradient;
   for (auto i = segment.begin; i < segment.end; ++i) {
-    const double distance = border.Distance(i, block.inset[i], &outward);
+    const double distance = border.Distance(i, &gradient);
     const double inverse = inverse_variance[i];
     const double weight = robust.Add(distance * distance * inverse);
-    if (with_derivatives) AddRow(border.Row(i, outward), distance, weight * inverse, sum);
+    if (with_derivatives) AddRow(border.Row(i, gradient), distance, weight * inverse, sum);
   }
   sum->cost += robust.Total();
 }
@@ -292,7 +303,7 @@ void SquaredNorms(const ResidualBlock& block, const Segment& segment,
                   VectorXd* squares) {
   const Eigen::Vector4d plane = PlaneOf(sensor_T_pattern);
   const Border border(block, sensor_T_pattern);
-  Vector3d outward;
+  Vector2d gradient;
   for (auto i = segment.begin; i < segment.end; ++i) {
     double square = 0.0;
     if (block.kind == ResidualKind::kReprojection) {
@@ -302,7 +313,7 @@ void SquaredNorms(const ResidualBlock& block, const Segment& segment,
       const double height = plane.head<3>().dot(block.points.row(i)) + plane[3];
       square = height * height;
     } else {
-      const double distance = border.Distance(i, block.inset[i], &outward);
+      const double distance = border.Distance(i, &gradient);
       square = distance * distance;
     }
     (*squares)[i] = square * inverse_variance[i];
@@ -311,20 +322,21 @@ void SquaredNorms(const ResidualBlock& block, const Segment& segment,
 
 void ReduceInset(const ResidualBlock& block, const Segment& segment,
                  const VectorXd& inverse_variance, Loss loss, const Isometry3d& sensor_T_pattern,
-                 VectorXd* across, InsetReduction* sum) {
+                 PixelRows* across, VectorXd* by_steps, InsetReduction* sum) {
   const Border border(block, sensor_T_pattern);
   RobustSum robust(loss);
-  Vector3d outward;
+  Vector2d gradient;
   for (auto i = segment.begin; i < segment.end; ++i) {
-    border.Distance(i, 0.0, &outward);
-    const double step = (block.steps.middleRows<2>(2 * i) * outward).cwiseAbs().maxCoeff();
-    const double residual = border.Distance(i, block.inset[i], &outward);
+    const double residual = border.Distance(i, &gradient);
+    const Vector2d steps = border.StepsAcross(i);
+    const double step = gradient.cwiseAbs().dot(steps);
     const double inverse = inverse_variance[i];
     const double weight = inverse * robust.Add(residual * residual * inverse);
     sum->curvature += weight * step * step;
     sum->slope += weight * step * residual;
-    sum->by_twist += (weight * step) * border.Row(i, outward);
-    (*across)[i] = step;
+    sum->by_twist += (weight * step) * border.Row(i, gradient);
+    across->row(i) = steps.transpose();
+    (*by_steps)[i] = step;
   }
 }
 

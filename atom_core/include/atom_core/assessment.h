@@ -21,8 +21,10 @@ struct BlockAssessment {
   std::vector<Reduction> reduction;
   /// (m,) border blocks only, else empty.
   std::vector<InsetReduction> inset;
-  /// (n,) lengths of the steps across the border, metres; border blocks only, else empty.
-  Eigen::VectorXd across;
+  /// (n, 2) lengths of the steps across the sides of x and of y, and (n,) the residuals'
+  /// derivatives by the inset in steps, metres; border blocks only, else empty.
+  PixelRows across;
+  Eigen::VectorXd by_steps;
 };
 
 struct Assessment {

@@ -66,9 +66,9 @@ class CalibrationProblem {
   const std::vector<PoseChain>& chains() const { return chains_; }
   const std::vector<ResidualBlock>& residuals() const { return residuals_; }
 
-  /// Replaces how far inside the border the points of a border block are expected (n,), metres.
+  /// Replaces how far inside the sides the points of a border block are expected (n, 2), metres.
   /// \throws std::invalid_argument when it is no border block or has another length.
-  void SetInset(std::size_t residual_block, Eigen::VectorXd inset);
+  void SetInset(std::size_t residual_block, PixelRows inset);
 
   /// Moves the points of an orthogonal or border block: (n, 3), in the sensor's frame, metres.
   /// \throws std::invalid_argument when the block has other points.

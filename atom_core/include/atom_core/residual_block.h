@@ -39,8 +39,8 @@ struct ResidualBlock {
   PixelRows centre, half_size;
   /// (2 n, 3) to the next two samples, in the sensor's frame, metres; border only.
   PointRows steps;
-  /// (n,) how far inside the border the points are expected, metres; border only.
-  Eigen::VectorXd inset;
+  /// (n, 2) how far inside the sides of x and of y the points are expected, metres; border only.
+  PixelRows inset;
   /// Reprojection only.
   Camera camera;
 };
@@ -63,8 +63,8 @@ struct Reduction {
 
 /// Derivatives of a segment's cost by the inset of its points, in steps of the sampling.
 struct InsetReduction {
-  double curvature = 0.0;  ///< sum of weight times across squared
-  double slope = 0.0;      ///< sum of weight times across times residual
+  double curvature = 0.0;  ///< sum of weight times derivative squared
+  double slope = 0.0;      ///< sum of weight times derivative times residual
   Vector6d by_twist = Vector6d::Zero();
 };
 
@@ -86,11 +86,13 @@ void SquaredNorms(const ResidualBlock& block, const Segment& segment,
 
 /// Adds a border segment's derivatives by the inset.
 ///
-/// \param across the lengths of the steps across the border, metres, go to across[begin..end].
+/// \param across the lengths of the steps across the sides of x and of y, metres, go to the rows
+///     begin..end of (n, 2).
+/// \param by_steps the derivatives of the residuals, metres, go to by_steps[begin..end].
 void ReduceInset(const ResidualBlock& block, const Segment& segment,
                  const Eigen::VectorXd& inverse_variance, Loss loss,
-                 const Eigen::Isometry3d& sensor_T_pattern, Eigen::VectorXd* across,
-                 InsetReduction* sum);
+                 const Eigen::Isometry3d& sensor_T_pattern, PixelRows* across,
+                 Eigen::VectorXd* by_steps, InsetReduction* sum);
 
 }  // namespace atom_core
 

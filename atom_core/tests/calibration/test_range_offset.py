@@ -127,7 +127,7 @@ def test_the_joint_covariance_is_the_inverse_of_the_bordered_equations(problem):
         mine = block.sensor == "lidar_1" and isinstance(block, RangeBlock)
         offset.append(block.by_range_offset(poses) / sigma if mine else np.zeros(rows))
         if isinstance(block, BorderBlock):
-            insets.append((i, block.steps_across(poses)[1] / sigma))
+            insets.append((i, block.by_inset_steps(poses) / sigma))
     starts = np.cumsum([0] + [b.count * b.dimension for b in now.residual_blocks])
     for i, across in insets:
         column = np.zeros(starts[-1])

@@ -81,7 +81,7 @@ def test_squares_and_inset_columns_are_those_of_the_specification(scene, loss):
     problem = problem_of(SCENES[scene]().dataset)
     rng = np.random.default_rng(1)
     insets = {
-        i: rng.uniform(0.0, 0.01, block.count)
+        i: rng.uniform(0.0, 0.01, (block.count, 2))
         for i, block in enumerate(problem.residual_blocks)
         if isinstance(block, BorderBlock)
     }
@@ -95,7 +95,7 @@ def test_squares_and_inset_columns_are_those_of_the_specification(scene, loss):
     assert [c.block for c in ours] == [c.block for c in theirs] == list(insets)
     for a, b in zip(ours, theirs):
         np.testing.assert_array_equal(a.detection, b.detection)
-        for name in ("across", "curvature", "slope", "by_twist"):
+        for name in ("across", "by_steps", "curvature", "slope", "by_twist"):
             value = getattr(b, name)
             scale = np.max(np.abs(value))
             np.testing.assert_allclose(getattr(a, name), value, atol=1e-9 * scale, err_msg=name)

@@ -87,3 +87,44 @@ def signed_distance_to_rectangles(
     safe = np.where(is_outside, outside, 1.0)[:, None]
     gradient = np.where(is_outside[:, None], outward * positive / safe, gradient_inside)
     return np.where(is_outside, outside, np.max(beyond, axis=1)), gradient
+
+
+# Share of the way to the corner's ridge on which the two sides are blended. The blend is the
+# narrower, the nearer the border; on the border itself nothing changes. With a half, a point on
+# the ridge bends the sum of squares down by 0.75 of what a point at a side bends it up.
+_BLEND = 0.5
+
+
+def blended_distance_to_rectangles(
+    points: np.ndarray, centre: np.ndarray, half_size: np.ndarray
+) -> Tuple[np.ndarray, np.ndarray]:
+    """Return signed distances (n,) whose gradients (n, 2) are continuous inside, too.
+
+    The distance to the nearest side has a ridge on the bisector of each corner, where the nearest
+    side changes: a sum of its squares has a minimum on either side of it. Here the two depths
+    below the sides are blended near the ridge, by the polynomial of a smooth minimum. Where one is
+    less than a third of the other, and outside, it is the Euclidean distance. It is zero on the
+    border and nowhere else; the gradients' lengths are 0.53 to 1.
+
+    Args:
+        points: (n, 2) [m].
+        centre: (2,) or (n, 2) [m].
+        half_size: (2,) or (n, 2) half of width and height [m].
+    """
+    distance, gradient = signed_distance_to_rectangles(points, centre, half_size)
+    offset = np.asarray(points, dtype=float) - centre
+    beyond = np.abs(offset) - half_size
+    width = -_BLEND * np.sum(beyond, axis=1)
+    apart = beyond[:, 0] - beyond[:, 1]
+    share = np.maximum(width - np.abs(apart), 0.0) / np.where(width > 0.0, width, 1.0)
+    share = np.where(np.max(beyond, axis=1) < 0.0, share, 0.0)
+    near = np.stack([apart >= 0.0, apart < 0.0], axis=1)
+    # distance = max + (width - |apart|)^2 / (4 width), by parts
+    by_width = _BLEND * share * (2.0 - share) / 4.0
+    by_beyond = near * (1.0 - share[:, None]) + share[:, None] / 2.0 - by_width[:, None]
+    outward = np.where(offset < 0, -1.0, 1.0)
+    blended = share[:, None] > 0.0
+    return (
+        distance + width * share**2 / 4.0,
+        np.where(blended, outward * by_beyond, gradient),
+    )

@@ -333,7 +333,7 @@ def _border(sensor: str, items: Sequence[Tuple[int, RangeMeasurement]]) -> Borde
         centre=np.repeat([m.border.centre for _, m in items], counts, axis=0),
         half_size=np.repeat([m.border.half_size for _, m in items], counts, axis=0),
         steps=np.concatenate([m.limit_steps for _, m in items]),
-        inset=np.zeros(sum(counts)),
+        inset=np.zeros((sum(counts), 2)),
     )
 
 

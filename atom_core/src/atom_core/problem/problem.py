@@ -127,7 +127,7 @@ class Problem:
         return self.chains.poses(self.parameters.poses(x))
 
     def with_insets(self, insets: Mapping[int, np.ndarray]) -> Problem:
-        """Return the problem with other insets (n,) [m] of border blocks, by their index."""
+        """Return the problem with other insets (n, 2) [m] of border blocks, by their index."""
         blocks = list(self.residual_blocks)
         for i, inset in insets.items():
             block = blocks[i]

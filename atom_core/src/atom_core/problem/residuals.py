@@ -9,7 +9,8 @@ Kinds, after Rato et al. 2022, section 4, but as signed components:
 
 * ``reprojection`` eq. 3: projected minus detected pixel, x and y [px]
 * ``orthogonal``   eq. 4: z of a range point in the pattern's frame [m]
-* ``border``       eq. 5: signed XY distance of a limit point to the board's border [m]
+* ``border``       eq. 5: signed XY distance of a limit point to the board's border [m]; where two
+  sides are about equally near, a blend of both
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
-from atom_core.geometry.rectangle import signed_distance_to_rectangles
+from atom_core.geometry.rectangle import blended_distance_to_rectangles
 
 REPROJECTION, ORTHOGONAL, BORDER = "reprojection", "orthogonal", "border"
 UNITS = {REPROJECTION: "px", ORTHOGONAL: "m", BORDER: "m"}
@@ -157,12 +158,14 @@ class BorderBlock(RangeBlock):
     """Limit points of one range sensor.
 
     The last sample on a board lies inside its border, on average by half a step to the next one.
-    With an ``inset`` the distance is taken to where the last samples are to be expected.
+    With an ``inset`` the distance is taken to where the last samples are to be expected. It has
+    two numbers, since a step that crosses the left side may run along the top one: neither they
+    nor the distance depend on which side a point is counted to.
 
     Attributes:
         centre, half_size: (n, 2) of the board's border in the pattern's plane [m].
         steps: (n, 2, 3) to the next samples, in the sensor's frame [m].
-        inset: (n,) how far inside the border the points are expected [m].
+        inset: (n, 2) how far inside the sides of x and of y the points are expected [m].
     """
 
     centre: np.ndarray
@@ -175,33 +178,40 @@ class BorderBlock(RangeBlock):
     @property
     def expected_half_size(self) -> np.ndarray:
         """(n, 2) of the rectangle on which the points are expected [m]."""
-        return self.half_size - self.inset[:, None]
+        return self.half_size - self.inset
 
     def linearise(self, sensor_T_pattern: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
         """Return signed distances (n, 1) [m], negative inside, and Jacobians (n, 1, 6)."""
-        distance, outward = self._distance(sensor_T_pattern, self.expected_half_size)
+        distance, gradient = self._distance(sensor_T_pattern)
+        outward = self._in_sensor(sensor_T_pattern, gradient)
         jacobian = -np.concatenate([np.cross(self.points, outward), outward], axis=1)
         return distance[:, None], jacobian[:, None, :]
 
     def by_range_offset(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
         """Return the derivatives (n,) of the distances by the range offset."""
-        _, outward = self._distance(sensor_T_pattern, self.expected_half_size)
-        return np.einsum("ni,ni->n", outward, self.rays)
+        _, gradient = self._distance(sensor_T_pattern)
+        return np.einsum("ni,ni->n", self._in_sensor(sensor_T_pattern, gradient), self.rays)
 
-    def steps_across(self, sensor_T_pattern: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-        """Return distances to the true border (n,) and the steps' lengths across it (n,) [m]."""
-        distance, outward = self._distance(sensor_T_pattern, self.half_size)
-        return distance, np.max(np.abs(np.einsum("nki,ni->nk", self.steps, outward)), axis=1)
+    def steps_across(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
+        """Return the lengths (n, 2) of the steps across the sides of x and of y [m]."""
+        axes = sensor_T_pattern[self.detection, :3, :2]
+        return np.max(np.abs(np.einsum("nki,nij->nkj", self.steps, axes)), axis=1)
 
-    def _distance(
-        self, sensor_T_pattern: np.ndarray, half_size: np.ndarray
-    ) -> Tuple[np.ndarray, np.ndarray]:
-        """Return signed distances (n,) and outward directions (n, 3) in the sensor's frame."""
-        sensor_R_pattern = sensor_T_pattern[self.detection, :3, :3]
+    def by_inset_steps(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
+        """Return the derivatives (n,) of the distances by the inset in steps [m]."""
+        _, gradient = self._distance(sensor_T_pattern)
+        return np.einsum("nj,nj->n", np.abs(gradient), self.steps_across(sensor_T_pattern))
+
+    def _distance(self, sensor_T_pattern: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+        """Return signed distances (n,) and their gradients (n, 2) in the board's plane."""
         offset = self.points - sensor_T_pattern[self.detection, :3, 3]
-        in_plane = np.einsum("nij,ni->nj", sensor_R_pattern[:, :, :2], offset)
-        distance, gradient = signed_distance_to_rectangles(in_plane, self.centre, half_size)
-        return distance, np.einsum("nij,nj->ni", sensor_R_pattern[:, :, :2], gradient)
+        axes = sensor_T_pattern[self.detection, :3, :2]
+        in_plane = np.einsum("nij,ni->nj", axes, offset)
+        return blended_distance_to_rectangles(in_plane, self.centre, self.expected_half_size)
+
+    def _in_sensor(self, sensor_T_pattern: np.ndarray, in_plane: np.ndarray) -> np.ndarray:
+        """Return directions (n, 2) in the board's plane as (n, 3) in the sensor's frame."""
+        return np.einsum("nij,nj->ni", sensor_T_pattern[self.detection, :3, :2], in_plane)
 
 
 def squared_norms(residuals: np.ndarray, sigma: np.ndarray) -> np.ndarray:

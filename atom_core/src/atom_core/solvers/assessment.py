@@ -21,15 +21,17 @@ class InsetColumn(NamedTuple):
 
     Attributes:
         block: index of the residual block.
-        across: (n,) steps across the border [m].
-        curvature: sum of weight times across squared.
-        slope: sum of weight times across times residual.
+        across: (n, 2) steps across the sides of x and of y [m].
+        by_steps: (n,) the derivative.
+        curvature: sum of weight times derivative squared.
+        slope: sum of weight times derivative times residual.
         detection: (m,) detections with rows in the block.
         by_twist: (m, 6) what the inset and these detections' twists have in common.
     """
 
     block: int
     across: np.ndarray
+    by_steps: np.ndarray
     curvature: float
     slope: float
     detection: np.ndarray
@@ -68,12 +70,15 @@ def _columns(
     for i, block in enumerate(problem.residual_blocks):
         if not isinstance(block, BorderBlock):
             continue
-        _, across = block.steps_across(poses)
+        by_steps = block.by_inset_steps(poses)
         detection, place = np.unique(block.detection, return_inverse=True)
         by_twist = np.zeros((len(detection), 6))
-        np.add.at(by_twist, place, (weights[i] * across)[:, None] * line.by_twist[i][:, 0])
-        curvature = float(np.sum(weights[i] * across**2))
-        slope = float(np.sum(weights[i] * across * line.residuals[i][:, 0]))
+        np.add.at(by_twist, place, (weights[i] * by_steps)[:, None] * line.by_twist[i][:, 0])
+        curvature = float(np.sum(weights[i] * by_steps**2))
+        slope = float(np.sum(weights[i] * by_steps * line.residuals[i][:, 0]))
         if curvature > 0:
-            columns.append(InsetColumn(i, across, curvature, slope, detection, by_twist))
+            across = block.steps_across(poses)
+            columns.append(
+                InsetColumn(i, across, by_steps, curvature, slope, detection, by_twist)
+            )
     return columns

@@ -80,7 +80,10 @@ class CeresSolver:
         blocks, maps = self._native.assess(x, list(sigmas), loss, with_insets)
         parts = [DetectionParts(b["detection"], b["information"], b["gradient"]) for b in blocks]
         columns = [
-            InsetColumn(i, b["across"], b["curvature"], b["slope"], b["detection"], b["by_twist"])
+            InsetColumn(
+                i, b["across"], b["by_steps"], b["curvature"], b["slope"], b["detection"],
+                b["by_twist"],
+            )  # fmt: skip
             for i, b in enumerate(blocks)
             if b["curvature"] > 0
         ]

@@ -148,7 +148,7 @@ def solve_again(
     problem = solver.problem
     poses = problem.poses(start)
     expected = {
-        i: insets[i] * block.steps_across(poses)[1]
+        i: insets[i] * block.steps_across(poses)
         for i, block in enumerate(problem.residual_blocks)
         if isinstance(block, BorderBlock)
     }

@@ -76,7 +76,7 @@ def joint_scalars(
     for j, offset in enumerate(offsets, len(insets)):
         for i, inset in enumerate(insets):  # they share rows
             if inset.block in offset.weighted:
-                alone[i, j] = alone[j, i] = offset.weighted[inset.block] @ inset.across
+                alone[i, j] = alone[j, i] = offset.weighted[inset.block] @ inset.by_steps
     slope = np.array([c.slope for c in columns]) - gains @ gradient
     scale = np.sqrt(np.diagonal(alone))
     return JointScalars(columns, alone - flat @ gains.T, slope, gains, scale)
