@@ -34,13 +34,13 @@ from atom_core.problem.builder import build_problem
 from atom_core.problem.measurements import read_measurements
 from atom_core.problem.problem import Problem
 from atom_core.report.tables import text_table
-from atom_core.solvers.base import SolverOptions
+from atom_core.solvers.base import CONVERGED, SolverOptions
 from atom_core.solvers.choice import SOLVERS
 from atom_core.solvers.losses import NONE
 from atom_core.synthetic import Noise, paper_cell
 
 DISTURBANCE = (0.1, 0.1)
-LIMITS = {"solve_s": 3.0, "mean_mm": 2.0, "mean_deg": 0.05, "spread_mm": 0.01, "gross_ratio": 2.0}
+LIMITS = {"solve_s": 3.0, "mean_mm": 2.0, "mean_deg": 0.05, "spread_mm": 1e-3, "gross_ratio": 2.0}
 
 
 def main() -> None:
@@ -189,23 +189,28 @@ def _errors(seed: int, gross_fraction: float) -> list:
     ]
 
 
-def starts(output: Path) -> None:
-    """Calibrate the same data from six starts; the answers must be one."""
-    dataset = paper_cell(0).dataset
-    found, rows = [], []
-    for seed in range(6):
-        options = CalibrationOptions(noisy_initial_guess=DISTURBANCE, seed=seed)
-        result = calibrate(dataset, options)
-        collection, graph = next(iter(result.dataset.collections.values())), dataset.graph
-        found.append(
-            [pose(collection, graph, dataset.world, s.frame)[:3, 3]
-             for s in dataset.sensors.values()]
-        )  # fmt: skip
-        rows.append([seed, result.status, result.summary.iterations, result.summary.cost_final])
-    headers = ["start", "status", "iterations", "cost"]
-    _report(output / "starts.csv", headers, rows, "Same data from six starts", 6)
-    _verdict("positions differ by", 1e3 * float(np.max(np.ptp(found, axis=0))),
-             LIMITS["spread_mm"], "mm")  # fmt: skip
+def starts(output: Path, cells: int) -> None:
+    """Calibrate the same data from six starts, cell by cell; the answers must be one."""
+    rows = []
+    for cell in tqdm(range(cells), desc="starts", unit="cell"):
+        dataset = paper_cell(cell).dataset
+        found, results = [], []
+        for seed in range(6):
+            options = CalibrationOptions(noisy_initial_guess=DISTURBANCE, seed=seed)
+            results.append(calibrate(dataset, options))
+            collection = next(iter(results[-1].dataset.collections.values()))
+            found.append(
+                [pose(collection, dataset.graph, dataset.world, s.frame)[:3, 3]
+                 for s in dataset.sensors.values()]
+            )  # fmt: skip
+        converged = sum(r.status == CONVERGED for r in results)
+        iterations = [r.summary.iterations for r in results]
+        apart_mm = 1e3 * float(np.max(np.ptp(found, axis=0)))
+        rows.append([cell, converged, min(iterations), max(iterations), apart_mm])
+    headers = ["cell", "converged of 6", "fewest iterations", "most iterations", "apart [mm]"]
+    _report(output / "starts.csv", headers, rows, "Same data from six starts", 7)
+    print(f"converged: {sum(r[1] for r in rows)} of {6 * len(rows)}")
+    _verdict("positions differ by", max(r[4] for r in rows), LIMITS["spread_mm"], "mm")
     print()
 
 
@@ -255,7 +260,7 @@ PARTS: Dict[str, Callable[[argparse.Namespace], None]] = {
     "speed": lambda args: speed(args.output),
     "growth": growth,
     "accuracy": lambda args: accuracy(args.output, 3 if args.quick else args.seeds),
-    "starts": lambda args: starts(args.output),
+    "starts": lambda args: starts(args.output, 3 if args.quick else args.seeds),
     "convergence": lambda args: convergence(args.output, 10 if args.quick else 5 * args.seeds),
     "gross_errors": lambda args: gross_errors(args.output, 1 if args.quick else min(args.seeds, 5)),
     "rviz": lambda args: rviz(args.output, args.quick),

@@ -13,10 +13,11 @@ from atom_core.problem.measurements import Measurement
 from atom_core.problem.parameters import ParameterBlock, Parameters
 from atom_core.problem.problem import PoseChains, Problem
 from atom_core.solvers import losses
-from atom_core.solvers.base import SETTLING, SolverFactory
+from atom_core.solvers.base import SETTLING, Solver, SolverFactory
 
 _STARTS = 3  # of the candidate poses, so many are followed to their minimum
 _ITERATIONS = 50
+_SAME = 1e-9  # of the cost
 
 
 class Fit(NamedTuple):
@@ -85,18 +86,23 @@ class BoardFits:
         solver = self._make_solver(problem)
         starts = [self._numbers(p) for d in detections for p in self._candidates[d]]
         starts.append(np.zeros(6))
-
-        def cost(x: np.ndarray) -> float:
-            return sum(losses.cost(self._loss, s) for s in solver.squares(x, sigmas))
-
+        costs = [self._cost(solver, x, sigmas) for x in starts]
         ends = [
-            solver.minimise(x, sigmas, self._loss, _ITERATIONS, SETTLING)
-            for x in sorted(starts, key=cost)[:_STARTS]
+            solver.minimise(starts[i], sigmas, self._loss, _ITERATIONS, SETTLING)
+            for i in _different(costs)[:_STARTS]
         ]
         best = min(ends, key=lambda end: end.cost)
         squares = np.concatenate(solver.squares(best.x, sigmas))
         share = float(np.mean(squares > FAR_SQUARE))
         return Fit(problem.parameters.poses(best.x)[0], best.cost, share)
+
+    def cost_now(self, detections: Sequence[int]) -> float:
+        """Return the robust cost of some of the detections where the board stands."""
+        problem, sigmas = self._restricted(tuple(sorted(detections)))
+        return self._cost(self._make_solver(problem), np.zeros(6), sigmas)
+
+    def _cost(self, solver: Solver, x: np.ndarray, sigmas: Sequence[np.ndarray]) -> float:
+        return sum(losses.cost(self._loss, s) for s in solver.squares(x, sigmas))
 
     def is_garbage(self, detection: int) -> bool:
         """Tell whether no pose of the board explains most of a detection."""
@@ -129,3 +135,16 @@ class BoardFits:
                 sigmas.append(sigma[chosen])
         keys = tuple(self._problem.detections[d] for d in detections)
         return Problem(parameters, keys, chains, tuple(blocks)), sigmas
+
+
+def _different(costs: Sequence[float]) -> List[int]:
+    """Return the order of rising costs, without those that equal the one before.
+
+    Poses that range sensors cannot tell apart cost the same and lead to the same minimum.
+    """
+    order = [int(i) for i in np.argsort(costs)]
+    return [
+        i
+        for last, i in zip([None, *order], order)
+        if last is None or costs[i] - costs[last] > _SAME * costs[i]
+    ]

@@ -84,11 +84,11 @@ def settle_boards(
             rough = replace(robust if replaced else rough, iterations=robust.iterations)
         if not replaced:
             break
-        solver, x = _restarted(solver, rough.x, replaced, make_solver)
+        solver, x = restarted(solver, rough.x, replaced, make_solver)
         rough = rough_minimum(solver, x, options, rough.iterations)
     turned = _far_turned(solver.problem, rough.x)
     if turned:
-        solver, x = _restarted(solver, rough.x, turned, make_solver)
+        solver, x = restarted(solver, rough.x, turned, make_solver)
         rough = replace(rough, x=x)
     return solver, rough
 
@@ -123,7 +123,7 @@ def _far_turned(problem: Problem, x: np.ndarray) -> Dict[int, np.ndarray]:
     return {i: poses[i] for i in far if blocks[i].numbers is None}
 
 
-def _restarted(
+def restarted(
     solver: Solver, x: np.ndarray, poses: Mapping[int, np.ndarray], make_solver: SolverFactory
 ) -> Tuple[Solver, np.ndarray]:
     """Return a solver whose blocks begin at new poses (4, 4), by index, and the vector then."""

@@ -9,6 +9,7 @@ from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 import numpy as np
 
 from atom_core.calibration.boards import solved_dataset
+from atom_core.calibration.deeper_minima import with_boards_in_deepest_minima
 from atom_core.calibration.disturb import disturbed
 from atom_core.calibration.initial_sensors import sensors_from_boards
 from atom_core.calibration.options import DESCRIPTION, NO_GUESS, CalibrationOptions
@@ -106,6 +107,9 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
             warnings += remarks
         initial, solver, posed = settled.posed.initial, settled.solver, settled.posed
         summary = solve(solver, how, settled.rough, guess=settled.first)
+        solver, summary = with_boards_in_deepest_minima(
+            solver, summary, posed.measurements, how, make_solver
+        )
         told = replace(options, solver=how)
         purged = reject_bad_detections(
             initial, solver, summary, posed.measurements, free, told, make_solver

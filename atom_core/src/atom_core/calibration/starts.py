@@ -29,8 +29,9 @@ from atom_core.problem.problem import Problem
 from atom_core.solvers import losses
 from atom_core.solvers.base import Minimum, Solver, SolverFactory, SolverOptions
 
-# A sensor's median residual, in units of its expected sigma, that no noise explains.
-_IMPLAUSIBLE = 10.0
+# A residual, in units of its expected sigma, that no noise explains, and the share of a sensor's
+# residuals that wrong labels do not explain either.
+_IMPLAUSIBLE, _TOO_MANY = 10.0, 0.25
 _AS_GOOD, _ELSEWHERE_M = 1.02, 0.2  # outcomes that nothing but chance decides between
 _CLEARLY_LOWER = 0.9  # the other start must lower the cost by this factor
 
@@ -82,11 +83,12 @@ class Settled:
         return sum(losses.cost(losses.CAUCHY, squares) for squares in self._squares())
 
     def is_implausible(self) -> bool:
-        """Tell whether half of some sensor's residuals are larger than noise explains."""
+        """Tell whether a quarter of some sensor's residuals are larger than noise explains."""
         rows = max(self.solver.problem.row_count, 1)
         if 2.0 * self.rough.cost < rows:  # no need to look closer
             return False
-        return any(np.median(squares) > _IMPLAUSIBLE**2 for squares in self._squares())
+        shares = [float(np.mean(squares > _IMPLAUSIBLE**2)) for squares in self._squares()]
+        return max(shares) > _TOO_MANY
 
     def sensor_edges(self) -> List[SensorPose]:
         """Return the sensors' estimated edges."""

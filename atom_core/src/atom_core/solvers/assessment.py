@@ -78,7 +78,5 @@ def _columns(
         slope = float(np.sum(weights[i] * by_steps * line.residuals[i][:, 0]))
         if curvature > 0:
             across = block.steps_across(poses)
-            columns.append(
-                InsetColumn(i, across, by_steps, curvature, slope, detection, by_twist)
-            )
+            columns.append(InsetColumn(i, across, by_steps, curvature, slope, detection, by_twist))
     return columns

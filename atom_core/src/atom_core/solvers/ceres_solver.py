@@ -81,7 +81,12 @@ class CeresSolver:
         parts = [DetectionParts(b["detection"], b["information"], b["gradient"]) for b in blocks]
         columns = [
             InsetColumn(
-                i, b["across"], b["by_steps"], b["curvature"], b["slope"], b["detection"],
+                i,
+                b["across"],
+                b["by_steps"],
+                b["curvature"],
+                b["slope"],
+                b["detection"],
                 b["by_twist"],
             )  # fmt: skip
             for i, b in enumerate(blocks)

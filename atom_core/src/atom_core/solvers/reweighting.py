@@ -127,21 +127,26 @@ def solve(
 
 
 def solve_again(
-    solver: Solver, options: SolverOptions, before: Problem, summary: SolverSummary
+    solver: Solver,
+    options: SolverOptions,
+    before: Problem,
+    summary: SolverSummary,
+    start: Optional[np.ndarray] = None,
 ) -> SolverSummary:
-    """Solve a problem that has lost some detections; sigmas and insets go on from where they were.
+    """Solve a problem that has changed a little; sigmas and insets go on from where they were.
 
     Args:
-        solver: made for the problem, which starts from the solution of the one before.
+        solver: made for the problem, which may have lost some detections.
         options: weights, loss, limits.
         before: the problem before.
         summary: its solution; the iterations go on counting, but their limit begins anew.
+        start: where to go on; zero if None, for a problem whose initial values are the solution.
     """
     problem = solver.problem
     place = {(b.sensor, b.kind): i for i, b in enumerate(before.residual_blocks)}
     kept = [place[(b.sensor, b.kind)] for b in problem.residual_blocks]
     scales, insets = (np.array(v)[kept] for v in (summary.scales, summary.inset_steps))
-    start = np.zeros(problem.parameters.size)
+    start = np.zeros(problem.parameters.size) if start is None else start
     offsets_m = [summary.range_offsets_m.get(name, 0.0) for name in options.range_offsets]
     offsets = np.array(offsets_m) / UNIT_M
     apply_range_offsets(solver, options.range_offsets, offsets)
