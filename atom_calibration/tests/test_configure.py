@@ -55,7 +55,8 @@ def edit_config(folder, old, new):
 
 def test_launch_files_are_made_and_well_formed(made_once):
     names = sorted(path.name for path in (made_once / "launch").iterdir())
-    steps = ["collect_data", "full_evaluation", "playbag", "set_initial_estimate"]
+    steps = ["collect_data", "dataset_playback", "full_evaluation", "playbag"]
+    steps += ["set_initial_estimate"]
     assert names == [f"{step}.launch" for step in steps]
     for name in names:
         assert ElementTree.parse(str(made_once / "launch" / name)).getroot().tag == "launch"
@@ -68,6 +69,7 @@ def test_launch_files_are_made_and_well_formed(made_once):
         ("playbag", ["bag_tf:=true"]),
         ("set_initial_estimate", ["rviz:=false"]),
         ("collect_data", ["output_folder:=/d"]),
+        ("dataset_playback", ["dataset:=/d/dataset.json"]),
         ("full_evaluation", ["train_json:=/a.json", "test_json:=/b.json", "output:=/c", "ssf:=x"]),
     ],
 )

@@ -23,11 +23,13 @@ _FLOAT32, _UINT32 = 7, 6
 
 def annotated(frame: Frame) -> Union[Image, PointCloud2]:
     """Return an image with the labels drawn in, or the cloud of the labelled points alone."""
-    return labelled_cloud(frame) if frame.sensor.modality == LIDAR3D else _image(frame)
+    if frame.sensor.modality == LIDAR3D:
+        return labelled_cloud(frame)
+    return picture_message(frame, labelled_picture(frame))
 
 
-def _image(frame: Frame) -> Image:
-    picture = labelled_picture(frame)
+def picture_message(frame: Frame, picture: np.ndarray) -> Image:
+    """Return a picture (height, width, 3) of a frame's data, with why labels are lacking."""
     for line, labeled in enumerate(x for x in frame.labels.values() if not x.detected):
         place = (8, 20 + 20 * line)
         for colour, width in ((_BLACK, 3), (_WHITE, 1)):
@@ -55,11 +57,10 @@ def labelled_cloud(frame: Frame) -> PointCloud2:
     for labeled in frame.labels.values():
         label = labeled.label
         assert isinstance(label, RangeLabel)
-        points = np.zeros(len(label.indices), POINT)
-        points["idx"] = label.indices
-        points["rgb"] = np.where(
-            np.isin(label.indices, label.limit_indices), BORDER_RGB, INSIDE_RGB
-        )
+        indices = np.union1d(label.indices, label.limit_indices)
+        points = np.zeros(len(indices), POINT)
+        points["idx"] = indices
+        points["rgb"] = np.where(np.isin(indices, label.limit_indices), BORDER_RGB, INSIDE_RGB)
         parts.append(points)
     table = np.concatenate(parts) if parts else np.zeros(0, POINT)
     for axis, values in zip("xyz", points_of(frame, table["idx"]).T):

@@ -27,8 +27,9 @@ from atom_calibration.tf_snapshot import TransformTree, edges_at
 from atom_core.io.atomic import prepare_output_folder
 from atom_core.io.collections import CollectionStore, StoredCollection
 from atom_core.io.dataset_json import transform_document
-from atom_core.io.dataset_writer import data_file_name, label_document, new_document
+from atom_core.io.dataset_writer import data_file_name, new_document
 from atom_core.io.images import MAX_DEPTH_M, write_depth_png, write_image
+from atom_core.io.label_json import label_document
 from atom_core.io.pcd import write_pcd
 from atom_core.io.seeds import SEEDS_FILE, Seed, write_seeds
 from atom_core.model.config import CalibrationConfig

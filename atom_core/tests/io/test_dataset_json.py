@@ -17,7 +17,7 @@ from atom_core.io.dataset_json import (
     write_dataset,
 )
 from atom_core.io.dataset_writer import new_document
-from atom_core.model.dataset import MULTIPLE, RgbLabel
+from atom_core.model.dataset import MULTIPLE, DetectionKey, RgbLabel
 from atom_core.model.transforms import Edge
 from atom_core.synthetic import scenes
 
@@ -157,6 +157,43 @@ def test_frame_names_with_dashes_are_kept_apart(document, read):
 
 
 # --- tolerance ------------------------------------------------------------------------------
+
+
+def test_only_the_labels_that_are_named_change_in_the_file(document, read):
+    dataset = read(document)
+    (pattern,) = dataset.patterns
+    key, sensor = next(
+        (k, s) for k, c in dataset.collections.items() for s, _ in c.labels if s.startswith("rgb")
+    )
+    label = dataset.collections[key].labels[(sensor, pattern)]
+    fewer = RgbLabel(label.ids[1:], label.pixels[1:])
+    changed = dataset.with_labels(key, {(sensor, pattern): fewer})
+    assert document_of(changed) == document, "labels are written only when they are named"
+    written = document_of(changed, [DetectionKey(key, sensor, pattern)])
+    stored = document["collections"][key]["labels"][pattern][sensor]
+    now = written["collections"][key]["labels"][pattern].pop(sensor)
+    assert now == {"detected": True, "idxs": stored["idxs"][1:]}
+    before = deepcopy(document)
+    before["collections"][key]["labels"][pattern].pop(sensor)
+    assert written == before
+    gone = dataset.with_labels(key, {(sensor, pattern): None})
+    written = document_of(gone, [DetectionKey(key, sensor, pattern)])
+    assert written["collections"][key]["labels"][pattern][sensor] == {
+        "detected": False, "idxs": [],
+    }  # fmt: skip
+
+
+def test_a_label_in_the_layout_of_version_2_is_written_by_pattern(document, read):
+    (pattern,) = document["collections"]["000"]["labels"]
+    for collection in document["collections"].values():
+        collection["labels"] = collection["labels"][pattern]
+    dataset = read(document)
+    sensor, _ = next(iter(dataset.collections["000"].labels))
+    written = document_of(dataset, [DetectionKey("000", sensor, pattern)])
+    assert (
+        read(written).collections["000"].labels.keys() == dataset.collections["000"].labels.keys()
+    )
+    assert set(written["collections"]["000"]["labels"]) == {pattern}
 
 
 def test_labels_by_sensor_as_in_version_2(document, read):

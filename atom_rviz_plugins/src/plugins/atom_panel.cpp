@@ -8,6 +8,7 @@ namespace atom_rviz {
 AtomPanel::AtomPanel(QWidget* parent) : rviz::Panel(parent) {
   pages_->addTab(collect_, "Collect");
   pages_->addTab(calibrate_, "Calibrate");
+  pages_->addTab(playback_, "Labels");
   connect(pages_, &QTabWidget::currentChanged, this, &AtomPanel::configChanged);
   auto* layout = new QVBoxLayout(this);
   layout->setContentsMargins(2, 2, 2, 2);
@@ -18,10 +19,15 @@ void AtomPanel::onInitialize() {
   const auto subscribe = [this] {
     collect_->subscribe();
     calibrate_->subscribe();
+    playback_->subscribe();
   };
-  master_ = std::make_unique<MasterWatch>(CollectPage::services(), subscribe);
-  connect(master_.get(), &MasterWatch::changed, this,
-          [this] { collect_->show_master(master_->status()); });
+  std::vector<std::string> services = CollectPage::services();
+  for (const std::string& name : PlaybackPage::services()) services.push_back(name);
+  master_ = std::make_unique<MasterWatch>(services, subscribe);
+  connect(master_.get(), &MasterWatch::changed, this, [this] {
+    collect_->show_master(master_->status());
+    playback_->show_master(master_->status());
+  });
 }
 
 void AtomPanel::load(const rviz::Config& config) {

@@ -9,11 +9,12 @@
 #include "plugins/calibrate_page.h"
 #include "plugins/collect_page.h"
 #include "plugins/master_watch.h"
+#include "plugins/playback_page.h"
 
 namespace atom_rviz {
 
-/// Collecting data and the calibration itself, a page for each. Never waits for anybody; where the
-/// collector or the master is missing it says so.
+/// Collecting data, the calibration itself, and correcting labels, a page for each. Never waits for
+/// anybody; where a node or the master is missing it says so.
 class AtomPanel : public rviz::Panel {
   Q_OBJECT
  public:
@@ -27,6 +28,7 @@ class AtomPanel : public rviz::Panel {
   QTabWidget* pages_ = new QTabWidget;
   CollectPage* collect_ = new CollectPage;
   CalibratePage* calibrate_ = new CalibratePage;
+  PlaybackPage* playback_ = new PlaybackPage;
   std::unique_ptr<MasterWatch> master_;  // last: its thread ends before the pages do
 };
 

@@ -92,6 +92,8 @@ void ImageCanvas::mousePressEvent(QMouseEvent* event) {
     press_left(pixel);
   } else if (event->button() == Qt::RightButton && mode_ == Mode::kPolygon) {
     say(drawing_.close());
+  } else if (event->button() == Qt::RightButton && view_.contains(pixel)) {
+    Q_EMIT right_clicked(pixel.x, pixel.y);
   }
   update();
 }

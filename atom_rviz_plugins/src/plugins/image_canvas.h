@@ -12,8 +12,8 @@ namespace atom_rviz {
 
 /// The wheel zooms at the mouse, the middle button moves, F shows all of the image.
 ///
-/// Clicking: the left button. Polygons: left adds a corner, right or Enter closes (so does the
-/// first corner), Backspace takes one back, Escape forgets all.
+/// Clicking: the left and the right button. Polygons: left adds a corner, right or Enter closes (so
+/// does the first corner), Backspace takes one back, Escape forgets all.
 class ImageCanvas : public QWidget {
   Q_OBJECT
  public:
@@ -35,6 +35,7 @@ class ImageCanvas : public QWidget {
  Q_SIGNALS:
   /// A click, or a closed polygon, in px; (0, 0) is the centre of the top-left pixel.
   void clicked(double x_px, double y_px);
+  void right_clicked(double x_px, double y_px);
   void polygon_closed(const QVector<QPointF>& corners_px);
 
   /// The mouse is over a pixel, or (with column -1) over none.

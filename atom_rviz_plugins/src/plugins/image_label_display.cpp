@@ -2,11 +2,13 @@
 
 #include <geometry_msgs/PointStamped.h>
 #include <geometry_msgs/PolygonStamped.h>
+#include <rviz/panel_dock_widget.h>
 #include <rviz/properties/bool_property.h>
 #include <rviz/properties/enum_property.h>
 #include <rviz/properties/float_property.h>
 #include <rviz/properties/ros_topic_property.h>
 
+#include <QMainWindow>
 #include <pluginlib/class_list_macros.hpp>
 #include <stdexcept>
 
@@ -22,8 +24,9 @@ constexpr double kMillimetres = 1000.0;  // in a metre; the unit of 16UC1
 ImageLabelDisplay::ImageLabelDisplay() {
   topic_ = new rviz::RosTopicProperty(
       "Topic", "", "sensor_msgs/Image",
-      "Image to show. Clicks go to TOPIC/mouse_click, polygons to TOPIC/polygon.", this,
-      SLOT(update_topic()));
+      "Image to show. Clicks go to TOPIC/mouse_click and TOPIC/right_click, polygons to "
+      "TOPIC/polygon.",
+      this, SLOT(update_topic()));
   mode_ = new rviz::EnumProperty("Mode", "Click", "What the left button does.", this,
                                  SLOT(update_mode()));
   mode_->addOption("Click", static_cast<int>(ImageCanvas::Mode::kClick));
@@ -48,7 +51,15 @@ void ImageLabelDisplay::onInitialize() {
   pane_ = new ImagePane;
   pane_->canvas()->show_image(QImage(), "No topic is chosen.");
   setAssociatedWidget(pane_);
-  connect(pane_->canvas(), &ImageCanvas::clicked, this, &ImageLabelDisplay::publish_click);
+  // RViz puts all panes to the left, where the panels are; a saved layout is restored later.
+  rviz::PanelDockWidget* dock = getAssociatedWidgetPanel();
+  if (auto* window = dock ? qobject_cast<QMainWindow*>(dock->parentWidget()) : nullptr) {
+    window->addDockWidget(Qt::RightDockWidgetArea, dock);
+  }
+  connect(pane_->canvas(), &ImageCanvas::clicked, this,
+          [this](double x_px, double y_px) { publish_click(clicks_, x_px, y_px); });
+  connect(pane_->canvas(), &ImageCanvas::right_clicked, this,
+          [this](double x_px, double y_px) { publish_click(right_clicks_, x_px, y_px); });
   connect(pane_->canvas(), &ImageCanvas::polygon_closed, this, &ImageLabelDisplay::publish_polygon);
   connect(pane_->canvas(), &ImageCanvas::hovered, this, &ImageLabelDisplay::show_value);
   connect(pane_, &ImagePane::mode_chosen, this, [this](int mode) {
@@ -105,6 +116,7 @@ void ImageLabelDisplay::subscribe() {
   if (!isEnabled() || topic.empty()) return;
   try {
     clicks_ = update_nh_.advertise<geometry_msgs::PointStamped>(topic + "/mouse_click", 5);
+    right_clicks_ = update_nh_.advertise<geometry_msgs::PointStamped>(topic + "/right_click", 5);
     polygons_ = update_nh_.advertise<geometry_msgs::PolygonStamped>(topic + "/polygon", 5);
     subscriber_ = threaded_nh_.subscribe(topic, 1, &ImageLabelDisplay::take, this);
     setStatus(rviz::StatusProperty::Ok, "Topic", "OK");
@@ -116,6 +128,7 @@ void ImageLabelDisplay::subscribe() {
 void ImageLabelDisplay::unsubscribe() {
   subscriber_.shutdown();
   clicks_.shutdown();
+  right_clicks_.shutdown();
   polygons_.shutdown();
 }
 
@@ -181,13 +194,13 @@ void ImageLabelDisplay::show_value(int column, int row) {
                         .arg(QString::fromStdString(value_text(*shown_.message, column, row))));
 }
 
-void ImageLabelDisplay::publish_click(double x_px, double y_px) {
-  if (!shown_.message || !clicks_) return;
+void ImageLabelDisplay::publish_click(ros::Publisher& clicks, double x_px, double y_px) {
+  if (!shown_.message || !clicks) return;
   geometry_msgs::PointStamped click;
   click.header = shown_.message->header;
   click.point.x = x_px;
   click.point.y = y_px;
-  clicks_.publish(click);
+  clicks.publish(click);
 }
 
 void ImageLabelDisplay::publish_polygon(const QVector<QPointF>& corners_px) {

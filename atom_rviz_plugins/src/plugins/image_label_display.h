@@ -27,7 +27,8 @@ namespace atom_rviz {
 
 class ImagePane;
 
-/// Shows TOPIC in a pane of its own; clicks go to TOPIC/mouse_click (geometry_msgs/PointStamped),
+/// Shows TOPIC in a pane of its own; clicks go to TOPIC/mouse_click and
+/// TOPIC/right_click (geometry_msgs/PointStamped),
 /// polygons to TOPIC/polygon (geometry_msgs/PolygonStamped).
 ///
 /// Both are in px of the image, (0, 0) the centre of the top-left pixel, z = 0, with the header of
@@ -64,7 +65,7 @@ class ImageLabelDisplay : public rviz::Display {
   Shown converted(const sensor_msgs::ImageConstPtr& message);
   void show_newest();
   void show_value(int column, int row);
-  void publish_click(double x_px, double y_px);
+  void publish_click(ros::Publisher& clicks, double x_px, double y_px);
   void publish_polygon(const QVector<QPointF>& corners_px);
 
   rviz::RosTopicProperty* topic_;
@@ -76,6 +77,7 @@ class ImageLabelDisplay : public rviz::Display {
 
   ros::Subscriber subscriber_;
   ros::Publisher clicks_;
+  ros::Publisher right_clicks_;
   ros::Publisher polygons_;
   unsigned received_ = 0;
   Shown shown_;

@@ -7,7 +7,7 @@ namespace atom_rviz {
 
 ImagePane::ImagePane(QWidget* parent)
     : QWidget(parent),
-      click_(button("Click", "A left click is published")),
+      click_(button("Click", "Left and right clicks are published")),
       polygon_(button("Polygon",
                       "Left: a corner. Right or Enter: close. Backspace: one back. "
                       "Escape: forget")) {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Dict, List, Mapping, Optional, Sequence
 
@@ -12,10 +13,14 @@ from atom_calibration.configure.package import CalibrationPackage, launch_text
 from atom_calibration.markers import colour_of
 from atom_core.io.paths import package_folder
 from atom_core.model.config import CalibrationConfig
+from atom_core.model.dataset import Dataset
 
 # Each is made from the template of its name; a launch file is listed once all its nodes exist.
-LAUNCH_FILES = ("playbag", "set_initial_estimate", "collect_data", "full_evaluation")
-RVIZ_FILES = ("playbag", "set_initial_estimate", "collect_data")
+LAUNCH_FILES = (
+    *("playbag", "set_initial_estimate", "collect_data", "dataset_playback"),
+    "full_evaluation",
+)
+RVIZ_FILES = ("playbag", "set_initial_estimate", "collect_data", "dataset_playback")
 SKELETON = {
     "package.xml": "package.xml.j2",
     "CMakeLists.txt": "CMakeLists.txt.j2",
@@ -68,6 +73,20 @@ def collecting_view(config: CalibrationConfig) -> str:
     return _environment().get_template("collect_data.rviz.j2").render(values)
 
 
+def correcting_view(dataset: Dataset) -> str:
+    """Return an RViz configuration for correcting labels without a calibration package."""
+    config = dataset.config
+    sensors = {
+        name: replace(entry, modality=dataset.sensors[name].modality)
+        for name, entry in config.sensors.items()
+        if name in dataset.sensors
+    }
+    values = _sensor_values(replace(config, sensors=sensors))
+    # nobody has said which description the robot has
+    values = {"made_by": "Made by `dataset_playback_rviz`.", "with_robot": False, **values}
+    return _environment().get_template("dataset_playback.rviz.j2").render(values)
+
+
 def template_values(
     config: CalibrationConfig, facts: BagFacts, package: CalibrationPackage
 ) -> Mapping[str, Any]:
@@ -91,7 +110,6 @@ def _sensor_values(config: CalibrationConfig) -> Dict[str, Any]:
     """Return what the configuration alone says."""
     sensors: List[Dict[str, Any]] = []
     for index, (name, entry) in enumerate(config.sensors.items()):
-        colour = "; ".join(str(round(255 * value)) for value in colour_of(index))
         sensors.append(
             {
                 "name": name,

@@ -6,20 +6,15 @@ Whatever else is given goes to RViz.
 from __future__ import annotations
 
 import argparse
-import hashlib
-import os
 import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Optional, Sequence
 
-import rospkg
-
 from atom_calibration.configure.render import collecting_view
 from atom_calibration.nodes import running
 from atom_calibration.nodes.modality import modality_of_sensor
-from atom_core.errors import OutputError
-from atom_core.io.atomic import write_text_atomically
+from atom_calibration.nodes.rviz_window import become_rviz, written_layout
 from atom_core.io.config_yaml import read_config
 
 NAME = "collect_data_rviz"
@@ -40,14 +35,7 @@ def _run(config_file: Path, rest: Sequence[str]) -> int:
         modality = modality_of_sensor(name, entry, running.stopped, _warn)
         sensors[name] = replace(entry, modality=modality)
     text = collecting_view(replace(config, sensors=sensors))
-    name = f"collect_data-{hashlib.sha1(text.encode()).hexdigest()[:8]}.rviz"
-    path = Path(rospkg.get_ros_home()) / "atom_calibration" / name
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_text_atomically(path, text)
-    try:
-        os.execvp("rviz", ["rviz", "-d", str(path), *rest])
-    except OSError as error:
-        raise OutputError(f"rviz cannot be started ({error.strerror}); is it installed?") from None
+    become_rviz(written_layout("collect_data", text), rest)
 
 
 def _warn(text: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Mapping, Tuple
+from typing import Any, Callable, Dict, Mapping, Tuple
 
 import numpy as np
 
@@ -81,3 +81,37 @@ class FileDataSource(DataSource):
                 f"{self._folder / entry['data_file']}: the image is {shape[1]} x {shape[0]}, the "
                 f"dataset says {expected[1]} x {expected[0]}"
             )
+
+
+class RecentData(DataSource):
+    """Another source, whose data of one collection stay in memory: the last that was asked for."""
+
+    def __init__(self, source: DataSource):
+        """Take the source that is read."""
+        self._source, self._collection = source, ""
+        self._kept: Dict[Tuple[str, str], np.ndarray] = {}
+
+    def has_data(self, collection: str, sensor: str) -> bool:
+        """Tell whether the data can be read, without reading them."""
+        return self._source.has_data(collection, sensor)
+
+    def cloud(self, collection: str, sensor: str) -> np.ndarray:
+        """Return the cloud (n, 3) [m]; not to be changed, as the others."""
+        return self._data("cloud", self._source.cloud, collection, sensor)
+
+    def depth_image(self, collection: str, sensor: str) -> np.ndarray:
+        """Return the depth image (height, width) [m]."""
+        return self._data("depth", self._source.depth_image, collection, sensor)
+
+    def colour_image(self, collection: str, sensor: str) -> np.ndarray:
+        """Return the image (height, width, 3), blue green red."""
+        return self._data("colour", self._source.colour_image, collection, sensor)
+
+    def _data(
+        self, kind: str, read: Callable[[str, str], np.ndarray], collection: str, sensor: str
+    ) -> np.ndarray:
+        if collection != self._collection:
+            self._collection, self._kept = collection, {}
+        if (kind, sensor) not in self._kept:
+            self._kept[(kind, sensor)] = read(collection, sensor)
+        return self._kept[(kind, sensor)]

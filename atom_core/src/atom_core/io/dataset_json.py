@@ -1,8 +1,8 @@
 """ATOM's dataset format v3: JSON to model and back, losing nothing.
 
-The specification is docs/dataset_format.md. The reader keeps
-the whole document; the writer lays the changed transforms over it, so that unknown keys, label
-order and every digit survive. What older or damaged writers left is tolerated as listed there.
+The specification is docs/dataset_format.md. The reader keeps the whole document; the writer lays
+the changed transforms, and the labels it is told of, over it, so that unknown keys, label order and
+every digit survive. What older or damaged writers left is tolerated as listed there.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -19,8 +19,17 @@ from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.io.atomic import write_text_atomically
 from atom_core.io.data_files import FileDataSource
+from atom_core.io.label_json import is_old_layout, with_label
 from atom_core.model.config import CalibrationConfig
-from atom_core.model.dataset import Collection, Dataset, DataSource, Label, RangeLabel, RgbLabel
+from atom_core.model.dataset import (
+    Collection,
+    Dataset,
+    DataSource,
+    DetectionKey,
+    Label,
+    RangeLabel,
+    RgbLabel,
+)
 from atom_core.model.joints import ORIGIN_PARAMETERS, POSITION_BIAS, JointState
 from atom_core.model.pattern import (
     Pattern,
@@ -271,7 +280,7 @@ class _Reader:
         patterns: Mapping[str, Pattern],
     ) -> Dict[Tuple[str, str], Label]:
         by_pattern = entry.get("labels") or {}
-        if _is_old_layout(by_pattern, sensors, patterns):
+        if is_old_layout(by_pattern, sensors, patterns):
             by_pattern = {next(iter(patterns)): by_pattern}
         labels: Dict[Tuple[str, str], Label] = {}
         for pattern_name, by_sensor in by_pattern.items():
@@ -338,15 +347,6 @@ def _pose(entry: Mapping[str, Any]) -> np.ndarray:
     return se3.from_quaternion(translation, np.array(entry["quat"], dtype=float).reshape(4))
 
 
-def _is_old_layout(
-    labels: Mapping[str, Any], sensors: Mapping[str, Sensor], patterns: Mapping[str, Pattern]
-) -> bool:
-    """Tell version 2's ``labels[sensor]`` from version 3's ``labels[pattern][sensor]``."""
-    if len(patterns) != 1 or not labels:
-        return False
-    return all(key in sensors and key not in patterns for key in labels)
-
-
 def _rgb_label(value: Mapping[str, Any], pattern: Pattern) -> RgbLabel:
     ids = np.array([int(entry["id"]) for entry in value["idxs"]], dtype=int)
     pixels = np.array([[e["x"], e["y"]] for e in value["idxs"]], dtype=float).reshape(-1, 2)
@@ -370,10 +370,15 @@ def _indices(values: Any) -> np.ndarray:
     return array.astype(int)
 
 
-def document_of(dataset: Dataset) -> Dict[str, Any]:
+def document_of(dataset: Dataset, relabelled: Iterable[DetectionKey] = ()) -> Dict[str, Any]:
     """Return the JSON document of a dataset: what was read, with its transforms of now.
 
     Collections that were left out stay out, as ATOM has it: their edges would be others.
+
+    Args:
+        dataset: with its document.
+        relabelled: labels that are to be written as they are now; all others stay as they were
+            read, to the last digit.
     """
     document = dict(dataset.document)
     kept = {k: dict(v) for k, v in document["collections"].items() if k in dataset.collections}
@@ -390,6 +395,9 @@ def document_of(dataset: Dataset) -> Dict[str, Any]:
                 if old is None or _joint(old).parameters != joint.parameters:
                     joints[name] = {**(old or {}), **joint_document(joint)}
             kept[key]["joints"] = joints
+    for detection in relabelled:
+        entry = kept[detection.collection]
+        entry["labels"] = with_label(entry.get("labels") or {}, dataset, detection)
     document["collections"] = kept
     return document
 
@@ -441,16 +449,21 @@ def dumps(document: Mapping[str, Any]) -> str:
     return json.dumps(document, indent=2, sort_keys=True)
 
 
-def write_dataset(dataset: Dataset, path: Path) -> None:
+def write_dataset(dataset: Dataset, path: Path, relabelled: Iterable[DetectionKey] = ()) -> None:
     """Write a dataset's JSON (not its data files, which stay where they are).
 
     In another folder than the one it was read from, it names its data files by their path from
     there, so that it can be read again.
 
+    Args:
+        dataset: what to write.
+        path: the file.
+        relabelled: see `document_of`.
+
     Raises:
         OutputError: the file cannot be written; an older one is left as it was.
     """
-    document = document_of(dataset)
+    document = document_of(dataset, relabelled)
     here, home = Path(path).resolve().parent, dataset.source.resolve().parent
     if here != home:
         for collection in document["collections"].values():

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Any, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Dict, Mapping, Optional, Tuple
 
 import numpy as np
 
@@ -21,8 +21,9 @@ from atom_core.io.dataset_json import (
     transform_document,
 )
 from atom_core.io.images import write_depth_png, write_image
+from atom_core.io.label_json import label_document
 from atom_core.io.pcd import write_pcd
-from atom_core.model.dataset import Collection, Dataset, Label, RgbLabel, board_edge
+from atom_core.model.dataset import Collection, Dataset, board_edge
 from atom_core.model.pattern import geometry_document
 from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
 
@@ -134,25 +135,6 @@ def camera_info_document(camera: Camera, frame: str) -> Dict[str, Any]:
         "binning_x": 0,
         "binning_y": 0,
         "roi": {"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False},
-    }
-
-
-def label_document(modality: str, label: Optional[Label]) -> Dict[str, Any]:
-    """Return a label, or of None the empty label of what was not detected."""
-    if modality == RGB:
-        idxs: List[Any] = []
-        if isinstance(label, RgbLabel):
-            idxs = [
-                {"id": int(i), "x": float(x), "y": float(y)}
-                for i, (x, y) in zip(label.ids, label.pixels)
-            ]
-        return {"detected": bool(idxs), "idxs": idxs}
-    if label is None or isinstance(label, RgbLabel):
-        return {"detected": False, "idxs": [], "idxs_limit_points": []}
-    return {
-        "detected": label.detected,
-        "idxs": [int(i) for i in label.indices],
-        "idxs_limit_points": [int(i) for i in label.limit_indices],
     }
 
 

@@ -8,7 +8,7 @@ board's size. Only if border, coverage and planarity fit, the region is the boar
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Dict, List, NamedTuple, Optional, Tuple
+from typing import Dict, NamedTuple, Optional, Tuple
 
 import cv2
 import numpy as np
@@ -17,6 +17,7 @@ from atom_core.errors import LabelingError
 from atom_core.geometry.plane import plane_basis
 from atom_core.labeling.base import Labeled, nothing
 from atom_core.labeling.board_fit import BoardFit, fit_board
+from atom_core.labeling.polygon import polygon_mask
 from atom_core.model.config import PatternConfig
 from atom_core.model.dataset import RangeLabel
 from atom_core.model.pattern import Pattern
@@ -125,8 +126,8 @@ class DepthLabeler:
             ``distance_m``. ``next_seed`` is the centroid.
 
         Raises:
-            LabelingError: the array is no depth image of this camera, the seed is outside it, or
-                the depths are in another unit.
+            LabelingError: the array is no depth image of this camera, the seed or the polygon is
+                outside it, or the depths are in another unit.
         """
         depth_m = self._checked(data)
         if polygon is not None:
@@ -768,9 +769,7 @@ def _fitness(found: Labeled) -> float:
 
 
 def _within(depth_m: np.ndarray, polygon: np.ndarray) -> np.ndarray:
-    corners: List[np.ndarray] = [np.rint(polygon).astype(np.int32).reshape(-1, 1, 2)]
-    mask = cv2.fillPoly(np.zeros(depth_m.shape, dtype=np.uint8), corners, 1)
-    return np.where(mask > 0, depth_m, np.float32(np.nan))
+    return np.where(polygon_mask(polygon, depth_m.shape) > 0, depth_m, np.float32(np.nan))
 
 
 def _too(what: str, value: float, unit: str) -> str:

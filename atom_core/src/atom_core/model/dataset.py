@@ -222,6 +222,15 @@ class Dataset:
                 return collection.joints[name]
         raise DatasetError(f"{self.source}: joint '{name}' is in no collection's joints")
 
+    def with_labels(self, key: str, changes: Mapping[Tuple[str, str], Optional[Label]]) -> Dataset:
+        """Return a copy with labels of a collection replaced, by (sensor, pattern); None: none."""
+        collection = self.collections[key]
+        merged = {**collection.labels, **changes}
+        labels = {place: label for place, label in merged.items() if label is not None}
+        return replace(
+            self, collections={**self.collections, key: replace(collection, labels=labels)}
+        )
+
     def first_value(self, edge: Edge) -> np.ndarray:
         """Return ``parent_T_child`` (4, 4) in the first collection that has the edge.
 

@@ -1,0 +1,42 @@
+"""Programs that become RViz with a layout made for them."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+from typing import NoReturn, Sequence
+
+import rospkg
+
+from atom_core.errors import OutputError
+from atom_core.io.atomic import write_text_atomically
+
+
+def become_rviz(layout: Path, rest: Sequence[str]) -> NoReturn:
+    """Go on as RViz.
+
+    Args:
+        layout: its configuration, which it may overwrite when asked to.
+        rest: further arguments, such as what roslaunch adds.
+
+    Raises:
+        OutputError: RViz cannot be started.
+    """
+    try:
+        os.execvp("rviz", ["rviz", "-d", str(layout), *rest])
+    except OSError as error:
+        raise OutputError(f"rviz cannot be started ({error.strerror}); is it installed?") from None
+
+
+def written_layout(name: str, text: str) -> Path:
+    """Write a layout below ROS's home folder, once for each content; return its path.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    unique = f"{name}-{hashlib.sha1(text.encode()).hexdigest()[:8]}.rviz"
+    path = Path(rospkg.get_ros_home()) / "atom_calibration" / unique
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text_atomically(path, text)
+    return path
