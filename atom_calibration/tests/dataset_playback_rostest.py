@@ -196,8 +196,7 @@ class DatasetPlaybackTest(unittest.TestCase):
 
     def coloured(self, sensor):
         """Return the labelled points that RViz shows: (inside, border) by `idx`."""
-        message = self.latest[f"{self.sensors[sensor].topic}/labeled3d"]
-        points = conversions.point_cloud(message)
+        points = conversions.point_cloud(self.shown(sensor, "/labeled3d"))
         border = points["rgb"] == BORDER_RGB
         self.assertTrue(np.all(border | (points["rgb"] == INSIDE_RGB)))
         return set(points["idx"][~border]), set(points["idx"][border])
@@ -238,7 +237,7 @@ class DatasetPlaybackTest(unittest.TestCase):
         self.assertEqual(points.points, len(self.label(LIDAR).indices))
         self.assertEqual(points.border_points, len(self.label(LIDAR).limit_indices))
         self.assertLess(points.rms, 0.02)
-        matrix = self.latest[f"{NODE}/collections"].collections
+        matrix = until(lambda: self.latest.get(f"{NODE}/collections"), "collections").collections
         self.assertEqual([entry.name for entry in matrix], [FIRST, SECOND, THIRD, FOURTH])
         self.assertEqual({d.sensor for d in matrix[0].detections}, {LIDAR, DEPTH})
 
@@ -425,7 +424,7 @@ class DatasetPlaybackTest(unittest.TestCase):
         self.assertEqual(self.told(LIDAR).points, len(self.label(LIDAR).indices))
         self.assertEqual(self.told(DEPTH).problem, "")
         self.header(DEPTH)
-        until(lambda: self.latest[self.sensors[LIDAR].topic].width == 0, "an empty cloud")
+        until(lambda: self.shown(LIDAR).width == 0, "an empty cloud")
 
     # --- the end ------------------------------------------------------------------------------
 

@@ -110,6 +110,7 @@ def _sensor_values(config: CalibrationConfig) -> Dict[str, Any]:
     """Return what the configuration alone says."""
     sensors: List[Dict[str, Any]] = []
     for index, (name, entry) in enumerate(config.sensors.items()):
+        colour = "; ".join(str(round(255 * value)) for value in colour_of(index))
         sensors.append(
             {
                 "name": name,
