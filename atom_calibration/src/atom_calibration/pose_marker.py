@@ -82,6 +82,14 @@ class MarkerServer(InteractiveMarkerServer):
                     context.last_feedback = rospy.Time()
         super().processFeedback(feedback)
 
+    def publish(self, update: Any) -> None:
+        """Publish, also from the timer's thread, which may outlive the topic when a node ends."""
+        try:
+            super().publish(update)
+        except rospy.ROSException:
+            if not rospy.is_shutdown():
+                raise
+
 
 class PoseMarker:
     """One marker on a server; several may share the server.
