@@ -164,20 +164,21 @@ def test_prefixed_transforms_have_a_tree_for_each_collection(run):
     assert roots == {f"c{key}_{run.dataset.world}" for key in run.keys}
 
 
-def test_beside_a_running_system_only_what_is_fixed_is_published():
-    scene, seen = scenes.hand_eye(0), []
+def test_beside_a_running_system_only_what_is_calibrated_is_published(run):
+    sent = calibrated_tf.transforms(run.last, calibrated_tf.CALIBRATED)
+    document = result_document(run.calibration, {}, "ceres")
+    edges = {(edge["parent"], edge["child"]) for edge in document["edges"].values()}
+    assert {conversions.edge_of(m) for m in sent} == edges
+    assert calibrated_tf.transforms(run.last, calibrated_tf.OFF) == []
 
-    def note(iteration):
-        seen.append(Standing.at(scene.dataset, iteration))
-        return False
 
-    calibrate(scene.dataset, CalibrationOptions(solver=SolverOptions(progress=note)))
-    fixed = {conversions.edge_of(m) for m in calibrated_tf.transforms(seen[0], "fixed")}
-    own = {conversions.edge_of(m) for m in calibrated_tf.transforms(seen[0], "own")}
-    boards = {board_edge(pattern) for pattern in scene.dataset.patterns.values()}
-    moving = {edge for edge, kind in scene.dataset.edge_types.items() if kind != "fixed"}
-    assert moving and fixed == own - boards - moving
-    assert calibrated_tf.transforms(seen[0], calibrated_tf.OFF) == []
+def test_calibrated_transforms_take_the_place_of_the_descriptions(run):
+    before = calibrated_tf.transforms(run.first, calibrated_tf.OWN)
+    calibrated = calibrated_tf.transforms(run.last, calibrated_tf.CALIBRATED)
+    merged = {conversions.edge_of(m): m for m in calibrated_tf.merged(before, calibrated)}
+    assert set(merged) == {conversions.edge_of(m) for m in before}
+    for message in calibrated:
+        assert merged[conversions.edge_of(message)] is message
 
 
 def test_the_state_has_a_row_for_each_sensor_and_kind(run):

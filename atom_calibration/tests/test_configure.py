@@ -55,7 +55,7 @@ def edit_config(folder, old, new):
 
 def test_launch_files_are_made_and_well_formed(made_once):
     names = sorted(path.name for path in (made_once / "launch").iterdir())
-    steps = ["collect_data", "dataset_playback", "full_evaluation", "playbag"]
+    steps = ["calibrate", "collect_data", "dataset_playback", "full_evaluation", "playbag"]
     steps += ["set_initial_estimate"]
     assert names == [f"{step}.launch" for step in steps]
     for name in names:
@@ -70,6 +70,7 @@ def test_launch_files_are_made_and_well_formed(made_once):
         ("set_initial_estimate", ["rviz:=false"]),
         ("collect_data", ["output_folder:=/d"]),
         ("dataset_playback", ["dataset:=/d/dataset.json"]),
+        ("calibrate", ["dataset:=/a.json", "output:=/b", "live:=true"]),
         ("full_evaluation", ["train_json:=/a.json", "test_json:=/b.json", "output:=/c", "ssf:=x"]),
     ],
 )
@@ -115,7 +116,8 @@ def test_rviz_files_show_every_sensor(made_once):
     for path in (made_once / "rviz").iterdir():
         displays = yaml.safe_load(path.read_text("utf-8"))["Visualization Manager"]["Displays"]
         text = json.dumps(displays)
-        assert "/camera/image_raw" in text
+        all_cameras = "/calibrate/images"  # one picture of them all
+        assert "/camera/image_raw" in text or all_cameras in text
         assert "/lidar/points" in text
         ours = {d["Class"] for d in displays if not d["Class"].startswith("rviz/")}
         assert ours <= our_plugins()

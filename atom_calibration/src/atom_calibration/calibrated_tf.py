@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from typing import List, Optional
+from typing import Dict, Iterable, List, Optional
 
 import numpy as np
 import rospy
 from geometry_msgs.msg import TransformStamped
 
 from atom_calibration import conversions
-from atom_calibration.corrections import is_fixed
 from atom_calibration.standing import Standing
-from atom_core.model.dataset import board_edge
 from atom_core.model.transforms import Edge
 
-# OWN: all of a collection. FIXED: those that do not move, beside a robot or a recording that
-# publishes the others. PREFIXED: all of all collections, each in a tree of its own, as ATOM does.
-OFF, OWN, FIXED, PREFIXED = "off", "own", "fixed", "prefixed"
-MODES = (OFF, OWN, FIXED, PREFIXED)
+# OWN: all of a collection. CALIBRATED: the edges that are calibrated, beside a robot or a recording
+# that publishes the others. PREFIXED: all of all collections, each in a tree of its own, as ATOM
+# does.
+OFF, OWN, CALIBRATED, PREFIXED = "off", "own", "calibrated", "prefixed"
+MODES = (OFF, OWN, CALIBRATED, PREFIXED)
 
 
 def prefixed(collection: str, frame: str) -> str:
@@ -32,7 +31,7 @@ def transforms(
 
     Args:
         standing: where the calibration stands.
-        mode: OWN, FIXED, PREFIXED or OFF.
+        mode: OWN, CALIBRATED, PREFIXED or OFF.
         collection: whose transforms; None for the first that is used. PREFIXED has all.
     """
     if mode == OFF:
@@ -41,13 +40,21 @@ def transforms(
     if mode == PREFIXED:
         return [message for key in used for message in _tree(standing, key)]
     dataset = standing.dataset
-    key = used[0] if collection is None else collection
-    boards = {board_edge(pattern) for pattern in dataset.patterns.values()}
-    return [
-        _message(edge, matrix)
-        for edge, matrix in dataset.collections[key].transforms.items()
-        if mode == OWN or (edge not in boards and is_fixed(dataset, edge))
-    ]
+    edges = dataset.collections[used[0] if collection is None else collection].transforms
+    if mode == CALIBRATED:
+        mounts = [sensor.edge for sensor in dataset.sensors.values()]
+        extra = [Edge(t.parent_link, t.child_link) for t in dataset.config.additional_tfs.values()]
+        edges = {edge: edges[edge] for edge in [*mounts, *extra] if edge in edges}
+    return [_message(edge, matrix) for edge, matrix in edges.items()]
+
+
+def merged(
+    others: Iterable[TransformStamped], calibrated: Iterable[TransformStamped]
+) -> List[TransformStamped]:
+    """Return transforms of which those that are calibrated replace the others, by their child."""
+    by_child: Dict[str, TransformStamped] = {m.child_frame_id: m for m in others}
+    by_child.update({m.child_frame_id: m for m in calibrated})
+    return list(by_child.values())
 
 
 def _tree(standing: Standing, key: str) -> List[TransformStamped]:

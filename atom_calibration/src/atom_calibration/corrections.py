@@ -75,7 +75,7 @@ class TransformCorrections:
         if not self.edges:
             raise SelectionError("nothing to correct; name edges or patterns")
         self._initial = self.dataset
-        self._fixed = {edge for edge in self.edges if is_fixed(self.dataset, edge)}
+        self._fixed = {edge for edge in self.edges if _is_fixed(self.dataset, edge)}
         self._steps: List[_Step] = []
         self._dragging: Optional[Edge] = None
 
@@ -200,7 +200,7 @@ def _check_present(dataset: Dataset, edge: Edge) -> None:
         )
 
 
-def is_fixed(dataset: Dataset, edge: Edge) -> bool:
+def _is_fixed(dataset: Dataset, edge: Edge) -> bool:
     """Tell whether an edge is the same in all collections, by its type and its values."""
     if dataset.edge_types.get(edge, FIXED) != FIXED:
         return False

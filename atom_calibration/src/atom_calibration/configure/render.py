@@ -17,10 +17,10 @@ from atom_core.model.dataset import Dataset
 
 # Each is made from the template of its name; a launch file is listed once all its nodes exist.
 LAUNCH_FILES = (
-    *("playbag", "set_initial_estimate", "collect_data", "dataset_playback"),
+    *("playbag", "set_initial_estimate", "collect_data", "dataset_playback", "calibrate"),
     "full_evaluation",
 )
-RVIZ_FILES = ("playbag", "set_initial_estimate", "collect_data", "dataset_playback")
+RVIZ_FILES = ("playbag", "set_initial_estimate", "collect_data", "dataset_playback", "calibrate")
 SKELETON = {
     "package.xml": "package.xml.j2",
     "CMakeLists.txt": "CMakeLists.txt.j2",

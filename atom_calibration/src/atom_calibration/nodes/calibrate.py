@@ -67,8 +67,8 @@ def add_view_options(parser: argparse.ArgumentParser) -> None:
     add_option(
         group, "tf", choices=calibrated_tf.MODES, default=calibrated_tf.PREFIXED,
         help="transforms to publish: prefixed (as ATOM: cKEY_FRAME for each collection), own "
-        "(one collection's, frames under their own names), fixed (of these only what does not "
-        "move, beside a running system), off (default: prefixed)",
+        "(one collection's, frames under their own names), calibrated (of these only what is "
+        "calibrated, beside a running system), off (default: prefixed)",
     )  # fmt: skip
     add_option(
         group, "draw_per_collection_colors", "-dpcc", action="store_true",

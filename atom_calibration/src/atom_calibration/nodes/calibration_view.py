@@ -3,7 +3,9 @@
 Topics, all latched: below /calibrate state, patterns, sensors, ghost, points (of all sensors) and
 images (of all cameras); TOPIC/labeled3d of each range sensor, TOPIC/labeled2d of each camera and
 depth camera; /tf_static. Which collection is shown, the topic /calibrate/show_collection says (a
-key; empty: all), and the services /calibrate/next and /calibrate/previous.
+key; empty: all), and the services /calibrate/next and /calibrate/previous. Fixed transforms that
+come on /calibrate/description_tf_static (of robot_state_publisher, renamed) go on to /tf_static,
+with the calibrated ones in the place of theirs: so nobody competes.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional
 
 import numpy as np
 import rospy
+from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import Trigger, TriggerResponse
@@ -35,7 +38,7 @@ from atom_core.solvers.base import Iteration
 
 STATE, BOARDS, SENSORS = "/calibrate/state", "/calibrate/patterns", "/calibrate/sensors"
 GHOST, POINTS, IMAGES = "/calibrate/ghost", "/calibrate/points", "/calibrate/images"
-TF = "/tf_static"
+TF, DESCRIPTION_TF = "/tf_static", "/calibrate/description_tf_static"
 _QUEUE = {Image: 2, PointCloud2: 10}  # large ones; nothing else is to be missed
 ALL = ""  # in messages: no collection is chosen
 
@@ -73,6 +76,7 @@ class CalibrationView:
         self._first: Optional[Standing] = None
         self._standing: Optional[Standing] = None
         self._sent: Dict[str, List[Marker]] = {}
+        self._description_tf: List[TransformStamped] = []
 
     # ------------------------------------------------------------------- the command tells
 
@@ -140,8 +144,18 @@ class CalibrationView:
             if sensor.camera is not None:
                 self._publishers[f"2d {sensor.name}"] = topic(f"{base}/labeled2d", Image)
         rospy.Subscriber("/calibrate/show_collection", String, lambda m: self._choose(m.data))
+        rospy.Subscriber(DESCRIPTION_TF, TFMessage, self._hear_description)
         rospy.Service("/calibrate/next", Trigger, lambda _: self._turn(1))
         rospy.Service("/calibrate/previous", Trigger, lambda _: self._turn(-1))
+
+    def _hear_description(self, message: TFMessage) -> None:
+        """Pass on what does not move; republished with every change."""
+        with self._changed:
+            self._description_tf = calibrated_tf.merged(self._description_tf, message.transforms)
+            self._pending = self._standing is not None
+            self._changed.notify_all()
+        if self._standing is None:  # nothing is calibrated yet
+            self._publishers[TF].publish(TFMessage(self._description_tf))
 
     def _tell(self, message: str) -> None:
         """Tell what goes on before the first iteration."""
@@ -223,16 +237,17 @@ class CalibrationView:
             lambda: calibration_markers.sensors(standing, first, keys, self._sensor_colours),
         )
         markers_of(GHOST, lambda: calibration_markers.ghost(first, keys))
-        send(
-            TF,
-            lambda: TFMessage(calibrated_tf.transforms(standing, self._options.tf, shown or None)),
-        )
+        send(TF, lambda: TFMessage(self._transforms(standing, shown)))
         self._publish_points(send, standing, keys, world)
         self._publish_images(send, standing, shown)
         message = state_message(standing, first, words)
         message.header.stamp = rospy.Time.now()
         message.collections, message.collection = first.used_collections(), shown
         self._publishers[STATE].publish(message)
+
+    def _transforms(self, standing: Standing, shown: str) -> List[TransformStamped]:
+        calibrated = calibrated_tf.transforms(standing, self._options.tf, shown or None)
+        return calibrated_tf.merged(self._description_tf, calibrated)
 
     def _publish_points(
         self, send: Sender, standing: Standing, keys: List[str], world: str
