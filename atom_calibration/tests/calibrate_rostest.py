@@ -23,6 +23,7 @@ from waiting import until
 
 from atom_calibration import conversions
 from atom_calibration.msg import CalibrationState
+from atom_calibration.srv import ShowCollection
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.dataset_writer import write_dataset_folder
@@ -195,6 +196,14 @@ class CalibrateTest(unittest.TestCase):
         self.assertEqual((added, deleted), ({f"c{key}"}, others))
         rospy.ServiceProxy("/calibrate/previous", Trigger)()
         until(lambda: listener.states[-1].collection == "", "all collections")
+        show = rospy.ServiceProxy("/calibrate/show_collection", ShowCollection)
+        self.assertTrue(show(key).success)
+        until(lambda: listener.states[-1].collection == key, "that collection")
+        refusal = show("999")
+        self.assertFalse(refusal.success)
+        self.assertIn(key, refusal.message)
+        self.assertTrue(show("").success)
+        until(lambda: listener.states[-1].collection == "", "all collections again")
 
     def test_files_are_those_of_the_command(self):
         code, said, _ = self.command("--output", self.folder / "watched")

@@ -186,6 +186,21 @@ TEST(ResidualTable, UnknownFiguresAreDashes) {
   EXPECT_EQ(table.rows[1].cells[4].text, "-");
 }
 
+TEST(Choices, AreAllCollectionsAndEach) {
+  CalibrationState state;
+  EXPECT_TRUE(collection_choices(state).empty()) << "before the first iteration";
+  state.collections = {"000", "007"};
+  const auto choices = collection_choices(state);
+  ASSERT_EQ(choices.size(), 3u);
+  EXPECT_EQ(choices[0].key, "");
+  EXPECT_EQ(choices[0].text, "all collections");
+  EXPECT_EQ(choices[2].key, "007");
+  EXPECT_EQ(choices[2].text, "collection 007");
+  EXPECT_EQ(chosen(choices, ""), 0);
+  EXPECT_EQ(chosen(choices, "007"), 2);
+  EXPECT_EQ(chosen(choices, "gone"), 0);
+}
+
 TEST(Lines, SayHowItStands) {
   CollectorState collector;
   collector.collections = 1;

@@ -1,7 +1,8 @@
 """What each camera saw of the boards, and where the calibration puts them, as pictures.
 
 Squares are detected corners, crosses those that the calibration projects; depth images show their
-labelled pixels. Outlines are the projected borders: thin white as it began, coloured as it is.
+labelled pixels. Outlines are the projected borders: thin and white (grey, where all collections
+lie over each other) as it began, coloured as it is.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ _SHIFT, _UNIT = 4, 16  # OpenCV draws in sixteenths of a pixel
 _BORDER_STEP_M = 0.02
 _NEAREST_M = 0.05  # before a camera; what is nearer has no place in its image
 _DIM, _FAINT = 0.35, 0.6  # brightness of the image below, for all collections and for one
-_WHITE = (255, 255, 255)
+_WHITE, _GREY = (255, 255, 255), (140, 140, 140)
 _TILE_WIDTH_PX, _MOST_COLUMNS = 640, 2
 _FARTHEST_PX = 20000.0  # OpenCV's coordinates are short
 
@@ -96,7 +97,8 @@ class Overlays:
         for now, thickness in ((self._first, 1), (standing, 2)):
             for key in now.problem.detections:
                 if key.sensor == sensor and key.collection in keys:
-                    colour = _WHITE if thickness == 1 else self._colours[key.collection]
+                    began = _WHITE if len(keys) == 1 else _GREY
+                    colour = began if thickness == 1 else self._colours[key.collection]
                     for line in _border(now, key):
                         cv2.polylines(
                             picture, [line], False, colour, thickness, cv2.LINE_AA, _SHIFT
@@ -120,18 +122,23 @@ class Overlays:
 
 
 def mosaic(pictures: Sequence[np.ndarray]) -> np.ndarray:
-    """Return pictures in rows of two, each of the same width; one row of black without any."""
-    columns = min(max(len(pictures), 1), _MOST_COLUMNS)
+    """Return pictures in rows of two, each of the same width; something black without any."""
+    if not pictures:
+        return np.zeros((_TILE_WIDTH_PX // 2, _TILE_WIDTH_PX, 3), np.uint8)
+    columns = min(len(pictures), _MOST_COLUMNS)
     tiles = [_scaled(picture) for picture in pictures]
-    height = max([tile.shape[0] for tile in tiles], default=_TILE_WIDTH_PX // 2)
-    rows: List[np.ndarray] = []
-    for start in range(0, max(len(tiles), 1), columns):
-        row = np.zeros((height, columns * _TILE_WIDTH_PX, 3), np.uint8)
-        for number, tile in enumerate(tiles[start : start + columns]):
-            left = number * _TILE_WIDTH_PX
-            row[: tile.shape[0], left : left + _TILE_WIDTH_PX] = tile
-        rows.append(row)
-    return np.concatenate(rows)
+    return np.concatenate(
+        [_row(tiles[start : start + columns], columns) for start in range(0, len(tiles), columns)]
+    )
+
+
+def _row(tiles: Sequence[np.ndarray], columns: int) -> np.ndarray:
+    height = max(len(tile) for tile in tiles)
+    row = np.zeros((height, columns * _TILE_WIDTH_PX, 3), np.uint8)
+    for number, tile in enumerate(tiles):
+        left = number * _TILE_WIDTH_PX
+        row[: len(tile), left : left + _TILE_WIDTH_PX] = tile
+    return row
 
 
 def _scaled(picture: np.ndarray) -> np.ndarray:

@@ -135,6 +135,20 @@ Table residual_table(const CalibrationState& state) {
   return table;
 }
 
+std::vector<Choice> collection_choices(const CalibrationState& state) {
+  std::vector<Choice> choices;
+  if (state.collections.empty()) return choices;
+  choices.push_back({"", "all collections"});
+  for (const std::string& key : state.collections) choices.push_back({key, "collection " + key});
+  return choices;
+}
+
+int chosen(const std::vector<Choice>& choices, const std::string& key) {
+  const auto found = std::find_if(choices.begin(), choices.end(),
+                                  [&key](const Choice& choice) { return choice.key == key; });
+  return found == choices.end() ? 0 : static_cast<int>(found - choices.begin());
+}
+
 bool takes_seed(const CollectorState& state, const std::string& sensor) {
   return std::any_of(state.sensors.begin(), state.sensors.end(), [&](const SensorState& entry) {
     return entry.name == sensor && entry.modality != "rgb";

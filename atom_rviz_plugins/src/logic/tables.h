@@ -48,6 +48,18 @@ Table collection_table(const atom_calibration::CollectionStates& collections,
 /// Residuals of each sensor and kind: count, rms now, rms at the start; m are shown in mm.
 Table residual_table(const atom_calibration::CalibrationState& state);
 
+/// A collection to choose; `key` is the name that services know it by, empty for all of them.
+struct Choice {
+  std::string key;
+  std::string text;
+};
+
+/// What a calibration can show: all collections, then each; nothing before it tells.
+std::vector<Choice> collection_choices(const atom_calibration::CalibrationState& state);
+
+/// The place of the collection that is shown among these; all of them where it is unknown.
+int chosen(const std::vector<Choice>& choices, const std::string& key);
+
 /// Whether a sensor of the collector begins its labels at a seed; cameras do not.
 bool takes_seed(const atom_calibration::CollectorState& state, const std::string& sensor);
 

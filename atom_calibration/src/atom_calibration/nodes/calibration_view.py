@@ -2,8 +2,8 @@
 
 Topics, all latched: below /calibrate state, patterns, sensors, ghost, points (of all sensors) and
 images (of all cameras); TOPIC/labeled3d of each range sensor, TOPIC/labeled2d of each camera and
-depth camera; /tf_static. Which collection is shown, the topic /calibrate/show_collection says (a
-key; empty: all), and the services /calibrate/next and /calibrate/previous. Fixed transforms that
+depth camera; /tf_static. The services /calibrate/show_collection (an empty name: all of them),
+/calibrate/next and /calibrate/previous choose the collection that is shown. Fixed transforms that
 come on /calibrate/description_tf_static (of robot_state_publisher, renamed) go on to /tf_static,
 with the calibrated ones in the place of theirs: so nobody competes.
 """
@@ -19,7 +19,6 @@ import numpy as np
 import rospy
 from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import Image, PointCloud2
-from std_msgs.msg import String
 from std_srvs.srv import Trigger, TriggerResponse
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
@@ -30,6 +29,7 @@ from atom_calibration.calibration_state import RUNNING, Words, state_message
 from atom_calibration.msg import CalibrationState
 from atom_calibration.nodes import running
 from atom_calibration.overlays import Overlays, mosaic
+from atom_calibration.srv import ShowCollection, ShowCollectionResponse
 from atom_calibration.standing import Standing
 from atom_core.calibration.calibrate import Calibration
 from atom_core.errors import CalibrationError
@@ -143,7 +143,7 @@ class CalibrationView:
                 self._publishers[f"3d {sensor.name}"] = topic(f"{base}/labeled3d", PointCloud2)
             if sensor.camera is not None:
                 self._publishers[f"2d {sensor.name}"] = topic(f"{base}/labeled2d", Image)
-        rospy.Subscriber("/calibrate/show_collection", String, lambda m: self._choose(m.data))
+        rospy.Service("/calibrate/show_collection", ShowCollection, self._show_collection)
         rospy.Subscriber(DESCRIPTION_TF, TFMessage, self._hear_description)
         rospy.Service("/calibrate/next", Trigger, lambda _: self._turn(1))
         rospy.Service("/calibrate/previous", Trigger, lambda _: self._turn(-1))
@@ -171,23 +171,26 @@ class CalibrationView:
             self._standing, self._words, self._pending = standing, words, True
             self._changed.notify_all()
 
-    def _choose(self, key: str) -> bool:
-        """Show one collection, or all; return whether there is such a one."""
-        if key not in (ALL, *self._dataset.collections):
-            rospy.logwarn(f"there is no collection '{key}' to show")
-            return False
-        with self._changed:
-            self._shown, self._pending = key, self._standing is not None
-            self._changed.notify_all()
-        return True
+    def _show_collection(self, request: Any) -> ShowCollectionResponse:
+        key, known = request.collection_name, list(self._dataset.collections)
+        if key not in (ALL, *known):
+            return ShowCollectionResponse(
+                False, f"there is no collection '{key}'; use one of {', '.join(known)}"
+            )
+        return ShowCollectionResponse(True, self._choose(key))
 
     def _turn(self, steps: int) -> TriggerResponse:
         """Go through all and then each collection."""
         keys = [ALL, *(self._first.used_collections() if self._first else [])]
         now = keys.index(self._shown) if self._shown in keys else 0
-        key = keys[(now + steps) % len(keys)]
-        self._choose(key)
-        return TriggerResponse(True, f"collection {key}" if key else "all collections")
+        return TriggerResponse(True, self._choose(keys[(now + steps) % len(keys)]))
+
+    def _choose(self, key: str) -> str:
+        """Show one collection, or all; return a sentence for the user."""
+        with self._changed:
+            self._shown, self._pending = key, self._standing is not None
+            self._changed.notify_all()
+        return f"collection {key}" if key else "all collections"
 
     def _settled(self) -> None:
         """Wait until all that was to be shown is published."""
