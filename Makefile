@@ -6,6 +6,7 @@ SHELL := /bin/bash
 unexport CMAKE_PREFIX_PATH ROS_PACKAGE_PATH PYTHONPATH PYTHONHOME VIRTUAL_ENV PYENV_VERSION
 
 JOBS := $(shell nproc)
+REPEAT := 1
 # Every recipe that runs Python, ROS or a tool of the virtual environment starts with this.
 ENV := source ./env.bash;
 PYTHON_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicate \
@@ -13,7 +14,7 @@ PYTHON_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicat
 CPP_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicate \
 	-- '*.h' '*.cpp' | xargs -r ls -d 2>/dev/null)
 
-.PHONY: help setup build demo test test-regression test-quick lint format bench bench-labels results clean pictures pictures-cell
+.PHONY: help setup build demo test test-regression test-rviz test-quick lint format bench bench-labels results clean pictures pictures-cell
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1	\2/p' Makefile | expand -t 14
@@ -45,6 +46,10 @@ test: build ## lint and every test: pytest, gtest, rostest
 
 test-regression: build ## does calibration still work? rostests on recordings of the simulated cell
 	@$(ENV) cd build && ROS_HOME="$$PWD/ros_home" ctest -j $(JOBS) --output-on-failure -R regression
+
+test-rviz: build ## RViz by mouse and keys on a screen of its own (Xvfb); REPEAT=10 runs it ten times
+	@$(ENV) $(COMPILE) --target tests; cd build && ROS_HOME="$$PWD/ros_home" \
+	ctest --output-on-failure -R atom_rviz_plugins_rostest --repeat until-fail:$(REPEAT)
 
 test-quick: build ## unit tests, at most two minutes
 	@$(ENV) python3 -m pytest -m "not slow"

@@ -220,6 +220,11 @@ class LiveRig:
         self._tf_static = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
         self._tf_static.publish(scene.static_transforms(start_s))
 
+    def close(self):
+        """Take everything back, the transforms above all."""
+        for publisher in (*self._data.values(), *self._infos.values(), self._tf, self._tf_static):
+            publisher.unregister()
+
     def _note_labels(self, labels):
         self._labelled_s[labels.sensor] = labels.header.stamp.to_sec()
 

@@ -29,7 +29,7 @@ from scene import (  # noqa: E402
     SPACING_M,
     Scene,
 )
-from screen import Screen, end  # noqa: E402
+from screen import Screen, end, middle, style_sheet  # noqa: E402
 
 # Colours that nothing else has, for what the mouse has to find.
 SAVE, DELETE, AUTOMATIC, SEED, SENSORS, COLLECTIONS, CLICK, POLYGON = (
@@ -43,6 +43,7 @@ NAMES = {
     "click_mode": CLICK,
     "polygon_mode": POLYGON,
 }
+TABLES = {"sensors": SENSORS, "collections": COLLECTIONS}
 TOPICS = {
     "inside": "/rviz/selected_points",
     "border": "/rviz/selected_border_points",
@@ -51,24 +52,6 @@ TOPICS = {
 }
 LEFT_INDICES = set(range(SIDE, SIDE + SIDE**2))  # after the row of NaN
 RIGHT_INDICES = set(range(SIDE + SIDE**2, SIDE + 2 * SIDE**2))
-
-
-def style_sheet(folder):
-    """Colours for the widgets that are looked for, while they can be used."""
-    rules = [  # without a frame of its own the background has one colour only
-        f"#{name}:enabled {{background: rgb{colour}; border: 0px}}"
-        for name, colour in NAMES.items()
-    ]
-    for name, colour in (("sensors", SENSORS), ("collections", COLLECTIONS)):
-        rules.append(f"#{name}:enabled {{background: rgb{colour}}}")  # below the rows
-    path = Path(folder) / "colours.qss"
-    path.write_text("\n".join(rules), encoding="utf-8")
-    return path
-
-
-def middle(place):
-    left, top, right, bottom = place
-    return (left + right) // 2, (top + bottom) // 2
 
 
 class Inbox:
@@ -111,7 +94,7 @@ class RvizTest(unittest.TestCase):
         command = ["rviz", "-d", str(FOLDER / "plugins.rviz")]
         with cls.log.open("w") as log:
             cls.rviz = cls.screen.run(
-                [*command, "-stylesheet", str(style_sheet(cls.folder.name))], log
+                [*command, "-stylesheet", str(style_sheet(cls.folder.name, NAMES, TABLES))], log
             )
         cls.addClassCleanup(end, cls.rviz)
         cls.left = cls.screen.wait_for(LEFT)

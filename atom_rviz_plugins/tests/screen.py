@@ -9,6 +9,7 @@ import os
 import signal
 import subprocess
 import time
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -129,6 +130,25 @@ class Screen:
         self.do("mouseup", 1)
         if held:
             self.do("keyup", held)
+
+
+def style_sheet(folder, names, tables=()):
+    """Write colours (name: colour) for widgets that are looked for, while they can be used."""
+    rules = [  # without a frame of its own the background has one colour only
+        f"#{name}:enabled {{background: rgb{colour}; border: 0px}}"
+        for name, colour in names.items()
+    ]
+    for name, colour in dict(tables).items():
+        rules.append(f"#{name}:enabled {{background: rgb{colour}}}")  # below the rows
+    path = Path(folder) / "colours.qss"
+    path.write_text("\n".join(rules), encoding="utf-8")
+    return path
+
+
+def middle(place):
+    """Return the middle of (left, top, right, bottom)."""
+    left, top, right, bottom = place
+    return (left + right) // 2, (top + bottom) // 2
 
 
 def end(program, timeout_s=20.0):
