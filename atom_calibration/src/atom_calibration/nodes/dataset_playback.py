@@ -59,13 +59,14 @@ def main() -> int:
 
 
 def _run(args: argparse.Namespace) -> int:
+    dataset = read_dataset(args.dataset)
     output = args.output or args.dataset.with_name(OUTPUT)
     if output.exists() and not args.overwrite:
         raise OutputError(
             f"{output}: exists already; add --overwrite to replace it, or go on with it by "
             f"--dataset {output} --overwrite"
         )
-    corrections = LabelCorrections(read_dataset(args.dataset))
+    corrections = LabelCorrections(dataset)
     if args.collection:
         corrections.show(args.collection)
     running.start(NODE)
