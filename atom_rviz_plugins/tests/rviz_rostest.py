@@ -86,6 +86,7 @@ class RvizTest(unittest.TestCase):
         cls.addClassCleanup(cls.folder.cleanup)
         cls.labels = {name: Inbox(topic, PointCloud2) for name, topic in TOPICS.items()}
         cls.clicks = Inbox("/camera/labeled/mouse_click", PointStamped)
+        cls.right_clicks = Inbox("/camera/labeled/right_click", PointStamped)
         cls.polygons = Inbox("/camera/labeled/polygon", PolygonStamped)
         cls.scene = Scene()
         cls.screen = Screen()
@@ -247,6 +248,18 @@ class RvizTest(unittest.TestCase):
             self.screen.click(*corner)
         self.screen.click(left, bottom, button=3)
         self.assertEqual(len(self.polygons.next().polygon.points), 3)
+
+    def test_33_a_right_click_is_told_apart_from_a_left_one(self):
+        self.screen.click(*middle(self.screen.wait_for(CLICK)))
+        left, top, right, bottom = self.screen.wait_for(BLOCK)
+        self.screen.click(left, top, button=3)
+        click = self.right_clicks.next()
+        self.assertEqual(click.header.frame_id, "camera")
+        block_left, block_top, width, _ = BLOCK_PX
+        pixel = width / (right - left + 1)  # of the screen, in px
+        found = np.subtract((click.point.x, click.point.y), (block_left - 0.5, block_top - 0.5))
+        self.assertLess(np.abs(found - 0.5 * pixel).max(), 1.1 * pixel)
+        self.assertTrue(self.clicks.is_empty())
 
     # ---- the end
 

@@ -157,8 +157,11 @@ class LabelCorrections:
             raise LabelingError(f"{sensor}: none of the {len(indices)} chosen points was measured")
         before = self._range_label(sensor, self.pattern)
         after = corrections.with_points(before, usable, border)
-        where = "border" if border else "board"
-        words = f"{len(usable)} points of {sensor} are on the {where}"
+        if border:
+            count = len(after.limit_indices) - (len(before.limit_indices) if before else 0)
+        else:
+            count = len(after.indices) - (len(before.indices) if before else 0)
+        words = f"{count} points of {sensor} added {'to the border' if border else 'to the board'}"
         return self._apply(sensor, {self.pattern: after}, words)
 
     def remove_points(self, sensor: str, indices: np.ndarray) -> str:
@@ -171,11 +174,13 @@ class LabelCorrections:
         valid = self._valid(sensor)
         with _of(sensor):
             usable = corrections.valid_indices(indices, np.ones_like(valid))
-        changes = {
-            name: corrections.without_points(label, usable)
-            for name, label in self._range_labels(sensor)
-        }
-        return self._apply(sensor, changes, f"{len(usable)} points of {sensor} are no label")
+        count = 0
+        changes: Dict[str, Optional[Label]] = {}
+        for name, label in self._range_labels(sensor):
+            both = np.union1d(label.indices, label.limit_indices)
+            count += int(np.sum(np.isin(both, usable)))
+            changes[name] = corrections.without_points(label, usable)
+        return self._apply(sensor, changes, f"{count} points of {sensor} removed")
 
     def delete_label(self, sensor: str, pattern: str = "") -> str:
         """Forget what a sensor saw of a pattern; empty: of all of them.
@@ -187,7 +192,7 @@ class LabelCorrections:
         if pattern and pattern not in self.dataset.patterns:
             raise SelectionError(f"there is no pattern '{pattern}'")
         changes = dict.fromkeys([pattern] if pattern else self.dataset.patterns)
-        return self._apply(sensor, changes, f"the label of {sensor} is deleted")
+        return self._apply(sensor, changes, f"the label of {sensor} deleted")
 
     # --- depth images -------------------------------------------------------------------------
 
@@ -229,12 +234,12 @@ class LabelCorrections:
         }
         before = sum(len(label.limit_indices) for _, label in self._range_labels(sensor))
         after = sum(len(x.limit_indices) for x in changes.values() if isinstance(x, RangeLabel))
-        return self._apply(sensor, changes, f"{before - after} border pixels of {sensor} are gone")
+        return self._apply(sensor, changes, f"{before - after} border pixels of {sensor} removed")
 
     def _relabel(self, sensor: str, found: Labeled) -> str:
         if not found.detected:
             raise LabelingError(f"{sensor}: nothing is labelled: {found.reason}")
-        words = f"{sensor} is labelled anew" + "".join(f", though {x}" for x in found.warnings)
+        words = f"{sensor} labelled anew" + "".join(f", though {x}" for x in found.warnings)
         return self._apply(sensor, {self.pattern: found.label}, words)
 
     # --- corners ------------------------------------------------------------------------------
@@ -256,7 +261,7 @@ class LabelCorrections:
         label = self._rgb_label(sensor, chosen.pattern)
         moved = corrections.with_corner_at(label, chosen.corner, pixel)
         self.chosen = None
-        words = f"corner {chosen.corner} of {sensor} is moved"
+        words = f"corner {chosen.corner} of {sensor} moved"
         return self._apply(sensor, {chosen.pattern: moved}, words)
 
     def remove_corner(self, sensor: str, pixel: np.ndarray) -> str:
@@ -273,7 +278,7 @@ class LabelCorrections:
                 return "no corner is chosen any more"
             raise LabelingError(f"{sensor}: there is no corner within {REACH_PX:g} px of the click")
         label = corrections.without_corners(self._rgb_label(sensor, found.pattern), {found.corner})
-        words = f"corner {found.corner} of {sensor} is removed"
+        words = f"corner {found.corner} of {sensor} removed"
         return self._apply(sensor, {found.pattern: label}, words)
 
     def remove_corners(self, sensor: str, polygon: np.ndarray) -> str:
@@ -294,7 +299,7 @@ class LabelCorrections:
             count += len(inside)
             changes[name] = corrections.without_corners(label, set(inside.tolist()))
         self.chosen = None
-        return self._apply(sensor, changes, f"{count} corners of {sensor} are removed")
+        return self._apply(sensor, changes, f"{count} corners of {sensor} removed")
 
     def _corner_at(self, sensor: str, pixel: np.ndarray, reach: float) -> Optional[ChosenCorner]:
         nearest, least_px = None, np.inf
@@ -326,7 +331,7 @@ class LabelCorrections:
         collections[self.collection] = self._initial.collections[self.collection]
         if collections[self.collection] is self.dataset.collections[self.collection]:
             return f"collection {self.collection} is as the dataset has it"
-        words = f"collection {self.collection} is as it was"
+        words = f"collection {self.collection} reset"
         return self._push(replace(self.dataset, collections=collections), words)
 
     def undo(self) -> str:
@@ -370,7 +375,7 @@ class LabelCorrections:
             for pattern, label in changes.items()
         }
         if all(_same(now.get(pattern), label) for (_, pattern), label in real.items()):
-            return f"nothing changes: {words} already"
+            return f"nothing changes: {words}"
         return self._push(self.dataset.with_labels(self.collection, real), words)
 
     def _push(self, after: Dataset, words: str) -> str:

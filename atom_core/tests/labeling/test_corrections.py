@@ -201,6 +201,19 @@ def test_a_fill_keeps_to_its_polygon_and_makes_no_border_of_its_edge(board):
     assert np.mean(away <= 2.0) > 0.97, "border pixels that are not the board's"
 
 
+def test_a_fill_forgives_lost_pixels_and_a_wall_inside_the_polygon(board):
+    depth_m, labeler, automatic, outline = board
+    behind = np.where(np.isfinite(depth_m), depth_m, np.float32(4.5))
+    lost = np.random.default_rng(0).uniform(size=depth_m.shape) < 0.05
+    behind[lost & (polygon_mask(outline, depth_m.shape) > 0)] = np.nan
+    low, high = outline.min(axis=0) - 25, outline.max(axis=0) + 25
+    rectangle = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+    found = corrections.refilled(labeler, behind, rectangle)
+    assert found.detected, found.reason
+    kept = np.isfinite(behind.ravel()[automatic.indices])
+    assert np.isin(automatic.indices[kept], found.label.indices).mean() > 0.98
+
+
 def test_a_fill_where_there_is_no_board_finds_nothing(board):
     depth_m, labeler, _, outline = board
     empty = np.full_like(depth_m, np.nan)

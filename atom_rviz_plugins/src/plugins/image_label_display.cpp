@@ -2,6 +2,7 @@
 
 #include <geometry_msgs/PointStamped.h>
 #include <geometry_msgs/PolygonStamped.h>
+#include <rviz/display_group.h>
 #include <rviz/panel_dock_widget.h>
 #include <rviz/properties/bool_property.h>
 #include <rviz/properties/enum_property.h>
@@ -51,11 +52,7 @@ void ImageLabelDisplay::onInitialize() {
   pane_ = new ImagePane;
   pane_->canvas()->show_image(QImage(), "No topic is chosen.");
   setAssociatedWidget(pane_);
-  // RViz puts all panes to the left, where the panels are; a saved layout is restored later.
-  rviz::PanelDockWidget* dock = getAssociatedWidgetPanel();
-  if (auto* window = dock ? qobject_cast<QMainWindow*>(dock->parentWidget()) : nullptr) {
-    window->addDockWidget(Qt::RightDockWidgetArea, dock);
-  }
+  dock_to_the_right();
   connect(pane_->canvas(), &ImageCanvas::clicked, this,
           [this](double x_px, double y_px) { publish_click(clicks_, x_px, y_px); });
   connect(pane_->canvas(), &ImageCanvas::right_clicked, this,
@@ -66,6 +63,25 @@ void ImageLabelDisplay::onInitialize() {
     mode_->setString(mode == static_cast<int>(ImageCanvas::Mode::kPolygon) ? "Polygon" : "Click");
   });
   update_range();
+}
+
+// RViz puts all panes to the left, where the panels are, and initializes displays in the order of
+// their addresses. Here they stand to the right, in the order of the list; a layout that was saved
+// is restored later.
+void ImageLabelDisplay::dock_to_the_right() {
+  const auto dock = [](ImageLabelDisplay* display) {
+    rviz::PanelDockWidget* pane = display->getAssociatedWidgetPanel();
+    auto* window = pane ? qobject_cast<QMainWindow*>(pane->parentWidget()) : nullptr;
+    if (window) window->addDockWidget(Qt::RightDockWidgetArea, pane);
+  };
+  dock(this);
+  bool is_after = false;
+  const auto* group = qobject_cast<rviz::DisplayGroup*>(getParent());
+  for (int i = 0; group && i < group->numDisplays(); ++i) {
+    auto* other = qobject_cast<ImageLabelDisplay*>(group->getDisplayAt(i));
+    if (other && is_after) dock(other);
+    if (other == this) is_after = true;
+  }
 }
 
 void ImageLabelDisplay::setTopic(const QString& topic, const QString& /*datatype*/) {

@@ -59,6 +59,7 @@ class ImageLabelDisplay : public rviz::Display {
     QString problem;
   };
 
+  void dock_to_the_right();
   void subscribe();
   void unsubscribe();
   void take(const sensor_msgs::ImageConstPtr& message);

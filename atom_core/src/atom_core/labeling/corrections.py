@@ -6,7 +6,7 @@ Nothing here remembers anything; sessions with undo are made of these (`dataset_
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Container, Optional, Tuple
+from typing import Container, Optional, Sequence, Tuple
 
 import cv2
 import numpy as np
@@ -22,6 +22,7 @@ EMPTY = RangeLabel(np.zeros(0, dtype=int), np.zeros(0, dtype=int))
 # Somebody has said that the board is there, so that what hides a part of it, or stands right behind
 # it, is no reason to doubt it.
 _BY_HAND = DepthOptions(least_border_share=0.3, least_coverage=0.3, least_before_share=0.0)
+_LOST_PX = np.ones((5, 5), dtype=np.uint8)  # pixels without depth that make no hole
 _CUT_REACH_PX = 3  # the fill's border lies that far from the polygon at most where it cuts
 
 
@@ -110,14 +111,16 @@ def refilled(labeler: DepthLabeler, depth_m: np.ndarray, polygon: np.ndarray) ->
         LabelingError: it is no polygon, or outside the image, or the data are no depth image.
     """
     mask = polygon_mask(polygon, depth_m.shape)
-    seed = _deepest(mask & np.isfinite(depth_m).astype(np.uint8))
-    if seed is None:
+    measured = mask & np.isfinite(depth_m).astype(np.uint8)
+    if not measured.any():
         raise LabelingError("there is no depth inside the polygon; draw it on the board")
-    found = labeler.label(depth_m, seed, polygon)
-    if not found.detected:
-        strict = found
+    # The middle of the polygon; where something hides that, the middle of what was measured.
+    seeds = [_deepest(mask), _deepest(cv2.morphologyEx(measured, cv2.MORPH_CLOSE, _LOST_PX))]
+    strict = _first_found(labeler, depth_m, seeds, polygon)
+    found = strict
+    if not strict.detected:
         lenient = DepthLabeler(labeler.sensor, labeler.pattern, options=_BY_HAND)
-        found = lenient.label(depth_m, seed, polygon)
+        found = _first_found(lenient, depth_m, seeds, polygon)
         if found.detected:
             found = replace(found, warnings=(*found.warnings, strict.reason))
     if not isinstance(found.label, RangeLabel) or not found.detected:
@@ -127,10 +130,20 @@ def refilled(labeler: DepthLabeler, depth_m: np.ndarray, polygon: np.ndarray) ->
     return replace(found, label=replace(found.label, limit_indices=kept), item_quality=None)
 
 
-def _deepest(mask: np.ndarray) -> Optional[np.ndarray]:
-    """Return the pixel (x, y) farthest from the mask's outline; None if it is empty."""
-    if not mask.any():
-        return None
+def _first_found(
+    labeler: DepthLabeler, depth_m: np.ndarray, seeds: Sequence[np.ndarray], polygon: np.ndarray
+) -> Labeled:
+    """Return the label from the first seed that gives one; where none does, the first refusal."""
+    tried = []
+    for seed in seeds:
+        tried.append(labeler.label(depth_m, seed, polygon))
+        if tried[-1].detected:
+            return tried[-1]
+    return tried[0]
+
+
+def _deepest(mask: np.ndarray) -> np.ndarray:
+    """Return the pixel (x, y) farthest from the mask's outline."""
     padded = cv2.copyMakeBorder(mask, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
     _, _, _, place = cv2.minMaxLoc(cv2.distanceTransform(padded, cv2.DIST_L2, 3))
     return np.array(place, dtype=float) - 1.0
