@@ -10,13 +10,9 @@ import numpy as np
 import rospy
 import rosunit
 from live_scene import COLLECTIONS, LiveRig, LiveScene, Process, wait_until
-from visualization_msgs.msg import (
-    InteractiveMarkerFeedback,
-    InteractiveMarkerInit,
-    InteractiveMarkerUpdate,
-)
+from marker_hand import MarkerHand
+from visualization_msgs.msg import InteractiveMarkerFeedback
 
-from atom_calibration import conversions
 from atom_calibration.msg import CollectorState, SensorLabels
 from atom_calibration.srv import SaveCollection, SetSeed
 from atom_core.geometry import se3
@@ -26,65 +22,6 @@ from atom_core.io.seeds import SEEDS_FILE, read_seeds
 RANGE = ("lidar_1", "depth_1")
 PATIENCE_S = 30
 GREEN, RED = (0.24, 0.86, 0.24), (1.0, 0.16, 0.16)
-
-
-class Marker:
-    """The marker of a sensor as RViz has it, and a hand that moves it."""
-
-    def __init__(self, sensor):
-        self.name, self.shown, self.position, self.entries = sensor, None, None, {}
-        server = f"/{sensor}/data_labeler"
-        rospy.Subscriber(f"{server}/update_full", InteractiveMarkerInit, self._init)
-        rospy.Subscriber(f"{server}/update", InteractiveMarkerUpdate, self._update)
-        self._feedback = rospy.Publisher(
-            f"{server}/feedback", InteractiveMarkerFeedback, queue_size=9
-        )
-
-    def _init(self, message):
-        if self.shown is None:
-            self._show(message.markers)
-
-    def _update(self, message):
-        self._show(message.markers)
-        for pose in message.poses:
-            self._place(pose.pose)
-
-    def _show(self, markers):
-        for marker in markers:
-            self.shown = marker
-            self.entries = {entry.title: entry.id for entry in marker.menu_entries}
-            self._place(marker.pose)
-
-    def _place(self, pose):
-        self.position = conversions.pose_matrix(pose)[:3, 3]
-
-    @property
-    def colour(self):
-        (body,) = (control for control in self.shown.controls if control.name == "body")
-        colour = body.markers[0].color
-        return tuple(round(value, 2) for value in (colour.r, colour.g, colour.b))
-
-    def is_ready(self):
-        return self.shown is not None and self._feedback.get_num_connections() > 0
-
-    def drag(self, position):
-        for event in (InteractiveMarkerFeedback.POSE_UPDATE, InteractiveMarkerFeedback.MOUSE_UP):
-            self.tell(event, position)
-
-    def click(self):
-        for event in (InteractiveMarkerFeedback.MOUSE_DOWN, InteractiveMarkerFeedback.MOUSE_UP):
-            self.tell(event, self.position)
-
-    def choose(self, entry):
-        self.tell(InteractiveMarkerFeedback.MENU_SELECT, self.position, self.entries[entry])
-
-    def tell(self, event, position, entry=0):
-        message = InteractiveMarkerFeedback(
-            client_id="rviz", marker_name=self.name, event_type=event, menu_entry_id=entry,
-            pose=conversions.pose_message(se3.transform(np.eye(3), position)),
-        )  # fmt: skip
-        message.header.frame_id, message.header.stamp = self.shown.header.frame_id, rospy.Time.now()
-        self._feedback.publish(message)
 
 
 class SeedMarkersTest(unittest.TestCase):
@@ -103,7 +40,7 @@ class SeedMarkersTest(unittest.TestCase):
         for name in cls.scene.sensors:
             rospy.Subscriber(f"/{name}/labels", SensorLabels, cls.keep)
         rospy.Subscriber("/collect_data/state", CollectorState, cls.keep_state)
-        cls.markers = {name: Marker(name) for name in RANGE}
+        cls.markers = {name: MarkerHand(name) for name in RANGE}
         cls.rig = LiveRig(cls.scene)
         cls.rig.show_until(
             COLLECTIONS[0],

@@ -1,10 +1,10 @@
-"""`make bench`: speed, growth and accuracy of the solvers on synthetic rigs; frames of RViz.
+"""`make bench`: speed, growth and accuracy of the solvers; frames of RViz; labels after a seed.
 
 Prints tables and writes bench_output/*.csv (speed, scaling, accuracy, starts, convergence,
-gross_errors, rviz) and scaling.png; docs/benchmarks/README.md tells how to read them. Times depend
-on the machine and its load: compare the rows of one run with each other. The references beside our
-solvers, on the same rows from the same start: plain_ceres.cpp (a straightforward Ceres program, one
-thread) and scipy.optimize.least_squares (trf, sparse analytic Jacobian, lsmr).
+gross_errors, rviz, seeds) and scaling.png; docs/benchmarks/README.md tells how to read them. Times
+depend on the machine and its load: compare the rows of one run with each other. The references
+beside our solvers, on the same rows from the same start: plain_ceres.cpp (a straightforward Ceres
+program, one thread) and scipy.optimize.least_squares (trf, sparse analytic Jacobian, lsmr).
 """
 
 from __future__ import annotations
@@ -242,6 +242,24 @@ def rviz(output: Path, quick: bool) -> None:
     print()
 
 
+def seeds(output: Path, quick: bool) -> None:
+    """Measure how soon labels follow a seed that is dragged."""
+    from seed_refresh import seed_refresh  # needs ROS
+
+    answers = seed_refresh(output, 30 if quick else 100)
+    rows = [
+        [one.sensor, len(one.labels_ms), *np.percentile(one.labels_ms, [50, 95]),
+         *np.percentile(one.shown_ms, [50, 95]), one.detected]
+        for one in answers
+    ]  # fmt: skip
+    headers = ["sensor", "steps", "labels 50 % [ms]", "labels 95 % [ms]", "shown 50 % [ms]",
+               "shown 95 % [ms]", "detected"]  # fmt: skip
+    _report(output / "seeds.csv", headers, rows, "Labels after a seed is moved, cell live", 2)
+    together = np.concatenate([one.labels_ms for one in answers])
+    _verdict("labels after a seed, 95th percentile", np.percentile(together, 95), 200, "ms")
+    print()
+
+
 def _report(path: Path, headers: list, rows: list, title: str, digits: int) -> None:
     with path.open("w", newline="") as stream:
         writer = csv.writer(stream)
@@ -264,6 +282,7 @@ PARTS: Dict[str, Callable[[argparse.Namespace], None]] = {
     "convergence": lambda args: convergence(args.output, 10 if args.quick else 5 * args.seeds),
     "gross_errors": lambda args: gross_errors(args.output, 1 if args.quick else min(args.seeds, 5)),
     "rviz": lambda args: rviz(args.output, args.quick),
+    "seeds": lambda args: seeds(args.output, args.quick),
 }
 
 if __name__ == "__main__":

@@ -186,7 +186,7 @@ class FrameLabeler:
             seeds.append(tracked)
         for_all = self._manual.for_all(frame.sensor.name)
         if for_all is not None:
-            return seeds if outside_data(for_all, frame) else [*seeds, for_all]
+            return seeds if _is_outside_image(for_all, frame) else [*seeds, for_all]
         if self._automatic:
             predicted = None if prediction is None else _in_data(frame.sensor, prediction.middle)
             seeds += [] if predicted is None else [predicted]
@@ -239,8 +239,13 @@ def _in_data(sensor: Sensor, point: np.ndarray) -> Optional[np.ndarray]:
     return sensor.camera.project(point[None])[0] if inside else None
 
 
+def _is_outside_image(by_hand: Optional[np.ndarray], frame: Frame) -> bool:
+    """Tell whether there is nothing to begin from; in a cloud, however far away, there is."""
+    depth = frame.sensor.modality == DEPTH
+    return by_hand is not None and depth and bool(outside_data(by_hand, frame))
+
+
 def _why_no_seed(by_hand: Optional[np.ndarray], frame: Frame) -> str:
-    problem = "" if by_hand is None else outside_data(by_hand, frame)
-    if not problem:
-        return "there is no seed"
-    return f"the seed set by hand lies outside the data ({problem}); put it onto the board"
+    if _is_outside_image(by_hand, frame):
+        return "the seed set by hand lies outside the image; put it onto the board"
+    return "there is no seed"
