@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 import unittest
+from pathlib import Path
 
 import numpy as np
 import rospy
@@ -14,6 +15,7 @@ import rosunit
 from live_scene import COLLECTIONS, LiveScene, Process, turntable
 
 from atom_core.io.dataset_json import read_dataset
+from atom_core.io.seeds import SEEDS_FILE, read_seeds
 
 TURNTABLE_EDGE = "world-turntable"
 
@@ -35,6 +37,7 @@ class LiveFromBagTest(unittest.TestCase):
         config = cls.scene.write_config(f"{folder.name}/config.yml")
         bag = cls.scene.write_bag(f"{folder.name}/a.bag")
         cls.live, cls.offline = f"{folder.name}/live", f"{folder.name}/offline"
+        cls.again = f"{folder.name}/again"
         cls.launch = Process(
             "roslaunch", "atom_calibration", "collect_data.launch", f"config:={config}",
             f"output_folder:={cls.live}", f"bag:={bag}", "automatic:=true", "rviz:=false",
@@ -42,16 +45,21 @@ class LiveFromBagTest(unittest.TestCase):
         )  # fmt: skip
         cls.addClassCleanup(cls.launch.end)
         cls.launch.wait(200)
-        cls.command = subprocess.run(
+        cls.command = cls.collect(config, bag, cls.offline)
+        cls.repeated = cls.collect(config, bag, cls.again, "--seeds", f"{cls.live}/{SEEDS_FILE}")
+
+    @staticmethod
+    def collect(config, bag, output, *options):
+        return subprocess.run(
             ["rosrun", "atom_calibration", "collect_from_bag", "--config", config, "--bag", bag,
-             "--output", cls.offline],
+             "--output", output, *options],
             capture_output=True, text=True, timeout=120, check=False,
         )  # fmt: skip
 
-    def documents(self):
+    def documents(self, *folders):
         return [
             read_dataset(os.path.join(folder, "dataset.json")).document["collections"]
-            for folder in (self.live, self.offline)
+            for folder in folders or (self.live, self.offline)
         ]
 
     def test_1_it_ends_by_itself_and_says_how(self):
@@ -126,6 +134,26 @@ class LiveFromBagTest(unittest.TestCase):
             read_dataset(os.path.join(self.live, "dataset.json")).sensors.keys(),
             read_dataset(os.path.join(self.offline, "dataset.json")).sensors.keys(),
         )
+
+    def test_6_the_seeds_that_were_used_repeat_the_labels(self):
+        self.assertEqual(self.repeated.returncode, 0, self.repeated.stderr)
+        live, again = self.documents(self.live, self.again)
+        sensors = read_dataset(os.path.join(self.live, "dataset.json")).sensors
+        used = {
+            (seed.sensor, round(seed.stamp_s, 3))
+            for seed in read_seeds(Path(self.live) / SEEDS_FILE, sensors)
+        }
+        compared = 0
+        for key, entry in live.items():
+            for name in ("lidar_1", "depth_1"):
+                label = entry["labels"][self.scene.pattern.name][name]
+                if not label["detected"]:
+                    continue
+                self.assertIn((name, round(stamp(entry["data"][name]), 3)), used)
+                if stamp(entry["data"][name]) == stamp(again[key]["data"][name]):
+                    compared += 1
+                    self.assertEqual(label, again[key]["labels"][self.scene.pattern.name][name])
+        self.assertGreaterEqual(compared, 3)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,91 @@
+#!/usr/bin/env python3
+"""Seeds by hand, automatic ones switched off: the labels of the automatic run."""
+
+import json
+import sys
+
+import numpy as np
+import recordings
+import rosunit
+from regression_case import LIMITS, RegressionCase
+
+from atom_core.geometry import se3
+from atom_core.io.dataset_json import read_dataset
+from atom_core.io.seeds import Seed, write_seeds
+from atom_core.io.truth_json import read_truth
+from atom_core.model.dataset import pose
+from atom_core.model.sensor import DEPTH
+from atom_core.model.truth import Truth, with_truth
+
+OUTPUT = recordings.FOLDER / "seeds"
+
+
+def stamp_s(dataset, key, sensor):
+    stamp = dataset.document["collections"][key]["data"][sensor]["header"]["stamp"]
+    return stamp["secs"] + 1e-9 * stamp["nsecs"]
+
+
+def range_labels(dataset):
+    """Return the indices of each range label by (stamp, sensor)."""
+    return {
+        (round(stamp_s(dataset, key.collection, key.sensor), 3), key.sensor): set(label.indices)
+        for key, label in dataset.detections()
+        if dataset.sensors[key.sensor].is_range
+    }
+
+
+def seeds_by_hand(dataset, rng):
+    """Return what a hand would set: the board's middle, off by centimetres, for each label."""
+    truth = read_truth(recordings.truth("train"))
+    stops = json.loads(recordings.truth("train").read_text("utf-8"))["stops"]
+    exact = with_truth(dataset, Truth(truth.edges))
+    (pattern,) = dataset.patterns.values()
+    seeds = []
+    for key, _ in dataset.detections():
+        sensor, time_s = dataset.sensors[key.sensor], None
+        if not sensor.is_range:
+            continue
+        time_s = stamp_s(dataset, key.collection, key.sensor)
+        stop = next(s for s, t in stops.items() if t["start_s"] <= time_s < t["end_s"])
+        collection = exact.collections[key.collection]
+        sensor_T_world = pose(collection, exact.graph, sensor.frame, exact.world)
+        sensor_T_pattern = sensor_T_world @ truth.boards[(pattern.name, stop)]
+        middle = se3.apply(sensor_T_pattern, np.append(pattern.border.centre, 0.0)[None])
+        place = middle + rng.normal(0.0, LIMITS["seeds"]["hand_m"], (1, 3))
+        position = sensor.camera.project(place)[0] if sensor.modality == DEPTH else place[0]
+        seeds.append(Seed(sensor.name, position, time_s))
+    return seeds
+
+
+class Seeds(RegressionCase):
+    @classmethod
+    def prepare(cls):
+        automatic = read_dataset(recordings.dataset("train"))
+        cls.automatic = range_labels(automatic)
+        file = recordings.FOLDER / "by_hand.yaml"
+        write_seeds(file, seeds_by_hand(automatic, np.random.default_rng(0)), automatic.sensors)
+        times = [
+            np.mean([stamp_s(automatic, key, s) for s in entry["data"]])
+            for key, entry in automatic.document["collections"].items()
+        ]
+        recordings.run(
+            "rosrun", "atom_calibration", "collect_from_bag", "--config", recordings.CONFIG,
+            "--bag", recordings.bag("train"), "--output", OUTPUT, "--overwrite",
+            "--seeds", file, "--automatic_seeds", "off", "--times", *times,
+        )  # fmt: skip
+        cls.by_hand = range_labels(read_dataset(OUTPUT / "dataset.json"))
+
+    def test_1_labels_are_those_of_automatic_seeds(self):
+        self.assertGreaterEqual(len(self.automatic), 2 * LIMITS["scenario"]["train"])
+        for (time_s, sensor), label in self.automatic.items():
+            found = self.by_hand.get((time_s, sensor), set())
+            share = len(found & label) / len(found | label)
+            what = f"{sensor} at {time_s}: overlap with the automatic label"
+            self.hold(what, share, LIMITS["seeds"]["overlap"], at_least=True)
+
+    def test_2_nothing_is_labelled_without_a_seed(self):
+        self.assertLessEqual(self.by_hand.keys(), self.automatic.keys())
+
+
+if __name__ == "__main__":
+    rosunit.unitrun("atom", "regression_seeds", Seeds, sysargs=sys.argv)
