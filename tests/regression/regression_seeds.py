@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 """Seeds by hand, automatic ones switched off: the labels of the automatic run."""
 
-import json
 import sys
 
 import numpy as np
@@ -9,13 +8,10 @@ import recordings
 import rosunit
 from regression_case import LIMITS, RegressionCase
 
-from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.seeds import Seed, write_seeds
-from atom_core.io.truth_json import read_truth
-from atom_core.model.dataset import pose
+from atom_core.model.dataset import range_points
 from atom_core.model.sensor import DEPTH
-from atom_core.model.truth import Truth, with_truth
 
 OUTPUT = recordings.FOLDER / "seeds"
 
@@ -35,25 +31,17 @@ def range_labels(dataset):
 
 
 def seeds_by_hand(dataset, rng):
-    """Return what a hand would set: the board's middle, off by centimetres, for each label."""
-    truth = read_truth(recordings.truth("train"))
-    stops = json.loads(recordings.truth("train").read_text("utf-8"))["stops"]
-    exact = with_truth(dataset, Truth(truth.edges))
-    (pattern,) = dataset.patterns.values()
+    """Return what a hand would set: the middle of what is seen of the board, off by centimetres."""
     seeds = []
     for key, _ in dataset.detections():
-        sensor, time_s = dataset.sensors[key.sensor], None
+        sensor = dataset.sensors[key.sensor]
         if not sensor.is_range:
             continue
-        time_s = stamp_s(dataset, key.collection, key.sensor)
-        stop = next(s for s, t in stops.items() if t["start_s"] <= time_s < t["end_s"])
-        collection = exact.collections[key.collection]
-        sensor_T_world = pose(collection, exact.graph, sensor.frame, exact.world)
-        sensor_T_pattern = sensor_T_world @ truth.boards[(pattern.name, stop)]
-        middle = se3.apply(sensor_T_pattern, np.append(pattern.border.centre, 0.0)[None])
-        place = middle + rng.normal(0.0, LIMITS["seeds"]["hand_m"], (1, 3))
-        position = sensor.camera.project(place)[0] if sensor.modality == DEPTH else place[0]
-        seeds.append(Seed(sensor.name, position, time_s))
+        middle = range_points(dataset, key).inside.mean(axis=0)
+        place = middle + rng.normal(0.0, LIMITS["seeds"]["hand_m"], 3)
+        in_image = sensor.modality == DEPTH
+        position = sensor.camera.project(place[None])[0] if in_image else place
+        seeds.append(Seed(sensor.name, position, stamp_s(dataset, key.collection, key.sensor)))
     return seeds
 
 

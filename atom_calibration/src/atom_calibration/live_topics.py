@@ -55,7 +55,7 @@ class LiveTopics:
 
     def look(self) -> None:
         """Ask the master anew."""
-        self.types = {name: kind for name, kind in rospy.get_published_topics() if kind != "*"}
+        self.types = published_types()
         for topic in self._wanted:
             kind = message_class(self.types.get(topic, ""))
             if kind is not None and topic not in self._subscribers:
@@ -92,6 +92,18 @@ class LiveTopics:
     def _keep(self, message: Any, topic: str) -> None:
         with self._lock:
             self._early.setdefault(topic, deque(maxlen=_KEPT)).append(message)
+
+
+def published_types() -> Dict[str, str]:
+    """Return the types of all topics that are published now.
+
+    Raises:
+        NotYetError: the master does not answer, perhaps not for long.
+    """
+    try:
+        return {name: kind for name, kind in rospy.get_published_topics() if kind != "*"}
+    except OSError:
+        raise NotYetError("the ROS master does not answer") from None
 
 
 def message_class(name: str) -> Optional[type]:

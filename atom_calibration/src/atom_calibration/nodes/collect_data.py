@@ -54,6 +54,8 @@ def _run(args: argparse.Namespace) -> int:
     try:
         code = _collect(args, config, store)
         message = f"{len(store.keys)} collections"
+        if running.lost():
+            code, message = running.UNACCEPTABLE, f"{message}; {running.lost()}"
     except AtomError as error:
         message = str(error)
         raise

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Callable, Dict, List, Optional
-
-import rospy
+from typing import Callable, List, Optional
 
 from atom_calibration import conversions
-from atom_calibration.live_topics import NotYetError, wait_for
+from atom_calibration.live_topics import NotYetError, published_types, wait_for
 from atom_calibration.rig import candidate_topics
 from atom_core.model.config import SensorConfig
 
@@ -25,7 +23,7 @@ def modality_of_sensor(
     """
 
     def by_topic() -> Optional[str]:
-        types: Dict[str, str] = dict(rospy.get_published_topics())
+        types = published_types()
         known = [conversions.modality_of(types.get(topic, "")) for topic in candidate_topics(entry)]
         found: List[str] = [modality for modality in known if modality is not None]
         if not found:

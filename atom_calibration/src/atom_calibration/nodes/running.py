@@ -8,17 +8,19 @@ import sys
 import threading
 from dataclasses import replace
 from pathlib import Path
-from typing import Callable, Optional
+from typing import Callable, List, Optional, Tuple
 
 import rospy
 
+from atom_calibration.nodes.master_watch import GONE, MasterWatch
 from atom_core.commands.common import add_option
 from atom_core.errors import AtomError, ConfigError
 from atom_core.io.config_yaml import read_config
 from atom_core.model.config import CalibrationConfig
 
-BAD_INPUT = 2
+UNACCEPTABLE, BAD_INPUT = 1, 2
 _stop = threading.Event()
+_watches: List[MasterWatch] = []
 
 
 def stopped() -> bool:
@@ -48,6 +50,12 @@ def start(name: str) -> None:
         signal.signal(number, lambda *_: _stop.set())
     check_master()
     rospy.init_node(name, disable_signals=True)
+    _watches[:] = [MasterWatch(_stop, _stop.set)]
+
+
+def lost() -> str:
+    """Return what happened to the master while the node ran, in a sentence; empty: nothing."""
+    return next((watch.problem for watch in _watches), "")
 
 
 def check_master() -> None:
@@ -56,23 +64,40 @@ def check_master() -> None:
     Raises:
         ConfigError: there is none.
     """
+    if not _master_answers():
+        raise ConfigError("no ROS master answers; start one with roscore, or use roslaunch")
+
+
+def _master_answers() -> bool:
     try:
         rospy.get_master().getPid()
     except OSError:
-        raise ConfigError(
-            "no ROS master answers; start one with roscore, or use roslaunch"
-        ) from None
+        return False
+    return True
 
 
 def guarded(name: str, run: Callable[[], int]) -> int:
-    """Run a node; return its exit code. A refusal is one line."""
+    """Run a node; return its exit code. A refusal is one line, and so is the loss of the master."""
     try:
-        return run()
-    except AtomError as error:
-        sys.stderr.write(f"{name}: {error}\n")
-        return BAD_INPUT
+        code, text = _outcome(run)
+        if text:
+            sys.stderr.write(f"{name}: {text}\n")
+        return code
     finally:
         rospy.signal_shutdown("done")
+
+
+def _outcome(run: Callable[[], int]) -> Tuple[int, str]:
+    """Run a node; return its exit code and what has to be said."""
+    try:
+        code = run()
+    except AtomError as error:
+        return BAD_INPUT, lost() or str(error)
+    except OSError:
+        if not _watches or _master_answers():
+            raise
+        return UNACCEPTABLE, GONE
+    return (max(code, UNACCEPTABLE), lost()) if lost() else (code, "")
 
 
 def not_negative(text: str) -> float:

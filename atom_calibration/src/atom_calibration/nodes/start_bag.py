@@ -10,6 +10,7 @@ from typing import Optional, Sequence
 import rospy
 from std_srvs.srv import SetBool
 
+from atom_calibration.errors import CollectionError
 from atom_calibration.live_topics import NotYetError, wait_for
 from atom_calibration.nodes import running
 from atom_calibration.rig import candidate_topics
@@ -17,6 +18,7 @@ from atom_core.commands.common import add_option
 from atom_core.io.config_yaml import read_config
 from atom_core.model.config import CalibrationConfig
 
+_PLAYER_WITHIN_S = 10.0
 COLLECTOR = "/collect_data"
 _SETTLE_S = 0.5  # who has subscribed is not yet connected
 
@@ -34,8 +36,14 @@ def _run(args: argparse.Namespace) -> int:
         return 0
     time.sleep(_SETTLE_S)
     pause = f"{args.player}/pause_playback"
-    rospy.wait_for_service(pause, timeout=10.0)
-    rospy.ServiceProxy(pause, SetBool)(False)
+    try:
+        rospy.wait_for_service(pause, timeout=_PLAYER_WITHIN_S)
+        rospy.ServiceProxy(pause, SetBool)(False)
+    except (rospy.ROSException, rospy.ServiceException):
+        raise CollectionError(
+            f"{args.player} does not play: it has no service {pause} that answers; start it with "
+            f"`rosbag play --pause`"
+        ) from None
     return 0
 
 

@@ -1,0 +1,148 @@
+"""Nodes without a master, and nodes whose master goes or is restarted: one sentence, and an end."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from atom_core.io.config_yaml import write_config
+from atom_core.io.dataset_writer import write_dataset_folder
+from atom_core.synthetic import scenes
+
+pytestmark = pytest.mark.slow
+pytest.importorskip("rospy")
+
+SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
+PATIENCE_S = 120.0
+NODES = (
+    *("rgb_labeler", "depth_labeler", "lidar3d_labeler", "labelers", "collect_data"),
+    *("set_initial_estimate", "transform_corrector", "decompress_images", "filter_bag_tf"),
+    *("start_bag", "calibrate"),
+)
+WAITING = ("labelers", "collect_data", "decompress_images")
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    """Words that each program can run with."""
+    folder = tmp_path_factory.mktemp("nodes")
+    scene = scenes.random_scene(2, rgb=1, depth=1, lidar3d=1, collections=3)
+    dataset = write_dataset_folder(scene.dataset, folder / "dataset", name="scene")
+    config = folder / "config.yml"
+    write_config(config, scene.dataset.config)
+    description = folder / "rig.urdf"
+    description.write_text(rig_description(scene.dataset.config), "utf-8")
+    (pattern,) = scene.dataset.patterns
+    return {
+        **{f"{m}_labeler": ["-cfg", config, "-sn", f"{m.replace('3d', '')}_1"]
+           for m in ("rgb", "depth", "lidar3d")},
+        "labelers": ["-cfg", config],
+        "collect_data": ["-c", config, "-o", folder / "collected", "--overwrite"],
+        "set_initial_estimate": ["-c", config, "-d", description],
+        "transform_corrector": ["-json", dataset, "-p", pattern],
+        "decompress_images": ["/camera/image_raw/compressed"],
+        "filter_bag_tf": [],
+        "start_bag": ["-cfg", config, "--player", "/play"],
+        "calibrate": ["-json", dataset, "-o", folder / "results", "-rv"],
+        "folder": folder,
+    }  # fmt: skip
+
+
+def rig_description(config):
+    """Return a URDF with the edges of a configuration, all poses zero."""
+    edges = set()
+    for entry in config.sensors.values():
+        edges |= {(config.world_link, entry.parent_link), (entry.parent_link, entry.child_link)}
+        edges |= {(entry.child_link, entry.link)}
+    edges = sorted(edge for edge in edges if edge[0] != edge[1])
+    links = sorted({name for edge in edges for name in edge})
+    joint = '<joint name="{1}_joint" type="fixed"><parent link="{0}"/><child link="{1}"/></joint>'
+    bodies = [f'<link name="{name}"/>' for name in links]
+    return f"<robot name='rig'>{''.join(bodies + [joint.format(*e) for e in edges])}</robot>"
+
+
+def start(name, words, port, folder):
+    return subprocess.Popen(
+        [sys.executable, str(SCRIPTS / name), *map(str, words)],
+        env={**os.environ, "ROS_MASTER_URI": f"http://localhost:{port}", "ROS_HOME": str(folder)},
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("localhost", 0))
+        return probe.getsockname()[1]
+
+
+def start_master(port, folder):
+    master = subprocess.Popen(
+        ["rosmaster", "--core", "-p", str(port)], env={**os.environ, "ROS_HOME": str(folder)},
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    wait_until(lambda: not socket.socket().connect_ex(("localhost", port)), "the master answers")
+    return master
+
+
+def wait_until(condition, what):
+    end = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end, f"not within {PATIENCE_S:g} s: {what}"
+        time.sleep(0.1)
+
+
+def ends(process, name, code, words):
+    """Demand that a node ends with one sentence of its own."""
+    _, said = process.communicate(timeout=PATIENCE_S)
+    lines = [line for line in said.splitlines() if line.startswith(f"{name}:")]
+    assert (process.returncode, len(lines)) == (code, 1), f"{name}: {process.returncode}\n{said}"
+    assert words in lines[0]
+    assert "Traceback" not in said, said
+
+
+def test_without_a_master_each_node_says_so_and_ends(inputs):
+    port = free_port()
+    nodes = {name: start(name, inputs[name], port, inputs["folder"]) for name in NODES}
+    for name, process in nodes.items():
+        ends(process, name, 2, "no ROS master answers; start one with roscore, or use roslaunch")
+
+
+@pytest.mark.parametrize("again", [False, True], ids=["gone", "restarted"])
+def test_a_node_whose_master_is_gone_or_another_says_so_and_ends(inputs, again):
+    import rosgraph
+
+    port, folder = free_port(), inputs["folder"]
+    master = start_master(port, folder)
+    nodes = {name: start(name, inputs[name], port, folder) for name in WAITING}
+    try:
+        known = rosgraph.Master("/test_master", master_uri=f"http://localhost:{port}")
+        wait_until(
+            lambda: (
+                {n for part in known.getSystemState()[:2] for _, ns in part for n in ns}
+                >= {"/rgb_1_labeler", "/depth_1_labeler", "/lidar_1_labeler"}
+                | {f"/{name}" for name in WAITING}
+            ),
+            "every node is known to the master",
+        )
+        time.sleep(2.5)  # each has seen that it is known
+        master.kill()
+        master.wait()
+        if again:
+            master = start_master(port, folder)
+        said = "was restarted" if again else "no longer answers"
+        for name, process in nodes.items():
+            code = 2 if name == "collect_data" else 1  # it has nothing that could be written
+            ends(process, name, code, said)
+        status = json.loads((folder / "collected" / "status.json").read_text("utf-8"))
+        assert status["exit_code"] == 2
+    finally:
+        for process in (*nodes.values(), master):
+            if process.poll() is None:
+                process.send_signal(signal.SIGKILL)
+                process.wait()
