@@ -14,7 +14,7 @@ QBrush colour_of(Tone tone, const QPalette& palette) {
     case Tone::kFaint:
       return palette.brush(QPalette::Disabled, QPalette::Text);
     default:
-      return palette.brush(QPalette::Text);
+      return palette.brush(QPalette::Active, QPalette::Text);  // also while it is disabled
   }
 }
 
