@@ -3,6 +3,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -13,10 +14,13 @@ import rosbag
 import rospy
 import rosunit
 from geometry_msgs.msg import TransformStamped
+from live_scene import Process
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
+from waiting import until
 
+from atom_calibration.msg import CalibrationState
 from atom_core.geometry import se3
 from atom_core.io.config_yaml import write_config
 from atom_core.model.dataset import pose
@@ -114,6 +118,26 @@ class CalibrateFromBagTest(unittest.TestCase):
         self.assertTrue(os.path.isfile(self.path("out", "dataset", "dataset.json")))
         self.assertTrue(np.isfinite(result["solver"]["cost_final"]))
 
+    def test_the_calibration_of_a_bag_can_be_watched(self):
+        write_bag(self.path("a.bag"), self.scene)
+        states = []
+        subscriber = rospy.Subscriber("/calibrate/state", CalibrationState, states.append)
+        self.addCleanup(subscriber.unregister)
+        process = Process(
+            "rosrun", "atom_calibration", "calibrate_from_bag", "--config",
+            self.path("config.yml"), "--bag", self.path("a.bag"), "--output", self.path("out"),
+            "-rv", "--stay",
+        )  # fmt: skip
+        self.addCleanup(process.end)
+        until(lambda: states and not states[-1].running, "the end of the solver", 120.0)
+        self.assertEqual(states[-1].status, "converged")
+        until(lambda: os.path.isfile(self.path("out", "status.json")), "status.json")
+        self.assertTrue(process.is_running(), "it stays until Ctrl-C")
+        process.signal(signal.SIGINT)
+        self.assertEqual(process.wait(60), 0)
+        with open(self.path("out", "status.json"), encoding="utf-8") as stream:
+            self.assertEqual(json.load(stream)["step"], "calibrate")
+
     def test_a_bag_that_was_cut_off_is_told(self):
         write_bag(self.path("a.bag"), self.scene)
         os.truncate(self.path("a.bag"), os.path.getsize(self.path("a.bag")) // 2)
@@ -124,7 +148,7 @@ class CalibrateFromBagTest(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    rospy.init_node("calibrate_from_bag_rostest")
+    rospy.init_node("bag_to_calibration")
     rosunit.unitrun(
-        "atom_calibration", "calibrate_from_bag", CalibrateFromBagTest, sysargs=sys.argv
+        "atom_calibration", "bag_to_calibration", CalibrateFromBagTest, sysargs=sys.argv
     )

@@ -18,6 +18,7 @@ import tf2_ros
 from live_scene import Process
 from sensor_msgs.msg import Image, PointCloud2
 from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 from waiting import until
 
@@ -28,9 +29,11 @@ from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.model.dataset import pose
+from atom_core.model.transforms import Edge
 from atom_core.synthetic import scenes
 
 WITHIN_S = 60.0  # from the start of the process on, on a busy machine
+SHELF = se3.from_rpy(np.array([1.0, 2.0, 0.5]), np.array([0.0, 0.0, 1.0]))  # in the world
 NOBODY = "http://localhost:9"  # where no master listens
 
 
@@ -204,6 +207,47 @@ class CalibrateTest(unittest.TestCase):
         self.assertIn(key, refusal.message)
         self.assertTrue(show("").success)
         until(lambda: listener.states[-1].collection == "", "all collections again")
+
+    def test_calibrated_transforms_take_the_place_of_the_descriptions(self):
+        sensor = self.dataset.sensors["rgb_2"]
+        before = self.dataset.first_value(sensor.edge)
+        described = {sensor.edge: before, Edge("world", "shelf"): SHELF}
+        publisher = rospy.Publisher(
+            "/calibrate/description_tf_static", TFMessage, queue_size=1, latch=True
+        )
+        publisher.publish(
+            [conversions.transform_message(e, m, rospy.Time(1)) for e, m in described.items()]
+        )
+        buffer, output = tf2_ros.Buffer(), self.folder / "beside"
+        tf2_ros.TransformListener(buffer)
+
+        def tf(parent, child):
+            try:
+                found = buffer.lookup_transform(parent, child, rospy.Time(0))
+            except tf2_ros.TransformException:
+                return None
+            return conversions.transform(found)
+
+        def is_at(edge, expected):
+            found = tf(edge.parent, edge.child)
+            return found is not None and np.allclose(found, expected, rtol=0, atol=1e-9)
+
+        process = self.start(
+            "rosrun", "atom_calibration", "calibrate", "--dataset", self.path, "--output", output,
+            "-rv", "--tf", "calibrated", "--stay", "--wait", WITHIN_S,
+        )  # fmt: skip
+        until(lambda: is_at(sensor.edge, before), "the description's value", WITHIN_S)
+        listener = Listener(self.dataset)
+        self.addCleanup(listener.end)
+        listener.let_it_begin()
+        self.ended(listener)
+        solved = read_dataset(output / "atom_calibration.json").first_value(sensor.edge)
+        self.assertFalse(np.allclose(solved, before, atol=0.01))
+        until(lambda: is_at(sensor.edge, solved), "the calibrated value")
+        self.assertTrue(is_at(Edge("world", "shelf"), SHELF))
+        process.signal(signal.SIGINT)
+        self.assertEqual(process.wait(30), 0)
+        publisher.unregister()
 
     def test_files_are_those_of_the_command(self):
         code, said, _ = self.command("--output", self.folder / "watched")

@@ -1,15 +1,19 @@
 """What a live view shows of a calibration agrees with the calibration."""
 
+import collections
 import math
+from unittest import mock
 
 import numpy as np
 import pytest
 
-from atom_calibration import calibrated_tf, calibration_markers, conversions
+from atom_calibration import calibrated_tf, calibration_markers, conversions, view_options
 from atom_calibration.annotation import POINT
 from atom_calibration.calibration_state import RUNNING, Words, state_message
+from atom_calibration.nodes.calibration_view import CalibrationView
 from atom_calibration.overlays import Overlays, mosaic, visible_lines
 from atom_calibration.standing import Standing
+from atom_calibration.view_options import ViewOptions
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.result import result_document
@@ -143,7 +147,7 @@ def test_points_are_coloured_by_sensor_or_by_collection(run):
 
 
 def test_transforms_under_their_own_names_are_those_of_the_result(run):
-    sent = calibrated_tf.transforms(run.last, calibrated_tf.OWN)
+    sent = calibrated_tf.transforms(run.last, view_options.OWN)
     found = {conversions.edge_of(m): conversions.transform(m) for m in sent}
     assert len(found) == len(sent)
     document = result_document(run.calibration, {}, "ceres")
@@ -156,8 +160,8 @@ def test_transforms_under_their_own_names_are_those_of_the_result(run):
 
 
 def test_prefixed_transforms_have_a_tree_for_each_collection(run):
-    sent = calibrated_tf.transforms(run.last, calibrated_tf.PREFIXED)
-    own = calibrated_tf.transforms(run.last, calibrated_tf.OWN)
+    sent = calibrated_tf.transforms(run.last, view_options.PREFIXED)
+    own = calibrated_tf.transforms(run.last, view_options.OWN)
     assert len(sent) == len(run.keys) * (len(own) + 1)
     assert len({m.child_frame_id for m in sent}) == len(sent)
     roots = {m.child_frame_id for m in sent if m.header.frame_id == run.dataset.world}
@@ -165,16 +169,16 @@ def test_prefixed_transforms_have_a_tree_for_each_collection(run):
 
 
 def test_beside_a_running_system_only_what_is_calibrated_is_published(run):
-    sent = calibrated_tf.transforms(run.last, calibrated_tf.CALIBRATED)
+    sent = calibrated_tf.transforms(run.last, view_options.CALIBRATED)
     document = result_document(run.calibration, {}, "ceres")
     edges = {(edge["parent"], edge["child"]) for edge in document["edges"].values()}
     assert {conversions.edge_of(m) for m in sent} == edges
-    assert calibrated_tf.transforms(run.last, calibrated_tf.OFF) == []
+    assert calibrated_tf.transforms(run.last, view_options.OFF) == []
 
 
 def test_calibrated_transforms_take_the_place_of_the_descriptions(run):
-    before = calibrated_tf.transforms(run.first, calibrated_tf.OWN)
-    calibrated = calibrated_tf.transforms(run.last, calibrated_tf.CALIBRATED)
+    before = calibrated_tf.transforms(run.first, view_options.OWN)
+    calibrated = calibrated_tf.transforms(run.last, view_options.CALIBRATED)
     merged = {conversions.edge_of(m): m for m in calibrated_tf.merged(before, calibrated)}
     assert set(merged) == {conversions.edge_of(m) for m in before}
     for message in calibrated:
@@ -249,3 +253,24 @@ def test_a_mosaic_holds_every_picture():
     assert whole.shape == (640, 1280, 3)
     assert [int(whole[10, 10, 0]), int(whole[10, 700, 0]), int(whole[330, 10, 0])] == [10, 20, 30]
     assert mosaic([]).any() == np.False_
+
+
+class Broken(CalibrationView):
+    """A view that cannot draw; its topics lead nowhere."""
+
+    def _open(self, dataset):
+        self._publishers = collections.defaultdict(mock.Mock)
+
+    def _publish(self, standing, words, shown):
+        raise ValueError("nothing can be drawn")
+
+
+def test_a_view_that_fails_does_not_stop_the_calibration(run, caplog):
+    view = Broken(ViewOptions())
+    view.begin(run.dataset)
+    options = CalibrationOptions(solver=SolverOptions(progress=view.progress))
+    result = calibrate(run.dataset, options)
+    view.end(result)
+    assert result.status == "converged"
+    told = [record.getMessage() for record in caplog.records if "the view has failed" in record.msg]
+    assert len(told) == 1 and "nothing can be drawn" in told[0]

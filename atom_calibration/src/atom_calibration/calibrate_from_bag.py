@@ -16,8 +16,8 @@ import rospy
 
 from atom_calibration import collect_from_bag
 from atom_calibration.nodes import running
-from atom_calibration.nodes.calibrate import add_view_options, take_view_options
 from atom_calibration.nodes.calibration_view import CalibrationView
+from atom_calibration.view_options import add_view_options, take_view_options
 from atom_core import cli
 from atom_core.commands import calibrate
 from atom_core.commands.calibrate import DATASET_FILE as RESULT_FILE

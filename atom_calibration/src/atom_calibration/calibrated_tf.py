@@ -10,13 +10,8 @@ from geometry_msgs.msg import TransformStamped
 
 from atom_calibration import conversions
 from atom_calibration.standing import Standing
+from atom_calibration.view_options import CALIBRATED, OFF, PREFIXED
 from atom_core.model.transforms import Edge
-
-# OWN: all of a collection. CALIBRATED: the edges that are calibrated, beside a robot or a recording
-# that publishes the others. PREFIXED: all of all collections, each in a tree of its own, as ATOM
-# does.
-OFF, OWN, CALIBRATED, PREFIXED = "off", "own", "calibrated", "prefixed"
-MODES = (OFF, OWN, CALIBRATED, PREFIXED)
 
 
 def prefixed(collection: str, frame: str) -> str:

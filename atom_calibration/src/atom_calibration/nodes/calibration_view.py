@@ -13,7 +13,7 @@ from __future__ import annotations
 import threading
 import time
 import traceback
-from typing import Any, Callable, Dict, List, NamedTuple, Optional
+from typing import Any, Callable, Dict, List, Optional
 
 import numpy as np
 import rospy
@@ -31,6 +31,7 @@ from atom_calibration.nodes import running
 from atom_calibration.overlays import Overlays, mosaic
 from atom_calibration.srv import ShowCollection, ShowCollectionResponse
 from atom_calibration.standing import Standing
+from atom_calibration.view_options import ALL, ViewOptions
 from atom_core.calibration.calibrate import Calibration
 from atom_core.errors import CalibrationError
 from atom_core.model.dataset import Dataset
@@ -40,25 +41,6 @@ STATE, BOARDS, SENSORS = "/calibrate/state", "/calibrate/patterns", "/calibrate/
 GHOST, POINTS, IMAGES = "/calibrate/ghost", "/calibrate/points", "/calibrate/images"
 TF, DESCRIPTION_TF = "/tf_static", "/calibrate/description_tf_static"
 _QUEUE = {Image: 2, PointCloud2: 10}  # large ones; nothing else is to be missed
-ALL = ""  # in messages: no collection is chosen
-
-
-class ViewOptions(NamedTuple):
-    """What is shown, and how slowly.
-
-    Attributes:
-        slow_s: pause after every iteration.
-        wait_s: the solver begins when somebody looks, but after so many seconds at the latest.
-        tf: which transforms are published, of `calibrated_tf`.
-        by_collection: points have their collection's colour, not their sensor's.
-        collection: that is shown at first; empty: all.
-    """
-
-    slow_s: float = 0.0
-    wait_s: float = 0.0
-    tf: str = calibrated_tf.PREFIXED
-    by_collection: bool = False
-    collection: str = ALL
 
 
 class CalibrationView:

@@ -100,14 +100,6 @@ def _outcome(run: Callable[[], int]) -> Tuple[int, str]:
     return (max(code, UNACCEPTABLE), lost()) if lost() else (code, "")
 
 
-def not_negative(text: str) -> float:
-    """Return a number of the command line that is 0 or above."""
-    value = float(text)
-    if not 0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"'{text}' is no number of 0 or above")
-    return value
-
-
 def positive(text: str) -> float:
     """Return a number above 0 of the command line."""
     value = float(text)
