@@ -200,6 +200,18 @@ def test_another_corner_can_be_chosen_instead(session):
     assert session.undo_steps == 0
 
 
+def test_a_corner_that_is_gone_is_not_moved(session):
+    place = corner(session)
+    for remove in (lambda: session.delete_label(CAMERA), lambda: session.remove_corners(
+        CAMERA, place + 30 * np.array([[-1, -1], [1, -1], [0, 1]])
+    )):  # fmt: skip
+        session.click(CAMERA, place)
+        remove()
+        with pytest.raises(LabelingError, match="no corner within"):
+            session.click(CAMERA, place)
+        session.undo()
+
+
 def test_a_right_click_beside_the_corners_only_forgets_the_choice(session):
     session.click(CAMERA, corner(session))
     assert session.remove_corner(CAMERA, np.array([2.0, 2.0])) == "no corner is chosen any more"

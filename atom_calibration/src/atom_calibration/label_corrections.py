@@ -6,27 +6,21 @@ What a correction does to one label stands in ``atom_core.labeling.corrections``
 from __future__ import annotations
 
 import contextlib
-from dataclasses import replace
-from pathlib import Path
-from typing import Dict, Iterator, List, Mapping, NamedTuple, Optional, Tuple
+from typing import Dict, Iterator, NamedTuple, Optional, Tuple
 
 import numpy as np
 
+from atom_calibration.label_history import LabelHistory
 from atom_core.errors import LabelingError, SelectionError
-from atom_core.io.data_files import RecentData
-from atom_core.io.dataset_json import write_dataset
 from atom_core.labeling import corrections
 from atom_core.labeling.base import Labeled, Labeler, labeler_for
 from atom_core.labeling.depth import DepthLabeler
 from atom_core.labeling.polygon import polygon_mask
-from atom_core.model.dataset import Dataset, DetectionKey, Label, RangeLabel, RgbLabel
+from atom_core.model.dataset import Dataset, Label, RangeLabel, RgbLabel
 from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
 
-_MOST_STEPS = 500  # that can be undone
 REACH_PX = 10.0  # a click means a corner that is so near
 _OTHER_PX = 3.0  # while a corner is chosen, a click so near another one means that one
-
-Changes = Mapping[str, Optional[Label]]  # by pattern
 
 
 class ChosenCorner(NamedTuple):
@@ -37,16 +31,7 @@ class ChosenCorner(NamedTuple):
     corner: int
 
 
-class _Step(NamedTuple):
-    """A correction: of which collection, what was done, and the datasets before and after."""
-
-    collection: str
-    words: str
-    before: Dataset
-    after: Dataset
-
-
-class LabelCorrections:
+class LabelCorrections(LabelHistory):
     """The labels of a dataset, edited in one collection at a time.
 
     Every method that corrects returns a sentence for the user, raises an error that says why
@@ -65,69 +50,23 @@ class LabelCorrections:
         Raises:
             SelectionError: there is none, or no pattern.
         """
-        if not dataset.collections or not dataset.patterns:
-            raise SelectionError(f"{dataset.source}: there are no collections to go through")
-        self.dataset = replace(dataset, data=RecentData(dataset.data))
-        self._initial = self._saved = self.dataset
-        self.keys = list(dataset.collections)
-        self.collection, self.pattern = self.keys[0], next(iter(dataset.patterns))
+        super().__init__(dataset)
+        if not dataset.patterns:
+            raise SelectionError(f"{dataset.source}: there are no patterns to label")
+        self.pattern = next(iter(dataset.patterns))
         self.chosen: Optional[ChosenCorner] = None
-        self._done: List[_Step] = []
-        self._undone: List[_Step] = []
         self._labelers: Dict[Tuple[str, str], Labeler] = {}
 
     # --- what is shown ------------------------------------------------------------------------
 
-    @property
-    def undo_steps(self) -> int:
-        """How many corrections can be undone."""
-        return len(self._done)
-
-    @property
-    def redo_steps(self) -> int:
-        """How many can be made again."""
-        return len(self._undone)
-
-    @property
-    def unsaved(self) -> bool:
-        """Tell whether something differs from what was saved last."""
-        return self.dataset is not self._saved
-
-    def labels(self, sensor: str) -> Dict[str, Label]:
-        """Return the labels of a sensor in the collection that is shown, by pattern."""
-        labels = self.dataset.collections[self.collection].labels
-        patterns = self.dataset.patterns
-        return {name: labels[(sensor, name)] for name in patterns if (sensor, name) in labels}
-
-    def changed(self) -> List[DetectionKey]:
-        """Return the labels that differ from the dataset's."""
-        return [
-            DetectionKey(key, sensor, pattern)
-            for key in self.keys
-            if self.dataset.collections[key] is not self._initial.collections[key]
-            for sensor in self.dataset.sensors
-            for pattern in self.dataset.patterns
-            if not _same(
-                self.dataset.collections[key].labels.get((sensor, pattern)),
-                self._initial.collections[key].labels.get((sensor, pattern)),
-            )
-        ]
-
-    def turn(self, steps: int) -> str:
-        """Go so many collections further; return the key."""
-        return self.show(self.keys[(self.keys.index(self.collection) + steps) % len(self.keys)])
-
     def show(self, key: str) -> str:
-        """Go to a collection; return its key.
+        """Go to a collection, where no corner is chosen yet; return its key.
 
         Raises:
             SelectionError: there is none of that key.
         """
-        if key not in self.keys:
-            raise SelectionError(
-                f"there is no collection '{key}'; use one of {', '.join(self.keys)}"
-            )
-        self.collection, self.chosen = key, None
+        super().show(key)
+        self.chosen = None
         return key
 
     def select_pattern(self, name: str) -> str:
@@ -162,7 +101,7 @@ class LabelCorrections:
         else:
             count = len(after.indices) - (len(before.indices) if before else 0)
         words = f"{count} points of {sensor} added {'to the border' if border else 'to the board'}"
-        return self._apply(sensor, {self.pattern: after}, words)
+        return self.apply(sensor, {self.pattern: after}, words)
 
     def remove_points(self, sensor: str, indices: np.ndarray) -> str:
         """Take points or pixels (n,) out of all labels of a sensor.
@@ -180,7 +119,7 @@ class LabelCorrections:
             both = np.union1d(label.indices, label.limit_indices)
             count += int(np.sum(np.isin(both, usable)))
             changes[name] = corrections.without_points(label, usable)
-        return self._apply(sensor, changes, f"{count} points of {sensor} removed")
+        return self.apply(sensor, changes, f"{count} points of {sensor} removed")
 
     def delete_label(self, sensor: str, pattern: str = "") -> str:
         """Forget what a sensor saw of a pattern; empty: of all of them.
@@ -192,7 +131,7 @@ class LabelCorrections:
         if pattern and pattern not in self.dataset.patterns:
             raise SelectionError(f"there is no pattern '{pattern}'")
         changes = dict.fromkeys([pattern] if pattern else self.dataset.patterns)
-        return self._apply(sensor, changes, f"the label of {sensor} deleted")
+        return self.apply(sensor, changes, f"the label of {sensor} deleted")
 
     # --- depth images -------------------------------------------------------------------------
 
@@ -234,13 +173,13 @@ class LabelCorrections:
         }
         before = sum(len(label.limit_indices) for _, label in self._range_labels(sensor))
         after = sum(len(x.limit_indices) for x in changes.values() if isinstance(x, RangeLabel))
-        return self._apply(sensor, changes, f"{before - after} border pixels of {sensor} removed")
+        return self.apply(sensor, changes, f"{before - after} border pixels of {sensor} removed")
 
     def _relabel(self, sensor: str, found: Labeled) -> str:
         if not found.detected:
             raise LabelingError(f"{sensor}: nothing is labelled: {found.reason}")
         words = f"{sensor} labelled anew" + "".join(f", though {x}" for x in found.warnings)
-        return self._apply(sensor, {self.pattern: found.label}, words)
+        return self.apply(sensor, {self.pattern: found.label}, words)
 
     # --- corners ------------------------------------------------------------------------------
 
@@ -251,7 +190,7 @@ class LabelCorrections:
             LabelingError: there is no corner, or the pixel is outside the image.
         """
         self._check_pixel(sensor, pixel)
-        chosen = self.chosen if self.chosen is not None and self.chosen.sensor == sensor else None
+        chosen = self._chosen_of(sensor)
         found = self._corner_at(sensor, pixel, REACH_PX if chosen is None else _OTHER_PX)
         if found is not None and found != chosen:
             self.chosen = found
@@ -262,7 +201,7 @@ class LabelCorrections:
         moved = corrections.with_corner_at(label, chosen.corner, pixel)
         self.chosen = None
         words = f"corner {chosen.corner} of {sensor} moved"
-        return self._apply(sensor, {chosen.pattern: moved}, words)
+        return self.apply(sensor, {chosen.pattern: moved}, words)
 
     def remove_corner(self, sensor: str, pixel: np.ndarray) -> str:
         """Take the corner at a pixel (2,) out; where there is none, none is chosen any more.
@@ -279,7 +218,7 @@ class LabelCorrections:
             raise LabelingError(f"{sensor}: there is no corner within {REACH_PX:g} px of the click")
         label = corrections.without_corners(self._rgb_label(sensor, found.pattern), {found.corner})
         words = f"corner {found.corner} of {sensor} removed"
-        return self._apply(sensor, {found.pattern: label}, words)
+        return self.apply(sensor, {found.pattern: label}, words)
 
     def remove_corners(self, sensor: str, polygon: np.ndarray) -> str:
         """Take the corners inside a polygon (n, 2) [px] out.
@@ -299,7 +238,15 @@ class LabelCorrections:
             count += len(inside)
             changes[name] = corrections.without_corners(label, set(inside.tolist()))
         self.chosen = None
-        return self._apply(sensor, changes, f"{count} corners of {sensor} removed")
+        return self.apply(sensor, changes, f"{count} corners of {sensor} removed")
+
+    def _chosen_of(self, sensor: str) -> Optional[ChosenCorner]:
+        """Return the corner that is chosen if it is of a sensor and still there."""
+        chosen = self.chosen
+        if chosen is None or chosen.sensor != sensor:
+            return None
+        label = self.labels(sensor).get(chosen.pattern)
+        return chosen if isinstance(label, RgbLabel) and chosen.corner in label.ids else None
 
     def _corner_at(self, sensor: str, pixel: np.ndarray, reach: float) -> Optional[ChosenCorner]:
         nearest, least_px = None, np.inf
@@ -322,68 +269,6 @@ class LabelCorrections:
                 f"{sensor}: pixel {np.round(pixel, 1).tolist()} is outside its image of "
                 f"{size[0]} x {size[1]}"
             )
-
-    # --- steps --------------------------------------------------------------------------------
-
-    def reset(self) -> str:
-        """Put the labels of the collection that is shown back to what the dataset had."""
-        collections = dict(self.dataset.collections)
-        collections[self.collection] = self._initial.collections[self.collection]
-        if collections[self.collection] is self.dataset.collections[self.collection]:
-            return f"collection {self.collection} is as the dataset has it"
-        words = f"collection {self.collection} reset"
-        return self._push(replace(self.dataset, collections=collections), words)
-
-    def undo(self) -> str:
-        """Take back the last correction, and show its collection."""
-        if not self._done:
-            return "there is nothing to take back"
-        step = self._done.pop()
-        self._undone.append(step)
-        self.dataset = step.before
-        self.show(step.collection)
-        return f"taken back: {step.words}"
-
-    def redo(self) -> str:
-        """Make the last correction again that was taken back, and show its collection."""
-        if not self._undone:
-            return "there is nothing to make again"
-        step = self._undone.pop()
-        self._done.append(step)
-        self.dataset = step.after
-        self.show(step.collection)
-        return f"made again: {step.words}"
-
-    def save(self, path: Path) -> str:
-        """Write the corrected dataset; return a sentence for the user.
-
-        Raises:
-            OutputError: the file cannot be written; an older one is whole.
-        """
-        changed = self.changed()
-        write_dataset(self.dataset, path, changed)
-        self._saved = self.dataset
-        collections = len({key.collection for key in changed})
-        told = f"{len(changed)} labels of {collections} collections are corrected"
-        return f"saved to {path}: {told if changed else 'nothing is changed'}"
-
-    def _apply(self, sensor: str, changes: Changes, words: str) -> str:
-        """Replace labels of a sensor in the collection that is shown."""
-        now = self.labels(sensor)
-        real = {
-            (sensor, pattern): label if label is not None and label.detected else None
-            for pattern, label in changes.items()
-        }
-        if all(_same(now.get(pattern), label) for (_, pattern), label in real.items()):
-            return f"nothing changes: {words}"
-        return self._push(self.dataset.with_labels(self.collection, real), words)
-
-    def _push(self, after: Dataset, words: str) -> str:
-        step = _Step(self.collection, words, self.dataset, after)
-        self._done = [*self._done, step][-_MOST_STEPS:]
-        self._undone = []
-        self.dataset = after
-        return words
 
     # --- what there is ------------------------------------------------------------------------
 
@@ -437,16 +322,3 @@ def _of(sensor: str) -> Iterator[None]:
         yield
     except LabelingError as error:
         raise LabelingError(f"{sensor}: {error}") from None
-
-
-def _same(one: Optional[Label], other: Optional[Label]) -> bool:
-    """Tell whether two labels are the same to the last digit, in the same order."""
-    if one is None or other is None:
-        return one is other
-    if isinstance(one, RgbLabel) and isinstance(other, RgbLabel):
-        return np.array_equal(one.ids, other.ids) and np.array_equal(one.pixels, other.pixels)
-    if isinstance(one, RangeLabel) and isinstance(other, RangeLabel):
-        return np.array_equal(one.indices, other.indices) and np.array_equal(
-            one.limit_indices, other.limit_indices
-        )
-    return False

@@ -11,21 +11,20 @@ from __future__ import annotations
 import argparse
 import threading
 from pathlib import Path
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Callable, List, Optional, Tuple
 
 import rospy
 from geometry_msgs.msg import PointStamped, PolygonStamped
-from sensor_msgs.msg import CameraInfo, Image, PointCloud2
+from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
-from tf2_msgs.msg import TFMessage
 
 from atom_calibration import playback_view as view
-from atom_calibration.annotation import labelled_cloud
 from atom_calibration.label_corrections import LabelCorrections
 from atom_calibration.msg import CollectionStates, LabelState, PlaybackState
 from atom_calibration.nodes import running
 from atom_calibration.nodes.playback_input import chosen_points, pixel_of, pixels_of, sensor_of
 from atom_calibration.nodes.playback_menu import PlaybackMenu
+from atom_calibration.nodes.playback_topics import CollectionTopics
 from atom_calibration.srv import (
     DeleteLabel,
     DeleteLabelResponse,
@@ -38,7 +37,7 @@ from atom_core.commands.common import add_option
 from atom_core.errors import AtomError, OutputError
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset
-from atom_core.model.sensor import DEPTH, RGB, Sensor
+from atom_core.model.sensor import DEPTH, RGB
 
 NODE = "dataset_playback"
 OUTPUT = "dataset_corrected.json"
@@ -76,15 +75,6 @@ def _run(args: argparse.Namespace) -> int:
     return code
 
 
-class _Publishers(NamedTuple):
-    """Where a sensor's data and labels go; infos of cameras only."""
-
-    data: rospy.Publisher
-    infos: List[rospy.Publisher]
-    pictures: List[rospy.Publisher]
-    points: List[rospy.Publisher]
-
-
 class DatasetPlayback:
     """Services, topics and the menu around `LabelCorrections`."""
 
@@ -99,14 +89,10 @@ class DatasetPlayback:
         self._corrections, self._output = corrections, output
         self._lock = threading.RLock()
         self._polygon_removes_border = False
-        self._shown: Dict[str, view.Shown] = {}
         self._figures: Optional[Tuple[Dataset, str, List[LabelState]]] = None
-        sensors = corrections.dataset.sensors
-        self._sensors = {n: s for n, s in sensors.items() if s.modality in view.SHOWN}
-        self._tf = rospy.Publisher("/tf_static", TFMessage, queue_size=10, latch=True)
+        self._topics = CollectionTopics(corrections)
         self._state = rospy.Publisher("~state", PlaybackState, queue_size=10, latch=True)
         self._matrix = rospy.Publisher("~collections", CollectionStates, queue_size=2, latch=True)
-        self._publishers = {name: _publishers(s) for name, s in self._sensors.items()}
         self._menu = PlaybackMenu(
             corrections.dataset.world, marker_size_m,
             {
@@ -174,8 +160,7 @@ class DatasetPlayback:
         if self._corrections.collection != before:
             self._show_collection()
         else:
-            for name in self._sensors:
-                self._show_labels(name)
+            self._topics.show_all_labels()
         return words
 
     def _toggle_polygons(self) -> str:
@@ -226,7 +211,7 @@ class DatasetPlayback:
                 topic, PointCloud2, self._hear(lambda m, k=kind: self._points(k, m)),
                 queue_size=20, buff_size=_BUFFER_BYTES,
             )  # fmt: skip
-        for name, sensor in self._sensors.items():
+        for name, sensor in self._topics.sensors.items():
             if sensor.modality not in (RGB, DEPTH):
                 continue
             topic = f"{view.data_topic(sensor)}/{view.IMAGES}"
@@ -264,7 +249,7 @@ class DatasetPlayback:
     # --- corrections --------------------------------------------------------------------------
 
     def _points(self, kind: str, message: Any) -> str:
-        sensor = sensor_of(message.header, self._sensors, self._shown)
+        sensor = sensor_of(message.header, self._topics.sensors, self._topics.shown)
         corrections = self._corrections
         if kind == "clear":
             return self._corrected(sensor, corrections.delete_label(sensor))
@@ -275,56 +260,39 @@ class DatasetPlayback:
         return self._corrected(sensor, added)
 
     def _clicked(self, sensor: str, message: Any) -> str:
-        pixel = pixel_of(message, self._shown[sensor].frame)
-        if self._sensors[sensor].modality == DEPTH:
+        pixel = pixel_of(message, self._topics.shown[sensor].frame)
+        if self._topics.sensors[sensor].modality == DEPTH:
             return self._corrected(sensor, self._corrections.refill_from(sensor, pixel))
         return self._corrected(sensor, self._corrections.click(sensor, pixel))
 
     def _right_clicked(self, sensor: str, message: Any) -> str:
-        pixel = pixel_of(message, self._shown[sensor].frame)
+        pixel = pixel_of(message, self._topics.shown[sensor].frame)
         return self._corrected(sensor, self._corrections.remove_corner(sensor, pixel))
 
     def _polygon(self, sensor: str, message: Any) -> str:
-        polygon = pixels_of(message, self._shown[sensor].frame)
-        if self._sensors[sensor].modality == RGB:
+        polygon = pixels_of(message, self._topics.shown[sensor].frame)
+        if self._topics.sensors[sensor].modality == RGB:
             return self._corrected(sensor, self._corrections.remove_corners(sensor, polygon))
         if self._polygon_removes_border:
             return self._corrected(sensor, self._corrections.remove_border(sensor, polygon))
         return self._corrected(sensor, self._corrections.refill(sensor, polygon))
 
     def _corrected(self, sensor: str, words: str) -> str:
-        self._show_labels(sensor)
+        self._topics.show_labels(sensor)
         return words
 
-    # --- what is shown ------------------------------------------------------------------------
+    # --- what is told -------------------------------------------------------------------------
 
     def _show_collection(self) -> None:
-        """Publish transforms, data and labels of the collection, and print how good they are."""
-        corrections = self._corrections
-        self._tf.publish(view.transforms_message(corrections.dataset, corrections.collection))
-        for name, publishers in self._publishers.items():
-            self._shown[name] = view.shown(corrections, name)
-            frame = self._shown[name].frame
-            for publisher in publishers.infos:
-                publisher.publish(view.camera_info(frame))
-            publishers.data.publish(view.data_message(frame))
-            self._show_labels(name)
+        """Publish the collection, and print how good its labels are."""
+        self._topics.show_collection()
         rospy.loginfo("\n" + view.quality_table(self._place(), self._label_states()))
-
-    def _show_labels(self, name: str) -> None:
-        """Publish the labels of a sensor."""
-        self._shown[name] = view.shown(self._corrections, name)
-        frame, publishers = self._shown[name].frame, self._publishers[name]
-        for publisher in publishers.pictures:
-            publisher.publish(view.labelled_image(frame, self._corrections.chosen))
-        for publisher in publishers.points:
-            publisher.publish(labelled_cloud(frame))
 
     def _label_states(self) -> List[LabelState]:
         """Return the figures of the labels, computed once for each state of the dataset."""
         now = (self._corrections.dataset, self._corrections.collection)
         if self._figures is None or self._figures[0] is not now[0] or self._figures[1] != now[1]:
-            problems = {name: shown.problem for name, shown in self._shown.items()}
+            problems = {name: shown.problem for name, shown in self._topics.shown.items()}
             self._figures = (*now, view.label_states(self._corrections, problems))
         return self._figures[2]
 
@@ -345,22 +313,6 @@ class DatasetPlayback:
         )  # fmt: skip
         self._matrix.publish(view.collection_states(corrections.dataset))
         self._menu.show(self._place(), corrections.unsaved)
-
-
-def _publishers(sensor: Sensor) -> _Publishers:
-    topic = view.data_topic(sensor)
-    image = sensor.modality in (RGB, DEPTH)
-
-    def latched(name: str, kind: Any) -> rospy.Publisher:
-        return rospy.Publisher(name, kind, queue_size=2, latch=True)
-
-    info = f"{topic.rpartition('/')[0]}/camera_info"
-    return _Publishers(
-        latched(topic, Image if image else PointCloud2),
-        [latched(info, CameraInfo)] if image else [],
-        [latched(f"{topic}/{view.IMAGES}", Image)] if image else [],
-        [latched(f"{topic}/{view.POINTS}", PointCloud2)] if sensor.modality != RGB else [],
-    )
 
 
 def parser() -> argparse.ArgumentParser:
