@@ -1,15 +1,20 @@
 #!/usr/bin/env python3
 """dataset_playback.launch, driven by what RViz sends: labels corrected, undone, saved, refused."""
 
+import contextlib
 import json
 import os
 import signal
 import sys
 import tempfile
+import threading
+import time
 import unittest
+import xmlrpc.client
 from pathlib import Path
 
 import numpy as np
+import rosgraph
 import rospy
 import rosunit
 import tf2_ros
@@ -428,7 +433,7 @@ class DatasetPlaybackTest(unittest.TestCase):
 
     # --- the end ------------------------------------------------------------------------------
 
-    def test_90_a_killed_node_leaves_the_file_and_an_ended_one_saves(self):
+    def test_90_a_node_that_ends_saves_and_a_killed_one_leaves_a_whole_file(self):
         self.call("delete_label", sensor=LIDAR)
         self.call("save")
         stands = self.output.read_bytes()
@@ -448,8 +453,7 @@ class DatasetPlaybackTest(unittest.TestCase):
         # What was corrected is gone on with.
         again = self.start("overwrite:=true", f"dataset:={self.output}", f"collection:={SECOND}")
         type(self).launch = again
-        del self.states[:]
-        until(lambda: self.states and self.state.collection == SECOND, "the state")
+        self.wait_for_start()
         self.assertFalse(self.told(LIDAR).detected)
         again.signal(signal.SIGINT)
         again.wait(40)
@@ -460,6 +464,39 @@ class DatasetPlaybackTest(unittest.TestCase):
         self.launch.wait(START_S)
         self.assertIn("the file is damaged or truncated", self.launch.output)
         self.assertNotIn("Traceback", self.launch.output)
+        for seed in range(2):
+            self.kill_while_it_saves(seed)
+
+    def wait_for_start(self):
+        del self.states[:]
+        rospy.wait_for_service(f"{NODE}/save", START_S)
+        until(lambda: self.states and self.state.collection == SECOND, "the state")
+
+    def kill_while_it_saves(self, seed):
+        type(self).launch = self.start("overwrite:=true", f"collection:={SECOND}")
+        self.wait_for_start()
+        uri = rosgraph.Master("/correct_labels").lookupNode(NODE)
+        pid = xmlrpc.client.ServerProxy(uri).getPid("/correct_labels")[2]
+
+        def save_again_and_again():
+            call = {n: rospy.ServiceProxy(f"{NODE}/{n}", KINDS[n]) for n in ("undo", "save")}
+            delete = rospy.ServiceProxy(f"{NODE}/delete_label", DeleteLabel)
+            with contextlib.suppress(rospy.ServiceException, OSError):  # until it is dead
+                while True:
+                    delete(sensor=DEPTH)
+                    call["save"]()
+                    call["undo"]()
+                    call["save"]()
+
+        before = self.output.stat().st_mtime_ns
+        saving = threading.Thread(target=save_again_and_again)
+        saving.start()
+        until(lambda: self.output.stat().st_mtime_ns != before, "a file is saved")
+        time.sleep(np.random.default_rng(seed).uniform(0.0, 0.2))
+        os.kill(pid, signal.SIGKILL)
+        saving.join(60)
+        self.launch.wait(40)
+        self.assertEqual(set(read_dataset(self.output).collections), set(self.dataset.collections))
 
     def run(self, result=None):
         """The last test ends the node: nothing is undone after it."""

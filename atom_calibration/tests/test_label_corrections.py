@@ -27,6 +27,7 @@ from atom_core.cli import main as core_main
 from atom_core.errors import DatasetError, LabelingError, OutputError, SelectionError
 from atom_core.io.dataset_json import document_of, dumps, read_dataset
 from atom_core.model.dataset import DetectionKey
+from atom_core.synthetic import scenes
 
 
 @pytest.fixture(scope="module")
@@ -170,6 +171,7 @@ def test_collections_are_gone_through_in_a_ring(session):
     keys = [session.turn(1) for _ in range(4)]
     assert keys == [SECOND, THIRD, FOURTH, FIRST]
     assert session.turn(-1) == FOURTH
+    assert session.show("1") == SECOND, "the number in the key will do"
 
 
 def test_what_changes_nothing_is_no_step(session):
@@ -179,6 +181,30 @@ def test_what_changes_nothing_is_no_step(session):
     nowhere = np.array([[1.0, 1.0], [6.0, 1.0], [6.0, 6.0]])
     assert "nothing changes" in session.remove_corners(CAMERA, nowhere)
     assert session.undo_steps == 0 and not session.unsaved
+
+
+def test_of_several_patterns_the_selected_one_gets_points_and_all_lose_them():
+    dataset = scenes.two_patterns(collections=3).dataset
+    session, name = LabelCorrections(dataset), DEPTH
+    key = next(k for k, c in dataset.collections.items() if (name, "right") in c.labels)
+    session.show(key)
+    first, second = dataset.patterns
+    measured = np.flatnonzero(np.isfinite(dataset.data.depth_image(key, name)))
+    right = session.labels(name)["right"]
+    free = np.setdiff1d(measured, np.append(right.indices, right.limit_indices))[:6]
+    session.add_points(name, free, border=False)
+    session.select_pattern(second)
+    session.add_points(name, free[:3], border=True)
+    assert set(free) <= set(session.labels(name)[first].indices)
+    assert set(session.labels(name)[second].limit_indices) >= set(free[:3])
+    session.remove_points(name, free)
+    for pattern in (first, second):
+        now = session.labels(name).get(pattern)
+        before = dataset.collections[key].labels.get((name, pattern))
+        assert (now is None) == (before is None)
+        if now is not None:
+            np.testing.assert_array_equal(now.indices, before.indices)
+            np.testing.assert_array_equal(now.limit_indices, before.limit_indices)
 
 
 # --- clicks -----------------------------------------------------------------------------------

@@ -60,14 +60,13 @@ class LabelCorrections(LabelHistory):
     # --- what is shown ------------------------------------------------------------------------
 
     def show(self, key: str) -> str:
-        """Go to a collection, where no corner is chosen yet; return its key.
+        """Go to a collection, as `LabelHistory.show`; no corner is chosen there.
 
         Raises:
             SelectionError: there is none of that key.
         """
-        super().show(key)
         self.chosen = None
-        return key
+        return super().show(key)
 
     def select_pattern(self, name: str) -> str:
         """Choose the pattern that points and fills are added to.

@@ -93,11 +93,14 @@ class LabelHistory:
         return self.show(self.keys[(self.keys.index(self.collection) + steps) % len(self.keys)])
 
     def show(self, key: str) -> str:
-        """Go to a collection; return its key.
+        """Go to a collection, by its key or by the number in it (1 for 001); return its key.
 
         Raises:
             SelectionError: there is none of that key.
         """
+        alike = [k for k in self.keys if k.isdigit() and key.isdigit() and int(k) == int(key)]
+        if key not in self.keys and len(alike) == 1:
+            key = alike[0]
         if key not in self.keys:
             raise SelectionError(
                 f"there is no collection '{key}'; use one of {', '.join(self.keys)}"
