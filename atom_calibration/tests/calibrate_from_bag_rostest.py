@@ -86,7 +86,7 @@ def launch(**arguments):
     words = [f"{name}:={value}" for name, value in arguments.items()]
     subprocess.run(
         ["roslaunch", "atom_calibration", "calibrate_from_bag.launch", *words],
-        capture_output=True, text=True, timeout=150, check=False,
+        capture_output=True, text=True, timeout=300, check=False,
     )  # fmt: skip
     with open(os.path.join(arguments["output"], "status.json"), encoding="utf-8") as stream:
         return json.load(stream)

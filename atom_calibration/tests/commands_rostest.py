@@ -32,7 +32,7 @@ def rosrun(command, *arguments):
         ["rosrun", "atom_calibration", command, *arguments],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=120,
     )
 
 

@@ -35,7 +35,7 @@ from playback_scene import (
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import InteractiveMarkerFeedback, InteractiveMarkerInit
-from waiting import until
+from waiting import soon, until
 
 from atom_calibration import conversions
 from atom_calibration.annotation import BORDER_RGB, INSIDE_RGB
@@ -220,9 +220,13 @@ class DatasetPlaybackTest(unittest.TestCase):
                 lambda n=name, i=set(label.indices) - border, b=border: self.coloured(n) == (i, b),
                 f"labels of {name}",
             )
-        for edge, matrix in self.dataset.collections[SECOND].transforms.items():
-            found = self.buffer.lookup_transform(edge.parent, edge.child, rospy.Time(0))
-            np.testing.assert_allclose(conversions.transform(found), matrix, atol=1e-9)
+
+        def transforms_are_those_of_the_collection():
+            for edge, matrix in self.dataset.collections[SECOND].transforms.items():
+                found = self.buffer.lookup_transform(edge.parent, edge.child, rospy.Time(0))
+                np.testing.assert_allclose(conversions.transform(found), matrix, atol=1e-9)
+
+        soon(transforms_are_those_of_the_collection)
         for name in (CAMERA, DEPTH):
             blue, green, red = np.moveaxis(
                 conversions.colour_image(self.shown(name, "/labeled2d")).astype(int), 2, 0
@@ -439,7 +443,7 @@ class DatasetPlaybackTest(unittest.TestCase):
         stands = self.output.read_bytes()
         self.call("delete_label", sensor=DEPTH)
         self.launch.signal(signal.SIGINT)
-        self.launch.wait(40)
+        self.launch.wait(60)
         self.assertIsNone(self.label(DEPTH, self.output, SECOND))
         self.assertNotEqual(self.output.read_bytes(), stands)
         self.assertEqual(list(self.path.parent.glob(".*.tmp")), [], "temporary files are left over")
@@ -456,7 +460,7 @@ class DatasetPlaybackTest(unittest.TestCase):
         self.wait_for_start()
         self.assertFalse(self.told(LIDAR).detected)
         again.signal(signal.SIGINT)
-        again.wait(40)
+        again.wait(60)
         self.assertEqual(self.output.read_bytes(), stands, "nothing was changed, nothing written")
         damaged = self.path.with_name("damaged.json")
         damaged.write_text(json.dumps(self.dataset.document)[:5000], encoding="utf-8")

@@ -41,10 +41,10 @@ class LiveFromBagTest(unittest.TestCase):
         cls.launch = Process(
             "roslaunch", "atom_calibration", "collect_data.launch", f"config:={config}",
             f"output_folder:={cls.live}", f"bag:={bag}", "automatic:=true", "rviz:=false",
-            "pictures:=true", "end_when_quiet:=8", "patience:=120", "bag_rate:=0.4",
+            "pictures:=true", "end_when_quiet:=8", "patience:=120", "bag_rate:=0.3",
         )  # fmt: skip
         cls.addClassCleanup(cls.launch.end)
-        cls.launch.wait(200)
+        cls.launch.wait(300)
         cls.command = cls.collect(config, bag, cls.offline)
         cls.repeated = cls.collect(config, bag, cls.again, "--seeds", f"{cls.live}/{SEEDS_FILE}")
 

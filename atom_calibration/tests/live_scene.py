@@ -228,9 +228,9 @@ class LiveRig:
     def _note_labels(self, labels):
         self._labelled_s[labels.sensor] = labels.header.stamp.to_sec()
 
-    def _all_labelled(self, names):
-        """Tell whether the last data of these sensors have labels."""
-        shown_s = self.stamp_s - self.period_s
+    def all_labelled(self, names=None):
+        """Tell whether the last data of these sensors, or of all, have labels."""
+        shown_s, names = self.stamp_s - self.period_s, names or self.scene.sensors
         return all(abs(self._labelled_s.get(n, 0.0) - shown_s) < 0.1 for n in names)
 
     def show(self, key, names=None):
@@ -266,9 +266,7 @@ class LiveRig:
                 if condition():
                     return
                 time.sleep(0.02)
-                if time.monotonic() > begin + self.period_s and self._all_labelled(
-                    names or self.scene.sensors
-                ):
+                if time.monotonic() > begin + self.period_s and self.all_labelled(names):
                     break
         raise AssertionError(f"not within {seconds} s: {what()}")
 

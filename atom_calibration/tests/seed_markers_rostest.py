@@ -20,7 +20,7 @@ from atom_core.io.dataset_json import read_dataset
 from atom_core.io.seeds import SEEDS_FILE, read_seeds
 
 RANGE = ("lidar_1", "depth_1")
-PATIENCE_S = 30
+PATIENCE_S = 60
 GREEN, RED = (0.24, 0.86, 0.24), (1.0, 0.16, 0.16)
 
 
@@ -47,7 +47,7 @@ class SeedMarkersTest(unittest.TestCase):
             lambda: cls.state is not None
             and all(m.is_ready() for m in cls.markers.values())
             and all(s.patterns and s.patterns[0].detected for s in cls.state.sensors),
-            60, lambda: cls.state,
+            120, lambda: cls.state,
         )  # fmt: skip
 
     @classmethod

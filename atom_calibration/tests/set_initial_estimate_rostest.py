@@ -75,7 +75,7 @@ class SetInitialEstimateTest(unittest.TestCase):
     def stop(cls):
         if cls.process.poll() is None:
             cls.process.send_signal(signal.SIGINT)
-            cls.process.wait(timeout=20)
+            cls.process.wait(timeout=60)
 
     def setUp(self):
         answer = rospy.ServiceProxy(f"{NODE}/reset_all", Trigger)()

@@ -98,11 +98,11 @@ class TransformCorrectorTest(unittest.TestCase):
             self.assertIn(keys[1], self.call("next"))
             self.drag(self.board, MOVED)
             self.assertIn("dataset_corrected.json", self.call("save"))
-            namespaces = {marker.ns for marker in self.drawn[-1]}
-            self.assertLessEqual({"clouds", "labels", "board", "reference"}, namespaces)
+            wanted = {"clouds", "labels", "board", "reference"}
+            until(lambda: wanted <= {m.ns for m in self.drawn[-1]}, f"{wanted} are drawn")
         finally:
             process.send_signal(signal.SIGINT)
-            process.wait(timeout=20)
+            process.wait(timeout=60)
         corrected = read_dataset(self.path.with_name("dataset_corrected.json"))
         boards = [corrected.collections[key].transforms[self.board] for key in keys]
         np.testing.assert_allclose(boards[1], MOVED, atol=1e-9)

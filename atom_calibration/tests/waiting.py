@@ -2,7 +2,9 @@
 
 import time
 
-PATIENCE_S = 15.0
+import tf2_ros
+
+PATIENCE_S = 60.0  # reached by what is broken only, however busy the machine
 
 
 def until(condition, what, seconds=PATIENCE_S):
@@ -14,3 +16,15 @@ def until(condition, what, seconds=PATIENCE_S):
             return value
         time.sleep(0.02)
     raise AssertionError(f"not within {seconds} s: {what}")
+
+
+def soon(check):
+    """Call a check until it passes: what one topic brings may come after what another brings."""
+    end = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            return check()
+        except (AssertionError, LookupError, tf2_ros.TransformException):
+            if time.monotonic() > end:
+                raise
+        time.sleep(0.1)

@@ -32,18 +32,20 @@ from scene import (  # noqa: E402
 from screen import Screen, end, middle, style_sheet  # noqa: E402
 
 # Colours that nothing else has, for what the mouse has to find.
-SAVE, DELETE, AUTOMATIC, SEED, SENSORS, COLLECTIONS, CLICK, POLYGON = (
-    (1, 200, 100 + i) for i in range(8)
+SAVE, DELETE, AUTOMATIC, SEED, SENSORS, COLLECTIONS, CLICK, POLYGON, IS_AUTOMATIC = (
+    (1, 200, 100 + i) for i in range(9)
 )
 NAMES = {
     "save": SAVE,
     "delete": DELETE,
     "automatic": AUTOMATIC,
+    "automatic:checked": IS_AUTOMATIC,
     "clear_seed": SEED,
     "click_mode": CLICK,
     "polygon_mode": POLYGON,
 }
 TABLES = {"sensors": SENSORS, "collections": COLLECTIONS}
+PATIENCE_S = 60.0  # reached by what is broken only, however busy the machine
 TOPICS = {
     "inside": "/rviz/selected_points",
     "border": "/rviz/selected_border_points",
@@ -67,7 +69,7 @@ class Inbox:
             self._messages.append(message)
             self._there.notify()
 
-    def next(self, timeout_s=10.0):
+    def next(self, timeout_s=PATIENCE_S):
         with self._there:
             if not self._there.wait_for(lambda: self._messages, timeout_s):
                 raise AssertionError(f"nothing came on {self._subscriber.name}")
@@ -112,20 +114,16 @@ class RvizTest(unittest.TestCase):
     # ---- what there is
 
     def test_00_every_plugin_is_loaded_and_speaks_its_topics(self):
-        publications, subscriptions, _ = rosgraph.Master("/rviz_test").getSystemState()
-        speaks = {topic for topic, nodes in publications if "/rviz_test" not in nodes}
-        listens = {topic for topic, nodes in subscriptions if set(nodes) - {"/rviz_test"}}
-        self.assertLessEqual(set(TOPICS.values()), speaks)
-        self.assertLessEqual({"/camera/labeled/mouse_click", "/camera/labeled/polygon"}, speaks)
-        self.assertLessEqual(
-            {
-                "/camera/labeled",
-                "/collect_data/state",
-                "/collect_data/collections",
-                "/calibrate/state",
-            },
-            listens,
-        )
+        wanted_spoken = {*TOPICS.values(), "/camera/labeled/mouse_click", "/camera/labeled/polygon"}
+        wanted_heard = {"/camera/labeled", "/collect_data/state", "/collect_data/collections",
+                        "/calibrate/state"}  # fmt: skip
+        end_s, spoken, heard = time.monotonic() + PATIENCE_S, set(), set()
+        while not (wanted_spoken <= spoken and wanted_heard <= heard):
+            self.assertLess(time.monotonic(), end_s, (wanted_spoken - spoken, wanted_heard - heard))
+            publications, subscriptions, _ = rosgraph.Master("/rviz_test").getSystemState()
+            spoken = {topic for topic, nodes in publications if "/rviz_test" not in nodes}
+            heard = {topic for topic, nodes in subscriptions if set(nodes) - {"/rviz_test"}}
+            time.sleep(0.2)
 
     # ---- the panel
 
@@ -142,7 +140,7 @@ class RvizTest(unittest.TestCase):
         place = middle(self.screen.wait_for(AUTOMATIC))
         self.screen.click(*place)
         self.wait_for_calls(("automatic", True))
-        time.sleep(1.0)  # the collector tells the panel that it is automatic now
+        self.screen.wait_for(IS_AUTOMATIC)  # the collector has told the panel
         self.screen.click(*place)
         self.wait_for_calls(("automatic", True), ("automatic", False))
 
@@ -152,7 +150,11 @@ class RvizTest(unittest.TestCase):
         place = middle(self.screen.wait_for(DELETE))
         self.screen.click(*place)
         self.assertEqual(self.scene.calls, [])
-        self.screen.click(*place)
+        for _ in range(5):  # a second click that comes too late is a first one
+            self.screen.click(*place)
+            if self.comes_within(10.0):  # so long it would not wait for a second one
+                break
+            self.screen.click(*place)
         self.wait_for_calls(("delete", "003"))
 
     def test_14_seed_of_the_selected_sensor_is_cleared(self):
@@ -194,9 +196,7 @@ class RvizTest(unittest.TestCase):
     def test_23_a_click_with_the_seed_tool_is_the_point_in_the_cloud(self):
         self.take_tool("d")
         self.screen.click(*middle(self.right))
-        deadline = time.monotonic() + 10.0
-        while not self.scene.calls and time.monotonic() < deadline:
-            time.sleep(0.05)
+        self.comes_within(PATIENCE_S)
         self.assertEqual([call[0] for call in self.scene.calls], ["seed"])
         error_m = np.abs(np.subtract(self.scene.calls[0][1], RIGHT_M))
         self.assertLess(error_m.max(), 1.01 * SPACING_M)
@@ -313,8 +313,15 @@ class RvizTest(unittest.TestCase):
         error_px = np.subtract((click.point.x, click.point.y), truth + inwards)
         self.assertLess(np.abs(error_px).max(), 1.1 / scale, f"{scale} screen pixels for a pixel")
 
+    def comes_within(self, seconds):
+        """Wait for a call of a service; tell whether there was one."""
+        deadline = time.monotonic() + seconds
+        while not self.scene.calls and time.monotonic() < deadline:
+            time.sleep(0.05)
+        return bool(self.scene.calls)
+
     def wait_for_calls(self, *calls):
-        deadline = time.monotonic() + 10.0
+        deadline = time.monotonic() + PATIENCE_S
         while len(self.scene.calls) < len(calls) and time.monotonic() < deadline:
             time.sleep(0.05)
         self.assertEqual(self.scene.calls, list(calls))
