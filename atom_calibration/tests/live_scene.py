@@ -30,7 +30,7 @@ from atom_core.synthetic.dataset import Sampling
 COLLECTIONS = ("001", "002", "003", "004")  # that every sensor sees
 CLOUD_SIGMA_M, DEPTH_SIGMA_M, GREY_SIGMA = 0.004, 0.001, 1.5  # beyond the scene's own noise
 TURNTABLE, TURN_RAD_S = "turntable", 0.3
-_LABELS_WITHIN_S = 2.0
+_LABELERS_START_WITHIN_S, _LABELS_WITHIN_S = 2.0, 30.0  # what is shown too early is shown anew
 
 
 class LiveScene:
@@ -262,7 +262,9 @@ class LiveRig:
         while time.monotonic() < end:
             begin = time.monotonic()
             self.show(key, names)
-            while time.monotonic() < begin + _LABELS_WITHIN_S:
+            running = self._labelled_s.keys() >= set(names or self.scene.sensors)
+            within_s = _LABELS_WITHIN_S if running else _LABELERS_START_WITHIN_S
+            while time.monotonic() < begin + within_s:
                 if condition():
                     return
                 time.sleep(0.02)
