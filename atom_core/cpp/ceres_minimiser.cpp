@@ -5,6 +5,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <stdexcept>
 #include <vector>
@@ -133,6 +134,58 @@ class DetectionCost : public ceres::CostFunction {
   mutable Reduction sum_;
 };
 
+/// Cuts the step of one block to the length up to which the linearisation holds.
+///
+/// A board that wants to turn far does not hold up all others so, as it would if the whole step
+/// were refused. Only for blocks that nothing but their own detections depend on.
+#if CERES_VERSION_MAJOR > 2 || (CERES_VERSION_MAJOR == 2 && CERES_VERSION_MINOR >= 1)
+class CutStep : public ceres::Manifold {
+ public:
+  int AmbientSize() const override { return 6; }
+  int TangentSize() const override { return 6; }
+  bool Plus(const double* x, const double* step, double* result) const override {
+    return CutPlus(x, step, result);
+  }
+  bool PlusJacobian(const double* /*x*/, double* jacobian) const override {
+    return Identity(jacobian);
+  }
+  bool Minus(const double* y, const double* x, double* step) const override {
+    std::transform(y, y + 6, x, step, std::minus<double>());
+    return true;
+  }
+  bool MinusJacobian(const double* /*x*/, double* jacobian) const override {
+    return Identity(jacobian);
+  }
+#else
+class CutStep : public ceres::LocalParameterization {
+ public:
+  int GlobalSize() const override { return 6; }
+  int LocalSize() const override { return 6; }
+  bool Plus(const double* x, const double* step, double* result) const override {
+    return CutPlus(x, step, result);
+  }
+  bool ComputeJacobian(const double* /*x*/, double* jacobian) const override {
+    return Identity(jacobian);
+  }
+#endif
+
+ private:
+  static bool CutPlus(const double* x, const double* step, double* result) {
+    const Eigen::Map<const Vector6d> from(x), wanted(step);
+    const double length =
+        std::max(wanted.head<3>().norm() / kLongestTurn, wanted.tail<3>().norm() / kLongestMove);
+    // just inside, so that rounding does not put it out of reach
+    Eigen::Map<Vector6d> to(result);
+    to = from + (length < 1.0 ? 1.0 : (1.0 - 1e-9) / length) * wanted;
+    return true;
+  }
+
+  static bool Identity(double* jacobian) {
+    Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(jacobian).setIdentity();
+    return true;
+  }
+};
+
 /// Decides when it is enough; what Ceres' own tolerances mean depends on the units.
 class Judge : public ceres::IterationCallback {
  public:
@@ -141,7 +194,8 @@ class Judge : public ceres::IterationCallback {
 
   ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
     radius = summary.trust_region_radius;
-    if (options_.progress && !options_.progress(summary.iteration, summary.cost, x_)) {
+    if (summary.iteration == 0 || summary.step_is_successful) cost_ = summary.cost;
+    if (options_.progress && !options_.progress(summary.iteration, cost_, x_)) {
       stopped = true;  // an abort would leave the parameters where they began
       return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
     }
@@ -171,6 +225,7 @@ class Judge : public ceres::IterationCallback {
   const MinimiserOptions& options_;
   const double rows_;
   const Eigen::VectorXd& x_;
+  double cost_ = 0.0;  // at x_: of the last step that was taken
   int slow_ = 0;
 };
 
@@ -221,7 +276,8 @@ MinimiserResult Minimise(const CalibrationProblem& problem, const Weighting& wei
   result.x = x;
   ceres::Problem ceres_problem;
   for (std::size_t i = 0; i < problem.parameters().size(); ++i) {
-    ceres_problem.AddParameterBlock(result.x.data() + 6 * i, 6);
+    CutStep* cut = problem.parameters()[i].eliminated ? new CutStep : nullptr;
+    ceres_problem.AddParameterBlock(result.x.data() + 6 * i, 6, cut);
   }
   for (std::size_t d = 0; d < problem.chains().size(); ++d) {
     std::vector<double*> blocks;

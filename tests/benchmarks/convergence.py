@@ -2,7 +2,7 @@
 
 Each is calibrated from the exact start, from a start moved by 0.5 m and 0.5 rad, and with no
 guess at all, its description moved by 3 m and 2 rad. A run counts when it converges to the answer
-that the exact start gives, to 0.05 mm, and that answer is near the truth. Prints a table and
+that the exact start gives, to a micrometre, and that answer is near the truth. Prints a table and
 writes convergence.csv; alone: `python3 tests/benchmarks/convergence.py --count 100`.
 """
 
@@ -24,7 +24,7 @@ from atom_core.synthetic import disturbed, paper_cell, scenes
 from atom_core.synthetic.dataset import SyntheticDataset
 
 NEAR, FAR = (0.5, 0.5), (3.0, 2.0)  # metres, radians
-SAME_M, NEAR_TRUTH_M = 5e-4, 0.03
+SAME_M, NEAR_TRUTH_M = 1e-6, 0.03
 KINDS = (
     scenes.random_scene,
     scenes.lidar_only,

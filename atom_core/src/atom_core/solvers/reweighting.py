@@ -54,7 +54,7 @@ from atom_core.solvers.scalars import better_scalars, joint_scalars
 from atom_core.solvers.scipy_solver import total_cost
 
 # Relative change of a factor below which the rounds become finer, and below which they end.
-_NEARLY_STILL, _STILL = 0.05, 1e-3
+_NEARLY_STILL, _STILL = 0.05, 3e-4
 _SMALLEST_SIGMA = {REPROJECTION: 0.01, ORTHOGONAL: 1e-5, BORDER: 1e-4}  # px, m, m
 _SMALLEST_NORMALISER = 1e-9  # a perfect guess must not divide by zero
 # Median of |r| / sigma of a Gaussian in one and in two dimensions.

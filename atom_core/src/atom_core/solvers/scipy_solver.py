@@ -12,6 +12,7 @@ from typing import List, Optional, Sequence, Tuple
 
 import numpy as np
 
+from atom_core.problem.parameters import PATTERN
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import squared_norms
 from atom_core.solvers import losses
@@ -26,6 +27,7 @@ ENOUGH = "a further step would change nothing"
 # The linearisation holds no farther: without this limit a direction that the data hardly see
 # can be thrown metres away in the first steps, into another basin.
 _LONGEST_STEP_M, _LONGEST_STEP_RAD = 0.5, 0.5
+_TURN_AND_MOVE = slice(0, 3), slice(3, 6)
 
 
 def total_cost(squares: Sequence[np.ndarray], loss: str) -> float:
@@ -45,6 +47,10 @@ class ScipySolver:
         """Lay out the problem."""
         self.problem = problem
         self._layout = Layout(problem.parameters)
+        blocks = problem.parameters.blocks
+        self._is_board = np.array(
+            [b.kind == PATTERN and b.collection is not None for b in blocks], dtype=bool
+        )
 
     def take_insets(self, problem: Problem) -> None:
         """Go on with a problem that differs from the present one in its insets only."""
@@ -89,8 +95,10 @@ class ScipySolver:
                 return Minimum(x, cost, iteration, True, ENOUGH)
             step, predicted = _try_solve(equations, damping)
             gain, trial, trial_cost = -1.0, x, cost
+            if step is not None:
+                step = self._cut(losses.step_length(loss) * step)
             if step is not None and _within_reach(step):
-                trial = x + losses.step_length(loss) * step
+                trial = x + step
                 trial_cost = self._cost(trial, sigmas, loss)
                 gain = (cost - trial_cost) / predicted
             if not trial_cost < cost:
@@ -107,6 +115,18 @@ class ScipySolver:
         return Minimum(
             x, cost, max_iterations, False, f"not done after {max_iterations} iterations"
         )
+
+    def _cut(self, step: np.ndarray) -> np.ndarray:
+        """Shorten the step of each board that wants farther than the linearisation holds.
+
+        It does not hold up all others so, as it would if the whole step were refused.
+        """
+        blocks = step.reshape(-1, 6)
+        turn, move = (np.linalg.norm(blocks[:, part], axis=1) for part in _TURN_AND_MOVE)
+        length = np.maximum(turn / _LONGEST_STEP_RAD, move / _LONGEST_STEP_M)
+        # just inside, so that rounding does not put it out of reach
+        share = np.where(self._is_board & (length >= 1.0), (1.0 - 1e-9) / np.maximum(length, 1), 1)
+        return (share[:, None] * blocks).ravel()
 
     def _cost(self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str) -> float:
         return total_cost(self.squares(x, sigmas), loss)
