@@ -136,8 +136,8 @@ class CalibrationView:
             self._description_tf = calibrated_tf.merged(self._description_tf, message.transforms)
             self._pending = self._standing is not None
             self._changed.notify_all()
-        if self._standing is None:  # nothing is calibrated yet
-            self._publishers[TF].publish(TFMessage(self._description_tf))
+            if self._standing is None:  # nothing is calibrated yet
+                self._publishers[TF].publish(TFMessage(self._description_tf))
 
     def _tell(self, message: str) -> None:
         """Tell what goes on before the first iteration."""
