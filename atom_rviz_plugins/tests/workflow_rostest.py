@@ -211,8 +211,7 @@ class WorkflowTest(unittest.TestCase):
         chosen = set(conversions.point_cloud(removed.message)["index"].tolist())
         self.assertEqual(chosen & set(indices), wanted)
         wait_until(lambda: state.message.undo_steps == 1, lambda: state.message.message)
-        self.screen.click(*middle(self.screen.wait_for(SAVE_LABELS, PATIENCE_S)))
-        wait_until(lambda: not state.message.unsaved, lambda: state.message.message)
+        self.press(SAVE_LABELS, lambda: not state.message.unsaved, state)
         self.check_corrected(dataset, wanted)
         self.end_launch()
         self.finished()
@@ -334,13 +333,30 @@ class WorkflowTest(unittest.TestCase):
     def save_collection(self, names):
         """Click the panel's button when everybody sees the board; these collections are there."""
         wait_until(lambda: all(self.is_detected(n) for n in self.scene.sensors), self.why)
-        self.screen.click(*middle(self.screen.wait_for(SAVE, PATIENCE_S)))
-        wait_until(
+        self.press(
+            SAVE,
             lambda: [c.name for c in self.collections.message.collections] == names,
-            lambda: self.state.message.message,
+            self.state,
         )
         seen = {d.sensor for d in self.collections.message.collections[-1].detections}
         self.assertEqual(seen, set(self.scene.sensors))
+
+    def press(self, colour, is_done, state):
+        """Click a button of the panel until that is done; while it is, it cannot be clicked.
+
+        The panel may move it, or switch it off for a moment, between the look and the click.
+        """
+        for _ in range(5):
+            place = self.screen.wait_for(colour, PATIENCE_S)
+            if is_done():
+                return
+            self.screen.click(*middle(place))
+            end_s = time.monotonic() + 20.0
+            while time.monotonic() < end_s:
+                if is_done():
+                    return
+                time.sleep(0.05)
+        raise AssertionError(f"clicked in vain: {state.message.message}")
 
     def end_launch(self):
         """End a launch file as Ctrl-C does."""
