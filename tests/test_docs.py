@@ -174,7 +174,10 @@ def run(tmp_path_factory):
     write_dataset_folder(on_arm, folder / "arm_data", name="arm")
     arm_data = str(folder / "arm_data" / "dataset.json")
     assert (
-        cli.main(["calibrate", "--dataset", arm_data, "--output", str(folder / "arm_result")]) == 0
+        cli.main(
+            ["calibrate", "--dataset", arm_data, "--output", str(folder / "arm_result"), "-oi"]
+        )
+        == 0
     )
     train = str(result / "atom_calibration.json")
     assert (
@@ -197,7 +200,8 @@ def test_keys_of_calibration_json_are_those_documented(run):
     keys = documented_keys("calibration.json")
     document, of_arm = (read(run / name / "calibration.json") for name in ("result", "arm_result"))
     assert undocumented(document, keys) == []
-    assert undocumented({"joints": of_arm["joints"]}, keys) == []
+    found = {name: of_arm[name] for name in ("joints", "sensors")}
+    assert undocumented(found, keys) == []
     assert [key for key in unwritten(document, keys) if key in unwritten(of_arm, keys)] == []
 
 

@@ -63,10 +63,17 @@ void SetParts(const py::list& parts, std::vector<ParameterBlock>* blocks) {
     Expect(index < blocks->size(), "a part names a parameter block that does not exist");
     ParameterBlock& block = (*blocks)[index];
     const auto kind = item["kind"].cast<std::string>();
-    Expect(kind == "origin" || kind == "bias", "a part's kind must be origin or bias");
+    Expect(kind == "origin" || kind == "bias" || kind == "camera",
+           "a part's kind must be origin, bias or camera");
+    block.free = item["free"].cast<Vector6d>();
+    if (kind == "camera") {
+      block.kind = BlockKind::kCamera;
+      block.first = item["first"].cast<int>();
+      Expect(block.first == 0 || block.first == 6, "a camera's first number is 0 or 6");
+      continue;
+    }
     block.kind = kind == "origin" ? BlockKind::kOrigin : BlockKind::kBias;
     block.values = item["values"].cast<Vector6d>();
-    block.free = item["free"].cast<Vector6d>();
     if (kind == "bias") {
       block.axis = item["axis"].cast<Eigen::Vector3d>();
       block.is_prismatic = item["is_prismatic"].cast<bool>();
@@ -125,7 +132,12 @@ ResidualBlock AsResidualBlock(const py::dict& item) {
   block.points = item["points"].cast<PointRows>();
   if (kind == "reprojection") {
     block.kind = ResidualKind::kReprojection;
-    block.camera = AsCamera(item["camera"].cast<py::dict>());
+    const auto camera = item["camera"].cast<py::dict>();
+    block.camera = AsCamera(camera);
+    if (camera.contains("number_scale")) {
+      block.movable = {block.camera, camera["width"].cast<double>(),
+                       camera["height"].cast<double>(), camera["number_scale"].cast<Intrinsics>()};
+    }
     block.pixels = item["pixels"].cast<PixelRows>();
     Expect(block.pixels.rows() == block.points.rows(), "pixels must have the shape (n, 2)");
   } else if (kind == "border") {
@@ -217,16 +229,27 @@ py::dict MinimiseProblem(const CalibrationProblem& problem, const Eigen::VectorX
   return summary;
 }
 
+/// Reductions as arrays: information (m, c, c) and gradient (m, c).
+template <typename Sum>
+void SetReductions(const std::vector<Sum>& sums, py::dict* item) {
+  const auto count = static_cast<py::ssize_t>(sums.size());
+  const py::ssize_t columns = Sum::kColumns;
+  py::array_t<double> information({count, columns, columns});
+  py::array_t<double> gradient({count, columns});
+  for (py::ssize_t i = 0; i < count; ++i) {
+    Eigen::Map<decltype(sums[i].information)>(information.mutable_data(i)) = sums[i].information;
+    Eigen::Map<decltype(sums[i].gradient)>(gradient.mutable_data(i)) = sums[i].gradient;
+  }
+  (*item)["information"] = information;
+  (*item)["gradient"] = gradient;
+}
+
 /// One block's reductions as arrays.
 py::dict BlockDocument(const BlockAssessment& block) {
   const auto count = static_cast<py::ssize_t>(block.detection.size());
-  py::array_t<double> information({count, py::ssize_t{6}, py::ssize_t{6}});
-  py::array_t<double> gradient({count, py::ssize_t{6}});
   double curvature = 0.0, slope = 0.0;
   py::array_t<double> by_twist({block.inset.empty() ? 0 : count, py::ssize_t{6}});
   for (py::ssize_t i = 0; i < count; ++i) {
-    Eigen::Map<Matrix6d>(information.mutable_data(i)) = block.reduction[i].information;
-    Eigen::Map<Vector6d>(gradient.mutable_data(i)) = block.reduction[i].gradient;
     if (block.inset.empty()) continue;
     curvature += block.inset[i].curvature;
     slope += block.inset[i].slope;
@@ -234,8 +257,11 @@ py::dict BlockDocument(const BlockAssessment& block) {
   }
   py::dict item;
   item["detection"] = py::array_t<std::int64_t>(count, block.detection.data());
-  item["information"] = information;
-  item["gradient"] = gradient;
+  if (block.with_intrinsics.empty()) {
+    SetReductions(block.reduction, &item);
+  } else {
+    SetReductions(block.with_intrinsics, &item);
+  }
   item["across"] = block.across;
   item["by_steps"] = block.by_steps;
   item["curvature"] = curvature;
@@ -292,8 +318,10 @@ Args:
     residual_blocks: list of dict with kind, detection (n,), points (n, 3), and
         camera (dict), pixels (n, 2) for reprojection, centre, half_size (n, 2), steps (2 n, 3),
         inset (n, 2) for border.
-    parts: list of dict, for blocks that are no poses: block (index), kind (origin or bias),
-        values (6,) and free (6,) 1 or 0, and for a bias axis (3,) and is_prismatic.
+    parts: list of dict, for blocks that are no poses: block (index), kind (origin, bias or
+        camera), free (6,) 1 or 0; values (6,) of the first two, and for a bias axis (3,) and
+        is_prismatic; for a camera first (0 or 6). Cameras stand at the end of a chain, and their
+        dict has number_scale (12,), width and height.
 
 Raises:
     ValueError: shapes or indices do not fit together.
@@ -324,8 +352,10 @@ Returns:
            py::arg("with_insets"), R"(What an Assessment is made from.
 
 Returns:
-    For each residual block a dict with detection (m,), information (m, 6, 6), gradient (m, 6);
-    for border blocks, with_insets, also across (n, 2), by_steps (n,), curvature, slope, by_twist (m, 6).
+    For each residual block a dict with detection (m,), information (m, 6, 6), gradient (m, 6), or
+    (m, 18, 18), (m, 18) where the camera's intrinsics are estimated;
+    for border blocks, with_insets, also across (n, 2), by_steps (n,), curvature, slope,
+    by_twist (m, 6).
     And maps (d, k, 6, 6).
 )")
       .def("squares", &SquaresOfProblem, py::arg("x"), py::arg("sigmas"),

@@ -22,10 +22,17 @@ Assessment Assess(const CalibrationProblem& problem, const Weighting& weighting,
     const Eigen::Isometry3d pose = problem.Pose(d, x, &result.maps[d]);
     for (const Segment& segment : problem.segments(d)) {
       BlockAssessment& block = result.blocks[segment.residual_block];
+      block.detection[segment.index] = segment.detection;
+      if (problem.HasIntrinsics(d)) {
+        block.with_intrinsics.resize(block.detection.size());
+        const auto numbers = problem.NumbersOf(d, x);
+        problem.Reduce(segment, weighting, pose, problem.IntrinsicsOf(d, numbers.data()),
+                       &block.with_intrinsics[segment.index]);
+        continue;
+      }
       Reduction& reduction = block.reduction[segment.index];
       problem.Reduce(segment, weighting, pose, true, &reduction);
       reduction.information = Matrix6d(reduction.information.selfadjointView<Eigen::Lower>());
-      block.detection[segment.index] = segment.detection;
       if (block.inset.empty()) continue;
       ReduceInset(problem.residuals()[segment.residual_block], segment,
                   weighting.inverse_variance[segment.residual_block], weighting.loss, pose,
@@ -42,10 +49,14 @@ std::vector<Eigen::VectorXd> SquaredNorms(const CalibrationProblem& problem,
     squares.emplace_back(block.points.rows());
   }
   for (std::size_t d = 0; d < problem.chains().size(); ++d) {
-    const Eigen::Isometry3d pose = problem.Pose(d, x, nullptr);
+    const auto numbers = problem.NumbersOf(d, x);
+    const Eigen::Isometry3d pose = problem.Pose(d, numbers.data(), nullptr);
     for (const Segment& segment : problem.segments(d)) {
-      SquaredNorms(problem.residuals()[segment.residual_block], segment,
-                   weighting.inverse_variance[segment.residual_block], pose,
+      const ResidualBlock& rows = problem.residuals()[segment.residual_block];
+      const Camera camera = problem.HasIntrinsics(d)
+                                ? rows.movable.At(problem.IntrinsicsOf(d, numbers.data()))
+                                : rows.camera;
+      SquaredNorms(rows, segment, weighting.inverse_variance[segment.residual_block], pose, camera,
                    &squares[segment.residual_block]);
     }
   }

@@ -121,8 +121,10 @@ CalibrationProblem::CalibrationProblem(std::vector<ParameterBlock> parameters,
       chains_(std::move(chains)),
       residuals_(std::move(residuals)),
       segments_(chains_.size()),
-      segment_starts_(residuals_.size()) {
-  for (const PoseChain& chain : chains_) {
+      segment_starts_(residuals_.size()),
+      has_intrinsics_(chains_.size(), false) {
+  for (std::size_t d = 0; d < chains_.size(); ++d) {
+    const PoseChain& chain = chains_[d];
     if (chain.constants.size() != chain.block.size() + 1 ||
         chain.inverted.size() != chain.block.size()) {
       throw std::invalid_argument("a chain needs one constant more than blocks");
@@ -131,6 +133,7 @@ CalibrationProblem::CalibrationProblem(std::vector<ParameterBlock> parameters,
       if (block < 0 || block >= static_cast<std::int64_t>(parameters_.size())) {
         throw std::invalid_argument("a chain names a parameter block that does not exist");
       }
+      if (parameters_[block].kind == BlockKind::kCamera) has_intrinsics_[d] = true;
     }
   }
   for (std::size_t b = 0; b < residuals_.size(); ++b) {
@@ -144,6 +147,9 @@ CalibrationProblem::CalibrationProblem(std::vector<ParameterBlock> parameters,
       while (end < count && detection[end] == detection[begin]) ++end;
       if (detection[begin] < 0 || detection[begin] >= static_cast<std::int64_t>(chains_.size())) {
         throw std::invalid_argument("a residual block names a detection that does not exist");
+      }
+      if (has_intrinsics_[detection[begin]] && residuals_[b].kind != ResidualKind::kReprojection) {
+        throw std::invalid_argument("intrinsics belong to a detection that is no camera's");
       }
       segments_[detection[begin]].push_back(
           {b, segment_starts_[b].size(), detection[begin], begin, end});
@@ -202,12 +208,47 @@ void CalibrationProblem::Reduce(const Segment& segment, const Weighting& weighti
                 rows.size() > 0 ? &compressed : nullptr, pose, with_derivatives, sum);
 }
 
+void CalibrationProblem::Reduce(const Segment& segment, const Weighting& weighting,
+                                const Isometry3d& pose, const Intrinsics& numbers,
+                                CameraReduction* sum) const {
+  ReduceWithIntrinsics(residuals_[segment.residual_block], segment,
+                       weighting.inverse_variance[segment.residual_block], weighting.loss, pose,
+                       numbers, sum);
+}
+
+Intrinsics CalibrationProblem::IntrinsicsOf(std::size_t detection,
+                                            const double* const* numbers) const {
+  Intrinsics result = Intrinsics::Zero();
+  const auto& blocks = chains_[detection].block;
+  for (std::size_t k = 0; k < blocks.size(); ++k) {
+    const ParameterBlock& block = parameters_[blocks[k]];
+    if (block.kind != BlockKind::kCamera) continue;
+    result.segment<6>(block.first) =
+        block.free.cwiseProduct(Eigen::Map<const Vector6d>(numbers[k]));
+  }
+  return result;
+}
+
+std::vector<const double*> CalibrationProblem::NumbersOf(std::size_t detection,
+                                                         const Eigen::VectorXd& x) const {
+  if (x.size() != static_cast<Eigen::Index>(6 * parameters_.size())) {
+    throw std::invalid_argument("x needs six numbers for each parameter block");
+  }
+  std::vector<const double*> numbers;
+  for (const auto index : chains_[detection].block) numbers.push_back(x.data() + 6 * index);
+  return numbers;
+}
+
 Isometry3d CalibrationProblem::Pose(std::size_t detection, const double* const* numbers,
                                     std::vector<Matrix6d>* maps) const {
   const PoseChain& chain = chains_[detection];
   Isometry3d product = chain.constants[0];
   for (std::size_t k = 0; k < chain.block.size(); ++k) {
     const ParameterBlock& block = parameters_[chain.block[k]];
+    if (block.kind == BlockKind::kCamera) {  // moves nothing
+      if (maps != nullptr) (*maps)[k] = block.free.asDiagonal();
+      continue;
+    }
     const Isometry3d pose = block.Pose(numbers[k]);
     const Isometry3d before = product;
     product = product * (chain.inverted[k] ? pose.inverse() : pose);
@@ -224,11 +265,7 @@ Isometry3d CalibrationProblem::Pose(std::size_t detection, const double* const* 
 
 Isometry3d CalibrationProblem::Pose(std::size_t detection, const Eigen::VectorXd& x,
                                     std::vector<Matrix6d>* maps) const {
-  if (x.size() != static_cast<Eigen::Index>(6 * parameters_.size())) {
-    throw std::invalid_argument("x needs six numbers for each parameter block");
-  }
-  std::vector<const double*> numbers;
-  for (const auto index : chains_[detection].block) numbers.push_back(x.data() + 6 * index);
+  const std::vector<const double*> numbers = NumbersOf(detection, x);
   if (maps != nullptr) maps->resize(numbers.size());
   return Pose(detection, numbers.data(), maps);
 }

@@ -1,6 +1,8 @@
 #include "atom_core/camera.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace atom_core {
 namespace {
@@ -92,7 +94,109 @@ Vector2d ProjectEquidistant(const Camera& camera, const Vector3d& point, Matrix2
   return point.head<2>() * scale;
 }
 
+using ByCoefficient = Eigen::Matrix<double, 2, 8>;
+
+/// Of the normalised image by the coefficients (2, 8), for a point inside the field of view.
+ByCoefficient PolynomialByCoefficient(const Camera& camera, const Vector2d& ideal) {
+  const double x = ideal.x(), y = ideal.y(), square = ideal.squaredNorm();
+  double below = 1.0, factor = 1.0, slope;
+  if (camera.model == DistortionModel::kRationalPolynomial) {
+    const auto& k = camera.coefficients;
+    below = 1 + square * (k[5] + square * (k[6] + square * k[7]));
+    RadialFactor(camera, square, &factor, &slope);
+  }
+  ByCoefficient result;
+  const Vector2d radial = ideal * (square / below);
+  result.col(0) = radial;
+  result.col(1) = radial * square;
+  result.col(2) << 2 * x * y, square + 2 * y * y;
+  result.col(3) << square + 2 * x * x, 2 * x * y;
+  result.col(4) = radial * (square * square);
+  result.col(5) = -factor * result.col(0);
+  result.col(6) = -factor * result.col(1);
+  result.col(7) = -factor * result.col(4);
+  return result;
+}
+
+ByCoefficient ByCoefficients(const Camera& camera, const Vector3d& point) {
+  if (camera.model == DistortionModel::kNone) return ByCoefficient::Zero();
+  if (camera.model == DistortionModel::kEquidistant) {
+    ByCoefficient result = ByCoefficient::Zero();
+    const double radius = std::hypot(point.x(), point.y());
+    if (radius < 1e-9 * std::abs(point.z())) return result;
+    const double angle = std::atan2(radius, point.z());
+    double power = angle;
+    for (int i = 0; i < 4; ++i) {
+      power *= angle * angle;
+      result.col(i) = point.head<2>() * (power / radius);
+    }
+    return result;
+  }
+  const double inverse_z =
+      point.z() >= kNear ? 1.0 / point.z() : (2 * kNear - point.z()) / (kNear * kNear);
+  const Vector2d ideal = point.head<2>() * inverse_z;
+  const double square = ideal.squaredNorm();
+  if (square <= camera.limit_square) return PolynomialByCoefficient(camera, ideal);
+  const double shrink = std::sqrt(camera.limit_square / square);
+  return PolynomialByCoefficient(camera, shrink * ideal) / shrink;
+}
+
+/// r^2 (normalised) of the farthest image corner and a little more.
+double RadiusLimitSquare(const Camera& camera, double width_px, double height_px) {
+  if (camera.model == DistortionModel::kNone || camera.model == DistortionModel::kEquidistant) {
+    return std::numeric_limits<double>::infinity();
+  }
+  double largest = 0.0;
+  for (const double x : {0.0, width_px}) {
+    for (const double y : {0.0, height_px}) {
+      const Vector2d ideal = (Vector2d(x, y) - camera.centre_px).cwiseQuotient(camera.focal_px);
+      largest = std::max(largest, ideal.squaredNorm());
+    }
+  }
+  constexpr int kSteps = 281;
+  const double corner = std::sqrt(largest), step = 2.8 / (kSteps - 1);
+  int end = kSteps - 1;
+  for (int i = 0; i < kSteps; ++i) {
+    const double radius = corner * (0.2 + i * step), square = radius * radius;
+    double factor, slope;
+    RadialFactor(camera, square, &factor, &slope);
+    if (!(factor + 2 * square * slope > 0.05)) {
+      end = i - 1;
+      break;
+    }
+    if (radius * factor >= 1.1 * corner) {
+      end = i;
+      break;
+    }
+  }
+  const double radius = corner * (0.2 + std::max(end, 0) * step);
+  return radius * radius;
+}
+
 }  // namespace
+
+Camera MovableCamera::At(const Intrinsics& numbers) const {
+  constexpr double kMostLog = 20.0;  // a focal length stays positive and finite
+  Camera camera = start;
+  for (int i = 0; i < 2; ++i) {
+    camera.focal_px[i] *= std::exp(std::clamp(numbers[i], -kMostLog, kMostLog));
+  }
+  camera.centre_px += start.focal_px.cwiseProduct(numbers.segment<2>(2));
+  for (int i = 0; i < 8; ++i) camera.coefficients[i] += scale[4 + i] * numbers[4 + i];
+  camera.limit_square = RadiusLimitSquare(camera, width_px, height_px);
+  return camera;
+}
+
+Vector2d MovableCamera::Project(const Camera& camera, const Vector3d& point, Matrix23d* by_point,
+                                Eigen::Matrix<double, 2, 12>* by_number) const {
+  const Vector2d pixel = camera.Project(point, by_point);
+  const Vector2d from_centre = pixel - camera.centre_px;
+  by_number->leftCols<2>() = from_centre.asDiagonal();
+  by_number->middleCols<2>(2) = start.focal_px.asDiagonal();
+  by_number->rightCols<8>() =
+      camera.focal_px.asDiagonal() * ByCoefficients(camera, point) * scale.tail<8>().asDiagonal();
+  return pixel;
+}
 
 Vector2d Camera::Project(const Vector3d& point, Matrix23d* by_point) const {
   const Vector2d normalised = model == DistortionModel::kEquidistant

@@ -17,11 +17,10 @@ constexpr double kLongestTurn = 0.5, kLongestMove = 0.5;  // rad, m; solvers/sci
 constexpr double kRounding = 1e-13;                       // relative to the cost
 constexpr double kSmallestUnit = 0.1;                     // for data without any noise
 constexpr double kCauchyCurvature = 0.8;                  // E[psi'] / E[w], solvers/losses.py
-constexpr int kRows = 7;
-
-using RowMatrix = Eigen::Matrix<double, kRows, 6, Eigen::RowMajor>;
-
-/// One detection as seven rows.
+/// One detection as seven rows, or as 19 where its camera's intrinsics are estimated.
+///
+/// \tparam Sum Reduction or CameraReduction.
+template <typename Sum>
 class DetectionCost : public ceres::CostFunction {
  public:
   /// \param accepted for each block of the chain, its numbers at the last accepted step.
@@ -45,24 +44,39 @@ class DetectionCost : public ceres::CostFunction {
       residuals[kRows - 1] = std::sqrt(2.0 * sum_.cost);
       return true;
     }
-    Matrix6d root;
-    Vector6d rotated;
+    Square root;
+    Column rotated;
     SquareRoot(sum_, &root, &rotated);
     const double lengthening = Lengthening(2.0 * sum_.cost, rotated.squaredNorm());
     root /= lengthening;
     rotated *= lengthening;
-    Eigen::Map<Vector6d>(residuals, 6) = rotated;
+    Eigen::Map<Column>(residuals, kColumns) = rotated;
     residuals[kRows - 1] = std::sqrt(std::max(0.0, 2.0 * sum_.cost - rotated.squaredNorm()));
     for (std::size_t k = 0; k < accepted_.size(); ++k) {
       if (jacobians[k] == nullptr) continue;
       Eigen::Map<RowMatrix> jacobian(jacobians[k]);
-      jacobian.topRows<6>().noalias() = root * maps_[k];
-      jacobian.bottomRows<1>().setZero();
+      jacobian.template topRows<kColumns>().noalias() =
+          root.template middleCols<6>(FirstColumn(k)) * maps_[k];
+      jacobian.template bottomRows<1>().setZero();
     }
     return true;
   }
 
  private:
+  static constexpr int kColumns = Sum::kColumns, kRows = kColumns + 1;
+  using RowMatrix = Eigen::Matrix<double, kRows, 6, Eigen::RowMajor>;
+  using Square = Eigen::Matrix<double, kColumns, kColumns>;
+  using Column = Eigen::Matrix<double, kColumns, 1>;
+
+  const ParameterBlock& Block(std::size_t k) const {
+    return problem_.parameters()[problem_.chains()[detection_].block[k]];
+  }
+
+  /// Where the columns begin that a block of the chain moves.
+  int FirstColumn(std::size_t k) const {
+    return Block(k).kind == BlockKind::kCamera ? 6 + Block(k).first : 0;
+  }
+
   /// Ceres asks for the cost of a step first, and for the derivatives once it is accepted: both
   /// are found together and kept.
   void Reduce(double const* const* numbers) const {
@@ -72,9 +86,16 @@ class DetectionCost : public ceres::CostFunction {
     }
     maps_.resize(accepted_.size());
     const Eigen::Isometry3d pose = problem_.Pose(detection_, numbers, &maps_);
-    sum_ = Reduction();
-    for (const auto& segment : problem_.segments(detection_)) {
-      problem_.Reduce(segment, weighting_, pose, true, &sum_);
+    sum_ = Sum();
+    if constexpr (kColumns == Reduction::kColumns) {
+      for (const auto& segment : problem_.segments(detection_)) {
+        problem_.Reduce(segment, weighting_, pose, true, &sum_);
+      }
+    } else {
+      const Intrinsics intrinsics = problem_.IntrinsicsOf(detection_, numbers);
+      for (const auto& segment : problem_.segments(detection_)) {
+        problem_.Reduce(segment, weighting_, pose, intrinsics, &sum_);
+      }
     }
   }
 
@@ -97,6 +118,7 @@ class DetectionCost : public ceres::CostFunction {
   /// The linearisation holds no farther than this; Ceres then tries a shorter step.
   bool WithinReach(double const* const* numbers) const {
     for (std::size_t k = 0; k < accepted_.size(); ++k) {
+      if (Block(k).kind == BlockKind::kCamera) continue;
       const Eigen::Map<const Vector6d> now(numbers[k]), before(accepted_[k]);
       const Vector6d step = now - before;
       if (step.head<3>().norm() > kLongestTurn || step.tail<3>().norm() > kLongestMove) {
@@ -124,6 +146,29 @@ class DetectionCost : public ceres::CostFunction {
     for (int i = 0; i < 6; ++i) (*rotated)[i] = scale[i] > 0 ? solved[i] / scale[i] : 0.0;
   }
 
+  /// The same with a camera's numbers. One board does not tell all of them: where a factorisation
+  /// goes on with pivots that are rounding, it amplifies it, so this one ends before.
+  static void SquareRoot(const CameraReduction& sum, Square* root, Column* rotated) {
+    const Column size = sum.information.diagonal().cwiseMax(1e-300).cwiseSqrt();
+    const Column inverse = size.cwiseInverse();
+    Square left = inverse.asDiagonal() * sum.information * inverse.asDiagonal();
+    Column gradient = inverse.cwiseProduct(sum.gradient);
+    root->setZero();
+    rotated->setZero();
+    for (int k = 0; k < kColumns; ++k) {
+      int pivot;
+      if (!(left.diagonal().maxCoeff(&pivot) > 1e-13)) break;
+      const double length = std::sqrt(left(pivot, pivot));
+      const Column row = left.col(pivot) / length;
+      (*rotated)[k] = gradient[pivot] / length;
+      root->row(k) = row.cwiseProduct(size).transpose();
+      gradient -= (*rotated)[k] * row;
+      left.noalias() -= row * row.transpose();
+      left.row(pivot).setZero();
+      left.col(pivot).setZero();
+    }
+  }
+
   const CalibrationProblem& problem_;
   const Weighting& weighting_;
   const std::size_t detection_;
@@ -131,7 +176,7 @@ class DetectionCost : public ceres::CostFunction {
   // Of the last evaluation; Ceres evaluates a residual block in one thread at a time.
   mutable std::vector<double> kept_;
   mutable std::vector<Matrix6d> maps_;
-  mutable Reduction sum_;
+  mutable Sum sum_;
 };
 
 /// Cuts the step of one block to the length up to which the linearisation holds.
@@ -285,8 +330,14 @@ MinimiserResult Minimise(const CalibrationProblem& problem, const Weighting& wei
       blocks.push_back(result.x.data() + 6 * index);
     }
     if (blocks.empty()) continue;  // everything on this chain is held
-    ceres_problem.AddResidualBlock(
-        new DetectionCost(problem, weighting, d, {blocks.begin(), blocks.end()}), nullptr, blocks);
+    const std::vector<const double*> accepted(blocks.begin(), blocks.end());
+    ceres::CostFunction* cost;
+    if (problem.HasIntrinsics(d)) {
+      cost = new DetectionCost<CameraReduction>(problem, weighting, d, accepted);
+    } else {
+      cost = new DetectionCost<Reduction>(problem, weighting, d, accepted);
+    }
+    ceres_problem.AddResidualBlock(cost, nullptr, blocks);
   }
   ceres::Solver::Options solver = SolverOptions(problem, options, result.x.data());
   Judge judge(options, CountRows(problem), result.x);

@@ -102,11 +102,6 @@ void AddRow(const Vector6d& row, double value, double weight, Reduction* sum) {
   sum->information.noalias() += (weight * row) * row.transpose();
 }
 
-Vector2d ReprojectionError(const ResidualBlock& block, std::int64_t i, const Vector3d& point,
-                           Eigen::Matrix<double, 2, 3>* by_point) {
-  return block.camera.Project(point, by_point) - block.pixels.row(i).transpose();
-}
-
 void ReduceReprojection(const ResidualBlock& block, const Segment& segment,
                         const VectorXd& inverse_variance, Loss loss, const Isometry3d& pose,
                         bool with_derivatives, Reduction* sum) {
@@ -114,8 +109,8 @@ void ReduceReprojection(const ResidualBlock& block, const Segment& segment,
   RobustSum robust(loss);
   for (auto i = segment.begin; i < segment.end; ++i) {
     const Vector3d point = pose * block.points.row(i).transpose();
-    const Vector2d error =
-        ReprojectionError(block, i, point, with_derivatives ? &by_point : nullptr);
+    const Vector2d error = block.camera.Project(point, with_derivatives ? &by_point : nullptr) -
+                           block.pixels.row(i).transpose();
     const double inverse = inverse_variance[i];
     const double weight = robust.Add(error.squaredNorm() * inverse);
     if (!with_derivatives) continue;
@@ -298,9 +293,33 @@ void ReduceSegment(const ResidualBlock& block, const Segment& segment,
   }
 }
 
+void ReduceWithIntrinsics(const ResidualBlock& block, const Segment& segment,
+                          const VectorXd& inverse_variance, Loss loss,
+                          const Isometry3d& sensor_T_pattern, const Intrinsics& numbers,
+                          CameraReduction* sum) {
+  const Camera camera = block.movable.At(numbers);
+  Eigen::Matrix<double, 2, 3> by_point;
+  Eigen::Matrix<double, 2, 12> by_number;
+  RobustSum robust(loss);
+  for (auto i = segment.begin; i < segment.end; ++i) {
+    const Vector3d point = sensor_T_pattern * block.points.row(i).transpose();
+    const Vector2d error = block.movable.Project(camera, point, &by_point, &by_number) -
+                           block.pixels.row(i).transpose();
+    const double inverse = inverse_variance[i];
+    const double weight = inverse * robust.Add(error.squaredNorm() * inverse);
+    Eigen::Matrix<double, 2, CameraReduction::kColumns> rows;
+    rows.leftCols<3>() = by_point * -Skew(point);
+    rows.middleCols<3>(3) = by_point;
+    rows.rightCols<12>() = by_number;
+    sum->gradient.noalias() += rows.transpose() * (weight * error);
+    sum->information.noalias() += rows.transpose() * (weight * rows);
+  }
+  sum->cost += robust.Total();
+}
+
 void SquaredNorms(const ResidualBlock& block, const Segment& segment,
                   const VectorXd& inverse_variance, const Isometry3d& sensor_T_pattern,
-                  VectorXd* squares) {
+                  const Camera& camera, VectorXd* squares) {
   const Eigen::Vector4d plane = PlaneOf(sensor_T_pattern);
   const Border border(block, sensor_T_pattern);
   Vector2d gradient;
@@ -308,7 +327,7 @@ void SquaredNorms(const ResidualBlock& block, const Segment& segment,
     double square = 0.0;
     if (block.kind == ResidualKind::kReprojection) {
       const Vector3d point = sensor_T_pattern * block.points.row(i).transpose();
-      square = ReprojectionError(block, i, point, nullptr).squaredNorm();
+      square = (camera.Project(point, nullptr) - block.pixels.row(i).transpose()).squaredNorm();
     } else if (block.kind == ResidualKind::kOrthogonal) {
       const double height = plane.head<3>().dot(block.points.row(i)) + plane[3];
       square = height * height;

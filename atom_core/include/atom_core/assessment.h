@@ -19,6 +19,8 @@ struct BlockAssessment {
   std::vector<std::int64_t> detection;
   /// (m,) of each of them, the information as a full matrix.
   std::vector<Reduction> reduction;
+  /// (m,) the same with the camera's numbers, where its intrinsics are estimated; else empty.
+  std::vector<CameraReduction> with_intrinsics;
   /// (m,) border blocks only, else empty.
   std::vector<InsetReduction> inset;
   /// (n, 2) lengths of the steps across the sides of x and of y, and (n,) the residuals'

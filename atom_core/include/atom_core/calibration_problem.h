@@ -22,11 +22,12 @@ struct PoseChain {
   std::vector<bool> inverted;
 };
 
-/// What the six numbers of a block mean: a pose, or parameters of a joint.
-enum class BlockKind { kPose, kOrigin, kBias };
+/// What the six numbers of a block mean: a pose, parameters of a joint, or a camera's intrinsics.
+enum class BlockKind { kPose, kOrigin, kBias, kCamera };
 
 /// One pose to estimate, relative to its initial value: (R0 exp(r), t0 + t); or a part of a joint
-/// (atom_core/problem/joint_blocks.py), of which only some numbers are estimated.
+/// or of a camera (atom_core/problem/joint_blocks.py, camera_blocks.py), of which only some numbers
+/// are estimated.
 struct ParameterBlock {
   BlockKind kind = BlockKind::kPose;
   Eigen::Isometry3d initial = Eigen::Isometry3d::Identity();
@@ -34,12 +35,14 @@ struct ParameterBlock {
   bool eliminated = false;
   /// Of a joint: roll, pitch, yaw, x, y, z of its origin, or the bias in its place; rad, m.
   Vector6d values = Vector6d::Zero();
-  /// Of a joint: 1 for the numbers that are estimated, else 0.
+  /// Of a joint or a camera: 1 for the numbers that are estimated, else 0.
   Vector6d free = Vector6d::Ones();
   /// Of a joint's bias: unit vector of the motion, in the joint's frame.
   Eigen::Vector3d axis = Eigen::Vector3d::UnitX();
   /// Of a joint's bias: a shift along the axis instead of a turn about it.
   bool is_prismatic = false;
+  /// Of a camera: which of its twelve numbers is the first, 0 or 6.
+  int first = 0;
 
   /// \param numbers r (3,) rad and t (3,) m; or what the kind says.
   Eigen::Isometry3d Pose(const double* numbers) const;
@@ -93,6 +96,23 @@ class CalibrationProblem {
               const Eigen::Isometry3d& sensor_T_pattern, bool with_derivatives,
               Reduction* sum) const;
 
+  /// Whether the intrinsics of a detection's camera are estimated.
+  bool HasIntrinsics(std::size_t detection) const { return has_intrinsics_[detection]; }
+
+  /// The numbers of a detection's camera.
+  ///
+  /// \param numbers for each block of the chain, its six numbers.
+  Intrinsics IntrinsicsOf(std::size_t detection, const double* const* numbers) const;
+
+  /// Adds a segment's rows at a pose and at some intrinsics; of detections that have them.
+  void Reduce(const Segment& segment, const Weighting& weighting,
+              const Eigen::Isometry3d& sensor_T_pattern, const Intrinsics& numbers,
+              CameraReduction* sum) const;
+
+  /// For each block of a detection's chain, its six numbers in x (6 b,).
+  /// \throws std::invalid_argument when x has another length.
+  std::vector<const double*> NumbersOf(std::size_t detection, const Eigen::VectorXd& x) const;
+
   /// The pose of a detection, and M (6, 6) of each of its blocks: twist by the numbers.
   ///
   /// \param numbers for each block of the chain, its six numbers.
@@ -110,6 +130,7 @@ class CalibrationProblem {
   std::vector<ResidualBlock> residuals_;
   std::vector<std::vector<Segment>> segments_;
   std::vector<std::vector<std::int64_t>> segment_starts_;  // by residual block
+  std::vector<bool> has_intrinsics_;                       // by detection
 };
 
 }  // namespace atom_core

@@ -32,6 +32,31 @@ struct Camera {
                           Eigen::Matrix<double, 2, 3>* by_point) const;
 };
 
+/// Twelve numbers of a camera's intrinsics; atom_core/geometry/intrinsics.py says which.
+using Intrinsics = Eigen::Matrix<double, 12, 1>;
+
+/// A camera whose intrinsics are estimated.
+struct MovableCamera {
+  Camera start;
+  double width_px = 0.0, height_px = 0.0;
+  /// By how much a value changes with its number; of fx and fy, their value at the start.
+  Intrinsics scale = Intrinsics::Zero();
+
+  /// The camera at the numbers (12,).
+  Camera At(const Intrinsics& numbers) const;
+
+  /// Projects a point.
+  ///
+  /// \param camera this one at some numbers.
+  /// \param point (3,) in the optical frame, metres.
+  /// \param by_point derivative of the pixel (2, 3), px/m.
+  /// \param by_number derivative of the pixel (2, 12) by the numbers, px.
+  /// \return the pixel (2,).
+  Eigen::Vector2d Project(const Camera& camera, const Eigen::Vector3d& point,
+                          Eigen::Matrix<double, 2, 3>* by_point,
+                          Eigen::Matrix<double, 2, 12>* by_number) const;
+};
+
 }  // namespace atom_core
 
 #endif  // ATOM_CORE_CAMERA_H_

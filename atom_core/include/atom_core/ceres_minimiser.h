@@ -3,8 +3,9 @@
 ///
 /// A detection is one Ceres residual block of seven rows, however many corners and points it has:
 /// the square root of its 6 x 6 Gauss-Newton matrix carries gradient and curvature, the seventh
-/// row the rest of the cost. Cost, gradient and Gauss-Newton step are those of all rows; robust
-/// losses act on each corner and point, inside.
+/// row the rest of the cost. Where the intrinsics of a camera are estimated, the twelve numbers of
+/// these join the six of the pose, and its detections are nineteen rows. Cost, gradient and
+/// Gauss-Newton step are those of all rows; robust losses act on each corner and point, inside.
 
 #ifndef ATOM_CORE_CERES_MINIMISER_H_
 #define ATOM_CORE_CERES_MINIMISER_H_

@@ -43,6 +43,8 @@ struct ResidualBlock {
   PixelRows inset;
   /// Reprojection only.
   Camera camera;
+  /// Reprojection only, where the camera's intrinsics are estimated.
+  MovableCamera movable;
 };
 
 /// Items begin..end of a residual block, all of one detection.
@@ -54,12 +56,19 @@ struct Segment {
 };
 
 /// What the rows of a detection (or a part of them) amount to at a pose.
-struct Reduction {
+template <int kSize>
+struct ReductionOf {
+  static constexpr int kColumns = kSize;
   /// Half the sum of rho.
   double cost = 0.0;
-  Vector6d gradient = Vector6d::Zero();
-  Matrix6d information = Matrix6d::Zero();  ///< lower triangle
+  Eigen::Matrix<double, kSize, 1> gradient = Eigen::Matrix<double, kSize, 1>::Zero();
+  /// Lower triangle.
+  Eigen::Matrix<double, kSize, kSize> information = Eigen::Matrix<double, kSize, kSize>::Zero();
 };
+/// By the twist.
+using Reduction = ReductionOf<6>;
+/// By the twist, and by the twelve numbers of the camera.
+using CameraReduction = ReductionOf<18>;
 
 /// Derivatives of a segment's cost by the inset of its points, in steps of the sampling.
 struct InsetReduction {
@@ -79,10 +88,21 @@ void ReduceSegment(const ResidualBlock& block, const Segment& segment,
                    const Eigen::Matrix4d* compressed, const Eigen::Isometry3d& sensor_T_pattern,
                    bool with_derivatives, Reduction* sum);
 
+/// Adds a reprojection segment's rows at a pose and at some intrinsics.
+///
+/// \param numbers of the camera, see Intrinsics.
+void ReduceWithIntrinsics(const ResidualBlock& block, const Segment& segment,
+                          const Eigen::VectorXd& inverse_variance, Loss loss,
+                          const Eigen::Isometry3d& sensor_T_pattern, const Intrinsics& numbers,
+                          CameraReduction* sum);
+
 /// Writes the squared norms of a segment's residuals in units of sigma to squares[begin..end].
+///
+/// \param camera reprojection only.
 void SquaredNorms(const ResidualBlock& block, const Segment& segment,
                   const Eigen::VectorXd& inverse_variance,
-                  const Eigen::Isometry3d& sensor_T_pattern, Eigen::VectorXd* squares);
+                  const Eigen::Isometry3d& sensor_T_pattern, const Camera& camera,
+                  Eigen::VectorXd* squares);
 
 /// Adds a border segment's derivatives by the inset.
 ///

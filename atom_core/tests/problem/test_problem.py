@@ -40,10 +40,16 @@ for _model in MODELS:
     SCENES[_model] = lambda model=_model: scenes.two_cameras(
         1, camera=Camera(1280, 800, K, MODELS[model], model), collections=3
     )
+INTRINSICS = [
+    *MODELS,
+    "hand_eye",
+    "random_scene",
+    "joints_above_a_camera",
+]  # with free intrinsics of rgb_1
 
 
-def problem_of(dataset, boards=None):
-    free = free_edges(dataset, CalibrationOptions())
+def problem_of(dataset, boards=None, intrinsics=()):
+    free = free_edges(dataset, CalibrationOptions(intrinsics=intrinsics))
     measurements, _ = read_measurements(dataset)
     boards = boards or initial_boards(dataset, measurements, free)
     return build_problem(dataset, measurements, boards, free)
@@ -54,9 +60,13 @@ def stacked(problem, x, sigmas):
     return np.concatenate(rows)
 
 
-@pytest.mark.parametrize("scene", SCENES)
-def test_jacobian_against_central_differences(scene):
-    problem = problem_of(SCENES[scene]().dataset)
+@pytest.mark.parametrize(
+    "scene, intrinsics",
+    [(scene, ()) for scene in SCENES] + [(scene, ("rgb_1",)) for scene in INTRINSICS],
+)
+def test_jacobian_against_central_differences(scene, intrinsics):
+    problem = problem_of(SCENES[scene]().dataset, intrinsics=intrinsics)
+    assert bool(problem.parameters.cameras) == bool(intrinsics)
     rng = np.random.default_rng(0)
     x = 0.03 * rng.standard_normal(problem.parameters.size)
     sigmas = [block.sigma for block in problem.residual_blocks]

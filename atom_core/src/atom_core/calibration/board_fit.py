@@ -58,7 +58,7 @@ class BoardFits:
             loss: robust loss.
             make_solver: which solver.
         """
-        self._problem, self._sigmas, self._loss = problem, sigmas, loss
+        self._problem, self._sigmas, self._loss = problem.with_cameras(x), sigmas, loss
         self._make_solver = make_solver
         poses = problem.parameters.poses(x)
         self._own, self.now = problem.parameters.blocks[block], poses[block]

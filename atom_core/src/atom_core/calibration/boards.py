@@ -151,6 +151,16 @@ def carried_boards(
     return boards
 
 
+def boards_in(dataset: Dataset, measurements: Sequence[Measurement]) -> Dict[BoardKey, np.ndarray]:
+    """Return ``parent_T_pattern`` of every measured board, as a solved dataset carries it."""
+    boards: Dict[BoardKey, np.ndarray] = {}
+    for m in measurements:
+        pattern = dataset.patterns[m.key.pattern]
+        transforms = dataset.collections[m.key.collection].transforms
+        boards[pattern.board_key(m.key.collection)] = transforms[board_edge(pattern)]
+    return boards
+
+
 def _held_boards(
     dataset: Dataset, measurements: Sequence[Measurement]
 ) -> Dict[BoardKey, np.ndarray]:
@@ -195,4 +205,10 @@ def solved_dataset(
             changes[key][block.edge] = matrix
     # the boards first: held ones keep their value, the others are among the changes
     solved = with_boards(dataset, boards).with_transforms(changes)
-    return solved.with_joint_parameters(joint_parameters(problem.parameters, x))
+    solved = solved.with_joint_parameters(joint_parameters(problem.parameters, x))
+    cameras = problem.parameters.cameras_at(x)
+    sensors = {
+        name: replace(sensor, camera=cameras[name][1]) if name in cameras else sensor
+        for name, sensor in solved.sensors.items()
+    }
+    return replace(solved, sensors=sensors) if cameras else solved

@@ -12,6 +12,7 @@ from atom_core.calibration.boards import solved_dataset
 from atom_core.calibration.deeper_minima import with_boards_in_deepest_minima
 from atom_core.calibration.disturb import disturbed
 from atom_core.calibration.initial_sensors import sensors_from_boards
+from atom_core.calibration.intrinsics import join_intrinsics
 from atom_core.calibration.options import DESCRIPTION, NO_GUESS, CalibrationOptions
 from atom_core.calibration.preparation import Prepared, check_range_offsets, prepare
 from atom_core.calibration.reasons import Solution
@@ -94,7 +95,8 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
     warnings = list(dataset.warnings) + ready.remarks
     clock.lap("build")
 
-    starts, remarks = _starts(dataset, ready, options)
+    held = replace(free, intrinsics={})  # they join when the rest stands
+    starts, remarks = _starts(dataset, replace(ready, free=held), options)
     warnings += remarks
     clock.lap("initialise")
 
@@ -103,10 +105,17 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
         how = replace(options.solver, progress=interrupt.watching(options.solver.progress))
         settled, rivals = best_settled(starts, how, make_solver)
         if options.initial_guess == DESCRIPTION and not settled.rough.interrupted:
-            settled, remarks = rescued(settled, dataset, free, how, make_solver)
+            settled, remarks = rescued(settled, dataset, held, how, make_solver)
             warnings += remarks
         initial, solver, posed = settled.posed.initial, settled.solver, settled.posed
-        summary = solve(solver, how, settled.rough, guess=settled.first)
+        rough = settled.rough
+        if free.intrinsics and not rough.interrupted:
+            limit_rad = options.undetermined_limit[1]
+            solver, rough, free, remarks = join_intrinsics(
+                settled, free, how, limit_rad, make_solver
+            )
+            warnings += remarks
+        summary = solve(solver, how, rough, guess=settled.first)
         solver, summary = with_boards_in_deepest_minima(
             solver, summary, posed.measurements, how, make_solver
         )

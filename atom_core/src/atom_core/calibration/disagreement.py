@@ -18,7 +18,7 @@ from scipy.special import chdtri  # scipy.stats has it as chi2.isf, and takes lo
 from atom_core.geometry import se3
 from atom_core.problem.problem import Problem
 from atom_core.solvers.covariance import Covariance
-from atom_core.solvers.normal_equations import NormalEquations
+from atom_core.solvers.normal_equations import NormalEquations, summed
 
 CHANCE = 1e-7  # that random errors alone make one detection suspicious
 # A detection's points share errors (of the label, the board, the intrinsics): so far off is nobody.
@@ -94,11 +94,11 @@ def chi_squares(
         equations: at the solution, weighted by the inverse variances.
         own: (d, 6, 6) covariance of the twists that detections may have by themselves.
     """
-    count = len(problem.detections)
-    information, gradient = np.zeros((count, 6, 6)), np.zeros((count, 6))
-    for part in equations.parts:
-        information[part.detection] += part.information
-        gradient[part.detection] += part.gradient
+    count, columns = len(problem.detections), equations.maps.shape[2]
+    all_information, gradient = summed(equations.parts, count, columns)
+    # The move is one of the pose; what the intrinsics do to it is in the covariance.
+    by_all = all_information[:, :6]
+    information, gradient = by_all[:, :, :6], gradient[:, :6]
     covariance = Covariance(equations).twists(problem.chains.block, equations.maps)
     diagonal = np.maximum(np.diagonal(information, axis1=1, axis2=2), 1e-12)
     scale = 1.0 / np.sqrt(diagonal)
@@ -108,7 +108,8 @@ def chi_squares(
     whitening = inverse_root[:, :, None] * np.swapaxes(vectors, 1, 2) * scale[:, None, :]
     reached = whitening @ information
     redundancy = reached @ np.swapaxes(whitening, 1, 2)
-    redundancy -= reached @ covariance @ np.swapaxes(reached, 1, 2)
+    by_all = whitening @ by_all
+    redundancy -= by_all @ covariance @ np.swapaxes(by_all, 1, 2)
     shares, axes = np.linalg.eigh((redundancy + np.swapaxes(redundancy, 1, 2)) / 2.0)
     white = np.einsum("dij,dj->di", whitening, gradient)
     tells = shares > _REDUNDANT

@@ -23,6 +23,7 @@ class CalibrationOptions:
         anchor_patterns: hold the boards where the dataset has them.
         additional_tfs: names of the configuration's additional tfs to estimate; None for all.
         joints: parameters to estimate, by joint; None for those of the configuration.
+        intrinsics: cameras whose intrinsics are estimated.
         complete_only: use only collections in which every sensor sees every pattern.
         initial_guess: ``description`` starts from the transforms of the dataset (and leaves them
             where that cannot be right), ``none`` places the sensors from the data alone.
@@ -41,6 +42,7 @@ class CalibrationOptions:
     anchor_patterns: bool = False
     additional_tfs: Optional[Tuple[str, ...]] = None
     joints: Optional[JointSelection] = None
+    intrinsics: Tuple[str, ...] = ()
     complete_only: bool = False
     initial_guess: str = DESCRIPTION
     noisy_initial_guess: Tuple[float, float] = (0.0, 0.0)

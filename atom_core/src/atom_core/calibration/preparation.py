@@ -14,8 +14,10 @@ from atom_core.calibration.joints import (
 from atom_core.calibration.memory import check_memory
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.errors import CalibrationError
+from atom_core.geometry.camera import Camera
+from atom_core.geometry.intrinsics import intrinsics_names
 from atom_core.model.dataset import Dataset, is_complete
-from atom_core.model.sensor import LIDAR2D, LIDAR3D
+from atom_core.model.sensor import LIDAR2D, LIDAR3D, RGB
 from atom_core.model.transforms import Edge
 from atom_core.problem.builder import FreeEdges, check_edges
 from atom_core.problem.measurements import Measurement, read_measurements
@@ -75,6 +77,24 @@ def check_modalities(dataset: Dataset) -> None:
             )
 
 
+def camera_of(dataset: Dataset, sensor: str) -> Camera:
+    """Return a camera's intrinsics."""
+    camera = dataset.sensors[sensor].camera
+    assert camera is not None
+    return camera
+
+
+def check_intrinsics(dataset: Dataset, names: Sequence[str]) -> None:
+    """Refuse intrinsics of what is no rgb camera."""
+    for name in names:
+        if name not in dataset.sensors or dataset.sensors[name].modality != RGB:
+            cameras = [s.name for s in dataset.sensors.values() if s.modality == RGB]
+            raise CalibrationError(
+                f"--optimize_intrinsics {name}: there is no such rgb camera; there are: "
+                f"{', '.join(cameras) or 'none'}"
+            )
+
+
 def check_range_offsets(dataset: Dataset, options: CalibrationOptions) -> None:
     """Refuse a range offset of what is no lidar3d sensor, and one that no weights can tell."""
     for name in options.range_offset:
@@ -131,7 +151,14 @@ def free_edges(dataset: Dataset, options: CalibrationOptions) -> FreeEdges:
         if options.additional_tfs is None or name in options.additional_tfs
     }
     joints = configured_joints(dataset) if options.joints is None else options.joints
-    return FreeEdges(tuple(dict.fromkeys(anchored)), additional, options.anchor_patterns, joints)
+    check_intrinsics(dataset, options.intrinsics)
+    return FreeEdges(
+        tuple(dict.fromkeys(anchored)),
+        additional,
+        options.anchor_patterns,
+        joints,
+        {name: intrinsics_names(camera_of(dataset, name)) for name in options.intrinsics},
+    )
 
 
 def _usable(

@@ -21,6 +21,7 @@ _STILL_RAD, _STILL_M = np.deg2rad(0.5), 0.005  # motions below this are none
 _ONE_AXIS_RAD = np.deg2rad(3.0)  # RMS angle between axes that count as one
 _SPIN_AXIS_RAD = np.deg2rad(15.0)
 _FEW = 3
+_SQUARELY_DEG = 12.0
 _SAME_MOTION = 1e-9  # one minus the cosine between what two blocks can do
 
 
@@ -80,9 +81,7 @@ def _joint_imitated(solution: Solution, blocks: Sequence[int]) -> Optional[str]:
     parameters = solution.problem.parameters
     if not any(parameters.blocks[i].kind == JOINT for i in blocks):
         return None
-    poses = parameters.poses(solution.x)
-    twists = parameters.twists(solution.x, poses)
-    _, maps = solution.problem.chains.poses_and_maps(poses, twists)
+    _, maps = solution.problem.poses_and_maps(solution.x)
     bases = {i: _reach(solution.problem, maps, i) for i in blocks}
     for i in blocks:
         for j in blocks:
@@ -116,8 +115,9 @@ def _reach(problem: Problem, maps: np.ndarray, block: int) -> np.ndarray:
 
 def _in_series(problem: Problem, blocks: Sequence[int]) -> Optional[str]:
     """Two edges that always follow one another at a constant distance are one too many."""
-    for i in blocks:
-        for j in blocks:
+    edges = [i for i in blocks if problem.parameters.blocks[i].numbers is None]
+    for i in edges:
+        for j in edges:
             if i < j and _always_adjacent(problem, i, j):
                 one, two = (problem.parameters.blocks[k] for k in (i, j))
                 return (
@@ -293,4 +293,21 @@ def _few_detections(solution: Solution, blocks: Sequence[int]) -> Optional[str]:
         count = sum(key.sensor in names for key in solution.problem.detections)
         if 0 < count < _FEW:
             return f"{' and '.join(names)} shares only {count} detection(s) with other sensors"
+    return None
+
+
+def intrinsics_reason(solution: Solution, block: int) -> Optional[str]:
+    """Return why a camera's intrinsics are open, or None where it is not seen."""
+    problem = solution.problem
+    (name,) = problem.parameters.blocks[block].names
+    mine = [i for i, key in enumerate(problem.detections) if key.sensor == name]
+    squarely = problem.poses(solution.x)[mine][:, 2, 2]
+    tilt = np.degrees(np.sqrt(np.mean(np.arccos(np.clip(np.abs(squarely), 0.0, 1.0)) ** 2)))
+    if tilt < _SQUARELY_DEG:
+        return (
+            f"{name} looks squarely at all boards (tilted by {tilt:.0f} deg), so that a longer "
+            f"focal length and farther boards are the same; tilt them by 30 deg and more"
+        )
+    if len(mine) < _FEW:
+        return f"{name} saw only {len(mine)} board(s)"
     return None

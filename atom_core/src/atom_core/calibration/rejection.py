@@ -15,12 +15,12 @@ import numpy as np
 from scipy.special import chdtri  # scipy.stats has it as chi2.isf, and takes long to load
 
 from atom_core.calibration.board_fit import BoardFits
-from atom_core.calibration.boards import solved_dataset
+from atom_core.calibration.boards import boards_in, solved_dataset
 from atom_core.calibration.connectivity import check_connected
 from atom_core.calibration.disagreement import CHANCE, Disagreement, disagreement
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.errors import CalibrationError
-from atom_core.model.dataset import Dataset, DetectionKey, board_edge, place
+from atom_core.model.dataset import Dataset, DetectionKey, place
 from atom_core.model.pattern import BoardKey
 from atom_core.problem.builder import FreeEdges, build_problem
 from atom_core.problem.measurements import Measurement
@@ -141,11 +141,7 @@ def _rebuilt(
 ) -> Solver:
     """Return the solver of the remaining detections, from the present solution on."""
     base = solved_dataset(initial, purged.solver.problem, purged.summary.x, {})
-    boards: Dict[BoardKey, np.ndarray] = {}
-    for m in left:
-        pattern = base.patterns[m.key.pattern]
-        transforms = base.collections[m.key.collection].transforms
-        boards[pattern.board_key(m.key.collection)] = transforms[board_edge(pattern)]
+    boards = boards_in(base, left)
     boards.update({key: pose for key, pose in refitted.items() if key in boards})
     return make_solver(build_problem(base, left, boards, free))
 

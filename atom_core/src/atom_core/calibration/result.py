@@ -8,11 +8,14 @@ import numpy as np
 
 from atom_core.calibration.calibrate import Calibration
 from atom_core.calibration.outliers import OUTLIER_SIGMAS, Outliers, find_outliers
+from atom_core.calibration.preparation import camera_of
 from atom_core.calibration.propagation import SensorPair, propagate, sensor_pairs
 from atom_core.calibration.statistics import Table, kinds_of, residual_table
 from atom_core.calibration.weak_directions import edge_covariance
 from atom_core.geometry import se3
+from atom_core.geometry.intrinsics import intrinsics_names, intrinsics_values
 from atom_core.model.transforms import Edge
+from atom_core.problem.camera_blocks import CameraNumbers
 from atom_core.problem.parameters import JOINT
 from atom_core.problem.residuals import UNITS
 
@@ -205,6 +208,7 @@ def _sensors(calibration: Calibration, table: Table, outliers: Outliers) -> Dict
                 if block.sensor == name
             ),
             **_range_offset(calibration, name),
+            **_intrinsics(calibration, name),
             "sigma": {
                 f"{block.kind}_{UNITS[block.kind]}": float(np.median(sigma))
                 for block, sigma in zip(problem.residual_blocks, summary.sigmas)
@@ -212,6 +216,31 @@ def _sensors(calibration: Calibration, table: Table, outliers: Outliers) -> Dict
             },
         }
     return document
+
+
+def _intrinsics(calibration: Calibration, sensor: str) -> Dict[str, Any]:
+    """Return a camera's estimated intrinsics; nothing where they were not asked for."""
+    parameters, dataset = calibration.problem.parameters, calibration.dataset
+    found: Dict[str, Any] = {}
+    for i in parameters.cameras.get(sensor, ()):
+        numbers = parameters.blocks[i].numbers
+        assert isinstance(numbers, CameraNumbers)
+        now, before = (camera_of(d, sensor) for d in (dataset, calibration.initial))
+        of_name = dict(zip(intrinsics_names(now), zip(*map(intrinsics_values, (now, before)))))
+        variance = np.diagonal(calibration.covariance.block(i))
+        focal_px = {"fx": float(now.focal_px[0]), "fy": float(now.focal_px[1])}
+        for k in np.flatnonzero(numbers.free):
+            name = numbers.names[k]
+            value, initial = of_name[name]
+            # the number of a focal length is a logarithm
+            scale = focal_px.get(name, float(numbers.scales[k]))
+            found[name] = {
+                "value": float(value),
+                "change": float(value - initial),
+                "sigma": min(scale * float(np.sqrt(variance[k])), 1e12),
+                "unit": numbers.units[k],
+            }
+    return {"intrinsics": found} if found else {}
 
 
 def _range_offset(calibration: Calibration, sensor: str) -> Dict[str, float]:

@@ -7,9 +7,17 @@ from typing import Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
-from atom_core.calibration.reasons import Boards, Solution, is_spin_axis, parallel_boards, reason
+from atom_core.calibration.reasons import (
+    Boards,
+    Solution,
+    intrinsics_reason,
+    is_spin_axis,
+    parallel_boards,
+    reason,
+)
 from atom_core.geometry import se3
 from atom_core.model.transforms import chain_transform
+from atom_core.problem.camera_blocks import CameraNumbers
 from atom_core.problem.joint_blocks import BiasNumbers
 from atom_core.problem.parameters import ParameterBlock
 from atom_core.solvers.covariance import Covariance
@@ -26,7 +34,7 @@ class WeakDirection:
     Attributes:
         parameters: the named ones move together along it, e.g. ``rgb_1 z``.
         sigma: predicted standard deviation of the one that moves most.
-        unit: m or rad.
+        unit: m, rad, or px and 1 of intrinsics.
         why: one sentence.
     """
 
@@ -78,7 +86,8 @@ def weak_directions(
     blocks = parameters.blocks[: parameters.shared_count]
     if not blocks:
         return []
-    limits = np.tile([limit_rad] * 3 + [limit_m] * 3, len(blocks))
+    of_pose, of_camera = [limit_rad] * 3 + [limit_m] * 3, [limit_rad] * 6
+    limits = np.concatenate([of_camera if _is_camera(b) else of_pose for b in blocks])
     scaled = _in_parent_axes(blocks, x, covariance.shared) / limits[:, None] / limits
     values, vectors = np.linalg.eigh((scaled + scaled.T) / 2.0)
     left = np.diagonal(scaled).copy()
@@ -89,6 +98,10 @@ def weak_directions(
         spreads.append(np.sqrt(value) * vector)
         left = left - value * vector**2
     return _described(solution, scaled, spreads, limits)
+
+
+def _is_camera(block: ParameterBlock) -> bool:
+    return isinstance(block.numbers, CameraNumbers)
 
 
 def _described(
@@ -154,12 +167,22 @@ def _describe(
     blocks = solution.problem.parameters.blocks
     largest, named = int(np.argmax(np.abs(spread))), _named(spread)
     names = tuple(f"{blocks[i // 6].title} {blocks[i // 6].components[i % 6]}" for i in named)
-    unit = "rad" if largest % 6 < 3 else "m"
-    sigma = min(float(abs(spread[largest]) * limits[largest]), _LARGEST_SIGMA)
     moving = sorted({int(i) // 6 for i in named})
+    sigma = min(float(abs(spread[largest]) * limits[largest]), _LARGEST_SIGMA)
+    numbers = blocks[largest // 6].numbers
+    if isinstance(numbers, CameraNumbers):
+        sigma = min(sigma * float(numbers.scales[largest % 6]), _LARGEST_SIGMA)
+        why = f"the data hardly change when {', '.join(names)} change{'' if names[1:] else 's'}"
+        because = intrinsics_reason(solution, largest // 6)
+        return WeakDirection(
+            names, sigma, numbers.units[largest % 6], f"{why}: {because}" if because else why
+        )
+    unit = "rad" if largest % 6 < 3 else "m"
     axis = _world_direction(solution, spread, largest)
     why = f"the data hardly change when {_motion(solution, moving, unit, axis)}"
-    because = known_reason or reason(solution, moving, axis)
+    cameras = [i for i in moving if _is_camera(blocks[i])]
+    because = known_reason or (intrinsics_reason(solution, cameras[0]) if cameras else None)
+    because = because or reason(solution, [i for i in moving if i not in cameras], axis)
     return WeakDirection(names, sigma, unit, f"{why}: {because}" if because else why)
 
 

@@ -23,7 +23,7 @@ from atom_core.io.urdf import Description, read_description, write_calibrated_de
 from atom_core.model.dataset import Dataset
 from atom_core.model.joints import JOINT_PARAMETERS, JointSelection
 from atom_core.model.selection import select_names
-from atom_core.model.sensor import LIDAR3D
+from atom_core.model.sensor import LIDAR3D, RGB
 from atom_core.report.calibration_tables import calibration_report
 from atom_core.solvers.base import CONVERGED, Iteration, SolverOptions
 from atom_core.solvers.choice import CERES, SOLVERS, default_solver
@@ -53,6 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_solver_options(parser)
     _add_freedom_options(parser)
     _add_keep_options(parser)
+    _add_intrinsics_option(parser)
     _add_range_offset_option(parser)
     common.add_option(
         parser,
@@ -134,6 +135,18 @@ def _add_solver_options(parser: argparse.ArgumentParser) -> None:
         default=(0.05, 0.05),
         metavar=("M", "RAD"),
         help="a larger predicted sigma counts as undetermined",
+    )
+
+
+def _add_intrinsics_option(parser: argparse.ArgumentParser) -> None:
+    common.add_option(
+        parser,
+        "optimize_intrinsics",
+        "-oi",
+        nargs="*",
+        metavar="S",
+        help="estimate focal lengths, centre and distortion of these rgb cameras too (names, "
+        "globs; all without a name)",
     )
 
 
@@ -250,6 +263,7 @@ def run(args: argparse.Namespace, watcher: Optional[Watcher] = None) -> int:
     options = replace(
         options,
         joints=_joints(args, dataset),
+        intrinsics=_cameras(args, dataset),
         range_offset=_range_offset_sensors(args, dataset),
         keep_collections=_kept_collections(args, dataset),
         keep_detections=_kept_detections(args, dataset),
@@ -299,6 +313,15 @@ def _options(args: argparse.Namespace) -> CalibrationOptions:
         )
     except ValueError as error:
         raise CalibrationError(str(error)) from None
+
+
+def _cameras(args: argparse.Namespace, dataset: Dataset) -> Tuple[str, ...]:
+    if args.optimize_intrinsics is None:
+        return ()
+    cameras = [s.name for s in dataset.sensors.values() if s.modality == RGB]
+    if not cameras:
+        raise CalibrationError("--optimize_intrinsics: there is no rgb camera")
+    return tuple(select_names(cameras, args.optimize_intrinsics, "rgb camera"))
 
 
 def _joints(args: argparse.Namespace, dataset: Dataset) -> Optional[JointSelection]:

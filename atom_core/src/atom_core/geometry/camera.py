@@ -158,7 +158,7 @@ class Camera:
         # The undistorted corner may lie farther out than the ideal one: search the radius
         # where the distorted one passes the image's corner, or turns back before it.
         radius = np.sqrt(largest) * np.linspace(0.2, 3.0, 281)
-        factor, slope = _radial_factor(self.model, self.D, radius**2)
+        factor, slope = radial_factor(self.model, self.D, radius**2)
         growing = factor + 2.0 * radius**2 * slope > 0.05
         reached = radius * factor >= np.sqrt(largest) * 1.1
         turned = np.flatnonzero(~growing)
@@ -175,8 +175,7 @@ class Camera:
 
     def _project_pinhole(self, points: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
         x, y, z = points[:, 0], points[:, 1], points[:, 2]
-        front = z >= NEAR_M
-        inverse_z = np.where(front, 1.0 / np.where(front, z, 1.0), (2 * NEAR_M - z) / NEAR_M**2)
+        front, inverse_z = z >= NEAR_M, inverse_depth(z)
         slope = np.where(front, -(inverse_z**2), -1.0 / NEAR_M**2)
         ideal = np.stack([x * inverse_z, y * inverse_z], axis=1)
         by_point = np.zeros((len(points), 2, 3))
@@ -208,6 +207,12 @@ class Camera:
         return value, np.where(outside[:, None, None], extended, jacobian)
 
 
+def inverse_depth(z: np.ndarray) -> np.ndarray:
+    """Return 1/z (n,), nearer than NEAR_M and behind the camera along its tangent there."""
+    front = z >= NEAR_M
+    return np.where(front, 1.0 / np.where(front, z, 1.0), (2 * NEAR_M - z) / NEAR_M**2)
+
+
 def _trim_coefficients(model: str, D: np.ndarray) -> np.ndarray:
     """Return D in the model's length: longer ones are accepted when the rest is zero."""
     lengths = _COEFFICIENTS[model]
@@ -220,7 +225,7 @@ def _trim_coefficients(model: str, D: np.ndarray) -> np.ndarray:
     raise ValueError(f"D has {D.size} numbers, the model {model} needs {wanted}")
 
 
-def _radial_factor(model: str, D: np.ndarray, square: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+def radial_factor(model: str, D: np.ndarray, square: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
     """Return the radial factor and its derivative by r^2, of r^2."""
     k1, k2 = D[0], D[1]
     k3 = D[4] if D.size > 4 else 0.0
@@ -238,7 +243,7 @@ def _distort_inside(model: str, D: np.ndarray, ideal: np.ndarray) -> Tuple[np.nd
     x, y = ideal[:, 0], ideal[:, 1]
     p1, p2 = D[2], D[3]
     square = x * x + y * y
-    factor, slope = _radial_factor(model, D, square)
+    factor, slope = radial_factor(model, D, square)
     value = np.stack(
         [
             x * factor + 2 * p1 * x * y + p2 * (square + 2 * x * x),

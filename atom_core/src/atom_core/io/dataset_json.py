@@ -381,6 +381,12 @@ def document_of(dataset: Dataset, relabelled: Iterable[DetectionKey] = ()) -> Di
             read, to the last digit.
     """
     document = dict(dataset.document)
+    document["sensors"] = {
+        name: _with_camera(entry, dataset.sensors[name].camera)
+        if name in dataset.sensors
+        else entry
+        for name, entry in document["sensors"].items()
+    }
     kept = {k: dict(v) for k, v in document["collections"].items() if k in dataset.collections}
     for key, collection in dataset.collections.items():
         stored = dict(kept[key].get("transforms") or {})
@@ -400,6 +406,25 @@ def document_of(dataset: Dataset, relabelled: Iterable[DetectionKey] = ()) -> Di
         entry["labels"] = with_label(entry.get("labels") or {}, dataset, detection)
     document["collections"] = kept
     return document
+
+
+def _with_camera(entry: Mapping[str, Any], camera: Optional[Camera]) -> Mapping[str, Any]:
+    """Return a sensor's entry with other intrinsics, where they have changed."""
+    info = entry.get("camera_info")
+    if camera is None or not info:
+        return entry
+    before = _camera(info)
+    if np.array_equal(before.K, camera.K) and np.array_equal(before.D, camera.D):
+        return entry
+    coefficients = [float(v) for v in camera.D]
+    longer = [float(v) for v in info["D"][len(coefficients) :]]  # zeros of a longer layout
+    changed = {**info, "K": [float(v) for v in camera.K.ravel()], "D": coefficients + longer}
+    P = np.array(info.get("P") or [], dtype=float)
+    if P.size == 12 and np.allclose(P.reshape(3, 4)[:, :3], before.K):  # of the raw image
+        P = P.reshape(3, 4)
+        P[:, :3] = camera.K
+        changed["P"] = [float(v) for v in P.ravel()]
+    return {**entry, "camera_info": changed}
 
 
 def transform_document(edge: Edge, parent_T_child: np.ndarray) -> Dict[str, Any]:

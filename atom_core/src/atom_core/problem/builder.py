@@ -9,11 +9,13 @@ import numpy as np
 
 from atom_core.errors import CalibrationError
 from atom_core.geometry import se3
+from atom_core.geometry.camera import Camera
 from atom_core.model.dataset import MULTIPLE, Dataset, board_edge
 from atom_core.model.joints import POSITION_BIAS, JointSelection
 from atom_core.model.pattern import BoardKey
 from atom_core.model.sensor import RGB
 from atom_core.model.transforms import Edge, FrameGraph, Step
+from atom_core.problem.camera_blocks import camera_numbers
 from atom_core.problem.joint_blocks import BiasNumbers, Numbers, OriginNumbers
 from atom_core.problem.measurements import (
     CORNER_SIGMA_PX,
@@ -23,6 +25,7 @@ from atom_core.problem.measurements import (
 )
 from atom_core.problem.parameters import (
     ADDITIONAL_TF,
+    INTRINSICS,
     JOINT,
     PATTERN,
     SENSOR,
@@ -47,12 +50,14 @@ class FreeEdges:
         additional_tfs: further edges to estimate, by name.
         anchor_patterns: True to hold every board where it is.
         joints: parameters to estimate, by joint.
+        intrinsics: names of the intrinsics to estimate, by camera.
     """
 
     anchored_sensors: Tuple[str, ...] = ()
     additional_tfs: Mapping[str, Edge] = field(default_factory=dict)
     anchor_patterns: bool = False
     joints: JointSelection = field(default_factory=dict)
+    intrinsics: Mapping[str, Tuple[str, ...]] = field(default_factory=dict)
 
     def held_edges(self, dataset: Dataset) -> FrozenSet[Edge]:
         """Return the sensor edges that stay; one that sensors share stays for all of them."""
@@ -107,6 +112,7 @@ def build_problem(
         _sensor_blocks(placed, measurements, free, first)
         + _additional_blocks(placed, free, sorted(used))
         + _joint_blocks(placed, free)
+        + _intrinsics_blocks(placed, measurements, free)
         + _pattern_blocks(placed, boards, measurements, free)
     )
     ordered = sorted(measurements, key=lambda m: (m.key.sensor, m.key.collection, m.key.pattern))
@@ -119,7 +125,8 @@ def build_problem(
         for m in ordered
     ]
     chains = pose_chains(placed, ends, parameters)
-    blocks = _residual_blocks(ordered)
+    chains = _with_cameras(chains, [m.key.sensor for m in ordered], parameters)
+    blocks = _residual_blocks(ordered, dataset)
     return Problem(parameters, tuple(m.key for m in ordered), chains, tuple(blocks))
 
 
@@ -185,6 +192,38 @@ def _joint_blocks(dataset: Dataset, free: FreeEdges) -> List[ParameterBlock]:
             for part in parts
         ]
     return blocks
+
+
+def _intrinsics_blocks(
+    dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges
+) -> List[ParameterBlock]:
+    seen = {m.key.sensor for m in measurements}
+    blocks: List[ParameterBlock] = []
+    for name, estimated in free.intrinsics.items():
+        sensor = dataset.sensors[name]
+        if sensor.camera is not None and name in seen:
+            blocks += [
+                ParameterBlock(sensor.edge, INTRINSICS, None, np.eye(4), (name,), part)
+                for part in camera_numbers(sensor.camera, estimated)
+            ]
+    return blocks
+
+
+def _with_cameras(chains: PoseChains, sensors: Sequence[str], parameters: Parameters) -> PoseChains:
+    """Return the chains with the blocks of the sensors' intrinsics at their end."""
+    if not parameters.cameras:
+        return chains
+    tails = [list(parameters.cameras.get(sensor, ())) for sensor in sensors]
+    lengths = np.sum(chains.block >= 0, axis=1)
+    depth = max(int(n) + len(tail) for n, tail in zip(lengths, tails))
+    count = len(tails)
+    more = max(depth - chains.block.shape[1], 0)
+    identity = np.tile(np.eye(4), (count, more, 1, 1))
+    block = np.concatenate([chains.block, np.full((count, more), -1)], axis=1)
+    for i, (n, tail) in enumerate(zip(lengths, tails)):
+        block[i, n : n + len(tail)] = tail
+    inverted = np.concatenate([chains.inverted, np.zeros((count, more), dtype=bool)], axis=1)
+    return PoseChains(np.concatenate([chains.constants, identity], axis=1), block, inverted)
 
 
 def _pattern_blocks(
@@ -277,7 +316,7 @@ def _joint_factors(
     return [origin, bias, joint.motion(joint.position)]
 
 
-def _residual_blocks(measurements: Sequence[Measurement]) -> List[ResidualBlock]:
+def _residual_blocks(measurements: Sequence[Measurement], dataset: Dataset) -> List[ResidualBlock]:
     by_sensor: Dict[str, List[Tuple[int, Measurement]]] = {}
     for i, m in enumerate(measurements):
         by_sensor.setdefault(m.key.sensor, []).append((i, m))
@@ -286,7 +325,9 @@ def _residual_blocks(measurements: Sequence[Measurement]) -> List[ResidualBlock]
         corners = [(i, m) for i, m in items if isinstance(m, CornerMeasurement)]
         ranges = [(i, m) for i, m in items if isinstance(m, RangeMeasurement)]
         if corners:
-            blocks.append(_reprojection(sensor, corners))
+            camera = dataset.sensors[sensor].camera
+            assert camera is not None
+            blocks.append(_reprojection(sensor, camera, corners))
         if ranges:
             blocks.append(_orthogonal(sensor, ranges))
         if any(len(m.limit) for _, m in ranges):
@@ -294,7 +335,9 @@ def _residual_blocks(measurements: Sequence[Measurement]) -> List[ResidualBlock]
     return blocks
 
 
-def _reprojection(sensor: str, items: Sequence[Tuple[int, CornerMeasurement]]) -> ReprojectionBlock:
+def _reprojection(
+    sensor: str, camera: Camera, items: Sequence[Tuple[int, CornerMeasurement]]
+) -> ReprojectionBlock:
     detection = _repeat([(i, len(m.ids)) for i, m in items])
     return ReprojectionBlock(
         sensor=sensor,
@@ -302,7 +345,7 @@ def _reprojection(sensor: str, items: Sequence[Tuple[int, CornerMeasurement]]) -
         detection=detection,
         sigma=np.full(len(detection), CORNER_SIGMA_PX),
         ids=np.concatenate([m.ids for _, m in items]),
-        camera=items[0][1].camera,
+        camera=camera,
         corners_in_pattern=np.concatenate([m.corners_in_pattern for _, m in items]),
         pixels=np.concatenate([m.pixels for _, m in items]),
     )

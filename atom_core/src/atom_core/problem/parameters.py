@@ -14,20 +14,24 @@ from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 import numpy as np
 
 from atom_core.geometry import se3
+from atom_core.geometry.camera import Camera
+from atom_core.geometry.intrinsics import COUNT, moved_camera
 from atom_core.model.transforms import Edge
+from atom_core.problem.camera_blocks import LOCAL, TWIST, CameraNumbers
 from atom_core.problem.joint_blocks import BiasNumbers, Numbers, OriginNumbers
 
-SENSOR, ADDITIONAL_TF, PATTERN, JOINT = "sensor", "additional_tf", "pattern", "joint"
+SENSOR, ADDITIONAL_TF, PATTERN = "sensor", "additional_tf", "pattern"
+JOINT, INTRINSICS = "joint", "intrinsics"
 COMPONENTS = ("r1", "r2", "r3", "x", "y", "z")
 
 
 @dataclass(frozen=True)
 class ParameterBlock:
-    """One pose to estimate, or a part of a joint.
+    """One pose to estimate, or a part of a joint or of a camera's intrinsics.
 
     Attributes:
-        edge: the edge of the tree.
-        kind: sensor, additional_tf, pattern or joint.
+        edge: the edge of the tree; of intrinsics, that of the camera.
+        kind: sensor, additional_tf, pattern, joint or intrinsics.
         collection: whose value it is; None when one value holds for all collections.
         initial: (4, 4) ``parent_T_child`` to start from; of a joint, its part of it.
         names: sensors (or the pattern, or the joint) that it belongs to.
@@ -68,7 +72,14 @@ class Parameters:
         self.blocks: Tuple[ParameterBlock, ...] = tuple(shared + local)
         self.shared_count = len(shared)
         self._index: Dict[Tuple[Edge, Optional[str]], List[int]] = {}
+        self.cameras: Dict[str, List[int]] = {}  # blocks of a sensor's intrinsics
+        # Where a block's columns begin among those that a detection's rows have.
+        self.local_start = np.zeros(len(self.blocks), dtype=int)
         for i, block in enumerate(self.blocks):
+            if isinstance(block.numbers, CameraNumbers):
+                self.cameras.setdefault(block.names[0], []).append(i)
+                self.local_start[i] = TWIST + block.numbers.first
+                continue
             holders = self._index.setdefault((block.edge, block.collection), [])
             if holders and None in (block.numbers, self.blocks[holders[0]].numbers):
                 raise ValueError("two parameter blocks hold the same edge")
@@ -83,6 +94,42 @@ class Parameters:
     def size(self) -> int:
         """Length of the vector."""
         return 6 * len(self.blocks)
+
+    @property
+    def local_size(self) -> int:
+        """How many columns a detection's rows have: its twist's, and a camera's numbers."""
+        return LOCAL if self.cameras else TWIST
+
+    def localised(self, block: np.ndarray, maps: np.ndarray) -> np.ndarray:
+        """Return maps to all local columns (d, k, local_size, 6).
+
+        Args:
+            block: (d, k) indices of blocks, -1 where there is none.
+            maps: (d, k, 6, 6) to the twist; of a camera's blocks it has no meaning.
+        """
+        if not self.cameras:
+            return maps
+        result = np.zeros(maps.shape[:2] + (LOCAL, 6))
+        start = np.where(block >= 0, self.local_start[block], 0)
+        result[:, :, :TWIST] = np.where((start == 0)[:, :, None, None], maps, 0.0)
+        for i in np.flatnonzero(self.local_start):
+            first = self.local_start[i]
+            result[block == i, first : first + 6] = np.diag(self.free[i].astype(float))
+        return result
+
+    def cameras_at(self, x: np.ndarray) -> Dict[str, Tuple[Camera, Camera]]:
+        """Return the camera to start from and the one at the vector x, by sensor."""
+        found: Dict[str, Tuple[Camera, Camera]] = {}
+        for sensor, indices in self.cameras.items():
+            all_numbers, cameras = np.zeros(COUNT), []
+            for i in indices:
+                numbers = self.blocks[i].numbers
+                assert isinstance(numbers, CameraNumbers)
+                part = np.where(numbers.free, x[6 * i : 6 * i + 6], 0.0)
+                all_numbers[numbers.first : numbers.first + 6] = part
+                cameras.append(numbers.camera)
+            found[sensor] = (cameras[0], moved_camera(cameras[0], all_numbers))
+        return found
 
     @property
     def free_count(self) -> int:

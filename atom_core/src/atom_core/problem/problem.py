@@ -15,7 +15,12 @@ import numpy as np
 from atom_core.geometry import se3
 from atom_core.model.dataset import DetectionKey
 from atom_core.problem.parameters import Parameters
-from atom_core.problem.residuals import BorderBlock, RangeBlock, ResidualBlock
+from atom_core.problem.residuals import (
+    BorderBlock,
+    RangeBlock,
+    ReprojectionBlock,
+    ResidualBlock,
+)
 
 if TYPE_CHECKING:
     from scipy import sparse
@@ -92,8 +97,10 @@ class Linearisation(NamedTuple):
 
     Attributes:
         residuals: for each residual block, (n, dimension) in its unit.
-        by_twist: for each residual block, (n, dimension, 6).
-        maps: (d, k, 6, 6) twist of each detection by the numbers of its blocks.
+        by_twist: for each residual block, (n, dimension, 6); or by all local columns, (n,
+            dimension, 18), where the intrinsics of its camera are estimated.
+        maps: (d, k, 6, 6) twist of each detection by the numbers of its blocks; (d, k, 18, 6)
+            where any intrinsics are estimated.
     """
 
     residuals: List[np.ndarray]
@@ -145,18 +152,42 @@ class Problem:
         ]
         return replace(self, residual_blocks=tuple(blocks))
 
+    def with_cameras(self, x: np.ndarray) -> Problem:
+        """Return the problem with the cameras of the vector x in its rows, to be held there."""
+        return replace(self, residual_blocks=self._blocks_at(x))
+
     def residuals(self, x: np.ndarray) -> List[np.ndarray]:
         """Return, for each residual block, (n, dimension) in its unit."""
         poses = self.poses(x)
-        return [block.residuals(poses) for block in self.residual_blocks]
+        return [block.residuals(poses) for block in self._blocks_at(x)]
 
-    def linearise(self, x: np.ndarray) -> Linearisation:
-        """Return residuals and their derivatives at the vector x."""
+    def poses_and_maps(self, x: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+        """Return the detections' poses (d, 4, 4) and ``Linearisation.maps``."""
         block_poses = self.parameters.poses(x)
         twists = self.parameters.twists(x, block_poses)
         poses, maps = self.chains.poses_and_maps(block_poses, twists)
-        pairs = [block.linearise(poses) for block in self.residual_blocks]
+        return poses, self.parameters.localised(self.chains.block, maps)
+
+    def linearise(self, x: np.ndarray) -> Linearisation:
+        """Return residuals and their derivatives at the vector x."""
+        poses, maps = self.poses_and_maps(x)
+        starts = {name: pair[0] for name, pair in self.parameters.cameras_at(x).items()}
+        pairs = [
+            block.linearise_with_intrinsics(poses, starts[block.sensor])
+            if isinstance(block, ReprojectionBlock) and block.sensor in starts
+            else block.linearise(poses)
+            for block in self._blocks_at(x)
+        ]
         return Linearisation([p[0] for p in pairs], [p[1] for p in pairs], maps)
+
+    def _blocks_at(self, x: np.ndarray) -> Tuple[ResidualBlock, ...]:
+        cameras = self.parameters.cameras_at(x)
+        return tuple(
+            replace(block, camera=cameras[block.sensor][1])
+            if isinstance(block, ReprojectionBlock) and block.sensor in cameras
+            else block
+            for block in self.residual_blocks
+        )
 
     def jacobian(self, x: np.ndarray, sigmas: Sequence[np.ndarray]) -> sparse.csr_matrix:
         """Return d(rows / sigma)/dx as a sparse (rows, parameters) matrix.
@@ -181,7 +212,8 @@ class Problem:
 
         rows = block.count * block.dimension
         blocks = self.chains.block[block.detection]
-        values = np.einsum("nrt,nktp->nrkp", by_twist, maps[block.detection])
+        reached = maps[block.detection][:, :, : by_twist.shape[2]]
+        values = np.einsum("nrt,nktp->nrkp", by_twist, reached)
         columns = 6 * blocks[:, None, :, None] + np.arange(6)
         columns = np.broadcast_to(columns, values.shape)
         row = np.broadcast_to(

@@ -23,6 +23,7 @@ import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
+from atom_core.geometry.intrinsics import project_with_derivatives
 from atom_core.geometry.rectangle import blended_distance_to_rectangles
 
 REPROJECTION, ORTHOGONAL, BORDER = "reprojection", "orthogonal", "border"
@@ -98,6 +99,20 @@ class ReprojectionBlock(ResidualBlock):
         projected, by_point = self.camera.project_with_jacobian(points)
         turned = np.cross(points[:, None, :], by_point)
         return projected - self.pixels, np.concatenate([turned, by_point], axis=2)
+
+    def linearise_with_intrinsics(
+        self, sensor_T_pattern: np.ndarray, start: Camera
+    ) -> Tuple[np.ndarray, np.ndarray]:
+        """Return residuals (n, 2) [px] and Jacobians (n, 2, 18) by twist and camera's numbers.
+
+        Args:
+            sensor_T_pattern: (d, 4, 4).
+            start: the camera to which the numbers are relative.
+        """
+        points = se3.apply(sensor_T_pattern[self.detection], self.corners_in_pattern)
+        projected, by_point, by_number = project_with_derivatives(start, self.camera, points)
+        turned = np.cross(points[:, None, :], by_point)
+        return projected - self.pixels, np.concatenate([turned, by_point, by_number], axis=2)
 
 
 @dataclass(frozen=True)

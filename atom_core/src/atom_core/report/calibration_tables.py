@@ -21,7 +21,7 @@ _SHOWN = {"reprojection": ("px", 1.0, 4), "orthogonal": ("mm", 1e3, 2), "border"
 def calibration_report(document: Mapping[str, Any], verbose: bool = False) -> str:
     """Return what ``calibrate`` prints, from the document ``calibration.json``."""
     parts = [_edges_table(document), *_joints_table(document), _sensors_table(document)]
-    parts += _range_offset_lines(document)
+    parts += _intrinsics_table(document) + _range_offset_lines(document)
     parts += _propagation_table(document) + _outliers_line(document)
     if verbose:
         parts.append(_collections_table(document))
@@ -88,6 +88,17 @@ def _sensors_table(document: Mapping[str, Any]) -> str:
     for kind, (unit, _, _) in _SHOWN.items():
         headers += [f"{kind} mean [{unit}]", f"rms [{unit}]"]
     return text_table(headers, rows, "Residuals at the solution")
+
+
+def _intrinsics_table(document: Mapping[str, Any]) -> List[str]:
+    rows: List[List[Any]] = []
+    for name, sensor in document["sensors"].items():
+        for parameter, found in sensor.get("intrinsics", {}).items():
+            digits, unit = (3, "px") if found["unit"] == "px" else (6, "")
+            numbers = [f"{found[key]:.{digits}f}" for key in ("value", "change", "sigma")]
+            rows.append([name, parameter, *numbers, unit])
+    headers = ["Camera", "Parameter", "Value", "Change", "Sigma", "Unit"]
+    return [text_table(headers, rows, "Calibrated intrinsics")] if rows else []
 
 
 def _range_offset_lines(document: Mapping[str, Any]) -> List[str]:

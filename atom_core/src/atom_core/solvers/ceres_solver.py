@@ -11,6 +11,9 @@ from typing import Any, Dict, List, Optional, Sequence
 import numpy as np
 
 from atom_core import native
+from atom_core.geometry.camera import Camera
+from atom_core.geometry.intrinsics import COUNT, number_scales
+from atom_core.problem.camera_blocks import CameraNumbers
 from atom_core.problem.joint_blocks import BiasNumbers, Numbers, OriginNumbers
 from atom_core.problem.parameters import PATTERN
 from atom_core.problem.problem import Problem
@@ -77,7 +80,8 @@ class CeresSolver:
     def _assess(
         self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str, with_insets: bool
     ) -> Assessment:
-        blocks, maps = self._native.assess(x, list(sigmas), loss, with_insets)
+        blocks, twist_maps = self._native.assess(x, list(sigmas), loss, with_insets)
+        maps = self.problem.parameters.localised(self.problem.chains.block, twist_maps)
         parts = [DetectionParts(b["detection"], b["information"], b["gradient"]) for b in blocks]
         columns = [
             InsetColumn(
@@ -147,7 +151,10 @@ def _native_problem(problem: Problem) -> Any:
         constants=problem.chains.constants,
         block=problem.chains.block,
         inverted=problem.chains.inverted,
-        residual_blocks=[_residual_block(b) for b in problem.residual_blocks],
+        residual_blocks=[
+            _residual_block(b, b.sensor in problem.parameters.cameras)
+            for b in problem.residual_blocks
+        ],
         parts=[
             {"block": i, **_part(block.numbers)}
             for i, block in enumerate(blocks)
@@ -160,6 +167,8 @@ def _part(numbers: Numbers) -> Dict[str, Any]:
     free = np.asarray(numbers.free, dtype=float)
     if isinstance(numbers, OriginNumbers):
         return {"kind": "origin", "values": numbers.initial, "free": free}
+    if isinstance(numbers, CameraNumbers):
+        return {"kind": "camera", "first": numbers.first, "free": free}
     assert isinstance(numbers, BiasNumbers)
     return {
         "kind": "bias",
@@ -170,7 +179,13 @@ def _part(numbers: Numbers) -> Dict[str, Any]:
     }
 
 
-def _residual_block(block: ResidualBlock) -> Dict[str, Any]:
+def _movable(camera: Camera) -> Dict[str, Any]:
+    scale = np.zeros(COUNT)
+    scale[: 4 + camera.D.size] = number_scales(camera)
+    return {"number_scale": scale, "width": camera.width, "height": camera.height}
+
+
+def _residual_block(block: ResidualBlock, movable: bool) -> Dict[str, Any]:
     item: Dict[str, Any] = {"kind": block.kind, "detection": block.detection}
     if isinstance(block, ReprojectionBlock):
         camera = block.camera
@@ -181,6 +196,7 @@ def _residual_block(block: ResidualBlock) -> Dict[str, Any]:
             "centre_px": camera.centre_px,
             "coefficients": list(camera.D),
             "limit_square": camera.limit_square,
+            **({} if not movable else _movable(camera)),
         }
         return item
     assert isinstance(block, (OrthogonalBlock, BorderBlock))

@@ -96,13 +96,13 @@ class Covariance:
         return self._scale * result
 
     def twists(self, index: np.ndarray, maps: np.ndarray) -> np.ndarray:
-        """Return the covariances (n, 6, 6) of the twists of chains.
+        """Return the covariances (n, c, c) of the twists of chains, or of all local columns.
 
         Args:
             index: (n, k) blocks of each chain, -1 where it is shorter.
-            maps: (n, k, 6, 6) twist by the numbers of the blocks.
+            maps: (n, k, c, 6) twist (c = 6) or local columns by the numbers of the blocks.
         """
-        result = np.zeros((len(index), 6, 6))
+        result = np.zeros((len(index), maps.shape[2], maps.shape[2]))
         for k in range(index.shape[1]):
             for m in range(index.shape[1]):
                 both = np.flatnonzero((index[:, k] >= 0) & (index[:, m] >= 0))
@@ -116,13 +116,13 @@ class Covariance:
         The trace of the hat matrix over the block's rows: rows minus this are its redundancy
         (Foerstner 1979, variance components).
         """
-        twist_covariance = self.twists(problem.chains.block, equations.maps) / self._scale
-        return np.array(
-            [
-                float(np.einsum("dij,dji->", part.information, twist_covariance[part.detection]))
-                for part in equations.parts
-            ]
-        )
+        covariance = self.twists(problem.chains.block, equations.maps) / self._scale
+        explained = []
+        for part in equations.parts:
+            own = part.gradient.shape[1]
+            mine = covariance[part.detection][:, :own, :own]
+            explained.append(float(np.einsum("dij,dji->", part.information, mine)))
+        return np.array(explained)
 
 
 def _tiles(matrices: np.ndarray) -> np.ndarray:

@@ -1,8 +1,9 @@
 """Normal equations in blocks: shared parameters dense, each collection's own eliminated.
 
-The rows of a detection reach the parameters through one six-vector, the twist of its pose. So
-each detection is first reduced to a 6 x 6 matrix and a six-vector; those few are then spread
-over the parameter blocks. Blocks of different collections never meet in a detection: they are
+The rows of a detection reach the parameters through one six-vector, the twist of its pose, and
+through the numbers of its camera where its intrinsics are estimated. So each detection is first
+reduced to a matrix and a vector of these few local columns (6, or 18), which are then spread over
+the parameter blocks. Blocks of different collections never meet in a detection: they are
 eliminated one collection at a time (Schur complement), and the cost grows linearly with the
 collections. Triggs et al., "Bundle adjustment - a modern synthesis" (2000), section 6.
 """
@@ -56,12 +57,12 @@ class Layout:
 
 
 class DetectionParts(NamedTuple):
-    """The rows of one residual block, summed detection by detection, by the detection's twist.
+    """The rows of one residual block, summed detection by detection, by the local columns.
 
     Attributes:
         detection: (m,) the detections that have rows in the block.
-        information: (m, 6, 6).
-        gradient: (m, 6).
+        information: (m, 6, 6) by the twist, or (m, 18, 18) with the camera's numbers.
+        gradient: (m, 6), or (m, 18).
     """
 
     detection: np.ndarray
@@ -81,7 +82,7 @@ class NormalEquations:
         gradient_shared: (s,).
         gradient_local: (g, w).
         parts: for each residual block, its rows by detection.
-        maps: (d, k, 6, 6) twist of each detection by the numbers of its blocks.
+        maps: (d, k, 6 or 18, 6) local columns of each detection by the numbers of its blocks.
     """
 
     layout: Layout
@@ -190,12 +191,13 @@ def _reduce_detections(
     block: ResidualBlock, residual: np.ndarray, by_twist: np.ndarray, weight: np.ndarray
 ) -> DetectionParts:
     """Sum the rows of each detection."""
-    root = np.sqrt(weight)
-    rows = (by_twist * root[:, None, None]).reshape(-1, 6)
+    root, columns = np.sqrt(weight), by_twist.shape[2]
+    rows = (by_twist * root[:, None, None]).reshape(-1, columns)
     values = (residual * root[:, None]).ravel()
     detections, starts = np.unique(block.detection, return_index=True)
     ends = np.append(starts[1:], len(block.detection)) * block.dimension
-    information, gradient = np.zeros((len(detections), 6, 6)), np.zeros((len(detections), 6))
+    information = np.zeros((len(detections), columns, columns))
+    gradient = np.zeros((len(detections), columns))
     for i, (start, end) in enumerate(zip(starts * block.dimension, ends)):
         mine = rows[start:end]
         information[i] = mine.T @ mine
@@ -214,10 +216,7 @@ def spread(
         maps: (d, k, 6, 6) twist of each detection by the numbers of its blocks.
         parts: for each residual block, its rows by detection.
     """
-    information, gradient = np.zeros((len(maps), 6, 6)), np.zeros((len(maps), 6))
-    for part in parts:  # a detection stands once in each
-        information[part.detection] += part.information
-        gradient[part.detection] += part.gradient
+    information, gradient = summed(parts, len(maps), maps.shape[2])
     s, g, w = layout.shared, layout.groups, layout.width
     shared, cross = np.zeros((s, s, 6, 6)), np.zeros((g, w, s, 6, 6))
     local = np.zeros((g, w, w, 6, 6))
@@ -245,6 +244,18 @@ def spread(
     )
 
 
+def summed(
+    parts: Sequence[DetectionParts], count: int, columns: int
+) -> Tuple[np.ndarray, np.ndarray]:
+    """Return information (count, columns, columns) and gradient (count, columns) by detection."""
+    information, gradient = np.zeros((count, columns, columns)), np.zeros((count, columns))
+    for part in parts:  # a detection stands once in each
+        own = part.gradient.shape[1]
+        information[part.detection, :own, :own] += part.information
+        gradient[part.detection, :own] += part.gradient
+    return information, gradient
+
+
 def pulled_back(
     problem: Problem,
     layout: Layout,
@@ -257,16 +268,17 @@ def pulled_back(
     Args:
         problem: whose detections.
         layout: where its parameter blocks stand.
-        maps: (d, k, 6, 6) twist of each detection by the numbers of its blocks.
+        maps: (d, k, 6 or 18, 6) local columns of each detection by the numbers of its blocks.
         detection: (m,) the detections that have a vector.
-        by_twist: (m, 6).
+        by_twist: (m, 6), or (m, 18) by all local columns.
     """
     shared = np.zeros((layout.shared, 6))
     local = np.zeros((layout.groups, layout.width, 6))
     index = problem.chains.block[detection]
     for k in range(index.shape[1]):
         used = index[:, k] >= 0
-        pulled = np.einsum("dij,di->dj", maps[detection[used], k], by_twist[used])
+        reached = maps[detection[used], k, : by_twist.shape[1]]
+        pulled = np.einsum("dij,di->dj", reached, by_twist[used])
         _add_vectors(layout, index[used, k], pulled, shared, local)
     return shared.ravel(), local.reshape(layout.groups, 6 * layout.width)
 

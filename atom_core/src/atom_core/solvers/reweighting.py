@@ -116,7 +116,8 @@ def solve(
     zero = np.zeros(solver.problem.parameters.size)
     rough = rough or rough_minimum(solver, zero, options)
     if options.weights == ATOM:
-        sigmas = atom_normalisers(guess or solver, zero)
+        first = guess or solver
+        sigmas = atom_normalisers(first, np.zeros(first.problem.parameters.size))
         end = rough
         if not rough.interrupted:
             end = _minimise(solver, rough.x, sigmas, options, rough.iterations, EXACT)

@@ -51,6 +51,7 @@ class ScipySolver:
         self._is_board = np.array(
             [b.kind == PATTERN and b.collection is not None for b in blocks], dtype=bool
         )
+        self._poses = problem.parameters.local_start == 0  # blocks that move something
 
     def take_insets(self, problem: Problem) -> None:
         """Go on with a problem that differs from the present one in its insets only."""
@@ -97,7 +98,7 @@ class ScipySolver:
             gain, trial, trial_cost = -1.0, x, cost
             if step is not None:
                 step = self._cut(losses.step_length(loss) * step)
-            if step is not None and _within_reach(step):
+            if step is not None and _within_reach(step, self._poses):
                 trial = x + step
                 trial_cost = self._cost(trial, sigmas, loss)
                 gain = (cost - trial_cost) / predicted
@@ -137,8 +138,8 @@ def unit_cost(problem: Problem, cost: float) -> float:
     return max(2.0 * cost / max(problem.row_count, 1), _SMALLEST_UNIT)
 
 
-def _within_reach(step: np.ndarray) -> bool:
-    blocks = step.reshape(-1, 6)
+def _within_reach(step: np.ndarray, poses: np.ndarray) -> bool:
+    blocks = step.reshape(-1, 6)[poses]
     if blocks.size == 0:
         return True
     turn = np.max(np.linalg.norm(blocks[:, :3], axis=1))

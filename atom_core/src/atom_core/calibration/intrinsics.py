@@ -1,0 +1,136 @@
+"""Intrinsics join when the rest stands: what the corners cannot tell of them is held.
+
+A polynomial has more coefficients than boards in the middle of an image can tell. Which ones, the
+covariance says before anything is solved. The highest are held then, one after the other, and the
+user is told.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
+
+from atom_core.calibration.boards import boards_in, solved_dataset
+from atom_core.calibration.starts import Settled
+from atom_core.geometry.camera import Camera
+from atom_core.model.dataset import Dataset
+from atom_core.problem.builder import FreeEdges, build_problem
+from atom_core.problem.measurements import CornerMeasurement, Measurement
+from atom_core.problem.parameters import INTRINSICS
+from atom_core.solvers import losses
+from atom_core.solvers.base import Minimum, Solver, SolverFactory, SolverOptions
+from atom_core.solvers.covariance import Covariance
+from atom_core.solvers.reweighting import rough_minimum
+
+_PINHOLE = ("fx", "fy", "cx", "cy")
+_HELD_FIRST = ("k6", "k5", "k4", "k3", "k2", "k1", "p2", "p1")
+
+Names = Mapping[str, Tuple[str, ...]]
+
+
+class Joined(NamedTuple):
+    """A problem with free intrinsics.
+
+    Attributes:
+        solver: of the problem.
+        rough: where to go on from.
+        free: what is estimated.
+        remarks: what the user should know.
+    """
+
+    solver: Solver
+    rough: Minimum
+    free: FreeEdges
+    remarks: List[str]
+
+
+def join_intrinsics(
+    settled: Settled,
+    free: FreeEdges,
+    options: SolverOptions,
+    limit_rad: float,
+    make_solver: SolverFactory,
+) -> Joined:
+    """Return the problem of a settled start with the intrinsics free that the corners can tell.
+
+    Args:
+        settled: solved roughly with all intrinsics held.
+        free: names the intrinsics that are asked for.
+        options: of the solver.
+        limit_rad: a coefficient is told when its sigma displaces the image's corner by less.
+        make_solver: which solver.
+    """
+    posed, problem = settled.posed, settled.solver.problem
+    base = solved_dataset(posed.initial, problem, settled.rough.x, {})
+    boards = boards_in(base, posed.measurements)
+    names: Dict[str, Tuple[str, ...]] = dict(free.intrinsics)
+    while True:
+        told = replace(free, intrinsics=names)
+        solver = make_solver(build_problem(base, posed.measurements, boards, told))
+        untold = _untold(solver, limit_rad)
+        if not untold:
+            break
+        names = {
+            sensor: tuple(n for n in of_one if n != untold.get(sensor))
+            for sensor, of_one in names.items()
+        }
+    zero = np.zeros(solver.problem.parameters.size)
+    rough = rough_minimum(solver, zero, options, settled.rough.iterations)
+    return Joined(solver, rough, told, _remarks(base, posed.measurements, free.intrinsics, names))
+
+
+def _untold(solver: Solver, limit_rad: float) -> Dict[str, str]:
+    """Return, by camera, the coefficient to hold next."""
+    problem = solver.problem
+    sigmas = [block.sigma for block in problem.residual_blocks]
+    equations = solver.equations(np.zeros(problem.parameters.size), sigmas, losses.NONE)
+    covariance = Covariance(equations)
+    open_ones: Dict[str, bool] = {}
+    candidates: Dict[str, List[str]] = {}
+    for i, block in enumerate(problem.parameters.blocks):
+        if block.kind != INTRINSICS or block.numbers is None:
+            continue
+        sensor, variance = block.names[0], np.diagonal(covariance.block(i))
+        for name, free, value in zip(block.components, block.numbers.free, variance):
+            if free and name not in _PINHOLE:
+                candidates.setdefault(sensor, []).append(name)
+                is_open = bool(value > limit_rad**2)
+                open_ones[sensor] = open_ones.get(sensor, False) or is_open
+    return {
+        sensor: min(names, key=_HELD_FIRST.index)
+        for sensor, names in candidates.items()
+        if open_ones[sensor]
+    }
+
+
+def _remarks(
+    dataset: Dataset, measurements: Sequence[Measurement], asked: Names, told: Names
+) -> List[str]:
+    remarks = []
+    for sensor, names in asked.items():
+        held = [name for name in names if name not in told[sensor]]
+        if held:
+            camera = dataset.sensors[sensor].camera
+            assert camera is not None
+            reach = round(100.0 * _reach(camera, sensor, measurements))
+            remarks.append(
+                f"camera '{sensor}': {', '.join(held)} {'is' if len(held) == 1 else 'are'} held, "
+                f"since the corners that it saw do not tell (they reach {reach} % of the way from "
+                f"the centre to the corners of the image); hold boards into the image's corners"
+            )
+    return remarks
+
+
+def _reach(camera: Camera, sensor: str, measurements: Sequence[Measurement]) -> float:
+    """Return how far from the centre corners were seen, as a part of the farthest corner's way."""
+    seen = [
+        m.pixels
+        for m in measurements
+        if isinstance(m, CornerMeasurement) and m.key.sensor == sensor
+    ]
+    ends = np.array([[x, y] for x in (0, camera.width) for y in (0, camera.height)], dtype=float)
+    farthest: Optional[float] = float(np.max(np.linalg.norm(ends - camera.centre_px, axis=1)))
+    reached = np.max(np.linalg.norm(np.concatenate(seen) - camera.centre_px, axis=1))
+    return float(reached / farthest)
