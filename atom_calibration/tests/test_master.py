@@ -130,7 +130,6 @@ def test_a_node_whose_master_is_gone_or_another_says_so_and_ends(inputs, again):
             ),
             "every node is known to the master",
         )
-        time.sleep(2.5)  # each has seen that it is known
         master.kill()
         master.wait()
         if again:

@@ -24,32 +24,35 @@ class MasterWatch:
         problem: what is wrong, and what helps; empty: nothing.
     """
 
-    def __init__(self, stop: threading.Event, on_problem: Callable[[], None]):
+    def __init__(self, pid: int, stop: threading.Event, on_problem: Callable[[], None]):
         """Start to look.
 
         Args:
+            pid: the master's, when the node began.
             stop: ends the thread when it is set.
             on_problem: called once, in that thread.
         """
         self.problem = ""
         self._stop, self._on_problem = stop, on_problem
-        self._was_known = False
+        self._master = rosgraph.Master(rospy.get_name())
+        self._was_known, self._pid = False, pid
         threading.Thread(target=self._look, name="master watch", daemon=True).start()
 
     def _look(self) -> None:
-        master = rosgraph.Master(rospy.get_name())
         times = 0
         while not self._stop.wait(_LOOK_EVERY_S) and not rospy.is_shutdown():
-            problem = self._problem_of(master)
+            problem = self._problem_of()
             times = times + 1 if problem else 0
             if problem and times == _TIMES:
                 self.problem = problem
                 self._on_problem()
                 return
 
-    def _problem_of(self, master: rosgraph.Master) -> Optional[str]:
+    def _problem_of(self) -> Optional[str]:
         try:
-            uri = master.lookupNode(rospy.get_name())
+            if self._master.getPid() != self._pid:
+                return RESTARTED  # whether it knows the node or not: one that advertises is known
+            uri = self._master.lookupNode(rospy.get_name())
         except rosgraph.MasterException:  # it answers, but knows no such node
             return RESTARTED if self._was_known else None
         except Exception:  # noqa: BLE001 - sockets and XML-RPC fail in many ways, all mean this

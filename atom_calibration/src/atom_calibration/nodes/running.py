@@ -48,9 +48,9 @@ def start(name: str) -> None:
     """
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: _stop.set())
-    check_master()
+    pid = check_master()
     rospy.init_node(name, disable_signals=True)
-    _watches[:] = [MasterWatch(_stop, _stop.set)]
+    _watches[:] = [MasterWatch(pid, _stop, _stop.set)]
 
 
 def lost() -> str:
@@ -58,22 +58,23 @@ def lost() -> str:
     return next((watch.problem for watch in _watches), "")
 
 
-def check_master() -> None:
-    """Refuse to go on without a master.
+def check_master() -> int:
+    """Return the process id of the master.
 
     Raises:
         ConfigError: there is none.
     """
-    if not _master_answers():
+    pid = _master_pid()
+    if pid is None:
         raise ConfigError("no ROS master answers; start one with roscore, or use roslaunch")
+    return pid
 
 
-def _master_answers() -> bool:
+def _master_pid() -> Optional[int]:
     try:
-        rospy.get_master().getPid()
+        return int(rospy.get_master().getPid()[2])
     except OSError:
-        return False
-    return True
+        return None
 
 
 def guarded(name: str, run: Callable[[], int]) -> int:
@@ -94,7 +95,7 @@ def _outcome(run: Callable[[], int]) -> Tuple[int, str]:
     except AtomError as error:
         return BAD_INPUT, lost() or str(error)
     except OSError:
-        if not _watches or _master_answers():
+        if not _watches or _master_pid() is not None:
             raise
         return UNACCEPTABLE, GONE
     return (max(code, UNACCEPTABLE), lost()) if lost() else (code, "")
