@@ -124,11 +124,13 @@ def test_a_node_whose_master_is_gone_or_another_says_so_and_ends(inputs, again):
         known = rosgraph.Master("/test_master", master_uri=f"http://localhost:{port}")
         wait_until(
             lambda: (
-                {n for part in known.getSystemState()[:2] for _, ns in part for n in ns}
-                >= {"/rgb_1_labeler", "/depth_1_labeler", "/lidar_1_labeler"}
-                | {f"/{name}" for name in WAITING}
+                {service for service, _ in known.getSystemState()[2]}  # the last that rospy begins
+                >= {
+                    f"/{name}/get_loggers"
+                    for name in ("rgb_1_labeler", "depth_1_labeler", "lidar_1_labeler", *WAITING)
+                }
             ),
-            "every node is known to the master",
+            "every node has begun",
         )
         master.kill()
         master.wait()

@@ -49,7 +49,12 @@ def start(name: str) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: _stop.set())
     pid = check_master()
-    rospy.init_node(name, disable_signals=True)
+    try:
+        rospy.init_node(name, disable_signals=True)
+    except rospy.ROSInitException:
+        if _master_pid() is not None:
+            raise
+        raise ConfigError(GONE) from None
     _watches[:] = [MasterWatch(pid, _stop, _stop.set)]
 
 
