@@ -19,6 +19,7 @@ from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
+from waiting import until
 
 from atom_calibration.msg import SensorLabels
 from atom_core.geometry import se3
@@ -290,12 +291,7 @@ def _transform(parent, child, matrix, stamp_s):
 
 
 def wait_until(condition, seconds, what):
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if condition():
-            return
-        time.sleep(0.05)
-    raise AssertionError(f"not within {seconds} s: {what() if callable(what) else what}")
+    until(condition, what, seconds)
 
 
 class Process:

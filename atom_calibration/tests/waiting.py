@@ -8,14 +8,14 @@ PATIENCE_S = 60.0  # reached by what is broken only, however busy the machine
 
 
 def until(condition, what, seconds=PATIENCE_S):
-    """Wait for something to become true; return it."""
+    """Wait for something to become true; return it. What: a text, or what returns one."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         value = condition()
         if value:
             return value
         time.sleep(0.02)
-    raise AssertionError(f"not within {seconds} s: {what}")
+    raise AssertionError(f"not within {seconds} s: {what() if callable(what) else what}")
 
 
 def soon(check):

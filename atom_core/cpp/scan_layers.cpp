@@ -20,9 +20,9 @@ constexpr std::size_t kSearchPoints = 1500;
 constexpr std::size_t kMostLayers = 512;
 constexpr double kLongestStep = 2.0 * kDegree;  // between neighbours in a layer
 constexpr double kSameAzimuth = 1e-6;           // [rad]; two returns of one beam
-constexpr std::size_t kStepsOfRun = 12;
-constexpr double kStrayShare = 0.02;  // of the fullest layer
-constexpr double kStrayGaps = 0.6;    // of the gap between layers
+constexpr std::size_t kStepsOfRun = 12;         // over which an azimuth step is averaged
+constexpr double kStrayShare = 0.02;            // of the fullest layer
+constexpr double kStrayGaps = 0.6;              // of the gap between layers
 
 using Labels = std::vector<int>;
 
@@ -264,10 +264,9 @@ void Assign(const Grouping& grouping, Scan* scan) {
   }
 }
 
-// Median distance of neighbours, in the fullest layer.
-// The step is the mean over runs of neighbours, not the median of single steps: where azimuths
-// jitter (a cloud that was undistorted, say), sorted ones are mostly closer than a step.
-// A low quantile over the runs, since some have gaps and none has too many points.
+// The azimuth step of the fullest layer: the mean over runs of neighbours, not the median of single
+// steps: where azimuths jitter (a cloud that was undistorted, say), sorted ones are mostly closer
+// than a step. A low quantile over the runs, since some have gaps and none has too many points.
 double AzimuthStep(const Scan& scan) {
   std::vector<std::vector<double>> azimuths(scan.layer_elevation.size());
   for (const ScanPoint& point : scan.points) azimuths[point.layer].push_back(point.azimuth);

@@ -27,6 +27,7 @@ FOLDER = Path(__file__).resolve().parent
 sys.path[:0] = [str(FOLDER), f"{rospkg.RosPack().get_path('atom_calibration')}/tests"]
 
 from live_scene import COLLECTIONS, LiveRig, LiveScene, Process  # noqa: E402
+from marker_hand import MarkerHand  # noqa: E402
 from orbit_view import OrbitView, layout  # noqa: E402
 from screen import Screen, end, middle, style_sheet  # noqa: E402
 from workflow_tools import (  # noqa: E402
@@ -34,7 +35,6 @@ from workflow_tools import (  # noqa: E402
     Feed,
     Latest,
     Messages,
-    SeedMarker,
     heard_by,
     wait_until,
 )
@@ -78,7 +78,7 @@ class WorkflowTest(unittest.TestCase):
         cls.labels = {n: Latest(f"/{n}/labels", SensorLabels) for n in cls.scene.sensors}
         cls.state = Latest("/collect_data/state", CollectorState)
         cls.collections = Latest("/collect_data/collections", CollectionStates)
-        cls.markers = {n: SeedMarker(n) for n in (LIDAR, DEPTH)}
+        cls.markers = {n: MarkerHand(n) for n in (LIDAR, DEPTH)}
         points = f"{cls.scene.sensors[LIDAR].topic}/labeled"
         cls.labelled_points = Latest(points, PointCloud2)
 
@@ -107,7 +107,7 @@ class WorkflowTest(unittest.TestCase):
         cls.feed = Feed(LiveRig(self.scene, start_s=float(int(time.time()))), COLLECTIONS[0])
         cls.addClassCleanup(cls.feed.stop)
         wait_until(lambda: all(self.is_detected(n) for n in ("rgb_1", "rgb_2")), self.why)
-        wait_until(lambda: all(m.position is not None for m in self.markers.values()), "markers")
+        wait_until(lambda: all(m.is_ready() for m in self.markers.values()), "markers")
         wait_until(lambda: self.labels[LIDAR].message, self.why)
         self.assertFalse(self.is_detected(LIDAR), "nobody has said where the board is")
         marker, target = self.markers[LIDAR], self.middle_of_board(LIDAR, COLLECTIONS[0])
@@ -140,7 +140,7 @@ class WorkflowTest(unittest.TestCase):
         self.finished()
 
     def test_2_a_seed_is_moved_by_feedback(self):
-        self.markers[DEPTH].move(self.middle_of_board(DEPTH, COLLECTIONS[0]))
+        self.markers[DEPTH].drag(self.middle_of_board(DEPTH, COLLECTIONS[0]))
         wait_until(lambda: self.is_detected(DEPTH), self.why)
         pixels = self.labels[DEPTH].message.patterns[0].idxs
         beside_m, z_m = self.scene.on_board(DEPTH, COLLECTIONS[0], pixels)
@@ -155,7 +155,7 @@ class WorkflowTest(unittest.TestCase):
         for number, key in enumerate(COLLECTIONS[1:], 2):
             self.feed.move_board(key)
             for name, marker in self.markers.items():
-                marker.move(self.middle_of_board(name, key))
+                marker.drag(self.middle_of_board(name, key))
             self.save_collection(KEYS[:number])
             self.check_label(key)
         self.finished()

@@ -5,31 +5,14 @@ from __future__ import annotations
 import threading
 import time
 import xmlrpc.client
+from functools import partial
 
-import numpy as np
 import rosgraph
 import rospy
-from visualization_msgs.msg import (
-    InteractiveMarkerFeedback,
-    InteractiveMarkerInit,
-    InteractiveMarkerUpdate,
-)
-
-from atom_calibration import conversions
-from atom_core.geometry import se3
+from waiting import until
 
 PATIENCE_S = 120.0
-
-
-def wait_until(condition, what):
-    """Wait for something to become true; return it."""
-    end_s = time.monotonic() + PATIENCE_S
-    while time.monotonic() < end_s:
-        value = condition()
-        if value:
-            return value
-        time.sleep(0.05)
-    raise AssertionError(f"not within {PATIENCE_S:g} s: {what() if callable(what) else what}")
+wait_until = partial(until, seconds=PATIENCE_S)
 
 
 def heard_by(node):
@@ -67,36 +50,6 @@ class Messages:
     def __init__(self, topic, kind):
         self.all = []
         self._subscriber = rospy.Subscriber(topic, kind, self.all.append)
-
-
-class SeedMarker:
-    """The marker of a range sensor as RViz knows it, and a published hand that moves it."""
-
-    def __init__(self, sensor):
-        self.name, self.frame, self.position = sensor, "", None
-        server = f"/{sensor}/data_labeler"
-        rospy.Subscriber(f"{server}/update_full", InteractiveMarkerInit, self._take)
-        rospy.Subscriber(f"{server}/update", InteractiveMarkerUpdate, self._take)
-        self.feedback = rospy.Publisher(
-            f"{server}/feedback", InteractiveMarkerFeedback, queue_size=9
-        )
-
-    def _take(self, message):
-        for marker in message.markers:
-            self.frame = marker.header.frame_id
-        for entry in [*message.markers, *getattr(message, "poses", [])]:
-            self.position = conversions.pose_matrix(entry.pose)[:3, 3]
-
-    def move(self, position):
-        """Drag it as RViz would, without a mouse."""
-        wait_until(self.feedback.get_num_connections, "the labeler listens")
-        for event in (InteractiveMarkerFeedback.POSE_UPDATE, InteractiveMarkerFeedback.MOUSE_UP):
-            message = InteractiveMarkerFeedback(
-                client_id="/workflow_test", marker_name=self.name, event_type=event,
-                pose=conversions.pose_message(se3.transform(np.eye(3), position)),
-            )  # fmt: skip
-            message.header.frame_id, message.header.stamp = self.frame, rospy.Time.now()
-            self.feedback.publish(message)
 
 
 class Feed(threading.Thread):

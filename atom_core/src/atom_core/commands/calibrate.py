@@ -6,7 +6,7 @@ import argparse
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import List, Optional, Protocol, Tuple
+from typing import List, Optional, Protocol, Sequence, Tuple
 
 from atom_core.calibration.calibrate import Calibration, calibrate
 from atom_core.calibration.joints import select_joints
@@ -263,8 +263,12 @@ def run(args: argparse.Namespace, watcher: Optional[Watcher] = None) -> int:
     options = replace(
         options,
         joints=_joints(args, dataset),
-        intrinsics=_cameras(args, dataset),
-        range_offset=_range_offset_sensors(args, dataset),
+        intrinsics=_sensors_of(
+            dataset, RGB, "--optimize_intrinsics", "rgb camera", args.optimize_intrinsics
+        ),
+        range_offset=_sensors_of(
+            dataset, LIDAR3D, "--range_offset", "lidar3d sensor", args.range_offset
+        ),
         keep_collections=_kept_collections(args, dataset),
         keep_detections=_kept_detections(args, dataset),
     )
@@ -315,13 +319,16 @@ def _options(args: argparse.Namespace) -> CalibrationOptions:
         raise CalibrationError(str(error)) from None
 
 
-def _cameras(args: argparse.Namespace, dataset: Dataset) -> Tuple[str, ...]:
-    if args.optimize_intrinsics is None:
+def _sensors_of(
+    dataset: Dataset, modality: str, option: str, kind: str, selection: Optional[Sequence[str]]
+) -> Tuple[str, ...]:
+    """Return the sensors of a modality that an option selects; None: it was not given."""
+    if selection is None:
         return ()
-    cameras = [s.name for s in dataset.sensors.values() if s.modality == RGB]
-    if not cameras:
-        raise CalibrationError("--optimize_intrinsics: there is no rgb camera")
-    return tuple(select_names(cameras, args.optimize_intrinsics, "rgb camera"))
+    names = [s.name for s in dataset.sensors.values() if s.modality == modality]
+    if not names:
+        raise CalibrationError(f"{option}: there is no {kind}")
+    return tuple(select_names(names, selection, kind))
 
 
 def _joints(args: argparse.Namespace, dataset: Dataset) -> Optional[JointSelection]:
@@ -333,15 +340,6 @@ def _joints(args: argparse.Namespace, dataset: Dataset) -> Optional[JointSelecti
     if not joints and not parameters:
         return None
     return select_joints(dataset, common.strings(joints), common.strings(parameters))
-
-
-def _range_offset_sensors(args: argparse.Namespace, dataset: Dataset) -> Tuple[str, ...]:
-    if args.range_offset is None:
-        return ()
-    lidars = [s.name for s in dataset.sensors.values() if s.modality == LIDAR3D]
-    if not lidars:
-        raise CalibrationError("--range_offset: there is no lidar3d sensor")
-    return tuple(select_names(lidars, args.range_offset, "lidar3d sensor"))
 
 
 def _kept_collections(args: argparse.Namespace, dataset: Dataset) -> Tuple[str, ...]:
