@@ -82,11 +82,18 @@ def _draw_clouds(path: Path) -> None:
         time.sleep(2.0)
         running.enter_context(
             _program(
-                ["roslaunch", "-p", PORT, "atom_examples", "collab_cell_simulation.launch",
-                 "initial_estimate:=exact", f"seed:={SEED}"],
+                [
+                    "roslaunch",
+                    "-p",
+                    PORT,
+                    "atom_examples",
+                    "collab_cell_simulation.launch",
+                    "initial_estimate:=exact",
+                    f"seed:={SEED}",
+                ],
                 environment,
             )
-        )  # fmt: skip
+        )
         time.sleep(30.0)
         shot = ["import", "-window", "root", "-quality", str(QUALITY), str(path)]
         subprocess.run(shot, env=environment, check=True)

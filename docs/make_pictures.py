@@ -113,9 +113,12 @@ def draw_cell(states: States) -> plt.Figure:
         drawn.set_clip_on(False)
     figure.text(0.02, 0.945, "One optimisation for all sensors of the cell", size=16, color=INK)
     figure.text(
-        0.02, 0.905, "grey: as guessed, 0.1 m and 0.1 rad off     colour: calibrated",
-        size=11, color="#5f6468",
-    )  # fmt: skip
+        0.02,
+        0.905,
+        "grey: as guessed, 0.1 m and 0.1 rad off     colour: calibrated",
+        size=11,
+        color="#5f6468",
+    )
     handles = [
         Line2D([], [], color=COLOURS[m], linewidth=3, label=WORDS[m]) for m in (RGB, DEPTH, LIDAR3D)
     ]
@@ -126,9 +129,13 @@ def draw_cell(states: States) -> plt.Figure:
         side = figure.add_axes((0.765, bottom, 0.215, 0.31))
         _draw_edge_on(side, state, states.after, key, title)
     figure.text(
-        0.765, 0.905, "One board edge-on: labelled\npoints of all range sensors [mm]",
-        size=10.5, color=INK, va="center",
-    )  # fmt: skip
+        0.765,
+        0.905,
+        "One board edge-on: labelled\npoints of all range sensors [mm]",
+        size=10.5,
+        color=INK,
+        va="center",
+    )
     return figure
 
 
@@ -239,9 +246,13 @@ def _draw_edge_on(axes: plt.Axes, state: Dataset, after: Dataset, key: str, titl
         world_T_sensor = pose(state.collections[key], state.graph, state.world, sensor.frame)
         on_board = 1e3 * se3.apply(pattern_T_world @ world_T_sensor, points)
         axes.plot(
-            on_board[:, 0], on_board[:, 2], ".", markersize=1.6, alpha=0.5,
+            on_board[:, 0],
+            on_board[:, 2],
+            ".",
+            markersize=1.6,
+            alpha=0.5,
             color=COLOURS[sensor.modality],
-        )  # fmt: skip
+        )
     axes.set_xlim(-250, 1000)
     axes.set_ylim(-300, 300)
     axes.set_yticks([-200, 0, 200])
@@ -305,9 +316,11 @@ def _draw_view(axes: plt.Axes, state: Dataset, key: DetectionKey, title: str) ->
     axes.add_patch(
         Polygon(
             camera.project(se3.apply(sensor_T_pattern, outline)),
-            fill=False, edgecolor="#8a7a3c", linewidth=1.2,
+            fill=False,
+            edgecolor="#8a7a3c",
+            linewidth=1.2,
         )
-    )  # fmt: skip
+    )
     for seen, said in zip(measured.pixels, projected):
         axes.plot(*zip(seen, said), color=WRONG, linewidth=0.7, alpha=0.7)
     axes.plot(*measured.pixels.T, "o", mfc="none", mec=COLOURS[RGB], markersize=5, mew=1.2)
@@ -340,8 +353,9 @@ def _draw_plane(axes: plt.Axes, state: Dataset, collection: str, title: str) -> 
     mean = 1e3 * np.mean(np.concatenate(distances))
     axes.set_title(
         f"{len(names)} LiDARs, {title}: {_rounded(mean)} mm to the border on average",
-        loc="left", size=12,
-    )  # fmt: skip
+        loc="left",
+        size=12,
+    )
     _frame(axes)
 
 

@@ -110,10 +110,19 @@ class Inputs:
         self.cell_bag = folder / "cell.bag"
         simulate = ["cell_simulator", "--bag", self.cell_bag, "--scenario", "train"]
         subprocess.run(
-            ["rosrun", "atom_examples", *map(str, simulate), "--collections", "1", "--seed", "0",
-             "--compressed"],
-            check=True, timeout=300,
-        )  # fmt: skip
+            [
+                "rosrun",
+                "atom_examples",
+                *map(str, simulate),
+                "--collections",
+                "1",
+                "--seed",
+                "0",
+                "--compressed",
+            ],
+            check=True,
+            timeout=300,
+        )
 
     @property
     def package_path(self) -> str:
@@ -185,8 +194,11 @@ def test_roslaunch_check_finds_nothing(inputs):
         checked = subprocess.run(
             [sys.executable, str(program), "-i", "-o", report, str(place)],
             env={**os.environ, "ROS_PACKAGE_PATH": inputs.package_path},
-            capture_output=True, text=True, timeout=120, check=False,
-        )  # fmt: skip
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
         assert checked.returncode == 0, checked.stdout + checked.stderr
 
 
@@ -202,8 +214,9 @@ def started_and_stopped(case: Case, inputs: Inputs) -> Outcome:
         variables = dict(screen.environment if screen else os.environ)
         variables.update(
             ROS_PACKAGE_PATH=inputs.package_path,
-            ROS_HOME=str(folder), ROS_LOG_DIR=str(folder / "log"),
-        )  # fmt: skip
+            ROS_HOME=str(folder),
+            ROS_LOG_DIR=str(folder / "log"),
+        )
         return _run(case, inputs, folder, variables, screen)
     finally:
         if screen:
@@ -216,14 +229,20 @@ def _run(case, inputs, folder, variables, screen: Optional[Screen]) -> Outcome:
     words = [str(inputs.path(case)), *inputs.arguments(case)]
     nodes = subprocess.run(
         ["roslaunch", "--nodes", *words],
-        env=variables, stdout=subprocess.PIPE, text=True, timeout=PATIENCE_S, check=True,
-    ).stdout.split()  # fmt: skip
+        env=variables,
+        stdout=subprocess.PIPE,
+        text=True,
+        timeout=PATIENCE_S,
+        check=True,
+    ).stdout.split()
     printed = folder / "printed.txt"
     with printed.open("w", encoding="utf-8") as stream:
         launch = subprocess.Popen(
             ["roslaunch", "-p", str(port), *words],
-            env=variables, stdout=stream, stderr=subprocess.STDOUT,
-        )  # fmt: skip
+            env=variables,
+            stdout=stream,
+            stderr=subprocess.STDOUT,
+        )
     missing = nodes
     try:
         end_s = time.monotonic() + PATIENCE_S
@@ -256,10 +275,16 @@ def not_there(nodes, port, printed, screen) -> List[str]:
     if "Initiating shutdown" in printed:  # it has done its work
         return [name for name in nodes if name[1:] not in started]
     nodes = sorted({*nodes, *(f"/{name}" for name in started)})
-    done = {name for name in nodes
-            if re.search(rf"\[{name[1:]}-\d+\] process has finished cleanly", printed)
-            or re.search(rf"REQUIRED process \[{name[1:]}-\d+\] has died!\s+process has finished "
-                         "cleanly", printed)}  # fmt: skip
+    done = {
+        name
+        for name in nodes
+        if re.search(rf"\[{name[1:]}-\d+\] process has finished cleanly", printed)
+        or re.search(
+            rf"REQUIRED process \[{name[1:]}-\d+\] has died!\s+process has finished "
+            "cleanly",
+            printed,
+        )
+    }
     missing = [name for name in nodes if name not in known | done]
     if screen and not missing and not has_window(screen):
         return ["the window of /rviz"]
@@ -280,8 +305,11 @@ def has_window(screen: Screen) -> bool:
     """Tell whether RViz has read its layout and shows its window."""
     found = subprocess.run(
         ["xdotool", "search", "--onlyvisible", "--name", "RViz$"],
-        env=screen.environment, capture_output=True, timeout=60, check=False,
-    )  # fmt: skip
+        env=screen.environment,
+        capture_output=True,
+        timeout=60,
+        check=False,
+    )
     return bool(found.stdout.strip())
 
 

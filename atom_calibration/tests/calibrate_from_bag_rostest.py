@@ -36,16 +36,24 @@ def header(frame, stamp):
 
 def image(picture, frame, stamp):
     return Image(
-        header=header(frame, stamp), height=picture.shape[0], width=picture.shape[1],
-        encoding="bgr8", step=3 * picture.shape[1], data=picture.tobytes(),
-    )  # fmt: skip
+        header=header(frame, stamp),
+        height=picture.shape[0],
+        width=picture.shape[1],
+        encoding="bgr8",
+        step=3 * picture.shape[1],
+        data=picture.tobytes(),
+    )
 
 
 def camera_info(camera, frame, stamp):
     return CameraInfo(
-        header=header(frame, stamp), height=camera.height, width=camera.width,
-        distortion_model="plumb_bob", D=list(camera.D) or [0.0] * 5, K=camera.K.ravel().tolist(),
-    )  # fmt: skip
+        header=header(frame, stamp),
+        height=camera.height,
+        width=camera.width,
+        distortion_model="plumb_bob",
+        D=list(camera.D) or [0.0] * 5,
+        K=camera.K.ravel().tolist(),
+    )
 
 
 def transforms(edges, stamp):
@@ -86,8 +94,11 @@ def launch(**arguments):
     words = [f"{name}:={value}" for name, value in arguments.items()]
     subprocess.run(
         ["roslaunch", "atom_calibration", "calibrate_from_bag.launch", *words],
-        capture_output=True, text=True, timeout=300, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
     with open(os.path.join(arguments["output"], "status.json"), encoding="utf-8") as stream:
         return json.load(stream)
 
@@ -124,10 +135,18 @@ class CalibrateFromBagTest(unittest.TestCase):
         subscriber = rospy.Subscriber("/calibrate/state", CalibrationState, states.append)
         self.addCleanup(subscriber.unregister)
         process = Process(
-            "rosrun", "atom_calibration", "calibrate_from_bag", "--config",
-            self.path("config.yml"), "--bag", self.path("a.bag"), "--output", self.path("out"),
-            "-rv", "--stay",
-        )  # fmt: skip
+            "rosrun",
+            "atom_calibration",
+            "calibrate_from_bag",
+            "--config",
+            self.path("config.yml"),
+            "--bag",
+            self.path("a.bag"),
+            "--output",
+            self.path("out"),
+            "-rv",
+            "--stay",
+        )
         self.addCleanup(process.end)
         until(lambda: states and not states[-1].running, "the end of the solver", 120.0)
         self.assertEqual(states[-1].status, "converged")

@@ -95,10 +95,20 @@ class CalibrateTest(unittest.TestCase):
     def command(self, *words, dataset=None):
         """Run `calibrate -rv` to its end; return (code, stdout, stderr)."""
         done = subprocess.run(
-            ["rosrun", "atom_calibration", "calibrate", "--dataset", dataset or self.path,
-             "-rv", *map(str, words)],
-            capture_output=True, text=True, timeout=180, check=False,
-        )  # fmt: skip
+            [
+                "rosrun",
+                "atom_calibration",
+                "calibrate",
+                "--dataset",
+                dataset or self.path,
+                "-rv",
+                *map(str, words),
+            ],
+            capture_output=True,
+            text=True,
+            timeout=180,
+            check=False,
+        )
         return done.returncode, done.stdout, done.stderr
 
     def ended(self, listener):
@@ -114,9 +124,15 @@ class CalibrateTest(unittest.TestCase):
         buffer = tf2_ros.Buffer()
         tf2_ros.TransformListener(buffer)
         launch = self.start(
-            "roslaunch", "atom_calibration", "calibrate.launch", f"dataset:={self.path}",
-            f"output:={output}", "rviz:=false", "slow:=0.05", f"wait:={WITHIN_S}",
-        )  # fmt: skip
+            "roslaunch",
+            "atom_calibration",
+            "calibrate.launch",
+            f"dataset:={self.path}",
+            f"output:={output}",
+            "rviz:=false",
+            "slow:=0.05",
+            f"wait:={WITHIN_S}",
+        )
         listener.let_it_begin()
         self.ended(listener)
         document = json.loads((output / "calibration.json").read_text(encoding="utf-8"))
@@ -237,9 +253,20 @@ class CalibrateTest(unittest.TestCase):
             return found is not None and np.allclose(found, expected, rtol=0, atol=1e-9)
 
         process = self.start(
-            "rosrun", "atom_calibration", "calibrate", "--dataset", self.path, "--output", output,
-            "-rv", "--tf", "calibrated", "--stay", "--wait", WITHIN_S,
-        )  # fmt: skip
+            "rosrun",
+            "atom_calibration",
+            "calibrate",
+            "--dataset",
+            self.path,
+            "--output",
+            output,
+            "-rv",
+            "--tf",
+            "calibrated",
+            "--stay",
+            "--wait",
+            WITHIN_S,
+        )
         until(lambda: is_at(sensor.edge, before), "the description's value", WITHIN_S)
         listener = Listener(self.dataset)
         self.addCleanup(listener.end)
@@ -258,10 +285,21 @@ class CalibrateTest(unittest.TestCase):
         self.assertEqual(code, 0)
         self.assertIn("converged", said)
         plain = subprocess.run(
-            [sys.executable, "-m", "atom_core", "calibrate", "--dataset", self.path,
-             "--output", self.folder / "plain"],
-            capture_output=True, text=True, timeout=180, check=True,
-        )  # fmt: skip
+            [
+                sys.executable,
+                "-m",
+                "atom_core",
+                "calibrate",
+                "--dataset",
+                self.path,
+                "--output",
+                self.folder / "plain",
+            ],
+            capture_output=True,
+            text=True,
+            timeout=180,
+            check=True,
+        )
         self.assertIn("converged", plain.stdout)
         for name in ("calibration.json", "atom_calibration.json"):
             watched, expected = (
@@ -282,9 +320,20 @@ class CalibrateTest(unittest.TestCase):
         listener, output = Listener(self.dataset), self.folder / "interrupted"
         self.addCleanup(listener.end)
         process = self.start(
-            "rosrun", "atom_calibration", "calibrate", "--dataset", self.path, "--output", output,
-            "-rv", "--slow", "3", "--stay", "--wait", WITHIN_S,
-        )  # fmt: skip
+            "rosrun",
+            "atom_calibration",
+            "calibrate",
+            "--dataset",
+            self.path,
+            "--output",
+            output,
+            "-rv",
+            "--slow",
+            "3",
+            "--stay",
+            "--wait",
+            WITHIN_S,
+        )
         listener.let_it_begin()
         until(lambda: [s for s in listener.states if s.iteration >= 2], "iteration 2", WITHIN_S)
         process.signal(signal.SIGINT)

@@ -53,18 +53,24 @@ class CollectDataTest(unittest.TestCase):
         cls.config = cls.scene.write_config(f"{folder.name}/config.yml")
         cls.output = f"{folder.name}/dataset"
         cls.launch = Process(
-            "roslaunch", "atom_calibration", "collect_data.launch", f"config:={cls.config}",
-            f"output_folder:={cls.output}", "rviz:=false",
-        )  # fmt: skip
+            "roslaunch",
+            "atom_calibration",
+            "collect_data.launch",
+            f"config:={cls.config}",
+            f"output_folder:={cls.output}",
+            "rviz:=false",
+        )
         cls.addClassCleanup(cls.launch.end)
         rospy.Subscriber(f"{NAME}/state", CollectorState, keep, "state")
         rospy.Subscriber(f"{NAME}/collections", CollectionStates, keep, "collections")
         rospy.Subscriber("/data_labeler/update_full", InteractiveMarkerInit, keep, "menu")
         cls.rig = LiveRig(cls.scene, lidar_lag_s=0.05)
         cls.rig.show_until(
-            FIRST, lambda: "state" in NOW and all(v == [True] for v in detected().values()),
-            120, lambda: NOW.get("state"),
-        )  # fmt: skip
+            FIRST,
+            lambda: "state" in NOW and all(v == [True] for v in detected().values()),
+            120,
+            lambda: NOW.get("state"),
+        )
 
     def show(self, key, seconds=1.6):
         """Let the board stand somewhere for some time of the data's clock."""
@@ -155,10 +161,13 @@ class CollectDataTest(unittest.TestCase):
         def click(title):
             feedback.publish(
                 InteractiveMarkerFeedback(
-                    client_id="test", marker_name=marker.name, control_name="menu",
-                    event_type=InteractiveMarkerFeedback.MENU_SELECT, menu_entry_id=entries[title],
+                    client_id="test",
+                    marker_name=marker.name,
+                    control_name="menu",
+                    event_type=InteractiveMarkerFeedback.MENU_SELECT,
+                    menu_entry_id=entries[title],
                 )
-            )  # fmt: skip
+            )
 
         self.show(THIRD)
         click("Save collection")
@@ -168,9 +177,10 @@ class CollectDataTest(unittest.TestCase):
         click("Automatic data collection on/off")
         wait_until(lambda: NOW["state"].automatic, 60, lambda: NOW["state"])
         wait_until(
-            lambda: NOW["menu"].markers[0].description.endswith("collections, automatic"), 60,
+            lambda: NOW["menu"].markers[0].description.endswith("collections, automatic"),
+            60,
             lambda: NOW["menu"].markers[0].description,
-        )  # fmt: skip
+        )
         click("Automatic data collection on/off")
         wait_until(lambda: not NOW["state"].automatic, 60, lambda: NOW["state"])
 
@@ -216,9 +226,16 @@ class CollectDataTest(unittest.TestCase):
 
     def test_9_patience_ends_with_what_was_waited_for(self):
         process = Process(
-            "rosrun", "atom_calibration", "collect_data", "-c", self.config,
-            "-o", self.path("waiting"), "--patience", "1",
-        )  # fmt: skip
+            "rosrun",
+            "atom_calibration",
+            "collect_data",
+            "-c",
+            self.config,
+            "-o",
+            self.path("waiting"),
+            "--patience",
+            "1",
+        )
         self.assertEqual(process.wait(60), 2)
         line = process.output.strip().splitlines()[-1]
         self.assertRegex(line, r"^collect_data: .*(topic|labelers).*")

@@ -44,17 +44,26 @@ class Make:
         rows = np.ascontiguousarray(pixels).view(np.uint8).reshape(len(pixels), -1)
         rows = np.pad(rows, ((0, 0), (0, padding)), constant_values=77)
         return Image(
-            header=cls.header(frame, stamp_s), height=pixels.shape[0], width=pixels.shape[1],
-            encoding=encoding, is_bigendian=int(big), step=rows.shape[1], data=rows.tobytes(),
-        )  # fmt: skip
+            header=cls.header(frame, stamp_s),
+            height=pixels.shape[0],
+            width=pixels.shape[1],
+            encoding=encoding,
+            is_bigendian=int(big),
+            step=rows.shape[1],
+            data=rows.tobytes(),
+        )
 
     @classmethod
     def camera_info(cls, width=64, height=48, frame="cam", stamp_s=1.0, model="plumb_bob", D=None):
         K = [50.0, 0.0, width / 2, 0.0, 50.0, height / 2, 0.0, 0.0, 1.0]
         return CameraInfo(
-            header=cls.header(frame, stamp_s), height=height, width=width, K=K,
-            distortion_model=model, D=[0.0] * 5 if D is None else D,
-        )  # fmt: skip
+            header=cls.header(frame, stamp_s),
+            height=height,
+            width=width,
+            K=K,
+            distortion_model=model,
+            D=[0.0] * 5 if D is None else D,
+        )
 
     @classmethod
     def cloud(cls, table, height=1, row_padding=0, frame="lidar", stamp_s=1.0):
@@ -70,9 +79,15 @@ class Make:
         rows = np.frombuffer(table.tobytes(), np.uint8).reshape(height, width * step)
         rows = np.pad(rows, ((0, 0), (0, row_padding)), constant_values=77)
         return PointCloud2(
-            header=cls.header(frame, stamp_s), height=height, width=width, fields=fields,
-            is_bigendian=big, point_step=step, row_step=rows.shape[1], data=rows.tobytes(),
-        )  # fmt: skip
+            header=cls.header(frame, stamp_s),
+            height=height,
+            width=width,
+            fields=fields,
+            is_bigendian=big,
+            point_step=step,
+            row_step=rows.shape[1],
+            data=rows.tobytes(),
+        )
 
     @classmethod
     def xyz_cloud(cls, points, **options):

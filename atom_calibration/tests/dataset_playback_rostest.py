@@ -51,9 +51,18 @@ CHOSEN = {
     "remove": "/rviz/selected_remove_points",
     "clear": "/rviz/selected_clear_all_points",
 }
-KINDS = {"next": Trigger, "previous": Trigger, "undo": Trigger, "redo": Trigger, "reset": Trigger,
-         "save": Trigger, "polygon_removes_border": SetBool, "delete_label": DeleteLabel,
-         "show_collection": ShowCollection, "select_pattern": SelectPattern}  # fmt: skip
+KINDS = {
+    "next": Trigger,
+    "previous": Trigger,
+    "undo": Trigger,
+    "redo": Trigger,
+    "reset": Trigger,
+    "save": Trigger,
+    "polygon_removes_border": SetBool,
+    "delete_label": DeleteLabel,
+    "show_collection": ShowCollection,
+    "select_pattern": SelectPattern,
+}
 START_S = 60  # until the node has started
 
 
@@ -85,8 +94,11 @@ class DatasetPlaybackTest(unittest.TestCase):
             for name, topic in CHOSEN.items()
         }
         for sensor in (CAMERA, DEPTH):
-            for ending, kind in (("mouse_click", PointStamped), ("right_click", PointStamped),
-                                 ("polygon", PolygonStamped)):  # fmt: skip
+            for ending, kind in (
+                ("mouse_click", PointStamped),
+                ("right_click", PointStamped),
+                ("polygon", PolygonStamped),
+            ):
                 topic = f"{cls.sensors[sensor].topic}/labeled2d/{ending}"
                 cls.publishers[(sensor, ending)] = rospy.Publisher(topic, kind, queue_size=5)
         cls.feedback = rospy.Publisher(f"{NODE}/feedback", InteractiveMarkerFeedback, queue_size=5)
@@ -100,9 +112,13 @@ class DatasetPlaybackTest(unittest.TestCase):
     @classmethod
     def start(cls, *words):
         return Process(
-            "roslaunch", "atom_calibration", "dataset_playback.launch",
-            f"dataset:={cls.path}", "rviz:=false", *words,
-        )  # fmt: skip
+            "roslaunch",
+            "atom_calibration",
+            "dataset_playback.launch",
+            f"dataset:={cls.path}",
+            "rviz:=false",
+            *words,
+        )
 
     @classmethod
     def hear(cls, topic, kind):
@@ -133,8 +149,9 @@ class DatasetPlaybackTest(unittest.TestCase):
 
     def call(self, name, **values):
         answers = []
-        self.after(lambda: answers.append(rospy.ServiceProxy(f"{NODE}/{name}", KINDS[name])(
-            **values)))  # fmt: skip
+        self.after(
+            lambda: answers.append(rospy.ServiceProxy(f"{NODE}/{name}", KINDS[name])(**values))
+        )
         (answer,) = answers
         self.assertTrue(answer.success, answer.message)
         return answer.message
@@ -168,10 +185,15 @@ class DatasetPlaybackTest(unittest.TestCase):
         points[field] = indices
         fields = [PointField(a, 4 * i, 7, 1) for i, a in enumerate("xyz")]
         message = PointCloud2(
-            header=header, height=1, width=len(points), point_step=16, is_dense=True,
-            row_step=16 * len(points), fields=[*fields, PointField(field, 12, 6, 1)],
+            header=header,
+            height=1,
+            width=len(points),
+            point_step=16,
+            is_dense=True,
+            row_step=16 * len(points),
+            fields=[*fields, PointField(field, 12, 6, 1)],
             data=points.tobytes(),
-        )  # fmt: skip
+        )
         return self.after(lambda: self.publishers[kind].publish(message))
 
     def click(self, sensor, pixel, button="mouse_click", header=None):
@@ -365,15 +387,19 @@ class DatasetPlaybackTest(unittest.TestCase):
 
     def test_31_the_menu_does_what_the_services_do(self):
         marker = until(
-            lambda: f"{NODE}/update_full" in self.latest
-            and self.latest[f"{NODE}/update_full"].markers, "the menu"
-        )[0]  # fmt: skip
+            lambda: (
+                f"{NODE}/update_full" in self.latest and self.latest[f"{NODE}/update_full"].markers
+            ),
+            "the menu",
+        )[0]
         entries = {entry.title: entry.id for entry in marker.menu_entries}
         for title, key in (("Next collection", THIRD), ("Previous collection", SECOND)):
             message = InteractiveMarkerFeedback(
-                client_id="rviz", marker_name=marker.name, menu_entry_id=entries[title],
+                client_id="rviz",
+                marker_name=marker.name,
+                menu_entry_id=entries[title],
                 event_type=InteractiveMarkerFeedback.MENU_SELECT,
-            )  # fmt: skip
+            )
             message.header.frame_id = marker.header.frame_id
             self.after(lambda m=message: self.feedback.publish(m))
             self.assertEqual(self.state.collection, key)

@@ -63,8 +63,9 @@ class LabelersTest(unittest.TestCase):
         cls.rig.show_until(
             COLLECTIONS[0],
             lambda: all(n in LATEST and part(n).detected for n in cls.scene.sensors),
-            120, lambda: f"everybody sees the board; {cls.why()}",
-        )  # fmt: skip
+            120,
+            lambda: f"everybody sees the board; {cls.why()}",
+        )
 
     @staticmethod
     def why():
@@ -76,11 +77,11 @@ class LabelersTest(unittest.TestCase):
         self.rig.show_until(
             key,
             lambda: all(
-                since < stamp(n) < self.rig.stamp_s and part(n).detected == detected
-                for n in wanted
+                since < stamp(n) < self.rig.stamp_s and part(n).detected == detected for n in wanted
             ),
-            60, lambda: f"{wanted} {'see' if detected else 'lose'} the board; {self.why()}",
-        )  # fmt: skip
+            60,
+            lambda: f"{wanted} {'see' if detected else 'lose'} the board; {self.why()}",
+        )
 
     def test_1_labels_are_true(self):
         for key in COLLECTIONS:
@@ -147,9 +148,11 @@ class LabelersTest(unittest.TestCase):
         click.point.x, click.point.y = 12.0, 14.0
         clicks.publish(click)
         self.rig.show_until(
-            COLLECTIONS[0], lambda: list(LATEST["depth_1"].manual_seed) == [12.0, 14.0],
-            60, lambda: LATEST["depth_1"].manual_seed,
-        )  # fmt: skip
+            COLLECTIONS[0],
+            lambda: list(LATEST["depth_1"].manual_seed) == [12.0, 14.0],
+            60,
+            lambda: LATEST["depth_1"].manual_seed,
+        )
         self.assertTrue(call("depth_1").success)
         self.see(COLLECTIONS[0], ["depth_1"])
 
@@ -215,9 +218,14 @@ class LabelersTest(unittest.TestCase):
     def test_b_a_collector_that_is_interrupted_leaves_a_whole_dataset(self):
         output = f"{self.folder.name}/dataset"
         collector = Process(
-            "rosrun", "atom_calibration", "collect_data", "-c", f"{self.folder.name}/config.yml",
-            "-o", output,
-        )  # fmt: skip
+            "rosrun",
+            "atom_calibration",
+            "collect_data",
+            "-c",
+            f"{self.folder.name}/config.yml",
+            "-o",
+            output,
+        )
         self.addCleanup(collector.end)
 
         seen, service = {}, "/collect_data/save_collection"

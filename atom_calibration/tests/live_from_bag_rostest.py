@@ -39,10 +39,19 @@ class LiveFromBagTest(unittest.TestCase):
         cls.live, cls.offline = f"{folder.name}/live", f"{folder.name}/offline"
         cls.again = f"{folder.name}/again"
         cls.launch = Process(
-            "roslaunch", "atom_calibration", "collect_data.launch", f"config:={config}",
-            f"output_folder:={cls.live}", f"bag:={bag}", "automatic:=true", "rviz:=false",
-            "pictures:=true", "end_when_quiet:=8", "patience:=120", "bag_rate:=0.3",
-        )  # fmt: skip
+            "roslaunch",
+            "atom_calibration",
+            "collect_data.launch",
+            f"config:={config}",
+            f"output_folder:={cls.live}",
+            f"bag:={bag}",
+            "automatic:=true",
+            "rviz:=false",
+            "pictures:=true",
+            "end_when_quiet:=8",
+            "patience:=120",
+            "bag_rate:=0.3",
+        )
         cls.addClassCleanup(cls.launch.end)
         cls.launch.wait(300)
         cls.command = cls.collect(config, bag, cls.offline)
@@ -51,10 +60,23 @@ class LiveFromBagTest(unittest.TestCase):
     @staticmethod
     def collect(config, bag, output, *options):
         return subprocess.run(
-            ["rosrun", "atom_calibration", "collect_from_bag", "--config", config, "--bag", bag,
-             "--output", output, *options],
-            capture_output=True, text=True, timeout=120, check=False,
-        )  # fmt: skip
+            [
+                "rosrun",
+                "atom_calibration",
+                "collect_from_bag",
+                "--config",
+                config,
+                "--bag",
+                bag,
+                "--output",
+                output,
+                *options,
+            ],
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
 
     def documents(self, *folders):
         return [

@@ -40,9 +40,14 @@ class LiveScene:
     def __init__(self, cloud_sigma_m=CLOUD_SIGMA_M):
         self._cloud_sigma_m = cloud_sigma_m
         self.scene = scenes.random_scene(
-            2, rgb=2, depth=1, lidar3d=1, collections=5,
-            sampling=Sampling(background_step=1), disturbance=(0.1, 0.1),
-        )  # fmt: skip
+            2,
+            rgb=2,
+            depth=1,
+            lidar3d=1,
+            collections=5,
+            sampling=Sampling(background_step=1),
+            disturbance=(0.1, 0.1),
+        )
         self.dataset = self.scene.dataset
         (self.pattern,) = self.dataset.patterns.values()
         self._data = {}
@@ -108,15 +113,25 @@ class LiveScene:
             points = (data + self._cloud_sigma_m * rng.standard_normal(data.shape)).astype("<f4")
             fields = [PointField(axis, 4 * i, 7, 1) for i, axis in enumerate("xyz")]
             return PointCloud2(
-                header=head, height=1, width=len(points), fields=fields, point_step=12,
-                row_step=12 * len(points), is_dense=True, data=points.tobytes(),
-            )  # fmt: skip
+                header=head,
+                height=1,
+                width=len(points),
+                fields=fields,
+                point_step=12,
+                row_step=12 * len(points),
+                is_dense=True,
+                data=points.tobytes(),
+            )
         if name == "depth_1":
             depth = (data + DEPTH_SIGMA_M * rng.standard_normal(data.shape)).astype("<f4")
             return Image(
-                header=head, height=depth.shape[0], width=depth.shape[1], encoding="32FC1",
-                step=4 * depth.shape[1], data=depth.tobytes(),
-            )  # fmt: skip
+                header=head,
+                height=depth.shape[0],
+                width=depth.shape[1],
+                encoding="32FC1",
+                step=4 * depth.shape[1],
+                data=depth.tobytes(),
+            )
         noise = np.zeros(data.shape, np.int16)
         cv2.setRNGSeed(int(1000 * stamp_s) % 100000)
         cv2.randn(noise, (0, 0, 0), (GREY_SIGMA, GREY_SIGMA, GREY_SIGMA))
@@ -125,9 +140,13 @@ class LiveScene:
             packed = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 95])[1]
             return CompressedImage(header=head, format="bgr8; jpeg", data=packed.tobytes())
         return Image(
-            header=head, height=picture.shape[0], width=picture.shape[1], encoding="bgr8",
-            step=3 * picture.shape[1], data=picture.tobytes(),
-        )  # fmt: skip
+            header=head,
+            height=picture.shape[0],
+            width=picture.shape[1],
+            encoding="bgr8",
+            step=3 * picture.shape[1],
+            data=picture.tobytes(),
+        )
 
     def data(self, name, key):
         """Return the picture, depth image or cloud of a place of the board; None: of no board."""
@@ -161,9 +180,12 @@ class LiveScene:
         sensor = self.sensors[name]
         return CameraInfo(
             header=Header(stamp=rospy.Time.from_sec(stamp_s), frame_id=sensor.frame),
-            height=sensor.camera.height, width=sensor.camera.width, distortion_model="plumb_bob",
-            D=list(sensor.camera.D) or [0.0] * 5, K=sensor.camera.K.ravel().tolist(),
-        )  # fmt: skip
+            height=sensor.camera.height,
+            width=sensor.camera.width,
+            distortion_model="plumb_bob",
+            D=list(sensor.camera.D) or [0.0] * 5,
+            K=sensor.camera.K.ravel().tolist(),
+        )
 
     def static_transforms(self, stamp_s):
         first = next(iter(self.dataset.collections.values()))
@@ -179,9 +201,13 @@ class LiveScene:
         """
         with rosbag.Bag(path, "w") as bag:
             header = {
-                "topic": "/tf_static", "type": TFMessage._type, "md5sum": TFMessage._md5sum,
-                "message_definition": TFMessage._full_text, "callerid": "/rig", "latching": "1",
-            }  # fmt: skip
+                "topic": "/tf_static",
+                "type": TFMessage._type,
+                "md5sum": TFMessage._md5sum,
+                "message_definition": TFMessage._full_text,
+                "callerid": "/rig",
+                "latching": "1",
+            }
             begin, static = rospy.Time.from_sec(start_s), self.static_transforms(start_s)
             bag.write("/tf_static", static, begin, connection_header=header)
             for tick in range(int(len(keys) * stop_s * rate_hz)):
@@ -212,8 +238,9 @@ class LiveRig:
         }
         self._infos = {
             name: rospy.Publisher(scene.info_topic(name), CameraInfo, queue_size=2)
-            for name, sensor in scene.sensors.items() if sensor.camera is not None
-        }  # fmt: skip
+            for name, sensor in scene.sensors.items()
+            if sensor.camera is not None
+        }
         self._labelled_s = {}
         for name in scene.sensors:
             rospy.Subscriber(f"/{name}/labels", SensorLabels, self._note_labels)
@@ -300,9 +327,11 @@ class Process:
     def __init__(self, *words):
         self._file = tempfile.TemporaryFile("w+")  # noqa: SIM115 - open as long as the process
         self._process = subprocess.Popen(
-            [str(word) for word in words], stdout=self._file, stderr=subprocess.STDOUT,
+            [str(word) for word in words],
+            stdout=self._file,
+            stderr=subprocess.STDOUT,
             start_new_session=True,
-        )  # fmt: skip
+        )
 
     @property
     def output(self):

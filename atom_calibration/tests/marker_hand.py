@@ -64,8 +64,11 @@ class MarkerHand:
 
     def tell(self, event, position, entry=0):
         message = InteractiveMarkerFeedback(
-            client_id="rviz", marker_name=self.name, event_type=event, menu_entry_id=entry,
+            client_id="rviz",
+            marker_name=self.name,
+            event_type=event,
+            menu_entry_id=entry,
             pose=conversions.pose_message(se3.transform(np.eye(3), position)),
-        )  # fmt: skip
+        )
         message.header.frame_id, message.header.stamp = self.shown.header.frame_id, rospy.Time.now()
         self._feedback.publish(message)

@@ -46,9 +46,13 @@ class OptimizedPlaybagTest(unittest.TestCase):
     def launch(self, *words):
         path = f"{os.environ['ROS_PACKAGE_PATH']}:{self.package.parent}"
         process = Process(
-            "env", f"ROS_PACKAGE_PATH={path}", "roslaunch",
-            self.package / "launch" / "playbag.launch", "rviz:=false", *words,
-        )  # fmt: skip
+            "env",
+            f"ROS_PACKAGE_PATH={path}",
+            "roslaunch",
+            self.package / "launch" / "playbag.launch",
+            "rviz:=false",
+            *words,
+        )
         self.addCleanup(process.end)
         return process
 

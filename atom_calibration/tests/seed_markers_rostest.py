@@ -32,9 +32,13 @@ class SeedMarkersTest(unittest.TestCase):
         cls.addClassCleanup(folder.cleanup)
         config, cls.output = cls.scene.write_config(f"{folder.name}/c.yml"), f"{folder.name}/data"
         cls.launch = Process(
-            "roslaunch", "atom_calibration", "collect_data.launch", f"config:={config}",
-            f"output_folder:={cls.output}", "rviz:=false",
-        )  # fmt: skip
+            "roslaunch",
+            "atom_calibration",
+            "collect_data.launch",
+            f"config:={config}",
+            f"output_folder:={cls.output}",
+            "rviz:=false",
+        )
         cls.addClassCleanup(cls.launch.end)
         cls.labels, cls.state = {}, None
         for name in cls.scene.sensors:
@@ -44,11 +48,14 @@ class SeedMarkersTest(unittest.TestCase):
         cls.rig = LiveRig(cls.scene)
         cls.rig.show_until(
             COLLECTIONS[0],
-            lambda: cls.state is not None
-            and all(m.is_ready() for m in cls.markers.values())
-            and all(s.patterns and s.patterns[0].detected for s in cls.state.sensors),
-            120, lambda: cls.state,
-        )  # fmt: skip
+            lambda: (
+                cls.state is not None
+                and all(m.is_ready() for m in cls.markers.values())
+                and all(s.patterns and s.patterns[0].detected for s in cls.state.sensors)
+            ),
+            120,
+            lambda: cls.state,
+        )
 
     @classmethod
     def keep(cls, message):
@@ -78,8 +85,9 @@ class SeedMarkersTest(unittest.TestCase):
                 self.labels[n].header.stamp.to_sec() > since and self.part(n).detected
                 for n in RANGE
             ),
-            60, lambda: {n: self.part(n).reason for n in RANGE},
-        )  # fmt: skip
+            60,
+            lambda: {n: self.part(n).reason for n in RANGE},
+        )
         self.settle()
 
     def settle(self):
@@ -87,8 +95,9 @@ class SeedMarkersTest(unittest.TestCase):
         last = self.rig.stamp_s - self.rig.period_s
         wait_until(
             lambda: all(abs(m.header.stamp.to_sec() - last) < 0.1 for m in self.labels.values()),
-            PATIENCE_S, lambda: {n: m.header.stamp.to_sec() for n, m in self.labels.items()},
-        )  # fmt: skip
+            PATIENCE_S,
+            lambda: {n: m.header.stamp.to_sec() for n, m in self.labels.items()},
+        )
 
     def set_seed(self, name, *position):
         answer = rospy.ServiceProxy(f"/{name}/set_seed", SetSeed)(position)
@@ -98,10 +107,13 @@ class SeedMarkersTest(unittest.TestCase):
         """Wait for labels of the data that came last, while no data come."""
         stamp = self.labels[name].header.stamp
         wait_until(
-            lambda: (self.part(name).detected, bool(self.labels[name].manual_seed))
-            == (detected, by_hand),
-            PATIENCE_S, lambda: self.labels[name],
-        )  # fmt: skip
+            lambda: (
+                (self.part(name).detected, bool(self.labels[name].manual_seed))
+                == (detected, by_hand)
+            ),
+            PATIENCE_S,
+            lambda: self.labels[name],
+        )
         self.assertEqual(self.labels[name].header.stamp, stamp)
 
     def test_1_a_marker_follows_the_board(self):
@@ -111,9 +123,10 @@ class SeedMarkersTest(unittest.TestCase):
                 self.assertEqual(marker.shown.header.frame_id, self.scene.sensors[name].frame)
                 centre = self.centre(name, key)
                 wait_until(
-                    lambda m=marker, c=centre: np.linalg.norm(m.position - c) < 0.15, PATIENCE_S,
+                    lambda m=marker, c=centre: np.linalg.norm(m.position - c) < 0.15,
+                    PATIENCE_S,
                     lambda m=marker, c=centre: (m.name, m.position, c),
-                )  # fmt: skip
+                )
                 wait_until(lambda m=marker: m.colour == GREEN, PATIENCE_S, name)
                 self.assertEqual(marker.shown.description, name)
 
@@ -173,18 +186,22 @@ class SeedMarkersTest(unittest.TestCase):
         self.set_seed("lidar_1", *point)
         marker = self.markers["lidar_1"]
         wait_until(
-            lambda: np.allclose(marker.position, point, atol=1e-9), PATIENCE_S,
+            lambda: np.allclose(marker.position, point, atol=1e-9),
+            PATIENCE_S,
             lambda: marker.position,
-        )  # fmt: skip
+        )
         centre = self.centre("depth_1", COLLECTIONS[2])
         pixel = self.scene.sensors["depth_1"].camera.project(centre[None])[0]
         self.set_seed("depth_1", *pixel)
         marker = self.markers["depth_1"]
         wait_until(
-            lambda: "by hand" in marker.shown.description
-            and np.linalg.norm(marker.position - centre) < 0.05,
-            PATIENCE_S, lambda: (marker.position, centre),
-        )  # fmt: skip
+            lambda: (
+                "by hand" in marker.shown.description
+                and np.linalg.norm(marker.position - centre) < 0.05
+            ),
+            PATIENCE_S,
+            lambda: (marker.position, centre),
+        )
 
     def test_6_what_was_labelled_again_is_what_is_saved(self):
         self.see(COLLECTIONS[2])
@@ -198,9 +215,12 @@ class SeedMarkersTest(unittest.TestCase):
         self.wait_for("lidar_1", detected=True, by_hand=True)
         seed = np.array(self.labels["lidar_1"].manual_seed)
         wait_until(
-            lambda: {s.name: list(s.manual_seed) for s in self.state.sensors}["lidar_1"]
-            == list(seed), PATIENCE_S, lambda: self.state,
-        )  # fmt: skip
+            lambda: (
+                {s.name: list(s.manual_seed) for s in self.state.sensors}["lidar_1"] == list(seed)
+            ),
+            PATIENCE_S,
+            lambda: self.state,
+        )
         save = rospy.ServiceProxy("/collect_data/save_collection", SaveCollection)()
         self.assertTrue(save.success, save.message)
         self.launch.signal(signal.SIGINT)

@@ -57,10 +57,14 @@ class SetInitialEstimateTest(unittest.TestCase):
         )
         path = f"{os.environ['ROS_PACKAGE_PATH']}:{cls.package.parent}"
         cls.process = subprocess.Popen(
-            ["roslaunch", str(cls.package / "launch" / "set_initial_estimate.launch"),
-             "rviz:=false", "marker_size:=0.5"],
+            [
+                "roslaunch",
+                str(cls.package / "launch" / "set_initial_estimate.launch"),
+                "rviz:=false",
+                "marker_size:=0.5",
+            ],
             env={**os.environ, "ROS_PACKAGE_PATH": path},
-        )  # fmt: skip
+        )
         cls.addClassCleanup(cls.stop)
         until(lambda: {"camera", "lidar", "guard", "menu"} <= set(cls.shown), "the markers")
         until(lambda: cls.publisher.get_num_connections(), "the node hears feedback")
@@ -83,10 +87,12 @@ class SetInitialEstimateTest(unittest.TestCase):
 
     def feed(self, name, matrix, client="rviz", frame="mast", event=None, entry=0):
         message = InteractiveMarkerFeedback(
-            client_id=client, marker_name=name, pose=conversions.pose_message(matrix),
+            client_id=client,
+            marker_name=name,
+            pose=conversions.pose_message(matrix),
             event_type=InteractiveMarkerFeedback.POSE_UPDATE if event is None else event,
             menu_entry_id=entry,
-        )  # fmt: skip
+        )
         message.header.frame_id, message.header.stamp = frame, rospy.Time.now()
         self.publisher.publish(message)
 

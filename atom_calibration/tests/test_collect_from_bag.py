@@ -103,9 +103,13 @@ def place(make, tmp_path):
     def write(content=None, **options):
         path = make.bag(tmp_path / "a.bag", content or messages(make), **options)
         return [
-            "--config", str(tmp_path / "config.yml"), "--bag", str(path),
-            "--output", str(tmp_path / "out"),
-        ]  # fmt: skip
+            "--config",
+            str(tmp_path / "config.yml"),
+            "--bag",
+            str(path),
+            "--output",
+            str(tmp_path / "out"),
+        ]
 
     write.folder = tmp_path / "out"
     write.config = tmp_path / "config.yml"

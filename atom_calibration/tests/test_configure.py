@@ -82,8 +82,11 @@ def test_launch_files_pass_roslaunch_check(made_once, tmp_path, name, arguments)
     result = subprocess.run(
         [sys.executable, str(script), str(made_once / "launch" / f"{name}.launch"), *arguments],
         env={**os.environ, "ROS_PACKAGE_PATH": path, "ROS_HOME": str(tmp_path)},
-        capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
     assert result.returncode == 0, result.stdout + result.stderr
 
 
@@ -95,8 +98,10 @@ def test_playbag_throttles_filters_and_decompresses(made_once):
     assert throttle == ["messages", f"/bag{topic}", "5", topic]
     remaps = {r.get("from"): r.get("to") for r in nodes["playbag"].findall("remap")}
     assert remaps == {
-        "/tf": "/bag/tf", "/tf_static": "/bag/tf_static", topic: f"/bag{topic}",
-    }  # fmt: skip
+        "/tf": "/bag/tf",
+        "/tf_static": "/bag/tf_static",
+        topic: f"/bag{topic}",
+    }
     assert nodes["decompress_images"].get("args") == topic
     assert nodes["filter_bag_tf"].get("args") == ""  # the bag has /joint_states
 
@@ -142,8 +147,9 @@ def test_collecting_shows_labels_seeds_and_the_panel_without_a_package_too(made_
         assert servers == {"/data_labeler/update", "/lidar/data_labeler/update"}
         classes = [entry["Class"] for entry in (*view["Panels"], *manager["Tools"])]
         assert {c for c in classes if not c.startswith("rviz/")} == {
-            "atom_rviz_plugins/AtomPanel", "atom_rviz_plugins/SeedTool",
-        }  # fmt: skip
+            "atom_rviz_plugins/AtomPanel",
+            "atom_rviz_plugins/SeedTool",
+        }
         assert our_plugins() >= {c for c in classes if not c.startswith("rviz/")}
 
 
@@ -152,8 +158,11 @@ def test_the_graph_says_what_is_estimated_and_where_it_is_from(made_once):
     links = {(link["parent"], link["child"]): link for link in document["links"]}
     estimated = {key for key, link in links.items() if link["is_transformation_calibrated"]}
     assert estimated == {
-        ("mast", "camera_link"), ("arm", "lidar_base"), ("base", "bumper"), ("odom", "board_link"),
-    }  # fmt: skip
+        ("mast", "camera_link"),
+        ("arm", "lidar_base"),
+        ("base", "bumper"),
+        ("odom", "board_link"),
+    }
     assert links["base", "arm"]["joint_params_calibrated"] == ["origin_yaw"]
     assert links["base", "arm"]["type"] == "revolute"
     assert links["odom", "base"]["type"] == "multiple"
@@ -247,20 +256,36 @@ def test_the_files_of_the_simulated_cell_are_up_to_date():
         ('"/camera/image_raw"', '"/lidar/points"', "sensors.camera.link", "'lidar'"),
         ('link: "lidar"', 'link: "lidar_x"', "sensors.lidar.link", "header.frame_id"),
         ('parent_link: "mast"', 'parent_link: "mest"', "sensors.camera.parent_link", "mast"),
-        ('parent_link: "mast"', 'parent_link: "base"', "sensors.camera.parent_link",
-         "'camera_link' hangs on 'mast'"),
+        (
+            'parent_link: "mast"',
+            'parent_link: "base"',
+            "sensors.camera.parent_link",
+            "'camera_link' hangs on 'mast'",
+        ),
         ('child_link: "lidar_base"', 'child_link: "lamp"', "sensors.lidar.parent_link", "base"),
-        ('parent_link: "arm"\n    child_link: "lidar_base"',
-         'parent_link: "base"\n    child_link: "arm"', "sensors.lidar.child_link", "revolute"),
-        ('parent_link: "arm"\n    child_link: "lidar_base"',
-         'parent_link: "base"\n    child_link: "lamp"', "sensors.lidar.child_link", "not between"),
+        (
+            'parent_link: "arm"\n    child_link: "lidar_base"',
+            'parent_link: "base"\n    child_link: "arm"',
+            "sensors.lidar.child_link",
+            "revolute",
+        ),
+        (
+            'parent_link: "arm"\n    child_link: "lidar_base"',
+            'parent_link: "base"\n    child_link: "lamp"',
+            "sensors.lidar.child_link",
+            "not between",
+        ),
         ('world_link: "odom"', 'world_link: "mast"', "sensors.lidar.link", "does not hang"),
         ('world_link: "odom"', 'world_link: "map"', "world_link", "odom"),
         ('child_link: "bumper"', 'child_link: "arm"', "additional_tfs.guard.child_link", "joints"),
         ("  shoulder:", "  elbow:", "joints.elbow", "shoulder"),
         ("  shoulder:", "  lamp_joint:", "joints.lamp_joint", "fixed"),
-        ('parent_link: "odom"', 'parent_link: "map"', "calibration_patterns.board.parent_link",
-         "map"),
+        (
+            'parent_link: "odom"',
+            'parent_link: "map"',
+            "calibration_patterns.board.parent_link",
+            "map",
+        ),
         ('link: "board_link"', 'link: "mast"', "calibration_patterns.board.link", "'base'"),
         ('"rig.urdf.xacro"', '"none.urdf"', "description_file", "does not exist"),
         ('"rig.bag"', '"none.bag"', "bag_file", "does not exist"),
@@ -268,7 +293,7 @@ def test_the_files_of_the_simulated_cell_are_up_to_date():
         ('"rig.bag"', '"config.yml"', "bag_file", "cannot be used"),
         ('"rig.bag"', '"$NO_SUCH_VARIABLE/a.bag"', "bag_file", "NO_SUCH_VARIABLE"),
     ],
-)  # fmt: skip
+)
 def test_what_does_not_fit_is_refused_with_line_and_key(package, capsys, old, new, key, words):
     edit_config(package, old, new)
     before = sorted(package.rglob("*"))

@@ -97,13 +97,17 @@ def test_images_of_the_wrong_kind_are_refused_by_name(make):
 LAYOUTS = {
     "packed": np.dtype([(n, "<f4") for n in "xyz"]),
     "padded": np.dtype(
-        {"names": ["x", "y", "z", "ring"], "formats": ["<f4", "<f4", "<f4", "<u2"],
-         "offsets": [0, 4, 8, 20], "itemsize": 32}
+        {
+            "names": ["x", "y", "z", "ring"],
+            "formats": ["<f4", "<f4", "<f4", "<u2"],
+            "offsets": [0, 4, 8, 20],
+            "itemsize": 32,
+        }
     ),
     "unaligned": np.dtype([("ring", "u1"), ("z", "<f8"), ("y", "<f8"), ("x", "<f8"), ("t", "<u4")]),
     "big endian": np.dtype([(n, ">f4") for n in "xyz"]),
     "several values": np.dtype([("normal", "<f4", (3,)), ("x", "<f4"), ("y", "<f4"), ("z", "<f4")]),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)

@@ -50,9 +50,12 @@ def test_whenever_it_is_killed_all_that_was_announced_is_there(taken, tmp_path):
     for number in range(KILLS):
         folder = tmp_path / str(number)
         setup = Setup(
-            scene.dataset.config, scene.sensors, scene.dataset.patterns, lambda _: tree,
+            scene.dataset.config,
+            scene.sensors,
+            scene.dataset.patterns,
+            lambda _: tree,
             CollectionStore.create(folder),
-        )  # fmt: skip
+        )
         count = forking.Value("i", 0, lock=False)
         collector = forking.Process(target=collect_for_ever, args=(setup, frames, count))
         collector.start()

@@ -77,16 +77,18 @@ CORRECTIONS = {
     "pixels": lambda s: s.add_points(DEPTH, label(s, DEPTH).indices + 1, border=True),
     "fill": lambda s: s.refill(DEPTH, polygon(s, 0.7)),
     "fill from a pixel": lambda s: (
-        s.delete_label(DEPTH), s.undo(), s.remove_border(DEPTH, polygon(s)),
+        s.delete_label(DEPTH),
+        s.undo(),
+        s.remove_border(DEPTH, polygon(s)),
         s.refill_from(DEPTH, polygon(s).mean(axis=0)),
     ),
     "no border": lambda s: s.remove_border(DEPTH, polygon(s)),
     "move": lambda s: click_twice(s, corner(s) + [2.5, -1.25]),
     "corner": lambda s: s.remove_corner(CAMERA, corner(s, 3) + [2.0, 0.0]),
-    "corners": lambda s: s.remove_corners(CAMERA, corner(s) + 60 * np.array(
-        [[-1, -1], [1, -1], [1, 1], [-1, 1]]
-    )),
-}  # fmt: skip
+    "corners": lambda s: s.remove_corners(
+        CAMERA, corner(s) + 60 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    ),
+}
 
 
 @pytest.mark.parametrize("name", CORRECTIONS)
@@ -228,9 +230,10 @@ def test_another_corner_can_be_chosen_instead(session):
 
 def test_a_corner_that_is_gone_is_not_moved(session):
     place = corner(session)
-    for remove in (lambda: session.delete_label(CAMERA), lambda: session.remove_corners(
-        CAMERA, place + 30 * np.array([[-1, -1], [1, -1], [0, 1]])
-    )):  # fmt: skip
+    for remove in (
+        lambda: session.delete_label(CAMERA),
+        lambda: session.remove_corners(CAMERA, place + 30 * np.array([[-1, -1], [1, -1], [0, 1]])),
+    ):
         session.click(CAMERA, place)
         remove()
         with pytest.raises(LabelingError, match="no corner within"):

@@ -10,9 +10,11 @@ from atom_core.model.config import PatternConfig
 from atom_core.model.pattern import CHARUCO, CHESSBOARD, pattern_from_config
 
 CAMERA = Camera(
-    640, 480, np.array([[520.0, 0, 330], [0, 515.0, 236], [0, 0, 1]]),
+    640,
+    480,
+    np.array([[520.0, 0, 330], [0, 515.0, 236], [0, 0, 1]]),
     np.array([0.1, -0.2, 0.001, -0.002, 0.05]),
-)  # fmt: skip
+)
 
 
 def pattern(kind):

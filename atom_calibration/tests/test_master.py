@@ -40,8 +40,10 @@ def inputs(tmp_path_factory):
     description.write_text(rig_description(scene.dataset.config), "utf-8")
     (pattern,) = scene.dataset.patterns
     return {
-        **{f"{m}_labeler": ["-cfg", config, "-sn", f"{m.replace('3d', '')}_1"]
-           for m in ("rgb", "depth", "lidar3d")},
+        **{
+            f"{m}_labeler": ["-cfg", config, "-sn", f"{m.replace('3d', '')}_1"]
+            for m in ("rgb", "depth", "lidar3d")
+        },
         "labelers": ["-cfg", config],
         "collect_data": ["-c", config, "-o", folder / "collected", "--overwrite"],
         "set_initial_estimate": ["-c", config, "-d", description],
@@ -51,7 +53,7 @@ def inputs(tmp_path_factory):
         "start_bag": ["-cfg", config, "--player", "/play"],
         "calibrate": ["-json", dataset, "-o", folder / "results", "-rv"],
         "folder": folder,
-    }  # fmt: skip
+    }
 
 
 def rig_description(config):
@@ -71,8 +73,10 @@ def start(name, words, port, folder):
     return subprocess.Popen(
         [sys.executable, str(SCRIPTS / name), *map(str, words)],
         env={**os.environ, "ROS_MASTER_URI": f"http://localhost:{port}", "ROS_HOME": str(folder)},
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
 
 
 def free_port():
@@ -83,9 +87,11 @@ def free_port():
 
 def start_master(port, folder):
     master = subprocess.Popen(
-        ["rosmaster", "--core", "-p", str(port)], env={**os.environ, "ROS_HOME": str(folder)},
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
+        ["rosmaster", "--core", "-p", str(port)],
+        env={**os.environ, "ROS_HOME": str(folder)},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
     wait_until(lambda: not socket.socket().connect_ex(("localhost", port)), "the master answers")
     return master
 

@@ -88,8 +88,11 @@ def test_without_a_master_nodes_say_so_and_end(tmp_path):
     result = subprocess.run(
         [sys.executable, "-c", code, *options],
         env={**os.environ, "ROS_MASTER_URI": "http://localhost:11399"},
-        capture_output=True, text=True, timeout=30, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=False,
+    )
     assert result.returncode == 2
     assert "no ROS master answers" in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1

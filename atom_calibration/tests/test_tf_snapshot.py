@@ -43,8 +43,9 @@ def test_between_two_branches_the_chain_goes_through_their_common_frame(bag):
     tree = BagTransforms(bag).at(2.0)
     expected = se3.inverse(BASE_T_LIDAR) @ BASE_T_CAM
     np.testing.assert_allclose(tree.lookup("lidar", "cam", 2.0), expected, atol=1e-12)
-    np.testing.assert_allclose(tree.lookup("cam", "world", 2.0) @ tree.lookup("world", "cam", 2.0),
-                               np.eye(4), atol=1e-9)  # fmt: skip
+    np.testing.assert_allclose(
+        tree.lookup("cam", "world", 2.0) @ tree.lookup("world", "cam", 2.0), np.eye(4), atol=1e-9
+    )
 
 
 def test_a_gap_is_an_error_that_names_edge_and_times(bag):

@@ -52,11 +52,18 @@ class TransformCorrectorTest(unittest.TestCase):
     def launch(self, **arguments):
         words = [f"{name}:={value}" for name, value in arguments.items()]
         return subprocess.Popen(
-            ["roslaunch", "atom_calibration", "transform_corrector.launch",
-             f"json:={self.path}", f"parents:={self.mount.parent}",
-             f"children:={self.mount.child}", f"patterns:={self.pattern.name}",
-             "rviz:=false", *words],
-        )  # fmt: skip
+            [
+                "roslaunch",
+                "atom_calibration",
+                "transform_corrector.launch",
+                f"json:={self.path}",
+                f"parents:={self.mount.parent}",
+                f"children:={self.mount.child}",
+                f"patterns:={self.pattern.name}",
+                "rviz:=false",
+                *words,
+            ],
+        )
 
     def call(self, name):
         rospy.wait_for_service(f"{NODE}/{name}", PATIENCE_S)
@@ -67,9 +74,11 @@ class TransformCorrectorTest(unittest.TestCase):
     def drag(self, edge, matrix):
         for event in (InteractiveMarkerFeedback.POSE_UPDATE, InteractiveMarkerFeedback.MOUSE_UP):
             message = InteractiveMarkerFeedback(
-                client_id="rviz", marker_name=str(edge), event_type=event,
+                client_id="rviz",
+                marker_name=str(edge),
+                event_type=event,
                 pose=conversions.pose_message(matrix),
-            )  # fmt: skip
+            )
             message.header.frame_id = edge.parent
             self.feedback.publish(message)
         self.wait_for(edge, matrix)

@@ -14,10 +14,25 @@ from atom_core.io.truth_json import write_truth
 from atom_core.synthetic import Noise, paper_cell, scenes
 
 CALIBRATION_KEYS = {
-    "version", "dataset", "seed", "options", "status", "message", "solver", "edges", "joints",
-    "sensors", "collections", "propagation", "outliers", "outlier_count", "outlier_limit_sigmas",
-    "rejected_detections", "weak_directions", "warnings",
-}  # fmt: skip
+    "version",
+    "dataset",
+    "seed",
+    "options",
+    "status",
+    "message",
+    "solver",
+    "edges",
+    "joints",
+    "sensors",
+    "collections",
+    "propagation",
+    "outliers",
+    "outlier_count",
+    "outlier_limit_sigmas",
+    "rejected_detections",
+    "weak_directions",
+    "warnings",
+}
 
 
 @pytest.fixture(scope="module")
@@ -86,8 +101,10 @@ def test_dashes_and_underscores_and_atoms_short_options_are_one(cell, tmp_path):
 def test_not_converged_is_exit_1_and_written(cell, tmp_path):
     output = tmp_path / "out"
     dataset = str(cell / "data" / "dataset.json")
-    assert main(["calibrate", "--dataset", dataset, "--output", str(output),
-                 "--max_iterations", "1"]) == 1  # fmt: skip
+    assert (
+        main(["calibrate", "--dataset", dataset, "--output", str(output), "--max_iterations", "1"])
+        == 1
+    )
     assert json.loads((output / "calibration.json").read_text())["status"] == "not_converged"
 
 
@@ -95,8 +112,10 @@ def test_the_calibrated_dataset_is_a_start_that_does_not_move(cell, tmp_path):
     first, second = tmp_path / "first", tmp_path / "second"
     dataset = str(cell / "data" / "dataset.json")
     main(["calibrate", "--dataset", dataset, "--output", str(first)])
-    assert main(["calibrate", "-json", str(first / "atom_calibration.json"),
-                 "--output", str(second)]) == 0  # fmt: skip
+    assert (
+        main(["calibrate", "-json", str(first / "atom_calibration.json"), "--output", str(second)])
+        == 0
+    )
     before, after = (json.loads((d / "calibration.json").read_text()) for d in (first, second))
     for name, edge in before["edges"].items():
         assert after["edges"][name]["translation_m"] == pytest.approx(
@@ -127,8 +146,23 @@ def test_check_gives_atoms_mean_errors(real_data, capsys):
 def test_rank_deficient_is_exit_1_and_written(real_data, tmp_path):
     path = real_data("atom_softbot") / "nig_0.1_run001" / "atom_calibration.json"
     output = tmp_path / "out"
-    assert main(["calibrate", "--dataset", str(path), "-ssf", "front_*", "-nig", "0.1", "0.1",
-                 "--output", str(output)]) == 1  # fmt: skip
+    assert (
+        main(
+            [
+                "calibrate",
+                "--dataset",
+                str(path),
+                "-ssf",
+                "front_*",
+                "-nig",
+                "0.1",
+                "0.1",
+                "--output",
+                str(output),
+            ]
+        )
+        == 1
+    )
     document = json.loads((output / "calibration.json").read_text())
     assert document["status"] == "rank_deficient"
     for sensor in document["sensors"].values():
@@ -193,10 +227,28 @@ def test_an_old_version_says_how_to_migrate_and_the_migration_works(cell, tmp_pa
     line = calibrate(capsys, path, tmp_path / "out")
     assert "convert --from atom_v2 --to atom_v3" in line
     new = tmp_path / "new"
-    assert main(["convert", "--from", "atom_v2", "--to", "atom_v3", "--dataset", str(path),
-                 "--output", str(new)]) == 0  # fmt: skip
-    assert main(["calibrate", "--dataset", str(new / "dataset.json"),
-                 "--output", str(tmp_path / "out")]) == 0  # fmt: skip
+    assert (
+        main(
+            [
+                "convert",
+                "--from",
+                "atom_v2",
+                "--to",
+                "atom_v3",
+                "--dataset",
+                str(path),
+                "--output",
+                str(new),
+            ]
+        )
+        == 0
+    )
+    assert (
+        main(
+            ["calibrate", "--dataset", str(new / "dataset.json"), "--output", str(tmp_path / "out")]
+        )
+        == 0
+    )
 
 
 def set_sensor(key, value):
@@ -234,8 +286,20 @@ def test_a_dataset_without_its_clouds_can_do_without_the_sensor(cell, tmp_path):
             collection["data"]["lidar_1"]["data_file"] = "gone.pcd"
 
     path = edited(cell, tmp_path, lose)
-    assert main(["calibrate", "--dataset", str(path), "--output", str(tmp_path / "out"),
-                 "-ssf", "!lidar_1"]) == 0  # fmt: skip
+    assert (
+        main(
+            [
+                "calibrate",
+                "--dataset",
+                str(path),
+                "--output",
+                str(tmp_path / "out"),
+                "-ssf",
+                "!lidar_1",
+            ]
+        )
+        == 0
+    )
 
 
 def test_an_edge_off_the_chain(cell, tmp_path, capsys):
@@ -335,8 +399,20 @@ def test_a_description_is_written_with_the_calibrated_edges(cell, tmp_path):
     urdf = tmp_path / "rig.urdf"
     urdf.write_text(_urdf_of(dataset))
     output = tmp_path / "out"
-    assert main(["calibrate", "--dataset", str(dataset.source), "--output", str(output),
-                 "--description", str(urdf)]) == 0  # fmt: skip
+    assert (
+        main(
+            [
+                "calibrate",
+                "--dataset",
+                str(dataset.source),
+                "--output",
+                str(output),
+                "--description",
+                str(urdf),
+            ]
+        )
+        == 0
+    )
     from atom_core.io.urdf import read_description
 
     robot = read_description(output / "optimized.urdf.xacro").robot
@@ -346,8 +422,20 @@ def test_a_description_is_written_with_the_calibrated_edges(cell, tmp_path):
         assert list(joint.parent_T_child()[:3, 3]) == pytest.approx(edge["translation_m"], abs=1e-9)
     # The rig that was calibrated has moved from where the old description has it.
     assert main(["check", "-json", str(dataset.source), "--against", str(urdf)]) == 0
-    assert main(["check", "-json", str(output / "atom_calibration.json"), "--against", str(urdf),
-                 "-ssf", "rgb_*"]) == 1  # fmt: skip
+    assert (
+        main(
+            [
+                "check",
+                "-json",
+                str(output / "atom_calibration.json"),
+                "--against",
+                str(urdf),
+                "-ssf",
+                "rgb_*",
+            ]
+        )
+        == 1
+    )
 
 
 def _urdf_of(dataset):
@@ -373,8 +461,10 @@ def test_paper_cell_from_disk_equals_paper_cell_from_memory(tmp_path):
     path = write_dataset_folder(scene.dataset, tmp_path / "data", name="train")
     memory, disk = solve(scene.dataset), solve(read_dataset(path))
     for name, sensor in scene.dataset.sensors.items():
-        a, b = (next(iter(r.dataset.collections.values())).transforms[sensor.edge]
-                for r in (memory, disk))  # fmt: skip
+        a, b = (
+            next(iter(r.dataset.collections.values())).transforms[sensor.edge]
+            for r in (memory, disk)
+        )
         assert abs(a[:3, 3] - b[:3, 3]).max() < 2e-4, name
 
 

@@ -23,13 +23,16 @@ TOPICS = [
     ("/tf_static", TFMessage),
     ("/joint_states", JointState),
     ("/ground_truth/pattern", PoseStamped),
-    *((f"/rgb_{n}/{kind}", cls) for n in (1, 2, 3)
-      for kind, cls in (("image_raw", Image), ("camera_info", CameraInfo))),
+    *(
+        (f"/rgb_{n}/{kind}", cls)
+        for n in (1, 2, 3)
+        for kind, cls in (("image_raw", Image), ("camera_info", CameraInfo))
+    ),
     ("/depth_1/image_raw", Image),
     ("/depth_1/camera_info", CameraInfo),
     *((f"/lidar_{n}/points", PointCloud2) for n in (1, 2, 3)),
     ("/cell_simulator/board_marker/update_full", InteractiveMarkerInit),
-]  # fmt: skip
+]
 
 
 def keep(message, topic):
@@ -81,8 +84,9 @@ class Live(unittest.TestCase):
         for topic in ("/rgb_1/image_raw", "/depth_1/image_raw", "/lidar_1/points"):
             wait_until(
                 lambda t=topic: abs((LATEST[t].header.stamp - LATEST["/clock"].clock).to_sec()) < 3,
-                60, f"{topic} of now",
-            )  # fmt: skip
+                60,
+                f"{topic} of now",
+            )
         info = LATEST["/rgb_2/camera_info"]
         self.assertEqual(info.distortion_model, "plumb_bob")
         self.assertTrue(any(info.D))
@@ -102,9 +106,12 @@ class Live(unittest.TestCase):
         time.sleep(1.2)  # the server ignores a second client for one second of ROS time
         marker = LATEST["/cell_simulator/board_marker/update_full"].markers[0]
         moved = InteractiveMarkerFeedback(
-            client_id="test", marker_name=marker.name, control_name="move",
-            event_type=InteractiveMarkerFeedback.POSE_UPDATE, pose=marker.pose,
-        )  # fmt: skip
+            client_id="test",
+            marker_name=marker.name,
+            control_name="move",
+            event_type=InteractiveMarkerFeedback.POSE_UPDATE,
+            pose=marker.pose,
+        )
         moved.header.frame_id = "world"
         moved.pose.position.x += 0.3
 

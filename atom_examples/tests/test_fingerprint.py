@@ -56,9 +56,14 @@ def test_inputs_are_those_of_the_same_call_alone(world, monkeypatch):
     inputs = fingerprint.inputs_of(world, RECORDING)
     assert fingerprint.inputs_of(world, RECORDING) == inputs
     for change in (
-        {"collections": 2}, {"scenario": "test"}, {"compressed": True}, {"noise": False},
-        {"initial_estimate": "exact"}, {"depth_encoding": "32FC1"}, {"cloud_hz": 2.0},
-    ):  # fmt: skip
+        {"collections": 2},
+        {"scenario": "test"},
+        {"compressed": True},
+        {"noise": False},
+        {"initial_estimate": "exact"},
+        {"depth_encoding": "32FC1"},
+        {"cloud_hz": 2.0},
+    ):
         assert fingerprint.inputs_of(world, replace(RECORDING, **change)) != inputs, change
     monkeypatch.setattr(world, "seed", 1)
     assert fingerprint.inputs_of(world, RECORDING) != inputs
@@ -100,8 +105,11 @@ def recorded(tmp_path_factory):
     )
     result = subprocess.run(
         [sys.executable, "-c", code, "--bag", str(bag), "--collections", "1"],
-        capture_output=True, text=True, timeout=600, check=True,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=600,
+        check=True,
+    )
     code, loaded, known = json.loads(result.stdout.splitlines()[-1])
     assert code == 0
     return bag, set(loaded), set(known)

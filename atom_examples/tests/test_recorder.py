@@ -57,13 +57,20 @@ def edges_of(path):
     moving = messages_of(path, "/tf")[0].transforms
     return {
         Edge(t.header.frame_id, t.child_frame_id): se3.from_quaternion(
-            np.array([t.transform.translation.x, t.transform.translation.y,
-                      t.transform.translation.z]),
-            np.array([t.transform.rotation.x, t.transform.rotation.y,
-                      t.transform.rotation.z, t.transform.rotation.w]),
+            np.array(
+                [t.transform.translation.x, t.transform.translation.y, t.transform.translation.z]
+            ),
+            np.array(
+                [
+                    t.transform.rotation.x,
+                    t.transform.rotation.y,
+                    t.transform.rotation.z,
+                    t.transform.rotation.w,
+                ]
+            ),
         )
         for t in [*static.transforms, *moving]
-    }  # fmt: skip
+    }
 
 
 # ---- what is in a bag
@@ -194,8 +201,13 @@ def test_tf_carries_the_estimate_that_was_asked_for(bags, world):
 
 def test_no_trace_of_the_board_is_in_what_a_calibration_gets(bags):
     truth = read_truth(bags["train"].with_suffix(".truth.json"))
-    allowed = {"/tf", "/tf_static", "/joint_states", "/depth_1_rgb/image_raw",
-               "/depth_1_rgb/camera_info"}  # fmt: skip
+    allowed = {
+        "/tf",
+        "/tf_static",
+        "/joint_states",
+        "/depth_1_rgb/image_raw",
+        "/depth_1_rgb/camera_info",
+    }
     allowed |= {f"/{n}/{k}" for n in SENSORS for k in ("image_raw", "camera_info", "points")}
     with rosbag.Bag(str(bags["train"])) as bag:
         assert set(bag.get_type_and_topic_info().topics) <= allowed

@@ -27,11 +27,17 @@ class OrbitView:
         pitch = np.arcsin(-self._ahead[2])
         yaw = np.arctan2(-self._ahead[1], -self._ahead[0]) % (2 * np.pi)
         view = {
-            "Class": "rviz/Orbit", "Name": "Current View", "Target Frame": "<Fixed Frame>",
-            "Distance": self.distance_m, "Pitch": float(pitch), "Yaw": float(yaw),
+            "Class": "rviz/Orbit",
+            "Name": "Current View",
+            "Target Frame": "<Fixed Frame>",
+            "Distance": self.distance_m,
+            "Pitch": float(pitch),
+            "Yaw": float(yaw),
             "Focal Point": dict(zip("XYZ", map(float, self.focus))),
-            "Focal Shape Fixed Size": False, "Focal Shape Size": 0.001, "Near Clip Distance": 0.01,
-        }  # fmt: skip
+            "Focal Shape Fixed Size": False,
+            "Focal Shape Size": 0.001,
+            "Near Clip Distance": 0.01,
+        }
         return {"Current": view}
 
     def look_for(self, screen):
@@ -57,14 +63,19 @@ def layout(view, displays, tools, panels=(), fixed_frame="world"):
         "Visualization Manager": {
             "Displays": list(displays),
             "Global Options": {
-                "Background Color": "; ".join(map(str, BACKGROUND)), "Fixed Frame": fixed_frame,
+                "Background Color": "; ".join(map(str, BACKGROUND)),
+                "Fixed Frame": fixed_frame,
                 "Frame Rate": 10,
             },
             "Tools": [{"Class": name} for name in tools],
             "Views": view.layout(),
         },
         "Window Geometry": {
-            "X": 0, "Y": 0, "Width": 1390, "Height": 870, "Hide Left Dock": False,
+            "X": 0,
+            "Y": 0,
+            "Width": 1390,
+            "Height": 870,
+            "Hide Left Dock": False,
             "Hide Right Dock": True,
         },
-    }  # fmt: skip
+    }

@@ -115,8 +115,12 @@ class RvizTest(unittest.TestCase):
 
     def test_00_every_plugin_is_loaded_and_speaks_its_topics(self):
         wanted_spoken = {*TOPICS.values(), "/camera/labeled/mouse_click", "/camera/labeled/polygon"}
-        wanted_heard = {"/camera/labeled", "/collect_data/state", "/collect_data/collections",
-                        "/calibrate/state"}  # fmt: skip
+        wanted_heard = {
+            "/camera/labeled",
+            "/collect_data/state",
+            "/collect_data/collections",
+            "/calibrate/state",
+        }
         end_s, spoken, heard = time.monotonic() + PATIENCE_S, set(), set()
         while not (wanted_spoken <= spoken and wanted_heard <= heard):
             self.assertLess(time.monotonic(), end_s, (wanted_spoken - spoken, wanted_heard - heard))

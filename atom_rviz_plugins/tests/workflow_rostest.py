@@ -100,9 +100,12 @@ class WorkflowTest(unittest.TestCase):
 
     def test_1_a_seed_is_dragged_and_the_label_appears(self):
         self.start(
-            "collect_data.launch", f"config:={self.config}",
-            f"output_folder:={self.dataset_folder}", "automatic_seeds:=off", "rviz:=false",
-        )  # fmt: skip
+            "collect_data.launch",
+            f"config:={self.config}",
+            f"output_folder:={self.dataset_folder}",
+            "automatic_seeds:=off",
+            "rviz:=false",
+        )
         cls = type(self)
         cls.feed = Feed(LiveRig(self.scene, start_s=float(int(time.time()))), COLLECTIONS[0])
         cls.addClassCleanup(cls.feed.stop)
@@ -116,21 +119,38 @@ class WorkflowTest(unittest.TestCase):
             layout(
                 view,
                 [
-                    {"Class": "rviz/PointCloud2", "Name": "Cloud", "Enabled": True,
-                     "Topic": self.scene.sensors[LIDAR].topic, "Style": "Points",
-                     "Color Transformer": "FlatColor", "Color": "150; 150; 150",
-                     "Selectable": False},
-                    {"Class": "rviz/PointCloud2", "Name": "Labels", "Enabled": True,
-                     "Topic": f"{self.scene.sensors[LIDAR].topic}/labeled", "Style": "Points",
-                     "Size (Pixels)": 4, "Color Transformer": "RGB8", "Selectable": False},
-                    {"Class": "rviz/InteractiveMarkers", "Name": "Seed", "Enabled": True,
-                     "Update Topic": f"/{LIDAR}/data_labeler/update",
-                     "Enable Transparency": False},
+                    {
+                        "Class": "rviz/PointCloud2",
+                        "Name": "Cloud",
+                        "Enabled": True,
+                        "Topic": self.scene.sensors[LIDAR].topic,
+                        "Style": "Points",
+                        "Color Transformer": "FlatColor",
+                        "Color": "150; 150; 150",
+                        "Selectable": False,
+                    },
+                    {
+                        "Class": "rviz/PointCloud2",
+                        "Name": "Labels",
+                        "Enabled": True,
+                        "Topic": f"{self.scene.sensors[LIDAR].topic}/labeled",
+                        "Style": "Points",
+                        "Size (Pixels)": 4,
+                        "Color Transformer": "RGB8",
+                        "Selectable": False,
+                    },
+                    {
+                        "Class": "rviz/InteractiveMarkers",
+                        "Name": "Seed",
+                        "Enabled": True,
+                        "Update Topic": f"/{LIDAR}/data_labeler/update",
+                        "Enable Transparency": False,
+                    },
                 ],
                 ["rviz/Interact"],
                 [{"Class": "atom_rviz_plugins/AtomPanel", "Name": "ATOM", "Page": 0}],
             )
-        )  # fmt: skip
+        )
         view.look_for(self.screen)
         self.drag(view, marker, target)
         wait_until(lambda: self.is_detected(LIDAR), self.why)
@@ -189,17 +209,29 @@ class WorkflowTest(unittest.TestCase):
             layout(
                 view,
                 [
-                    {"Class": "rviz/PointCloud2", "Name": "Cloud", "Enabled": True,
-                     "Topic": topic, "Style": "Points", "Color Transformer": "FlatColor",
-                     "Color": "150; 150; 150"},
-                    {"Class": "rviz/PointCloud2", "Name": "Labels", "Enabled": True,
-                     "Topic": f"{topic}/labeled3d", "Style": "Points", "Size (Pixels)": 5,
-                     "Color Transformer": "RGB8"},
+                    {
+                        "Class": "rviz/PointCloud2",
+                        "Name": "Cloud",
+                        "Enabled": True,
+                        "Topic": topic,
+                        "Style": "Points",
+                        "Color Transformer": "FlatColor",
+                        "Color": "150; 150; 150",
+                    },
+                    {
+                        "Class": "rviz/PointCloud2",
+                        "Name": "Labels",
+                        "Enabled": True,
+                        "Topic": f"{topic}/labeled3d",
+                        "Style": "Points",
+                        "Size (Pixels)": 5,
+                        "Color Transformer": "RGB8",
+                    },
                 ],
                 ["rviz/MoveCamera", "atom_rviz_plugins/PointLabelTool"],
                 [{"Class": "atom_rviz_plugins/AtomPanel", "Name": "ATOM", "Page": 2}],
             )
-        )  # fmt: skip
+        )
         view.look_for(self.screen)
         wait_until(lambda: {topic, f"{topic}/labeled3d"} <= heard_by("/rviz"), "RViz has the cloud")
         corner, wanted = self.part_of_label(view.pixel(places), indices)
@@ -257,9 +289,13 @@ class WorkflowTest(unittest.TestCase):
         output = self.folder / "calibration"
         states = Messages("/calibrate/state", CalibrationState)
         self.start(
-            "calibrate.launch", f"dataset:={self.dataset_folder / CORRECTED}",
-            f"output:={output}", "rviz:=false", f"wait:={PATIENCE_S}", "slow:=0.1",
-        )  # fmt: skip
+            "calibrate.launch",
+            f"dataset:={self.dataset_folder / CORRECTED}",
+            f"output:={output}",
+            "rviz:=false",
+            f"wait:={PATIENCE_S}",
+            "slow:=0.1",
+        )
         shipped = Path(rospkg.RosPack().get_path("atom_calibration")) / "rviz" / "calibrate.rviz"
         self.open_rviz(yaml.safe_load(shipped.read_text("utf-8")))
         wait_until(lambda: states.all and not states.all[-1].running, lambda: states.all[-1:])
@@ -405,8 +441,10 @@ class WorkflowTest(unittest.TestCase):
         return message is not None and message.patterns[0].detected
 
     def why(self):
-        return {n: [p.reason for p in latest.message.patterns] if latest.message else None
-                for n, latest in self.labels.items()}  # fmt: skip
+        return {
+            n: [p.reason for p in latest.message.patterns] if latest.message else None
+            for n, latest in self.labels.items()
+        }
 
     def check_label(self, key):
         """The LiDAR's label is the board, and its points are published."""

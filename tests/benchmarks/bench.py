@@ -41,9 +41,13 @@ from atom_core.synthetic import Noise, paper_cell
 
 DISTURBANCE = (0.1, 0.1)
 LIMITS = {
-    "solve_s": 3.0, "mean_mm": 1.0, "mean_deg": 0.035, "worst_mm": 2.5, "spread_mm": 1e-3,
+    "solve_s": 3.0,
+    "mean_mm": 1.0,
+    "mean_deg": 0.035,
+    "worst_mm": 2.5,
+    "spread_mm": 1e-3,
     "gross_ratio": 1.5,
-}  # fmt: skip
+}
 
 
 def main() -> None:
@@ -74,11 +78,13 @@ def growth(args: argparse.Namespace) -> None:
             print("the plain program did not end within 1 % of our cost: no comparison")
             continue
         size = f"{row['sensors']}x{row['collections']}"
-        _verdict(f"{size}, atom none over plain Ceres", row["atom_none_s"] / row["plain_s"],
-                 0.25, "x")  # fmt: skip
+        _verdict(
+            f"{size}, atom none over plain Ceres", row["atom_none_s"] / row["plain_s"], 0.25, "x"
+        )
         if row is small:
-            _verdict(f"{size}, defaults over plain Ceres", row["solve_s"] / row["plain_s"],
-                     0.8, "x")  # fmt: skip
+            _verdict(
+                f"{size}, defaults over plain Ceres", row["solve_s"] / row["plain_s"], 0.8, "x"
+            )
     if small:
         _verdict("7x23, peak memory", small["peak_mb"], 200, "MB")
     clock, cores = command_seconds(args.output)
@@ -110,13 +116,26 @@ def speed(output: Path) -> None:
             seconds = [run.seconds["solve"] for run in runs]
             last = runs[-1]
             rows.append(
-                [f"{name} {weights} {loss}", last.problem.row_count,
-                 last.problem.parameters.size, last.summary.iterations, min(seconds),
-                 float(np.median(seconds)), float(sum(last.seconds.values()))]
-            )  # fmt: skip
+                [
+                    f"{name} {weights} {loss}",
+                    last.problem.row_count,
+                    last.problem.parameters.size,
+                    last.summary.iterations,
+                    min(seconds),
+                    float(np.median(seconds)),
+                    float(sum(last.seconds.values())),
+                ]
+            )
     references = _one_round(dataset, output)
-    headers = ["solver", "rows", "parameters", "iterations", "solve best [s]",
-               "solve median [s]", "whole [s]"]  # fmt: skip
+    headers = [
+        "solver",
+        "rows",
+        "parameters",
+        "iterations",
+        "solve best [s]",
+        "solve median [s]",
+        "whole [s]",
+    ]
     table = rows + references
     _report(output / "speed.csv", headers, table, "Speed, 7 sensors x 23 collections", 4)
     median = {row[0]: row[5] for row in table}
@@ -146,10 +165,16 @@ def _one_round(dataset: Dataset, output: Path) -> list:
     costs["plain Ceres program"] = plain.cost
     began = time.perf_counter()
     theirs = least_squares(
-        lambda x: _stacked(problem, x, sigmas), start,
-        jac=lambda x: problem.jacobian(x, sigmas), method="trf",
-        x_scale="jac", tr_solver="lsmr", ftol=1e-8, xtol=1e-8, gtol=1e-8,
-    )  # fmt: skip
+        lambda x: _stacked(problem, x, sigmas),
+        start,
+        jac=lambda x: problem.jacobian(x, sigmas),
+        method="trf",
+        x_scale="jac",
+        tr_solver="lsmr",
+        ftol=1e-8,
+        xtol=1e-8,
+        gtol=1e-8,
+    )
     rows.append(["one round, least_squares", theirs.nfev, time.perf_counter() - began])
     costs["least_squares"] = theirs.cost
     print("cost: " + ", ".join(f"{name} {cost:.3f}" for name, cost in costs.items()))
@@ -204,9 +229,11 @@ def starts(output: Path, cells: int) -> None:
             results.append(calibrate(dataset, options))
             collection = next(iter(results[-1].dataset.collections.values()))
             found.append(
-                [pose(collection, dataset.graph, dataset.world, s.frame)[:3, 3]
-                 for s in dataset.sensors.values()]
-            )  # fmt: skip
+                [
+                    pose(collection, dataset.graph, dataset.world, s.frame)[:3, 3]
+                    for s in dataset.sensors.values()
+                ]
+            )
         converged = sum(r.status == CONVERGED for r in results)
         iterations = [r.summary.iterations for r in results]
         apart_mm = 1e3 * float(np.max(np.ptp(found, axis=0)))
@@ -234,11 +261,16 @@ def rviz(output: Path, quick: bool) -> None:
     """Count the frames of RViz with our plugins and without."""
     alone, *_ = rates = rviz_rates(5 if quick else 15)
     rows = [
-        [rate.name, rate.frames, float(np.median(rate.per_second)),
-         float(np.median(rate.per_second / alone.per_second)), rate.cpu_ms,
-         alone.cpu_ms / rate.cpu_ms]
+        [
+            rate.name,
+            rate.frames,
+            float(np.median(rate.per_second)),
+            float(np.median(rate.per_second / alone.per_second)),
+            rate.cpu_ms,
+            alone.cpu_ms / rate.cpu_ms,
+        ]
         for rate in rates
-    ]  # fmt: skip
+    ]
     headers = ["RViz", "frames", "frames/s", "ratio", "CPU of a frame [ms]", "ratio of CPU"]
     title = "RViz, a cloud of 131,072 points; medians over turns"
     _report(output / "rviz.csv", headers, rows, title, 2)
@@ -252,12 +284,24 @@ def seeds(output: Path, quick: bool) -> None:
 
     answers = seed_refresh(output, 30 if quick else 100)
     rows = [
-        [one.sensor, len(one.labels_ms), *np.percentile(one.labels_ms, [50, 95]),
-         *np.percentile(one.shown_ms, [50, 95]), one.detected]
+        [
+            one.sensor,
+            len(one.labels_ms),
+            *np.percentile(one.labels_ms, [50, 95]),
+            *np.percentile(one.shown_ms, [50, 95]),
+            one.detected,
+        ]
         for one in answers
-    ]  # fmt: skip
-    headers = ["sensor", "steps", "labels 50 % [ms]", "labels 95 % [ms]", "shown 50 % [ms]",
-               "shown 95 % [ms]", "detected"]  # fmt: skip
+    ]
+    headers = [
+        "sensor",
+        "steps",
+        "labels 50 % [ms]",
+        "labels 95 % [ms]",
+        "shown 50 % [ms]",
+        "shown 95 % [ms]",
+        "detected",
+    ]
     _report(output / "seeds.csv", headers, rows, "Labels after a seed is moved, cell live", 2)
     together = np.concatenate([one.labels_ms for one in answers])
     _verdict("labels after a seed, 95th percentile", np.percentile(together, 95), 200, "ms")

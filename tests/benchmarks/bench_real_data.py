@@ -53,9 +53,12 @@ def charuco(folder: Path) -> List[List[str]]:
     return [
         ["charuco_real: found", f"{len(objects)} / {len(paths)}", "all"],
         ["charuco_real: RMS after calibration", f"{rms:.3f} px", "<= 0.65 px"],
-        ["charuco_real: corners minus OpenCV's", f"{shift[0]:+.3f}, {shift[1]:+.3f} px",
-         "-0.5 +- 0.05 px"],
-    ]  # fmt: skip
+        [
+            "charuco_real: corners minus OpenCV's",
+            f"{shift[0]:+.3f}, {shift[1]:+.3f} px",
+            "-0.5 +- 0.05 px",
+        ],
+    ]
 
 
 def _beyond_opencv(image: np.ndarray, found) -> np.ndarray:

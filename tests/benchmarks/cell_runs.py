@@ -67,9 +67,12 @@ class CellRun:
     def simulate(self, scenario: str, stops: int) -> None:
         """Record a bag, unless the one wanted is there."""
         wanted = {
-            "seed": self.seed, "scenario": scenario, "collections": stops,
-            "initial_estimate": "disturbed", "compressed": self.compressed,
-        }  # fmt: skip
+            "seed": self.seed,
+            "scenario": scenario,
+            "collections": stops,
+            "initial_estimate": "disturbed",
+            "compressed": self.compressed,
+        }
         if self.bag(scenario).is_file() and _holds(self.truth(scenario), wanted):
             return
         options: List[Any] = ["--bag", self.bag(scenario), "--scenario", scenario]

@@ -70,11 +70,18 @@ def _three_starts(kind: str, seed: int, exact: SyntheticDataset) -> List[Dict[st
             wrong = max(wrong, float(np.linalg.norm(found - true[:3, 3])))
         good = result.status == CONVERGED and apart < SAME_M and wrong < NEAR_TRUTH_M
         rows.append(
-            {"start": name, "rig": kind, "seed": seed, "status": result.status, "good": good,
-             "apart_mm": 1e3 * apart, "worst_edge_mm": 1e3 * wrong,
-             "iterations": result.summary.iterations,
-             "seconds": sum(result.seconds.values())}
-        )  # fmt: skip
+            {
+                "start": name,
+                "rig": kind,
+                "seed": seed,
+                "status": result.status,
+                "good": good,
+                "apart_mm": 1e3 * apart,
+                "worst_edge_mm": 1e3 * wrong,
+                "iterations": result.summary.iterations,
+                "seconds": sum(result.seconds.values()),
+            }
+        )
     return rows
 
 
@@ -88,14 +95,23 @@ def _print(rows: List[Dict[str, object]]) -> None:
         for cell in (True, False):
             mine = [r for r in rows if r["start"] == start and (r["rig"] == "paper_cell") == cell]
             table.append(
-                [start, "paper's cell" if cell else "other rigs",
-                 f"{sum(bool(r['good']) for r in mine)} of {len(mine)}",
-                 max(float(r["apart_mm"]) for r in mine),
-                 max(float(r["worst_edge_mm"]) for r in mine),
-                 float(np.median([r["seconds"] for r in mine]))]
-            )  # fmt: skip
-    headers = ["start", "rigs", "to the truth", "from the exact start's answer, at most [mm]",
-               "from the truth, at most [mm]", "median [s]"]  # fmt: skip
+                [
+                    start,
+                    "paper's cell" if cell else "other rigs",
+                    f"{sum(bool(r['good']) for r in mine)} of {len(mine)}",
+                    max(float(r["apart_mm"]) for r in mine),
+                    max(float(r["worst_edge_mm"]) for r in mine),
+                    float(np.median([r["seconds"] for r in mine])),
+                ]
+            )
+    headers = [
+        "start",
+        "rigs",
+        "to the truth",
+        "from the exact start's answer, at most [mm]",
+        "from the truth, at most [mm]",
+        "median [s]",
+    ]
     print(text_table(headers, table, "Convergence", 4))
     for row in rows:
         if not row["good"]:

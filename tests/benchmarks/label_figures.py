@@ -45,9 +45,13 @@ def found_figures(sights: Sequence[Sight], name: str) -> List[Figure]:
         found, there = sum(s.found for s in chosen), sum(s.to_be_found for s in chosen)
         share = found / there
         figures.append(
-            Figure(f"{name}: {modality} detections, found / by geometry", f"{found} / {there}",
-                   "0.8 to 1.2", 0.8 <= share <= 1.2)
-        )  # fmt: skip
+            Figure(
+                f"{name}: {modality} detections, found / by geometry",
+                f"{found} / {there}",
+                "0.8 to 1.2",
+                0.8 <= share <= 1.2,
+            )
+        )
     return figures
 
 
@@ -58,15 +62,22 @@ def _range_figures(sights: Sequence[Sight], name: str) -> List[Figure]:
     recall = _total(found, "recalled") / _total(found, "should")
     border = 1e3 * np.concatenate([s.border_m for s in found])
     return [
-        Figure(f"{name}: boards found of those that geometry allows", f"{hits} / {len(wanted)}",
-               ">= 95 %", hits >= 0.95 * len(wanted)),
+        Figure(
+            f"{name}: boards found of those that geometry allows",
+            f"{hits} / {len(wanted)}",
+            ">= 95 %",
+            hits >= 0.95 * len(wanted),
+        ),
         Figure(f"{name}: false boards", f"{false}", "0", false == 0),
-        Figure(f"{name}: precision of the points", f"{precision:.4f}", ">= 0.98",
-               precision >= 0.98),
+        Figure(
+            f"{name}: precision of the points", f"{precision:.4f}", ">= 0.98", precision >= 0.98
+        ),
         Figure(f"{name}: recall of the points", f"{recall:.4f}", ">= 0.9", recall >= 0.9),
-        Figure(f"{name}: limit points outside the border, mean, RMS",
-               f"{border.mean():.1f}, {np.sqrt(np.mean(border**2)):.1f} mm"),
-    ]  # fmt: skip
+        Figure(
+            f"{name}: limit points outside the border, mean, RMS",
+            f"{border.mean():.1f}, {np.sqrt(np.mean(border**2)):.1f} mm",
+        ),
+    ]
 
 
 def _camera_figures(sights: Sequence[Sight]) -> List[Figure]:
@@ -96,13 +107,19 @@ def _corner_figures(sights: Sequence[Sight], name: str, strict: bool) -> List[Fi
         return Figure(what, text, goal, bool(reached())) if strict else Figure(what, text)
 
     return [
-        figure("boards found", f"{hits} / {len(wanted)}", ">= 95 %",
-               lambda: hits >= 0.95 * len(wanted)),
-        figure("bias x, y", f"{bias[0]:+.4f}, {bias[1]:+.4f} px", "<= 0.05 px",
-               lambda: np.all(np.abs(bias) <= 0.05)),
-        figure("RMS x, y", f"{rms[0]:.3f}, {rms[1]:.3f} px", "<= 0.18 px",
-               lambda: np.all(rms <= 0.18)),
-    ]  # fmt: skip
+        figure(
+            "boards found", f"{hits} / {len(wanted)}", ">= 95 %", lambda: hits >= 0.95 * len(wanted)
+        ),
+        figure(
+            "bias x, y",
+            f"{bias[0]:+.4f}, {bias[1]:+.4f} px",
+            "<= 0.05 px",
+            lambda: np.all(np.abs(bias) <= 0.05),
+        ),
+        figure(
+            "RMS x, y", f"{rms[0]:.3f}, {rms[1]:.3f} px", "<= 0.18 px", lambda: np.all(rms <= 0.18)
+        ),
+    ]
 
 
 def _total(sights: Sequence[Sight], name: str) -> int:

@@ -109,10 +109,13 @@ def sights(dataset_path: Path, truth_path: Path, labels_path: Path) -> List[Sigh
             world_T_pattern = truth.boards[(PATTERN, stop)]
             sensor_T_world = pose_of(collection, true.graph, sensor.frame, dataset.world)
             scene = _Scene(
-                dataset, sensor, key, sensor_T_world @ world_T_pattern,
+                dataset,
+                sensor,
+                key,
+                sensor_T_world @ world_T_pattern,
                 {k.split("/")[2]: v for k, v in seen.items() if k.startswith(f"{stop}/{name}/")},
                 stamp_s,
-            )  # fmt: skip
+            )
             result.append(scene.compare(collection.labels.get((name, PATTERN))))
     return result
 

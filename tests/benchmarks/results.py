@@ -72,9 +72,12 @@ def main() -> None:
         "pairs": _texts([_worst_pair(documents)]),
         "labels": _texts(label_figures(every) + _found(runs, seen)),
         "cost": _texts(cost(runs, args.work, not args.raw)),
-        "made": {"date": time.strftime("%Y-%m-%d"), "cores": os.cpu_count(),
-                 "compressed": not args.raw},
-    }  # fmt: skip
+        "made": {
+            "date": time.strftime("%Y-%m-%d"),
+            "cores": os.cpu_count(),
+            "compressed": not args.raw,
+        },
+    }
     args.output.mkdir(parents=True, exist_ok=True)
     write_json_atomically(args.output / "results.json", document, indent=1)
     write_text_atomically(args.output / "README.md", page(document))
@@ -145,8 +148,12 @@ def _worst_pair(documents: Sequence[Dict[str, Any]]) -> Figure:
                 ratio = pair["rms"] / pair["at_truth"]["rms"]
                 name = f"{pair['source']} to {pair['target']}, {pair['kind']}"
                 worst = max(worst, (name, ratio), key=lambda item: item[1])
-    return Figure(f"largest ratio of a pair to its floor ({worst[0]})", f"{worst[1]:.3f}",
-                  "<= 1.10", worst[1] <= 1.10)  # fmt: skip
+    return Figure(
+        f"largest ratio of a pair to its floor ({worst[0]})",
+        f"{worst[1]:.3f}",
+        "<= 1.10",
+        worst[1] <= 1.10,
+    )
 
 
 def _found(runs: Sequence[CellRun], seen: Dict[Any, List[Sight]]) -> List[Figure]:
@@ -160,9 +167,13 @@ def _found(runs: Sequence[CellRun], seen: Dict[Any, List[Sight]]) -> List[Figure
             planned = getattr(wanted, what)
             share = float(np.mean(found)) / planned
             figures.append(
-                Figure(f"{name}: {what} by seed / the paper's", f"{found} / {planned}",
-                       "0.8 to 1.2", 0.8 <= share <= 1.2)
-            )  # fmt: skip
+                Figure(
+                    f"{name}: {what} by seed / the paper's",
+                    f"{found} / {planned}",
+                    "0.8 to 1.2",
+                    0.8 <= share <= 1.2,
+                )
+            )
     return figures
 
 
@@ -177,16 +188,22 @@ def cost(runs: Sequence[CellRun], work: Path, compressed: bool) -> List[Figure]:
         # On a free machine it takes no longer than its processor time: a core is always busy.
         least_s = min(spent.wall_s, spent.cpu_s)
         figures.append(
-            Figure(f"train bag of seed {run.seed} to dataset: wall clock, processor time",
-                   f"{spent.wall_s:.0f} s, {spent.cpu_s:.0f} s (load about {load:.0f})",
-                   f"<= {COLLECT_LIMIT_S:.0f} s on two free cores", least_s <= COLLECT_LIMIT_S)
-        )  # fmt: skip
+            Figure(
+                f"train bag of seed {run.seed} to dataset: wall clock, processor time",
+                f"{spent.wall_s:.0f} s, {spent.cpu_s:.0f} s (load about {load:.0f})",
+                f"<= {COLLECT_LIMIT_S:.0f} s on two free cores",
+                least_s <= COLLECT_LIMIT_S,
+            )
+        )
     long_mb, short_mb = runs[0].costs["collect_train"].peak_mb, short.costs["collect_train"].peak_mb
     figures.append(
-        Figure(f"peak memory, {STOPS['train']} stops and {SHORT_STOPS} stops",
-               f"{long_mb:.0f} MB, {short_mb:.0f} MB", "the same to 10 %",
-               long_mb <= 1.1 * short_mb)
-    )  # fmt: skip
+        Figure(
+            f"peak memory, {STOPS['train']} stops and {SHORT_STOPS} stops",
+            f"{long_mb:.0f} MB, {short_mb:.0f} MB",
+            "the same to 10 %",
+            long_mb <= 1.1 * short_mb,
+        )
+    )
     return figures
 
 

@@ -37,8 +37,10 @@ def page(document: Mapping[str, Any]) -> str:
         "labels, noise and metric set. The paper's figures are those of its own simulated cell.\n",
         _table(
             ["", "paper", "here, mean", "std over seeds", "at the truth"],
-            [[name, *(_number(rows[key][k]) for k in ("paper", "mean", "std", "at_truth"))]
-             for key, name in _NAMES.items()],
+            [
+                [name, *(_number(rows[key][k]) for k in ("paper", "mean", "std", "at_truth"))]
+                for key, name in _NAMES.items()
+            ],
         ),
         _whole_board(document["whole_board_lidar3d-lidar3d_mm"]),
         _figures(document["pairs"]),
@@ -48,7 +50,7 @@ def page(document: Mapping[str, Any]) -> str:
         "Where other programs held the cores, the processor time is judged; on free cores the "
         "clock shows no more than that, apart from waiting for the disk.\n",
         _figures(document["cost"]),
-    ]  # fmt: skip
+    ]
     return "\n".join(parts) + "\n"
 
 

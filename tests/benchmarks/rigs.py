@@ -45,9 +45,14 @@ def rig_dataset(sensors: int, collections: int, seed: int = 0) -> Dataset:
         poses = [_pose(rig, rng) for _ in range(collections)]
     sampling = Sampling(_ALL_OF_THE_ROOM, depth_step=step, labelled_only=True)
     exact = make_dataset(
-        rig, {"pattern_1": poses}, Noise(), rng, patterns={"pattern_1": pattern},
-        sampling=sampling, name=f"rig_{sensors}x{collections}",
-    )  # fmt: skip
+        rig,
+        {"pattern_1": poses},
+        Noise(),
+        rng,
+        patterns={"pattern_1": pattern},
+        sampling=sampling,
+        name=f"rig_{sensors}x{collections}",
+    )
     return disturbed(exact, DISTURBANCE, rng).dataset
 
 

@@ -29,10 +29,12 @@ def cloud_message() -> PointCloud2:
     elevation = np.linspace(-0.6, 0.6, LAYERS)[:, None]
     rays = np.stack(
         np.broadcast_arrays(
-            np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth),
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
             np.sin(elevation),
-        ), axis=2,
-    )  # fmt: skip
+        ),
+        axis=2,
+    )
     walls_m = np.array([4.0, 3.0, 1.5]) / np.maximum(np.abs(rays), 1e-9)
     ranges_m = walls_m.min(axis=2) + 0.01 * rng.standard_normal((LAYERS, COLUMNS))
     data = np.zeros(LAYERS * COLUMNS, [("xyz", "<f4", 3), ("intensity", "<f4")])
@@ -80,9 +82,10 @@ def main() -> None:
     """Publish until it is ended."""
     rospy.init_node("rviz_feed")
     offered = {
-        "save_collection": SaveCollection, "delete_collection": DeleteCollection,
+        "save_collection": SaveCollection,
+        "delete_collection": DeleteCollection,
         "toggle_automatic_data_collector": SetBool,
-    }  # fmt: skip
+    }
     for name, kind in offered.items():  # the panel only looks whether they are there
         rospy.Service(f"/collect_data/{name}", kind, lambda _: None)
     cloud, image = cloud_message(), image_message()

@@ -87,8 +87,9 @@ def _start_master(folder: Path) -> subprocess.Popen:
     os.environ.update(ROS_MASTER_URI=f"http://127.0.0.1:{port}", ROS_HOME=str(folder / "ros"))
     master = subprocess.Popen(
         ["rosmaster", "--core", "-p", str(port)],
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    )  # fmt: skip
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
     patience_s = time.monotonic() + 30
     while socket.socket().connect_ex(("127.0.0.1", port)) and time.monotonic() < patience_s:
         time.sleep(0.1)
@@ -162,22 +163,38 @@ class _Shown:
 
 def _layout(name: str) -> Dict:
     displays: List[Dict] = [
-        {"Class": "rviz/PointCloud2", "Name": "Cloud", "Enabled": True, "Topic": "/lidar/points",
-         "Color Transformer": "FlatColor", "Color": "; ".join(map(str, POINTS)), "Style": "Points",
-         "Size (Pixels)": 2, "Alpha": 1},
-    ]  # fmt: skip
+        {
+            "Class": "rviz/PointCloud2",
+            "Name": "Cloud",
+            "Enabled": True,
+            "Topic": "/lidar/points",
+            "Color Transformer": "FlatColor",
+            "Color": "; ".join(map(str, POINTS)),
+            "Style": "Points",
+            "Size (Pixels)": 2,
+            "Alpha": 1,
+        },
+    ]
     panels: List[Dict] = []
     tools = [{"Class": "rviz/Interact"}]
     if name == STOCK:
         displays.append(
-            {"Class": "rviz/Image", "Name": "Picture", "Enabled": True,
-             "Image Topic": "/camera/labeled"}
-        )  # fmt: skip
+            {
+                "Class": "rviz/Image",
+                "Name": "Picture",
+                "Enabled": True,
+                "Image Topic": "/camera/labeled",
+            }
+        )
     if name == PLUGINS:
         displays.append(
-            {"Class": "atom_rviz_plugins/ImageLabelDisplay", "Name": "Picture", "Enabled": True,
-             "Topic": "/camera/labeled"}
-        )  # fmt: skip
+            {
+                "Class": "atom_rviz_plugins/ImageLabelDisplay",
+                "Name": "Picture",
+                "Enabled": True,
+                "Topic": "/camera/labeled",
+            }
+        )
         panels.append({"Class": "atom_rviz_plugins/AtomPanel", "Name": "ATOM", "Page": 0})
         tools = [
             {"Class": "atom_rviz_plugins/PointLabelTool"},  # the first one is in the hand
@@ -188,12 +205,28 @@ def _layout(name: str) -> Dict:
         "Panels": panels,
         "Visualization Manager": {
             "Displays": displays,
-            "Global Options": {"Fixed Frame": "lidar", "Frame Rate": 1000,
-                               "Background Color": "; ".join(map(str, BACKGROUND))},
+            "Global Options": {
+                "Fixed Frame": "lidar",
+                "Frame Rate": 1000,
+                "Background Color": "; ".join(map(str, BACKGROUND)),
+            },
             "Tools": tools,
-            "Views": {"Current": {"Class": "rviz/Orbit", "Name": "Current View",
-                                  "Distance": 12, "Pitch": 0.6, "Yaw": 0.8}},
+            "Views": {
+                "Current": {
+                    "Class": "rviz/Orbit",
+                    "Name": "Current View",
+                    "Distance": 12,
+                    "Pitch": 0.6,
+                    "Yaw": 0.8,
+                }
+            },
         },
-        "Window Geometry": {"X": 0, "Y": 0, "Width": _WINDOW_SIZE[0], "Height": _WINDOW_SIZE[1],
-                            "Hide Left Dock": False, "Hide Right Dock": True},
-    }  # fmt: skip
+        "Window Geometry": {
+            "X": 0,
+            "Y": 0,
+            "Width": _WINDOW_SIZE[0],
+            "Height": _WINDOW_SIZE[1],
+            "Hide Left Dock": False,
+            "Hide Right Dock": True,
+        },
+    }

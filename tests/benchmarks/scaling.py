@@ -34,10 +34,25 @@ _LARGEST = SIZES[-1]  # minutes for scipy and for the plain program: left out, a
 _REPEATS = {(7, 23): 5, (7, 100): 3}
 STEPS = ("load_s", "build_s", "initialise_s", "solve_s", "covariance_s")
 COLUMNS = (
-    "sensors", "collections", "solver", "weights", "loss", "detections", "rows", "parameters",
-    "status", "iterations", *STEPS, "peak_mb", "cost", "plain_s", "plain_iterations", "plain_cost",
-    "atom_none_s", "atom_none_cost",
-)  # fmt: skip
+    "sensors",
+    "collections",
+    "solver",
+    "weights",
+    "loss",
+    "detections",
+    "rows",
+    "parameters",
+    "status",
+    "iterations",
+    *STEPS,
+    "peak_mb",
+    "cost",
+    "plain_s",
+    "plain_iterations",
+    "plain_cost",
+    "atom_none_s",
+    "atom_none_cost",
+)
 
 
 def scaling(output: Path, quick: bool = False, everything: bool = False) -> List[Row]:
@@ -124,14 +139,28 @@ def command_seconds(output: Path, repeat: int = 3) -> Tuple[float, float]:
         for _ in range(repeat):
             began, before = time.perf_counter(), os.times()
             subprocess.run(
-                [sys.executable, "-m", "atom_core", "calibrate", "--dataset", str(dataset),
-                 "--output", f"{folder}/out", "--overwrite"],
-                check=True, stdout=subprocess.DEVNULL,
-            )  # fmt: skip
+                [
+                    sys.executable,
+                    "-m",
+                    "atom_core",
+                    "calibrate",
+                    "--dataset",
+                    str(dataset),
+                    "--output",
+                    f"{folder}/out",
+                    "--overwrite",
+                ],
+                check=True,
+                stdout=subprocess.DEVNULL,
+            )
             after = os.times()
             clock.append(time.perf_counter() - began)
-            cores.append(after.children_user + after.children_system
-                         - before.children_user - before.children_system)  # fmt: skip
+            cores.append(
+                after.children_user
+                + after.children_system
+                - before.children_user
+                - before.children_system
+            )
     return min(clock), min(cores)
 
 
@@ -163,8 +192,14 @@ def plot(rows: List[Row], path: Path) -> None:
     labels = [f"{r['sensors']}x{r['collections']}" for r in ours]
     for row, label in zip(ours, labels):
         for axes, value in ((times, row["solve_s"]), (memory, row["peak_mb"])):
-            axes.annotate(label, (row["rows"], value), (0, 6), textcoords="offset points",
-                          ha="right", fontsize=8)  # fmt: skip
+            axes.annotate(
+                label,
+                (row["rows"], value),
+                (0, 6),
+                textcoords="offset points",
+                ha="right",
+                fontsize=8,
+            )
     base = [0.0] * len(ours)
     for step in STEPS:
         share = [100.0 * r[step] / sum(r[s] for s in STEPS) for r in ours]

@@ -31,10 +31,21 @@ def bag(name):
     path = FOLDER / f"{name}.bag"
     with locked(name):
         run(
-            "rosrun", "atom_examples", "cell_simulator", "--bag", path, "--scenario", name,
-            "--collections", scenario[name], "--seed", scenario["seed"],
-            "--compressed", "--reuse", "--overwrite",
-        )  # fmt: skip
+            "rosrun",
+            "atom_examples",
+            "cell_simulator",
+            "--bag",
+            path,
+            "--scenario",
+            name,
+            "--collections",
+            scenario[name],
+            "--seed",
+            scenario["seed"],
+            "--compressed",
+            "--reuse",
+            "--overwrite",
+        )
     return path
 
 
@@ -52,9 +63,16 @@ def dataset(name):
         if not stamp.is_file() or stamp.read_text("utf-8") != made_of:
             shutil.rmtree(folder, ignore_errors=True)
             run(
-                "rosrun", "atom_calibration", "collect_from_bag", "--config", CONFIG,
-                "--bag", source, "--output", folder,
-            )  # fmt: skip
+                "rosrun",
+                "atom_calibration",
+                "collect_from_bag",
+                "--config",
+                CONFIG,
+                "--bag",
+                source,
+                "--output",
+                folder,
+            )
             stamp.write_text(made_of, "utf-8")
     return folder / "dataset.json"
 
@@ -62,10 +80,19 @@ def dataset(name):
 def evaluate(folder):
     """Evaluate ``folder/calibration`` on the test dataset into ``folder/evaluation``."""
     run(
-        "rosrun", "atom_calibration", "evaluate",
-        "--train", folder / "calibration" / "atom_calibration.json", "--test", dataset("test"),
-        "--truth", truth("test"), "--output", folder / "evaluation", "--overwrite",
-    )  # fmt: skip
+        "rosrun",
+        "atom_calibration",
+        "evaluate",
+        "--train",
+        folder / "calibration" / "atom_calibration.json",
+        "--test",
+        dataset("test"),
+        "--truth",
+        truth("test"),
+        "--output",
+        folder / "evaluation",
+        "--overwrite",
+    )
 
 
 def run(*words, code=0):

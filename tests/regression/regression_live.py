@@ -16,21 +16,35 @@ class Live(RegressionCase):
         cls.bag = recordings.bag("train")
         live = LIMITS["live"]
         recordings.run(
-            "roslaunch", "atom_calibration", "collect_data.launch",
-            f"config:={recordings.CONFIG}", f"output_folder:={OUTPUT / 'dataset'}",
-            f"bag:={cls.bag}", f"bag_rate:={live['bag_rate']}", "automatic:=true",
-            f"end_when_quiet:={live['end_when_quiet_s']}", "patience:=120", "rviz:=false",
+            "roslaunch",
+            "atom_calibration",
+            "collect_data.launch",
+            f"config:={recordings.CONFIG}",
+            f"output_folder:={OUTPUT / 'dataset'}",
+            f"bag:={cls.bag}",
+            f"bag_rate:={live['bag_rate']}",
+            "automatic:=true",
+            f"end_when_quiet:={live['end_when_quiet_s']}",
+            "patience:=120",
+            "rviz:=false",
             "overwrite:=true",
-        )  # fmt: skip
+        )
         cls.status = read(OUTPUT / "dataset" / "status.json")
         cls.dataset = OUTPUT / "dataset" / "dataset.json"
         if cls.status["exit_code"] > 1:
             raise AssertionError(f"collect_data.launch: {cls.status['message']}")
         recordings.run(
-            "rosrun", "atom_calibration", "calibrate", "--dataset", cls.dataset,
-            "--truth", recordings.truth("train"), "--output", OUTPUT / "calibration",
+            "rosrun",
+            "atom_calibration",
+            "calibrate",
+            "--dataset",
+            cls.dataset,
+            "--truth",
+            recordings.truth("train"),
+            "--output",
+            OUTPUT / "calibration",
             "--overwrite",
-        )  # fmt: skip
+        )
 
     def test_1_each_stop_is_a_collection_and_labels_are_the_board(self):
         self.assertEqual(self.status["step"], "collect")

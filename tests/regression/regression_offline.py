@@ -15,10 +15,15 @@ class Offline(RegressionCase):
     def prepare(cls):
         cls.bag = recordings.bag("train")
         recordings.run(
-            "roslaunch", "atom_calibration", "calibrate_from_bag.launch",
-            f"config:={recordings.CONFIG}", f"bag:={cls.bag}", f"output:={OUTPUT}",
-            f"truth:={recordings.truth('train')}", "overwrite:=true",
-        )  # fmt: skip
+            "roslaunch",
+            "atom_calibration",
+            "calibrate_from_bag.launch",
+            f"config:={recordings.CONFIG}",
+            f"bag:={cls.bag}",
+            f"output:={OUTPUT}",
+            f"truth:={recordings.truth('train')}",
+            "overwrite:=true",
+        )
         cls.status = read(OUTPUT / "status.json")
 
     def test_1_the_launch_file_says_that_it_is_done(self):

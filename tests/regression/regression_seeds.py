@@ -57,10 +57,23 @@ class Seeds(RegressionCase):
             for key, entry in automatic.document["collections"].items()
         ]
         recordings.run(
-            "rosrun", "atom_calibration", "collect_from_bag", "--config", recordings.CONFIG,
-            "--bag", recordings.bag("train"), "--output", OUTPUT, "--overwrite",
-            "--seeds", file, "--automatic_seeds", "off", "--times", *times,
-        )  # fmt: skip
+            "rosrun",
+            "atom_calibration",
+            "collect_from_bag",
+            "--config",
+            recordings.CONFIG,
+            "--bag",
+            recordings.bag("train"),
+            "--output",
+            OUTPUT,
+            "--overwrite",
+            "--seeds",
+            file,
+            "--automatic_seeds",
+            "off",
+            "--times",
+            *times,
+        )
         cls.by_hand = range_labels(read_dataset(OUTPUT / "dataset.json"))
 
     def test_1_labels_are_those_of_automatic_seeds(self):

@@ -32,11 +32,21 @@ class Starts(RegressionCase):
         cls.dataset, cls.answers = with_true_mounts(), {}
         for seed in range(limits["seeds"]):
             recordings.run(
-                "rosrun", "atom_calibration", "calibrate", "--dataset", cls.dataset,
-                "--output", OUTPUT / str(seed), "--overwrite",
-                "--truth", recordings.truth("train"),
-                "--noisy_initial_guess", *limits["disturbance"], "--sample_seed", seed,
-            )  # fmt: skip
+                "rosrun",
+                "atom_calibration",
+                "calibrate",
+                "--dataset",
+                cls.dataset,
+                "--output",
+                OUTPUT / str(seed),
+                "--overwrite",
+                "--truth",
+                recordings.truth("train"),
+                "--noisy_initial_guess",
+                *limits["disturbance"],
+                "--sample_seed",
+                seed,
+            )
             cls.answers[seed] = OUTPUT / str(seed)
 
     def test_1_each_start_leads_to_the_truth(self):

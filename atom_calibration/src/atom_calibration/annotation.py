@@ -34,9 +34,15 @@ def picture_message(frame: Frame, picture: np.ndarray) -> Image:
         place = (8, 20 + 20 * line)
         for colour, width in ((_BLACK, 3), (_WHITE, 1)):
             cv2.putText(
-                picture, labeled.reason, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, colour, width,
+                picture,
+                labeled.reason,
+                place,
+                cv2.FONT_HERSHEY_SIMPLEX,
+                0.45,
+                colour,
+                width,
                 cv2.LINE_AA,
-            )  # fmt: skip
+            )
     message = image_message(picture)
     message.header = header_message(frame)
     return message
@@ -46,9 +52,12 @@ def image_message(picture: np.ndarray) -> Image:
     """Return a picture (height, width, 3), blue green red; the header is left to the caller."""
     height, width = picture.shape[:2]
     return Image(
-        height=height, width=width, encoding="bgr8", step=3 * width,
+        height=height,
+        width=width,
+        encoding="bgr8",
+        step=3 * width,
         data=np.ascontiguousarray(picture).tobytes(),
-    )  # fmt: skip
+    )
 
 
 def labelled_cloud(frame: Frame) -> PointCloud2:
@@ -77,6 +86,11 @@ def cloud_message(table: np.ndarray) -> PointCloud2:
         for name, (_, offset) in POINT.fields.items()
     ]
     return PointCloud2(
-        height=1, width=len(table), fields=fields, point_step=POINT.itemsize,
-        row_step=table.nbytes, is_dense=True, data=table.tobytes(),
-    )  # fmt: skip
+        height=1,
+        width=len(table),
+        fields=fields,
+        point_step=POINT.itemsize,
+        row_step=table.nbytes,
+        is_dense=True,
+        data=table.tobytes(),
+    )

@@ -27,9 +27,13 @@ def state_message(standing: Standing, first: Standing, words: Words) -> Calibrat
         words: for the user.
     """
     return CalibrationState(
-        running=words.status == RUNNING, status=words.status, message=words.message,
-        iteration=standing.number, cost=standing.cost, residuals=_residuals(standing, first),
-    )  # fmt: skip
+        running=words.status == RUNNING,
+        status=words.status,
+        message=words.message,
+        iteration=standing.number,
+        cost=standing.cost,
+        residuals=_residuals(standing, first),
+    )
 
 
 def _residuals(standing: Standing, first: Standing) -> List[ResidualSummary]:
@@ -46,7 +50,7 @@ def _residuals(standing: Standing, first: Standing) -> List[ResidualSummary]:
                 count=value.count,
                 rms=value.rms,
                 rms_initial=math.nan if began is None else began.rms,
-            )  # fmt: skip
+            )
         )
     order = list(standing.dataset.sensors)
     return sorted(rows, key=lambda row: order.index(row.sensor))

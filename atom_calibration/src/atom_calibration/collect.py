@@ -238,14 +238,18 @@ def _header(setup: Setup, key: str, transforms: Mapping[Edge, np.ndarray]) -> Ma
         setup.config,
         sensors={
             name: replace(entry, modality=setup.sensors[name].modality)
-            if name in setup.sensors else entry
+            if name in setup.sensors
+            else entry
             for name, entry in setup.config.sensors.items()
         },
-    )  # fmt: skip
+    )
     dataset = Dataset(
-        Path(setup.name), config, setup.sensors, setup.patterns,
+        Path(setup.name),
+        config,
+        setup.sensors,
+        setup.patterns,
         {key: Collection(key, {}, transforms)},
-    )  # fmt: skip
+    )
     return new_document(dataset, name=setup.name, time_s=float(int(time.time())))
 
 

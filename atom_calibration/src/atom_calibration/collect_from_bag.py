@@ -73,9 +73,17 @@ def collect_from_bag(args: argparse.Namespace) -> int:
         moments = _moments(args, config.max_duration_between_msgs_s, bag, patterns)
         store = CollectionStore.create(args.output, args.overwrite)
         setup = Setup(
-            config, rig.sensors, patterns, transforms.at, store, args.bag.stem,
-            args.pictures, isinstance(moments, StopMoments), _warn, described_joints(config, _warn),
-        )  # fmt: skip
+            config,
+            rig.sensors,
+            patterns,
+            transforms.at,
+            store,
+            args.bag.stem,
+            args.pictures,
+            isinstance(moments, StopMoments),
+            _warn,
+            described_joints(config, _warn),
+        )
         collector = Collector(setup, moments)
         expectation = PointExpectation(setup)
         keys: List[str] = []
@@ -163,14 +171,20 @@ def parser() -> argparse.ArgumentParser:
     add_option(made, "bag", "-b", required=True, type=Path, metavar="FILE", help="the recording")
     add_output_options(made)
     add_option(
-        made, "seeds", type=Path, metavar="FILE",
+        made,
+        "seeds",
+        type=Path,
+        metavar="FILE",
         help="where range sensors find the board (YAML); these seeds win over automatic ones",
-    )  # fmt: skip
+    )
     when = made.add_mutually_exclusive_group()
     add_option(
-        when, "stops", action="store_true", default=True,
+        when,
+        "stops",
+        action="store_true",
+        default=True,
         help="a collection wherever the board stands still (the default)",
-    )  # fmt: skip
+    )
     add_option(
         when, "interval", type=_positive, metavar="S", help="a collection every so many seconds"
     )
@@ -178,9 +192,12 @@ def parser() -> argparse.ArgumentParser:
         when, "times", type=float, nargs="+", metavar="T", help="a collection at each time [s]"
     )
     add_option(
-        made, "automatic_seeds", choices=("on", "off"), default="on",
+        made,
+        "automatic_seeds",
+        choices=("on", "off"),
+        default="on",
         help="predict seeds from the cameras and search the board (default: on)",
-    )  # fmt: skip
+    )
     add_option(
         made, "pictures", action="store_true", help="write pictures of the labels to look at"
     )

@@ -37,8 +37,9 @@ def conclude(
     if not keys:
         never = "; ".join(
             f"{name}: {reasons.most_common(1)[0][0]}"
-            for name, reasons in collector.reasons.items() if reasons
-        )  # fmt: skip
+            for name, reasons in collector.reasons.items()
+            if reasons
+        )
         why = collector.refused[0] if collector.refused else "the board never stood still in view"
         raise CollectionError(f"{store.folder}: no collection was taken: {why} ({never})")
     path, _ = store.assemble()

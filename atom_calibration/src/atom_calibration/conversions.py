@@ -30,8 +30,14 @@ DATA_TYPES = {
 
 _POINT_FIELD_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 _CHANNEL_TYPES = {
-    "8U": "u1", "8S": "i1", "16U": "u2", "16S": "i2", "32S": "i4", "32F": "f4", "64F": "f8",
-}  # fmt: skip
+    "8U": "u1",
+    "8S": "i1",
+    "16U": "u2",
+    "16S": "i2",
+    "32S": "i4",
+    "32F": "f4",
+    "64F": "f8",
+}
 _COLOURS: Dict[str, Tuple[str, int, Optional[int]]] = {
     "bgr8": ("u1", 3, None),
     "rgb8": ("u1", 3, cv2.COLOR_RGB2BGR),

@@ -115,9 +115,14 @@ class Overlays:
             for detected, projected in zip(_fixed(corners.detected), _fixed(corners.projected)):
                 size = np.array([4 * _UNIT, 4 * _UNIT])
                 cv2.rectangle(
-                    picture, tuple(map(int, detected - size)), tuple(map(int, detected + size)),
-                    _WHITE, 1, cv2.LINE_AA, _SHIFT,
-                )  # fmt: skip
+                    picture,
+                    tuple(map(int, detected - size)),
+                    tuple(map(int, detected + size)),
+                    _WHITE,
+                    1,
+                    cv2.LINE_AA,
+                    _SHIFT,
+                )
                 _cross(picture, projected, colour)
 
 
@@ -206,9 +211,15 @@ def _write(picture: np.ndarray, words: str) -> None:
     scale = picture.shape[1] / 900.0
     for colour, thickness in (((0, 0, 0), 4), (_WHITE, 2)):
         cv2.putText(
-            picture, words, (int(14 * scale), int(34 * scale)), cv2.FONT_HERSHEY_SIMPLEX, scale,
-            colour, max(int(thickness * scale), 1), cv2.LINE_AA,
-        )  # fmt: skip
+            picture,
+            words,
+            (int(14 * scale), int(34 * scale)),
+            cv2.FONT_HERSHEY_SIMPLEX,
+            scale,
+            colour,
+            max(int(thickness * scale), 1),
+            cv2.LINE_AA,
+        )
 
 
 def _bgr(colour: Colour) -> Tuple[int, int, int]:

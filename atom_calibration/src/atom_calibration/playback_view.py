@@ -124,16 +124,26 @@ def data_message(frame: Frame) -> Any:
     if frame.sensor.modality == LIDAR3D:
         fields = [PointField(axis, 4 * i, _FLOAT32, 1) for i, axis in enumerate("xyz")]
         return PointCloud2(
-            header=header, height=1, width=len(data), fields=fields, point_step=_XYZ.itemsize,
-            row_step=data.nbytes, is_dense=False, data=data.tobytes(),
-        )  # fmt: skip
+            header=header,
+            height=1,
+            width=len(data),
+            fields=fields,
+            point_step=_XYZ.itemsize,
+            row_step=data.nbytes,
+            is_dense=False,
+            data=data.tobytes(),
+        )
     height, width = data.shape[:2]
     rgb = frame.sensor.modality == RGB
     stored = data if rgb else data.astype("<f4")
     return Image(
-        header=header, height=height, width=width, encoding="bgr8" if rgb else "32FC1",
-        step=(3 if rgb else 4) * width, data=np.ascontiguousarray(stored).tobytes(),
-    )  # fmt: skip
+        header=header,
+        height=height,
+        width=width,
+        encoding="bgr8" if rgb else "32FC1",
+        step=(3 if rgb else 4) * width,
+        data=np.ascontiguousarray(stored).tobytes(),
+    )
 
 
 def camera_info(frame: Frame) -> CameraInfo:
@@ -141,12 +151,15 @@ def camera_info(frame: Frame) -> CameraInfo:
     camera = frame.sensor.camera
     assert camera is not None
     return CameraInfo(
-        header=header_message(frame), height=camera.height, width=camera.width,
+        header=header_message(frame),
+        height=camera.height,
+        width=camera.width,
         distortion_model="plumb_bob" if camera.model == "none" else camera.model,
-        D=[float(v) for v in camera.D] or [0.0] * 5, K=[float(v) for v in camera.K.ravel()],
+        D=[float(v) for v in camera.D] or [0.0] * 5,
+        K=[float(v) for v in camera.K.ravel()],
         R=[float(v) for v in np.eye(3).ravel()],
         P=[float(v) for v in np.column_stack([camera.K, np.zeros(3)]).ravel()],
-    )  # fmt: skip
+    )
 
 
 def labelled_image(frame: Frame, chosen: Any = None) -> Image:
@@ -186,11 +199,15 @@ def label_states(corrections: LabelCorrections, problems: Mapping[str, str]) -> 
     """
     changed = set(corrections.changed())
     return [
-        _label_state(corrections, DetectionKey(corrections.collection, sensor, pattern), changed,
-                     problems.get(sensor, ""))
+        _label_state(
+            corrections,
+            DetectionKey(corrections.collection, sensor, pattern),
+            changed,
+            problems.get(sensor, ""),
+        )
         for sensor in corrections.dataset.sensors
         for pattern in corrections.dataset.patterns
-    ]  # fmt: skip
+    ]
 
 
 def _label_state(
@@ -198,10 +215,18 @@ def _label_state(
 ) -> LabelState:
     sensor, label = corrections.dataset.sensors[key.sensor], corrections.dataset.label(key)
     state = LabelState(
-        sensor=sensor.name, modality=sensor.modality, topic=data_topic(sensor),
-        frame_id=sensor.frame, pattern_name=key.pattern, detected=label is not None,
-        corrected=key in changed, rms=np.nan, worst=np.nan, worst_item=-1, problem=problem,
-    )  # fmt: skip
+        sensor=sensor.name,
+        modality=sensor.modality,
+        topic=data_topic(sensor),
+        frame_id=sensor.frame,
+        pattern_name=key.pattern,
+        detected=label is not None,
+        corrected=key in changed,
+        rms=np.nan,
+        worst=np.nan,
+        worst_item=-1,
+        problem=problem,
+    )
     if label is None:
         return state
     state.points = len(label.indices) if isinstance(label, RangeLabel) else len(label.ids)
@@ -226,9 +251,18 @@ def quality_table(title: str, states: List[LabelState]) -> str:
         rms = f"{scale * state.rms:.2f}" if np.isfinite(state.rms) else ""
         note = state.problem or ("corrected" if state.corrected else "")
         border = state.border_points if state.modality != RGB else ""
-        rows.append([
-            state.sensor, state.pattern_name, state.points, border, rms, worst, unit, note,
-        ])  # fmt: skip
+        rows.append(
+            [
+                state.sensor,
+                state.pattern_name,
+                state.points,
+                border,
+                rms,
+                worst,
+                unit,
+                note,
+            ]
+        )
     headers = ["sensor", "pattern", "points", "border", "rms", "worst (which)", "unit", ""]
     return text_table(headers, rows, title)
 

@@ -171,9 +171,11 @@ class PoseMarker:
     def message(self) -> InteractiveMarker:
         """Return the marker as RViz gets it."""
         marker = InteractiveMarker(
-            name=self.name, description=self._description, scale=self.scale,
+            name=self.name,
+            description=self._description,
+            scale=self.scale,
             pose=conversions.pose_message(self.frame_T_marker),
-        )  # fmt: skip
+        )
         marker.header.frame_id = self.frame  # the stamp stays zero: locked to the frame
         marker.controls = _controls(self._moves)
         if self._shapes or self._handler is not None:

@@ -89,9 +89,12 @@ class Standing:
         """Return the answer."""
         summary = calibration.summary
         return cls(
-            summary.iterations, summary.cost_final, calibration.dataset, calibration.problem,
+            summary.iterations,
+            summary.cost_final,
+            calibration.dataset,
+            calibration.problem,
             summary.x,
-        )  # fmt: skip
+        )
 
     @cached_property
     def table(self) -> Table:

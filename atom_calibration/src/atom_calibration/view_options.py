@@ -37,30 +37,47 @@ def add_view_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of a live view."""
     group = parser.add_argument_group("live view in RViz")
     add_option(
-        group, "ros_visualization", "-rv", action="store_true",
+        group,
+        "ros_visualization",
+        "-rv",
+        action="store_true",
         help="publish boards, sensors, points, images and residuals while the solver runs",
-    )  # fmt: skip
+    )
     add_option(
-        group, "slow", type=_not_negative, default=0.0, metavar="S",
+        group,
+        "slow",
+        type=_not_negative,
+        default=0.0,
+        metavar="S",
         help="pause so many seconds after every iteration",
-    )  # fmt: skip
+    )
     add_option(
-        group, "wait", type=_not_negative, default=0.0, metavar="S",
+        group,
+        "wait",
+        type=_not_negative,
+        default=0.0,
+        metavar="S",
         help="begin when RViz looks, after so many seconds at the latest",
-    )  # fmt: skip
+    )
     add_option(
         group, "stay", action="store_true", help="leave the result on the topics until Ctrl-C"
     )
     add_option(
-        group, "tf", choices=TF_MODES, default=PREFIXED,
+        group,
+        "tf",
+        choices=TF_MODES,
+        default=PREFIXED,
         help="transforms to publish: prefixed (as ATOM: cKEY_FRAME for each collection), own "
         "(one collection's, frames under their own names), calibrated (of these only what is "
         "calibrated, beside a running system), off (default: prefixed)",
-    )  # fmt: skip
+    )
     add_option(
-        group, "draw_per_collection_colors", "-dpcc", action="store_true",
+        group,
+        "draw_per_collection_colors",
+        "-dpcc",
+        action="store_true",
         help="points have the colour of their collection, not of their sensor",
-    )  # fmt: skip
+    )
     add_option(
         group, "show_collection", default=ALL, metavar="KEY", help="show this collection at first"
     )

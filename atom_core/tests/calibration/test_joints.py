@@ -187,13 +187,11 @@ def test_joints_that_cannot_be_calibrated_are_refused():
 def urdf_of(dataset):
     """Return a description of the arm as the dataset has it, the camera's link on its flange."""
     first = next(iter(dataset.collections.values()))
-    joints = [
-        (name, j.type, j.edge, j.origin, j.axis) for name, j in first.joints.items()
-    ] + [
+    joints = [(name, j.type, j.edge, j.origin, j.axis) for name, j in first.joints.items()] + [
         (f"{edge.child}_joint", "fixed", edge, matrix, (1, 0, 0))
         for edge, matrix in first.transforms.items()
         if edge not in [j.edge for j in first.joints.values()] and "pattern" not in edge.child
-    ]  # fmt: skip
+    ]
     links = dict.fromkeys(frame for _, _, edge, _, _ in joints for frame in edge)
     text = ['<robot name="arm">'] + [f'<link name="{link}"/>' for link in links]
     for name, kind, edge, origin, axis in joints:
@@ -216,9 +214,16 @@ def calibrated(tmp_path_factory):
     path = write_dataset_folder(scene.dataset, folder / "data", name="train")
     (folder / "arm.urdf").write_text(urdf_of(scene.dataset))
     code = main(
-        ["calibrate", "--dataset", str(path), "--output", str(folder / "out"),
-         "--description", str(folder / "arm.urdf")]
-    )  # fmt: skip
+        [
+            "calibrate",
+            "--dataset",
+            str(path),
+            "--output",
+            str(folder / "out"),
+            "--description",
+            str(folder / "arm.urdf"),
+        ]
+    )
     assert code == 0
     return scene, path, folder / "out"
 

@@ -56,8 +56,12 @@ def test_pairs_and_selections(evaluate):
 
 def test_options_with_dash_and_underscore(evaluate):
     assert evaluate("--sensor-selection-function", "rgb_*")[0] == 0
-    assert evaluate("--sensor_selection_function", "lambda n: n in ['rgb_1', 'rgb_2']",
-                    "--overwrite")[0] == 0  # fmt: skip
+    assert (
+        evaluate("--sensor_selection_function", "lambda n: n in ['rgb_1', 'rgb_2']", "--overwrite")[
+            0
+        ]
+        == 0
+    )
 
 
 def test_another_calibration_beside(evaluate, scene, capsys):

@@ -119,8 +119,10 @@ def test_points_out_of_the_image_or_behind_the_camera_do_not_count():
 
 def test_nothing_in_the_image_gives_nothing():
     behind = np.array([[0, 0, -1.0]])
-    for measure, border in ((metrics.border_offsets, np.zeros((1, 2, 2))),
-                            (metrics.pixel_offsets, np.zeros((1, 2)))):  # fmt: skip
+    for measure, border in (
+        (metrics.border_offsets, np.zeros((1, 2, 2))),
+        (metrics.pixel_offsets, np.zeros((1, 2))),
+    ):
         offsets, unseen = measure(CAMERAS["none"], behind, border)
         assert offsets.shape == (0, 2) and unseen == 1
 

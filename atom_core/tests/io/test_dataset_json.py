@@ -179,8 +179,9 @@ def test_only_the_labels_that_are_named_change_in_the_file(document, read):
     gone = dataset.with_labels(key, {(sensor, pattern): None})
     written = document_of(gone, [DetectionKey(key, sensor, pattern)])
     assert written["collections"][key]["labels"][pattern][sensor] == {
-        "detected": False, "idxs": [],
-    }  # fmt: skip
+        "detected": False,
+        "idxs": [],
+    }
 
 
 def test_a_label_in_the_layout_of_version_2_is_written_by_pattern(document, read):

@@ -415,8 +415,13 @@ def test_comments_stand_beside_the_origin_and_are_renewed(tmp_path):
 
 def test_edges_that_the_file_lacks_are_reported_with_the_reason(tmp_path):
     description = describe(tmp_path, PLAIN)
-    edges = [("base", "pattern"), ("camera", "base"), ("base", "lidar"), ("lidar", "base"),
-             ("base", "arm")]  # fmt: skip
+    edges = [
+        ("base", "pattern"),
+        ("camera", "base"),
+        ("base", "lidar"),
+        ("lidar", "base"),
+        ("base", "arm"),
+    ]
     poses = {Edge(*edge): np.eye(4) for edge in edges}
     report = write_calibrated_description(description, poses, tmp_path / "out.urdf")
     reasons = dict(report.missing)

@@ -67,8 +67,12 @@ def poses(count, seed=1, least_square_px=22.0, largest_angle_deg=60.0, config=No
     drawn = []
     while len(drawn) < count:
         tilt = np.radians(largest_angle_deg) * rng.uniform(-1, 1, 2)
-        pose = held(rng.uniform(0.8, farthest), (*tilt, rng.uniform(-3, 3)), config,
-                    rng.uniform(-0.3, 0.3, 2))  # fmt: skip
+        pose = held(
+            rng.uniform(0.8, farthest),
+            (*tilt, rng.uniform(-3, 3)),
+            config,
+            rng.uniform(-0.3, 0.3, 2),
+        )
         if facing(pose, border) >= np.cos(np.radians(largest_angle_deg)):
             drawn.append(pose)
     return drawn

@@ -192,9 +192,14 @@ def test_progress_is_reported_and_can_stop_with_the_best_state():
         return iteration < 2
 
     end = CeresSolver(problem)._native.minimise(
-        np.zeros(problem.parameters.size), list(sigmas_of(problem)), "none", 100, 1e-10, 0.0,
+        np.zeros(problem.parameters.size),
+        list(sigmas_of(problem)),
+        "none",
+        100,
+        1e-10,
+        0.0,
         progress=stop_after_two,
-    )  # fmt: skip
+    )
     assert end["stopped"] and not end["converged"]
     assert end["cost"] == pytest.approx(seen[-1]) and seen[-1] < seen[0]
 

@@ -113,19 +113,29 @@ def interruptible():
 
 
 @pytest.mark.parametrize(
-    "name, module, solver", [("ceres", "ceres_solver", "CeresSolver"),
-                             ("scipy", "scipy_solver", "ScipySolver")],
-)  # fmt: skip
+    "name, module, solver",
+    [("ceres", "ceres_solver", "CeresSolver"), ("scipy", "scipy_solver", "ScipySolver")],
+)
 def test_ctrl_c_ends_the_command_with_results(dataset_file, tmp_path, name, module, solver):
     if name == "ceres" and not native.available():
         pytest.skip("native module not built")
     program = textwrap.dedent(INTERRUPTED.format(module=module, solver=solver))
-    arguments = ["calibrate", "--dataset", str(dataset_file), "--output", str(tmp_path / "out"),
-                 "--solver", name]  # fmt: skip
+    arguments = [
+        "calibrate",
+        "--dataset",
+        str(dataset_file),
+        "--output",
+        str(tmp_path / "out"),
+        "--solver",
+        name,
+    ]
     running = subprocess.Popen(
         [sys.executable, "-c", program, *arguments],
-        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, preexec_fn=interruptible,
-    )  # fmt: skip
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=interruptible,
+    )
     try:
         assert running.stderr.readline() == "at 4\n"
         time.sleep(0.2)

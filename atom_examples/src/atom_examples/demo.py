@@ -54,10 +54,14 @@ def build_parser() -> argparse.ArgumentParser:
     add_output_options(parser)
     add_option(parser, "seed", type=int, default=0, metavar="N", help="of rig, boards and noise")
     add_option(
-        parser, "collections", type=int, nargs=2, metavar=("TRAIN", "TEST"),
+        parser,
+        "collections",
+        type=int,
+        nargs=2,
+        metavar=("TRAIN", "TEST"),
         default=tuple(SCENARIOS[name].collections for name in _SETS),
         help="number of stops of the board in each recording (default: 23 17)",
-    )  # fmt: skip
+    )
     return parser
 
 
@@ -70,8 +74,11 @@ def run(args: argparse.Namespace) -> int:
     folder = prepare_output_folder(args.output, args.overwrite)
     counts = dict(zip(_SETS, args.collections))
     stops = " and ".join(str(count) for count in counts.values())
-    _title(1, f"simulate: seven sensors see a board at {stops} stops; every mount but one is 0.1 m "
-              "and 0.1 rad off (some two minutes at first, kept for the next run)")  # fmt: skip
+    _title(
+        1,
+        f"simulate: seven sensors see a board at {stops} stops; every mount but one is 0.1 m "
+        "and 0.1 rad off (some two minutes at first, kept for the next run)",
+    )
     for name in _SETS:
         _simulate(folder, name, counts[name], args.seed)
     _title(2, "collect: label images, depth images and clouds; one collection for each stop")
@@ -81,25 +88,55 @@ def run(args: argparse.Namespace) -> int:
     train = folder / "train" / DATASET_FILE
     _core("check", "--dataset", train)
     _title(4, "calibrate")
-    acceptable = _core(
-        "calibrate", "--dataset", train, "--output", folder / "calibration", "--overwrite",
-        "--truth", folder / "train.truth.json",
-    ) == DONE  # fmt: skip
+    acceptable = (
+        _core(
+            "calibrate",
+            "--dataset",
+            train,
+            "--output",
+            folder / "calibration",
+            "--overwrite",
+            "--truth",
+            folder / "train.truth.json",
+        )
+        == DONE
+    )
     _title(5, "evaluate on the test recording, against the truth")
-    measured = _core(
-        "evaluate", "--train", folder / "calibration" / calibrate.DATASET_FILE,
-        "--test", folder / "test" / DATASET_FILE, "--truth", folder / "test.truth.json",
-        "--output", folder / "evaluation", "--overwrite", *["--verbose"] * args.verbose,
-    ) == DONE  # fmt: skip
+    measured = (
+        _core(
+            "evaluate",
+            "--train",
+            folder / "calibration" / calibrate.DATASET_FILE,
+            "--test",
+            folder / "test" / DATASET_FILE,
+            "--truth",
+            folder / "test.truth.json",
+            "--output",
+            folder / "evaluation",
+            "--overwrite",
+            *["--verbose"] * args.verbose,
+        )
+        == DONE
+    )
     print("\n" + "\n".join(_conclusion(folder)))
     return DONE if acceptable and measured else NOT_ACCEPTABLE
 
 
 def _simulate(folder: Path, name: str, collections: int, seed: int) -> None:
     _refusing(
-        cell_simulator.main, "--bag", folder / f"{name}.bag", "--scenario", name,
-        "--collections", collections, "--seed", seed, "--compressed", "--reuse", "--overwrite",
-    )  # fmt: skip
+        cell_simulator.main,
+        "--bag",
+        folder / f"{name}.bag",
+        "--scenario",
+        name,
+        "--collections",
+        collections,
+        "--seed",
+        seed,
+        "--compressed",
+        "--reuse",
+        "--overwrite",
+    )
 
 
 def _collect(folder: Path, name: str) -> None:
@@ -110,9 +147,15 @@ def _collect(folder: Path, name: str) -> None:
     """
     config = package_folder("atom_examples") / "collab_cell" / "config" / "config.yml"
     _refusing(
-        collect_from_bag.main, "--config", config, "--bag", folder / f"{name}.bag",
-        "--output", folder / name, "--overwrite",
-    )  # fmt: skip
+        collect_from_bag.main,
+        "--config",
+        config,
+        "--bag",
+        folder / f"{name}.bag",
+        "--output",
+        folder / name,
+        "--overwrite",
+    )
 
 
 def _core(*words: object) -> int:

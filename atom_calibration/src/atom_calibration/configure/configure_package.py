@@ -235,28 +235,44 @@ def parser() -> argparse.ArgumentParser:
         epilog=f"example: {EXAMPLE}",
     )
     add_option(
-        made, "name", "-n", required=True, metavar="PKG",
+        made,
+        "name",
+        "-n",
+        required=True,
+        metavar="PKG",
         help="the calibration package, by its name or its folder",
-    )  # fmt: skip
+    )
     add_option(
-        made, "config_file", "-cfg", metavar="FILE",
+        made,
+        "config_file",
+        "-cfg",
+        metavar="FILE",
         help="name of the configuration in the package, or its path (default: config.yml)",
-    )  # fmt: skip
+    )
     add_option(
-        made, "bag", "-b", type=Path, metavar="FILE",
+        made,
+        "bag",
+        "-b",
+        type=Path,
+        metavar="FILE",
         help="recording to check with, instead of the configuration's bag_file",
-    )  # fmt: skip
+    )
     add_option(
-        made, "first_guess", choices=("description", "bag"), default="description",
+        made,
+        "first_guess",
+        choices=("description", "bag"),
+        default="description",
         help="whose values initial_estimate.urdf.xacro has for what is estimated",
-    )  # fmt: skip
+    )
     add_option(
         made, "overwrite", action="store_true", help="replace generated files that you edited, too"
     )
     add_option(
-        made, "reset_estimate", action="store_true",
+        made,
+        "reset_estimate",
+        action="store_true",
         help="replace the first guess that set_initial_estimate saved, too",
-    )  # fmt: skip
+    )
     return made
 
 

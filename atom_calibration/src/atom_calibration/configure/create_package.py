@@ -84,9 +84,13 @@ def parser() -> argparse.ArgumentParser:
         prog="create_calibration_pkg", description=__doc__, epilog=f"example: {EXAMPLE}"
     )
     add_option(
-        made, "name", "-n", required=True, metavar="NAME",
+        made,
+        "name",
+        "-n",
+        required=True,
+        metavar="NAME",
         help="name of the package, or the folder to make",
-    )  # fmt: skip
+    )
     return made
 
 

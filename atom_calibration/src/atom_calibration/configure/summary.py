@@ -64,9 +64,12 @@ def draw(dot: str, kind: str) -> bytes:
         raise ToolError("the program `dot` is absent; install graphviz (apt install graphviz)")
     try:
         result = subprocess.run(
-            [program, f"-T{kind}"], input=dot.encode(), capture_output=True,
-            timeout=_TIMEOUT_S, check=True,
-        )  # fmt: skip
+            [program, f"-T{kind}"],
+            input=dot.encode(),
+            capture_output=True,
+            timeout=_TIMEOUT_S,
+            check=True,
+        )
     except (OSError, subprocess.SubprocessError) as error:
         words = (getattr(error, "stderr", None) or str(error).encode()).decode(errors="replace")
         raise ToolError(f"dot cannot draw the tree: {words.strip()}; report this") from error

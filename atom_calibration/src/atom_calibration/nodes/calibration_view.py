@@ -241,9 +241,11 @@ class CalibrationView:
         if not send.wanted(POINTS, *(f"3d {name}" for name in names)):
             return
         tables = calibration_markers.labelled_points(
-            standing, keys, self._sensor_colours,
+            standing,
+            keys,
+            self._sensor_colours,
             self._collection_colours if self._options.by_collection else None,
-        )  # fmt: skip
+        )
         for name, table in tables.items():
             send(f"3d {name}", lambda t=table: calibration_markers.cloud(world, t))
         if tables:

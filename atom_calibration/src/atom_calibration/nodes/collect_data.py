@@ -79,9 +79,16 @@ def _collect(args: argparse.Namespace, config: CalibrationConfig, store: Collect
             warn(warning)
         patterns = {n: pattern_from_config(n, p) for n, p in config.calibration_patterns.items()}
         setup = Setup(
-            config, rig.sensors, patterns, transforms.at, store, store.folder.name,
-            args.pictures, warn=warn, joints=described_joints(config, warn),
-        )  # fmt: skip
+            config,
+            rig.sensors,
+            patterns,
+            transforms.at,
+            store,
+            store.folder.name,
+            args.pictures,
+            warn=warn,
+            joints=described_joints(config, warn),
+        )
         live = LiveCollector(setup, transforms, board, args.automatic)
         live.listen(rig, topics, labels)
     live.serve(args.marker_size)
@@ -153,35 +160,66 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_option(
-        parser, "config", "-c", "--calibration_file", required=True, type=Path, metavar="FILE",
+        parser,
+        "config",
+        "-c",
+        "--calibration_file",
+        required=True,
+        type=Path,
+        metavar="FILE",
         help="the calibration's config.yml",
-    )  # fmt: skip
+    )
     add_option(
-        parser, "output", "-o", "--output_folder", required=True, type=_folder, metavar="DIR",
+        parser,
+        "output",
+        "-o",
+        "--output_folder",
+        required=True,
+        type=_folder,
+        metavar="DIR",
         help="folder for the dataset; must be empty or absent unless --overwrite is given",
-    )  # fmt: skip
+    )
     add_option(parser, "overwrite", "-ov", action="store_true", help="replace an earlier dataset")
     add_option(
-        parser, "automatic", action="store_true",
+        parser,
+        "automatic",
+        action="store_true",
         help="begin with taking a collection wherever the board stands still",
-    )  # fmt: skip
+    )
     add_option(
         parser, "pictures", action="store_true", help="write pictures of the labels to look at"
     )
     add_option(
-        parser, "marker_size", "-s", type=float, default=0.5, metavar="M",
+        parser,
+        "marker_size",
+        "-s",
+        type=float,
+        default=0.5,
+        metavar="M",
         help="size of the sphere with the menu [m] (default: 0.5)",
-    )  # fmt: skip
+    )
     add_option(
-        parser, "end_after", type=int, default=0, metavar="N",
+        parser,
+        "end_after",
+        type=int,
+        default=0,
+        metavar="N",
         help="end with N collections (default: 0, never)",
-    )  # fmt: skip
+    )
     add_option(
-        parser, "end_when_quiet", type=float, default=0.0, metavar="S",
+        parser,
+        "end_when_quiet",
+        type=float,
+        default=0.0,
+        metavar="S",
         help="end when no data came for S seconds of the wall's clock (default: 0, never)",
-    )  # fmt: skip
+    )
     add_option(
-        parser, "patience", type=float, default=0.0, metavar="S",
+        parser,
+        "patience",
+        type=float,
+        default=0.0,
+        metavar="S",
         help="give up when not all data are there after S seconds (default: 0, never)",
-    )  # fmt: skip
+    )
     return parser

@@ -38,14 +38,20 @@ class CollectorMenu:
         self._world, self._size_m = world, size_m
         self._server = MarkerServer(SERVER)
         self._marker = PoseMarker(
-            self._server, MARKER, world, se3.transform(np.eye(3), _PLACE_M), moves=STILL,
-            scale=size_m, shapes=[self._sphere(False)], description="collect data",
+            self._server,
+            MARKER,
+            world,
+            se3.transform(np.eye(3), _PLACE_M),
+            moves=STILL,
+            scale=size_m,
+            shapes=[self._sphere(False)],
+            description="collect data",
             menu=[
                 ("Save collection", save),
                 ("Automatic data collection on/off", toggle),
                 ("Delete last collection", delete_last),
             ],
-        )  # fmt: skip
+        )
 
     def show(self, collections: int, automatic: bool) -> None:
         """Say how many collections there are; green: they are taken by themselves."""

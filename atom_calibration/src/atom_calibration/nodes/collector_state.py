@@ -67,9 +67,11 @@ class StateBoard:
             return
         self._due_s = time.monotonic() + _EVERY_S
         state = CollectorState(
-            dataset_folder=str(self._store.folder), automatic=self._automatic,
-            collections=len(self._collections), message=self._text,
-        )  # fmt: skip
+            dataset_folder=str(self._store.folder),
+            automatic=self._automatic,
+            collections=len(self._collections),
+            message=self._text,
+        )
         state.header.stamp = rospy.Time.now()
         state.header.frame_id = self._config.world_link
         state.sensors = [self._sensor_state(name) for name in self._config.sensors]

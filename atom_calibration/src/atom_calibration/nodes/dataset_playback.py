@@ -94,7 +94,8 @@ class DatasetPlayback:
         self._state = rospy.Publisher("~state", PlaybackState, queue_size=10, latch=True)
         self._matrix = rospy.Publisher("~collections", CollectionStates, queue_size=2, latch=True)
         self._menu = PlaybackMenu(
-            corrections.dataset.world, marker_size_m,
+            corrections.dataset.world,
+            marker_size_m,
             {
                 "Next collection": self._from_menu(self.next),
                 "Previous collection": self._from_menu(self.previous),
@@ -104,7 +105,7 @@ class DatasetPlayback:
                 "Polygons remove border on/off": self._from_menu(self._toggle_polygons),
                 "Save": self._from_menu(self.save),
             },
-        )  # fmt: skip
+        )
         with self._lock:
             self._show_collection()
             self._tell(f"{self._place()}; corrections go to {output}")
@@ -184,33 +185,45 @@ class DatasetPlayback:
             rospy.Service(f"~{name}", Trigger, lambda _, a=action: TriggerResponse(*self._do(a)))
         corrections = self._corrections
         rospy.Service(
-            "~show_collection", ShowCollection, lambda r: ShowCollectionResponse(
+            "~show_collection",
+            ShowCollection,
+            lambda r: ShowCollectionResponse(
                 *self._do(lambda: self._turn(lambda: corrections.show(r.collection_name)))
             ),
-        )  # fmt: skip
+        )
         rospy.Service(
-            "~delete_label", DeleteLabel, lambda r: DeleteLabelResponse(
-                *self._do(lambda: self._corrected(
-                    r.sensor, corrections.delete_label(r.sensor, r.pattern_name)
-                ))
+            "~delete_label",
+            DeleteLabel,
+            lambda r: DeleteLabelResponse(
+                *self._do(
+                    lambda: self._corrected(
+                        r.sensor, corrections.delete_label(r.sensor, r.pattern_name)
+                    )
+                )
             ),
-        )  # fmt: skip
+        )
         rospy.Service(
-            "~select_pattern", SelectPattern, lambda r: SelectPatternResponse(
+            "~select_pattern",
+            SelectPattern,
+            lambda r: SelectPatternResponse(
                 *self._do(lambda: corrections.select_pattern(r.pattern_name))
             ),
-        )  # fmt: skip
+        )
         rospy.Service(
-            "~polygon_removes_border", SetBool,
+            "~polygon_removes_border",
+            SetBool,
             lambda r: SetBoolResponse(*self._do(lambda: self._set_polygons(bool(r.data)))),
-        )  # fmt: skip
+        )
 
     def _listen(self) -> None:
         for kind, topic in _POINT_TOPICS.items():
             rospy.Subscriber(
-                topic, PointCloud2, self._hear(lambda m, k=kind: self._points(k, m)),
-                queue_size=20, buff_size=_BUFFER_BYTES,
-            )  # fmt: skip
+                topic,
+                PointCloud2,
+                self._hear(lambda m, k=kind: self._points(k, m)),
+                queue_size=20,
+                buff_size=_BUFFER_BYTES,
+            )
         for name, sensor in self._topics.sensors.items():
             if sensor.modality not in (RGB, DEPTH):
                 continue
@@ -302,15 +315,21 @@ class DatasetPlayback:
         corrections = self._corrections
         self._state.publish(
             PlaybackState(
-                dataset=str(corrections.dataset.source), output=str(self._output),
-                collection=corrections.collection, pattern_name=corrections.pattern,
+                dataset=str(corrections.dataset.source),
+                output=str(self._output),
+                collection=corrections.collection,
+                pattern_name=corrections.pattern,
                 number=corrections.keys.index(corrections.collection) + 1,
-                collections=len(corrections.keys), undo_steps=corrections.undo_steps,
+                collections=len(corrections.keys),
+                undo_steps=corrections.undo_steps,
                 polygon_removes_border=self._polygon_removes_border,
-                redo_steps=corrections.redo_steps, unsaved=corrections.unsaved,
-                labels=self._label_states(), failed=failed, message=words,
+                redo_steps=corrections.redo_steps,
+                unsaved=corrections.unsaved,
+                labels=self._label_states(),
+                failed=failed,
+                message=words,
             )
-        )  # fmt: skip
+        )
         self._matrix.publish(view.collection_states(corrections.dataset))
         self._menu.show(self._place(), corrections.unsaved)
 
@@ -318,24 +337,45 @@ class DatasetPlayback:
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command."""
     made = argparse.ArgumentParser(
-        prog=NODE, description=__doc__, epilog=f"example: {EXAMPLE}",
+        prog=NODE,
+        description=__doc__,
+        epilog=f"example: {EXAMPLE}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     add_option(
-        made, "dataset", "-json", "--json_file", required=True, type=Path, metavar="FILE",
+        made,
+        "dataset",
+        "-json",
+        "--json_file",
+        required=True,
+        type=Path,
+        metavar="FILE",
         help="the dataset's JSON",
-    )  # fmt: skip
+    )
     add_option(
-        made, "output", "-o", type=Path, metavar="FILE",
+        made,
+        "output",
+        "-o",
+        type=Path,
+        metavar="FILE",
         help=f"what is saved (default: {OUTPUT} beside the dataset)",
-    )  # fmt: skip
+    )
     add_option(made, "overwrite", "-ow", action="store_true", help="replace an existing file")
     add_option(
-        made, "collection", "-c", default="", metavar="KEY",
+        made,
+        "collection",
+        "-c",
+        default="",
+        metavar="KEY",
         help="collection to begin with (default: the first)",
-    )  # fmt: skip
+    )
     add_option(
-        made, "marker_size", "-s", type=running.positive, default=0.3, metavar="M",
+        made,
+        "marker_size",
+        "-s",
+        type=running.positive,
+        default=0.3,
+        metavar="M",
         help="size of the sphere with the menu [m] (default: 0.3)",
-    )  # fmt: skip
+    )
     return made

@@ -37,7 +37,13 @@ def _parser() -> argparse.ArgumentParser:
         epilog=f"example: rosrun atom_calibration {NAME} -json dataset.json",
     )
     add_option(
-        parser, "dataset", "-json", "--json_file", required=True, type=Path, metavar="FILE",
+        parser,
+        "dataset",
+        "-json",
+        "--json_file",
+        required=True,
+        type=Path,
+        metavar="FILE",
         help="the dataset's JSON",
-    )  # fmt: skip
+    )
     return parser

@@ -26,9 +26,13 @@ def raw_image(message: Any) -> Image:
     pixels = np.ascontiguousarray(decode(message))
     height, width = pixels.shape[:2]
     return Image(
-        header=message.header, height=height, width=width, encoding=encoding,
-        step=pixels.nbytes // height, data=pixels.tobytes(),
-    )  # fmt: skip
+        header=message.header,
+        height=height,
+        width=width,
+        encoding=encoding,
+        step=pixels.nbytes // height,
+        data=pixels.tobytes(),
+    )
 
 
 def raw_topic(topic: str) -> str:

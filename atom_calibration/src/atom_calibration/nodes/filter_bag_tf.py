@@ -57,9 +57,10 @@ class TransformFilter:
 
     def _wanted(self, message: Any) -> List[Any]:
         return [
-            t for t in message.transforms
+            t
+            for t in message.transforms
             if conversions.frame(t.child_frame_id) not in self._described
-        ]  # fmt: skip
+        ]
 
 
 def main() -> int:
@@ -87,7 +88,9 @@ def _run(moving_joints: bool) -> int:
 def _parser() -> argparse.ArgumentParser:
     made = argparse.ArgumentParser(prog="filter_bag_tf", description=__doc__.split("\n")[0])
     made.add_argument(
-        "--moving_joints", "--moving-joints", action="store_true",
+        "--moving_joints",
+        "--moving-joints",
+        action="store_true",
         help="the links of moving joints come from the bag, since it has no /joint_states",
-    )  # fmt: skip
+    )
     return made

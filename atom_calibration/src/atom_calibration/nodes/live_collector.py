@@ -143,9 +143,12 @@ class LiveCollector:
         rospy.Service("~get_dataset", GetDataset, self._serve_get)
         rospy.Service("~toggle_automatic_data_collector", SetBool, self._serve_toggle)
         self._menu = CollectorMenu(
-            self._setup.config.world_link, marker_size_m, self._from_menu(self._save),
-            self._from_menu(self._toggle), self._from_menu(self._delete_last),
-        )  # fmt: skip
+            self._setup.config.world_link,
+            marker_size_m,
+            self._from_menu(self._save),
+            self._from_menu(self._toggle),
+            self._from_menu(self._delete_last),
+        )
         self._show()
         self._board.tell("waiting for labels")
 

@@ -28,10 +28,16 @@ class PlaybackMenu:
         """
         self._world, self._size_m = world, size_m
         self._marker = PoseMarker(
-            MarkerServer(SERVER), MARKER, world, se3.transform(np.eye(3), _PLACE_M), moves=STILL,
-            scale=size_m, shapes=[self._sphere(False)], description="dataset playback",
+            MarkerServer(SERVER),
+            MARKER,
+            world,
+            se3.transform(np.eye(3), _PLACE_M),
+            moves=STILL,
+            scale=size_m,
+            shapes=[self._sphere(False)],
+            description="dataset playback",
             menu=list(entries.items()),
-        )  # fmt: skip
+        )
 
     def show(self, words: str, unsaved: bool) -> None:
         """Say which collection is shown."""

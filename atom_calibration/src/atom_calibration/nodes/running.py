@@ -117,22 +117,35 @@ def positive(text: str) -> float:
 def add_config_option(parser: argparse.ArgumentParser) -> None:
     """Add the option that names the calibration's configuration."""
     add_option(
-        parser, "config", "-cfg", "--config_file", required=True, type=Path, metavar="FILE",
+        parser,
+        "config",
+        "-cfg",
+        "--config_file",
+        required=True,
+        type=Path,
+        metavar="FILE",
         help="the calibration's config.yml",
-    )  # fmt: skip
+    )
 
 
 def add_labelling_options(parser: argparse.ArgumentParser) -> None:
     """Add what one labeler, and the program that starts them all, can be told."""
     add_option(
-        parser, "automatic_seeds", choices=("on", "off"), default="on",
+        parser,
+        "automatic_seeds",
+        choices=("on", "off"),
+        default="on",
         help="predict seeds from the cameras and search the board (default: on)",
-    )  # fmt: skip
+    )
     add_option(parser, "seeds", type=_optional_path, metavar="FILE", help="seeds given by hand")
     add_option(
-        parser, "rate", type=positive, default=5.0, metavar="HZ",
+        parser,
+        "rate",
+        type=positive,
+        default=5.0,
+        metavar="HZ",
         help="most labels a second and sensor (default: 5)",
-    )  # fmt: skip
+    )
 
 
 def _optional_path(text: str) -> Optional[Path]:

@@ -47,11 +47,17 @@ class SeedMarker:
         self._look = (_GREY, False, sensor.name)  # colour, by hand, words
         ahead = [0.0, 0.0, 1.0] if sensor.modality == DEPTH else [1.0, 0.0, 0.0]
         self._marker = PoseMarker(
-            MarkerServer(f"/{sensor.name}/data_labeler"), sensor.name, sensor.frame,
-            se3.transform(np.eye(3), _FIRST_DISTANCE_M * np.array(ahead)), self._moved,
-            moves=POSITION, scale=_SCALE_M, shapes=[self._sphere()], description=sensor.name,
+            MarkerServer(f"/{sensor.name}/data_labeler"),
+            sensor.name,
+            sensor.frame,
+            se3.transform(np.eye(3), _FIRST_DISTANCE_M * np.array(ahead)),
+            self._moved,
+            moves=POSITION,
+            scale=_SCALE_M,
+            shapes=[self._sphere()],
+            description=sensor.name,
             menu=[(BACK_TO_AUTOMATIC, lambda: on_seed(None))],
-        )  # fmt: skip
+        )
 
     def show(self, frame: Frame, by_hand: Optional[np.ndarray]) -> None:
         """Show what a labelled frame says; the board is followed unless the seed is set by hand.

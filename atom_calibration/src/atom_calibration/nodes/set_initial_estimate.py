@@ -134,10 +134,16 @@ class SetInitialEstimate:
             first = names[0]
             number = order.index(first) if first in order else len(order) + len(made)
             marker = PoseMarker(
-                self._server, first, edge.parent, self._guess.value(first),
-                self._moved(first), scale=scale, description=", ".join(names),
-                shapes=[_ball(scale, markers.colour_of(number))], menu=self._entries(first),
-            )  # fmt: skip
+                self._server,
+                first,
+                edge.parent,
+                self._guess.value(first),
+                self._moved(first),
+                scale=scale,
+                description=", ".join(names),
+                shapes=[_ball(scale, markers.colour_of(number))],
+                menu=self._entries(first),
+            )
             made.update(dict.fromkeys(names, marker))
         return made
 
@@ -146,9 +152,16 @@ class SetInitialEstimate:
         place[:3, 3] = _MENU_PLACE
         entries = [("Save", self._act(self.save)), ("Reset all", self._act(self.reset_all))]
         return PoseMarker(
-            self._server, MENU, world, place, moves=STILL, scale=scale, menu=entries,
-            shapes=[_ball(scale, _MENU_COLOUR)], description="save, reset: right mouse button",
-        )  # fmt: skip
+            self._server,
+            MENU,
+            world,
+            place,
+            moves=STILL,
+            scale=scale,
+            menu=entries,
+            shapes=[_ball(scale, _MENU_COLOUR)],
+            description="save, reset: right mouse button",
+        )
 
     def _entries(self, name: str) -> List[Tuple[str, Any]]:
         return [
@@ -249,24 +262,47 @@ def parser() -> argparse.ArgumentParser:
         prog=NODE, description=__doc__.split("\n")[0], epilog=f"example: {EXAMPLE}"
     )
     add_option(
-        made, "config_file", "-c", "--calibration_file", required=True, type=Path, metavar="FILE",
+        made,
+        "config_file",
+        "-c",
+        "--calibration_file",
+        required=True,
+        type=Path,
+        metavar="FILE",
         help="config.yml",
-    )  # fmt: skip
+    )
     add_option(
-        made, "description_file", "-d", required=True, type=Path, metavar="FILE",
+        made,
+        "description_file",
+        "-d",
+        required=True,
+        type=Path,
+        metavar="FILE",
         help="URDF or xacro to start from",
-    )  # fmt: skip
+    )
     add_option(
-        made, "filename", "-f", type=Path, metavar="FILE",
+        made,
+        "filename",
+        "-f",
+        type=Path,
+        metavar="FILE",
         help="what is saved (default: the description_file)",
-    )  # fmt: skip
+    )
     add_option(
-        made, "marker_scale", "-s", type=running.positive, default=0.6, metavar="M",
+        made,
+        "marker_scale",
+        "-s",
+        type=running.positive,
+        default=0.6,
+        metavar="M",
         help="size of the markers in metres (default: 0.6)",
-    )  # fmt: skip
+    )
     add_option(
-        made, "from_dataset", metavar="FILE", default="",
+        made,
+        "from_dataset",
+        metavar="FILE",
+        default="",
         help="dataset.json: sensors start where the boards they share put them, not where the "
         "description does",
-    )  # fmt: skip
+    )
     return made

@@ -87,17 +87,29 @@ class TransformCorrector:
         for number, edge in enumerate(corrections.edges):
             value = corrections.value(edge)
             self._markers[edge] = PoseMarker(
-                self._server, str(edge), edge.parent, np.eye(4) if value is None else value,
-                self._moved(edge), moves=moves, scale=scale, description=str(edge),
+                self._server,
+                str(edge),
+                edge.parent,
+                np.eye(4) if value is None else value,
+                self._moved(edge),
+                moves=moves,
+                scale=scale,
+                description=str(edge),
                 shapes=[markers.sphere("", 0.25 * scale, markers.colour_of(number))],
                 menu=[(f"Reset {edge}", self._act(lambda e=edge: self.reset(e))), *self._entries()],
-            )  # fmt: skip
+            )
         place = np.eye(4)
         place[:3, 3] = _MENU_PLACE
         self._menu = PoseMarker(
-            self._server, "menu", corrections.dataset.world, place, moves=STILL, scale=scale,
-            shapes=[markers.sphere("", 0.25 * scale, _WHITE)], menu=self._entries(),
-        )  # fmt: skip
+            self._server,
+            "menu",
+            corrections.dataset.world,
+            place,
+            moves=STILL,
+            scale=scale,
+            shapes=[markers.sphere("", 0.25 * scale, _WHITE)],
+            menu=self._entries(),
+        )
         for name in ("save", "undo", "next", "previous"):
             action = getattr(self, name)
             rospy.Service(f"~{name}", Trigger, lambda _, a=action: self._answer(a))
@@ -235,32 +247,61 @@ def parser() -> argparse.ArgumentParser:
         prog=NODE, description=__doc__.split("\n")[0], epilog=f"example: {EXAMPLE}"
     )
     add_option(
-        made, "dataset", "-json", "--json_file", required=True, type=Path, metavar="FILE",
+        made,
+        "dataset",
+        "-json",
+        "--json_file",
+        required=True,
+        type=Path,
+        metavar="FILE",
         help="the dataset's JSON",
-    )  # fmt: skip
+    )
     for name, short, what in (("parent", "-pll", "parents"), ("child", "-cll", "children")):
         add_option(
-            made, f"{name}_link_list", short, nargs="*", default=[], metavar="FRAME",
+            made,
+            f"{name}_link_list",
+            short,
+            nargs="*",
+            default=[],
+            metavar="FRAME",
             help=f"{what} of the edges to correct",
-        )  # fmt: skip
+        )
     add_option(
-        made, "patterns", "-p", nargs="*", default=[], metavar="NAME",
+        made,
+        "patterns",
+        "-p",
+        nargs="*",
+        default=[],
+        metavar="NAME",
         help="boards whose pose is to be corrected (for calibrate --anchor_patterns)",
-    )  # fmt: skip
+    )
     add_option(
-        made, "reference_collection", "-rc", default="", metavar="KEY",
+        made,
+        "reference_collection",
+        "-rc",
+        default="",
+        metavar="KEY",
         help="collection whose clouds are shown in grey",
-    )  # fmt: skip
+    )
     add_option(
         made, "two_dimensional", "-2d", action="store_true", help="move in x, y and yaw only"
     )
     add_option(
-        made, "marker_scale", "-s", type=running.positive, default=0.6, metavar="M",
+        made,
+        "marker_scale",
+        "-s",
+        type=running.positive,
+        default=0.6,
+        metavar="M",
         help="size of the markers in metres (default: 0.6)",
-    )  # fmt: skip
+    )
     add_option(
-        made, "output", "-o", type=Path, metavar="FILE",
+        made,
+        "output",
+        "-o",
+        type=Path,
+        metavar="FILE",
         help="what is saved (default: dataset_corrected.json beside the dataset)",
-    )  # fmt: skip
+    )
     add_option(made, "overwrite", "-ow", action="store_true", help="replace an existing file")
     return made

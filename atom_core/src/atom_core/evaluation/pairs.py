@@ -149,8 +149,9 @@ def _in_image(
     offsets: np.ndarray, unseen: int, source: DetectionKey, target: DetectionKey
 ) -> Errors:
     if len(offsets) == 0:
-        raise NotMeasurableError(f"no limit point of '{source.sensor}' is in the image of "
-                            f"'{target.sensor}'")  # fmt: skip
+        raise NotMeasurableError(
+            f"no limit point of '{source.sensor}' is in the image of '{target.sensor}'"
+        )
     return Errors.in_image(offsets, unseen)
 
 
@@ -161,18 +162,21 @@ KINDS: Tuple[PairKind, ...] = (
     PairKind(
         "lidar3d-depth", LIDAR3D, DEPTH, "border_reprojection", "px", False, border_in_depth_image
     ),
-    PairKind(
-        "depth-depth", DEPTH, DEPTH, "border_reprojection", "px", True, border_in_depth_image
-    ),
+    PairKind("depth-depth", DEPTH, DEPTH, "border_reprojection", "px", True, border_in_depth_image),
     PairKind("lidar3d-lidar3d", LIDAR3D, LIDAR3D, "nearest_point", "mm", False, nearest_points),
     PairKind(
-        "lidar3d-lidar3d_limit", LIDAR3D, LIDAR3D, "nearest_limit_point", "mm", True,
+        "lidar3d-lidar3d_limit",
+        LIDAR3D,
+        LIDAR3D,
+        "nearest_limit_point",
+        "mm",
+        True,
         nearest_limit_points,
     ),
     PairKind(
         "lidar3d-lidar3d_plane", LIDAR3D, LIDAR3D, "point_to_plane", "mm", True, points_to_plane
     ),
-)  # fmt: skip
+)
 
 
 def pairs_of(sensors: Mapping[str, Sensor], chosen: Optional[Sequence[str]] = None) -> List[Pair]:

@@ -311,8 +311,10 @@ class DepthLabeler:
         count, names, stats, _ = cv2.connectedComponentsWithStats(on_plane, connectivity=4)
         if count < 2:
             return None
-        part = names[max(start[1] - flood.top - 4, 0) : start[1] - flood.top + 5,
-                     max(start[0] - flood.left - 4, 0) : start[0] - flood.left + 5]  # fmt: skip
+        part = names[
+            max(start[1] - flood.top - 4, 0) : start[1] - flood.top + 5,
+            max(start[0] - flood.left - 4, 0) : start[0] - flood.left + 5,
+        ]
         here = np.bincount(part.ravel(), minlength=count)
         here[0] = 0
         if not here.any():

@@ -92,7 +92,7 @@ class CeresSolver:
                 b["slope"],
                 b["detection"],
                 b["by_twist"],
-            )  # fmt: skip
+            )
             for i, b in enumerate(blocks)
             if b["curvature"] > 0
         ]
@@ -116,9 +116,15 @@ class CeresSolver:
         while True:
             left = max_iterations - iterations
             end = self._native.minimise(
-                x, list(sigmas), loss, left, tolerance.decrease, tolerance.relative, radius,
+                x,
+                list(sigmas),
+                loss,
+                left,
+                tolerance.decrease,
+                tolerance.relative,
+                radius,
                 progress=_counted_from(iterations, progress),
-            )  # fmt: skip
+            )
             x, iterations = end["x"], iterations + end["iterations"]
             if end["stopped"]:
                 return interrupted_at(x, end["cost"], iterations)

@@ -55,9 +55,15 @@ def planar_motion(
         aim = np.append(rng.uniform(-0.2, 0.2, 2), 0.0)
         motion.append({Edge("world", _BASE): looking_at(place, aim)})
     return _simulated(
-        "planar_motion", rig, [board] * collections, noise, disturbance, rng,
-        motion=motion, fixed=True,
-    )  # fmt: skip
+        "planar_motion",
+        rig,
+        [board] * collections,
+        noise,
+        disturbance,
+        rng,
+        motion=motion,
+        fixed=True,
+    )
 
 
 def parallel_boards(

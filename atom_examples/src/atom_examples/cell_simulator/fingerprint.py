@@ -65,11 +65,13 @@ def inputs_of(world: World, recording: Recording) -> str:
             "robots": {kind: _robot_document(world, kind) for kind in (EXACT, DISTURBED)},
             "recording": {"seed": world.seed, **asdict(recording)},
             "versions": {
-                "python": sys.version, "numpy": np.__version__, "cv2": cv2.__version__,
+                "python": sys.version,
+                "numpy": np.__version__,
+                "cv2": cv2.__version__,
                 "mujoco": import_mujoco().__version__,
             },
         }
-    )  # fmt: skip
+    )
 
 
 def program_files() -> Dict[str, Path]:
@@ -123,10 +125,16 @@ def _description(world: World) -> Iterator[Tuple[str, str]]:
 def _robot_document(world: World, estimate: str) -> List[Any]:
     joints = world.description(estimate).robot.joints.values()
     return [
-        [j.name, j.type, j.parent_link, j.child_link, j.parent_T_child_at_zero.tolist(),
-         j.axis.tolist()]
+        [
+            j.name,
+            j.type,
+            j.parent_link,
+            j.child_link,
+            j.parent_T_child_at_zero.tolist(),
+            j.axis.tolist(),
+        ]
         for j in joints
-    ]  # fmt: skip
+    ]
 
 
 def _hash_of(document: Any) -> str:

@@ -82,9 +82,12 @@ class Lidar:
         low, high = self.model.range_m
         beam = np.flatnonzero((centre >= low) & (centre <= high))
         return Returns(
-            beam, centre[beam], np.where(on_edge, away, centre)[beam],
-            reflectivity[beam], on_plate[beam],
-        )  # fmt: skip
+            beam,
+            centre[beam],
+            np.where(on_edge, away, centre)[beam],
+            reflectivity[beam],
+            on_plate[beam],
+        )
 
     def capture(self, scene: Scene, rng: Optional[np.random.Generator] = None) -> Scan:
         """Return a scan; without rng, exact and complete."""

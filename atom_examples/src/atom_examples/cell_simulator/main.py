@@ -35,18 +35,36 @@ def build_parser() -> argparse.ArgumentParser:
         "--collections", type=int, metavar="N", help="stops of the board; default the scenario's"
     )
     _add(
-        parser, "initial_estimate", choices=("exact", "disturbed"), default="disturbed",
+        parser,
+        "initial_estimate",
+        choices=("exact", "disturbed"),
+        default="disturbed",
         help="the mounts in /tf_static: the true ones, or each 0.1 m and 0.1 rad off",
-    )  # fmt: skip
+    )
     _add(parser, "compressed", action="store_true", help="smaller bags: CompressedImage, LZ4")
-    _add(parser, "depth_encoding", choices=("16UC1", "32FC1"), default="16UC1",
-         help="depth in millimetres or in metres")  # fmt: skip
+    _add(
+        parser,
+        "depth_encoding",
+        choices=("16UC1", "32FC1"),
+        default="16UC1",
+        help="depth in millimetres or in metres",
+    )
     _add(parser, "no_noise", action="store_true", help="exact sensors")
     _add(parser, "overwrite", action="store_true", help="replace an existing bag")
-    _add(parser, "reuse", action="store_true",
-         help="keep an existing bag that would be the same again")  # fmt: skip
-    _add(parser, "rtf", type=float, default=1.0, metavar="F",
-         help="live: seconds simulated in a second, at most")  # fmt: skip
+    _add(
+        parser,
+        "reuse",
+        action="store_true",
+        help="keep an existing bag that would be the same again",
+    )
+    _add(
+        parser,
+        "rtf",
+        type=float,
+        default=1.0,
+        metavar="F",
+        help="live: seconds simulated in a second, at most",
+    )
     return parser
 
 

@@ -64,9 +64,14 @@ def _image(array: np.ndarray, encoding: str, head: Header) -> Image:
     height, width = array.shape[:2]
     array = np.ascontiguousarray(array)
     return Image(
-        header=head, height=height, width=width, encoding=encoding, is_bigendian=0,
-        step=array.strides[0], data=array.tobytes(),
-    )  # fmt: skip
+        header=head,
+        height=height,
+        width=width,
+        encoding=encoding,
+        is_bigendian=0,
+        step=array.strides[0],
+        data=array.tobytes(),
+    )
 
 
 def jpeg_image(picture: np.ndarray, head: Header) -> CompressedImage:
@@ -89,10 +94,15 @@ def camera_info(camera: Camera, head: Header) -> CameraInfo:
     D = camera.D if camera.D.size else np.zeros(5)
     model = "plumb_bob" if camera.model == "none" else camera.model
     return CameraInfo(
-        header=head, height=camera.height, width=camera.width, distortion_model=model,
-        D=D.tolist(), K=camera.K.ravel().tolist(), R=np.eye(3).ravel().tolist(),
+        header=head,
+        height=camera.height,
+        width=camera.width,
+        distortion_model=model,
+        D=D.tolist(),
+        K=camera.K.ravel().tolist(),
+        R=np.eye(3).ravel().tolist(),
         P=P.ravel().tolist(),
-    )  # fmt: skip
+    )
 
 
 def point_cloud(scan: Scan, ring: np.ndarray, head: Header) -> PointCloud2:
@@ -102,10 +112,16 @@ def point_cloud(scan: Scan, ring: np.ndarray, head: Header) -> PointCloud2:
         points[name] = scan.points[:, axis]
     points["intensity"], points["ring"] = scan.intensity, ring
     return PointCloud2(
-        header=head, height=1, width=len(points), fields=_FIELDS, is_bigendian=False,
-        point_step=_POINT.itemsize, row_step=_POINT.itemsize * len(points),
-        data=points.tobytes(), is_dense=True,
-    )  # fmt: skip
+        header=head,
+        height=1,
+        width=len(points),
+        fields=_FIELDS,
+        is_bigendian=False,
+        point_step=_POINT.itemsize,
+        row_step=_POINT.itemsize * len(points),
+        data=points.tobytes(),
+        is_dense=True,
+    )
 
 
 def transforms(edges: Mapping[Edge, np.ndarray], stamp: rospy.Time) -> TFMessage:
@@ -133,9 +149,12 @@ def split_edges(
 def joint_state(positions: Mapping[str, float], stamp: rospy.Time, seq: int = 0) -> JointState:
     """Return joints at rest."""
     return JointState(
-        header=header("", stamp, seq), name=list(positions), position=list(positions.values()),
-        velocity=[0.0] * len(positions), effort=[],
-    )  # fmt: skip
+        header=header("", stamp, seq),
+        name=list(positions),
+        position=list(positions.values()),
+        velocity=[0.0] * len(positions),
+        effort=[],
+    )
 
 
 def pose(world_T_thing: np.ndarray) -> Pose:

@@ -221,9 +221,11 @@ def _controls(size_m: np.ndarray) -> List[InteractiveMarkerControl]:
     plate.color.a = 0.6
     plate.pose.orientation.w = 1.0
     body = InteractiveMarkerControl(
-        name="move", always_visible=True, markers=[plate],
+        name="move",
+        always_visible=True,
+        markers=[plate],
         interaction_mode=InteractiveMarkerControl.MOVE_3D,
-    )  # fmt: skip
+    )
     body.orientation.w = 1.0
     controls = [body]
     half = float(np.sqrt(0.5))

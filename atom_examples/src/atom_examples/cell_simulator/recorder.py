@@ -81,10 +81,12 @@ def record(world: World, recording: Recording, path: Path, progress: bool = True
                 writer.write_tick(tick, trajectory.state(tick))
         labels.write(active[0])
         write_recording_truth(
-            active[1], world, [s.world_T_pattern for s in stops],
+            active[1],
+            world,
+            [s.world_T_pattern for s in stops],
             {f"{n:03d}": _interval(trajectory, n) for n in range(len(stops))},
             {"seed": world.seed, **asdict(recording)},
-        )  # fmt: skip
+        )
         for unnamed, file in zip(active, files):
             os.replace(unnamed, file)
     except BaseException as error:

@@ -122,8 +122,10 @@ class Scene:
         self._transforms = robot.transforms(positions)
         spec = mujoco.MjSpec()
         _Builder(mujoco, spec).build(self, visuals, housings, board, views, room)
-        largest = [supersampling * max([1, *(getattr(v.camera, n) for v in views)])
-                   for n in ("width", "height")]  # fmt: skip
+        largest = [
+            supersampling * max([1, *(getattr(v.camera, n) for v in views)])
+            for n in ("width", "height")
+        ]
         spec.visual.global_.offwidth, spec.visual.global_.offheight = largest
         try:
             self.model = spec.compile()
@@ -219,9 +221,19 @@ class Scene:
         normal = np.empty(3 * count)
         rays = np.ascontiguousarray(directions, dtype=float).ravel()
         self._mujoco.mj_multiRay(
-            self.model, self.data, np.asarray(origin, dtype=float), rays, groups, 1, -1,
-            shape, distance, normal, count, 1e3,
-        )  # fmt: skip
+            self.model,
+            self.data,
+            np.asarray(origin, dtype=float),
+            rays,
+            groups,
+            1,
+            -1,
+            shape,
+            distance,
+            normal,
+            count,
+            1e3,
+        )
         distance[shape < 0] = np.inf
         return Hits(distance, shape, normal.reshape(-1, 3))
 
@@ -311,9 +323,12 @@ class _Builder:
                 position[axis], size[axis] = bound + sign * thick, thick
                 floor = axis == 2 and sign < 0
                 self._box(
-                    self.spec.worldbody, 2 * size, se3.transform(np.eye(3), position),
-                    _GREYS["floor" if floor else "wall"], _STILL,
-                )  # fmt: skip
+                    self.spec.worldbody,
+                    2 * size,
+                    se3.transform(np.eye(3), position),
+                    _GREYS["floor" if floor else "wall"],
+                    _STILL,
+                )
 
     def _board(self, board: Board) -> None:
         bodies = {}
@@ -342,16 +357,23 @@ class _Builder:
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
         texture = _print(board).texture
         image = spec.add_texture(
-            name="print", type=mujoco.mjtTexture.mjTEXTURE_2D,
-            height=texture.shape[0], width=texture.shape[1], nchannel=3,
-        )  # fmt: skip
+            name="print",
+            type=mujoco.mjtTexture.mjTEXTURE_2D,
+            height=texture.shape[0],
+            width=texture.shape[1],
+            nchannel=3,
+        )
         image.data = np.repeat(texture[..., None], 3, axis=2).tobytes()
         material = spec.add_material(name="print", specular=0.0)
         material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "print"
         body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh.name, material="print",
-            contype=0, conaffinity=0, group=_PRINT,
-        )  # fmt: skip
+            type=mujoco.mjtGeom.mjGEOM_MESH,
+            meshname=mesh.name,
+            material="print",
+            contype=0,
+            conaffinity=0,
+            group=_PRINT,
+        )
 
     def _person(self) -> None:
         body = self.spec.worldbody.add_body(name="person", mocap=True)
@@ -405,9 +427,16 @@ class _Builder:
 
     def _add(self, body, kind, size, body_T_shape: np.ndarray, rgba, group: int, **more) -> None:
         body.add_geom(
-            type=kind, size=size, pos=body_T_shape[:3, 3], quat=_wxyz(body_T_shape[:3, :3]),
-            rgba=rgba, group=group, contype=0, conaffinity=0, **more,
-        )  # fmt: skip
+            type=kind,
+            size=size,
+            pos=body_T_shape[:3, 3],
+            quat=_wxyz(body_T_shape[:3, :3]),
+            rgba=rgba,
+            group=group,
+            contype=0,
+            conaffinity=0,
+            **more,
+        )
 
 
 class _Print(NamedTuple):
