@@ -131,7 +131,7 @@ def draw_cell(states: States) -> plt.Figure:
     figure.text(
         0.765,
         0.905,
-        "One board edge-on: labelled\npoints of all range sensors [mm]",
+        "One board edge-on: labeled\npoints of all range sensors [mm]",
         size=10.5,
         color=INK,
         va="center",

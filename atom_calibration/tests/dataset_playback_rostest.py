@@ -222,7 +222,7 @@ class DatasetPlaybackTest(unittest.TestCase):
         return found
 
     def coloured(self, sensor):
-        """Return the labelled points that RViz shows: (inside, border) by `idx`."""
+        """Return the labeled points that RViz shows: (inside, border) by `idx`."""
         points = conversions.point_cloud(self.shown(sensor, "/labeled3d"))
         border = points["rgb"] == BORDER_RGB
         self.assertTrue(np.all(border | (points["rgb"] == INSIDE_RGB)))
@@ -310,7 +310,7 @@ class DatasetPlaybackTest(unittest.TestCase):
             self.call("redo")
         self.assertEqual(set(self.saved(LIDAR).limit_indices), border)
 
-    def test_11_labelled_points_may_be_chosen_themselves(self):
+    def test_11_labeled_points_may_be_chosen_themselves(self):
         before = self.label(DEPTH)
         self.choose("remove", before.limit_indices[:40], self.header(DEPTH), field="idx")
         kept = before.limit_indices[40:]

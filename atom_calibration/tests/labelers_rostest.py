@@ -251,7 +251,7 @@ class LabelersTest(unittest.TestCase):
             answer = pool.submit(save)
             self.rig.show_until(COLLECTIONS[1], answer.done, 60, lambda: "an answer")
         self.assertTrue(answer.result().success, answer.result().message)
-        wait_until(self.rig.all_labelled, 60, "labels of all that was shown")
+        wait_until(self.rig.all_labeled, 60, "labels of all that was shown")
         time.sleep(8.0)  # the collector may have heard them later, but not by seconds
         self.assertIn("no labels have come for more than 5 s", save().message)
         collector.signal(signal.SIGINT)

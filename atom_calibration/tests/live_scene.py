@@ -241,7 +241,7 @@ class LiveRig:
             for name, sensor in scene.sensors.items()
             if sensor.camera is not None
         }
-        self._labelled_s = {}
+        self._labeled_s = {}
         for name in scene.sensors:
             rospy.Subscriber(f"/{name}/labels", SensorLabels, self._note_labels)
         self._tf = rospy.Publisher("/tf", TFMessage, queue_size=10)
@@ -254,12 +254,12 @@ class LiveRig:
             publisher.unregister()
 
     def _note_labels(self, labels):
-        self._labelled_s[labels.sensor] = labels.header.stamp.to_sec()
+        self._labeled_s[labels.sensor] = labels.header.stamp.to_sec()
 
-    def all_labelled(self, names=None):
+    def all_labeled(self, names=None):
         """Tell whether the last data of these sensors, or of all, have labels."""
         shown_s, names = self.stamp_s - self.period_s, names or self.scene.sensors
-        return all(abs(self._labelled_s.get(n, 0.0) - shown_s) < 0.1 for n in names)
+        return all(abs(self._labeled_s.get(n, 0.0) - shown_s) < 0.1 for n in names)
 
     def show(self, key, names=None):
         """Publish one message of every sensor (or of some), and advance the stamp.
@@ -290,13 +290,13 @@ class LiveRig:
         while time.monotonic() < end:
             begin = time.monotonic()
             self.show(key, names)
-            running = self._labelled_s.keys() >= set(names or self.scene.sensors)
+            running = self._labeled_s.keys() >= set(names or self.scene.sensors)
             within_s = _LABELS_WITHIN_S if running else _LABELERS_START_WITHIN_S
             while time.monotonic() < begin + within_s:
                 if condition():
                     return
                 time.sleep(0.02)
-                if time.monotonic() > begin + self.period_s and self.all_labelled(names):
+                if time.monotonic() > begin + self.period_s and self.all_labeled(names):
                     break
         raise AssertionError(f"not within {seconds} s: {what()}")
 

@@ -74,7 +74,7 @@ class SeedMarkersTest(unittest.TestCase):
         return se3.apply(self.scene.sensor_T_pattern(name, key), middle[None])[0]
 
     def see(self, key):
-        """Show a place until every range sensor has labelled it by itself."""
+        """Show a place until every range sensor has labeled it by itself."""
         for name in RANGE:
             if self.labels[name].manual_seed:
                 self.set_seed(name)
@@ -203,7 +203,7 @@ class SeedMarkersTest(unittest.TestCase):
             lambda: (marker.position, centre),
         )
 
-    def test_6_what_was_labelled_again_is_what_is_saved(self):
+    def test_6_what_was_labeled_again_is_what_is_saved(self):
         self.see(COLLECTIONS[2])
         end = self.rig.stamp_s + 1.5
         self.rig.show_until(COLLECTIONS[2], lambda: self.rig.stamp_s > end, 60, lambda: "1.5 s")

@@ -119,9 +119,9 @@ def test_what_is_not_drawn_any_more_is_deleted(run):
     assert [m for m in sent if m.action != m.DELETE] == now
 
 
-def test_labelled_points_come_to_lie_on_the_boards(run):
+def test_labeled_points_come_to_lie_on_the_boards(run):
     def heights(standing):
-        tables = calibration_markers.labelled_points(standing, [run.keys[0]], run.by_sensor)
+        tables = calibration_markers.labeled_points(standing, [run.keys[0]], run.by_sensor)
         world_T_pattern = run.last.board_poses[(run.pattern.name, run.keys[0])]
         far = []
         for table in tables.values():
@@ -134,11 +134,11 @@ def test_labelled_points_come_to_lie_on_the_boards(run):
 
 
 def test_points_are_coloured_by_sensor_or_by_collection(run):
-    plain = calibration_markers.labelled_points(run.last, run.keys, run.by_sensor)
+    plain = calibration_markers.labeled_points(run.last, run.keys, run.by_sensor)
     assert set(plain) == {s.name for s in run.dataset.sensors.values() if s.is_range}
     for table in plain.values():
         assert len(np.unique(table["rgb"])) == 2  # inside, and lighter on the border
-    coloured = calibration_markers.labelled_points(
+    coloured = calibration_markers.labeled_points(
         run.last, run.keys, run.by_sensor, run.by_collection
     )
     assert len(np.unique(coloured["lidar_1"]["rgb"])) > 2

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import rosbag
 
-from atom_calibration import labelling
+from atom_calibration import labeling
 from atom_calibration.collect_from_bag import main
 from atom_core.cli import main as core_main
 from atom_core.io.dataset_json import read_dataset
@@ -57,9 +57,9 @@ class StandIn:
 
 @pytest.fixture(autouse=True)
 def stand_in(monkeypatch):
-    monkeypatch.setattr(labelling, "labeler_for", StandIn)
+    monkeypatch.setattr(labeling, "labeler_for", StandIn)
     # The stand-ins' camera and LiDAR do not look at one world: no predictions.
-    monkeypatch.setattr(labelling, "camera_T_pattern", lambda *_: None)
+    monkeypatch.setattr(labeling, "camera_T_pattern", lambda *_: None)
 
 
 def position(time_s):

@@ -12,7 +12,7 @@ from live_scene import COLLECTIONS, LiveScene
 
 from atom_calibration.collect import Setup, write_collection
 from atom_calibration.frames import decode
-from atom_calibration.labelling import FrameLabeler
+from atom_calibration.labeling import FrameLabeler
 from atom_calibration.tf_snapshot import TransformTree
 from atom_core.cli import main as core_main
 from atom_core.io.collections import CollectionStore
@@ -25,7 +25,7 @@ _WITHIN_S = 60.0
 
 @pytest.fixture(scope="module")
 def taken():
-    """Return a scene, its labelled frames of one moment, and its transforms."""
+    """Return a scene, its labeled frames of one moment, and its transforms."""
     scene = LiveScene(cloud_sigma_m=0.0)
     tree = TransformTree(30.0)
     tree.add(scene.static_transforms(100.0).transforms, fixed=True)

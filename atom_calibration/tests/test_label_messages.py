@@ -40,7 +40,7 @@ def seen(name):
     return next(c for c in DATASET.collections.values() if (name, PATTERN.name) in c.labels)
 
 
-def labelled(name):
+def labeled(name):
     collection = seen(name)
     frame = Frame(DATASET.sensors[name], 100.25, HEADER, data_of(collection.key, name))
     next_seed = None if name.startswith("rgb") else np.array([1.0, 2.0, 3.0])
@@ -61,7 +61,7 @@ def sent(message):
 
 @pytest.mark.parametrize("name", SENSORS)
 def test_labels_arrive_as_they_were_sent(name):
-    frame = labelled(name)
+    frame = labeled(name)
     message = sent(labels_message(frame, DATASET.patterns, np.array([4.0, 5.0, 6.0])))
     assert message.header.stamp.to_sec() == 100.25
     assert message.header.frame_id == frame.sensor.frame
@@ -80,7 +80,7 @@ def test_labels_arrive_as_they_were_sent(name):
 
 def test_a_cameras_labels_say_where_the_board_is():
     name = SENSORS[0]
-    (part,) = labels_message(labelled(name), DATASET.patterns).patterns
+    (part,) = labels_message(labeled(name), DATASET.patterns).patterns
     collection = seen(name)
     world_T_camera = pose(collection, DATASET.graph, DATASET.world, DATASET.sensors[name].frame)
     world_T_pattern = SCENE.truth.boards[PATTERN.board_key(collection.key)]
@@ -90,7 +90,7 @@ def test_a_cameras_labels_say_where_the_board_is():
 
 @pytest.mark.parametrize("name", SENSORS)
 def test_nothing_arrives_with_its_reason(name):
-    frame = labelled(name)
+    frame = labeled(name)
     frame.set_label(PATTERN.name, nothing(frame.sensor.modality, "the board is not there"))
     message = sent(labels_message(frame, DATASET.patterns))
     (part,) = message.patterns
@@ -101,7 +101,7 @@ def test_nothing_arrives_with_its_reason(name):
 
 
 def test_labels_of_another_sensor_or_of_larger_data_are_refused():
-    frame = labelled("lidar_1")
+    frame = labeled("lidar_1")
     message = labels_message(frame, DATASET.patterns)
     smaller = Frame(frame.sensor, frame.stamp_s, HEADER, frame.data[:10])
     with pytest.raises(MessageError, match=r"'lidar_1'.*only 10 entries.*another labeler"):
@@ -111,8 +111,8 @@ def test_labels_of_another_sensor_or_of_larger_data_are_refused():
         set_labels(frame, message)
 
 
-def test_the_annotated_cloud_has_the_labelled_points_in_two_colours():
-    frame = labelled("lidar_1")
+def test_the_annotated_cloud_has_the_labeled_points_in_two_colours():
+    frame = labeled("lidar_1")
     cloud = annotated(frame)
     points = np.frombuffer(cloud.data, POINT)
     label = frame.labels[PATTERN.name].label
@@ -125,7 +125,7 @@ def test_the_annotated_cloud_has_the_labelled_points_in_two_colours():
 
 
 def test_the_annotated_image_shows_the_labels_and_why_there_are_none():
-    frame = labelled("depth_1")
+    frame = labeled("depth_1")
     image = annotated(frame)
     pixels = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width, 3)
     inside = frame.labels[PATTERN.name].label.indices

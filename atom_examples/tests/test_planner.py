@@ -45,10 +45,10 @@ def statistics(world, stops):
         found = detections(world, stop)
         cameras = {n: c for n, c in found.items() if n.startswith("rgb")}
         partial += sum(least <= count < corners for count in cameras.values())
-        labelled = {n: (c >= least if n in cameras else bool(c)) for n, c in found.items()}
-        complete += all(labelled.values())
-        for name, is_labelled in labelled.items():
-            by_sensor[name] += is_labelled
+        labeled = {n: (c >= least if n in cameras else bool(c)) for n, c in found.items()}
+        complete += all(labeled.values())
+        for name, is_labeled in labeled.items():
+            by_sensor[name] += is_labeled
     return partial, complete, by_sensor
 
 

@@ -80,7 +80,7 @@ class WorkflowTest(unittest.TestCase):
         cls.collections = Latest("/collect_data/collections", CollectionStates)
         cls.markers = {n: MarkerHand(n) for n in (LIDAR, DEPTH)}
         points = f"{cls.scene.sensors[LIDAR].topic}/labeled"
-        cls.labelled_points = Latest(points, PointCloud2)
+        cls.labeled_points = Latest(points, PointCloud2)
 
     def setUp(self):
         """Go on only where the step before was done."""
@@ -448,7 +448,7 @@ class WorkflowTest(unittest.TestCase):
 
     def check_label(self, key):
         """The LiDAR's label is the board, and its points are published."""
-        points = conversions.point_cloud(self.labelled_points.message)
+        points = conversions.point_cloud(self.labeled_points.message)
         truth = set(self.scene.label(LIDAR, key).indices)
         for found in (self.labels[LIDAR].message.patterns[0].idxs, points["idx"].tolist()):
             self.assertGreater(len(set(found) & truth), 0.98 * len(found), key)

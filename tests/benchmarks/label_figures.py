@@ -58,7 +58,7 @@ def found_figures(sights: Sequence[Sight], name: str) -> List[Figure]:
 def _range_figures(sights: Sequence[Sight], name: str) -> List[Figure]:
     wanted, found = [s for s in sights if s.to_be_found], [s for s in sights if s.found]
     hits, false = sum(s.found and not s.false for s in wanted), sum(s.false for s in found)
-    precision = 1.0 - _total(found, "wrong") / _total(found, "labelled")
+    precision = 1.0 - _total(found, "wrong") / _total(found, "labeled")
     recall = _total(found, "recalled") / _total(found, "should")
     border = 1e3 * np.concatenate([s.border_m for s in found])
     return [

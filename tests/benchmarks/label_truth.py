@@ -45,7 +45,7 @@ _CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 @dataclass
 class Sight:
-    """One board before one sensor in one collection: what is true, and what was labelled.
+    """One board before one sensor in one collection: what is true, and what was labeled.
 
     Attributes:
         key: which.
@@ -60,9 +60,9 @@ class Sight:
         in_view: share of the board between the lowest and the highest layer of a LiDAR.
         square_px: side of a square in the image, seen from the front.
         should, recalled: range sensors: points that belong to the label, and those in it.
-        labelled, wrong: points of the label, and those that do not belong to it.
+        labeled, wrong: points of the label, and those that do not belong to it.
         border_m: (n,) limit points: distance to the true border, positive outside.
-        error_px: (n, 2) labelled minus true corners.
+        error_px: (n, 2) labeled minus true corners.
     """
 
     key: DetectionKey
@@ -78,7 +78,7 @@ class Sight:
     square_px: float = 0.0
     should: int = 0
     recalled: int = 0
-    labelled: int = 0
+    labeled: int = 0
     wrong: int = 0
     border_m: np.ndarray = field(default_factory=lambda: np.zeros(0))
     error_px: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))
@@ -186,9 +186,9 @@ class _Scene:
         sight.square_px = focal * self.pattern.square_m / sight.distance_m
         if isinstance(label, RgbLabel) and label.detected:
             sight.error_px = label.pixels - camera.project(corners[label.ids])
-            sight.labelled = len(label.ids)
+            sight.labeled = len(label.ids)
             sight.wrong = int(np.sum(np.linalg.norm(sight.error_px, axis=1) > WRONG_PX))
-            sight.false = sight.wrong > TRUE_SHARE * sight.labelled
+            sight.false = sight.wrong > TRUE_SHARE * sight.labeled
 
     def _returns(self, sight: Sight, label: Optional[Label]) -> None:
         cloud = self.dataset.data.cloud(self.key.collection, self.sensor.name).astype(float)
@@ -246,13 +246,13 @@ class _Scene:
         mixed: np.ndarray,
         counts: np.ndarray,
     ) -> None:
-        labelled = np.zeros(len(on_board), dtype=bool)
-        labelled[indices] = True
-        sight.labelled = int(np.sum(labelled & ~mixed))
-        sight.wrong = int(np.sum(labelled & ~mixed & ~on_board))
+        labeled = np.zeros(len(on_board), dtype=bool)
+        labeled[indices] = True
+        sight.labeled = int(np.sum(labeled & ~mixed))
+        sight.wrong = int(np.sum(labeled & ~mixed & ~on_board))
         sight.should = int(np.sum(on_board & ~mixed & counts))
-        sight.recalled = int(np.sum(on_board & ~mixed & counts & labelled))
-        sight.false = np.sum(labelled & on_board) < TRUE_SHARE * np.sum(labelled)
+        sight.recalled = int(np.sum(on_board & ~mixed & counts & labeled))
+        sight.false = np.sum(labeled & on_board) < TRUE_SHARE * np.sum(labeled)
 
     def _from_border(self, rays: np.ndarray) -> np.ndarray:
         """Return how far outside the border [m] the lines of sight to points (n, 3) meet it."""

@@ -1,7 +1,7 @@
 """`make results`: the paper's tables, and the labels against their truth, on the simulated cell.
 
 For each seed: a train and a test bag are simulated (kept in results_output/, 1.4 GB each, and used
-again), labelled without any seed by hand, calibrated from a start 0.1 m and 0.1 rad off, evaluated
+again), labeled without any seed by hand, calibrated from a start 0.1 m and 0.1 rad off, evaluated
 on the test set. Writes docs/results/results.json and docs/results/README.md. With three seeds it
 takes about half an hour on two cores.
 """
@@ -178,7 +178,7 @@ def _found(runs: Sequence[CellRun], seen: Dict[Any, List[Sight]]) -> List[Figure
 
 
 def cost(runs: Sequence[CellRun], work: Path, compressed: bool) -> List[Figure]:
-    """Return what labelling a bag costs, and whether its length matters for memory."""
+    """Return what labeling a bag costs, and whether its length matters for memory."""
     short = CellRun(runs[0].seed, work / "short", compressed)
     short.simulate("train", SHORT_STOPS)
     short.collect("train")

@@ -18,7 +18,7 @@ _HEAD = """# Results on the simulated cell
 
 Written by `make results`; do not edit. What is measured, and how: [evaluation](../evaluation.md),
 [labels](../labels.md). Everything comes out of simulated bags: 23 stops of the board to calibrate
-with, 17 others to evaluate on; range sensors are labelled without a seed by hand; every free sensor
+with, 17 others to evaluate on; range sensors are labeled without a seed by hand; every free sensor
 starts 0.1 m and 0.1 rad off.
 """
 

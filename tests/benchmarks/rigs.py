@@ -35,7 +35,7 @@ def rig_dataset(sensors: int, collections: int, seed: int = 0) -> Dataset:
     """
     rng = np.random.default_rng([seed, sensors, collections])
     if (sensors, collections) == (PAPER_CELL, SCENARIOS["train"].collections):
-        sampling = Sampling(_ALL_OF_THE_ROOM, labelled_only=True)
+        sampling = Sampling(_ALL_OF_THE_ROOM, labeled_only=True)
         return paper_cell(seed, "train", Noise(), DISTURBANCE, sampling=sampling).dataset
     if sensors == PAPER_CELL:
         rig, pattern, step = cell_rig(seed), charuco(), 4
@@ -43,7 +43,7 @@ def rig_dataset(sensors: int, collections: int, seed: int = 0) -> Dataset:
     else:
         rig, pattern, step = _thin_rig(sensors, rng), charuco(dimension=(8, 5)), 16
         poses = [_pose(rig, rng) for _ in range(collections)]
-    sampling = Sampling(_ALL_OF_THE_ROOM, depth_step=step, labelled_only=True)
+    sampling = Sampling(_ALL_OF_THE_ROOM, depth_step=step, labeled_only=True)
     exact = make_dataset(
         rig,
         {"pattern_1": poses},

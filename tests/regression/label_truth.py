@@ -26,11 +26,11 @@ class Score:
 
     Attributes:
         possible: detections that the geometry allows.
-        found: those of them that were labelled.
+        found: those of them that were labeled.
         missed: the others, by collection and sensor.
         false: labels that are mostly not the board, by collection and sensor.
         errors_px: (n, 2) of corners, found minus true.
-        hits, labelled, true: points or pixels that are labelled and true, labelled, true. Labels of
+        hits, labeled, true: points or pixels that are labeled and true, labeled, true. Labels of
             depth images hold a part of the pixels, so that their recall says nothing.
     """
 
@@ -40,7 +40,7 @@ class Score:
     false: list = field(default_factory=list)
     errors_px: list = field(default_factory=list)
     hits: int = 0
-    labelled: int = 0
+    labeled: int = 0
     true: int = 0
 
     @property
@@ -49,7 +49,7 @@ class Score:
 
     @property
     def precision(self):
-        return self.hits / self.labelled
+        return self.hits / self.labeled
 
     @property
     def recall(self):
@@ -156,7 +156,7 @@ def _square_px(corners, columns):
 def _judge_points(score, true, label):
     hits = len(np.intersect1d(true, label.indices))
     score.hits += hits
-    score.labelled += len(label.indices)
+    score.labeled += len(label.indices)
     score.true += len(true)
     return hits / len(label.indices)
 

@@ -52,13 +52,13 @@ class RegressionCase(unittest.TestCase):
             self.faults.append(f"{dataset_file}: {count} collections of {stops} stops")
 
     def check_labels(self, dataset_file, bag, found=LIMITS["labels"]["found"]):  # noqa: B008
-        """Boards were found where they can be, nowhere else, and labelled exactly."""
+        """Boards were found where they can be, nowhere else, and labeled exactly."""
         limits = LIMITS["labels"]
         for modality, score in scores(dataset_file, bag).items():
             missed = f"{modality}: share of boards found (not in {', '.join(score.missed)})"
             self.hold(missed, score.share, found, at_least=True)
             for place in score.false:
-                self.faults.append(f"{modality}: {place}: what is labelled is not the board")
+                self.faults.append(f"{modality}: {place}: what is labeled is not the board")
             if modality == RGB:
                 errors = np.array(score.errors_px)
                 self.hold("rgb: number of corners judged", len(errors), limits["corners"], "", True)

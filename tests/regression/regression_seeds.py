@@ -84,7 +84,7 @@ class Seeds(RegressionCase):
             what = f"{sensor} at {time_s}: overlap with the automatic label"
             self.hold(what, share, LIMITS["seeds"]["overlap"], at_least=True)
 
-    def test_2_nothing_is_labelled_without_a_seed(self):
+    def test_2_nothing_is_labeled_without_a_seed(self):
         self.assertLessEqual(self.by_hand.keys(), self.automatic.keys())
 
 

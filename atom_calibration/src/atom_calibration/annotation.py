@@ -1,4 +1,4 @@
-"""Labelled data as messages to look at: what RViz shows on TOPIC/labeled."""
+"""Labeled data as messages to look at: what RViz shows on TOPIC/labeled."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from sensor_msgs.msg import Image, PointCloud2, PointField
 
 from atom_calibration.frames import Frame, points_of
 from atom_calibration.label_messages import header_message
-from atom_calibration.pictures import labelled_picture
+from atom_calibration.pictures import labeled_picture
 from atom_core.model.dataset import RangeLabel
 from atom_core.model.sensor import LIDAR3D
 
@@ -22,10 +22,10 @@ _FLOAT32, _UINT32 = 7, 6
 
 
 def annotated(frame: Frame) -> Union[Image, PointCloud2]:
-    """Return an image with the labels drawn in, or the cloud of the labelled points alone."""
+    """Return an image with the labels drawn in, or the cloud of the labeled points alone."""
     if frame.sensor.modality == LIDAR3D:
-        return labelled_cloud(frame)
-    return picture_message(frame, labelled_picture(frame))
+        return labeled_cloud(frame)
+    return picture_message(frame, labeled_picture(frame))
 
 
 def picture_message(frame: Frame, picture: np.ndarray) -> Image:
@@ -60,8 +60,8 @@ def image_message(picture: np.ndarray) -> Image:
     )
 
 
-def labelled_cloud(frame: Frame) -> PointCloud2:
-    """Return the labelled points, or pixels in space, of a range sensor, inside and border."""
+def labeled_cloud(frame: Frame) -> PointCloud2:
+    """Return the labeled points, or pixels in space, of a range sensor, inside and border."""
     parts = []
     for labeled in frame.labels.values():
         label = labeled.label

@@ -1,4 +1,4 @@
-"""What RViz shows of a calibration: boards, sensors, where those began, labelled points."""
+"""What RViz shows of a calibration: boards, sensors, where those began, labeled points."""
 
 from __future__ import annotations
 
@@ -100,13 +100,13 @@ def ghost(first: Standing, shown: Sequence[str]) -> List[Marker]:
     return markers.numbered(listed)
 
 
-def labelled_points(
+def labeled_points(
     standing: Standing,
     shown: Sequence[str],
     sensor_colour: Dict[str, Colour],
     collection_colour: Optional[Dict[str, Colour]] = None,
 ) -> Dict[str, np.ndarray]:
-    """Return the labelled points of each range sensor in the world, as `annotation.POINT`.
+    """Return the labeled points of each range sensor in the world, as `annotation.POINT`.
 
     Args:
         standing: where the sensors stand.

@@ -1,4 +1,4 @@
-"""Labelled frames in, collections on the disk out; offline and live alike."""
+"""Labeled frames in, collections on the disk out; offline and live alike."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from atom_calibration.conversions import cloud_xyz
 from atom_calibration.errors import CollectionError, TransformError
 from atom_calibration.frames import Frame
 from atom_calibration.joint_positions import joint_documents
-from atom_calibration.labelling import camera_T_pattern
-from atom_calibration.pictures import labelled_picture
+from atom_calibration.labeling import camera_T_pattern
+from atom_calibration.pictures import labeled_picture
 from atom_calibration.selection import (
     Moment,
     RecentFrames,
@@ -65,7 +65,7 @@ class Setup:
         transforms: returns the tree around a time [s].
         store: where collections go.
         name: of the dataset.
-        pictures: write a picture of each labelled frame.
+        pictures: write a picture of each labeled frame.
         at_stops: moments come from stops, where two in a row at one place are one.
         warn: is told, in one line, what the user should know.
         joints: of the description, whose positions are recorded, by name.
@@ -84,7 +84,7 @@ class Setup:
 
 
 class Collector:
-    """Takes collections out of a stream of labelled frames.
+    """Takes collections out of a stream of labeled frames.
 
     Attributes:
         taken: number of detections by sensor, in the collections taken.
@@ -104,7 +104,7 @@ class Collector:
         self.refused: List[str] = []
 
     def add(self, frame: Frame) -> List[str]:
-        """Take note of a labelled frame; return the keys of collections that were written."""
+        """Take note of a labeled frame; return the keys of collections that were written."""
         for labeled in frame.labels.values():
             if not labeled.detected:
                 self.reasons[frame.sensor.name][labeled.reason] += 1
@@ -114,7 +114,7 @@ class Collector:
     def label_again(self, frame: Frame) -> None:
         """Take a sensor's newest frame with other labels: a seed was moved.
 
-        What was labelled before, from another seed, is not collected any more.
+        What was labeled before, from another seed, is not collected any more.
         """
         self._recent.label_again(frame)
 
@@ -227,7 +227,7 @@ def write_collection(setup: Setup, frames: Mapping[str, Frame]) -> str:
     if setup.pictures:
         folder = prepare_output_folder(store.folder / PICTURES_FOLDER, overwrite=True)
         for name, frame in frames.items():
-            write_image(folder / f"{key}_{name}.jpg", labelled_picture(frame))
+            write_image(folder / f"{key}_{name}.jpg", labeled_picture(frame))
     store.save(StoredCollection(key, document, _initial_boards(setup, frames, transforms)))
     return key
 
@@ -315,7 +315,7 @@ def _write_data(folder: Path, key: str, frame: Frame, warn: Callable[[str], None
 
 
 def _labels_lost(frame: Frame) -> bool:
-    """Tell whether labelled depths are farther than a file can hold."""
+    """Tell whether labeled depths are farther than a file can hold."""
     labels = [labeled.label for labeled in frame.labels.values()]
     depths = [frame.data.ravel()[x.indices] for x in labels if isinstance(x, RangeLabel)]
     return any(bool(np.any(z > MAX_DEPTH_M)) for z in depths)

@@ -20,7 +20,7 @@ from atom_calibration.errors import MessageError
 from atom_calibration.expectation import PointExpectation
 from atom_calibration.frames import Frame, decode
 from atom_calibration.joint_positions import described_joints
-from atom_calibration.labelling import FrameLabeler
+from atom_calibration.labeling import FrameLabeler
 from atom_calibration.rig import Rig, check_frames, rig_from_bag
 from atom_calibration.selection import StopMoments, TimedMoments
 from atom_calibration.tf_snapshot import BagTransforms
@@ -36,7 +36,7 @@ EXAMPLE = (
     "rosrun atom_calibration collect_from_bag --config config.yml --bag train.bag --output dataset"
 )
 _BAD_INPUT, _INTERRUPTED = 2, 130
-_LOOK_AHEAD = 12  # messages that are decoded and, if images, labelled beforehand
+_LOOK_AHEAD = 12  # messages that are decoded and, if images, labeled beforehand
 _WORKERS = 2
 _MOST_BAD_MESSAGES = 3  # of a sensor that are told one by one
 
@@ -87,19 +87,19 @@ def collect_from_bag(args: argparse.Namespace) -> int:
         collector = Collector(setup, moments)
         expectation = PointExpectation(setup)
         keys: List[str] = []
-        for frame in labelled_frames(bag, rig, labeler, transforms):
+        for frame in labeled_frames(bag, rig, labeler, transforms):
             expectation.add(frame)
             keys += collector.add(frame)
         keys += collector.finish()
     return conclude(store, collector, keys, print, _warn)
 
 
-def labelled_frames(
+def labeled_frames(
     bag: BagReader, rig: Rig, labeler: FrameLabeler, transforms: BagTransforms
 ) -> Iterator[Frame]:
-    """Yield every frame of the bag, labelled, in the order of recording.
+    """Yield every frame of the bag, labeled, in the order of recording.
 
-    Images are decoded and labelled by threads a few messages ahead; what needs the result of
+    Images are decoded and labeled by threads a few messages ahead; what needs the result of
     the frame before it, the tracking of range sensors, is done here.
     """
     cv2.setNumThreads(1)

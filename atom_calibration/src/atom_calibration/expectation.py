@@ -11,7 +11,7 @@ from atom_calibration.collect import Setup
 from atom_calibration.conversions import cloud_xyz
 from atom_calibration.errors import TransformError
 from atom_calibration.frames import Frame
-from atom_calibration.labelling import camera_T_pattern
+from atom_calibration.labeling import camera_T_pattern
 from atom_core.geometry import se3
 from atom_core.labeling.lidar3d import expected_points
 from atom_core.model.pattern import Pattern

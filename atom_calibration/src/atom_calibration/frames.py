@@ -1,4 +1,4 @@
-"""One message of one sensor, decoded and labelled: what collections are made of."""
+"""One message of one sensor, decoded and labeled: what collections are made of."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Frame:
         if seed is not None:
             self.seeds[pattern] = seed
 
-    def unlabelled(self) -> Frame:
+    def unlabeled(self) -> Frame:
         """Return the same data without labels."""
         return Frame(self.sensor, self.stamp_s, self.header, self.data)
 
@@ -84,7 +84,7 @@ def decode(sensor: Sensor, message: Any) -> Frame:
     return Frame(sensor, stamp, conversions.header_document(message), data)
 
 
-def labelled_points(frame: Frame, indices: np.ndarray) -> np.ndarray:
+def labeled_points(frame: Frame, indices: np.ndarray) -> np.ndarray:
     """Return points (n, 3) [m] in the sensor's frame of indices into a range sensor's data."""
     points = points_of(frame, indices)
     return points[np.all(np.isfinite(points), axis=1)]
@@ -107,7 +107,7 @@ def sighting_of(frame: Frame, labeled: Labeled) -> Any:
         return CornerSighting(label.ids, label.pixels)
     assert isinstance(label, RangeLabel)
     step = max(len(label.indices) // 400, 1)
-    points = labelled_points(frame, label.indices[::step])
+    points = labeled_points(frame, label.indices[::step])
     return plane_sighting(points, depth_sensor=frame.sensor.modality == DEPTH)
 
 

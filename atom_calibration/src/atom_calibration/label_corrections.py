@@ -78,7 +78,7 @@ class LabelCorrections(LabelHistory):
             known = ", ".join(self.dataset.patterns)
             raise SelectionError(f"there is no pattern '{name}'; use one of {known}")
         self.pattern = name
-        return f"points and fills are labelled as '{name}'"
+        return f"points and fills are labeled as '{name}'"
 
     # --- points and pixels of range sensors ---------------------------------------------------
 
@@ -176,8 +176,8 @@ class LabelCorrections(LabelHistory):
 
     def _relabel(self, sensor: str, found: Labeled) -> str:
         if not found.detected:
-            raise LabelingError(f"{sensor}: nothing is labelled: {found.reason}")
-        words = f"{sensor} labelled anew" + "".join(f", though {x}" for x in found.warnings)
+            raise LabelingError(f"{sensor}: nothing is labeled: {found.reason}")
+        words = f"{sensor} labeled anew" + "".join(f", though {x}" for x in found.warnings)
         return self.apply(sensor, {self.pattern: found.label}, words)
 
     # --- corners ------------------------------------------------------------------------------

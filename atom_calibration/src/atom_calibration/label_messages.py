@@ -11,7 +11,7 @@ from std_msgs.msg import Header
 from atom_calibration.conversions import pose_message
 from atom_calibration.errors import MessageError
 from atom_calibration.frames import Frame
-from atom_calibration.labelling import camera_T_pattern
+from atom_calibration.labeling import camera_T_pattern
 from atom_calibration.msg import Detection2D, PatternLabels, SensorLabels
 from atom_core.labeling.base import Labeled
 from atom_core.model.dataset import Label, RangeLabel, RgbLabel
@@ -25,7 +25,7 @@ def labels_message(
     """Return the labels of a frame.
 
     Args:
-        frame: labelled.
+        frame: labeled.
         patterns: by name.
         manual_seed: where the user lets the sensor look for the board, if anywhere.
     """

@@ -1,7 +1,7 @@
 """What each camera saw of the boards, and where the calibration puts them, as pictures.
 
 Squares are detected corners, crosses those that the calibration projects; depth images show their
-labelled pixels. Outlines are the projected borders: thin and white (grey, where all collections
+labeled pixels. Outlines are the projected borders: thin and white (grey, where all collections
 lie over each other) as it began, coloured as it is.
 """
 

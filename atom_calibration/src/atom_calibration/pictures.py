@@ -1,4 +1,4 @@
-"""Pictures of labelled data, to be looked at by eye."""
+"""Pictures of labeled data, to be looked at by eye."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _GREEN, _RED, _GREY = (60, 220, 60), (40, 40, 255), (120, 120, 120)
 _CLOUD_SIZE, _MARGIN = 640, 1.2
 
 
-def labelled_picture(frame: Frame) -> np.ndarray:
+def labeled_picture(frame: Frame) -> np.ndarray:
     """Return the data with the labels drawn in (height, width, 3): inside green, border red."""
     if frame.sensor.modality == RGB:
         return _corners(frame)

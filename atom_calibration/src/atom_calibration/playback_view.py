@@ -17,7 +17,7 @@ from atom_calibration.frames import Frame
 from atom_calibration.label_corrections import ChosenCorner, LabelCorrections
 from atom_calibration.label_messages import header_message
 from atom_calibration.msg import CollectionState, CollectionStates, LabelState, SensorDetection
-from atom_calibration.pictures import labelled_picture
+from atom_calibration.pictures import labeled_picture
 from atom_core.errors import AtomError
 from atom_core.evaluation.label_quality import METRES, label_quality
 from atom_core.labeling.base import Labeled, nothing
@@ -162,7 +162,7 @@ def camera_info(frame: Frame) -> CameraInfo:
     )
 
 
-def labelled_image(frame: Frame, chosen: Any = None) -> Image:
+def labeled_image(frame: Frame, chosen: Any = None) -> Image:
     """Return an image with its labels drawn in.
 
     Args:
@@ -170,7 +170,7 @@ def labelled_image(frame: Frame, chosen: Any = None) -> Image:
         chosen: the `ChosenCorner` to point out, if it is one of this image.
     """
     with np.errstate(invalid="ignore"):
-        picture = labelled_picture(frame)
+        picture = labeled_picture(frame)
     if isinstance(chosen, ChosenCorner) and chosen.sensor == frame.sensor.name:
         label = frame.labels[chosen.pattern].label
         assert isinstance(label, RgbLabel)

@@ -65,7 +65,7 @@ class Guess(NamedTuple):
         variance += [turned**2] * 2 + [self.drift_m**2] * 3
         variance += [_NORMAL_RAD**2] * 2 + [_OFF_PLANE_M**2] * 3
         limit = _GATE_SIGMAS * np.sqrt(variance)
-        limit[3:] += self.half_diagonal_m  # the labelled part may be any
+        limit[3:] += self.half_diagonal_m  # the labeled part may be any
         return bool(np.all(np.abs(misfit) <= limit))
 
 

@@ -69,7 +69,7 @@ def rig_from_bag(config: CalibrationConfig, bag: TopicSource) -> Rig:
     for name, entry in config.sensors.items():
         topic, sensor = sensor_from_bag(name, entry, bag)
         if sensor is None:
-            warnings.append(f"sensor '{name}' ({bag.types[topic]}) is left out: it is not labelled")
+            warnings.append(f"sensor '{name}' ({bag.types[topic]}) is left out: it is not labeled")
             continue
         sensors[name] = sensor
         topics[topic] = sensors[name]
@@ -80,7 +80,7 @@ def rig_from_bag(config: CalibrationConfig, bag: TopicSource) -> Rig:
                 f"configuration says link '{entry.link}', which is used"
             )
     if not sensors:
-        raise BagError(f"{bag.path}: no sensor of the configuration can be labelled")
+        raise BagError(f"{bag.path}: no sensor of the configuration can be labeled")
     return Rig(sensors, topics, tuple(warnings))
 
 

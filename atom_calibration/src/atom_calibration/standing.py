@@ -131,7 +131,7 @@ class Standing:
                 yield Corners(key, block.ids[mine], block.pixels[mine], projected[mine])
 
     def points(self) -> Iterator[Points]:
-        """Yield the labelled points of every range sensor's detection, the border's apart."""
+        """Yield the labeled points of every range sensor's detection, the border's apart."""
         for block in self.problem.residual_blocks:
             if isinstance(block, RangeBlock):
                 for key, mine in self._by_detection(block):

@@ -54,7 +54,7 @@ class PlaneSighting:
     """The board as a range sensor sees it.
 
     Attributes:
-        centre: (3,) mean of the labelled points [m].
+        centre: (3,) mean of the labeled points [m].
         normal: (3,) of their plane.
         extent_m: root of the mean squared distance from the centre.
         sigma_m: of one point.
@@ -85,7 +85,7 @@ Sighting = Union[CornerSighting, PlaneSighting]
 
 
 def plane_sighting(points: np.ndarray, depth_sensor: bool) -> Optional[PlaneSighting]:
-    """Return the sighting of labelled points (n, 3) [m]; None if they make no plane.
+    """Return the sighting of labeled points (n, 3) [m]; None if they make no plane.
 
     Args:
         points: in the sensor's frame.

@@ -28,7 +28,7 @@ class SelectionError(AtomError):
 
 
 class LabelingError(AtomError):
-    """Data of a sensor cannot be labelled: their type, size or unit is not what was configured."""
+    """Data of a sensor cannot be labeled: their type, size or unit is not what was configured."""
 
 
 class CalibrationError(AtomError):

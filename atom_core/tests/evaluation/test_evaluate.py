@@ -207,7 +207,7 @@ def test_collections_that_cannot_be_measured_are_named(noisy):
     results = evaluate(test, test, pairs=["depth_1:rgb_*"]).pairs
     assert all(r.measured for r in results)
     named = [r.unmeasured[key] for r in results if key in r.unmeasured]
-    assert named and set(named) == {"'depth_1' has no labelled limit points"}
+    assert named and set(named) == {"'depth_1' has no labeled limit points"}
 
 
 def test_absent_data_are_skipped_and_the_rest_is_measured(noisy):

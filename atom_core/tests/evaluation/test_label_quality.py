@@ -24,7 +24,7 @@ def key_of(dataset, sensor):
     return DetectionKey(KEY, sensor, pattern)
 
 
-def relabelled(dataset, key, label):
+def relabeled(dataset, key, label):
     return dataset.with_labels(key.collection, {(key.sensor, key.pattern): label})
 
 
@@ -39,7 +39,7 @@ def test_the_corner_that_is_off_is_named(dataset):
     label = dataset.label(key)
     pixels = label.pixels.copy()
     pixels[13] += [8.0, -6.0]
-    found = label_quality(relabelled(dataset, key, RgbLabel(label.ids, pixels)), key)
+    found = label_quality(relabeled(dataset, key, RgbLabel(label.ids, pixels)), key)
     assert found.worst_item == label.ids[13]
     assert 8.0 < found.worst < 10.5  # the pose gives way a little
     assert found.rms > 2 * label_quality(dataset, key).rms
@@ -58,16 +58,16 @@ def test_the_point_that_is_off_the_plane_is_named(dataset, sensor):
         data = np.all(np.isfinite(dataset.data.cloud(KEY, sensor)), axis=1)
     stray = np.setdiff1d(np.flatnonzero(data), [*label.indices, *label.limit_indices])[-1]
     more = RangeLabel(np.append(label.indices, stray), label.limit_indices)
-    wrong = label_quality(relabelled(dataset, key, more), key)
+    wrong = label_quality(relabeled(dataset, key, more), key)
     assert wrong.worst_item == stray and wrong.worst > 0.2
 
 
 def test_what_too_few_items_do_not_determine_is_unknown(dataset):
     corners, points = key_of(dataset, "rgb_1"), key_of(dataset, "lidar_1")
     label = dataset.label(corners)
-    few = relabelled(dataset, corners, RgbLabel(label.ids[:2], label.pixels[:2]))
+    few = relabeled(dataset, corners, RgbLabel(label.ids[:2], label.pixels[:2]))
     label = dataset.label(points)
-    few = relabelled(few, points, RangeLabel(label.indices[:2], label.limit_indices[:0]))
+    few = relabeled(few, points, RangeLabel(label.indices[:2], label.limit_indices[:0]))
     for key in (corners, points):
         found = label_quality(few, key)
         assert found.points == 2 and np.isnan(found.rms) and found.worst_item == -1

@@ -403,10 +403,10 @@ def test_an_index_that_is_not_a_number(document, refusal):
     assert f"collection {key}" in line and "'depth_1'" in line
 
 
-def test_a_corner_labelled_twice(document, refusal):
+def test_a_corner_labeled_twice(document, refusal):
     label, _ = first_label(document, "rgb_1")
     label["idxs"][1]["id"] = label["idxs"][0]["id"]
-    assert f"corner {label['idxs'][0]['id']} is labelled more than once" in refusal(document)
+    assert f"corner {label['idxs'][0]['id']} is labeled more than once" in refusal(document)
 
 
 @pytest.mark.parametrize("corner", [88, -1])

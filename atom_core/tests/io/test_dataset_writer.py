@@ -58,7 +58,7 @@ def test_labels_are_the_same(there_and_back):
             np.testing.assert_array_equal(array, getattr(disk.label(key), name))
 
 
-def test_labelled_points_are_the_same(there_and_back):
+def test_labeled_points_are_the_same(there_and_back):
     memory, disk = there_and_back
     for key, label in memory.detections():
         if isinstance(label, RgbLabel):

@@ -145,12 +145,12 @@ def _across(directions):
 
 
 def shares(labels: np.ndarray, cloud: Cloud) -> Tuple[float, float]:
-    """Return precision and recall of labelled indices; mixed returns count for neither."""
-    labelled = np.zeros(len(cloud.points), dtype=bool)
-    labelled[labels] = True
+    """Return precision and recall of labeled indices; mixed returns count for neither."""
+    labeled = np.zeros(len(cloud.points), dtype=bool)
+    labeled[labels] = True
     clear = ~cloud.mixed
-    right = np.sum(labelled & cloud.on_board & clear)
-    return right / max(np.sum(labelled & clear), 1), right / max(np.sum(cloud.on_board & clear), 1)
+    right = np.sum(labeled & cloud.on_board & clear)
+    return right / max(np.sum(labeled & clear), 1), right / max(np.sum(cloud.on_board & clear), 1)
 
 
 def many_scenes(count: int, seed: int, tilted: bool = False) -> List[Scene]:

@@ -90,10 +90,10 @@ class View:
 
 def figures(found, view, depth_m, mixed):
     """Return precision and recall of the label; mixed pixels count for neither."""
-    labelled = np.union1d(found.label.indices, found.label.limit_indices)
-    counted = labelled[~mixed[labelled]]
+    labeled = np.union1d(found.label.indices, found.label.limit_indices)
+    counted = labeled[~mixed[labeled]]
     truth = np.flatnonzero(view.truth & np.isfinite(depth_m.ravel()))
-    return np.mean(view.truth[counted]), np.mean(np.isin(truth, labelled))
+    return np.mean(view.truth[counted]), np.mean(np.isin(truth, labeled))
 
 
 POSES = [
@@ -170,7 +170,7 @@ def test_a_seed_in_a_gap_still_works():
     assert labeler().label(depth_m, view.seed).detected
 
 
-def test_a_post_that_touches_the_board_is_not_labelled():
+def test_a_post_that_touches_the_board_is_not_labeled():
     view = View().add(POSES[0])
     rows, columns = np.divmod(np.flatnonzero(view.truth), 640)
     x, y = int(columns.mean()), int(rows.max())
@@ -182,7 +182,7 @@ def test_a_post_that_touches_the_board_is_not_labelled():
     assert found.detected and figures(found, view, depth_m, mixed)[0] >= 0.99
 
 
-def test_a_post_in_the_boards_plane_is_not_labelled():
+def test_a_post_in_the_boards_plane_is_not_labeled():
     pose = held(2.4, (0.6, 0.5, 0.2))
     view = View().add(pose)
     low, high = PATTERN.border.y_max, PATTERN.border.y_max + 0.5
@@ -194,7 +194,7 @@ def test_a_post_in_the_boards_plane_is_not_labelled():
     assert precision >= 0.99 and recall >= 0.94
 
 
-def test_an_arm_before_the_board_is_not_labelled_and_gives_no_limit_points():
+def test_an_arm_before_the_board_is_not_labeled_and_gives_no_limit_points():
     view = View().add(POSES[0])
     view.add_box((300, 0, 1.2), (330, 200, 1.2))
     depth_m, mixed = view.image()
@@ -212,7 +212,7 @@ def test_an_arm_before_the_board_is_not_labelled_and_gives_no_limit_points():
     ("seed", "what"),
     [((320.0, 60.0), "wall"), ((320.0, 450.0), "floor"), ((120.0, 240.0), "person")],
 )
-def test_other_things_are_not_labelled(seed, what):
+def test_other_things_are_not_labeled(seed, what):
     view = View().add(POSES[3]).add_box((80, 100, 2.0), (170, 479, 2.0))
     found = labeler().label(view.image()[0], np.array(seed))
     assert not found.detected and found.reason, what
@@ -235,7 +235,7 @@ def test_a_piece_of_floor_between_nearer_things_is_no_board():
 
 
 @pytest.mark.parametrize("size", [0.7, 1.4])
-def test_a_board_of_another_size_is_not_labelled(size):
+def test_a_board_of_another_size_is_not_labeled(size):
     other = charuco(size=0.06 * size, inner_size=0.045 * size, border_size=(0.04 * size,) * 2)
     border = pattern_from_config("p", other).border
     view = View().add(held(1.8, (0.2, 0.2, 0.3)), border)
@@ -243,7 +243,7 @@ def test_a_board_of_another_size_is_not_labelled(size):
     assert not found.detected and ("border" in found.reason or "large" in found.reason)
 
 
-def test_a_wall_that_fills_the_image_is_not_labelled():
+def test_a_wall_that_fills_the_image_is_not_labeled():
     found = labeler().label(np.full((480, 640), 0.6, np.float32), np.array([320.0, 240.0]))
     assert not found.detected and "wall" in found.reason
 

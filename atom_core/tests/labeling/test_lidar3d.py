@@ -83,7 +83,7 @@ def before(distance=2.0, roll_deg=30.0, y=0.3, **turned):
 
 @pytest.mark.parametrize("tilted", [False, True])
 @pytest.mark.parametrize("noise_m", [0.008, 0.010])
-def test_board_is_labelled_in_many_poses(tilted, noise_m):
+def test_board_is_labeled_in_many_poses(tilted, noise_m):
     for k, scene in enumerate(many_scenes(25, 3, tilted)):
         cloud = scan(scene, k, noise_m)
         away = np.random.default_rng(k).normal(0.0, 0.15, 3)
@@ -169,7 +169,7 @@ def test_a_hidden_side_gives_no_limit_points():
     assert found.quality["hidden"] > 0.05
 
 
-def test_an_arm_before_the_board_is_not_labelled():
+def test_an_arm_before_the_board_is_not_labeled():
     cloud = scan(Scene(pose(EYE), before(), [Cylinder(1.7, 0.3, 0.05, 0.0, 3.0)]), 5)
     check(label(cloud), cloud)
 

@@ -79,7 +79,7 @@ def test_the_nearer_board_hides_the_farther():
     np.testing.assert_array_equal(one, other)
 
 
-def test_pictures_of_the_cell_show_the_labelled_corners():
+def test_pictures_of_the_cell_show_the_labeled_corners():
     dataset = paper_cell(0, noise=Noise.none()).dataset
     label = dataset.collections["003"].labels[("rgb_3", "pattern_1")]
     grey = cv2.cvtColor(dataset.data.colour_image("003", "rgb_3"), cv2.COLOR_BGR2GRAY)

@@ -65,7 +65,7 @@ def test_corners_project_to_their_pixels(exact):
 
 
 @pytest.mark.parametrize("modality", [LIDAR3D, DEPTH])
-def test_labelled_points_lie_in_the_board(exact, modality):
+def test_labeled_points_lie_in_the_board(exact, modality):
     for pattern, inside, limit, _ in points_in_pattern(exact, modality):
         both = np.concatenate([inside, limit])
         assert np.max(np.abs(both[:, 2])) < 1e-9

@@ -240,7 +240,7 @@ class CalibrationView:
         names = [name for name, sensor in standing.dataset.sensors.items() if sensor.is_range]
         if not send.wanted(POINTS, *(f"3d {name}" for name in names)):
             return
-        tables = calibration_markers.labelled_points(
+        tables = calibration_markers.labeled_points(
             standing,
             keys,
             self._sensor_colours,

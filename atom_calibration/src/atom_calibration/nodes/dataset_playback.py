@@ -169,7 +169,7 @@ class DatasetPlayback:
 
     def _set_polygons(self, remove_border: bool) -> str:
         self._polygon_removes_border = remove_border
-        done = "lose their border pixels" if remove_border else "are labelled anew"
+        done = "lose their border pixels" if remove_border else "are labeled anew"
         return f"depth images {done} inside a polygon"
 
     def _place(self) -> str:

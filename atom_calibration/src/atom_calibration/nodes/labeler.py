@@ -87,5 +87,5 @@ def _parser(name: str) -> argparse.ArgumentParser:
     add_option(
         parser, "sensor", "-sn", "--sensor_name", required=True, metavar="NAME", help="which one"
     )
-    running.add_labelling_options(parser)
+    running.add_labeling_options(parser)
     return parser

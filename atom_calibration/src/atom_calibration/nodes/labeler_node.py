@@ -11,11 +11,11 @@ import rospy
 from sensor_msgs.msg import Image, PointCloud2
 
 from atom_calibration import conversions
-from atom_calibration.annotation import annotated, labelled_cloud
+from atom_calibration.annotation import annotated, labeled_cloud
 from atom_calibration.errors import CollectionError, MessageError
 from atom_calibration.frames import Frame, decode
 from atom_calibration.label_messages import labels_message
-from atom_calibration.labelling import FrameLabeler
+from atom_calibration.labeling import FrameLabeler
 from atom_calibration.live_topics import LiveTopics, message_class
 from atom_calibration.live_transforms import LiveTransforms
 from atom_calibration.msg import SensorLabels
@@ -70,7 +70,7 @@ class _Waiting(NamedTuple):
 class LabelerNode:
     """Labels the newest data whenever it is done with those before.
 
-    A seed is heard between two messages: the last data are then labelled again at once.
+    A seed is heard between two messages: the last data are then labeled again at once.
     """
 
     def __init__(
@@ -132,7 +132,7 @@ class LabelerNode:
             if waiting.seed is not None:
                 self._begin_from(*waiting.seed)
             if waiting.message is not None and self._is_due(waiting.message):
-                self._publish(self._labelled(waiting.message))
+                self._publish(self._labeled(waiting.message))
 
     # --- messages in ------------------------------------------------------------------------
 
@@ -160,14 +160,14 @@ class LabelerNode:
     # --- labels out -------------------------------------------------------------------------
 
     def _begin_from(self, position: Optional[np.ndarray]) -> None:
-        """Look for the board at a seed, or with None anywhere; the last data are labelled anew."""
+        """Look for the board at a seed, or with None anywhere; the last data are labeled anew."""
         self._labeler.set_seed(self._sensor.name, position)
         if self._last is not None:
-            frame = self._last.unlabelled()
+            frame = self._last.unlabeled()
             self._label(frame)
             self._publish(frame)
 
-    def _labelled(self, message: Any) -> Frame:
+    def _labeled(self, message: Any) -> Frame:
         frame = self._nothing_of(message)
         try:
             frame = decode(self._sensor, message)
@@ -212,6 +212,6 @@ class LabelerNode:
         if self._annotated.get_num_connections() > 0:
             self._annotated.publish(annotated(frame))
         if self._in_space is not None and self._in_space.get_num_connections() > 0:
-            self._in_space.publish(labelled_cloud(frame))
+            self._in_space.publish(labeled_cloud(frame))
         if self._seeds is not None:
             self._seeds.show(frame, seed)

@@ -40,7 +40,7 @@ def _run(args: argparse.Namespace) -> int:
             if modality in _LABELED:
                 labelers.start(name, f"{modality}_labeler", _words(name, args))
             else:
-                rospy.logwarn(f"sensor '{name}' ({modality}) is left out: it is not labelled")
+                rospy.logwarn(f"sensor '{name}' ({modality}) is left out: it is not labeled")
         while not running.stopped():
             labelers.tell_deaths()
             running.pause(_POLL_S)
@@ -109,5 +109,5 @@ def _parser() -> argparse.ArgumentParser:
         epilog="example: rosrun atom_calibration labelers -cfg config.yml",
     )
     running.add_config_option(parser)
-    running.add_labelling_options(parser)
+    running.add_labeling_options(parser)
     return parser

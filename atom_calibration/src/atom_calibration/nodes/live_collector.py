@@ -44,7 +44,7 @@ from atom_core.model.sensor import Sensor
 
 _BUFFER_BYTES = 2**25
 _WAITING_FOR_LABELS = 30  # data of a sensor, until their labels come
-_MOST_DATA = 60  # labelled data of all sensors, until there is time for them
+_MOST_DATA = 60  # labeled data of all sensors, until there is time for them
 _SAVE_WITHIN_S = 2.0  # a request waits so long for the labels of the time it was made
 _SAVE_WINDOW_S = 1.0  # it takes what was seen in the last second
 _STALE_S = 5.0
@@ -81,13 +81,13 @@ class LabelSubscribers:
 
 
 class LiveCollector:
-    """Takes collections out of labelled data as they come.
+    """Takes collections out of labeled data as they come.
 
     One thread works (`work`); services, the menu and subscribers leave it what is to be done.
 
     Attributes:
         collector: the one that offline collection uses too.
-        last_data_s: when labelled data came last, by the wall's clock; None: never.
+        last_data_s: when labeled data came last, by the wall's clock; None: never.
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class LiveCollector:
         self.collector = Collector(setup, self._moments)
         self.last_data_s: Optional[float] = None
         self._last_data_time = rospy.Time()
-        self._labelled: Dict[str, rospy.Time] = {}  # stamp of the newest labels by sensor
+        self._labeled: Dict[str, rospy.Time] = {}  # stamp of the newest labels by sensor
         self._newest: Dict[str, Frame] = {}  # by sensor
         self._expectation = PointExpectation(setup)
         self._order, self._inbox = TimeOrder(setup.config.sensors), Inbox(_MOST_DATA)
@@ -185,9 +185,9 @@ class LiveCollector:
         self.last_data_s, self._last_data_time = time.monotonic(), rospy.Time.now()
 
     def _receive_labels(self, labels: SensorLabels, sensor: Sensor) -> None:
-        """Notice labels of data that were labelled before: somebody moved a seed."""
-        again = self._labelled.get(sensor.name) == labels.header.stamp
-        self._labelled[sensor.name] = labels.header.stamp
+        """Notice labels of data that were labeled before: somebody moved a seed."""
+        again = self._labeled.get(sensor.name) == labels.header.stamp
+        self._labeled[sensor.name] = labels.header.stamp
         if again:
             self._data_came()
             self._inbox.put(partial(self._label_again, sensor, labels))

@@ -12,7 +12,7 @@ from atom_calibration.frames import Frame
 from atom_calibration.playback_view import Shown
 from atom_core.model.sensor import DEPTH, LIDAR3D, Sensor
 
-_INDEX_FIELDS = ("idx", "index")  # of labelled points; of the cloud they were chosen in
+_INDEX_FIELDS = ("idx", "index")  # of labeled points; of the cloud they were chosen in
 
 
 def sensor_of(header: Any, sensors: Mapping[str, Sensor], shown: Mapping[str, Shown]) -> str:

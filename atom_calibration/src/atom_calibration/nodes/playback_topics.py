@@ -9,7 +9,7 @@ from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from tf2_msgs.msg import TFMessage
 
 from atom_calibration import playback_view as view
-from atom_calibration.annotation import labelled_cloud
+from atom_calibration.annotation import labeled_cloud
 from atom_calibration.label_corrections import LabelCorrections
 from atom_core.model.sensor import DEPTH, RGB, Sensor
 
@@ -65,9 +65,9 @@ class CollectionTopics:
     def _publish_labels(self, name: str) -> None:
         frame, publishers = self.shown[name].frame, self._publishers[name]
         for publisher in publishers.pictures:
-            publisher.publish(view.labelled_image(frame, self._corrections.chosen))
+            publisher.publish(view.labeled_image(frame, self._corrections.chosen))
         for publisher in publishers.points:
-            publisher.publish(labelled_cloud(frame))
+            publisher.publish(labeled_cloud(frame))
 
 
 def _publishers(sensor: Sensor) -> _Publishers:

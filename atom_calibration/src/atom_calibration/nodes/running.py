@@ -128,7 +128,7 @@ def add_config_option(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_labelling_options(parser: argparse.ArgumentParser) -> None:
+def add_labeling_options(parser: argparse.ArgumentParser) -> None:
     """Add what one labeler, and the program that starts them all, can be told."""
     add_option(
         parser,

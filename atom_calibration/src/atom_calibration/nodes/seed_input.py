@@ -37,7 +37,7 @@ class SeedInput:
             rospy.Subscriber(clicks, PointStamped, self._click, queue_size=1)
 
     def show(self, frame: Frame, by_hand: Optional[np.ndarray]) -> None:
-        """Let the marker show what a labelled frame says."""
+        """Let the marker show what a labeled frame says."""
         self._marker.show(frame, by_hand)
 
     def _serve(self, request: Any) -> SetSeedResponse:

@@ -60,10 +60,10 @@ class SeedMarker:
         )
 
     def show(self, frame: Frame, by_hand: Optional[np.ndarray]) -> None:
-        """Show what a labelled frame says; the board is followed unless the seed is set by hand.
+        """Show what a labeled frame says; the board is followed unless the seed is set by hand.
 
         Args:
-            frame: labelled.
+            frame: labeled.
             by_hand: the user's seed; None: seeds are automatic.
         """
         with self._lock:

@@ -199,7 +199,7 @@ class TransformCorrector:
 
 
 def _in_sensor_frames(dataset: Dataset, key: str) -> List[Marker]:
-    """Return clouds, labelled points and boards of a collection, each in its own frame."""
+    """Return clouds, labeled points and boards of a collection, each in its own frame."""
     shapes: List[Marker] = []
     collection = dataset.collections[key]
     for number, sensor in enumerate(dataset.sensors.values()):
@@ -210,8 +210,8 @@ def _in_sensor_frames(dataset: Dataset, key: str) -> List[Marker]:
     for detection, _ in dataset.detections():
         sensor = dataset.sensors[detection.sensor]
         if detection.collection == key and sensor.modality in (LIDAR3D, DEPTH):
-            labelled = _thinned(range_points(dataset, detection).inside)
-            shapes.append(markers.points(sensor.frame, labelled, 0.02, (0.1, 0.9, 0.1), "labels"))
+            labeled = _thinned(range_points(dataset, detection).inside)
+            shapes.append(markers.points(sensor.frame, labeled, 0.02, (0.1, 0.9, 0.1), "labels"))
     for number, pattern in enumerate(dataset.patterns.values()):
         if board_edge(pattern) in collection.transforms:
             shapes += markers.board(pattern, markers.colour_of(number))

@@ -29,7 +29,7 @@ from atom_core.problem.problem import Problem
 
 _PNP_LIMIT_PX = 3.0  # RMS of one board's corners about its own pose
 _PLANE_LIMIT_M = 0.05
-_SIZE_LIMIT = 1.15  # labelled extent over the board's diagonal
+_SIZE_LIMIT = 1.15  # labeled extent over the board's diagonal
 _FEW_DETECTIONS = 3
 
 
@@ -176,7 +176,7 @@ def _implausible_range(m: RangeMeasurement) -> List[str]:
         return [f"{place(m.key)}: {error}"]
     remarks = []
     if rms > _PLANE_LIMIT_M:
-        remarks.append(f"{place(m.key)}: the labelled points are no plane (RMS {rms:.3f} m)")
+        remarks.append(f"{place(m.key)}: the labeled points are no plane (RMS {rms:.3f} m)")
     extent = _diameter(m.inside)
     diagonal = 2.0 * np.linalg.norm(m.border.half_size)
     if extent > _SIZE_LIMIT * diagonal:

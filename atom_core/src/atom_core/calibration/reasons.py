@@ -208,7 +208,7 @@ def parallel_boards(solution: Solution, block: int) -> Optional[Boards]:
     else:
         one = np.std(planes.centres @ axes[0]) < _ONE_PLANE_M
         how = "lie in one plane" if one else "are parallel"
-        words = f"all boards that {planes.sensors} saw {how}, and none of their borders is labelled"
+        words = f"all boards that {planes.sensors} saw {how}, and none of their borders is labeled"
     return Boards(axes[0], f"{words}; add boards held at other angles")
 
 
@@ -222,7 +222,7 @@ def _along_all_boards(
         return None
     return (
         f"all boards that {planes.sensors} saw lie along this axis, and none of their borders is "
-        f"labelled; add boards that are tilted against it"
+        f"labeled; add boards that are tilted against it"
     )
 
 

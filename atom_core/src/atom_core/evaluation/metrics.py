@@ -75,12 +75,12 @@ def border_offsets(
 def pixel_offsets(
     camera: Camera, points_in_camera: np.ndarray, border_pixels: np.ndarray
 ) -> Tuple[np.ndarray, int]:
-    """Project points and compare them with the nearest labelled border pixel.
+    """Project points and compare them with the nearest labeled border pixel.
 
     Args:
         camera: intrinsics of the image.
         points_in_camera: (n, 3) points of the board's border [m].
-        border_pixels: (m, 2) labelled pixels.
+        border_pixels: (m, 2) labeled pixels.
 
     Returns:
         As `border_offsets`.

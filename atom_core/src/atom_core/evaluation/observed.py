@@ -52,7 +52,7 @@ class Observed:
         return camera
 
     def points(self, key: DetectionKey) -> RangePoints:
-        """Return the labelled points of a range sensor in its frame [m].
+        """Return the labeled points of a range sensor in its frame [m].
 
         Raises:
             NotMeasurableError: the data file is absent.
@@ -65,18 +65,18 @@ class Observed:
         return self._points[key]
 
     def limit_points(self, key: DetectionKey) -> np.ndarray:
-        """Return the labelled points (n, 3) of the board's border in the sensor's frame [m].
+        """Return the labeled points (n, 3) of the board's border in the sensor's frame [m].
 
         Raises:
             NotMeasurableError: the data file is absent, or no limit point has a value.
         """
         limit = self.points(key).limit
         if len(limit) == 0:
-            raise NotMeasurableError(f"'{key.sensor}' has no labelled limit points")
+            raise NotMeasurableError(f"'{key.sensor}' has no labeled limit points")
         return limit
 
     def limit_pixels(self, key: DetectionKey) -> np.ndarray:
-        """Return the labelled border pixels (n, 2) of a depth image.
+        """Return the labeled border pixels (n, 2) of a depth image.
 
         Raises:
             NotMeasurableError: there are none.
@@ -85,12 +85,12 @@ class Observed:
         assert isinstance(label, RangeLabel)
         indices = np.unique(label.limit_indices)
         if len(indices) == 0:
-            raise NotMeasurableError(f"'{key.sensor}' has no labelled limit pixels")
+            raise NotMeasurableError(f"'{key.sensor}' has no labeled limit pixels")
         row, column = np.divmod(indices, self.camera(key.sensor).width)
         return np.column_stack([column, row]).astype(float)
 
     def corners(self, key: DetectionKey) -> CornerMeasurement:
-        """Return the labelled corners of a camera, with intrinsics as ATOM rounds them."""
+        """Return the labeled corners of a camera, with intrinsics as ATOM rounds them."""
         if key not in self._corners:
             label = self._dataset.label(key)
             assert isinstance(label, RgbLabel)

@@ -94,9 +94,9 @@ def border_in_image(
 def border_in_depth_image(
     observed: Observed, source: DetectionKey, target: DetectionKey, target_T_source: np.ndarray
 ) -> Errors:
-    """Project a range sensor's limit points; distance to the depth image's labelled border [px].
+    """Project a range sensor's limit points; distance to the depth image's labeled border [px].
 
-    A hand annotation of the depth image takes the labelled border's place.
+    A hand annotation of the depth image takes the labeled border's place.
     """
     if observed.has_annotation(target):
         return border_in_image(observed, source, target, target_T_source)
@@ -110,7 +110,7 @@ def border_in_depth_image(
 def nearest_points(
     observed: Observed, source: DetectionKey, target: DetectionKey, target_T_source: np.ndarray
 ) -> Errors:
-    """Nearest neighbours over all labelled board points, in both directions [mm]."""
+    """Nearest neighbours over all labeled board points, in both directions [mm]."""
     there, here = _board_points(observed, source), _board_points(observed, target)
     carried = se3.apply(target_T_source, there)
     return Errors(MM_PER_M * metrics.mutual_nearest_distances(carried, here))
@@ -141,7 +141,7 @@ def points_to_plane(
 def _board_points(observed: Observed, key: DetectionKey) -> np.ndarray:
     inside = observed.points(key).inside
     if len(inside) == 0:
-        raise NotMeasurableError(f"'{key.sensor}' has no labelled point with a value")
+        raise NotMeasurableError(f"'{key.sensor}' has no labeled point with a value")
     return inside
 
 

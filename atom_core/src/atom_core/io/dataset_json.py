@@ -359,7 +359,7 @@ def _rgb_label(value: Mapping[str, Any], pattern: Pattern) -> RgbLabel:
     pattern.corners_of(ids)
     unique, counts = np.unique(ids, return_counts=True)
     if np.any(counts > 1):
-        raise ValueError(f"corner {unique[counts > 1][0]} is labelled more than once")
+        raise ValueError(f"corner {unique[counts > 1][0]} is labeled more than once")
     return RgbLabel(ids, pixels)
 
 
@@ -370,14 +370,14 @@ def _indices(values: Any) -> np.ndarray:
     return array.astype(int)
 
 
-def document_of(dataset: Dataset, relabelled: Iterable[DetectionKey] = ()) -> Dict[str, Any]:
+def document_of(dataset: Dataset, relabeled: Iterable[DetectionKey] = ()) -> Dict[str, Any]:
     """Return the JSON document of a dataset: what was read, with its transforms of now.
 
     Collections that were left out stay out, as ATOM has it: their edges would be others.
 
     Args:
         dataset: with its document.
-        relabelled: labels that are to be written as they are now; all others stay as they were
+        relabeled: labels that are to be written as they are now; all others stay as they were
             read, to the last digit.
     """
     document = dict(dataset.document)
@@ -401,7 +401,7 @@ def document_of(dataset: Dataset, relabelled: Iterable[DetectionKey] = ()) -> Di
                 if old is None or _joint(old).parameters != joint.parameters:
                     joints[name] = {**(old or {}), **joint_document(joint)}
             kept[key]["joints"] = joints
-    for detection in relabelled:
+    for detection in relabeled:
         entry = kept[detection.collection]
         entry["labels"] = with_label(entry.get("labels") or {}, dataset, detection)
     document["collections"] = kept
@@ -474,7 +474,7 @@ def dumps(document: Mapping[str, Any]) -> str:
     return json.dumps(document, indent=2, sort_keys=True)
 
 
-def write_dataset(dataset: Dataset, path: Path, relabelled: Iterable[DetectionKey] = ()) -> None:
+def write_dataset(dataset: Dataset, path: Path, relabeled: Iterable[DetectionKey] = ()) -> None:
     """Write a dataset's JSON (not its data files, which stay where they are).
 
     In another folder than the one it was read from, it names its data files by their path from
@@ -483,12 +483,12 @@ def write_dataset(dataset: Dataset, path: Path, relabelled: Iterable[DetectionKe
     Args:
         dataset: what to write.
         path: the file.
-        relabelled: see `document_of`.
+        relabeled: see `document_of`.
 
     Raises:
         OutputError: the file cannot be written; an older one is left as it was.
     """
-    document = document_of(dataset, relabelled)
+    document = document_of(dataset, relabeled)
     here, home = Path(path).resolve().parent, dataset.source.resolve().parent
     if here != home:
         for collection in document["collections"].values():

@@ -41,7 +41,7 @@ class DepthOptions:
     """What a board looks like in a depth image.
 
     Attributes:
-        step: every n-th pixel inside, in both directions, is labelled.
+        step: every n-th pixel inside, in both directions, is labeled.
         least_pixels: a smaller region is no board.
         plane_sigmas: how far from the plane a pixel may be.
         largest_angle_deg: between the ray and the board's normal.
@@ -384,7 +384,7 @@ class DepthLabeler:
         reason = self._reason(quality, fit, beyond)
         if reason:
             return nothing(DEPTH, reason, quality)
-        return self._labelled(depth_m, plane, _Region(solid, *region[1:]), fit, axes, quality)
+        return self._labeled(depth_m, plane, _Region(solid, *region[1:]), fit, axes, quality)
 
     def _drawn(
         self, fit: BoardFit, axes: _PlaneAxes, region: _Region, larger_m: float
@@ -450,7 +450,7 @@ class DepthLabeler:
         covered = solid[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)] > 0
         return float(np.mean(inside & covered))
 
-    def _labelled(
+    def _labeled(
         self,
         depth_m: np.ndarray,
         plane: _Plane,

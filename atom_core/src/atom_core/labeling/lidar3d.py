@@ -163,7 +163,7 @@ def find_layers(cloud: Cloud) -> Any:
         LabelingError: the cloud's parts do not fit together.
         NativeModuleError: the compiled module is not built.
     """
-    core = native.require("Labelling a cloud")
+    core = native.require("Labeling a cloud")
     points = np.ascontiguousarray(cloud.points, dtype=float)
     ring = np.zeros(0, dtype=np.int64) if cloud.ring is None else _whole(cloud.ring)
     try:
@@ -201,7 +201,7 @@ def board_at(
     if seed.shape != (3,) or not np.all(np.isfinite(seed)):
         raise LabelingError(f"a seed is a point (3,) in metres, not {seed.tolist()}")
     scan = find_layers(cloud)
-    core = native.require("Labelling a cloud")
+    core = native.require("Labeling a cloud")
     width, height = 2.0 * border.half_size
     segment = core.segment_board(
         scan, seed, width, height, options.least_layers, options.beam_width_rad
@@ -223,7 +223,7 @@ def find_boards(
         The boards, the one that fits best first. Where there are several, all carry a warning.
     """
     scan = find_layers(cloud)
-    core = native.require("Labelling a cloud")
+    core = native.require("Labeling a cloud")
     width, height = 2.0 * border.half_size
     segments = core.find_boards(scan, width, height, options.least_layers, options.beam_width_rad)
     several = f"{len(segments)} planes have the board's size; the one that fits best is taken"

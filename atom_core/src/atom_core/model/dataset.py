@@ -79,14 +79,14 @@ class DetectionKey(NamedTuple):
 
 
 class RangePoints(NamedTuple):
-    """Labelled points of a range sensor.
+    """Labeled points of a range sensor.
 
     Attributes:
         inside: (n, 3) on the board, in the sensor's frame [m].
         limit: (m, 3) on its border [m].
         inside_indices: (n,) which points of the cloud or pixels of the image they are.
         limit_indices: (m,) likewise.
-        dropped: so many labelled pixels had no valid depth.
+        dropped: so many labeled pixels had no valid depth.
     """
 
     inside: np.ndarray
@@ -267,13 +267,13 @@ def board_edge(pattern: Pattern) -> Edge:
 
 
 def range_points(dataset: Dataset, key: DetectionKey) -> RangePoints:
-    """Return the labelled points of a range sensor in its frame.
+    """Return the labeled points of a range sensor in its frame.
 
     A depth pixel becomes a point along its ray, with the distortion undone; pixels without a
     valid depth are dropped and counted. A LiDAR label that names an invalid point is an error.
 
     Raises:
-        DatasetError: an index outside the data, or a labelled point that is not finite.
+        DatasetError: an index outside the data, or a labeled point that is not finite.
     """
     sensor, label = dataset.sensors[key.sensor], dataset.label(key)
     assert isinstance(label, RangeLabel)
@@ -299,7 +299,7 @@ def _pick(cloud: np.ndarray, indices: np.ndarray, key: DetectionKey) -> np.ndarr
     bad = ~np.all(np.isfinite(points), axis=1)
     if np.any(bad):
         raise DatasetError(
-            f"{place(key)}: labelled point {indices[bad][0]} is not finite ({int(bad.sum())} such "
+            f"{place(key)}: labeled point {indices[bad][0]} is not finite ({int(bad.sum())} such "
             f"points); correct the label, or leave the collection out with -csf"
         )
     return points

@@ -98,9 +98,9 @@ def read_measurements(dataset: Dataset) -> Tuple[List[Measurement], List[str]]:
             continue
         points = range_points(dataset, key)
         if points.dropped:
-            warnings.append(f"{place(key)}: {points.dropped} labelled pixels have no depth")
+            warnings.append(f"{place(key)}: {points.dropped} labeled pixels have no depth")
         if len(points.inside) == 0:
-            warnings.append(f"{place(key)}: left out, no labelled point has a value")
+            warnings.append(f"{place(key)}: left out, no labeled point has a value")
             continue
         measurements.append(_range_measurement(key, sensor, pattern.border, points))
     return measurements, warnings

@@ -42,16 +42,16 @@ class Sampling:
 
     Attributes:
         background_step: of the returns from the room every n-th stays in a cloud; 1 keeps all.
-        depth_step: grid of the labelled depth pixels [px].
+        depth_step: grid of the labeled depth pixels [px].
         exact_border: move LiDAR limit points onto the true border, and label no depth limit
             pixels (they lie up to a pixel inside), so that border residuals vanish too.
-        labelled_only: keep only what is labelled of a depth image, for large datasets.
+        labeled_only: keep only what is labeled of a depth image, for large datasets.
     """
 
     background_step: int = 16
     depth_step: int = 4
     exact_border: bool = False
-    labelled_only: bool = False
+    labeled_only: bool = False
 
 
 class MemoryDataSource(DataSource):
@@ -233,11 +233,9 @@ class _Observer:
             self.rng,
             self.sampling.depth_step,
         )
-        if self.sampling.labelled_only:
-            labelled = [
-                i for label in labels.values() for i in (label.indices, label.limit_indices)
-            ]
-            kept = np.unique(np.concatenate(labelled)) if labelled else np.zeros(0, dtype=int)
+        if self.sampling.labeled_only:
+            labeled = [i for label in labels.values() for i in (label.indices, label.limit_indices)]
+            kept = np.unique(np.concatenate(labeled)) if labeled else np.zeros(0, dtype=int)
             self.data.add_pixels(key, sensor.name, image, kept)
         else:
             self.data.add_array(key, sensor.name, image)

@@ -76,7 +76,7 @@ def parallel_boards(
 ) -> SyntheticDataset:
     """Simulate two cameras and a LiDAR before boards that are all parallel.
 
-    Of the LiDAR only points inside the boards are labelled, as where boards reach out of its
+    Of the LiDAR only points inside the boards are labeled, as where boards reach out of its
     layers. Open: its shifts along the boards, and its turn about their normal.
 
     Args:

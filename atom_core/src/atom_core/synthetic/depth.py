@@ -104,9 +104,9 @@ def capture(
     if noise.depth_scale > 0:
         z += noise.depth_sigma_m(z) * rng.standard_normal(len(z))
     for label in labels.values():
-        labelled = np.union1d(label.indices, label.limit_indices)
-        along_ray = np.linalg.norm(device.rays[labelled], axis=1)
-        z[labelled] += noise.gross_range_errors(len(labelled), rng) / along_ray
+        labeled = np.union1d(label.indices, label.limit_indices)
+        along_ray = np.linalg.norm(device.rays[labeled], axis=1)
+        z[labeled] += noise.gross_range_errors(len(labeled), rng) / along_ray
     z[lost | (z < RANGE_M[0]) | (z > RANGE_M[1])] = np.nan
     return noise.round(z.reshape(shape)), labels
 

@@ -117,7 +117,7 @@ def _moved_to_border(
 def _with_noise(
     points: np.ndarray, labels: List[RangeLabel], noise: Noise, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return the points with noise along their beams, gross errors only on labelled ones."""
+    """Return the points with noise along their beams, gross errors only on labeled ones."""
     error = noise.lidar_m * rng.standard_normal(len(points))
     for label in labels:
         error[label.indices] += noise.gross_range_errors(len(label.indices), rng)

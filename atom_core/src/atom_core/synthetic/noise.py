@@ -18,7 +18,7 @@ class Noise:
         corner_px: standard deviation of a corner along each axis [px].
         lidar_m: standard deviation of a return along its beam [m].
         depth_scale: factor on ``depth_sigma_m``; 0 switches the noise of depth images off.
-        gross_fraction: share of the labelled items (corners, points inside, limit points) that
+        gross_fraction: share of the labeled items (corners, points inside, limit points) that
             are grossly wrong: a corner by 20-60 px, a range by 5-50 cm along the ray.
         dropout: share of the corners, beams and depth pixels on the board that are lost.
         sensors: the noise of some sensors by name, where it is another one.

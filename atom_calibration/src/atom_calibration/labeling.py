@@ -69,7 +69,7 @@ class FrameLabeler:
         return frame
 
     def label(self, frame: Frame, tree: Optional[TransformTree]) -> Frame:
-        """Label a frame, or take note of one that is labelled already.
+        """Label a frame, or take note of one that is labeled already.
 
         Args:
             frame: of any sensor.
