@@ -20,8 +20,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
-from atom_core.calibration.boards import initial_boards
 from atom_core.calibration.calibrate import Calibration, calibrate
+from atom_core.calibration.start.boards import initial_boards
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset, DetectionKey, RgbLabel, is_complete, pose, range_points
 from atom_core.model.pattern import Pattern

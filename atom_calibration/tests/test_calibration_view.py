@@ -16,10 +16,10 @@ from atom_calibration.standing import Standing
 from atom_calibration.view_options import ViewOptions
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.result import result_document
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.model.dataset import board_edge, pose
+from atom_core.report.calibration_document import result_document
 from atom_core.solvers.base import SolverOptions
 from atom_core.synthetic import scenes
 

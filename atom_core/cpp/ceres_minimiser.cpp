@@ -13,7 +13,7 @@
 namespace atom_core {
 namespace {
 
-constexpr double kLongestTurn = 0.5, kLongestMove = 0.5;  // rad, m; solvers/scipy_solver.py
+constexpr double kLongestTurn = 0.5, kLongestMove = 0.5;  // rad, m; solvers/levenberg_marquardt.py
 constexpr double kRounding = 1e-13;                       // relative to the cost
 constexpr double kSmallestUnit = 0.1;                     // for data without any noise
 constexpr double kCauchyCurvature = 0.8;                  // E[psi'] / E[w], solvers/losses.py

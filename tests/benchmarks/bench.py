@@ -24,10 +24,10 @@ from scaling import command_seconds, comparable, find, scaling
 from scipy.optimize import least_squares
 from tqdm import tqdm
 
-from atom_core.calibration.boards import initial_boards
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.preparation import free_edges
+from atom_core.calibration.prepare.preparation import free_edges
+from atom_core.calibration.start.boards import initial_boards
 from atom_core.evaluation.ground_truth import ground_truth_errors
 from atom_core.model.dataset import Dataset, pose
 from atom_core.problem.builder import build_problem

@@ -17,8 +17,8 @@ from plain_ceres import PlainCeres
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.preparation import prepare
-from atom_core.calibration.starts import pose_problem, settle
+from atom_core.calibration.prepare.preparation import prepare
+from atom_core.calibration.start.starts import pose_problem, settle
 from atom_core.model.dataset import Dataset
 from atom_core.solvers.base import SolverOptions
 from atom_core.solvers.choice import solver_factory

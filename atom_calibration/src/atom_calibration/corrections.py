@@ -7,9 +7,9 @@ from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence
 
 import numpy as np
 
-from atom_core.calibration.boards import initial_boards
 from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.preparation import free_edges
+from atom_core.calibration.prepare.preparation import free_edges
+from atom_core.calibration.start.boards import initial_boards
 from atom_core.errors import DatasetError, SelectionError
 from atom_core.io.dataset_json import write_dataset
 from atom_core.model.dataset import Dataset, board_edge

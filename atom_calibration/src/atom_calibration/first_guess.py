@@ -8,7 +8,7 @@ from typing import Dict, List, Mapping, Optional, Tuple
 
 import numpy as np
 
-from atom_core.calibration.starts import estimate_sensors
+from atom_core.calibration.start.starts import estimate_sensors
 from atom_core.errors import ConfigError
 from atom_core.io.atomic import write_text_atomically
 from atom_core.io.dataset_json import read_dataset

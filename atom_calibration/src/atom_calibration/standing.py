@@ -11,9 +11,9 @@ from typing import Dict, Iterator, List, Mapping, NamedTuple, Tuple
 
 import numpy as np
 
-from atom_core.calibration.boards import solved_dataset
 from atom_core.calibration.calibrate import Calibration
-from atom_core.calibration.statistics import Table, residual_table
+from atom_core.calibration.judge.statistics import Table, residual_table
+from atom_core.calibration.start.boards import solved_dataset
 from atom_core.errors import DatasetError
 from atom_core.model.dataset import Dataset, DetectionKey, pose
 from atom_core.problem.problem import Problem

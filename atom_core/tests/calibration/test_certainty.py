@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from atom_core.calibration.calibrate import calibrate
-from atom_core.calibration.propagation import propagate
-from atom_core.calibration.result import pairs_of
-from atom_core.calibration.weak_directions import edge_covariance
+from atom_core.calibration.judge.propagation import propagate
+from atom_core.calibration.judge.weak_directions import edge_covariance
 from atom_core.geometry import se3
 from atom_core.model.dataset import pose
 from atom_core.model.sensor import RGB, depth_sigma_m
 from atom_core.model.truth import with_truth
 from atom_core.problem.parameters import SENSOR
 from atom_core.problem.residuals import ORTHOGONAL, REPROJECTION
+from atom_core.report.calibration_document import pairs_of
 from atom_core.synthetic import Noise, paper_cell
 
 RUNS = 100

@@ -8,7 +8,6 @@ import pytest
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.result import result_document
 from atom_core.cli import main
 from atom_core.errors import CalibrationError
 from atom_core.evaluation.ground_truth import ground_truth_errors
@@ -23,6 +22,7 @@ from atom_core.geometry.intrinsics import (
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.model.dataset import RgbLabel
+from atom_core.report.calibration_document import result_document
 from atom_core.solvers.base import SolverOptions
 from atom_core.solvers.choice import SOLVERS
 from atom_core.synthetic import Noise, arm, scenes

@@ -8,8 +8,8 @@ import pytest
 import yaml
 
 from atom_core.calibration.calibrate import calibrate
-from atom_core.calibration.joints import select_joints
 from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.prepare.joints import select_joints
 from atom_core.cli import main
 from atom_core.errors import CalibrationError, SelectionError
 from atom_core.evaluation.ground_truth import ground_truth_errors

@@ -2,8 +2,8 @@
 
 import pytest
 
-from atom_core.calibration import memory
 from atom_core.calibration.calibrate import calibrate
+from atom_core.calibration.prepare import memory
 from atom_core.errors import CalibrationError
 from atom_core.synthetic import scenes
 

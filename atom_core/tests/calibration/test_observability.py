@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from atom_core.calibration.calibrate import calibrate
+from atom_core.calibration.judge.reasons import Solution, is_spin_axis
 from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.reasons import Solution, is_spin_axis
 from atom_core.cli import main
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.model.config import EdgeConfig

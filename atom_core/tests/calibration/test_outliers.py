@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from atom_core.calibration import outliers
 from atom_core.calibration.calibrate import calibrate
-from atom_core.calibration.outliers import find_outliers
+from atom_core.calibration.judge import outliers
+from atom_core.calibration.judge.outliers import find_outliers
 from atom_core.model.dataset import RgbLabel
 from atom_core.synthetic import paper_cell
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from atom_core.calibration.calibrate import calibrate
-from atom_core.calibration.propagation import propagate, sensor_pairs
-from atom_core.calibration.result import pairs_of, result_document
+from atom_core.calibration.judge.propagation import propagate, sensor_pairs
 from atom_core.geometry import se3
 from atom_core.model.dataset import pose
+from atom_core.report.calibration_document import pairs_of, result_document
 from atom_core.synthetic import paper_cell, scenes
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from atom_core.calibration.boards import initial_boards
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.preparation import free_edges
+from atom_core.calibration.prepare.preparation import free_edges
+from atom_core.calibration.start.boards import initial_boards
 from atom_core.errors import CalibrationError
 from atom_core.problem.builder import build_problem
 from atom_core.problem.measurements import read_measurements

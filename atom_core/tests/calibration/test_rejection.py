@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from atom_core.calibration import rejection
 from atom_core.calibration.calibrate import calibrate
-from atom_core.calibration.disagreement import chi_squares
 from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.rejection import DISAGREES, NO_MAJORITY
+from atom_core.calibration.refine import rejection
+from atom_core.calibration.refine.disagreement import chi_squares
+from atom_core.calibration.refine.rejection import DISAGREES, NO_MAJORITY
 from atom_core.geometry import se3
 from atom_core.solvers.base import SolverOptions
 from atom_core.solvers.choice import solver_factory

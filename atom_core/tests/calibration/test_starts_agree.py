@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from atom_core.calibration.calibrate import calibrate
-from atom_core.calibration.deeper_minima import with_boards_in_deepest_minima
 from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.preparation import prepare
+from atom_core.calibration.prepare.preparation import prepare
+from atom_core.calibration.refine.deeper_minima import with_boards_in_deepest_minima
 from atom_core.geometry import se3
 from atom_core.solvers.base import SolverOptions
 from atom_core.solvers.choice import solver_factory

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from atom_core.calibration.boards import initial_boards
-from atom_core.calibration.disturb import disturbed
 from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.preparation import free_edges
+from atom_core.calibration.prepare.preparation import free_edges
+from atom_core.calibration.start.boards import initial_boards
+from atom_core.calibration.start.disturb import disturbed
 from atom_core.geometry.camera import Camera
 from atom_core.model.dataset import board_edge
 from atom_core.model.truth import with_truth

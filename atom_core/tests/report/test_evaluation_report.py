@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from atom_core.evaluation.document import evaluation_document
 from atom_core.evaluation.evaluate import evaluate
 from atom_core.io.atomic import write_json_atomically
 from atom_core.model.dataset import DataSource
 from atom_core.report.evaluation_csv import csv_texts
+from atom_core.report.evaluation_document import evaluation_document
 from atom_core.report.evaluation_tables import evaluation_report
 from atom_core.synthetic import paper_cell
 

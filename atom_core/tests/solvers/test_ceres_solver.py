@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from atom_core.calibration.boards import initial_boards
 from atom_core.calibration.calibrate import calibrate
-from atom_core.calibration.disturb import disturbed
 from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.preparation import free_edges
+from atom_core.calibration.prepare.preparation import free_edges
+from atom_core.calibration.start.boards import initial_boards
+from atom_core.calibration.start.disturb import disturbed
 from atom_core.geometry.camera import Camera
 from atom_core.problem.builder import build_problem
 from atom_core.problem.measurements import read_measurements
@@ -17,7 +17,7 @@ from atom_core.problem.residuals import BorderBlock
 from atom_core.solvers import losses
 from atom_core.solvers.base import SolverOptions
 from atom_core.solvers.ceres_solver import CeresSolver
-from atom_core.solvers.scipy_solver import ScipySolver, total_cost
+from atom_core.solvers.levenberg_marquardt import LevenbergMarquardt, total_cost
 from atom_core.synthetic import Noise, arm, paper_cell, scenes
 
 pytest.importorskip("atom_core._core", reason="native module is not built: make build")
@@ -94,7 +94,7 @@ def test_normal_equations_are_those_of_the_specification(scene, loss):
     sigmas = sigmas_of(problem)
     x = 0.05 * np.random.default_rng(1).standard_normal(problem.parameters.size)
     ours = CeresSolver(problem).equations(x, sigmas, loss)
-    theirs = ScipySolver(problem).equations(x, sigmas, loss)
+    theirs = LevenbergMarquardt(problem).equations(x, sigmas, loss)
     for name in ("shared", "cross", "local", "gradient_shared", "gradient_local"):
         a, b = getattr(ours, name), getattr(theirs, name)
         scale = max(np.max(np.abs(b)), 1e-12) if b.size else 1.0
@@ -111,7 +111,7 @@ def test_squares_and_inset_columns_are_those_of_the_specification(scene, loss):
         for i, block in enumerate(problem.residual_blocks)
         if isinstance(block, BorderBlock)
     }
-    solvers = [CeresSolver(problem), ScipySolver(problem)]
+    solvers = [CeresSolver(problem), LevenbergMarquardt(problem)]
     for solver in solvers:
         solver.take_insets(problem.with_insets(insets))
     sigmas, x = sigmas_of(problem), 0.05 * rng.standard_normal(problem.parameters.size)
@@ -132,7 +132,9 @@ def test_points_behind_and_beside_the_camera_too():
     problem = problem_of(scenes.two_cameras(1, camera=camera, collections=4).dataset)
     x = np.random.default_rng(3).standard_normal(problem.parameters.size)
     sigmas = sigmas_of(problem)
-    ours, theirs = (s(problem).equations(x, sigmas, "none") for s in (CeresSolver, ScipySolver))
+    ours, theirs = (
+        s(problem).equations(x, sigmas, "none") for s in (CeresSolver, LevenbergMarquardt)
+    )
     scale = np.max(np.abs(theirs.local))
     np.testing.assert_allclose(ours.local / scale, theirs.local / scale, atol=1e-9)
 
@@ -142,13 +144,13 @@ def test_points_behind_and_beside_the_camera_too():
 def test_the_minimum_is_that_of_the_specification(scene, loss):
     problem = problem_of(SCENES[scene]().dataset, scene=scene)
     sigmas, zero = sigmas_of(problem), np.zeros(problem.parameters.size)
-    start = ScipySolver(problem).minimise(zero, sigmas, losses.NONE, 200).x
+    start = LevenbergMarquardt(problem).minimise(zero, sigmas, losses.NONE, 200).x
     ours = CeresSolver(problem).minimise(start, sigmas, loss, 200)
-    theirs = ScipySolver(problem).minimise(start, sigmas, loss, 200)
+    theirs = LevenbergMarquardt(problem).minimise(start, sigmas, loss, 200)
     assert ours.converged and theirs.converged
     assert ours.cost == pytest.approx(theirs.cost, rel=1e-9)
     assert ours.cost == pytest.approx(
-        total_cost(ScipySolver(problem).squares(ours.x, sigmas), loss)
+        total_cost(LevenbergMarquardt(problem).squares(ours.x, sigmas), loss)
     )
     np.testing.assert_allclose(ours.x, theirs.x, atol=1e-6)
 

@@ -114,7 +114,10 @@ def interruptible():
 
 @pytest.mark.parametrize(
     "name, module, solver",
-    [("ceres", "ceres_solver", "CeresSolver"), ("scipy", "scipy_solver", "ScipySolver")],
+    [
+        ("ceres", "ceres_solver", "CeresSolver"),
+        ("scipy", "levenberg_marquardt", "LevenbergMarquardt"),
+    ],
 )
 def test_ctrl_c_ends_the_command_with_results(dataset_file, tmp_path, name, module, solver):
     if name == "ceres" and not native.available():

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from atom_core.calibration.boards import initial_boards
 from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.preparation import free_edges
+from atom_core.calibration.prepare.preparation import free_edges
+from atom_core.calibration.start.boards import initial_boards
 from atom_core.geometry import se3
 from atom_core.model.truth import with_truth
 from atom_core.problem.builder import build_problem

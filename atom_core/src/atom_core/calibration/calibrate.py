@@ -8,26 +8,27 @@ from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
-from atom_core.calibration.boards import solved_dataset
-from atom_core.calibration.deeper_minima import with_boards_in_deepest_minima
-from atom_core.calibration.disturb import disturbed
-from atom_core.calibration.initial_sensors import sensors_from_boards
-from atom_core.calibration.intrinsics import join_intrinsics
+from atom_core.calibration.judge.ambiguity import ambiguity
+from atom_core.calibration.judge.reasons import Solution
+from atom_core.calibration.judge.weak_directions import (
+    WeakDirection,
+    weak_directions,
+    weak_range_offsets,
+)
 from atom_core.calibration.options import DESCRIPTION, NO_GUESS, CalibrationOptions
-from atom_core.calibration.preparation import Prepared, check_range_offsets, prepare
-from atom_core.calibration.reasons import Solution
-from atom_core.calibration.rejection import (
+from atom_core.calibration.prepare.preparation import Prepared, check_range_offsets, prepare
+from atom_core.calibration.refine.deeper_minima import with_boards_in_deepest_minima
+from atom_core.calibration.refine.intrinsics import join_intrinsics
+from atom_core.calibration.refine.rejection import (
     Rejected,
     reject_bad_detections,
     rejection_warnings,
     whole_collections,
 )
-from atom_core.calibration.starts import Posed, ambiguity, best_settled, pose_problem, rescued
-from atom_core.calibration.weak_directions import (
-    WeakDirection,
-    weak_directions,
-    weak_range_offsets,
-)
+from atom_core.calibration.start.boards import solved_dataset
+from atom_core.calibration.start.disturb import disturbed
+from atom_core.calibration.start.initial_sensors import sensors_from_boards
+from atom_core.calibration.start.starts import Posed, best_settled, pose_problem, rescued
 from atom_core.model.dataset import Dataset
 from atom_core.model.pattern import BoardKey
 from atom_core.problem.builder import FreeEdges

@@ -7,12 +7,12 @@ from typing import Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
-from atom_core.calibration.boards import carried_boards
-from atom_core.calibration.connectivity import check_connected, floats_freely
-from atom_core.calibration.joints import check_joints
+from atom_core.calibration.judge.statistics import Table, residual_table
 from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.preparation import absent_data, check_modalities, free_edges
-from atom_core.calibration.statistics import Table, residual_table
+from atom_core.calibration.prepare.connectivity import check_connected, floats_freely
+from atom_core.calibration.prepare.joints import check_joints
+from atom_core.calibration.prepare.preparation import absent_data, check_modalities, free_edges
+from atom_core.calibration.start.boards import carried_boards
 from atom_core.errors import AtomError
 from atom_core.geometry import se3
 from atom_core.geometry.plane import fit_plane

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import List, Optional, Protocol, Sequence, Tuple
 
 from atom_core.calibration.calibrate import Calibration, calibrate
-from atom_core.calibration.joints import select_joints
 from atom_core.calibration.options import DESCRIPTION, NO_GUESS, CalibrationOptions
-from atom_core.calibration.result import result_document, selected_edges, sigma_text
+from atom_core.calibration.prepare.joints import select_joints
 from atom_core.commands import common
 from atom_core.errors import CalibrationError, DescriptionError
 from atom_core.evaluation.ground_truth import ground_truth_errors
@@ -24,6 +23,7 @@ from atom_core.model.dataset import Dataset
 from atom_core.model.joints import JOINT_PARAMETERS, JointSelection
 from atom_core.model.selection import select_names
 from atom_core.model.sensor import LIDAR3D, RGB
+from atom_core.report.calibration_document import result_document, selected_edges, sigma_text
 from atom_core.report.calibration_tables import calibration_report
 from atom_core.solvers.base import CONVERGED, Iteration, SolverOptions
 from atom_core.solvers.choice import CERES, SOLVERS, default_solver

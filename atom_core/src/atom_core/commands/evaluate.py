@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import List, Optional
 
 from atom_core.commands import common
-from atom_core.evaluation.document import evaluation_document
 from atom_core.evaluation.evaluate import Evaluation, evaluate
 from atom_core.evaluation.pairs import KINDS
 from atom_core.io.annotations import read_annotations
@@ -22,6 +21,7 @@ from atom_core.io.truth_json import read_truth
 from atom_core.model.dataset import Dataset
 from atom_core.model.selection import select_names
 from atom_core.report.evaluation_csv import csv_name, csv_texts
+from atom_core.report.evaluation_document import evaluation_document
 from atom_core.report.evaluation_tables import evaluation_report
 
 EXAMPLE = (

@@ -7,8 +7,8 @@ from typing import Any, Dict, List, Mapping
 
 import numpy as np
 
+from atom_core.calibration.judge.statistics import Table, kinds_of
 from atom_core.calibration.preflight import Preflight
-from atom_core.calibration.statistics import Table, kinds_of
 from atom_core.model.dataset import Dataset, DetectionKey
 from atom_core.report.tables import ABSENT, text_table
 

@@ -1,4 +1,4 @@
-"""The fast minimiser: the same cost as the scipy solver's, minimised by Ceres in C++.
+"""The fast minimiser: the same cost as that of Levenberg-Marquardt in numpy, minimised by Ceres in C++.
 
 The problem goes over once, as arrays. Residuals, Jacobians and the reduction of each detection
 to six numbers are those of atom_core.problem; tests compare the two.
@@ -26,13 +26,13 @@ from atom_core.problem.residuals import (
 )
 from atom_core.solvers.assessment import Assessment, InsetColumn
 from atom_core.solvers.base import EXACT, Minimum, RoundProgress, Tolerance
+from atom_core.solvers.levenberg_marquardt import ENOUGH, ROUNDING, interrupted_at, unit_cost
 from atom_core.solvers.normal_equations import (
     DetectionParts,
     Layout,
     NormalEquations,
     spread,
 )
-from atom_core.solvers.scipy_solver import ENOUGH, ROUNDING, interrupted_at, unit_cost
 
 FEATURE = "the Ceres solver (--solver ceres)"
 _FIRST_RADIUS, _LAST_RADIUS, _RADIUS_GROWTH = 1e4, 1e16, 1e6

@@ -7,10 +7,10 @@ from typing import Dict, Optional
 from atom_core import native
 from atom_core.solvers.base import SolverFactory
 from atom_core.solvers.ceres_solver import CeresSolver
-from atom_core.solvers.scipy_solver import ScipySolver
+from atom_core.solvers.levenberg_marquardt import LevenbergMarquardt
 
 CERES, SCIPY = "ceres", "scipy"
-SOLVERS: Dict[str, SolverFactory] = {CERES: CeresSolver, SCIPY: ScipySolver}
+SOLVERS: Dict[str, SolverFactory] = {CERES: CeresSolver, SCIPY: LevenbergMarquardt}
 
 
 def default_solver() -> str:

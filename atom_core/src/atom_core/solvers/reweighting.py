@@ -24,6 +24,7 @@ from atom_core.problem.residuals import (
     BorderBlock,
 )
 from atom_core.solvers import losses
+from atom_core.solvers.anderson import AndersonAcceleration
 from atom_core.solvers.assessment import Assessment
 from atom_core.solvers.base import (
     ATOM,
@@ -42,8 +43,8 @@ from atom_core.solvers.base import (
     Tolerance,
 )
 from atom_core.solvers.covariance import Covariance
-from atom_core.solvers.fixed_point import FixedPoint
 from atom_core.solvers.insets import apply_insets
+from atom_core.solvers.levenberg_marquardt import total_cost
 from atom_core.solvers.range_offsets import (
     UNIT_M,
     apply_range_offsets,
@@ -51,7 +52,6 @@ from atom_core.solvers.range_offsets import (
     offset_columns,
 )
 from atom_core.solvers.scalars import better_scalars, joint_scalars
-from atom_core.solvers.scipy_solver import total_cost
 
 # Relative change of a factor below which the rounds become finer, and below which they end.
 _NEARLY_STILL, _STILL = 0.05, 3e-4
@@ -181,7 +181,7 @@ def _reweighted(
     sigmas = tuple(s * scale for s, scale in zip(initial, scales))
     count, settled = len(sigmas), False
     sensors = options.range_offsets
-    state = FixedPoint(np.concatenate([np.log(scales), insets, offsets]))
+    state = AndersonAcceleration(np.concatenate([np.log(scales), insets, offsets]))
     for _ in range(options.reweighting_rounds):
         if end.interrupted:
             break

@@ -13,8 +13,8 @@ from typing import Dict, List, Sequence, Set, Tuple
 
 import numpy as np
 
-from atom_core.calibration.board_fit import BoardFits
-from atom_core.calibration.boards import restarted
+from atom_core.calibration.refine.board_fit import BoardFits
+from atom_core.calibration.start.boards import restarted
 from atom_core.model.dataset import DetectionKey
 from atom_core.problem.initial_boards import doubtful_boards
 from atom_core.problem.measurements import Measurement

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Dict, List, Sequence, Set, Tuple
 
-from atom_core.calibration.connectivity import check_connected, floats_freely
-from atom_core.calibration.joints import (
+from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.prepare.connectivity import check_connected, floats_freely
+from atom_core.calibration.prepare.joints import (
     check_joints,
     configured_joints,
     with_joint_transforms,
 )
-from atom_core.calibration.memory import check_memory
-from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.prepare.memory import check_memory
 from atom_core.errors import CalibrationError
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics import intrinsics_names

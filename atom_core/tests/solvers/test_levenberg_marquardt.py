@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from atom_core.calibration.boards import initial_boards
-from atom_core.calibration.disturb import disturbed
 from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.preparation import free_edges
+from atom_core.calibration.prepare.preparation import free_edges
+from atom_core.calibration.start.boards import initial_boards
+from atom_core.calibration.start.disturb import disturbed
 from atom_core.problem.builder import build_problem
 from atom_core.problem.measurements import read_measurements
 from atom_core.solvers import losses
 from atom_core.solvers.base import ROUGH, SolverOptions
 from atom_core.solvers.covariance import Covariance
+from atom_core.solvers.levenberg_marquardt import LevenbergMarquardt, total_cost
 from atom_core.solvers.reweighting import atom_normalisers, solve
-from atom_core.solvers.scipy_solver import ScipySolver, total_cost
 from atom_core.synthetic import scenes
 
 SCENES = {
@@ -48,7 +48,7 @@ def rows(problem, x, sigmas):
 def test_the_optimum_is_that_of_scipy_optimize(scene):
     problem = problem_of(SCENES[scene])
     sigmas, start = sigmas_of(problem), np.zeros(problem.parameters.size)
-    mine = ScipySolver(problem).minimise(start, sigmas, losses.NONE, 200)
+    mine = LevenbergMarquardt(problem).minimise(start, sigmas, losses.NONE, 200)
     assert mine.converged
     theirs = least_squares(
         lambda x: rows(problem, x, sigmas),
@@ -68,7 +68,7 @@ def test_the_optimum_is_that_of_scipy_optimize(scene):
 def test_block_normal_equations_are_those_of_the_jacobian(scene):
     problem = problem_of(SCENES[scene])
     sigmas, x = sigmas_of(problem), np.full(problem.parameters.size, 0.01)
-    equations = ScipySolver(problem).equations(x, sigmas, losses.NONE)
+    equations = LevenbergMarquardt(problem).equations(x, sigmas, losses.NONE)
     jacobian = problem.jacobian(x, sigmas).toarray()
     residual = rows(problem, x, sigmas)
     step, predicted = equations.solve(1e-3)
@@ -94,7 +94,7 @@ def meeting_blocks(problem):
 def test_covariance_is_the_inverse_of_the_whole_matrix(scene):
     problem = problem_of(SCENES[scene])
     sigmas, x = sigmas_of(problem), np.zeros(problem.parameters.size)
-    equations = ScipySolver(problem).equations(x, sigmas, losses.NONE)
+    equations = LevenbergMarquardt(problem).equations(x, sigmas, losses.NONE)
     covariance = Covariance(equations)
     jacobian = problem.jacobian(x, sigmas).toarray()
     whole = np.linalg.inv(jacobian.T @ jacobian)
@@ -124,7 +124,7 @@ def test_loss_weight_is_the_derivative_of_its_cost(loss):
 @pytest.mark.parametrize("loss", losses.LOSSES)
 def test_the_cost_never_rises(loss):
     problem = problem_of(scenes.random_scene)
-    solver = ScipySolver(problem)
+    solver = LevenbergMarquardt(problem)
     sigmas, x = sigmas_of(problem), np.zeros(problem.parameters.size)
     costs = [total_cost(solver.squares(x, sigmas), loss)]
     for _ in range(6):
@@ -135,17 +135,17 @@ def test_the_cost_never_rises(loss):
 
 def test_converged_is_not_claimed_when_iterations_run_out():
     problem = problem_of(scenes.random_scene)
-    end = ScipySolver(problem).minimise(
+    end = LevenbergMarquardt(problem).minimise(
         np.zeros(problem.parameters.size), sigmas_of(problem), losses.NONE, 1
     )
     assert not end.converged
-    summary = solve(ScipySolver(problem), SolverOptions(max_iterations=2))
+    summary = solve(LevenbergMarquardt(problem), SolverOptions(max_iterations=2))
     assert summary.status == "not_converged"
 
 
 def test_a_start_that_is_not_finite_is_not_converged():
     problem = problem_of(scenes.random_scene)
-    end = ScipySolver(problem).minimise(
+    end = LevenbergMarquardt(problem).minimise(
         np.full(problem.parameters.size, np.nan), sigmas_of(problem), losses.NONE, 5
     )
     assert not end.converged and "finite" in end.message
@@ -154,12 +154,14 @@ def test_a_start_that_is_not_finite_is_not_converged():
 def test_converged_means_the_gradient_is_gone():
     problem = problem_of(scenes.random_scene)
     sigmas = sigmas_of(problem)
-    end = ScipySolver(problem).minimise(np.zeros(problem.parameters.size), sigmas, losses.NONE, 200)
+    end = LevenbergMarquardt(problem).minimise(
+        np.zeros(problem.parameters.size), sigmas, losses.NONE, 200
+    )
     jacobian = problem.jacobian(end.x, sigmas).toarray()
     newton = np.linalg.lstsq(jacobian, -rows(problem, end.x, sigmas), rcond=None)[0]
     deviations = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
     assert np.max(np.abs(newton) / deviations) < 1e-3
-    rough = ScipySolver(problem).minimise(
+    rough = LevenbergMarquardt(problem).minimise(
         np.zeros(problem.parameters.size), sigmas, losses.NONE, 200, ROUGH
     )
     assert rough.converged and rough.iterations < end.iterations
@@ -167,7 +169,7 @@ def test_converged_means_the_gradient_is_gone():
 
 def test_planted_sigmas_are_found():
     problem = problem_of(scenes.random_scene, noise=scenes.Noise(corner_px=0.6, lidar_m=0.02))
-    summary = solve(ScipySolver(problem), SolverOptions(loss="none"))
+    summary = solve(LevenbergMarquardt(problem), SolverOptions(loss="none"))
     found = {
         (b.modality, b.kind): float(np.median(s))
         for b, s in zip(problem.residual_blocks, summary.sigmas)
@@ -178,7 +180,7 @@ def test_planted_sigmas_are_found():
 def test_atom_normalisers_make_the_mean_of_each_modality_one():
     problem = problem_of(scenes.random_scene)
     x = np.zeros(problem.parameters.size)
-    sigmas = atom_normalisers(ScipySolver(problem), x)
+    sigmas = atom_normalisers(LevenbergMarquardt(problem), x)
     by_modality = {}
     for block, residual, sigma in zip(problem.residual_blocks, problem.residuals(x), sigmas):
         scaled = np.linalg.norm(residual, axis=1) / sigma

@@ -11,13 +11,12 @@ from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
-from atom_core.calibration.boards import initial_boards, placed, settle_boards
-from atom_core.calibration.connectivity import check_connected
-from atom_core.calibration.finite import check_finite
-from atom_core.calibration.initial_sensors import sensors_from_boards
 from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.preparation import prepare
-from atom_core.calibration.weak_directions import WeakDirection
+from atom_core.calibration.prepare.connectivity import check_connected
+from atom_core.calibration.prepare.preparation import prepare
+from atom_core.calibration.start.boards import initial_boards, placed, settle_boards
+from atom_core.calibration.start.finite import check_finite
+from atom_core.calibration.start.initial_sensors import sensors_from_boards
 from atom_core.errors import CalibrationError
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset
@@ -168,21 +167,6 @@ def moved_sensors(one: Settled, other: Settled) -> Dict[str, float]:
         if apart > _ELSEWHERE_M:
             moved["+".join(a.names)] = apart
     return moved
-
-
-def ambiguity(settled: Settled, rivals: Sequence[Settled]) -> List[WeakDirection]:
-    """Return, for each equally good outcome, which sensors it puts elsewhere."""
-    found = []
-    for rival in rivals:
-        moved = moved_sensors(settled, rival)
-        parameters = tuple(f"{name} pose" for name in moved)
-        why = (
-            f"the data allow {', '.join(moved)} at two places, equally good: range sensors cannot "
-            f"tell a board from one turned by half; add collections that cameras see as well, or "
-            f"start from a description"
-        )
-        found.append(WeakDirection(parameters, max(moved.values()), "m", why))
-    return found
 
 
 def rescued(

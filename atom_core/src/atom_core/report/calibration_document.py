@@ -7,11 +7,11 @@ from typing import Any, Dict, List, Optional
 import numpy as np
 
 from atom_core.calibration.calibrate import Calibration
-from atom_core.calibration.outliers import OUTLIER_SIGMAS, Outliers, find_outliers
-from atom_core.calibration.preparation import camera_of
-from atom_core.calibration.propagation import SensorPair, propagate, sensor_pairs
-from atom_core.calibration.statistics import Table, kinds_of, residual_table
-from atom_core.calibration.weak_directions import edge_covariance
+from atom_core.calibration.judge.outliers import OUTLIER_SIGMAS, Outliers, find_outliers
+from atom_core.calibration.judge.propagation import SensorPair, propagate, sensor_pairs
+from atom_core.calibration.judge.statistics import Table, kinds_of, residual_table
+from atom_core.calibration.judge.weak_directions import edge_covariance
+from atom_core.calibration.prepare.preparation import camera_of
 from atom_core.geometry import se3
 from atom_core.geometry.intrinsics import intrinsics_names, intrinsics_values
 from atom_core.model.transforms import Edge

@@ -40,7 +40,7 @@ def interrupted_at(x: np.ndarray, cost: float, iterations: int) -> Minimum:
     return Minimum(x, cost, iterations, False, "interrupted", interrupted=True)
 
 
-class ScipySolver:
+class LevenbergMarquardt:
     """Minimises one problem; see `Solver` for the contract."""
 
     def __init__(self, problem: Problem):

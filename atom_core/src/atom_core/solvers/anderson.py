@@ -1,4 +1,4 @@
-"""Fewer rounds to a fixed point than by going on as told each time."""
+"""Anderson acceleration: fewer rounds to a fixed point than by plain iteration."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ _NEAR = 0.2  # changes beyond this say little about the next ones
 _FARTHEST, _NEAREST = 4.0, 0.5
 
 
-class FixedPoint:
-    """Looks for v = v + change(v).
+class AndersonAcceleration:
+    """Looks for the fixed point of v -> v + change(v).
 
     Near the end the changes shrink (and turn) by the same part each time. Two of them tell that
     part, and so where they lead. The point that is found is the same. Anderson, "Iterative

@@ -6,7 +6,7 @@ from typing import Dict, List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
-from atom_core.calibration.disagreement import FAR_SQUARE, MOST
+from atom_core.calibration.refine.disagreement import FAR_SQUARE, MOST
 from atom_core.geometry import se3
 from atom_core.problem.initial_boards import board_candidates
 from atom_core.problem.measurements import Measurement

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from atom_core.solvers.fixed_point import FixedPoint
+from atom_core.solvers.anderson import AndersonAcceleration
 
 FIXED = np.array([0.3, -0.1, 0.5])
 
 
 def steps_until(change_at, accelerate):
     """Return how many changes are asked for until they are tiny, and where that is."""
-    state, plain = FixedPoint(np.zeros(3)), np.zeros(3)
+    state, plain = AndersonAcceleration(np.zeros(3)), np.zeros(3)
     for step in range(500):
         value = state.value if accelerate else plain
         change = change_at(value)
@@ -38,6 +38,6 @@ def test_a_change_that_overshoots_the_point_is_held_back():
 
 
 def test_without_a_change_it_stays():
-    state = FixedPoint(FIXED)
+    state = AndersonAcceleration(FIXED)
     for _ in range(3):
         np.testing.assert_array_equal(state.advance(np.zeros(3)), FIXED)

@@ -7,7 +7,7 @@ from typing import Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
-from atom_core.calibration.reasons import (
+from atom_core.calibration.judge.reasons import (
     Boards,
     Solution,
     intrinsics_reason,

@@ -14,11 +14,11 @@ from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Set, Tup
 import numpy as np
 from scipy.special import chdtri  # scipy.stats has it as chi2.isf, and takes long to load
 
-from atom_core.calibration.board_fit import BoardFits
-from atom_core.calibration.boards import boards_in, solved_dataset
-from atom_core.calibration.connectivity import check_connected
-from atom_core.calibration.disagreement import CHANCE, Disagreement, disagreement
 from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.prepare.connectivity import check_connected
+from atom_core.calibration.refine.board_fit import BoardFits
+from atom_core.calibration.refine.disagreement import CHANCE, Disagreement, disagreement
+from atom_core.calibration.start.boards import boards_in, solved_dataset
 from atom_core.errors import CalibrationError
 from atom_core.model.dataset import Dataset, DetectionKey, place
 from atom_core.model.pattern import BoardKey

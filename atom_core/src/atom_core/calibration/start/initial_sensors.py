@@ -14,10 +14,10 @@ from typing import Dict, FrozenSet, List, Mapping, NamedTuple, Optional, Sequenc
 
 import numpy as np
 
-from atom_core.calibration.connectivity import floats_freely
-from atom_core.calibration.hand_eye import MovingView, solve_hand_eye
-from atom_core.calibration.pose_votes import Statement, consensus
-from atom_core.calibration.sightings import (
+from atom_core.calibration.prepare.connectivity import floats_freely
+from atom_core.calibration.start.hand_eye import MovingView, solve_hand_eye
+from atom_core.calibration.start.pose_votes import Statement, consensus
+from atom_core.calibration.start.sightings import (
     Sighting,
     board_proposals,
     misfit_at,

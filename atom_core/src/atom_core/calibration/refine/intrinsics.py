@@ -12,8 +12,8 @@ from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
-from atom_core.calibration.boards import boards_in, solved_dataset
-from atom_core.calibration.starts import Settled
+from atom_core.calibration.start.boards import boards_in, solved_dataset
+from atom_core.calibration.start.starts import Settled
 from atom_core.geometry.camera import Camera
 from atom_core.model.dataset import Dataset
 from atom_core.problem.builder import FreeEdges, build_problem

@@ -14,7 +14,7 @@ from atom_core.model.dataset import Dataset, RgbLabel
 
 LIMIT_VARIABLE = "ATOM_MEMORY_LIMIT_MB"
 # Measured with `make bench`: what measurements, rows, weights and results hold of each item, and
-# what the scipy solver's Jacobians and their parts need beside them.
+# what the Jacobians of --solver scipy and their parts need beside them.
 _CORNER, _POINT, _LIMIT_POINT, _DETECTION = 350, 200, 400, 5000
 _SCIPY = {"corner": 200, "point": 120, "limit_point": 150}
 _MATRICES = 6  # of the size of the equations that stand beside each other

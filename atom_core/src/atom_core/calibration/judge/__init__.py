@@ -1,0 +1,1 @@
+"""What the solution is worth: residuals, outliers, weak directions and why, carried points."""

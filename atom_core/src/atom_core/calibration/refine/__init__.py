@@ -1,0 +1,1 @@
+"""From a rough answer to the solution: intrinsics, boards in wrong minima, bad detections."""

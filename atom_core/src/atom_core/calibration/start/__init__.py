@@ -1,0 +1,1 @@
+"""Where the solver starts: sensors from the description or the data, boards from the sensors."""
