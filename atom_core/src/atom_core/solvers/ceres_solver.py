@@ -1,4 +1,4 @@
-"""The fast minimiser: the same cost as that of Levenberg-Marquardt in numpy, minimised by Ceres in C++.
+"""The fast minimiser: Ceres in C++, with the cost of `LevenbergMarquardt`.
 
 The problem goes over once, as arrays. Residuals, Jacobians and the reduction of each detection
 to six numbers are those of atom_core.problem; tests compare the two.
