@@ -63,7 +63,7 @@ lint-only:
 	run ruff check $(PYTHON_FILES); \
 	run ruff format --check $(PYTHON_FILES); \
 	run mypy atom_core/src; \
-	PYTHONPATH=atom_core/src run lint-imports --no-logo; \
+	PYTHONPATH=atom_core/src:atom_calibration/src run lint-imports --no-logo; \
 	run clang-format --dry-run -Werror $(CPP_FILES); \
 	run catkin_lint --offline --quiet --strict --severity-level 1 $$(dirname */package.xml); \
 	if [ "$${#failed[@]}" -gt 0 ]; then echo "lint: failed: $${failed[*]}" >&2; exit 1; fi

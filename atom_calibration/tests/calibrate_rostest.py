@@ -22,7 +22,7 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 from waiting import soon, until
 
-from atom_calibration import conversions
+from atom_calibration.messages import conversions
 from atom_calibration.msg import CalibrationState
 from atom_calibration.srv import ShowCollection
 from atom_core.geometry import se3

@@ -37,9 +37,9 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import InteractiveMarkerFeedback, InteractiveMarkerInit
 from waiting import soon, until
 
-from atom_calibration import conversions
-from atom_calibration.annotation import BORDER_RGB, INSIDE_RGB
+from atom_calibration.messages import conversions
 from atom_calibration.msg import CollectionStates, PlaybackState
+from atom_calibration.show.annotation import BORDER_RGB, INSIDE_RGB
 from atom_calibration.srv import DeleteLabel, SelectPattern, ShowCollection
 from atom_core.io.dataset_json import read_dataset
 from atom_core.labeling.depth import DepthLabeler

@@ -15,8 +15,8 @@ from geometry_msgs.msg import PointStamped
 from live_scene import COLLECTIONS, LiveRig, LiveScene, Process, wait_until
 from sensor_msgs.msg import Image, PointCloud2
 
-from atom_calibration.annotation import POINT
 from atom_calibration.msg import CollectorState, SensorLabels
+from atom_calibration.show.annotation import POINT
 from atom_calibration.srv import SaveCollection, SetSeed
 from atom_core.io.dataset_json import read_dataset
 

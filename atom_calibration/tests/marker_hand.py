@@ -8,7 +8,7 @@ from visualization_msgs.msg import (
     InteractiveMarkerUpdate,
 )
 
-from atom_calibration import conversions
+from atom_calibration.messages import conversions
 from atom_core.geometry import se3
 
 

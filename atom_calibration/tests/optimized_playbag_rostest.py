@@ -17,8 +17,8 @@ from rosgraph_msgs.msg import Clock
 from small_rig import CAMERA_IN_BAG, write_package
 from waiting import until
 
-from atom_calibration import conversions
 from atom_calibration.configure import configure_package
+from atom_calibration.messages import conversions
 from atom_core.geometry import se3
 from atom_core.io.urdf import read_description, write_calibrated_description
 from atom_core.model.transforms import Edge

@@ -27,8 +27,8 @@ from visualization_msgs.msg import (
 )
 from waiting import PATIENCE_S, until
 
-from atom_calibration import conversions
 from atom_calibration.configure import configure_package
+from atom_calibration.messages import conversions
 from atom_calibration.srv import GetSensorInteractiveMarker, SetSensorInteractiveMarker
 from atom_core.geometry import se3
 from atom_core.io.urdf import read_description

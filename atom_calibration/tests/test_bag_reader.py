@@ -5,8 +5,8 @@ import pytest
 import rosbag
 import rospy
 
-from atom_calibration.bag_reader import BagReader
 from atom_calibration.errors import BagError
+from atom_calibration.sources.bag_reader import BagReader
 
 
 @pytest.fixture

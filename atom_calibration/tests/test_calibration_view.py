@@ -7,13 +7,14 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from atom_calibration import calibrated_tf, calibration_markers, conversions, view_options
-from atom_calibration.annotation import POINT
-from atom_calibration.calibration_state import RUNNING, Words, state_message
-from atom_calibration.nodes.calibration_view import CalibrationView
-from atom_calibration.overlays import Overlays, mosaic, visible_lines
-from atom_calibration.standing import Standing
-from atom_calibration.view_options import ViewOptions
+from atom_calibration.messages import conversions
+from atom_calibration.nodes.calibrating.calibration_view import CalibrationView
+from atom_calibration.show import calibrated_tf, calibration_markers, view_options
+from atom_calibration.show.annotation import POINT
+from atom_calibration.show.calibration_state import RUNNING, Words, state_message
+from atom_calibration.show.overlays import Overlays, mosaic, visible_lines
+from atom_calibration.show.standing import Standing
+from atom_calibration.show.view_options import ViewOptions
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.geometry import se3

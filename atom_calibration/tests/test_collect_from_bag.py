@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import rosbag
 
-from atom_calibration import labeling
-from atom_calibration.collect_from_bag import main
+from atom_calibration.labels import frame_labeler as labeling
+from atom_calibration.nodes.collecting.collect_from_bag import main
 from atom_core.cli import main as core_main
 from atom_core.io.dataset_json import read_dataset
 from atom_core.labeling.base import Labeled, nothing
@@ -197,7 +197,7 @@ def test_pictures_are_written_when_asked(place):
 
 
 def test_memory_is_that_of_a_few_seconds(place, make, monkeypatch):
-    from atom_calibration.selection import RecentFrames
+    from atom_calibration.collect.selection import RecentFrames
 
     largest = []
     add = RecentFrames.add
@@ -325,7 +325,7 @@ def test_a_bag_damaged_inside_leaves_the_collections_before_it(place, make, caps
 
 
 def test_a_full_disk_leaves_the_collections_before_it(place, capsys, monkeypatch):
-    from atom_calibration import collect
+    from atom_calibration.collect import collector as collect
 
     written = collect.write_pcd
 

@@ -8,9 +8,9 @@ import pytest
 from sensor_msgs import point_cloud2
 from sensor_msgs.msg import CompressedImage, LaserScan
 
-from atom_calibration import conversions
-from atom_calibration.bag_reader import BagReader
 from atom_calibration.errors import MessageError
+from atom_calibration.messages import conversions
+from atom_calibration.sources.bag_reader import BagReader
 from atom_core.model.transforms import Edge
 
 RNG = np.random.default_rng(0)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from atom_calibration.corrections import TransformCorrections, chosen_edges
+from atom_calibration.correct.transform_corrections import TransformCorrections, chosen_edges
 from atom_core.errors import SelectionError
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from atom_calibration.collect_from_bag import main
+from atom_calibration.nodes.collecting.collect_from_bag import main
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.pattern import pattern_from_config

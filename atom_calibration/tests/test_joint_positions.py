@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from atom_calibration.joint_positions import described_joints, joint_documents
+from atom_calibration.collect.joint_positions import described_joints, joint_documents
 from atom_core.model.config import JointConfig
 from atom_core.synthetic import arm
 

@@ -10,10 +10,10 @@ pytest.importorskip("rospy")
 
 from live_scene import COLLECTIONS, LiveScene
 
-from atom_calibration.collect import Setup, write_collection
-from atom_calibration.frames import decode
-from atom_calibration.labeling import FrameLabeler
-from atom_calibration.tf_snapshot import TransformTree
+from atom_calibration.collect.collector import Setup, write_collection
+from atom_calibration.labels.frame_labeler import FrameLabeler
+from atom_calibration.labels.frames import decode
+from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.cli import main as core_main
 from atom_core.io.collections import CollectionStore
 from atom_core.io.dataset_json import read_dataset

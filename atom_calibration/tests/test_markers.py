@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from atom_calibration import conversions, markers
+from atom_calibration.messages import conversions
+from atom_calibration.show import markers
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.model.config import PatternConfig

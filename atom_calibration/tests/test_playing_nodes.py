@@ -10,10 +10,10 @@ import pytest
 from sensor_msgs.msg import CompressedImage
 from small_rig import CONFIG, XACRO
 
-from atom_calibration import conversions
 from atom_calibration.errors import MessageError
-from atom_calibration.nodes.decompress_images import raw_image, raw_topic
-from atom_calibration.nodes.filter_bag_tf import TransformFilter, frames_of_description
+from atom_calibration.messages import conversions
+from atom_calibration.nodes.bags.decompress_images import raw_image, raw_topic
+from atom_calibration.nodes.bags.filter_bag_tf import TransformFilter, frames_of_description
 from atom_core.io.urdf import read_description
 
 
@@ -82,7 +82,7 @@ def test_topics_lose_their_ending_and_others_are_refused():
 def test_without_a_master_nodes_say_so_and_end(tmp_path):
     (tmp_path / "config.yml").write_text(CONFIG, encoding="utf-8")
     (tmp_path / "rig.urdf.xacro").write_text(XACRO, encoding="utf-8")
-    module = "atom_calibration.nodes.set_initial_estimate"
+    module = "atom_calibration.nodes.estimating.set_initial_estimate"
     code = f"import sys; from {module} import main; sys.exit(main())"
     options = ["-c", str(tmp_path / "config.yml"), "-d", str(tmp_path / "rig.urdf.xacro")]
     result = subprocess.run(

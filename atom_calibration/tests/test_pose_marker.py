@@ -5,8 +5,9 @@ import pytest
 import rospy
 from visualization_msgs.msg import InteractiveMarkerControl, InteractiveMarkerFeedback
 
-from atom_calibration import conversions, markers
-from atom_calibration.pose_marker import FULL, PLANAR, POSITION, STILL, PoseMarker
+from atom_calibration.messages import conversions
+from atom_calibration.show import markers
+from atom_calibration.show.pose_marker import FULL, PLANAR, POSITION, STILL, PoseMarker
 from atom_core.geometry import se3
 
 POSE = se3.from_rpy(np.array([1.0, -2.0, 0.5]), np.array([0.3, -0.2, 1.1]))

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from atom_calibration.prediction import BoardPredictor
-from atom_calibration.stillness import PlaneSighting
-from atom_calibration.tf_snapshot import TransformTree
+from atom_calibration.labels.prediction import BoardPredictor
+from atom_calibration.labels.stillness import PlaneSighting
+from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.geometry import se3
 from atom_core.synthetic import paper_cell
 

@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from atom_calibration.errors import CollectionError
-from atom_calibration.frames import Frame
-from atom_calibration.selection import (
+from atom_calibration.collect.selection import (
     Moment,
     RecentFrames,
     StopMoments,
@@ -16,7 +14,9 @@ from atom_calibration.selection import (
     same_place,
     skew_s,
 )
-from atom_calibration.stillness import CornerSighting, PlaneSighting
+from atom_calibration.errors import CollectionError
+from atom_calibration.labels.frames import Frame
+from atom_calibration.labels.stillness import CornerSighting, PlaneSighting
 from atom_core.geometry.camera import Camera
 from atom_core.labeling.base import Labeled, nothing
 from atom_core.model.dataset import RgbLabel

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from atom_calibration.bag_reader import BagReader
 from atom_calibration.errors import TransformError
-from atom_calibration.tf_snapshot import BagTransforms, TransformTree, edges_at
+from atom_calibration.sources.bag_reader import BagReader
+from atom_calibration.sources.transform_tree import BagTransforms, TransformTree, edges_at
 from atom_core.geometry import se3
 from atom_core.model.transforms import Edge
 

@@ -39,7 +39,7 @@ from workflow_tools import (  # noqa: E402
     wait_until,
 )
 
-from atom_calibration import conversions  # noqa: E402
+from atom_calibration.messages import conversions  # noqa: E402
 from atom_calibration.msg import (  # noqa: E402
     CalibrationState,
     CollectionStates,

@@ -1,6 +1,6 @@
 """The ROS side of the calibration: messages, bags and nodes around ``atom_core``.
 
-``conversions`` is the only module that knows both messages and the core's types.
+One folder for each step on the way of the data; imports go down only (``.importlinter``).
 """
 
 import os

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Callable, List, Optional, Sequence
 
-from atom_calibration import collect_from_bag
+from atom_calibration.nodes.collecting import collect_from_bag
 from atom_core import cli
 from atom_core.commands import calibrate, evaluate
 from atom_core.commands.common import add_option, add_output_options

@@ -8,10 +8,10 @@ from typing import Callable, Dict, List, Mapping, Optional, Set, Tuple
 
 import numpy as np
 
-from atom_calibration import conversions
-from atom_calibration.bag_reader import BagReader
 from atom_calibration.configure.tree import MULTIPLE, TransformGraph
-from atom_calibration.rig import sensor_from_bag
+from atom_calibration.messages import conversions
+from atom_calibration.sources.bag_reader import BagReader
+from atom_calibration.sources.rig import sensor_from_bag
 from atom_core.errors import AtomError
 from atom_core.geometry import se3
 from atom_core.io.urdf import Description

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Dict, List, Optional, Sequence, Tuple
 
-from atom_calibration.bag_reader import BagReader
 from atom_calibration.configure.check import (
     BagFacts,
     Findings,
@@ -29,6 +28,7 @@ from atom_calibration.configure.package import (
 from atom_calibration.configure.render import needed_packages, rendered_files
 from atom_calibration.configure.summary import FORMATS, dot_text, draw
 from atom_calibration.configure.tree import TransformGraph, graph_document, networkx_graph
+from atom_calibration.sources.bag_reader import BagReader
 from atom_core.commands.common import add_option
 from atom_core.errors import AtomError, ConfigError
 from atom_core.io.config_yaml import read_config_with_places

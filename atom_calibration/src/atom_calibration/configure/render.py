@@ -10,7 +10,7 @@ import jinja2
 
 from atom_calibration.configure.check import BagFacts
 from atom_calibration.configure.package import CalibrationPackage, launch_text
-from atom_calibration.markers import colour_of
+from atom_calibration.show.markers import colour_of
 from atom_core.io.paths import package_folder
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.dataset import Dataset

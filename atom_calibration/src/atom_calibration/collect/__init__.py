@@ -1,0 +1,1 @@
+"""Labeled frames in, collections of a dataset out."""

@@ -1,0 +1,290 @@
+"""Which frames make a collection: those of one moment, and only if the board held still in it."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Deque, Dict, Iterable, Iterator, List, Mapping, Optional, Tuple
+
+from atom_calibration.errors import CollectionError
+from atom_calibration.labels.frames import Frame
+from atom_calibration.labels.stillness import (
+    DEFAULT_OPTIONS,
+    Sighting,
+    StillnessOptions,
+    Stop,
+    StopDetector,
+    motion,
+)
+from atom_core.model.sensor import RGB
+
+_SAME_PLACE_SIGMAS = 3.0
+_EPSILON_S = 1e-6
+_AROUND_STOP_S = 1.0  # what a camera saw so shortly before or after a stop tells about it too
+_DENSEST_DATA_S = 0.19  # of a sensor; more often than that, only the labels are remembered
+
+
+@dataclass(frozen=True)
+class Moment:
+    """When a collection is to be taken.
+
+    Attributes:
+        start_s, end_s: only data of this time.
+        centre_s: the time asked for; None: whichever suits.
+    """
+
+    start_s: float
+    end_s: float
+    centre_s: Optional[float] = None
+
+
+class StopMoments:
+    """A moment for each stop of the board; see ``stillness``.
+
+    Cameras judge far more finely than range sensors, whose labels of a board that is half hidden
+    or seen at a grazing angle wander. So a stop that range sensors report counts only where no
+    camera saw the board long enough to tell.
+    """
+
+    def __init__(self, patterns: Iterable[str], options: StillnessOptions = DEFAULT_OPTIONS):
+        """Start with nothing seen."""
+        self._cameras = {name: StopDetector(options) for name in patterns}
+        self._range = {name: StopDetector(options) for name in patterns}
+        self._seen_s: Dict[Tuple[str, str], Deque[float]] = {}  # by camera and pattern
+        self.memory_s = options.take_after_s + options.longest_pause_s
+
+    def add(self, frame: Frame) -> Iterator[Moment]:
+        """Take note of a frame; yield the stops that have become certain."""
+        name, stamp = frame.sensor.name, frame.stamp_s
+        for stop in self._ended_unseen(stamp):
+            yield Moment(stop.start_s, stop.end_s)
+        for pattern, sighting in frame.sightings.items():
+            if frame.sensor.modality == RGB:
+                self._note(name, pattern, stamp)
+                stop = self._cameras[pattern].add(name, stamp, sighting)
+            else:
+                stop = self._trusted(pattern, self._range[pattern].add(name, stamp, sighting))
+            if stop is not None:
+                yield Moment(stop.start_s, stop.end_s)
+
+    def finish(self) -> Iterator[Moment]:
+        """Yield the stop that lasted until the end."""
+        for pattern, detector in self._cameras.items():
+            by_range = self._trusted(pattern, self._range[pattern].finish())
+            for stop in (detector.finish(), by_range):
+                if stop is not None:
+                    yield Moment(stop.start_s, stop.end_s)
+
+    def _ended_unseen(self, stamp_s: float) -> List[Stop]:
+        """Return stops after which the board went out of sight: its data would be forgotten."""
+        stops = [detector.pass_time(stamp_s) for detector in self._cameras.values()]
+        stops += [self._trusted(p, found.pass_time(stamp_s)) for p, found in self._range.items()]
+        return [stop for stop in stops if stop is not None]
+
+    def _note(self, camera: str, pattern: str, stamp_s: float) -> None:
+        seen = self._seen_s.setdefault((camera, pattern), deque())
+        seen.append(stamp_s)
+        while seen[0] < stamp_s - 2 * self.memory_s:
+            seen.popleft()
+
+    def _trusted(self, pattern: str, stop: Optional[Stop]) -> Optional[Stop]:
+        """Return a stop that range sensors report, unless cameras could tell."""
+        if stop is None:
+            return None
+        early, late = stop.start_s - _AROUND_STOP_S, stop.end_s + _AROUND_STOP_S
+        for (_, name), seen in self._seen_s.items():
+            inside = any(stop.start_s <= s <= stop.end_s for s in seen)
+            if name == pattern and inside and sum(early <= s <= late for s in seen) > 1:
+                return None
+        return stop
+
+
+class SwitchedMoments:
+    """Moments of another kind, which count only while they are switched on.
+
+    Attributes:
+        on: whether they do.
+    """
+
+    def __init__(self, moments: StopMoments, on: bool):
+        """Wrap others."""
+        self._moments, self.on = moments, on
+        self.memory_s = moments.memory_s
+
+    def add(self, frame: Frame) -> Iterator[Moment]:
+        """Take note of a frame; yield moments that have become certain."""
+        yield from (moment for moment in self._moments.add(frame) if self.on)
+
+    def finish(self) -> Iterator[Moment]:
+        """Yield those that only the end makes certain."""
+        yield from (moment for moment in self._moments.finish() if self.on)
+
+
+class TimedMoments:
+    """Moments at times that are given."""
+
+    def __init__(self, times_s: Iterable[float], max_skew_s: float):
+        """Prepare.
+
+        Args:
+            times_s: when, in any order; may be endless if ascending.
+            max_skew_s: greatest difference of the stamps in a collection.
+        """
+        self._times = iter(times_s)
+        self._half_s = 0.5 * max_skew_s
+        self.memory_s = 2.0 * max_skew_s
+        self._next = next(self._times, None)
+
+    def add(self, frame: Frame) -> Iterator[Moment]:
+        """Take note of a frame; yield the times of which all data have come."""
+        while self._next is not None and frame.stamp_s > self._next + 2 * self._half_s:
+            yield self._take()
+
+    def finish(self) -> Iterator[Moment]:
+        """Yield nothing: what lies beyond the end has no data, except for the last time."""
+        if self._next is not None:
+            yield self._take()
+
+    def _take(self) -> Moment:
+        assert self._next is not None
+        centre, self._next = self._next, next(self._times, None)
+        return Moment(centre - self._half_s, centre + self._half_s, centre)
+
+
+class RecentFrames:
+    """The frames of the last seconds: all sightings, and data no denser than needed."""
+
+    def __init__(self, memory_s: float):
+        """Remember so many seconds."""
+        self._memory_s = memory_s
+        self._frames: Dict[str, Deque[Frame]] = {}
+        self._sightings: Deque[Tuple[float, str, str, Sighting]] = deque()
+
+    def add(self, frame: Frame) -> None:
+        """Remember a frame, and forget what is too old."""
+        frames = self._frames.setdefault(frame.sensor.name, deque())
+        last = frames[-1] if frames else None
+        if last is None or frame.stamp_s - last.stamp_s >= _DENSEST_DATA_S:
+            frames.append(frame)
+        elif frame.detections > last.detections:
+            frames[-1] = frame
+        for pattern, sighting in frame.sightings.items():
+            self._sightings.append((frame.stamp_s, frame.sensor.name, pattern, sighting))
+        oldest = frame.stamp_s - self._memory_s
+        for queue in self._frames.values():
+            while queue and queue[0].stamp_s < oldest:
+                queue.popleft()
+        while self._sightings and self._sightings[0][0] < oldest:
+            self._sightings.popleft()
+
+    def label_again(self, frame: Frame) -> None:
+        """Take the newest frame of a sensor with other labels; those before count no more."""
+        name = frame.sensor.name
+        self._frames.pop(name, None)
+        self._sightings = deque(seen for seen in self._sightings if seen[1] != name)
+        self.add(frame)
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._frames.clear()
+        self._sightings.clear()
+
+    def between(self, start_s: float, end_s: float) -> List[Frame]:
+        """Return the frames of a time."""
+        low, high = start_s - _EPSILON_S, end_s + _EPSILON_S
+        return [f for q in self._frames.values() for f in q if low <= f.stamp_s <= high]
+
+    def speeds(self, start_s: float, end_s: float) -> Dict[Tuple[str, str], float]:
+        """Return how fast the board moved [sigmas / s] by (sensor, pattern), where it shows."""
+        ends: Dict[Tuple[str, str], List[Tuple[float, Sighting]]] = {}
+        for stamp, sensor, pattern, sighting in self._sightings:
+            if start_s - _EPSILON_S <= stamp <= end_s + _EPSILON_S:
+                ends.setdefault((sensor, pattern), []).append((stamp, sighting))
+        speeds = {}
+        for key, seen in ends.items():
+            (first_s, first), (last_s, last) = seen[0], seen[-1]
+            if last_s > first_s:
+                speeds[key] = motion(first, last) / (last_s - first_s)
+        return speeds
+
+
+def choose_frames(frames: List[Frame], moment: Moment, max_skew_s: float) -> Dict[str, Frame]:
+    """Return one frame of each sensor, of stamps as close together as can be.
+
+    Detections count more than nearness; among equal choices the one nearest to the middle of
+    the moment is taken.
+
+    Args:
+        frames: of the moment, of all sensors.
+        moment: when.
+        max_skew_s: greatest difference of the stamps.
+    """
+    middle = 0.5 * (moment.start_s + moment.end_s)
+    if moment.centre_s is not None:
+        return _nearest(frames, moment.centre_s, max_skew_s)
+    best: Dict[str, Frame] = {}
+    best_score = (-1, -1, 0.0, 0.0)
+    # Cameras are the slowest, so that their stamps are the ones to meet; at most a few dozen.
+    reference = [f for f in frames if f.sensor.modality == RGB and f.detections] or frames
+    for time_s in sorted({f.stamp_s for f in reference}):
+        chosen = _nearest(frames, time_s, max_skew_s)
+        detections = sum(f.detections for f in chosen.values())
+        score = (detections, len(chosen), -round(skew_s(chosen), 3), -abs(time_s - middle))
+        if score > best_score:
+            best, best_score = chosen, score
+    return best
+
+
+def skew_s(frames: Mapping[str, Frame]) -> float:
+    """Return the greatest difference of the stamps [s]."""
+    stamps = [frame.stamp_s for frame in frames.values()]
+    return max(stamps) - min(stamps) if stamps else 0.0
+
+
+def check_still(
+    frames: Mapping[str, Frame], recent: RecentFrames, moment: Moment, sigmas: float = 1.0
+) -> None:
+    """Refuse frames between whose stamps the board moved by more than a label can tell.
+
+    Raises:
+        CollectionError: naming the sensor that saw it move, the time, and the remedy.
+    """
+    skew = skew_s(frames)
+    if skew <= _EPSILON_S:
+        return
+    half = max(0.5 * (moment.end_s - moment.start_s), skew)
+    stamps = [frame.stamp_s for frame in frames.values()]
+    speeds = recent.speeds(min(stamps) - half, max(stamps) + half)
+    if not speeds:
+        raise CollectionError(
+            f"time {min(stamps):.3f}: no sensor saw the board twice, so that nothing tells whether "
+            f"it stood still during the {1000 * skew:.0f} ms between the stamps; hold it longer"
+        )
+    (sensor, _), fastest = max(speeds.items(), key=lambda item: item[1])
+    if fastest * skew > sigmas:
+        raise CollectionError(
+            f"time {min(stamps):.3f}: the board moved by {fastest * skew:.1f} sigmas of the labels "
+            f"of sensor '{sensor}' during the {1000 * skew:.0f} ms between the stamps; hold it "
+            f"still, or collect at stops (--stops)"
+        )
+
+
+def same_place(frames: Mapping[str, Frame], before: Mapping[str, Frame]) -> bool:
+    """Tell whether the board stands where it stood, as far as any sensor saw it both times."""
+    moved = [
+        motion(before[name].sightings[pattern], sighting)
+        for name, frame in frames.items()
+        for pattern, sighting in frame.sightings.items()
+        if name in before and pattern in before[name].sightings
+    ]
+    return bool(moved) and sorted(moved)[len(moved) // 2] < _SAME_PLACE_SIGMAS
+
+
+def _nearest(frames: List[Frame], time_s: float, max_skew_s: float) -> Dict[str, Frame]:
+    """Return the frame of each sensor nearest to a time; one with a detection if there is any."""
+    half = 0.5 * max_skew_s + _EPSILON_S
+    chosen: Dict[str, Frame] = {}
+    for frame in sorted(frames, key=lambda f: (-f.detections, abs(f.stamp_s - time_s))):
+        if abs(frame.stamp_s - time_s) <= half:
+            chosen.setdefault(frame.sensor.name, frame)
+    return chosen

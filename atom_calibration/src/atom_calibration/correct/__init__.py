@@ -1,0 +1,1 @@
+"""What a person corrects: labels, transforms, the first guess of the sensors."""

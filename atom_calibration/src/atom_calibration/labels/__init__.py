@@ -1,0 +1,1 @@
+"""Messages decoded and labeled: frames, seeds, predictions."""

@@ -1,0 +1,1 @@
+"""Small nodes around the playing of bags."""

@@ -1,0 +1,96 @@
+"""Pass on the transforms of a bag that its description does not have.
+
+The bag is played with /tf and /tf_static renamed to /bag/..., so that the transforms that it was
+recorded with do not fight those of the description. Odometry, and whatever else only the bag
+knows, comes through here.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any, Dict, FrozenSet, List
+
+import rospy
+from tf2_msgs.msg import TFMessage
+
+from atom_calibration.messages import conversions
+from atom_calibration.runtime import running
+from atom_core.errors import DescriptionError
+from atom_core.io.urdf import parse_urdf
+from atom_core.model.robot import FIXED, RobotDescription
+
+
+def frames_of_description(robot: RobotDescription, moving_joints: bool) -> FrozenSet[str]:
+    """Return the frames whose transforms come from the description.
+
+    Args:
+        robot: the description.
+        moving_joints: the bag has no /joint_states, so the links of moving joints come from it.
+    """
+    return frozenset(
+        joint.child_link
+        for joint in robot.joints.values()
+        if joint.type == FIXED or not moving_joints
+    )
+
+
+class TransformFilter:
+    """Passes on the transforms to frames that the description does not place."""
+
+    def __init__(self, described: FrozenSet[str], moving: Any, fixed: Any):
+        """Publish to `moving` and `fixed` what is given to `pass_on`."""
+        self._described, self._moving, self._fixed = described, moving, fixed
+        self._all_fixed: Dict[str, Any] = {}  # a latched topic holds one message: it has them all
+
+    def pass_on(self, message: Any) -> None:
+        """Take a message of the bag's /tf."""
+        wanted = self._wanted(message)
+        if wanted:
+            self._moving.publish(TFMessage(wanted))
+
+    def pass_on_fixed(self, message: Any) -> None:
+        """Take a message of the bag's /tf_static."""
+        wanted = {conversions.frame(t.child_frame_id): t for t in self._wanted(message)}
+        if wanted:
+            self._all_fixed.update(wanted)
+            self._fixed.publish(TFMessage(list(self._all_fixed.values())))
+
+    def _wanted(self, message: Any) -> List[Any]:
+        return [
+            t
+            for t in message.transforms
+            if conversions.frame(t.child_frame_id) not in self._described
+        ]
+
+
+def main() -> int:
+    """Run the node; return its exit code."""
+    args = _parser().parse_args(rospy.myargv()[1:])
+    return running.guarded("filter_bag_tf", lambda: _run(args.moving_joints))
+
+
+def _run(moving_joints: bool) -> int:
+    running.start("filter_bag_tf")
+    urdf = rospy.get_param("robot_description", None)
+    if urdf is None:
+        raise DescriptionError("parameter robot_description is absent; set it in the launch file")
+    robot, _ = parse_urdf(urdf)
+    passing = TransformFilter(
+        frames_of_description(robot, moving_joints),
+        rospy.Publisher("/tf", TFMessage, queue_size=100),
+        rospy.Publisher("/tf_static", TFMessage, queue_size=100, latch=True),
+    )
+    rospy.Subscriber("/bag/tf", TFMessage, passing.pass_on, queue_size=100)
+    rospy.Subscriber("/bag/tf_static", TFMessage, passing.pass_on_fixed, queue_size=100)
+    return running.wait()
+
+
+def _parser() -> argparse.ArgumentParser:
+    made = argparse.ArgumentParser(prog="filter_bag_tf", description=__doc__.split("\n")[0])
+    made.add_argument(
+        "--moving_joints",
+        "--moving-joints",
+        action="store_true",
+        help="the links of moving joints come from the bag, since it has no /joint_states",
+    )
+    return made

@@ -1,0 +1,1 @@
+"""Nodes that calibrate while RViz shows it."""

@@ -1,0 +1,129 @@
+"""From a bag to a calibration: collections in DIR/dataset, results in DIR/calibration.
+
+DIR/status.json says how far it came: {"step", "exit_code", "message"}. With -rv the calibration is
+shown in RViz while it runs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Callable, List, Optional, Sequence, Tuple
+
+import rospy
+
+from atom_calibration.nodes.calibrating.calibration_view import CalibrationView
+from atom_calibration.nodes.collecting import collect_from_bag
+from atom_calibration.runtime import running
+from atom_calibration.show.view_options import add_view_options, take_view_options
+from atom_core import cli
+from atom_core.commands import calibrate
+from atom_core.commands.calibrate import DATASET_FILE as RESULT_FILE
+from atom_core.commands.common import add_option
+from atom_core.errors import AtomError, OutputError
+from atom_core.io.atomic import write_json_atomically
+from atom_core.io.dataset_writer import DATASET_FILE
+
+STATUS_FILE = "status.json"
+_BAD_INPUT = 2
+_EXAMPLE = "roslaunch atom_calibration calibrate_from_bag.launch config:=C bag:=B output:=DIR"
+
+
+def main(argv: Optional[Sequence[str]] = None) -> int:
+    """Run the steps until one is not done; return its exit code."""
+    args = _parser().parse_args(argv)
+    args.view, stay = take_view_options(args)
+    try:
+        args.output.mkdir(parents=True, exist_ok=True)
+        if args.view:
+            running.check_master()  # and not only when the collections are there
+    except OSError as error:
+        print(f"calibrate_from_bag: {args.output}: {error.strerror}", file=sys.stderr)
+        return _BAD_INPUT
+    except AtomError as error:
+        print(f"calibrate_from_bag: {error}", file=sys.stderr)
+        return _BAD_INPUT
+    code, steps = 0, (("collect", _collect), ("calibrate", _calibrate))
+    for step, run in steps:
+        code, message = _outcome(run, args)
+        if not _write_status(args.output, step, code, message):
+            return _BAD_INPUT
+        if code == _BAD_INPUT:
+            print(f"calibrate_from_bag: {step}: {message}", file=sys.stderr)
+            return code
+    if args.view and stay:
+        running.wait()
+    return code
+
+
+def _outcome(
+    run: Callable[[argparse.Namespace], Tuple[int, str]], args: argparse.Namespace
+) -> Tuple[int, str]:
+    try:
+        return run(args)
+    except AtomError as error:
+        return _BAD_INPUT, str(error)
+
+
+def _collect(args: argparse.Namespace) -> Tuple[int, str]:
+    options = ["--config", args.config, "--bag", args.bag, "--output", args.output / "dataset"]
+    options += ["--seeds", args.seeds] if args.seeds else []
+    parsed = collect_from_bag.parser().parse_args(_texts(options, args))
+    code = collect_from_bag.collect_from_bag(parsed)
+    return code, "done" if code == 0 else "some sensors or moments gave nothing; see the output"
+
+
+def _calibrate(args: argparse.Namespace) -> Tuple[int, str]:
+    folder = args.output / "calibration"
+    options = ["calibrate", "--dataset", args.output / "dataset" / DATASET_FILE]
+    options += ["--output", folder]
+    options += ["--truth", args.truth] if args.truth else []
+    parsed = cli.build_parser().parse_args(_texts(options, args))
+    if args.view:
+        running.start("calibrate_from_bag")
+    code = calibrate.run(parsed, CalibrationView(args.view) if args.view else None)
+    try:
+        result = json.loads((folder / "calibration.json").read_text(encoding="utf-8"))
+        return code, f"{result['status']}: {result['message']}"
+    except (OSError, ValueError, KeyError):
+        return code, f"see {folder / RESULT_FILE}"
+
+
+def _texts(options: List[object], args: argparse.Namespace) -> List[str]:
+    return [str(option) for option in options] + (["--overwrite"] if args.overwrite else [])
+
+
+def _write_status(folder: Path, step: str, code: int, message: str) -> bool:
+    document = {"step": step, "exit_code": code, "message": message}
+    try:
+        write_json_atomically(folder / STATUS_FILE, document)
+    except OutputError as error:
+        print(f"calibrate_from_bag: {error}", file=sys.stderr)
+        return False
+    return True
+
+
+def _optional_path(text: str) -> Optional[Path]:
+    """Return None for the empty text that a launch file passes for what is not given."""
+    return Path(text) if text else None
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="calibrate_from_bag", description=__doc__, epilog=f"example: {_EXAMPLE}"
+    )
+    for name, help_text in (("config", "config.yml"), ("bag", "the recording")):
+        add_option(parser, name, required=True, type=Path, metavar="FILE", help=help_text)
+    add_option(parser, "output", "-o", required=True, type=Path, metavar="DIR", help="results")
+    add_option(parser, "seeds", type=_optional_path, metavar="FILE", help="seeds given by hand")
+    add_option(parser, "truth", type=_optional_path, metavar="FILE", help="a simulation's truth")
+    add_option(parser, "overwrite", "-ow", action="store_true", help="replace earlier results")
+    add_view_options(parser)
+    return parser
+
+
+def run_as_node() -> int:
+    """Run with the arguments of a launch file, without those that are roslaunch's own."""
+    return main(rospy.myargv(sys.argv)[1:])

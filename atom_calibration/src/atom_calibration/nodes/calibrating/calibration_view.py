@@ -1,0 +1,292 @@
+"""A live view of a calibration: what RViz and the panel show while the solver runs, and after.
+
+Topics, all latched: below /calibrate state, patterns, sensors, ghost, points (of all sensors) and
+images (of all cameras); TOPIC/labeled3d of each range sensor, TOPIC/labeled2d of each camera and
+depth camera; /tf_static. The services /calibrate/show_collection (an empty name: all of them),
+/calibrate/next and /calibrate/previous choose the collection that is shown. Fixed transforms that
+come on /calibrate/description_tf_static (of robot_state_publisher, renamed) go on to /tf_static,
+with the calibrated ones in the place of theirs: so nobody competes.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+import traceback
+from typing import Any, Callable, Dict, List, Optional
+
+import numpy as np
+import rospy
+from geometry_msgs.msg import TransformStamped
+from sensor_msgs.msg import Image, PointCloud2
+from std_srvs.srv import Trigger, TriggerResponse
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import Marker, MarkerArray
+
+from atom_calibration.msg import CalibrationState
+from atom_calibration.runtime import running
+from atom_calibration.show import calibrated_tf, calibration_markers
+from atom_calibration.show.annotation import image_message
+from atom_calibration.show.calibration_state import RUNNING, Words, state_message
+from atom_calibration.show.overlays import Overlays, mosaic
+from atom_calibration.show.standing import Standing
+from atom_calibration.show.view_options import ALL, ViewOptions
+from atom_calibration.srv import ShowCollection, ShowCollectionResponse
+from atom_core.calibration.calibrate import Calibration
+from atom_core.errors import CalibrationError
+from atom_core.model.dataset import Dataset
+from atom_core.solvers.base import Iteration
+
+STATE, BOARDS, SENSORS = "/calibrate/state", "/calibrate/patterns", "/calibrate/sensors"
+GHOST, POINTS, IMAGES = "/calibrate/ghost", "/calibrate/points", "/calibrate/images"
+TF, DESCRIPTION_TF = "/tf_static", "/calibrate/description_tf_static"
+_QUEUE = {Image: 2, PointCloud2: 10}  # large ones; nothing else is to be missed
+
+
+class CalibrationView:
+    """Watches the command `calibrate` and publishes where it stands, in a thread of its own.
+
+    A view that fails says so and the calibration goes on without it.
+    """
+
+    def __init__(self, options: ViewOptions):
+        """Prepare; nothing is published before the calibration begins."""
+        self._options = options
+        self._changed = threading.Condition()
+        self._pending = self._busy = self._failed = False
+        self._shown, self._words = options.collection, Words(RUNNING)
+        self._first: Optional[Standing] = None
+        self._standing: Optional[Standing] = None
+        self._sent: Dict[str, List[Marker]] = {}
+        self._description_tf: List[TransformStamped] = []
+
+    # ------------------------------------------------------------------- the command tells
+
+    def begin(self, dataset: Dataset) -> None:
+        """Open the topics; wait until somebody looks, if that was asked for.
+
+        Raises:
+            CalibrationError: there is no such collection to show, or the node is to end.
+        """
+        keys = list(dataset.collections)
+        if self._shown not in (ALL, *keys):
+            raise CalibrationError(
+                f"--show_collection {self._shown}: there is no such collection; use one of "
+                f"{', '.join(keys)}"
+            )
+        self._dataset = dataset
+        self._sensor_colours = calibration_markers.sensor_colours(dataset.sensors)
+        self._collection_colours = calibration_markers.collection_colours(keys)
+        self._open(dataset)
+        threading.Thread(target=self._work, daemon=True).start()
+        self._tell("waiting for RViz to look" if self._options.wait_s else "reading the data")
+        end = time.monotonic() + self._options.wait_s
+        while time.monotonic() < end and not self._is_watched() and not running.stopped():
+            running.pause(0.05)
+        if running.stopped():
+            raise CalibrationError("asked to end before anything was solved")
+        self._tell("reading the data")
+
+    def progress(self, iteration: Iteration) -> Optional[bool]:
+        """Show an iteration; return whether the solver shall go on."""
+        standing, before = Standing.at(self._dataset, iteration), self._standing
+        if self._first is None:
+            self._first = standing
+            self._overlays = Overlays(standing, self._collection_colours)
+        self._show(standing, Words(RUNNING))
+        if before is None or self._options.slow_s:
+            self._settled()
+        if before is None or before.number != standing.number:  # a new round begins where it was
+            running.pause(self._options.slow_s)
+        return not running.stopped()
+
+    def end(self, calibration: Calibration) -> None:
+        """Show the answer, and leave it there."""
+        self._show(Standing.of(calibration), Words(calibration.status, calibration.message))
+        self._settled()
+
+    # ------------------------------------------------------------------------- what is shown
+
+    def _open(self, dataset: Dataset) -> None:
+        def topic(name: str, kind: Any) -> rospy.Publisher:
+            return rospy.Publisher(name, kind, queue_size=_QUEUE.get(kind, 100), latch=True)
+
+        self._publishers = {
+            STATE: topic(STATE, CalibrationState),
+            POINTS: topic(POINTS, PointCloud2),
+            IMAGES: topic(IMAGES, Image),
+            TF: topic(TF, TFMessage),
+        }
+        for name in (BOARDS, SENSORS, GHOST):
+            self._publishers[name] = topic(name, MarkerArray)
+        for sensor in dataset.sensors.values():
+            base = sensor.topic or f"/{sensor.name}"
+            if sensor.is_range:
+                self._publishers[f"3d {sensor.name}"] = topic(f"{base}/labeled3d", PointCloud2)
+            if sensor.camera is not None:
+                self._publishers[f"2d {sensor.name}"] = topic(f"{base}/labeled2d", Image)
+        rospy.Service("/calibrate/show_collection", ShowCollection, self._show_collection)
+        rospy.Subscriber(DESCRIPTION_TF, TFMessage, self._hear_description)
+        rospy.Service("/calibrate/next", Trigger, lambda _: self._turn(1))
+        rospy.Service("/calibrate/previous", Trigger, lambda _: self._turn(-1))
+
+    def _hear_description(self, message: TFMessage) -> None:
+        """Pass on what does not move; republished with every change."""
+        with self._changed:
+            self._description_tf = calibrated_tf.merged(self._description_tf, message.transforms)
+            self._pending = self._standing is not None
+            self._changed.notify_all()
+            if self._standing is None:  # nothing is calibrated yet
+                self._publishers[TF].publish(TFMessage(self._description_tf))
+
+    def _tell(self, message: str) -> None:
+        """Tell what goes on before the first iteration."""
+        self._publishers[STATE].publish(
+            CalibrationState(running=True, status=RUNNING, message=message)
+        )
+
+    def _is_watched(self) -> bool:
+        return self._publishers[BOARDS].get_num_connections() > 0
+
+    def _show(self, standing: Standing, words: Words) -> None:
+        with self._changed:
+            self._standing, self._words, self._pending = standing, words, True
+            self._changed.notify_all()
+
+    def _show_collection(self, request: Any) -> ShowCollectionResponse:
+        key, known = request.collection_name, list(self._dataset.collections)
+        if key not in (ALL, *known):
+            return ShowCollectionResponse(
+                False, f"there is no collection '{key}'; use one of {', '.join(known)}"
+            )
+        return ShowCollectionResponse(True, self._choose(key))
+
+    def _turn(self, steps: int) -> TriggerResponse:
+        """Go through all and then each collection."""
+        keys = [ALL, *(self._first.used_collections() if self._first else [])]
+        now = keys.index(self._shown) if self._shown in keys else 0
+        return TriggerResponse(True, self._choose(keys[(now + steps) % len(keys)]))
+
+    def _choose(self, key: str) -> str:
+        """Show one collection, or all; return a sentence for the user."""
+        with self._changed:
+            self._shown, self._pending = key, self._standing is not None
+            self._changed.notify_all()
+        return f"collection {key}" if key else "all collections"
+
+    def _settled(self) -> None:
+        """Wait until all that was to be shown is published."""
+        with self._changed:
+            while self._pending or self._busy:
+                self._changed.wait()
+
+    # ------------------------------------------------------------------------ the thread
+
+    def _work(self) -> None:
+        while True:
+            with self._changed:
+                while not self._pending:
+                    self._changed.wait()
+                self._pending, self._busy = False, True
+                standing, words, shown = self._standing, self._words, self._shown
+            try:
+                if not self._failed and standing is not None:
+                    self._publish(standing, words, shown)
+            except rospy.ROSException:  # the topics are closed: the node ends
+                pass
+            except Exception:  # noqa: BLE001 - results are worth more than the view of them
+                self._failed = True
+                rospy.logerr(f"the view has failed, the solver goes on:\n{traceback.format_exc()}")
+            finally:
+                with self._changed:
+                    self._busy = False
+                    self._changed.notify_all()
+
+    def _publish(self, standing: Standing, words: Words, shown: str) -> None:
+        """Publish everything, the state last; on the way only what somebody looks at."""
+        first = self._first or standing
+        everything = standing is first or words.status != RUNNING
+        keys = [shown] if shown else standing.used_collections()
+        world = standing.dataset.world
+        send = Sender(self._publishers, everything)
+
+        def markers_of(name: str, make: Callable[[], List[Marker]]) -> None:
+            send(name, lambda: MarkerArray(self._changes(name, make())))
+
+        markers_of(
+            BOARDS,
+            lambda: calibration_markers.boards(standing, keys, self._collection_colours),
+        )
+        markers_of(
+            SENSORS,
+            lambda: calibration_markers.sensors(standing, first, keys, self._sensor_colours),
+        )
+        markers_of(GHOST, lambda: calibration_markers.ghost(first, keys))
+        send(TF, lambda: TFMessage(self._transforms(standing, shown)))
+        self._publish_points(send, standing, keys, world)
+        self._publish_images(send, standing, shown)
+        message = state_message(standing, first, words)
+        message.header.stamp = rospy.Time.now()
+        message.collections, message.collection = first.used_collections(), shown
+        self._publishers[STATE].publish(message)
+
+    def _transforms(self, standing: Standing, shown: str) -> List[TransformStamped]:
+        calibrated = calibrated_tf.transforms(standing, self._options.tf, shown or None)
+        return calibrated_tf.merged(self._description_tf, calibrated)
+
+    def _publish_points(
+        self, send: Sender, standing: Standing, keys: List[str], world: str
+    ) -> None:
+        names = [name for name, sensor in standing.dataset.sensors.items() if sensor.is_range]
+        if not send.wanted(POINTS, *(f"3d {name}" for name in names)):
+            return
+        tables = calibration_markers.labeled_points(
+            standing,
+            keys,
+            self._sensor_colours,
+            self._collection_colours if self._options.by_collection else None,
+        )
+        for name, table in tables.items():
+            send(f"3d {name}", lambda t=table: calibration_markers.cloud(world, t))
+        if tables:
+            whole = np.concatenate(list(tables.values()))
+            send(POINTS, lambda: calibration_markers.cloud(world, whole))
+
+    def _publish_images(self, send: Sender, standing: Standing, shown: str) -> None:
+        sensors = standing.dataset.sensors
+        names = [name for name, sensor in sensors.items() if sensor.camera is not None]
+        if not names or not send.wanted(IMAGES, *(f"2d {name}" for name in names)):
+            return
+        pictures = self._overlays.pictures(standing, shown or None)
+        for name, picture in pictures.items():
+            send(f"2d {name}", lambda p=picture, n=name: _image(p, sensors[n].frame))
+        send(IMAGES, lambda: _image(mosaic(list(pictures.values())), standing.dataset.world))
+
+    def _changes(self, name: str, now: List[Marker]) -> List[Marker]:
+        before, self._sent[name] = self._sent.get(name, []), now
+        return calibration_markers.replaced(before, now)
+
+
+class Sender:
+    """Publishes what somebody looks at, or everything; what nobody wants is not even made."""
+
+    def __init__(self, publishers: Dict[str, rospy.Publisher], everything: bool):
+        """Remember both."""
+        self._publishers, self._everything = publishers, everything
+
+    def wanted(self, *names: str) -> bool:
+        """Tell whether any of these topics shall be published."""
+        return self._everything or any(
+            self._publishers[name].get_num_connections() for name in names
+        )
+
+    def __call__(self, name: str, make: Callable[[], Any]) -> None:
+        """Publish a message, if it is wanted."""
+        if self.wanted(name):
+            self._publishers[name].publish(make())
+
+
+def _image(picture: np.ndarray, frame: str) -> Image:
+    message = image_message(picture)
+    message.header.stamp, message.header.frame_id = rospy.Time.now(), frame
+    return message

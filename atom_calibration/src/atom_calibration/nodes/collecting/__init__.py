@@ -1,0 +1,1 @@
+"""Nodes and commands that label data and collect datasets."""

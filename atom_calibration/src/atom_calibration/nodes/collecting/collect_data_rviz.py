@@ -1,0 +1,52 @@
+"""RViz for collecting: labels, seed markers and the panel, for the sensors of a configuration.
+
+Whatever else is given goes to RViz.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Optional, Sequence
+
+from atom_calibration.configure.render import collecting_view
+from atom_calibration.runtime import running
+from atom_calibration.runtime.rviz_window import become_rviz, written_layout
+from atom_calibration.sources.sensor_modality import modality_of_sensor
+from atom_core.io.config_yaml import read_config
+
+NAME = "collect_data_rviz"
+
+
+def main(argv: Optional[Sequence[str]] = None) -> int:
+    """Become RViz; return an exit code only if that fails."""
+    args, rest = _parser().parse_known_args(sys.argv[1:] if argv is None else argv)
+    return running.guarded(NAME, lambda: _run(args.config, rest))
+
+
+def _run(config_file: Path, rest: Sequence[str]) -> int:
+    config = read_config(config_file)
+    sensors = {}
+    for name, entry in config.sensors.items():
+        if entry.modality is None:
+            running.check_master()
+        modality = modality_of_sensor(name, entry, running.stopped, _warn)
+        sensors[name] = replace(entry, modality=modality)
+    text = collecting_view(replace(config, sensors=sensors))
+    become_rviz(written_layout("collect_data", text), rest)
+
+
+def _warn(text: str) -> None:
+    sys.stderr.write(f"{NAME}: {text}\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=NAME,
+        description=__doc__,
+        epilog=f"example: rosrun atom_calibration {NAME} -cfg config.yml",
+    )
+    running.add_config_option(parser)
+    return parser

@@ -1,0 +1,215 @@
+"""Label the data of a bag and write a dataset: a collection wherever the board stands still."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import Counter, deque
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, Deque, Iterator, List, Optional, Sequence
+
+import cv2
+import numpy as np
+from tqdm import tqdm
+
+from atom_calibration.collect.collector import Collector, Moments, Setup
+from atom_calibration.collect.conclusion import conclude
+from atom_calibration.collect.expectation import PointExpectation
+from atom_calibration.collect.joint_positions import described_joints
+from atom_calibration.collect.selection import StopMoments, TimedMoments
+from atom_calibration.errors import MessageError
+from atom_calibration.labels.frame_labeler import FrameLabeler
+from atom_calibration.labels.frames import Frame, decode
+from atom_calibration.sources.bag_reader import BagReader
+from atom_calibration.sources.rig import Rig, check_frames, rig_from_bag
+from atom_calibration.sources.transform_tree import BagTransforms
+from atom_core.commands.common import add_option, add_output_options
+from atom_core.errors import AtomError
+from atom_core.io.collections import CollectionStore
+from atom_core.io.config_yaml import read_config
+from atom_core.io.seeds import read_seeds
+from atom_core.model.pattern import pattern_from_config
+from atom_core.model.sensor import RGB
+
+EXAMPLE = (
+    "rosrun atom_calibration collect_from_bag --config config.yml --bag train.bag --output dataset"
+)
+_BAD_INPUT, _INTERRUPTED = 2, 130
+_LOOK_AHEAD = 12  # messages that are decoded and, if images, labeled beforehand
+_WORKERS = 2
+_MOST_BAD_MESSAGES = 3  # of a sensor that are told one by one
+
+
+def main(argv: Optional[Sequence[str]] = None) -> int:
+    """Run the command; return its exit code."""
+    args = parser().parse_args(argv)
+    try:
+        return collect_from_bag(args)
+    except AtomError as error:
+        print(f"collect_from_bag: {error}", file=sys.stderr)
+        return _BAD_INPUT
+    except KeyboardInterrupt:
+        print(
+            f"collect_from_bag: interrupted; what was collected so far is assembled by "
+            f"`python3 -m atom_core recover {args.output}`",
+            file=sys.stderr,
+        )
+        return _INTERRUPTED
+
+
+def collect_from_bag(args: argparse.Namespace) -> int:
+    """Read the bag once, from its beginning to its end; write the dataset."""
+    config = read_config(args.config)
+    with BagReader(args.bag) as bag:
+        rig = rig_from_bag(config, bag)
+        transforms = BagTransforms(bag)
+        check_frames(rig, config, transforms.at(bag.start_s))
+        for warning in (*config.warnings, *rig.warnings):
+            _warn(warning)
+        patterns = {n: pattern_from_config(n, p) for n, p in config.calibration_patterns.items()}
+        seeds = read_seeds(args.seeds, rig.sensors) if args.seeds else []
+        labeler = FrameLabeler(config, rig.sensors, patterns, seeds, args.automatic_seeds == "on")
+        moments = _moments(args, config.max_duration_between_msgs_s, bag, patterns)
+        store = CollectionStore.create(args.output, args.overwrite)
+        setup = Setup(
+            config,
+            rig.sensors,
+            patterns,
+            transforms.at,
+            store,
+            args.bag.stem,
+            args.pictures,
+            isinstance(moments, StopMoments),
+            _warn,
+            described_joints(config, _warn),
+        )
+        collector = Collector(setup, moments)
+        expectation = PointExpectation(setup)
+        keys: List[str] = []
+        for frame in labeled_frames(bag, rig, labeler, transforms):
+            expectation.add(frame)
+            keys += collector.add(frame)
+        keys += collector.finish()
+    return conclude(store, collector, keys, print, _warn)
+
+
+def labeled_frames(
+    bag: BagReader, rig: Rig, labeler: FrameLabeler, transforms: BagTransforms
+) -> Iterator[Frame]:
+    """Yield every frame of the bag, labeled, in the order of recording.
+
+    Images are decoded and labeled by threads a few messages ahead; what needs the result of
+    the frame before it, the tracking of range sensors, is done here.
+    """
+    cv2.setNumThreads(1)
+    bad: Counter = Counter()
+    good: Counter = Counter()
+    total = sum(bag.counts[topic] for topic in rig.topics)
+    progress = tqdm(total=total, desc=bag.path.name, unit="msg", mininterval=0.5)
+    with ThreadPoolExecutor(_WORKERS) as pool, progress:
+        for future in _ahead(pool, bag, rig, labeler):
+            progress.update()
+            try:
+                frame = future.result()
+            except MessageError as error:
+                name = str(error).split("'")[1]
+                bad[name] += 1
+                if not good[name]:
+                    raise
+                if bad[name] <= _MOST_BAD_MESSAGES:
+                    _warn(f"a message is left out: {error}")
+                continue
+            good[frame.sensor.name] += 1
+            yield labeler.label(frame, transforms.at(frame.stamp_s))
+
+
+def _ahead(
+    pool: ThreadPoolExecutor, bag: BagReader, rig: Rig, labeler: FrameLabeler
+) -> Iterator[Future]:
+    waiting: Deque[Future] = deque()
+    try:
+        for found in bag.messages(list(rig.topics)):
+            sensor = rig.topics[found.topic]
+            waiting.append(pool.submit(_prepared, labeler, sensor, found.message))
+            if len(waiting) > _LOOK_AHEAD:
+                yield waiting.popleft()
+        while waiting:
+            yield waiting.popleft()
+    finally:
+        for future in waiting:
+            future.cancel()
+
+
+def _prepared(labeler: FrameLabeler, sensor: Any, message: Any) -> Frame:
+    frame = decode(sensor, message)
+    return labeler.label_image(frame) if sensor.modality == RGB else frame
+
+
+def _moments(args: argparse.Namespace, skew_s: float, bag: BagReader, patterns: Any) -> Moments:
+    if args.times:
+        return TimedMoments(sorted(args.times), skew_s)
+    if args.interval:
+        times = np.arange(bag.start_s + 0.5 * args.interval, bag.end_s, args.interval)
+        return TimedMoments(times.tolist(), skew_s)
+    return StopMoments(patterns)
+
+
+def _warn(text: str) -> None:
+    tqdm.write(f"collect_from_bag: warning: {text}", file=sys.stderr)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command."""
+    made = argparse.ArgumentParser(
+        prog="collect_from_bag",
+        description=__doc__,
+        epilog=f"example: {EXAMPLE}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_option(made, "config", "-c", required=True, type=Path, metavar="FILE", help="config.yml")
+    add_option(made, "bag", "-b", required=True, type=Path, metavar="FILE", help="the recording")
+    add_output_options(made)
+    add_option(
+        made,
+        "seeds",
+        type=Path,
+        metavar="FILE",
+        help="where range sensors find the board (YAML); these seeds win over automatic ones",
+    )
+    when = made.add_mutually_exclusive_group()
+    add_option(
+        when,
+        "stops",
+        action="store_true",
+        default=True,
+        help="a collection wherever the board stands still (the default)",
+    )
+    add_option(
+        when, "interval", type=_positive, metavar="S", help="a collection every so many seconds"
+    )
+    add_option(
+        when, "times", type=float, nargs="+", metavar="T", help="a collection at each time [s]"
+    )
+    add_option(
+        made,
+        "automatic_seeds",
+        choices=("on", "off"),
+        default="on",
+        help="predict seeds from the cameras and search the board (default: on)",
+    )
+    add_option(
+        made, "pictures", action="store_true", help="write pictures of the labels to look at"
+    )
+    return made
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0 < value < np.inf:
+        raise argparse.ArgumentTypeError(f"'{text}' is no number of seconds above 0")
+    return value
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,111 @@
+"""What collect_data tells the world: how each sensor does, and what every collection holds."""
+
+from __future__ import annotations
+
+import time
+from typing import Any, Dict, List, Mapping, Sequence
+
+import rospy
+
+from atom_calibration.labels.label_messages import point_count
+from atom_calibration.msg import (
+    CollectionState,
+    CollectionStates,
+    CollectorState,
+    PatternState,
+    SensorDetection,
+    SensorLabels,
+    SensorState,
+)
+from atom_core.io.collections import CollectionStore, StoredCollection
+from atom_core.model.config import CalibrationConfig
+
+_EVERY_S = 0.5  # of the wall's clock: one that is simulated may stand still
+
+
+class StateBoard:
+    """The latched topics ~state and ~collections."""
+
+    def __init__(self, config: CalibrationConfig, store: CollectionStore):
+        """Advertise, and publish what is known before any data came."""
+        self._config, self._store = config, store
+        self._labels: Dict[str, SensorLabels] = {}
+        self._collections: Dict[str, CollectionState] = {}
+        self._text, self._automatic, self._due_s = "", False, 0.0
+        self._state = rospy.Publisher("~state", CollectorState, queue_size=2, latch=True)
+        self._matrix = rospy.Publisher("~collections", CollectionStates, queue_size=2, latch=True)
+        self.collections_changed()
+
+    def see(self, labels: SensorLabels) -> None:
+        """Take note of labels; any thread may call."""
+        self._labels[labels.sensor] = labels
+
+    def tell(self, text: str) -> None:
+        """Publish a sentence for the user."""
+        self._text, self._due_s = text, 0.0
+        self.publish_if_due()
+
+    def switch(self, automatic: bool) -> None:
+        """Publish whether collections are taken by themselves."""
+        self._automatic, self._due_s = automatic, 0.0
+        self.publish_if_due()
+
+    def collections_changed(self) -> None:
+        """Publish what the collections on the disk hold."""
+        keys = self._store.keys
+        self._collections = {
+            key: self._collections.get(key) or collection_state(self._store.load(key))
+            for key in keys
+        }
+        self._matrix.publish(CollectionStates(list(self._collections.values())))
+        self._due_s = 0.0
+        self.publish_if_due()
+
+    def publish_if_due(self) -> None:
+        """Publish the state when something changed, and twice a second."""
+        if time.monotonic() < self._due_s:
+            return
+        self._due_s = time.monotonic() + _EVERY_S
+        state = CollectorState(
+            dataset_folder=str(self._store.folder),
+            automatic=self._automatic,
+            collections=len(self._collections),
+            message=self._text,
+        )
+        state.header.stamp = rospy.Time.now()
+        state.header.frame_id = self._config.world_link
+        state.sensors = [self._sensor_state(name) for name in self._config.sensors]
+        self._state.publish(state)
+
+    def _sensor_state(self, name: str) -> SensorState:
+        entry, labels = self._config.sensors[name], self._labels.get(name)
+        state = SensorState(
+            name=name, modality=entry.modality or "", topic=entry.topic_name, frame_id=entry.link
+        )
+        if labels is None:
+            return state
+        state.modality, state.stamp = labels.modality, labels.header.stamp
+        state.manual_seed = labels.manual_seed
+        state.patterns = [
+            PatternState(part.pattern_name, part.detected, part.reason, point_count(part))
+            for part in labels.patterns
+        ]
+        return state
+
+
+def collection_state(stored: StoredCollection) -> CollectionState:
+    """Return which sensors saw the board in a collection."""
+    data: Mapping[str, Any] = stored.document["data"]
+    labels: Mapping[str, Mapping[str, Any]] = stored.document["labels"]
+    detections: List[SensorDetection] = [
+        SensorDetection(sensor, pattern, len(label["idxs"]))
+        for pattern, of_sensors in labels.items()
+        for sensor, label in of_sensors.items()
+        if label["detected"]
+    ]
+    return CollectionState(stored.key, _earliest(list(data.values())), detections)
+
+
+def _earliest(data: Sequence[Mapping[str, Any]]) -> rospy.Time:
+    stamps = [entry["header"]["stamp"] for entry in data]
+    return min((rospy.Time(s["secs"], s["nsecs"]) for s in stamps), default=rospy.Time())

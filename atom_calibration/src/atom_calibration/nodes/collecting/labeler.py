@@ -1,0 +1,91 @@
+"""A labeler: one sensor's data in, annotated data and labels out.
+
+Topics, with TOPIC of the configuration: TOPIC/labeled (annotated data), /SENSOR/labels. Range
+sensors have an interactive marker for the seed (/SENSOR/data_labeler) and the service
+/SENSOR/set_seed; a click on a depth image, on TOPIC/labeled/mouse_click, sets a seed too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Mapping, Optional, Sequence
+
+import cv2
+import rospy
+
+from atom_calibration.nodes.collecting.labeler_node import LabelerNode, LabelLinks
+from atom_calibration.runtime import running
+from atom_calibration.sources.live_topics import LiveTopics, wait_for
+from atom_calibration.sources.rig import Rig, rig_from_bag
+from atom_core.commands.common import add_option
+from atom_core.errors import ConfigError
+from atom_core.io.config_yaml import read_config
+from atom_core.io.seeds import read_seeds
+from atom_core.model.config import CalibrationConfig, SensorConfig
+from atom_core.model.sensor import RGB
+
+
+def main(modality: str, argv: Optional[Sequence[str]] = None) -> int:
+    """Run the labeler of a modality; return its exit code."""
+    name = f"{modality}_labeler"
+    args = _parser(name).parse_args(rospy.myargv(sys.argv)[1:] if argv is None else argv)
+    return running.guarded(name, lambda: _run(name, modality, args))
+
+
+def _run(name: str, modality: str, args: argparse.Namespace) -> int:
+    config = running.config_of_sensor(args.config, args.sensor)
+    everyone = read_config(args.config).sensors
+    cameras = {n: entry.link for n, entry in everyone.items() if entry.modality in (RGB, None)}
+    running.start(f"{args.sensor}_labeler")
+    cv2.setNumThreads(1)
+    links = LabelLinks(args.sensor, cameras if modality != RGB else {})
+    with LiveTopics(config) as topics:
+
+        def rig_when_there() -> Rig:
+            topics.look()
+            return rig_from_bag(config, topics)
+
+        rig = wait_for(rig_when_there, running.stopped, rospy.logwarn)
+        if rig is None:
+            return 0
+        node = _node(config, everyone, rig, modality, links, args)
+        node.listen(topics)
+    node.spin()
+    return 0
+
+
+def _node(
+    config: CalibrationConfig,
+    everyone: Mapping[str, SensorConfig],
+    rig: Rig,
+    modality: str,
+    links: LabelLinks,
+    args: argparse.Namespace,
+) -> LabelerNode:
+    (sensor,) = rig.sensors.values()
+    if sensor.modality != modality:
+        raise ConfigError(
+            f"{args.config}: sensor '{sensor.name}' is of modality {sensor.modality}; start "
+            f"{sensor.modality}_labeler for it"
+        )
+    for warning in rig.warnings:
+        rospy.logwarn(warning)
+    seeds = read_seeds(args.seeds, {**everyone, **rig.sensors}) if args.seeds else []
+    mine = [seed for seed in seeds if seed.sensor == sensor.name]
+    return LabelerNode(config, rig, links, mine, args.automatic_seeds == "on", args.rate)
+
+
+def _parser(name: str) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=name,
+        description=__doc__,
+        epilog=f"example: rosrun atom_calibration {name} -cfg config.yml -sn SENSOR",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    running.add_config_option(parser)
+    add_option(
+        parser, "sensor", "-sn", "--sensor_name", required=True, metavar="NAME", help="which one"
+    )
+    running.add_labeling_options(parser)
+    return parser

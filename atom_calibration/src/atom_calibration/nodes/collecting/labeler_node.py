@@ -1,0 +1,217 @@
+"""The node of one sensor: newest data in, labels and annotated data out, seeds heard at once."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from typing import Any, Deque, Mapping, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
+import rospy
+from sensor_msgs.msg import Image, PointCloud2
+
+from atom_calibration.errors import CollectionError, MessageError
+from atom_calibration.labels.frame_labeler import FrameLabeler
+from atom_calibration.labels.frames import Frame, decode
+from atom_calibration.labels.label_messages import labels_message
+from atom_calibration.messages import conversions
+from atom_calibration.msg import SensorLabels
+from atom_calibration.nodes.collecting.seed_input import SeedInput
+from atom_calibration.runtime import running
+from atom_calibration.show.annotation import annotated, labeled_cloud
+from atom_calibration.sources.live_topics import LiveTopics, message_class
+from atom_calibration.sources.live_transforms import LiveTransforms
+from atom_calibration.sources.rig import Rig
+from atom_core.errors import LabelingError
+from atom_core.io.seeds import Seed
+from atom_core.labeling.base import nothing
+from atom_core.model.config import CalibrationConfig
+from atom_core.model.pattern import pattern_from_config
+from atom_core.model.sensor import DEPTH, LIDAR3D
+
+_BUFFER_BYTES = 2**25  # of a connection: less than a message makes old messages wait
+_BACK_S = 1.0  # data that are older by more begin anew, as when a bag is repeated
+_SOONER = 0.8  # of a period: stamps jitter
+
+
+class LabelLinks:
+    """The labels that go out, and those of cameras that come in: linked before any data flow.
+
+    Attributes:
+        out: publisher of the sensor's own labels.
+        sights: (frame, labels) of cameras that were not looked at yet.
+    """
+
+    def __init__(self, sensor: str, cameras: Mapping[str, str]):
+        """Advertise and subscribe.
+
+        Args:
+            sensor: its name.
+            cameras: name to frame, of those whose sight of the board tells seeds.
+        """
+        self.out = rospy.Publisher(f"/{sensor}/labels", SensorLabels, queue_size=5)
+        self.sights: Deque[Tuple[str, SensorLabels]] = deque(maxlen=100)
+        for camera, frame in cameras.items():
+            if camera != sensor:
+                topic = f"/{camera}/labels"
+                rospy.Subscriber(topic, SensorLabels, self._see, frame, queue_size=5)
+
+    def _see(self, labels: SensorLabels, camera_frame: str) -> None:
+        self.sights.append((camera_frame, labels))
+
+
+class _Waiting(NamedTuple):
+    """What is to be done: the newest data, the user's newest seed."""
+
+    message: Any = None
+    seed: Optional[Tuple[Optional[np.ndarray]]] = None  # (None,): automatic again
+
+
+class LabelerNode:
+    """Labels the newest data whenever it is done with those before.
+
+    A seed is heard between two messages: the last data are then labeled again at once.
+    """
+
+    def __init__(
+        self,
+        config: CalibrationConfig,
+        rig: Rig,
+        links: LabelLinks,
+        seeds: Sequence[Seed],
+        automatic_seeds: bool,
+        rate_hz: float,
+    ):
+        """Advertise labels and annotated data.
+
+        Args:
+            config: the calibration.
+            rig: the one sensor to label.
+            links: for its labels.
+            seeds: given by hand.
+            automatic_seeds: predict seeds from cameras, and search.
+            rate_hz: labels a second at most, by the stamps of the data.
+        """
+        ((self._topic, sensor),) = rig.topics.items()
+        self._sensor, self._links, self._period_s = sensor, links, _SOONER / rate_hz
+        self._patterns = {
+            name: pattern_from_config(name, entry)
+            for name, entry in config.calibration_patterns.items()
+        }
+        self._labeler = FrameLabeler(
+            config, {sensor.name: sensor}, self._patterns, seeds, automatic_seeds
+        )
+        self._transforms = LiveTransforms()
+        self._waiting, self._there = _Waiting(), threading.Condition()
+        self._last: Optional[Frame] = None
+        self._stamp_s = -np.inf
+        self._seeds: Optional[SeedInput] = None
+        kind = PointCloud2 if sensor.modality == LIDAR3D else Image
+        self._annotated = rospy.Publisher(f"{sensor.topic}/labeled", kind, queue_size=2)
+        self._in_space: Optional[rospy.Publisher] = None
+        if sensor.modality == DEPTH:
+            topic = f"{sensor.topic}/labeled3d"
+            self._in_space = rospy.Publisher(topic, PointCloud2, queue_size=2)
+
+    def listen(self, topics: LiveTopics) -> None:
+        """Subscribe to the data and to seeds; take up data that came already."""
+        kind = message_class(topics.types[self._topic])
+        rospy.Subscriber(self._topic, kind, self._take, queue_size=1, buff_size=_BUFFER_BYTES)
+        for message in topics.early(self._topic):
+            self._take(message)
+        if self._sensor.is_range:
+            self._seeds = SeedInput(self._sensor, self._take_seed, lambda: self._last)
+
+    def spin(self) -> None:
+        """Label until the node ends."""
+        while not running.stopped():
+            with self._there:
+                if self._waiting.message is None and self._waiting.seed is None:
+                    self._there.wait(0.2)
+                waiting, self._waiting = self._waiting, _Waiting()
+            if waiting.seed is not None:
+                self._begin_from(*waiting.seed)
+            if waiting.message is not None and self._is_due(waiting.message):
+                self._publish(self._labeled(waiting.message))
+
+    # --- messages in ------------------------------------------------------------------------
+
+    def _take(self, message: Any) -> None:
+        with self._there:
+            self._waiting = self._waiting._replace(message=message)
+            self._there.notify()
+
+    def _take_seed(self, position: Optional[np.ndarray]) -> None:
+        with self._there:
+            self._waiting = self._waiting._replace(seed=(position,))
+            self._there.notify()
+
+    def _is_due(self, message: Any) -> bool:
+        stamp = conversions.stamp_s(message)
+        if stamp < self._stamp_s - _BACK_S:
+            rospy.loginfo("time went back: beginning anew")
+            self._labeler.begin_anew()
+            self._links.sights.clear()
+        elif stamp - self._stamp_s < self._period_s:
+            return False
+        self._stamp_s = stamp
+        return True
+
+    # --- labels out -------------------------------------------------------------------------
+
+    def _begin_from(self, position: Optional[np.ndarray]) -> None:
+        """Look for the board at a seed, or with None anywhere; the last data are labeled anew."""
+        self._labeler.set_seed(self._sensor.name, position)
+        if self._last is not None:
+            frame = self._last.unlabeled()
+            self._label(frame)
+            self._publish(frame)
+
+    def _labeled(self, message: Any) -> Frame:
+        frame = self._nothing_of(message)
+        try:
+            frame = decode(self._sensor, message)
+        except MessageError as error:
+            self._give_up(frame, error)
+            return frame
+        self._label(frame)
+        return frame
+
+    def _label(self, frame: Frame) -> None:
+        try:
+            while self._links.sights:
+                self._note_board(*self._links.sights.popleft())
+            self._labeler.label(frame, self._transforms.at(frame.stamp_s))
+        except (LabelingError, CollectionError) as error:
+            self._give_up(frame, error)
+
+    def _give_up(self, frame: Frame, error: Exception) -> None:
+        rospy.logwarn_throttle(5.0, str(error))
+        for name in self._patterns:
+            frame.set_label(name, nothing(self._sensor.modality, str(error)))
+
+    def _nothing_of(self, message: Any) -> Frame:
+        """Return a frame without data, for what cannot be decoded."""
+        header = conversions.header_document(message)
+        return Frame(self._sensor, conversions.stamp_s(message), header, np.zeros(0))
+
+    def _note_board(self, camera_frame: str, labels: SensorLabels) -> None:
+        stamp = conversions.stamp_s(labels)
+        tree = self._transforms.at(stamp)
+        for part in labels.patterns:
+            if part.pose_known and part.pattern_name in self._patterns:
+                pose = conversions.pose_matrix(part.pose)
+                self._labeler.see_board(camera_frame, part.pattern_name, stamp, pose, tree)
+
+    def _publish(self, frame: Frame) -> None:
+        seed = self._labeler.manual_seed(self._sensor.name)
+        self._links.out.publish(labels_message(frame, self._patterns, seed))
+        if not frame.data.size:
+            return
+        self._last = frame
+        if self._annotated.get_num_connections() > 0:
+            self._annotated.publish(annotated(frame))
+        if self._in_space is not None and self._in_space.get_num_connections() > 0:
+            self._in_space.publish(labeled_cloud(frame))
+        if self._seeds is not None:
+            self._seeds.show(frame, seed)

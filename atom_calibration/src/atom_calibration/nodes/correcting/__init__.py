@@ -1,0 +1,1 @@
+"""Nodes to go through a dataset and to correct it."""

@@ -1,0 +1,386 @@
+"""Go through the collections of a dataset and correct their labels in RViz.
+
+Shown are data, labels and transforms of one collection. Points chosen with the tool "Label points",
+clicks and polygons in images (TOPIC/labeled2d) correct it; each correction can be undone. Saved is
+dataset_corrected.json beside the dataset: on request, when another collection is shown, and at the
+end.
+"""
+
+from __future__ import annotations
+
+import argparse
+import threading
+from pathlib import Path
+from typing import Any, Callable, List, Optional, Tuple
+
+import rospy
+from geometry_msgs.msg import PointStamped, PolygonStamped
+from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
+
+from atom_calibration.correct.label_corrections import LabelCorrections
+from atom_calibration.msg import CollectionStates, LabelState, PlaybackState
+from atom_calibration.nodes.correcting.playback_input import (
+    chosen_points,
+    pixel_of,
+    pixels_of,
+    sensor_of,
+)
+from atom_calibration.nodes.correcting.playback_menu import PlaybackMenu
+from atom_calibration.nodes.correcting.playback_topics import CollectionTopics
+from atom_calibration.runtime import running
+from atom_calibration.show import playback_view as view
+from atom_calibration.srv import (
+    DeleteLabel,
+    DeleteLabelResponse,
+    SelectPattern,
+    SelectPatternResponse,
+    ShowCollection,
+    ShowCollectionResponse,
+)
+from atom_core.commands.common import add_option
+from atom_core.errors import AtomError, OutputError
+from atom_core.io.dataset_json import read_dataset
+from atom_core.model.dataset import Dataset
+from atom_core.model.sensor import DEPTH, RGB
+
+NODE = "dataset_playback"
+OUTPUT = "dataset_corrected.json"
+EXAMPLE = "rosrun atom_calibration dataset_playback -json dataset.json"
+_POINT_TOPICS = {
+    "add": "/rviz/selected_points",
+    "add_border": "/rviz/selected_border_points",
+    "remove": "/rviz/selected_remove_points",
+    "clear": "/rviz/selected_clear_all_points",
+}
+_BUFFER_BYTES = 2**25
+
+
+def main() -> int:
+    """Run the node; return its exit code."""
+    args = parser().parse_args(rospy.myargv()[1:])
+    return running.guarded(NODE, lambda: _run(args))
+
+
+def _run(args: argparse.Namespace) -> int:
+    dataset = read_dataset(args.dataset)
+    output = args.output or args.dataset.with_name(OUTPUT)
+    if output.exists() and not args.overwrite:
+        raise OutputError(
+            f"{output}: exists already; add --overwrite to replace it, or go on with it by "
+            f"--dataset {output} --overwrite"
+        )
+    corrections = LabelCorrections(dataset)
+    if args.collection:
+        corrections.show(args.collection)
+    running.start(NODE)
+    playback = DatasetPlayback(corrections, output, args.marker_size)
+    code = running.wait()
+    playback.finish()
+    return code
+
+
+class DatasetPlayback:
+    """Services, topics and the menu around `LabelCorrections`."""
+
+    def __init__(self, corrections: LabelCorrections, output: Path, marker_size_m: float):
+        """Advertise, and show the collection.
+
+        Args:
+            corrections: what is edited.
+            output: the file that is saved.
+            marker_size_m: diameter of the sphere with the menu.
+        """
+        self._corrections, self._output = corrections, output
+        self._lock = threading.RLock()
+        self._polygon_removes_border = False
+        self._figures: Optional[Tuple[Dataset, str, List[LabelState]]] = None
+        self._topics = CollectionTopics(corrections)
+        self._state = rospy.Publisher("~state", PlaybackState, queue_size=10, latch=True)
+        self._matrix = rospy.Publisher("~collections", CollectionStates, queue_size=2, latch=True)
+        self._menu = PlaybackMenu(
+            corrections.dataset.world,
+            marker_size_m,
+            {
+                "Next collection": self._from_menu(self.next),
+                "Previous collection": self._from_menu(self.previous),
+                "Undo": self._from_menu(self.undo),
+                "Redo": self._from_menu(self.redo),
+                "Reset collection": self._from_menu(self.reset),
+                "Polygons remove border on/off": self._from_menu(self._toggle_polygons),
+                "Save": self._from_menu(self.save),
+            },
+        )
+        with self._lock:
+            self._show_collection()
+            self._tell(f"{self._place()}; corrections go to {output}")
+        self._serve()
+        self._listen()
+
+    # --- what can be asked for ----------------------------------------------------------------
+
+    def next(self) -> str:
+        """Show the next collection; what is not saved is saved."""
+        return self._turn(lambda: self._corrections.turn(1))
+
+    def previous(self) -> str:
+        """Show the collection before."""
+        return self._turn(lambda: self._corrections.turn(-1))
+
+    def undo(self) -> str:
+        """Take back the last correction."""
+        return self._step(self._corrections.undo)
+
+    def redo(self) -> str:
+        """Make it again."""
+        return self._step(self._corrections.redo)
+
+    def reset(self) -> str:
+        """Put the collection's labels back to what the dataset had."""
+        return self._step(self._corrections.reset)
+
+    def save(self) -> str:
+        """Write the corrected dataset."""
+        return self._corrections.save(self._output)
+
+    def finish(self) -> None:
+        """Save what is not saved."""
+        with self._lock:
+            if self._corrections.unsaved:
+                rospy.loginfo(self.save())
+
+    def _turn(self, turn: Callable[[], str]) -> str:
+        """Show another collection, even where the corrections so far cannot be saved."""
+        turn()
+        self._show_collection()
+        if not self._corrections.unsaved:
+            return self._place()
+        try:
+            return f"{self._place()}; {self.save()}"
+        except OutputError as error:
+            raise OutputError(f"{self._place()}, but nothing is saved: {error}") from None
+
+    def _step(self, act: Callable[[], str]) -> str:
+        before = self._corrections.collection
+        words = act()
+        if self._corrections.collection != before:
+            self._show_collection()
+        else:
+            self._topics.show_all_labels()
+        return words
+
+    def _toggle_polygons(self) -> str:
+        return self._set_polygons(not self._polygon_removes_border)
+
+    def _set_polygons(self, remove_border: bool) -> str:
+        self._polygon_removes_border = remove_border
+        done = "lose their border pixels" if remove_border else "are labeled anew"
+        return f"depth images {done} inside a polygon"
+
+    def _place(self) -> str:
+        corrections = self._corrections
+        number = corrections.keys.index(corrections.collection) + 1
+        return f"collection {corrections.collection} ({number} of {len(corrections.keys)})"
+
+    # --- services, topics, menu ---------------------------------------------------------------
+
+    def _serve(self) -> None:
+        for name in ("next", "previous", "undo", "redo", "reset", "save"):
+            action = getattr(self, name)
+            rospy.Service(f"~{name}", Trigger, lambda _, a=action: TriggerResponse(*self._do(a)))
+        corrections = self._corrections
+        rospy.Service(
+            "~show_collection",
+            ShowCollection,
+            lambda r: ShowCollectionResponse(
+                *self._do(lambda: self._turn(lambda: corrections.show(r.collection_name)))
+            ),
+        )
+        rospy.Service(
+            "~delete_label",
+            DeleteLabel,
+            lambda r: DeleteLabelResponse(
+                *self._do(
+                    lambda: self._corrected(
+                        r.sensor, corrections.delete_label(r.sensor, r.pattern_name)
+                    )
+                )
+            ),
+        )
+        rospy.Service(
+            "~select_pattern",
+            SelectPattern,
+            lambda r: SelectPatternResponse(
+                *self._do(lambda: corrections.select_pattern(r.pattern_name))
+            ),
+        )
+        rospy.Service(
+            "~polygon_removes_border",
+            SetBool,
+            lambda r: SetBoolResponse(*self._do(lambda: self._set_polygons(bool(r.data)))),
+        )
+
+    def _listen(self) -> None:
+        for kind, topic in _POINT_TOPICS.items():
+            rospy.Subscriber(
+                topic,
+                PointCloud2,
+                self._hear(lambda m, k=kind: self._points(k, m)),
+                queue_size=20,
+                buff_size=_BUFFER_BYTES,
+            )
+        for name, sensor in self._topics.sensors.items():
+            if sensor.modality not in (RGB, DEPTH):
+                continue
+            topic = f"{view.data_topic(sensor)}/{view.IMAGES}"
+            for ending, message, act in (
+                ("mouse_click", PointStamped, self._clicked),
+                ("right_click", PointStamped, self._right_clicked),
+                ("polygon", PolygonStamped, self._polygon),
+            ):
+                heard = self._hear(lambda m, n=name, a=act: a(n, m))
+                rospy.Subscriber(f"{topic}/{ending}", message, heard, queue_size=20)
+
+    def _hear(self, act: Callable[[Any], str]) -> Callable[[Any], None]:
+        def hear(message: Any) -> None:
+            self._do(lambda: act(message))
+
+        return hear
+
+    def _from_menu(self, act: Callable[[], str]) -> Callable[[], None]:
+        def chosen() -> None:
+            self._do(act)
+
+        return chosen
+
+    def _do(self, act: Callable[[], str]) -> Tuple[bool, str]:
+        """Do something; tell what came of it. Nothing that goes wrong here ends the node."""
+        with self._lock:
+            try:
+                words = act()
+            except AtomError as error:
+                self._tell(str(error), failed=True)
+                return False, str(error)
+            self._tell(words)
+            return True, words
+
+    # --- corrections --------------------------------------------------------------------------
+
+    def _points(self, kind: str, message: Any) -> str:
+        sensor = sensor_of(message.header, self._topics.sensors, self._topics.shown)
+        corrections = self._corrections
+        if kind == "clear":
+            return self._corrected(sensor, corrections.delete_label(sensor))
+        indices = chosen_points(message)
+        if kind == "remove":
+            return self._corrected(sensor, corrections.remove_points(sensor, indices))
+        added = corrections.add_points(sensor, indices, border=kind == "add_border")
+        return self._corrected(sensor, added)
+
+    def _clicked(self, sensor: str, message: Any) -> str:
+        pixel = pixel_of(message, self._topics.shown[sensor].frame)
+        if self._topics.sensors[sensor].modality == DEPTH:
+            return self._corrected(sensor, self._corrections.refill_from(sensor, pixel))
+        return self._corrected(sensor, self._corrections.click(sensor, pixel))
+
+    def _right_clicked(self, sensor: str, message: Any) -> str:
+        pixel = pixel_of(message, self._topics.shown[sensor].frame)
+        return self._corrected(sensor, self._corrections.remove_corner(sensor, pixel))
+
+    def _polygon(self, sensor: str, message: Any) -> str:
+        polygon = pixels_of(message, self._topics.shown[sensor].frame)
+        if self._topics.sensors[sensor].modality == RGB:
+            return self._corrected(sensor, self._corrections.remove_corners(sensor, polygon))
+        if self._polygon_removes_border:
+            return self._corrected(sensor, self._corrections.remove_border(sensor, polygon))
+        return self._corrected(sensor, self._corrections.refill(sensor, polygon))
+
+    def _corrected(self, sensor: str, words: str) -> str:
+        self._topics.show_labels(sensor)
+        return words
+
+    # --- what is told -------------------------------------------------------------------------
+
+    def _show_collection(self) -> None:
+        """Publish the collection, and print how good its labels are."""
+        self._topics.show_collection()
+        rospy.loginfo("\n" + view.quality_table(self._place(), self._label_states()))
+
+    def _label_states(self) -> List[LabelState]:
+        """Return the figures of the labels, computed once for each state of the dataset."""
+        now = (self._corrections.dataset, self._corrections.collection)
+        if self._figures is None or self._figures[0] is not now[0] or self._figures[1] != now[1]:
+            problems = {name: shown.problem for name, shown in self._topics.shown.items()}
+            self._figures = (*now, view.label_states(self._corrections, problems))
+        return self._figures[2]
+
+    def _tell(self, words: str, failed: bool = False) -> None:
+        """Publish the state with a sentence for the user."""
+        (rospy.logwarn if failed else rospy.loginfo)(words)
+        corrections = self._corrections
+        self._state.publish(
+            PlaybackState(
+                dataset=str(corrections.dataset.source),
+                output=str(self._output),
+                collection=corrections.collection,
+                pattern_name=corrections.pattern,
+                number=corrections.keys.index(corrections.collection) + 1,
+                collections=len(corrections.keys),
+                undo_steps=corrections.undo_steps,
+                polygon_removes_border=self._polygon_removes_border,
+                redo_steps=corrections.redo_steps,
+                unsaved=corrections.unsaved,
+                labels=self._label_states(),
+                failed=failed,
+                message=words,
+            )
+        )
+        self._matrix.publish(view.collection_states(corrections.dataset))
+        self._menu.show(self._place(), corrections.unsaved)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command."""
+    made = argparse.ArgumentParser(
+        prog=NODE,
+        description=__doc__,
+        epilog=f"example: {EXAMPLE}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_option(
+        made,
+        "dataset",
+        "-json",
+        "--json_file",
+        required=True,
+        type=Path,
+        metavar="FILE",
+        help="the dataset's JSON",
+    )
+    add_option(
+        made,
+        "output",
+        "-o",
+        type=Path,
+        metavar="FILE",
+        help=f"what is saved (default: {OUTPUT} beside the dataset)",
+    )
+    add_option(made, "overwrite", "-ow", action="store_true", help="replace an existing file")
+    add_option(
+        made,
+        "collection",
+        "-c",
+        default="",
+        metavar="KEY",
+        help="collection to begin with (default: the first)",
+    )
+    add_option(
+        made,
+        "marker_size",
+        "-s",
+        type=running.positive,
+        default=0.3,
+        metavar="M",
+        help="size of the sphere with the menu [m] (default: 0.3)",
+    )
+    return made

@@ -1,0 +1,49 @@
+"""RViz for correcting labels: data, labels and the panel, for the sensors of a dataset.
+
+Whatever else is given goes to RViz.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Optional, Sequence
+
+from atom_calibration.configure.render import correcting_view
+from atom_calibration.runtime import running
+from atom_calibration.runtime.rviz_window import become_rviz, written_layout
+from atom_core.commands.common import add_option
+from atom_core.io.dataset_json import read_dataset
+
+NAME = "dataset_playback_rviz"
+
+
+def main(argv: Optional[Sequence[str]] = None) -> int:
+    """Become RViz; return an exit code only if that fails."""
+    args, rest = _parser().parse_known_args(sys.argv[1:] if argv is None else argv)
+    return running.guarded(NAME, lambda: _run(args.dataset, rest))
+
+
+def _run(dataset: Path, rest: Sequence[str]) -> int:
+    layout = written_layout("dataset_playback", correcting_view(read_dataset(dataset)))
+    become_rviz(layout, rest)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=NAME,
+        description=__doc__,
+        epilog=f"example: rosrun atom_calibration {NAME} -json dataset.json",
+    )
+    add_option(
+        parser,
+        "dataset",
+        "-json",
+        "--json_file",
+        required=True,
+        type=Path,
+        metavar="FILE",
+        help="the dataset's JSON",
+    )
+    return parser

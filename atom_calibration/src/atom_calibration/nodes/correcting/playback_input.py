@@ -1,0 +1,102 @@
+"""What RViz sends to correct labels: which sensor it means, and which points or pixels."""
+
+from __future__ import annotations
+
+from typing import Any, Mapping
+
+import numpy as np
+
+from atom_calibration.errors import MessageError
+from atom_calibration.labels.frames import Frame
+from atom_calibration.messages import conversions
+from atom_calibration.show.playback_view import Shown
+from atom_core.model.sensor import DEPTH, LIDAR3D, Sensor
+
+_INDEX_FIELDS = ("idx", "index")  # of labeled points; of the cloud they were chosen in
+
+
+def sensor_of(header: Any, sensors: Mapping[str, Sensor], shown: Mapping[str, Shown]) -> str:
+    """Return the range sensor whose points a message has, by frame and stamp.
+
+    Args:
+        header: of the message; a stamp of zero means what is shown now.
+        sensors: by name.
+        shown: the collection, by sensor.
+
+    Raises:
+        MessageError: no sensor has that frame, or what is shown has another stamp.
+    """
+    frame_id = conversions.frame(header.frame_id)
+    ranging = [s for s in sensors.values() if s.modality in (LIDAR3D, DEPTH)]
+    named = [s.name for s in ranging if s.frame == frame_id]
+    if not named:
+        frames = ", ".join(f"{s.frame} ({s.name})" for s in ranging) or "none"
+        raise MessageError(
+            f"points in frame '{frame_id}' are of no range sensor; the dataset has {frames}"
+        )
+    now = [name for name in named if _is_of(header, shown[name].frame)]
+    if not now:
+        raise MessageError(
+            f"these points of {', '.join(named)} are of another collection than the one that is "
+            f"shown; choose them again"
+        )
+    if len(now) > 1:
+        raise MessageError(f"these points may be of {' or '.join(now)}, which share their frame")
+    return now[0]
+
+
+def chosen_points(message: Any) -> np.ndarray:
+    """Return the indices (n,) of chosen points in their sensor's data.
+
+    Raises:
+        MessageError: the cloud is cut off, has no indices, or there is one that is no number.
+    """
+    points = conversions.point_cloud(message)
+    fields = [name for name in _INDEX_FIELDS if name in (points.dtype.names or ())]
+    if not fields:
+        raise MessageError(
+            "the chosen points carry no field 'index'; choose them with the tool Label points"
+        )
+    values = np.asarray(points[fields[0]], dtype=float)
+    if not np.all(np.isfinite(values)):
+        raise MessageError(f"a chosen point has no number in its field '{fields[0]}'")
+    return np.rint(values).astype(int)
+
+
+def pixel_of(message: Any, frame: Frame) -> np.ndarray:
+    """Return the pixel (2,) of a click in the picture of a frame.
+
+    Raises:
+        MessageError: it is of another collection's picture, or no number.
+    """
+    _check_shown(message, frame)
+    pixel = np.array([message.point.x, message.point.y])
+    if not np.all(np.isfinite(pixel)):
+        raise MessageError(f"{frame.sensor.name}: a click is not a number")
+    return pixel
+
+
+def pixels_of(message: Any, frame: Frame) -> np.ndarray:
+    """Return the corners (n, 2) [px] of a polygon in the picture of a frame.
+
+    Raises:
+        MessageError: it is of another collection's picture.
+    """
+    _check_shown(message, frame)
+    return np.array([[p.x, p.y] for p in message.polygon.points], dtype=float).reshape(-1, 2)
+
+
+def _check_shown(message: Any, frame: Frame) -> None:
+    if not _is_of(message.header, frame):
+        raise MessageError(
+            f"{frame.sensor.name}: this was drawn into the picture of another collection; draw it "
+            f"again"
+        )
+
+
+def _is_of(header: Any, frame: Frame) -> bool:
+    stamp = frame.header["stamp"]
+    return header.stamp.is_zero() or (header.stamp.secs, header.stamp.nsecs) == (
+        stamp["secs"],
+        stamp["nsecs"],
+    )

@@ -1,0 +1,1 @@
+"""The node with which a first guess is made."""

@@ -1,0 +1,309 @@
+"""Drag the sensors in RViz to where they are, and save that as the first guess.
+
+One marker for each free sensor and additional tf, in its parent's frame. The node publishes all
+fixed transforms of the description, the edited ones among them; robot_state_publisher publishes
+only those of moving joints (set_initial_estimate.launch renames its /tf_static), so that nobody
+competes, and what RViz shows follows the drag.
+"""
+
+from __future__ import annotations
+
+import argparse
+import threading
+from pathlib import Path
+from typing import Any, Dict, List, Tuple
+
+import numpy as np
+import rospy
+from sensor_msgs.msg import CameraInfo
+from std_srvs.srv import Trigger, TriggerResponse
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import Marker, MarkerArray
+
+from atom_calibration.correct.first_guess import FirstGuess, values_from_dataset
+from atom_calibration.errors import MessageError
+from atom_calibration.messages import conversions
+from atom_calibration.runtime import running
+from atom_calibration.show import markers
+from atom_calibration.show.pose_marker import STILL, MarkerServer, Moved, PoseMarker
+from atom_calibration.srv import (
+    GetSensorInteractiveMarker,
+    GetSensorInteractiveMarkerResponse,
+    SetSensorInteractiveMarker,
+    SetSensorInteractiveMarkerResponse,
+)
+from atom_core.commands.common import add_option
+from atom_core.errors import AtomError
+from atom_core.io.config_yaml import read_config
+from atom_core.io.urdf import read_description
+from atom_core.model.config import CalibrationConfig
+from atom_core.model.sensor import DEPTH, RGB
+
+NODE = "set_initial_estimate"
+EXAMPLE = "rosrun atom_calibration set_initial_estimate -c config.yml -d cell.urdf.xacro"
+MENU = "menu"
+_MENU_PLACE = (1.0, 0.0, 1.0)  # in the world, as ATOM has it [m]
+_MENU_COLOUR = (0.9, 0.9, 0.9)
+_BODY_IN_SCALE = 0.25  # size of the ball in the middle of a marker
+
+
+def main() -> int:
+    """Run the node; return its exit code."""
+    args = parser().parse_args(rospy.myargv()[1:])
+    return running.guarded(NODE, lambda: _run(args))
+
+
+def _run(args: argparse.Namespace) -> int:
+    config = read_config(args.config_file)
+    guess = FirstGuess(config, read_description(args.description_file))
+    remarks = [f"{remark}, so it has no marker" for remark in guess.remarks]
+    if args.from_dataset:
+        missing = guess.start_from(values_from_dataset(Path(args.from_dataset)))
+        remarks += [
+            f"'{name}' is not in {args.from_dataset} and starts where the description has it"
+            for name in missing
+        ]
+    running.start(NODE)
+    for remark in remarks:
+        rospy.logwarn(remark)
+    SetInitialEstimate(config, guess, args.filename or args.description_file, args.marker_scale)
+    return running.wait()
+
+
+class SetInitialEstimate:
+    """Markers, transforms, frustums and services around a `FirstGuess`."""
+
+    def __init__(self, config: CalibrationConfig, guess: FirstGuess, output: Path, scale: float):
+        """Show the markers and publish the transforms.
+
+        Args:
+            config: names, frames and topics of the sensors.
+            guess: what is edited.
+            output: the file that is saved.
+            scale: size of the markers [m].
+        """
+        self._guess, self._output = guess, output
+        self._lock = threading.RLock()  # feedback, services and menus come in different threads
+        self._fixed = rospy.Publisher("/tf_static", TFMessage, queue_size=10, latch=True)
+        self._server = MarkerServer(NODE)
+        self._markers = self._sensor_markers(config, scale)
+        self._menu = self._menu_marker(config.world_link, scale)
+        self._frustums = [
+            _Frustum(name, entry.topic_name, entry.link, markers.colour_of(index))
+            for index, (name, entry) in enumerate(config.sensors.items())
+            if entry.modality in (RGB, DEPTH, None)
+        ]
+        for name in guess.edges:
+            self._serve(name)
+        rospy.Service("~save", Trigger, lambda _: self._answer(self.save))
+        rospy.Service("~reset_all", Trigger, lambda _: self._answer(self.reset_all))
+        self._publish()
+
+    def save(self) -> str:
+        """Write the description; return what to tell the user.
+
+        Raises:
+            AtomError: it cannot be written.
+        """
+        with self._lock:
+            sentence = self._guess.save(self._output).sentence
+        rospy.loginfo(sentence)
+        return sentence
+
+    def reset(self, name: str) -> str:
+        """Put one sensor back to where it was at the start."""
+        with self._lock:
+            self._guess.reset(name)
+            self._follow()
+        return f"'{name}' is where it was at the start"
+
+    def reset_all(self) -> str:
+        """Put everything back."""
+        with self._lock:
+            for name in self._guess.edges:
+                self._guess.reset(name)
+            self._follow()
+        return "everything is where it was at the start"
+
+    def _sensor_markers(self, config: CalibrationConfig, scale: float) -> Dict[str, PoseMarker]:
+        made: Dict[str, PoseMarker] = {}
+        by_edge: Dict[Any, List[str]] = {}
+        for name, edge in self._guess.edges.items():
+            by_edge.setdefault(edge, []).append(name)
+        order = list(config.sensors)
+        for edge, names in by_edge.items():
+            first = names[0]
+            number = order.index(first) if first in order else len(order) + len(made)
+            marker = PoseMarker(
+                self._server,
+                first,
+                edge.parent,
+                self._guess.value(first),
+                self._moved(first),
+                scale=scale,
+                description=", ".join(names),
+                shapes=[_ball(scale, markers.colour_of(number))],
+                menu=self._entries(first),
+            )
+            made.update(dict.fromkeys(names, marker))
+        return made
+
+    def _menu_marker(self, world: str, scale: float) -> PoseMarker:
+        place = np.eye(4)
+        place[:3, 3] = _MENU_PLACE
+        entries = [("Save", self._act(self.save)), ("Reset all", self._act(self.reset_all))]
+        return PoseMarker(
+            self._server,
+            MENU,
+            world,
+            place,
+            moves=STILL,
+            scale=scale,
+            menu=entries,
+            shapes=[_ball(scale, _MENU_COLOUR)],
+            description="save, reset: right mouse button",
+        )
+
+    def _entries(self, name: str) -> List[Tuple[str, Any]]:
+        return [
+            ("Save", self._act(self.save)),
+            (f"Reset {name}", self._act(lambda: self.reset(name))),
+            ("Reset all", self._act(self.reset_all)),
+        ]
+
+    def _act(self, action: Any) -> Any:
+        """Return a function for a menu: it does something and says how it went."""
+
+        def act() -> None:
+            answer = self._answer(action)
+            self._menu.redraw([_ball(self._menu.scale, _MENU_COLOUR)], answer.message[:80])
+            if not answer.success:
+                rospy.logerr(answer.message)
+
+        return act
+
+    def _answer(self, action: Any) -> TriggerResponse:
+        try:
+            return TriggerResponse(True, action())
+        except AtomError as error:
+            return TriggerResponse(False, str(error))
+
+    def _moved(self, name: str) -> Any:
+        def moved(move: Moved) -> None:
+            with self._lock:
+                self._guess.set(name, move.frame_T_marker)
+                self._publish()
+
+        return moved
+
+    def _follow(self) -> None:
+        """Put markers where the values are, and publish these."""
+        for name, marker in self._markers.items():
+            marker.move(self._guess.value(name))
+        self._publish()
+
+    def _publish(self) -> None:
+        stamp = rospy.Time.now()
+        transforms = self._guess.fixed_transforms()
+        self._fixed.publish(
+            TFMessage([conversions.transform_message(e, m, stamp) for e, m in transforms.items()])
+        )
+
+    def _serve(self, name: str) -> None:
+        marker = self._markers[name]
+
+        def show(request: Any) -> SetSensorInteractiveMarkerResponse:
+            if not (0 <= request.scale < np.inf):
+                return SetSensorInteractiveMarkerResponse(False, "scale is a size in metres")
+            with self._lock:
+                marker.show(request.visible, request.scale or None)
+            return SetSensorInteractiveMarkerResponse(True, "")
+
+        def tell(_request: Any) -> GetSensorInteractiveMarkerResponse:
+            return GetSensorInteractiveMarkerResponse(marker.visible, marker.scale)
+
+        rospy.Service(f"~{name}/set_sensor_interactive_marker", SetSensorInteractiveMarker, show)
+        rospy.Service(f"~{name}/get_sensor_interactive_marker", GetSensorInteractiveMarker, tell)
+        rospy.Service(f"~{name}/reset", Trigger, lambda _: self._answer(lambda: self.reset(name)))
+
+
+class _Frustum:
+    """What one camera sees, drawn once its intrinsics are known; it follows the camera's frame."""
+
+    def __init__(self, name: str, topic: str, frame: str, colour: markers.Colour):
+        self._frame, self._colour, self._markers = frame, colour, MarkerArray()
+        self._publisher = rospy.Publisher(f"/{name}/frustum", MarkerArray, queue_size=1, latch=True)
+        info = f"{topic.rpartition('/')[0]}/camera_info"
+        self._subscriber = rospy.Subscriber(info, CameraInfo, self._draw, queue_size=1)
+        # RViz forgets what it shows whenever a recording begins anew, so a latch is not enough.
+        self._timer = rospy.Timer(rospy.Duration.from_sec(1.0), self._publish, reset=True)
+
+    def _draw(self, message: Any) -> None:
+        self._subscriber.unregister()
+        try:
+            camera = conversions.camera(message)
+        except MessageError as error:
+            rospy.logwarn(f"no frustum for frame '{self._frame}': {error}")
+            return
+        self._markers = MarkerArray([markers.frustum(camera, self._frame, self._colour)])
+        self._publish()
+
+    def _publish(self, _event: Any = None) -> None:
+        if self._markers.markers:
+            self._publisher.publish(self._markers)
+
+
+def _ball(scale: float, colour: markers.Colour) -> Marker:
+    return markers.sphere("", _BODY_IN_SCALE * scale, colour)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command."""
+    made = argparse.ArgumentParser(
+        prog=NODE, description=__doc__.split("\n")[0], epilog=f"example: {EXAMPLE}"
+    )
+    add_option(
+        made,
+        "config_file",
+        "-c",
+        "--calibration_file",
+        required=True,
+        type=Path,
+        metavar="FILE",
+        help="config.yml",
+    )
+    add_option(
+        made,
+        "description_file",
+        "-d",
+        required=True,
+        type=Path,
+        metavar="FILE",
+        help="URDF or xacro to start from",
+    )
+    add_option(
+        made,
+        "filename",
+        "-f",
+        type=Path,
+        metavar="FILE",
+        help="what is saved (default: the description_file)",
+    )
+    add_option(
+        made,
+        "marker_scale",
+        "-s",
+        type=running.positive,
+        default=0.6,
+        metavar="M",
+        help="size of the markers in metres (default: 0.6)",
+    )
+    add_option(
+        made,
+        "from_dataset",
+        metavar="FILE",
+        default="",
+        help="dataset.json: sensors start where the boards they share put them, not where the "
+        "description does",
+    )
+    return made

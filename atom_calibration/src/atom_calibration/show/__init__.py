@@ -1,0 +1,1 @@
+"""Labels, datasets and calibrations as markers, clouds, pictures and messages."""

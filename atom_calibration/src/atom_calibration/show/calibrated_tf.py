@@ -1,0 +1,66 @@
+"""The transforms of a calibration for tf: under the frames' own names, or apart from them."""
+
+from __future__ import annotations
+
+from typing import Dict, Iterable, List, Optional
+
+import numpy as np
+import rospy
+from geometry_msgs.msg import TransformStamped
+
+from atom_calibration.messages import conversions
+from atom_calibration.show.standing import Standing
+from atom_calibration.show.view_options import CALIBRATED, OFF, PREFIXED
+from atom_core.model.transforms import Edge
+
+
+def prefixed(collection: str, frame: str) -> str:
+    """Return the name that a frame has in a collection's own tree."""
+    return f"c{collection}_{frame}"
+
+
+def transforms(
+    standing: Standing, mode: str, collection: Optional[str] = None
+) -> List[TransformStamped]:
+    """Return the transforms to be published, without a stamp: they hold at any time.
+
+    Args:
+        standing: where the calibration stands.
+        mode: OWN, CALIBRATED, PREFIXED or OFF.
+        collection: whose transforms; None for the first that is used. PREFIXED has all.
+    """
+    if mode == OFF:
+        return []
+    used = standing.used_collections()
+    if mode == PREFIXED:
+        return [message for key in used for message in _tree(standing, key)]
+    dataset = standing.dataset
+    edges = dataset.collections[used[0] if collection is None else collection].transforms
+    if mode == CALIBRATED:
+        mounts = [sensor.edge for sensor in dataset.sensors.values()]
+        extra = [Edge(t.parent_link, t.child_link) for t in dataset.config.additional_tfs.values()]
+        edges = {edge: edges[edge] for edge in [*mounts, *extra] if edge in edges}
+    return [_message(edge, matrix) for edge, matrix in edges.items()]
+
+
+def merged(
+    others: Iterable[TransformStamped], calibrated: Iterable[TransformStamped]
+) -> List[TransformStamped]:
+    """Return transforms of which those that are calibrated replace the others, by their child."""
+    by_child: Dict[str, TransformStamped] = {m.child_frame_id: m for m in others}
+    by_child.update({m.child_frame_id: m for m in calibrated})
+    return list(by_child.values())
+
+
+def _tree(standing: Standing, key: str) -> List[TransformStamped]:
+    world = standing.dataset.world
+    root = _message(Edge(world, prefixed(key, world)), np.eye(4))
+    edges = standing.dataset.collections[key].transforms
+    return [root] + [
+        _message(Edge(prefixed(key, edge.parent), prefixed(key, edge.child)), matrix)
+        for edge, matrix in edges.items()
+    ]
+
+
+def _message(edge: Edge, matrix: np.ndarray) -> TransformStamped:
+    return conversions.transform_message(edge, matrix, rospy.Time())

@@ -1,0 +1,189 @@
+"""What RViz draws: frustums, boards, sensors, points. Values in, `Marker` messages out.
+
+A marker with stamp zero and ``frame_locked`` follows its frame, so that moving a transform moves
+it without publishing it again.
+"""
+
+from __future__ import annotations
+
+from typing import Dict, Iterable, List, Optional, Tuple
+
+import numpy as np
+from geometry_msgs.msg import Point, Vector3
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker
+
+from atom_calibration.messages import conversions
+from atom_core.geometry.camera import Camera
+from atom_core.model.pattern import CHARUCO, Pattern
+
+Colour = Tuple[float, float, float]  # red, green, blue from 0 to 1
+
+# Set3 of ColorBrewer, darkened where it would vanish on RViz's grey; one colour for each sensor.
+_PALETTE: Tuple[Colour, ...] = (
+    *((0.26, 0.72, 0.64), (0.93, 0.69, 0.13), (0.55, 0.50, 0.80), (0.91, 0.37, 0.31)),
+    *((0.31, 0.58, 0.78), (0.95, 0.52, 0.18), (0.48, 0.74, 0.19), (0.90, 0.46, 0.68)),
+    *((0.55, 0.55, 0.55), (0.66, 0.36, 0.67), (0.35, 0.65, 0.40), (0.80, 0.75, 0.20)),
+)
+NEAR_M, FAR_M = 0.3, 3.0  # of a frustum
+_LINE_M = 0.006
+_BOARD_THICKNESS_M = 0.004
+
+
+def colour_of(index: int) -> Colour:
+    """Return the colour of the sensor with this place in the configuration."""
+    return _PALETTE[index % len(_PALETTE)]
+
+
+def frustum(
+    camera: Camera,
+    frame: str,
+    colour: Colour,
+    near_m: float = NEAR_M,
+    far_m: float = FAR_M,
+    namespace: str = "frustum",
+) -> Marker:
+    """Return the lines around what a camera sees, from `near_m` to `far_m` along its axis [m].
+
+    Args:
+        camera: intrinsics; the corners of the image are undistorted.
+        frame: the optical frame.
+        colour: of the lines.
+        near_m: depth of the near face [m].
+        far_m: depth of the far face [m].
+        namespace: of the marker.
+    """
+    near, far = (_image_corners(camera, depth) for depth in (near_m, far_m))
+    lines: List[np.ndarray] = []
+    for i in range(4):
+        j = (i + 1) % 4
+        lines += [near[i], near[j], far[i], far[j], near[i], far[i]]
+    marker = _marker(Marker.LINE_LIST, frame, namespace, colour, 0.9)
+    marker.scale.x = _LINE_M
+    marker.points = _points(np.array(lines))
+    return marker
+
+
+def board(
+    pattern: Pattern,
+    colour: Colour,
+    frame_T_pattern: Optional[np.ndarray] = None,
+    frame: Optional[str] = None,
+    namespace: str = "board",
+    number: int = 0,
+) -> List[Marker]:
+    """Return a board: a plate of its size and its squares.
+
+    Args:
+        pattern: the board.
+        colour: of the plate.
+        frame_T_pattern: (4, 4) its pose [m]; identity when None.
+        frame: in which it is drawn; the pattern's own when None.
+        namespace: of the markers.
+        number: number of the first of the two markers.
+    """
+    pose = np.eye(4) if frame_T_pattern is None else frame_T_pattern
+    frame = pattern.frame if frame is None else frame
+    plate = _marker(Marker.CUBE, frame, namespace, colour, 0.7, number)
+    centre = np.eye(4)
+    centre[:3, 3] = [*pattern.border.centre, 0.5 * _BOARD_THICKNESS_M]
+    plate.pose = conversions.pose_message(pose @ centre)
+    plate.scale = Vector3(*(2 * pattern.border.half_size), _BOARD_THICKNESS_M)
+    squares = _marker(Marker.TRIANGLE_LIST, frame, namespace, (0.05, 0.05, 0.05), 0.9, number + 1)
+    squares.pose = conversions.pose_message(pose)
+    squares.scale = Vector3(1.0, 1.0, 1.0)
+    squares.points = _points(_black_squares(pattern))
+    return [plate, squares]
+
+
+def sphere(frame: str, diameter_m: float, colour: Colour, alpha: float = 0.8) -> Marker:
+    """Return a sphere at the origin of a frame, or of the interactive marker it belongs to."""
+    marker = _marker(Marker.SPHERE, frame, "sphere", colour, alpha)
+    marker.scale = Vector3(diameter_m, diameter_m, diameter_m)
+    return marker
+
+
+def axes(frame: str, length_m: float, namespace: str = "axes") -> Marker:
+    """Return the axes of a frame: x red, y green, z blue."""
+    marker = _marker(Marker.LINE_LIST, frame, namespace, (1.0, 1.0, 1.0), 1.0)
+    marker.scale.x = 0.05 * length_m
+    ends = np.eye(3) * length_m
+    marker.points = _points(np.array([p for end in ends for p in (np.zeros(3), end)]))
+    marker.colors = [ColorRGBA(*colour, 1.0) for colour in np.eye(3) for _ in range(2)]
+    return marker
+
+
+def text(frame: str, words: str, height_m: float, colour: Colour, above_m: float = 0.0) -> Marker:
+    """Return words that face the viewer, `above_m` over the origin of a frame [m]."""
+    marker = _marker(Marker.TEXT_VIEW_FACING, frame, "text", colour, 1.0)
+    marker.text, marker.scale.z, marker.pose.position.z = words, height_m, above_m
+    return marker
+
+
+def lines(
+    frame: str, ends: np.ndarray, colour: Colour, namespace: str = "lines", width_m: float = _LINE_M
+) -> Marker:
+    """Return lines between pairs of points (2 n, 3) [m] of a frame."""
+    marker = _marker(Marker.LINE_LIST, frame, namespace, colour, 0.9)
+    marker.scale.x = width_m
+    marker.points = _points(ends)
+    return marker
+
+
+def points(
+    frame: str,
+    positions: np.ndarray,
+    size_m: float,
+    colour: Colour,
+    namespace: str = "points",
+    number: int = 0,
+) -> Marker:
+    """Return points (n, 3) [m] of a frame."""
+    marker = _marker(Marker.POINTS, frame, namespace, colour, 1.0, number)
+    marker.scale.x = marker.scale.y = size_m
+    marker.points = _points(positions)
+    return marker
+
+
+def numbered(markers: Iterable[Marker]) -> List[Marker]:
+    """Give the markers of one array different numbers within their namespaces."""
+    numbers: Dict[str, int] = {}
+    listed = list(markers)
+    for marker in listed:
+        marker.id = numbers[marker.ns] = numbers.get(marker.ns, -1) + 1
+    return listed
+
+
+def _marker(
+    kind: int, frame: str, namespace: str, colour: Colour, alpha: float, number: int = 0
+) -> Marker:
+    marker = Marker(type=kind, action=Marker.ADD, ns=namespace, id=number, frame_locked=True)
+    marker.header.frame_id = frame
+    marker.pose.orientation.w = 1.0
+    marker.color = ColorRGBA(*(float(value) for value in colour), alpha)
+    return marker
+
+
+def _image_corners(camera: Camera, depth_m: float) -> np.ndarray:
+    """Return where the rays of the image's corners are at a depth, (4, 3) [m]."""
+    right, bottom = camera.width - 0.5, camera.height - 0.5
+    pixels = np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
+    return camera.ray_points(pixels, np.full(4, depth_m))
+
+
+def _black_squares(pattern: Pattern) -> np.ndarray:
+    """Return two triangles, six corners (3,) [m], for each black square, just before the plate."""
+    side = pattern.square_m
+    first = 0.0 if pattern.kind == CHARUCO else -side  # where the squares begin
+    triangles: List[np.ndarray] = []
+    for row in range(pattern.rows + 1):
+        for column in range(pattern.columns + 1):
+            if (row + column) % 2 == 0:
+                corner = np.array([first + column * side, first + row * side, -0.001])
+                a, b, c, d = corner + side * np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+                triangles += [a, c, b, a, d, c]
+    return np.array(triangles)
+
+
+def _points(positions: np.ndarray) -> List[Point]:
+    return [conversions.point_message(position) for position in positions]

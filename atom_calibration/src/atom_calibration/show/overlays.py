@@ -1,0 +1,227 @@
+"""What each camera saw of the boards, and where the calibration puts them, as pictures.
+
+Squares are detected corners, crosses those that the calibration projects; depth images show their
+labeled pixels. Outlines are the projected borders: thin and white (grey, where all collections
+lie over each other) as it began, coloured as it is.
+"""
+
+from __future__ import annotations
+
+from typing import Dict, List, Mapping, Optional, Sequence, Tuple
+
+import cv2
+import numpy as np
+
+from atom_calibration.show.markers import Colour
+from atom_calibration.show.pictures import depth_picture
+from atom_calibration.show.standing import Standing
+from atom_core.errors import AtomError
+from atom_core.geometry import se3
+from atom_core.geometry.camera import Camera
+from atom_core.model.dataset import Dataset, DetectionKey
+from atom_core.model.sensor import RGB
+
+_SHIFT, _UNIT = 4, 16  # OpenCV draws in sixteenths of a pixel
+_BORDER_STEP_M = 0.02
+_NEAREST_M = 0.05  # before a camera; what is nearer has no place in its image
+_DIM, _FAINT = 0.35, 0.6  # brightness of the image below, for all collections and for one
+_WHITE, _GREY = (255, 255, 255), (140, 140, 140)
+_TILE_WIDTH_PX, _MOST_COLUMNS = 640, 2
+_FARTHEST_PX = 20000.0  # OpenCV's coordinates are short
+
+
+class Overlays:
+    """Pictures of a dataset's cameras and depth cameras; images are read once."""
+
+    def __init__(self, first: Standing, colours: Mapping[str, Colour]):
+        """Remember where the calibration began.
+
+        Args:
+            first: where it began.
+            colours: by collection.
+        """
+        self._first = first
+        self._colours = {key: _bgr(colour) for key, colour in colours.items()}
+        self._images: Dict[Tuple[str, str], np.ndarray] = {}
+
+    def pictures(self, standing: Standing, shown: Optional[str] = None) -> Dict[str, np.ndarray]:
+        """Return a picture (height, width, 3) of each sensor with a camera.
+
+        Args:
+            standing: where the calibration stands.
+            shown: key of a collection; None: all of them over each other.
+        """
+        dataset, used = standing.dataset, standing.used_collections()
+        keys = used if shown is None else [shown]
+        made = {}
+        for sensor in dataset.sensors.values():
+            if sensor.camera is not None:
+                below = _with_data(dataset, sensor.name, keys)
+                brightness = _DIM if shown is None else _FAINT
+                made[sensor.name] = self._image(dataset, below, sensor.name, brightness)
+        self._draw_points(made, standing, keys)
+        for sensor_name in made:
+            self._draw_borders(made[sensor_name], standing, sensor_name, keys)
+        self._draw_corners(made, standing, keys)
+        for name, picture in made.items():
+            _write(picture, name if shown is None else f"{name}  {shown}")
+        return made
+
+    def _image(
+        self, dataset: Dataset, key: Optional[str], name: str, brightness: float
+    ) -> np.ndarray:
+        """Return the image below, dimmed; black where there is none."""
+        camera = dataset.sensors[name].camera
+        assert camera is not None
+        blank = np.zeros((camera.height, camera.width, 3), np.uint8)
+        if key is None:
+            return blank
+        if (key, name) not in self._images:
+            self._images[(key, name)] = _read(dataset, key, name, blank)
+        return (brightness * self._images[(key, name)]).astype(np.uint8)
+
+    def _draw_points(
+        self, made: Mapping[str, np.ndarray], standing: Standing, keys: Sequence[str]
+    ) -> None:
+        for points in standing.points():
+            picture = made.get(points.key.sensor)
+            if picture is None or points.key.collection not in keys:
+                continue
+            row, column = np.divmod(points.ids, picture.shape[1])
+            colour = np.array(self._colours[points.key.collection])
+            picture[row, column] = _WHITE if points.border else (0.6 * colour).astype(np.uint8)
+
+    def _draw_borders(
+        self, picture: np.ndarray, standing: Standing, sensor: str, keys: Sequence[str]
+    ) -> None:
+        for now, thickness in ((self._first, 1), (standing, 2)):
+            for key in now.problem.detections:
+                if key.sensor == sensor and key.collection in keys:
+                    began = _WHITE if len(keys) == 1 else _GREY
+                    colour = began if thickness == 1 else self._colours[key.collection]
+                    for line in _border(now, key):
+                        cv2.polylines(
+                            picture, [line], False, colour, thickness, cv2.LINE_AA, _SHIFT
+                        )
+
+    def _draw_corners(
+        self, made: Mapping[str, np.ndarray], standing: Standing, keys: Sequence[str]
+    ) -> None:
+        for corners in standing.corners():
+            picture = made.get(corners.key.sensor)
+            if picture is None or corners.key.collection not in keys:
+                continue
+            colour = self._colours[corners.key.collection]
+            for detected, projected in zip(_fixed(corners.detected), _fixed(corners.projected)):
+                size = np.array([4 * _UNIT, 4 * _UNIT])
+                cv2.rectangle(
+                    picture,
+                    tuple(map(int, detected - size)),
+                    tuple(map(int, detected + size)),
+                    _WHITE,
+                    1,
+                    cv2.LINE_AA,
+                    _SHIFT,
+                )
+                _cross(picture, projected, colour)
+
+
+def mosaic(pictures: Sequence[np.ndarray]) -> np.ndarray:
+    """Return pictures in rows of two, each of the same width; something black without any."""
+    if not pictures:
+        return np.zeros((_TILE_WIDTH_PX // 2, _TILE_WIDTH_PX, 3), np.uint8)
+    columns = min(len(pictures), _MOST_COLUMNS)
+    tiles = [_scaled(picture) for picture in pictures]
+    return np.concatenate(
+        [_row(tiles[start : start + columns], columns) for start in range(0, len(tiles), columns)]
+    )
+
+
+def _row(tiles: Sequence[np.ndarray], columns: int) -> np.ndarray:
+    height = max(len(tile) for tile in tiles)
+    row = np.zeros((height, columns * _TILE_WIDTH_PX, 3), np.uint8)
+    for number, tile in enumerate(tiles):
+        left = number * _TILE_WIDTH_PX
+        row[: len(tile), left : left + _TILE_WIDTH_PX] = tile
+    return row
+
+
+def _scaled(picture: np.ndarray) -> np.ndarray:
+    height = int(round(picture.shape[0] * _TILE_WIDTH_PX / picture.shape[1]))
+    return cv2.resize(picture, (_TILE_WIDTH_PX, height), interpolation=cv2.INTER_AREA)
+
+
+def _border(standing: Standing, key: DetectionKey) -> List[np.ndarray]:
+    """Return the lines of the projected border."""
+    pattern = standing.dataset.patterns[key.pattern]
+    camera = standing.dataset.sensors[key.sensor].camera
+    assert camera is not None
+    flat = pattern.border.sample(_BORDER_STEP_M)
+    in_camera = se3.apply(
+        standing.poses_in_sensor[key], np.column_stack([flat, np.zeros(len(flat))])
+    )
+    return visible_lines(camera, in_camera)
+
+
+def visible_lines(camera: Camera, points: np.ndarray) -> List[np.ndarray]:
+    """Return the closed line through points (n, 3) [m] as OpenCV draws it, cut where it is behind.
+
+    Each part is (m, 1, 2) int32, in sixteenths of a pixel.
+    """
+    visible = points[:, 2] > _NEAREST_M
+    if np.all(visible):
+        return [_fixed(camera.project(np.vstack([points, points[:1]])))[:, None]]
+    if not np.any(visible):
+        return []
+    begin = int(np.argmin(visible))  # behind the camera, so that no line runs over the end
+    points, visible = np.roll(points, -begin, axis=0), np.roll(visible, -begin)
+    steps = np.flatnonzero(np.diff(visible.astype(int))) + 1
+    parts = [part for part in np.split(np.arange(len(points)), steps) if visible[part[0]]]
+    return [_fixed(camera.project(points[part]))[:, None] for part in parts if len(part) > 1]
+
+
+def _with_data(dataset: Dataset, sensor: str, keys: Sequence[str]) -> Optional[str]:
+    return next((key for key in keys if dataset.data.has_data(key, sensor)), None)
+
+
+def _read(dataset: Dataset, key: str, name: str, blank: np.ndarray) -> np.ndarray:
+    """Return an image to draw on; a file that cannot be read costs the picture, not the view."""
+    try:
+        if dataset.sensors[name].modality == RGB:
+            image = dataset.data.colour_image(key, name)
+            grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+            return cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)  # colours are the labels'
+        return depth_picture(dataset.data.depth_image(key, name))
+    except AtomError:
+        return blank
+
+
+def _fixed(pixels: np.ndarray) -> np.ndarray:
+    limited = np.clip(np.nan_to_num(pixels), -_FARTHEST_PX, _FARTHEST_PX)
+    return np.round(_UNIT * limited).astype(np.int32)
+
+
+def _cross(picture: np.ndarray, centre: np.ndarray, colour: Tuple[int, int, int]) -> None:
+    x, y, arm = int(centre[0]), int(centre[1]), 5 * _UNIT
+    cv2.line(picture, (x - arm, y), (x + arm, y), colour, 1, cv2.LINE_AA, _SHIFT)
+    cv2.line(picture, (x, y - arm), (x, y + arm), colour, 1, cv2.LINE_AA, _SHIFT)
+
+
+def _write(picture: np.ndarray, words: str) -> None:
+    scale = picture.shape[1] / 900.0
+    for colour, thickness in (((0, 0, 0), 4), (_WHITE, 2)):
+        cv2.putText(
+            picture,
+            words,
+            (int(14 * scale), int(34 * scale)),
+            cv2.FONT_HERSHEY_SIMPLEX,
+            scale,
+            colour,
+            max(int(thickness * scale), 1),
+            cv2.LINE_AA,
+        )
+
+
+def _bgr(colour: Colour) -> Tuple[int, int, int]:
+    red, green, blue = (int(round(255 * value)) for value in colour)
+    return blue, green, red

@@ -1,0 +1,287 @@
+"""A collection of a dataset as RViz shows it: its data, its labels, its transforms, its figures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Dict, List, Mapping, Tuple
+
+import cv2
+import numpy as np
+import rospy
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
+from tf2_msgs.msg import TFMessage
+
+from atom_calibration.correct.label_corrections import ChosenCorner, LabelCorrections
+from atom_calibration.labels.frames import Frame
+from atom_calibration.labels.label_messages import header_message
+from atom_calibration.messages.conversions import transform_message
+from atom_calibration.msg import CollectionState, CollectionStates, LabelState, SensorDetection
+from atom_calibration.show.annotation import picture_message
+from atom_calibration.show.pictures import labeled_picture
+from atom_core.errors import AtomError
+from atom_core.evaluation.label_quality import METRES, label_quality
+from atom_core.labeling.base import Labeled, nothing
+from atom_core.model.dataset import Dataset, DetectionKey, Label, RangeLabel, RgbLabel
+from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
+from atom_core.report.tables import text_table
+
+SHOWN = (RGB, DEPTH, LIDAR3D)
+IMAGES, POINTS = "labeled2d", "labeled3d"  # below the topic of the data, as in ATOM
+_XYZ = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
+_FLOAT32 = 7
+_CHOSEN_BGR = (0, 230, 255)
+
+
+@dataclass
+class Shown:
+    """What is shown of a sensor in a collection.
+
+    Attributes:
+        frame: its data and labels; empty data where they cannot be read.
+        problem: why not, or why a label is not shown; empty: none.
+    """
+
+    frame: Frame
+    problem: str = ""
+
+
+def data_topic(sensor: Sensor) -> str:
+    """Return where the data of a sensor are published, decompressed."""
+    topic = sensor.topic or f"/{sensor.name}/data"
+    for ending in ("/compressed", "/compressedDepth"):
+        if topic.endswith(ending):
+            return topic[: -len(ending)]
+    return topic
+
+
+def shown(corrections: LabelCorrections, name: str) -> Shown:
+    """Return what a sensor has in the collection that is shown."""
+    dataset, key = corrections.dataset, corrections.collection
+    sensor, header = dataset.sensors[name], _header(dataset, key, name)
+    stamp_s = header["stamp"]["secs"] + 1e-9 * header["stamp"]["nsecs"]
+    problem = ""
+    try:
+        data = _data(dataset, key, sensor)
+    except AtomError as error:
+        data, problem = _no_data(sensor), str(error)
+    frame = Frame(sensor, stamp_s, header, data)
+    labels = corrections.labels(name)
+    for pattern in dataset.patterns:
+        labeled = Labeled(labels[pattern]) if pattern in labels else None
+        if labeled is not None and not _fits(labels[pattern], data):
+            labeled = nothing(sensor.modality, "the label does not belong to the data")
+            problem = problem or labeled.reason
+        if labeled is None:
+            reason = "the data cannot be read" if problem else "no label"
+            labeled = nothing(sensor.modality, f"{pattern}: {reason}")
+        frame.labels[pattern] = labeled
+    return Shown(frame, problem)
+
+
+def _header(dataset: Dataset, key: str, sensor: str) -> Mapping[str, Any]:
+    document = (dataset.document.get("collections") or {}).get(key, {})
+    entry = (document.get("data") or {}).get(sensor) or {}
+    stamp = (entry.get("header") or {}).get("stamp") or {}
+    return {
+        "seq": 0,
+        "stamp": {"secs": int(stamp.get("secs", 0)), "nsecs": int(stamp.get("nsecs", 0))},
+        "frame_id": dataset.sensors[sensor].frame,
+    }
+
+
+def _data(dataset: Dataset, key: str, sensor: Sensor) -> np.ndarray:
+    if sensor.modality == RGB:
+        return dataset.data.colour_image(key, sensor.name)
+    if sensor.modality == DEPTH:
+        return dataset.data.depth_image(key, sensor.name)
+    cloud = dataset.data.cloud(key, sensor.name)
+    points = np.zeros(len(cloud), _XYZ)
+    points["x"], points["y"], points["z"] = cloud.T
+    return points
+
+
+def _no_data(sensor: Sensor) -> np.ndarray:
+    if sensor.camera is None:
+        return np.zeros(0, _XYZ)
+    size = (sensor.camera.height, sensor.camera.width)
+    return np.zeros((*size, 3), np.uint8) if sensor.modality == RGB else np.full(size, np.nan)
+
+
+def _fits(label: Label, data: np.ndarray) -> bool:
+    """Tell whether the indices of a label are within the data."""
+    if isinstance(label, RgbLabel):
+        return True
+    both = np.concatenate([label.indices, label.limit_indices])
+    return len(both) == 0 or (both.min() >= 0 and both.max() < data.size)
+
+
+# --- messages ---------------------------------------------------------------------------------
+
+
+def data_message(frame: Frame) -> Any:
+    """Return the data of a frame as the sensor would publish them."""
+    header, data = header_message(frame), frame.data
+    if frame.sensor.modality == LIDAR3D:
+        fields = [PointField(axis, 4 * i, _FLOAT32, 1) for i, axis in enumerate("xyz")]
+        return PointCloud2(
+            header=header,
+            height=1,
+            width=len(data),
+            fields=fields,
+            point_step=_XYZ.itemsize,
+            row_step=data.nbytes,
+            is_dense=False,
+            data=data.tobytes(),
+        )
+    height, width = data.shape[:2]
+    rgb = frame.sensor.modality == RGB
+    stored = data if rgb else data.astype("<f4")
+    return Image(
+        header=header,
+        height=height,
+        width=width,
+        encoding="bgr8" if rgb else "32FC1",
+        step=(3 if rgb else 4) * width,
+        data=np.ascontiguousarray(stored).tobytes(),
+    )
+
+
+def camera_info(frame: Frame) -> CameraInfo:
+    """Return the intrinsics that belong to a frame's image."""
+    camera = frame.sensor.camera
+    assert camera is not None
+    return CameraInfo(
+        header=header_message(frame),
+        height=camera.height,
+        width=camera.width,
+        distortion_model="plumb_bob" if camera.model == "none" else camera.model,
+        D=[float(v) for v in camera.D] or [0.0] * 5,
+        K=[float(v) for v in camera.K.ravel()],
+        R=[float(v) for v in np.eye(3).ravel()],
+        P=[float(v) for v in np.column_stack([camera.K, np.zeros(3)]).ravel()],
+    )
+
+
+def labeled_image(frame: Frame, chosen: Any = None) -> Image:
+    """Return an image with its labels drawn in.
+
+    Args:
+        frame: of a camera.
+        chosen: the `ChosenCorner` to point out, if it is one of this image.
+    """
+    with np.errstate(invalid="ignore"):
+        picture = labeled_picture(frame)
+    if isinstance(chosen, ChosenCorner) and chosen.sensor == frame.sensor.name:
+        label = frame.labels[chosen.pattern].label
+        assert isinstance(label, RgbLabel)
+        for x, y in label.pixels[label.ids == chosen.corner]:
+            centre = (int(round(16 * x)), int(round(16 * y)))
+            cv2.circle(picture, centre, 9 * 16, _CHOSEN_BGR, 2, cv2.LINE_AA, 4)
+    return picture_message(frame, picture)
+
+
+def transforms_message(dataset: Dataset, key: str) -> TFMessage:
+    """Return all transforms of a collection, for /tf_static."""
+    now = rospy.Time.now()
+    transforms = dataset.collections[key].transforms
+    return TFMessage([transform_message(edge, m, now) for edge, m in transforms.items()])
+
+
+# --- figures ----------------------------------------------------------------------------------
+
+
+def label_states(corrections: LabelCorrections, problems: Mapping[str, str]) -> List[LabelState]:
+    """Return every label of the collection that is shown with its figures.
+
+    Args:
+        corrections: the dataset.
+        problems: why data of a sensor cannot be shown, by its name.
+    """
+    changed = set(corrections.changed())
+    return [
+        _label_state(
+            corrections,
+            DetectionKey(corrections.collection, sensor, pattern),
+            changed,
+            problems.get(sensor, ""),
+        )
+        for sensor in corrections.dataset.sensors
+        for pattern in corrections.dataset.patterns
+    ]
+
+
+def _label_state(
+    corrections: LabelCorrections, key: DetectionKey, changed: Any, problem: str
+) -> LabelState:
+    sensor, label = corrections.dataset.sensors[key.sensor], corrections.dataset.label(key)
+    state = LabelState(
+        sensor=sensor.name,
+        modality=sensor.modality,
+        topic=data_topic(sensor),
+        frame_id=sensor.frame,
+        pattern_name=key.pattern,
+        detected=label is not None,
+        corrected=key in changed,
+        rms=np.nan,
+        worst=np.nan,
+        worst_item=-1,
+        problem=problem,
+    )
+    if label is None:
+        return state
+    state.points = len(label.indices) if isinstance(label, RangeLabel) else len(label.ids)
+    if isinstance(label, RangeLabel):
+        state.border_points = len(label.limit_indices)
+    try:
+        quality = label_quality(corrections.dataset, key)
+    except AtomError as error:
+        state.problem = problem or str(error)
+        return state
+    state.unit, state.rms, state.worst = quality.unit, quality.rms, quality.worst
+    state.worst_item = quality.worst_item
+    return state
+
+
+def quality_table(title: str, states: List[LabelState]) -> str:
+    """Return the labels and their figures as a text; metres are told in millimetres."""
+    rows = []
+    for state in states:
+        scale, unit = (1000.0, "mm") if state.unit == METRES else (1.0, state.unit)
+        worst = f"{scale * state.worst:.2f} ({state.worst_item})" if state.worst_item >= 0 else ""
+        rms = f"{scale * state.rms:.2f}" if np.isfinite(state.rms) else ""
+        note = state.problem or ("corrected" if state.corrected else "")
+        border = state.border_points if state.modality != RGB else ""
+        rows.append(
+            [
+                state.sensor,
+                state.pattern_name,
+                state.points,
+                border,
+                rms,
+                worst,
+                unit,
+                note,
+            ]
+        )
+    headers = ["sensor", "pattern", "points", "border", "rms", "worst (which)", "unit", ""]
+    return text_table(headers, rows, title)
+
+
+def collection_states(dataset: Dataset) -> CollectionStates:
+    """Return which sensors have labels in each collection."""
+    detections: Dict[str, List[SensorDetection]] = {key: [] for key in dataset.collections}
+    for key, label in dataset.detections():
+        count = len(label.indices) if isinstance(label, RangeLabel) else len(label.ids)
+        detections[key.collection].append(SensorDetection(key.sensor, key.pattern, count))
+    return CollectionStates(
+        [CollectionState(key, _stamp(dataset, key), found) for key, found in detections.items()]
+    )
+
+
+def _stamp(dataset: Dataset, key: str) -> rospy.Time:
+    """Return the time of a collection's earliest data."""
+    stamps: List[Tuple[int, int]] = []
+    for sensor in dataset.sensors:
+        stamp = _header(dataset, key, sensor)["stamp"]
+        stamps.append((stamp["secs"], stamp["nsecs"]))
+    return rospy.Time(*min(stamps, default=(0, 0)))

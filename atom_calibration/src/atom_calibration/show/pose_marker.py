@@ -1,0 +1,248 @@
+"""The one interactive marker: a pose that a person drags in RViz.
+
+Sensors, seeds, patterns and corrections of transforms all use it. RViz returns the pose in the
+marker's own frame, because the marker is locked to that frame; feedback in another frame comes
+from no RViz and is refused.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Callable, List, Optional, Sequence, Tuple
+
+import numpy as np
+import rospy
+from geometry_msgs.msg import Quaternion
+from interactive_markers.interactive_marker_server import InteractiveMarkerServer
+from interactive_markers.menu_handler import MenuHandler
+from visualization_msgs.msg import (
+    InteractiveMarker,
+    InteractiveMarkerControl,
+    InteractiveMarkerFeedback,
+    Marker,
+)
+
+from atom_calibration.errors import MessageError
+from atom_calibration.messages import conversions
+
+FULL, POSITION, PLANAR, STILL = "full", "position", "planar", "still"
+_MOVES = {
+    FULL: (("x", "y", "z"), ("x", "y", "z")),  # axes to move along, axes to turn about
+    POSITION: (("x", "y", "z"), ()),
+    PLANAR: (("x", "y"), ("z",)),
+    STILL: ((), ()),
+}
+_ROUNDING = (
+    1e-6  # m and entries of rotations: RViz has 32 bits, so that even a click moves a little
+)
+# Quaternions (x, y, z, w) of controls: RViz moves along, and turns about, their x axis.
+_HALF = 0.5**0.5
+_AXES = {
+    "x": (_HALF, 0.0, 0.0, _HALF),
+    "y": (0.0, 0.0, _HALF, _HALF),
+    "z": (0.0, -_HALF, 0.0, _HALF),
+}
+
+
+@dataclass(frozen=True)
+class Moved:
+    """What a drag in RViz says.
+
+    Attributes:
+        frame_T_marker: (4, 4) where the marker is now, in its frame [m].
+        stamp: when RViz sent it.
+        dropped: the mouse button was released; until then more will follow.
+    """
+
+    frame_T_marker: np.ndarray
+    stamp: rospy.Time
+    dropped: bool
+
+
+MenuEntries = Sequence[Tuple[str, Callable[[], None]]]
+OnMoved = Callable[[Moved], None]
+
+
+class MarkerServer(InteractiveMarkerServer):
+    """A server that listens to RViz whatever the clock does.
+
+    The original refuses whoever speaks within a second after another, by ROS's clock. To it, the
+    making of a marker is speech too: nobody is heard while the clock stands still before a
+    recording begins, nor after it has begun anew, when the past was in the future.
+    """
+
+    def processFeedback(self, feedback: Any) -> None:  # noqa: N802  (the server's name for it)
+        """Take feedback from anyone if nobody moved the marker, or did so in a time to come."""
+        with self.mutex:
+            context = self.marker_contexts.get(feedback.marker_name)
+            if context is not None:
+                if not context.last_client_id:
+                    context.last_client_id = feedback.client_id
+                if context.last_feedback > rospy.Time.now():
+                    context.last_feedback = rospy.Time()
+        super().processFeedback(feedback)
+
+    def publish(self, update: Any) -> None:
+        """Publish, also from the timer's thread, which may outlive the topic when a node ends."""
+        try:
+            super().publish(update)
+        except rospy.ROSException:
+            if not rospy.is_shutdown():
+                raise
+
+
+class PoseMarker:
+    """One marker on a server; several may share the server.
+
+    Attributes:
+        name: on the server.
+        frame: its frame.
+        frame_T_marker: (4, 4) its pose [m].
+        scale: its size [m].
+        visible: whether RViz shows it.
+    """
+
+    def __init__(
+        self,
+        server: InteractiveMarkerServer,
+        name: str,
+        frame: str,
+        frame_T_marker: np.ndarray,
+        on_moved: Optional[OnMoved] = None,
+        *,
+        moves: str = FULL,
+        scale: float = 0.6,
+        shapes: Sequence[Marker] = (),
+        menu: MenuEntries = (),
+        description: str = "",
+    ):
+        """Show the marker.
+
+        Args:
+            server: to which it belongs.
+            name: unique on the server.
+            frame: frame of the pose; the marker follows it.
+            frame_T_marker: (4, 4) pose [m].
+            on_moved: called upon each step of a drag, in a thread of ROS.
+            moves: FULL (six degrees of freedom), POSITION, PLANAR (x, y and yaw) or STILL.
+            scale: size [m].
+            shapes: what is drawn between the arrows, in the marker's own frame; a left click on
+                it opens the menu too.
+            menu: (title, function) of the entries on the right mouse button.
+            description: a text above it.
+        """
+        self.name, self.frame, self.scale, self.visible = name, frame, scale, True
+        self.frame_T_marker = np.array(frame_T_marker, dtype=float)
+        self._server, self._on_moved, self._moves = server, on_moved, moves
+        self._shapes, self._description = list(shapes), description
+        self._handler = _menu_handler(menu) if menu else None
+        self._insert()
+
+    def move(self, frame_T_marker: np.ndarray) -> None:
+        """Put the marker elsewhere; `on_moved` is not called."""
+        self.frame_T_marker = np.array(frame_T_marker, dtype=float)
+        if self.visible:
+            self._server.setPose(self.name, conversions.pose_message(self.frame_T_marker))
+            self._server.applyChanges()
+
+    def show(self, visible: bool = True, scale: Optional[float] = None) -> None:
+        """Show or hide the marker, or give it another size [m]."""
+        if (visible, scale or self.scale) == (self.visible, self.scale):
+            return
+        self.visible, self.scale = visible, scale or self.scale
+        if visible:
+            self._insert()
+        else:
+            self.remove()
+
+    def redraw(self, shapes: Sequence[Marker], description: Optional[str] = None) -> None:
+        """Draw other shapes, or another text."""
+        self._shapes = list(shapes)
+        self._description = self._description if description is None else description
+        if self.visible:
+            self._insert()
+
+    def remove(self) -> None:
+        """Take the marker off the server."""
+        self.visible = False
+        self._server.erase(self.name)
+        self._server.applyChanges()
+
+    def message(self) -> InteractiveMarker:
+        """Return the marker as RViz gets it."""
+        marker = InteractiveMarker(
+            name=self.name,
+            description=self._description,
+            scale=self.scale,
+            pose=conversions.pose_message(self.frame_T_marker),
+        )
+        marker.header.frame_id = self.frame  # the stamp stays zero: locked to the frame
+        marker.controls = _controls(self._moves)
+        if self._shapes or self._handler is not None:
+            marker.controls.append(_body(self._shapes, self._handler is not None))
+        return marker
+
+    def _insert(self) -> None:
+        self._server.insert(self.message(), self._feedback)
+        if self._handler is not None:
+            self._handler.apply(self._server, self.name)
+        self._server.applyChanges()
+
+    def _feedback(self, feedback: Any) -> None:
+        """Take a pose from RViz; called by the server."""
+        if feedback.event_type not in (
+            InteractiveMarkerFeedback.POSE_UPDATE,
+            InteractiveMarkerFeedback.MOUSE_UP,
+        ):
+            return
+        problem = _problem(feedback, self.frame)
+        if problem:
+            rospy.logwarn(f"marker '{self.name}': {problem}; the move is ignored")
+            self.move(self.frame_T_marker)
+            return
+        dragged = conversions.pose_matrix(feedback.pose)
+        if not np.allclose(dragged, self.frame_T_marker, rtol=0.0, atol=_ROUNDING):
+            self.frame_T_marker = dragged
+        dropped = feedback.event_type == InteractiveMarkerFeedback.MOUSE_UP
+        if dropped:  # while it is dragged, an echo would pull it back
+            self._server.applyChanges()
+        if self._on_moved is not None:
+            self._on_moved(Moved(self.frame_T_marker.copy(), feedback.header.stamp, dropped))
+
+
+def _problem(feedback: Any, frame: str) -> str:
+    """Return why a pose from RViz cannot be used; empty when it can."""
+    if conversions.frame(feedback.header.frame_id) not in ("", frame):
+        return f"its pose came in frame '{feedback.header.frame_id}' instead of '{frame}'"
+    try:
+        conversions.pose_matrix(feedback.pose)
+    except MessageError as error:
+        return str(error)
+    return ""
+
+
+def _menu_handler(menu: MenuEntries) -> MenuHandler:
+    handler = MenuHandler()
+    for title, function in menu:
+        handler.insert(title, callback=lambda _feedback, call=function: call())
+    return handler
+
+
+def _controls(moves: str) -> List[InteractiveMarkerControl]:
+    """Return arrows to move along and rings to turn about, each by the axes' names."""
+    along, about = _MOVES[moves]
+    kinds = [(axis, "move", InteractiveMarkerControl.MOVE_AXIS) for axis in along]
+    kinds += [(axis, "rotate", InteractiveMarkerControl.ROTATE_AXIS) for axis in about]
+    controls = []
+    for axis, verb, mode in kinds:
+        control = InteractiveMarkerControl(name=f"{verb}_{axis}", interaction_mode=mode)
+        control.orientation = Quaternion(*_AXES[axis])
+        controls.append(control)
+    return controls
+
+
+def _body(shapes: Sequence[Marker], with_menu: bool) -> InteractiveMarkerControl:
+    button = InteractiveMarkerControl.MENU if with_menu else InteractiveMarkerControl.NONE
+    return InteractiveMarkerControl(
+        name="body", interaction_mode=button, always_visible=True, markers=list(shapes)
+    )

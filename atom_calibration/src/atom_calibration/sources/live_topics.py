@@ -1,0 +1,150 @@
+"""What the ROS master knows of topics, in the form in which ``rig`` asks a bag."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from typing import Any, Callable, Deque, Dict, List, Optional, Sequence, TypeVar
+
+import roslib.message
+import rospy
+
+from atom_calibration.errors import BagError, TransformError
+from atom_calibration.messages import conversions
+from atom_calibration.sources.rig import candidate_topics
+from atom_core.errors import AtomError
+from atom_core.model.config import CalibrationConfig
+
+_POLL_S = 0.1
+_KEPT = 10  # messages of a topic
+_TELL_EVERY_S = 5.0
+Result = TypeVar("Result")
+
+
+class NotYetError(BagError):
+    """A topic, or its first message, is not there yet."""
+
+
+class LiveTopics:
+    """Topics that are published now, and the first messages of those that a configuration names.
+
+    Attributes:
+        path: what messages call it.
+        types: type of messages by topic.
+    """
+
+    path = "the ROS master"
+
+    def __init__(self, config: CalibrationConfig):
+        """Start to listen to the configuration's topics as they appear."""
+        self._wanted = [t for entry in config.sensors.values() for t in candidate_topics(entry)]
+        self.types: Dict[str, str] = {}
+        self._early: Dict[str, Deque[Any]] = {}
+        self._subscribers: Dict[str, rospy.Subscriber] = {}
+        self._lock = threading.Lock()
+
+    def __enter__(self) -> LiveTopics:
+        """Return itself."""
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        """Stop to listen."""
+        for subscriber in self._subscribers.values():
+            subscriber.unregister()
+
+    def look(self) -> None:
+        """Ask the master anew."""
+        self.types = published_types()
+        for topic in self._wanted:
+            kind = message_class(self.types.get(topic, ""))
+            if kind is not None and topic not in self._subscribers:
+                self._subscribers[topic] = rospy.Subscriber(
+                    topic, kind, self._keep, topic, queue_size=1, buff_size=2**24
+                )
+
+    def first(self, topic: str) -> Any:
+        """Return the first message that came on a topic.
+
+        Raises:
+            NotYetError: none came.
+        """
+        with self._lock:
+            if topic in self._early:
+                return self._early[topic][0]
+        raise NotYetError(
+            f"topic {topic}: no message has come; is the sensor, or the bag, running?"
+        )
+
+    def absent(self, topic: str, types: Sequence[str], whose: str) -> NotYetError:
+        """Return the error that nobody publishes a topic, with those that might be meant."""
+        similar = sorted(name for name, kind in self.types.items() if kind in types)
+        return NotYetError(
+            f"topic {topic} ({whose}) is not published; topics of {' or '.join(types)}: "
+            f"{', '.join(similar) or 'none'}; start the sensor or the bag, or correct topic_name"
+        )
+
+    def early(self, topic: str) -> List[Any]:
+        """Return the last messages of a topic, for whoever begins to listen only now."""
+        with self._lock:
+            return list(self._early.get(topic, ()))
+
+    def _keep(self, message: Any, topic: str) -> None:
+        with self._lock:
+            self._early.setdefault(topic, deque(maxlen=_KEPT)).append(message)
+
+
+def published_types() -> Dict[str, str]:
+    """Return the types of all topics that are published now.
+
+    Raises:
+        NotYetError: the master does not answer, perhaps not for long.
+    """
+    try:
+        return {name: kind for name, kind in rospy.get_published_topics() if kind != "*"}
+    except OSError:
+        raise NotYetError("the ROS master does not answer") from None
+
+
+def message_class(name: str) -> Optional[type]:
+    """Return the class of a type of messages; None if it is not one of sensors' data."""
+    known = {t for kinds in conversions.DATA_TYPES.values() for t in kinds}
+    known.add(conversions.CAMERA_INFO)
+    return roslib.message.get_message_class(name) if name in known else None
+
+
+def wait_for(
+    get: Callable[[], Result],
+    stopped: Callable[[], bool],
+    tell: Callable[[str], None],
+    patience_s: float = 0.0,
+) -> Optional[Result]:
+    """Return what ``get`` returns once it no longer fails for something that is not there yet.
+
+    Args:
+        get: raises NotYetError or TransformError until all is there.
+        stopped: tells whether to give up; then None is returned.
+        tell: is told every few seconds what is waited for.
+        patience_s: longest time to wait; 0 for ever.
+
+    Raises:
+        AtomError: what ``get`` raises otherwise, or still raises when the patience is over.
+    """
+    begin = time.monotonic()
+    told = begin
+    while not stopped():
+        try:
+            return get()
+        except (NotYetError, TransformError) as error:
+            now = time.monotonic()
+            if 0 < patience_s < now - begin:
+                raise _tired(error, patience_s) from None
+            if now - told > _TELL_EVERY_S:
+                tell(f"waiting: {error}")
+                told = now
+        time.sleep(_POLL_S)
+    return None
+
+
+def _tired(error: AtomError, patience_s: float) -> AtomError:
+    return type(error)(f"{error} (waited for {patience_s:g} s)")

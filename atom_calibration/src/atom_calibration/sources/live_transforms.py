@@ -1,0 +1,81 @@
+"""The transforms of a running robot, in the same tree that the transforms of a bag are in."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from typing import Any, Deque, Dict
+
+import rospy
+from tf2_msgs.msg import TFMessage
+
+from atom_calibration.errors import MessageError
+from atom_calibration.messages.conversions import edge_of, stamp_s
+from atom_calibration.sources.transform_tree import TransformTree
+from atom_core.model.transforms import Edge
+
+SPAN_S = 30.0
+_BACK_S = 5.0  # time that goes back by more begins anew, as when a bag is repeated
+_MOST_WAITING = 5000  # messages of /tf that nobody has looked at
+
+
+class LiveTransforms:
+    """Listens to /tf and /tf_static. One thread at a time may look into the tree."""
+
+    def __init__(self) -> None:
+        """Start to listen."""
+        self._lock = threading.Lock()
+        self._waiting: Deque[Any] = deque(maxlen=_MOST_WAITING)
+        self._waiting_static: Deque[Any] = deque()
+        self._static: Dict[Edge, Any] = {}
+        self._newest_s: Dict[Edge, float] = {}
+        self._tree = TransformTree(SPAN_S)
+        self._subscribers = [
+            rospy.Subscriber("/tf", TFMessage, self._waiting.append, queue_size=200),
+            rospy.Subscriber("/tf_static", TFMessage, self._waiting_static.append, queue_size=100),
+        ]
+
+    def at(self, _time_s: float) -> TransformTree:
+        """Return the tree, which holds the last half minute."""
+        with self._lock:
+            while self._waiting_static:
+                self._add_static(self._waiting_static.popleft())
+            while self._waiting:
+                self._add(self._waiting.popleft())
+            return self._tree
+
+    def wait_until(self, time_s: float, patience_s: float) -> None:
+        """Wait until every edge that moves has a pose at or after a time, but not for ever."""
+        end = time.monotonic() + patience_s
+        while time.monotonic() < end:
+            self.at(time_s)
+            recent = [s for s in self._newest_s.values() if s > time_s - 1.0]
+            if all(stamp >= time_s for stamp in recent):
+                return
+            time.sleep(0.02)
+
+    def _add_static(self, message: Any) -> None:
+        for part in message.transforms:
+            if self._put(part, fixed=True):
+                self._static[edge_of(part)] = part
+
+    def _add(self, message: Any) -> None:
+        for part in message.transforms:
+            edge, stamp = edge_of(part), stamp_s(part)
+            if stamp < self._newest_s.get(edge, stamp) - _BACK_S:
+                self._begin_anew()
+            if self._put(part, fixed=False):
+                self._newest_s[edge] = max(stamp, self._newest_s.get(edge, stamp))
+
+    def _put(self, part: Any, fixed: bool) -> bool:
+        try:
+            self._tree.add([part], fixed)
+        except MessageError as error:
+            rospy.logwarn_throttle(10.0, f"{error}; it is left out")
+            return False
+        return True
+
+    def _begin_anew(self) -> None:
+        self._tree, self._newest_s = TransformTree(SPAN_S), {}
+        self._tree.add(self._static.values(), fixed=True)

@@ -1,0 +1,155 @@
+"""The sensors of a configuration as a bag, or the master, knows them: topics, modality, frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Dict, List, Mapping, Optional, Protocol, Sequence, Tuple
+
+from atom_calibration.errors import BagError, MessageError, TransformError
+from atom_calibration.messages import conversions
+from atom_calibration.sources.transform_tree import TransformTree
+from atom_core.geometry.camera import Camera
+from atom_core.model.config import CalibrationConfig, SensorConfig
+from atom_core.model.sensor import DEPTH, LIDAR2D, RGB, Sensor
+from atom_core.model.transforms import Edge
+
+_SUFFIXES = ("", "/compressed", "/compressedDepth")
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What is collected.
+
+    Attributes:
+        sensors: by name, in the order of the configuration.
+        topics: where the data of a sensor are, by topic; compressed ones by their full name.
+        warnings: what the user should know.
+    """
+
+    sensors: Dict[str, Sensor]
+    topics: Dict[str, Sensor]
+    warnings: Tuple[str, ...]
+
+
+class TopicSource(Protocol):
+    """Where topics are: a bag, or a running system.
+
+    Attributes:
+        path: what messages call it.
+    """
+
+    path: Any
+
+    @property
+    def types(self) -> Mapping[str, str]:
+        """Type of messages by topic."""
+
+    def first(self, topic: str) -> Any:
+        """Return the first message of a topic."""
+
+    def absent(self, topic: str, types: Sequence[str], whose: str) -> BagError:
+        """Return the error that a topic is not there."""
+
+
+def candidate_topics(entry: SensorConfig) -> List[str]:
+    """Return every topic that may have a sensor's data or intrinsics."""
+    return [*(entry.topic_name + suffix for suffix in _SUFFIXES), _info_topic(entry)]
+
+
+def rig_from_bag(config: CalibrationConfig, bag: TopicSource) -> Rig:
+    """Find the sensors of a configuration in a bag, or among the topics that are published.
+
+    Raises:
+        BagError: a topic, or a camera's camera_info, is absent.
+        MessageError: a camera_info is of no use.
+    """
+    sensors: Dict[str, Sensor] = {}
+    topics: Dict[str, Sensor] = {}
+    warnings: List[str] = []
+    for name, entry in config.sensors.items():
+        topic, sensor = sensor_from_bag(name, entry, bag)
+        if sensor is None:
+            warnings.append(f"sensor '{name}' ({bag.types[topic]}) is left out: it is not labeled")
+            continue
+        sensors[name] = sensor
+        topics[topic] = sensors[name]
+        frame_id = conversions.frame(bag.first(topic).header.frame_id)
+        if frame_id != entry.link:
+            warnings.append(
+                f"sensor '{name}': its data are in frame '{frame_id}' (header of {topic}), the "
+                f"configuration says link '{entry.link}', which is used"
+            )
+    if not sensors:
+        raise BagError(f"{bag.path}: no sensor of the configuration can be labeled")
+    return Rig(sensors, topics, tuple(warnings))
+
+
+def sensor_from_bag(
+    name: str, entry: SensorConfig, bag: TopicSource
+) -> Tuple[str, Optional[Sensor]]:
+    """Return the topic of a sensor's data, and the sensor; None for a modality without labels.
+
+    Raises:
+        BagError: a topic, or a camera's camera_info, is absent.
+        MessageError: a camera_info is of no use.
+    """
+    topic = _data_topic(name, entry, bag)
+    modality = entry.modality or conversions.modality_of(bag.types[topic])
+    if modality == LIDAR2D or modality is None:
+        return topic, None
+    camera = _camera(name, entry, bag) if modality in (RGB, DEPTH) else None
+    edge = Edge(entry.parent_link, entry.child_link)
+    return topic, Sensor(name, modality, entry.link, edge, camera, entry.topic_name)
+
+
+def check_frames(rig: Rig, config: CalibrationConfig, tree: TransformTree) -> None:
+    """Refuse a rig whose frames do not hang together as the configuration says.
+
+    Raises:
+        TransformError: naming the sensor, the frame or edge, and the remedy.
+    """
+    for sensor in rig.sensors.values():
+        try:
+            path = tree.path(config.world_link, sensor.frame)
+        except TransformError as error:
+            raise TransformError(f"sensor '{sensor.name}', topic {sensor.topic}: {error}") from None
+        if sensor.edge not in path:
+            listed = ", ".join(str(edge) for edge in path)
+            raise TransformError(
+                f"sensor '{sensor.name}': its edge '{sensor.edge}' (parent_link, child_link) is "
+                f"not between '{config.world_link}' and '{sensor.frame}' in the bag's transforms "
+                f"({listed}); correct the configuration"
+            )
+    for pattern in config.calibration_patterns.values():
+        tree.path(config.world_link, pattern.parent_link)
+
+
+def _data_topic(name: str, entry: SensorConfig, bag: TopicSource) -> str:
+    """Return the topic with the data, the raw one before the compressed ones."""
+    types = conversions.DATA_TYPES.get(entry.modality or "", ())
+    known = types or tuple({t for kinds in conversions.DATA_TYPES.values() for t in kinds})
+    for suffix in _SUFFIXES:
+        topic = entry.topic_name + suffix
+        if topic in bag.types:
+            if bag.types[topic] not in known:
+                raise BagError(
+                    f"{bag.path}: topic {topic} (sensor '{name}') carries {bag.types[topic]}, for "
+                    f"modality {entry.modality} it has to be {' or '.join(known)}; correct "
+                    f"topic_name or modality in the configuration"
+                )
+            return topic
+    raise bag.absent(entry.topic_name, known, f"sensor '{name}'")
+
+
+def _camera(name: str, entry: SensorConfig, bag: TopicSource) -> Camera:
+    topic = _info_topic(entry)
+    if topic not in bag.types:
+        raise bag.absent(topic, [conversions.CAMERA_INFO], f"intrinsics of sensor '{name}'")
+    try:
+        return conversions.camera(bag.first(topic))
+    except MessageError as error:
+        raise MessageError(f"{bag.path}: sensor '{name}', topic {topic}: {error}") from None
+
+
+def _info_topic(entry: SensorConfig) -> str:
+    return f"{entry.topic_name.rpartition('/')[0]}/camera_info"

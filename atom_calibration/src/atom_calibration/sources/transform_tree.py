@@ -1,0 +1,256 @@
+"""The transform tree of a recording at any time of it: what /tf and /tf_static of the bag say.
+
+Nothing else is asked: no master, no wall clock. tf2's BufferCore interpolates between two
+messages, however far apart they are; here a gap is an error, because nobody knows what the robot
+did in it.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, insort
+from typing import Any, Dict, Iterable, List, Mapping, Optional, Set, Tuple
+
+import numpy as np
+import rospy
+import tf2_ros
+from geometry_msgs.msg import TransformStamped
+
+from atom_calibration.errors import TransformError
+from atom_calibration.messages.conversions import TF_MESSAGE, edge_of, stamp_s, transform
+from atom_calibration.sources.bag_reader import BagReader
+from atom_core.geometry import se3
+from atom_core.model.transforms import Edge
+
+DEFAULT_MAX_GAP_S = 1.0
+_WINDOW_S = 5.0  # of /tf that are in memory at a time
+_LATENCY_S = 2.0  # a transform may be recorded so much later than its stamp
+
+
+class TransformTree:
+    """Edges over some time, each fixed or a sequence of poses that is interpolated."""
+
+    def __init__(self, span_s: float = 60.0, max_gap_s: float = DEFAULT_MAX_GAP_S):
+        """Start without edges.
+
+        Args:
+            span_s: how much time it holds; older poses are forgotten.
+            max_gap_s: longest time between two poses of an edge that is bridged.
+        """
+        self._buffer = tf2_ros.BufferCore(rospy.Duration.from_sec(span_s))
+        self._span_s, self._max_gap_s = span_s, max_gap_s
+        self._fixed: Dict[Edge, np.ndarray] = {}
+        self._stamps: Dict[Edge, List[float]] = {}
+        self._parents: Dict[str, str] = {}
+
+    def add(self, messages: Iterable[Any], fixed: bool) -> None:
+        """Add the TransformStamped of a message of /tf, or (`fixed`) of /tf_static.
+
+        Raises:
+            MessageError: one of them is no pose.
+        """
+        for message in messages:
+            edge, matrix = edge_of(message), transform(message)
+            self._parents[edge.child] = edge.parent
+            if fixed:
+                self._fixed[edge] = matrix
+                self._buffer.set_transform_static(_copy(edge, matrix, message), "bag")
+            else:
+                self._note(edge, stamp_s(message))
+                self._buffer.set_transform(_copy(edge, matrix, message), "bag")
+
+    def _note(self, edge: Edge, stamp: float) -> None:
+        """Remember a stamp, and forget those that the buffer has forgotten."""
+        stamps = self._stamps.setdefault(edge, [])
+        insort(stamps, stamp)
+        if stamps[-1] - stamps[0] > 2 * self._span_s:
+            del stamps[: bisect_left(stamps, stamps[-1] - self._span_s)]
+
+    @property
+    def frames(self) -> Set[str]:
+        """Every frame."""
+        return {*self._parents, *self._parents.values()}
+
+    def connected_edges(self, root: str) -> List[Edge]:
+        """Return every edge below a frame (or above it, towards tf's own root)."""
+        edges = [Edge(parent, child) for child, parent in self._parents.items()]
+        reached, grown = {root}, True
+        while grown:
+            found = {f for e in edges for f in e if reached & set(e)}
+            grown, reached = not found <= reached, reached | found
+        return [edge for edge in edges if edge.parent in reached]
+
+    def path(self, target: str, source: str) -> List[Edge]:
+        """Return the edges between two frames.
+
+        Raises:
+            TransformError: a frame is unknown, or nothing connects the two.
+        """
+        for frame in (target, source):
+            if frame not in self.frames and target != source:
+                known = ", ".join(sorted(self.frames)[:20])
+                raise TransformError(
+                    f"frame '{frame}' is in no message of /tf or /tf_static (there are: "
+                    f"{known or 'none'}); correct the name, or record the transforms"
+                )
+        up, down = self._ancestors(target), self._ancestors(source)
+        common = next((frame for frame in up if frame in down), None)
+        if common is None:
+            raise TransformError(
+                f"no transform connects frame '{target}' with frame '{source}'; record the "
+                f"missing part of /tf or /tf_static, e.g. run robot_state_publisher"
+            )
+        branches = up[: up.index(common)] + down[: down.index(common)]
+        return [Edge(self._parents[child], child) for child in branches]
+
+    def edge(self, edge: Edge, time_s: float) -> np.ndarray:
+        """Return ``parent_T_child`` (4, 4) of one edge at a time.
+
+        Raises:
+            TransformError: there is no such edge, or no pose of it near that time.
+        """
+        if edge in self._fixed:
+            return self._fixed[edge]
+        if edge not in self._stamps:
+            raise TransformError(f"transform '{edge}' is not in /tf or /tf_static")
+        time_s = self._within_gap(edge, time_s)
+        try:
+            found = self._buffer.lookup_transform_core(
+                edge.parent, edge.child, rospy.Time.from_sec(time_s)
+            )
+        except tf2_ros.TransformException as error:
+            raise TransformError(f"transform '{edge}' at time {time_s:.3f}: {error}") from None
+        return transform(found)
+
+    def lookup(self, target: str, source: str, time_s: float) -> np.ndarray:
+        """Return ``target_T_source`` (4, 4) at a time.
+
+        Raises:
+            TransformError: see `path` and `edge`.
+        """
+        edges = self.path(target, source)
+        up = self._ancestors(target)
+        product = np.eye(4)
+        for edge in edges:  # first up from the target, then up from the source, in reverse
+            if edge.child in up:
+                product = product @ se3.inverse(self.edge(edge, time_s))
+        for edge in reversed([e for e in edges if e.child not in up]):
+            product = product @ self.edge(edge, time_s)
+        return product
+
+    def _ancestors(self, frame: str) -> List[str]:
+        chain = [frame]
+        while chain[-1] in self._parents and self._parents[chain[-1]] not in chain:
+            chain.append(self._parents[chain[-1]])
+        return chain
+
+    def _within_gap(self, edge: Edge, time_s: float) -> float:
+        """Return the time to look up: the same, or that of the first or last pose if near."""
+        stamps = self._stamps[edge]
+        after = bisect_left(stamps, time_s - 1e-9)
+        before_s = stamps[after - 1] if after > 0 else None
+        after_s = stamps[after] if after < len(stamps) else None
+        if after_s is not None and abs(after_s - time_s) < 1e-6:
+            return after_s
+        if before_s is not None and after_s is not None and after_s - before_s <= self._max_gap_s:
+            return time_s
+        if before_s is None or after_s is None:  # the recording begins or ends here
+            nearest = after_s if before_s is None else before_s
+            if nearest is not None and abs(nearest - time_s) <= 0.5 * self._max_gap_s:
+                return nearest
+        raise TransformError(
+            f"/tf has no pose of '{edge}' near time {time_s:.3f}: before it "
+            f"{_time_text(before_s)}, after it {_time_text(after_s)} (a gap of {self._max_gap_s:g} "
+            f"s is bridged); leave this time out, or record /tf without gaps"
+        )
+
+
+class BagTransforms:
+    """The transforms of a bag; only a few seconds of /tf are in memory at a time."""
+
+    def __init__(self, bag: BagReader, max_gap_s: float = DEFAULT_MAX_GAP_S):
+        """Read /tf_static.
+
+        Raises:
+            TransformError: the bag has no transforms at all.
+        """
+        topics = bag.topics_of([TF_MESSAGE, "tf/tfMessage"])
+        if not topics:
+            raise TransformError(
+                f"{bag.path}: the bag has neither /tf nor /tf_static; record them with the "
+                f"sensors' data, e.g. `rosbag record /tf /tf_static ...`"
+            )
+        self._bag, self._max_gap_s = bag, max_gap_s
+        self._static_topics = [name for name in topics if name.endswith("tf_static")]
+        self._moving_topics = [name for name in topics if name not in self._static_topics]
+        self._static: Dict[Edge, Any] = {}  # the last message of each edge holds
+        if self._static_topics:
+            for found in bag.messages(self._static_topics):
+                self._static.update({edge_of(m): m for m in found.message.transforms})
+        self._window: Tuple[float, float] = (np.inf, -np.inf)
+        self._tree = TransformTree()
+
+    def at(self, time_s: float) -> TransformTree:
+        """Return the tree around a time [s]."""
+        return self.between(time_s, time_s)
+
+    def between(self, start_s: float, end_s: float) -> TransformTree:
+        """Return the tree over some seconds, and a margin around them."""
+        if not (self._window[0] <= start_s and end_s <= self._window[1]):
+            end_s = max(end_s, start_s + _WINDOW_S)
+            self._tree = self._read(start_s - _LATENCY_S, end_s)
+            self._window = (start_s - _LATENCY_S, end_s)
+        return self._tree
+
+    def _read(self, start_s: float, end_s: float) -> TransformTree:
+        margin = self._max_gap_s + _LATENCY_S
+        tree = TransformTree(end_s - start_s + 4 * margin, self._max_gap_s)
+        tree.add(self._static.values(), fixed=True)
+        if self._moving_topics:
+            for found in self._bag.messages(self._moving_topics, start_s - margin, end_s + margin):
+                tree.add(found.message.transforms, fixed=False)
+        return tree
+
+
+def edges_at(
+    tree: TransformTree, root: str, frame_stamps: Mapping[str, float]
+) -> Dict[Edge, np.ndarray]:
+    """Return every edge connected to the root, each at the time of the sensor that needs it.
+
+    Args:
+        tree: the transforms.
+        root: the world.
+        frame_stamps: time of the data [s] by frame of the data. An edge that leads to several
+            of them is taken at their mean time, one that leads to none at the mean of all.
+
+    Raises:
+        TransformError: a frame is unknown or not connected, or an edge on the way to a sensor
+            has no pose at that time. Other edges without a pose are left out.
+    """
+    wanted: Dict[Edge, List[float]] = {}
+    for frame, stamp in frame_stamps.items():
+        for edge in tree.path(root, frame):
+            wanted.setdefault(edge, []).append(stamp)
+    mean = float(np.mean(list(frame_stamps.values())))
+    values = {}
+    for edge in tree.connected_edges(root):
+        try:
+            values[edge] = tree.edge(edge, float(np.mean(wanted.get(edge, [mean]))))
+        except TransformError:
+            if edge in wanted:
+                raise
+    return values
+
+
+def _copy(edge: Edge, matrix: np.ndarray, message: Any) -> TransformStamped:
+    """Return a message of the real type; those out of a bag make tf2 complain."""
+    copy = TransformStamped()
+    copy.header.stamp = rospy.Time(message.header.stamp.secs, message.header.stamp.nsecs)
+    copy.header.frame_id, copy.child_frame_id = edge
+    t, q = copy.transform.translation, copy.transform.rotation
+    t.x, t.y, t.z = (float(v) for v in matrix[:3, 3])
+    q.x, q.y, q.z, q.w = (float(v) for v in se3.quaternion_from_rotation(matrix[:3, :3]))
+    return copy
+
+
+def _time_text(time_s: Optional[float]) -> str:
+    return "none" if time_s is None else f"at {time_s:.3f}"
