@@ -14,7 +14,7 @@ PYTHON_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicat
 CPP_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicate \
 	-- '*.h' '*.cpp' | xargs -r ls -d 2>/dev/null)
 
-.PHONY: help setup build demo test test-regression test-rviz test-quick lint format bench bench-labels results clean pictures pictures-cell
+.PHONY: help setup build demo test test-noetic-versions test-regression test-rviz test-quick lint format bench bench-labels results clean pictures pictures-cell
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1	\2/p' Makefile | expand -t 14
@@ -40,12 +40,16 @@ test: build ## lint and every test: pytest, gtest, rostest
 	@$(ENV) failed=(); \
 	$(MAKE) --no-print-directory lint-only || failed+=(lint); \
 	python3 -m pytest || failed+=(pytest); \
+	bash tests/noetic_versions.bash || failed+=("Noetic's versions"); \
 	$(COMPILE) --target tests || failed+=("tests' build"); \
 	(cd build && ROS_HOME="$$PWD/ros_home" ctest -j $(JOBS) --output-on-failure) || failed+=(ctest); \
 	if [ "$${#failed[@]}" -gt 0 ]; then echo "make test: failed: $${failed[*]}" >&2; exit 1; fi
 
 test-regression: build ## does calibration still work? rostests on recordings of the simulated cell
 	@$(ENV) cd build && ROS_HOME="$$PWD/ros_home" ctest -j $(JOBS) --output-on-failure -R regression
+
+test-noetic-versions: ## the core with Noetic's Python 3.8, numpy, scipy, OpenCV; skipped without Python 3.8
+	@bash tests/noetic_versions.bash $(ARGS)
 
 test-rviz: build ## RViz by mouse and keys on a screen of its own (Xvfb); REPEAT=10 runs it ten times
 	@$(ENV) $(COMPILE) --target tests; cd build && ROS_HOME="$$PWD/ros_home" \
@@ -83,7 +87,7 @@ bench-labels: build ## speed and accuracy of the labelers, on synthetic and on r
 results: build ## the paper's tables and the labels against their truth, docs/results; half an hour, 9 GB
 	@$(ENV) python3 tests/benchmarks/results.py
 
-clean: ## remove build products and tool caches (keeps .venv and results)
+clean: ## remove build products and tool caches (keeps the virtual environments and results)
 	rm -rf build devel install .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
 	find . -name __pycache__ -type d -not -path './.venv/*' -prune -exec rm -rf {} +
 

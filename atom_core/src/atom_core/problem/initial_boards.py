@@ -11,11 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Dict, List, Mapping, Sequence, Tuple
 
-import cv2
 import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.geometry.plane import fit_plane, plane_basis
+from atom_core.geometry.pose_solvers import planar_poses
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.model.pattern import BoardKey
 from atom_core.problem.measurements import CornerMeasurement, Measurement, RangeMeasurement
@@ -39,31 +39,16 @@ def board_candidates(measurement: Measurement) -> List[np.ndarray]:
 
 
 def camera_candidates(measurement: CornerMeasurement) -> List[np.ndarray]:
-    """Return the solutions of planar PnP, the better one first; none if the corners are few.
-
-    Collins, Bartoli, "Infinitesimal plane-based pose estimation" (IJCV 2014), by OpenCV.
-    """
+    """Return the solutions of planar PnP, the better one first; none if the corners are few."""
     corners = measurement.corners_in_pattern
     if len(corners) < _MIN_CORNERS or _on_a_line(corners[:, :2]):
         return []
-    rays = measurement.camera.normalise(measurement.pixels)
-    centre = corners.mean(axis=0)  # IPPE wants points around the origin
-    found, rotations, translations, _ = cv2.solvePnPGeneric(
-        (corners - centre).reshape(-1, 1, 3),
-        rays.reshape(-1, 1, 2),
-        np.eye(3),
-        np.zeros(5),
-        flags=cv2.SOLVEPNP_IPPE,
-    )
-    candidates = []
-    for rotation, translation in zip(rotations[:found], translations[:found]):
-        pose = se3.transform(
-            se3.rotation_from_rotation_vector(rotation.ravel()), translation.ravel()
-        )
-        pose[:3, 3] -= pose[:3, :3] @ centre
-        if np.all(np.isfinite(pose)) and np.all(se3.apply(pose, corners)[:, 2] > 0):
-            candidates.append(pose)
-    return candidates
+    poses = planar_poses(corners, measurement.camera.normalise(measurement.pixels))
+    return [
+        pose
+        for pose in poses
+        if np.all(np.isfinite(pose)) and np.all(se3.apply(pose, corners)[:, 2] > 0)
+    ]
 
 
 def range_candidates(measurement: RangeMeasurement) -> List[np.ndarray]:

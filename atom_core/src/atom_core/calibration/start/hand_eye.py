@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from typing import List, NamedTuple, Optional, Sequence, Tuple
 
-import cv2
 import numpy as np
 
 from atom_core.geometry import se3
+from atom_core.geometry.pose_solvers import hand_eye_pose
 
 _TOLERANCE = 0.25  # of the board's diagonal, as for votes
 _TRIALS, _SAMPLE = 150, 5
@@ -76,19 +76,8 @@ def _refined(
 
 
 def _closed_form(G: List[np.ndarray], H: List[np.ndarray]) -> Optional[np.ndarray]:
-    try:
-        rotation, translation = cv2.calibrateHandEye(
-            [g[:3, :3] for g in G],
-            [g[:3, 3] for g in G],
-            [h[:3, :3] for h in H],
-            [h[:3, 3] for h in H],
-            method=cv2.CALIB_HAND_EYE_PARK,
-        )
-    except cv2.error:
-        return None
-    X = se3.transform(rotation, translation.ravel())
-    proper = np.all(np.isfinite(X)) and np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)
-    return X if proper and np.linalg.norm(X[:3, 3]) < _FARTHEST_M else None
+    X = hand_eye_pose(G, H)
+    return None if X is None or np.linalg.norm(X[:3, 3]) >= _FARTHEST_M else X
 
 
 def _agreement(

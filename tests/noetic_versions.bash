@@ -1,0 +1,42 @@
+#!/usr/bin/env bash
+# Runs the tests of the Python core with the versions of Python and its libraries that ROS Noetic
+# has (requirements/noetic.txt), in .venv-noetic. The compiled module belongs to the system's own
+# Python: what needs it skips itself, or is named below. Arguments go to pytest.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+unset PYTHONPATH PYTHONHOME VIRTUAL_ENV PYENV_VERSION
+
+venv=.venv-noetic
+core=atom_core/tests
+tested=("$core"/{geometry,model,problem,labeling,io})
+needs_compiled=("$core/io/test_urdf.py")
+
+find_python() {
+  local candidate
+  for candidate in python3.8 "${PYENV_ROOT:-$HOME/.pyenv}"/versions/3.8*/bin/python3.8; do
+    # pyenv's stand-in on the PATH may be there without a Python behind it
+    if "$candidate" -c 'import sys, venv; sys.exit(sys.version_info[:2] != (3, 8))' 2>/dev/null; then
+      echo "$candidate"
+      return
+    fi
+  done
+}
+
+checksum=$(sha256sum <requirements/noetic.txt)
+if [ "$(cat "$venv/requirements.sha256" 2>/dev/null)" != "$checksum" ] || ! "$venv/bin/python" -c ''; then
+  python=$(find_python)
+  if [ -z "$python" ]; then
+    echo "test-noetic-versions: SKIPPED: no Python 3.8 on the PATH or in pyenv; \`pyenv install 3.8\` brings it" >&2
+    exit 0
+  fi
+  "$python" -m venv --clear "$venv"
+  "$venv/bin/pip" install --quiet --quiet --disable-pip-version-check \
+    --only-binary numpy,scipy,opencv-contrib-python-headless -r requirements/noetic.txt || {
+    echo "test-noetic-versions: $venv cannot be filled; see requirements/noetic.txt and the message above" >&2
+    exit 2
+  }
+  printf '%s' "$checksum" >"$venv/requirements.sha256"
+fi
+
+exec env PYTHONPATH=atom_core/src PYTHONDONTWRITEBYTECODE=1 "$venv/bin/python" -m pytest \
+  -p no:cacheprovider -q "${needs_compiled[@]/#/--ignore=}" "$@" "${tested[@]}"
