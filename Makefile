@@ -7,6 +7,10 @@ unexport CMAKE_PREFIX_PATH ROS_PACKAGE_PATH PYTHONPATH PYTHONHOME VIRTUAL_ENV PY
 
 JOBS := $(shell nproc)
 REPEAT := 1
+# Each module of tests stays on one processor (conftest.py). One thread of linear algebra in each
+# process: more of them would only take the processors from one another.
+PYTEST = OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python3 -m pytest -n $(JOBS) --dist loadgroup \
+	--no-loadscope-reorder --durations 20
 # Every recipe that runs Python, ROS or a tool of the virtual environment starts with this.
 ENV := source ./env.bash;
 PYTHON_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicate \
@@ -14,7 +18,7 @@ PYTHON_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicat
 CPP_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicate \
 	-- '*.h' '*.cpp' | xargs -r ls -d 2>/dev/null)
 
-.PHONY: help setup build demo test test-noetic-versions test-regression test-rviz test-quick lint format bench bench-labels results clean pictures pictures-cell
+.PHONY: help setup build demo test test-noetic-versions test-regression test-rviz test-quick test-long lint format bench bench-labels results clean pictures pictures-cell
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1	\2/p' Makefile | expand -t 14
@@ -39,7 +43,7 @@ demo: build ## the main job on the simulated cell, from bags to evaluation; resu
 test: build ## lint and every test: pytest, gtest, rostest
 	@$(ENV) failed=(); \
 	$(MAKE) --no-print-directory lint-only || failed+=(lint); \
-	python3 -m pytest || failed+=(pytest); \
+	$(PYTEST) || failed+=(pytest); \
 	bash tests/noetic_versions.bash || failed+=("Noetic's versions"); \
 	$(COMPILE) --target tests || failed+=("tests' build"); \
 	(cd build && ROS_HOME="$$PWD/ros_home" ctest -j $(JOBS) --output-on-failure) || failed+=(ctest); \
@@ -56,7 +60,10 @@ test-rviz: build ## RViz by mouse and keys on a screen of its own (Xvfb); REPEAT
 	ctest --output-on-failure -R atom_rviz_plugins_rostest --repeat until-fail:$(REPEAT)
 
 test-quick: build ## unit tests, at most two minutes
-	@$(ENV) python3 -m pytest -m "not slow"
+	@$(ENV) $(PYTEST) -m "not slow and not long"
+
+test-long: build ## statistics over many simulated rigs, fuzzing, kills: what `make test` does small
+	@$(ENV) $(PYTEST) -m long
 
 lint: setup lint-only ## ruff, mypy, import-linter, clang-format, catkin_lint
 

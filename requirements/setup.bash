@@ -20,7 +20,7 @@ missing=()
 for package in "${wanted[@]}"; do
   grep -qx "installed $package" <<<"$installed" || missing+=("$package")
 done
-stamp=.venv/requirements.sha256
+stamp=.venv/made_of.sha256
 checksum=$(cat requirements/pip.txt requirements/constraints.txt | sha256sum)
 venv_is_current() { [ "$(cat "$stamp" 2>/dev/null)" = "$checksum" ] && .venv/bin/python3 -c '' 2>/dev/null; }
 

@@ -10,7 +10,6 @@ import os
 import re
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -28,6 +27,8 @@ for folder in ("atom_calibration", "atom_rviz_plugins"):
     sys.path.insert(0, str(ROOT / folder / "tests"))  # what tests and rostests share
 
 from live_scene import LiveScene  # noqa: E402
+from messages import Make  # noqa: E402
+from ports import reserved_port  # noqa: E402
 from screen import Screen  # noqa: E402
 from small_rig import write_package  # noqa: E402
 
@@ -91,11 +92,11 @@ CASES = launch_files()
 class Inputs:
     """What launch files are started with: a package, datasets, recordings, a calibration."""
 
-    def __init__(self, folder: Path, make):
+    def __init__(self, folder: Path):
         self.folder = folder
         self.generated = folder / "small_rig_calibration"
         assert create_package.main(["-n", str(self.generated)]) == 0
-        sources = write_package(folder / "sources", make, seconds=20.0)
+        sources = write_package(folder / "sources", Make, seconds=20.0)
         for source in (sources / "calibration").iterdir():
             shutil.copy(source, self.generated / "calibration")
         assert configure_package.main(["-n", str(self.generated)]) == 0
@@ -158,15 +159,8 @@ class Inputs:
 
 
 @pytest.fixture(scope="module")
-def inputs(tmp_path_factory, make):
-    return Inputs(tmp_path_factory.mktemp("launches"), make)
-
-
-@pytest.fixture(scope="module")
-def make():
-    from conftest import Make
-
-    return Make()
+def inputs(tmp_path_factory):
+    return Inputs(tmp_path_factory.mktemp("launches"))
 
 
 @pytest.fixture(scope="module")
@@ -217,14 +211,14 @@ def started_and_stopped(case: Case, inputs: Inputs) -> Outcome:
             ROS_HOME=str(folder),
             ROS_LOG_DIR=str(folder / "log"),
         )
-        return _run(case, inputs, folder, variables, screen)
+        with reserved_port() as port:
+            return _run(case, inputs, folder, variables, screen, port)
     finally:
         if screen:
             screen.close()
 
 
-def _run(case, inputs, folder, variables, screen: Optional[Screen]) -> Outcome:
-    port = free_port()
+def _run(case, inputs, folder, variables, screen: Optional[Screen], port: int) -> Outcome:
     variables["ROS_MASTER_URI"] = f"http://localhost:{port}"
     words = [str(inputs.path(case)), *inputs.arguments(case)]
     nodes = subprocess.run(
@@ -311,9 +305,3 @@ def has_window(screen: Screen) -> bool:
         check=False,
     )
     return bool(found.stdout.strip())
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("", 0))
-        return probe.getsockname()[1]

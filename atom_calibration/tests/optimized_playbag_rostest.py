@@ -11,8 +11,8 @@ import numpy as np
 import rospy
 import rosunit
 import tf2_ros
-from conftest import Make
 from live_scene import Process
+from messages import Make
 from rosgraph_msgs.msg import Clock
 from small_rig import CAMERA_IN_BAG, write_package
 from waiting import until

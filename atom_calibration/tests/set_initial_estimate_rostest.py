@@ -15,7 +15,7 @@ import rosgraph
 import rospy
 import rosunit
 import tf2_ros
-from conftest import Make
+from messages import Make
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 from small_rig import CAMERA_IN_BAG, SHOULDER_RAD, write_package

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from ports import reserved_port
 
 from atom_core.io.config_yaml import write_config
 from atom_core.io.dataset_writer import write_dataset_folder
@@ -56,6 +57,12 @@ def inputs(tmp_path_factory):
     }
 
 
+@pytest.fixture
+def port():
+    with reserved_port() as number:
+        yield number
+
+
 def rig_description(config):
     """Return a URDF with the edges of a configuration, all poses zero."""
     edges = set()
@@ -77,12 +84,6 @@ def start(name, words, port, folder):
         stderr=subprocess.PIPE,
         text=True,
     )
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("localhost", 0))
-        return probe.getsockname()[1]
 
 
 def start_master(port, folder):
@@ -112,18 +113,17 @@ def ends(process, name, code, words):
     assert "Traceback" not in said, said
 
 
-def test_without_a_master_each_node_says_so_and_ends(inputs):
-    port = free_port()
+def test_without_a_master_each_node_says_so_and_ends(inputs, port):
     nodes = {name: start(name, inputs[name], port, inputs["folder"]) for name in NODES}
     for name, process in nodes.items():
         ends(process, name, 2, "no ROS master answers; start one with roscore, or use roslaunch")
 
 
 @pytest.mark.parametrize("again", [False, True], ids=["gone", "restarted"])
-def test_a_node_whose_master_is_gone_or_another_says_so_and_ends(inputs, again):
+def test_a_node_whose_master_is_gone_or_another_says_so_and_ends(inputs, port, again):
     import rosgraph
 
-    port, folder = free_port(), inputs["folder"]
+    folder = inputs["folder"]
     master = start_master(port, folder)
     nodes = {name: start(name, inputs[name], port, folder) for name in WAITING}
     try:

@@ -7,6 +7,7 @@ import sys
 import cv2
 import numpy as np
 import pytest
+from ports import reserved_port
 from sensor_msgs.msg import CompressedImage
 from small_rig import CONFIG, XACRO
 
@@ -85,14 +86,15 @@ def test_without_a_master_nodes_say_so_and_end(tmp_path):
     module = "atom_calibration.nodes.estimating.set_initial_estimate"
     code = f"import sys; from {module} import main; sys.exit(main())"
     options = ["-c", str(tmp_path / "config.yml"), "-d", str(tmp_path / "rig.urdf.xacro")]
-    result = subprocess.run(
-        [sys.executable, "-c", code, *options],
-        env={**os.environ, "ROS_MASTER_URI": "http://localhost:11399"},
-        capture_output=True,
-        text=True,
-        timeout=30,
-        check=False,
-    )
+    with reserved_port() as port:
+        result = subprocess.run(
+            [sys.executable, "-c", code, *options],
+            env={**os.environ, "ROS_MASTER_URI": f"http://localhost:{port}"},
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
     assert result.returncode == 2
     assert "no ROS master answers" in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
