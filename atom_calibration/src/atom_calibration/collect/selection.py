@@ -56,8 +56,8 @@ class StopMoments:
     def add(self, frame: Frame) -> Iterator[Moment]:
         """Take note of a frame; yield the stops that have become certain."""
         name, stamp = frame.sensor.name, frame.stamp_s
-        for stop in self._ended_unseen(stamp):
-            yield Moment(stop.start_s, stop.end_s)
+        for ended in self._ended_unseen(stamp):
+            yield Moment(ended.start_s, ended.end_s)
         for pattern, sighting in frame.sightings.items():
             if frame.sensor.modality == RGB:
                 self._note(name, pattern, stamp)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from dataclasses import dataclass, replace
-from typing import Callable, Dict, List, Mapping, Optional, Set, Tuple
+from typing import Callable, Dict, List, Mapping, Optional, Set, Tuple, Union
 
 import numpy as np
 
@@ -141,10 +141,7 @@ def edges_from_bag(
     config: CalibrationConfig, facts: BagFacts, description: Description
 ) -> Dict[Edge, np.ndarray]:
     """Return what the bag's /tf_static says otherwise than the description of edges to estimate."""
-    wanted = {
-        Edge(entry.parent_link, entry.child_link)
-        for entry in (*config.sensors.values(), *config.additional_tfs.values())
-    }
+    wanted = {edge for _, edge in config.estimated_edges}
     described = description.robot.transforms()
     return {
         edge: matrix
@@ -211,7 +208,7 @@ def _check_sensor(
             f"is '{sensor.link}', which does not hang on world_link '{config.world_link}'; record "
             f"the missing transforms, or correct world_link",
         )
-    elif Edge(sensor.parent_link, sensor.child_link) not in [item.edge for item in chain]:
+    elif sensor.edge not in [item.edge for item in chain]:
         listed = ", ".join(str(item.edge) for item in chain)
         findings.problem(
             (*path, "child_link"),
@@ -222,7 +219,7 @@ def _check_sensor(
 
 def _check_edge(
     path: KeyPath,
-    entry: EdgeConfig,
+    entry: Union[SensorConfig, EdgeConfig],
     tree: TransformGraph,
     kinds: Tuple[str, ...],
     findings: Findings,
@@ -260,11 +257,7 @@ def _check_joints(
     description: Description,
     findings: Findings,
 ) -> None:
-    taken = {
-        Edge(entry.parent_link, entry.child_link): name
-        for group in (config.sensors, config.additional_tfs)
-        for name, entry in group.items()
-    }
+    taken = {edge: name for name, edge in config.estimated_edges}
     for name in config.joints:
         path = ("joints", name)
         joint = description.robot.joints.get(name)

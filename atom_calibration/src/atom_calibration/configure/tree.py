@@ -124,9 +124,7 @@ def graph_document(graph: networkx.DiGraph) -> Dict[str, Any]:
 
 def _estimated(config: CalibrationConfig) -> Dict[Edge, Tuple[str, ...]]:
     found: Dict[Edge, Tuple[str, ...]] = {}
-    entries: Iterable[Any] = (*config.sensors.items(), *config.additional_tfs.items())
-    for name, entry in entries:
-        edge = Edge(entry.parent_link, entry.child_link)
+    for name, edge in config.estimated_edges:
         found[edge] = (*found.get(edge, ()), name)
     return found
 

@@ -142,10 +142,8 @@ def _editable(
     edges: Dict[str, Edge] = {}
     remarks: List[str] = []
     anchored = config.sensors.get(config.anchored_sensor or "")
-    held = Edge(anchored.parent_link, anchored.child_link) if anchored else None
-    entries = {**config.sensors, **config.additional_tfs}
-    for name, entry in entries.items():
-        edge = Edge(entry.parent_link, entry.child_link)
+    held = anchored.edge if anchored else None
+    for name, edge in config.estimated_edges:
         joint = description.robot.joint_between(*edge)
         if edge == held:
             continue

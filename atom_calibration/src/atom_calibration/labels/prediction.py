@@ -111,7 +111,7 @@ class BoardPredictor:
             self._corrections.get((camera, sensor.name), _Correction()).apply(raw)
             for camera, raw in self._raw(sensor, pattern, stamp_s, tree).items()
         ]
-        return min(guesses, key=lambda guess: guess.sigma_m, default=None)
+        return min(guesses, key=lambda guess: guess.sigma_m) if guesses else None
 
     def learn(
         self,

@@ -81,9 +81,10 @@ def labeled_cloud(frame: Frame) -> PointCloud2:
 
 def cloud_message(table: np.ndarray) -> PointCloud2:
     """Return points (n,) of the type `POINT` as a cloud; the header is left to the caller."""
+    assert POINT.fields is not None
     fields = [
-        PointField(name, offset, _FLOAT32 if name in "xyz" else _UINT32, 1)
-        for name, (_, offset) in POINT.fields.items()
+        PointField(name, place[1], _FLOAT32 if name in "xyz" else _UINT32, 1)
+        for name, place in POINT.fields.items()
     ]
     return PointCloud2(
         height=1,

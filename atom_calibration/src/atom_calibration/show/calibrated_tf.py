@@ -38,7 +38,7 @@ def transforms(
     edges = dataset.collections[used[0] if collection is None else collection].transforms
     if mode == CALIBRATED:
         mounts = [sensor.edge for sensor in dataset.sensors.values()]
-        extra = [Edge(t.parent_link, t.child_link) for t in dataset.config.additional_tfs.values()]
+        extra = [entry.edge for entry in dataset.config.additional_tfs.values()]
         edges = {edge: edges[edge] for edge in [*mounts, *extra] if edge in edges}
     return [_message(edge, matrix) for edge, matrix in edges.items()]
 

@@ -11,7 +11,6 @@ from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.geometry.camera import Camera
 from atom_core.model.config import CalibrationConfig, SensorConfig
 from atom_core.model.sensor import DEPTH, LIDAR2D, RGB, Sensor
-from atom_core.model.transforms import Edge
 
 _SUFFIXES = ("", "/compressed", "/compressedDepth")
 
@@ -98,8 +97,7 @@ def sensor_from_bag(
     if modality == LIDAR2D or modality is None:
         return topic, None
     camera = _camera(name, entry, bag) if modality in (RGB, DEPTH) else None
-    edge = Edge(entry.parent_link, entry.child_link)
-    return topic, Sensor(name, modality, entry.link, edge, camera, entry.topic_name)
+    return topic, Sensor(name, modality, entry.link, entry.edge, camera, entry.topic_name)
 
 
 def check_frames(rig: Rig, config: CalibrationConfig, tree: TransformTree) -> None:

@@ -82,9 +82,7 @@ def calibrated_joints(train: Dataset, test: Dataset) -> Dict[str, Mapping[str, f
 
 def _estimated(train: Dataset, test: Dataset) -> List[Edge]:
     edges = [sensor.edge for name, sensor in train.sensors.items() if name in test.sensors]
-    additional = [
-        Edge(tf.parent_link, tf.child_link) for tf in train.config.additional_tfs.values()
-    ]
+    additional = [entry.edge for entry in train.config.additional_tfs.values()]
     return list(dict.fromkeys(edges + additional))
 
 

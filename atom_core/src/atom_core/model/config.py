@@ -31,6 +31,7 @@ from atom_core.model.config_section import (
     shown,
 )
 from atom_core.model.pattern import CHARUCO, CHESSBOARD
+from atom_core.model.transforms import Edge
 
 __all__ = [
     "DICTIONARIES",
@@ -107,6 +108,15 @@ class CalibrationConfig:
                 raise ConfigValueError("is empty; at least one entry is needed", key)
         self._check_anchor()
         self._check_one_parent_per_frame()
+
+    @property
+    def estimated_edges(self) -> Tuple[Tuple[str, Edge], ...]:
+        """Name and edge of every sensor and every additional tf."""
+        entries: Tuple[Tuple[str, Union[SensorConfig, EdgeConfig]], ...] = (
+            *self.sensors.items(),
+            *self.additional_tfs.items(),
+        )
+        return tuple((name, entry.edge) for name, entry in entries)
 
     @property
     def max_duration_between_msgs_s(self) -> float:

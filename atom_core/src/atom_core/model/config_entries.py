@@ -21,6 +21,7 @@ from atom_core.model.config_section import (
 from atom_core.model.joints import JOINT_PARAMETERS
 from atom_core.model.pattern import CHARUCO, CHESSBOARD
 from atom_core.model.sensor import MODALITIES
+from atom_core.model.transforms import Edge
 
 PATTERN_TYPES = (CHESSBOARD, CHARUCO)
 AUTO = "auto"
@@ -50,6 +51,11 @@ class EdgeConfig:
 
     def __post_init__(self) -> None:
         _check_edge(self.parent_link, self.child_link, "child_link")
+
+    @property
+    def edge(self) -> Edge:
+        """The edge from parent to child."""
+        return Edge(self.parent_link, self.child_link)
 
     @classmethod
     def from_section(cls, section: Section) -> EdgeConfig:
@@ -99,6 +105,11 @@ class SensorConfig:
             check_choice(self.modality, "modality", MODALITIES)
         if self.throttle is not None:
             check_number(self.throttle, "throttle", "Hz", above=0)
+
+    @property
+    def edge(self) -> Edge:
+        """The edge that is estimated."""
+        return Edge(self.parent_link, self.child_link)
 
     @classmethod
     def from_section(cls, section: Section) -> SensorConfig:

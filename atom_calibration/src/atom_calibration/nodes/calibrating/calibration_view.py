@@ -13,6 +13,7 @@ from __future__ import annotations
 import threading
 import time
 import traceback
+from functools import partial
 from typing import Any, Callable, Dict, List, Optional
 
 import numpy as np
@@ -247,7 +248,7 @@ class CalibrationView:
             self._collection_colours if self._options.by_collection else None,
         )
         for name, table in tables.items():
-            send(f"3d {name}", lambda t=table: calibration_markers.cloud(world, t))
+            send(f"3d {name}", partial(calibration_markers.cloud, world, table))
         if tables:
             whole = np.concatenate(list(tables.values()))
             send(POINTS, lambda: calibration_markers.cloud(world, whole))
@@ -259,7 +260,7 @@ class CalibrationView:
             return
         pictures = self._overlays.pictures(standing, shown or None)
         for name, picture in pictures.items():
-            send(f"2d {name}", lambda p=picture, n=name: _image(p, sensors[n].frame))
+            send(f"2d {name}", partial(_image, picture, sensors[name].frame))
         send(IMAGES, lambda: _image(mosaic(list(pictures.values())), standing.dataset.world))
 
     def _changes(self, name: str, now: List[Marker]) -> List[Marker]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import threading
+from functools import partial
 from pathlib import Path
 from typing import Any, Callable, List, Optional, Tuple
 
@@ -225,7 +226,7 @@ class DatasetPlayback:
             rospy.Subscriber(
                 topic,
                 PointCloud2,
-                self._hear(lambda m, k=kind: self._points(k, m)),
+                self._hear(partial(self._points, kind)),
                 queue_size=20,
                 buff_size=_BUFFER_BYTES,
             )
@@ -238,7 +239,7 @@ class DatasetPlayback:
                 ("right_click", PointStamped, self._right_clicked),
                 ("polygon", PolygonStamped, self._polygon),
             ):
-                heard = self._hear(lambda m, n=name, a=act: a(n, m))
+                heard = self._hear(partial(act, name))
                 rospy.Subscriber(f"{topic}/{ending}", message, heard, queue_size=20)
 
     def _hear(self, act: Callable[[Any], str]) -> Callable[[Any], None]:

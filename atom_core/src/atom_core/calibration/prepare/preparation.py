@@ -146,7 +146,7 @@ def free_edges(dataset: Dataset, options: CalibrationOptions) -> FreeEdges:
                 f"{', '.join(dataset.sensors)}"
             )
     additional = {
-        name: Edge(entry.parent_link, entry.child_link)
+        name: entry.edge
         for name, entry in dataset.config.additional_tfs.items()
         if options.additional_tfs is None or name in options.additional_tfs
     }
