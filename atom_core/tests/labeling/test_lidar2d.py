@@ -199,6 +199,34 @@ def test_a_seed_beside_the_cut_or_off_the_plane_finds_it(off):
     assert len(labeled.label.indices) > 0.97 * len(made.label.indices)
 
 
+@pytest.mark.parametrize("name", ["quarter", "one"])
+def test_about_a_predicted_place_the_board_is_found_or_nothing(name):
+    cuts, found = 0, 0
+    for seed in range(60):
+        made, _ = scene(seed, name)
+        if made.label is None:
+            continue
+        rng = np.random.default_rng(seed)
+        middle = (made.lidar_T_board @ np.append(BORDER.centre, [0.0, 1.0]))[:3]
+        predicted = middle + np.append(rng.normal(0.0, 0.2, 2), 0.0)
+        labeled = Lidar2dLabeler(SENSOR, PATTERN).label(made.scan, predicted, reach_m=0.7)
+        cuts, found = cuts + 1, found + labeled.detected
+        if labeled.detected:
+            assert_on_board(labeled, made, MODELS[name])
+    assert cuts > 25 and found >= 0.9 * cuts
+
+
+def test_about_a_predicted_place_two_possible_boards_give_none():
+    plate = corner_room([[1.7, 0.7], [2.1, 1.2]])
+    made = seen(np.random.default_rng(0), lidar_T_board=upright(2.0, 0.0, 0.3), furniture=plate)
+    between = np.array([2.0, 0.5, 0.0])
+    labeled = Lidar2dLabeler(SENSOR, PATTERN).label(made.scan, between, reach_m=0.7)
+    assert "2 segments within 0.70 m of the predicted place" in labeled.reason
+    near = Lidar2dLabeler(SENSOR, PATTERN).label(made.scan, made.middle, reach_m=0.2)
+    assert_on_board(near, made)
+    assert near.detected
+
+
 def test_a_seed_far_from_everything_says_how_far():
     made = seen(np.random.default_rng(3), lidar_T_board=upright(2.5, 0.0))
     labeled = cut_at(made.scan, BORDER, np.array([0.0, 1.5, 0.0]))

@@ -97,6 +97,7 @@ class Lidar2dLabeler:
         data: Any,
         seed: Optional[np.ndarray] = None,
         background: Optional[np.ndarray] = None,
+        reach_m: Optional[float] = None,
     ) -> Labeled:
         """Label one scan.
 
@@ -105,6 +106,7 @@ class Lidar2dLabeler:
             seed: (3,) [m] near the board in the sensor's frame; None: search the scan for it.
             background: (n,) ranges [m] of what stands there at other times, from a sensor that has
                 not moved (`background_of`); a search then passes over what belongs to it.
+            reach_m: how far from a seed that was predicted the cut may be; None: it was pointed at.
 
         Returns:
             Indices are into the scan's ranges; ``limit_indices`` holds the ends that are the
@@ -126,6 +128,8 @@ class Lidar2dLabeler:
             raise LabelingError(
                 f"{self._place}: a seed is a point (3,) in metres, not {point.tolist()}"
             )
+        if reach_m is not None:
+            return cut_near(data, self._border, point, reach_m, self._options, background)
         return cut_at(data, self._border, point, self._options)
 
 
@@ -167,6 +171,32 @@ def cut_at(
         if refused is None:
             refused = _nothing(reason, _quality(cut))
     return refused or _nothing("the returns at the seed lie on no line")
+
+
+def cut_near(
+    scan: LaserScan,
+    border: Rectangle,
+    seed: np.ndarray,
+    reach_m: float,
+    options: Lidar2dOptions = Lidar2dOptions(),  # noqa: B008 (frozen)
+    background: Optional[np.ndarray] = None,
+) -> Labeled:
+    """Label the only cut about a predicted place (3,) [m]; nothing where there are several.
+
+    The cut is at the seed, as in `cut_at`, or stands free and comes nearer to it than ``reach_m``.
+    """
+    at_seed = cut_at(scan, border, seed, options)
+    assert isinstance(at_seed.label, RangeLabel)
+    known = at_seed.label.indices
+    others = [
+        cut
+        for cut in find_cuts(scan, border, options, background)
+        if _away(cut, seed) <= reach_m and not np.intersect1d(cut.indices, known).size
+    ]
+    count = len(others) + at_seed.detected
+    if count > 1:
+        return _nothing(f"{count} segments within {reach_m:.2f} m of the predicted place may be it")
+    return _labeled(others[0]) if others else at_seed
 
 
 def background_of(scans: Sequence[LaserScan]) -> np.ndarray:
@@ -361,6 +391,14 @@ def _may_be_box(cut: Cut, options: Lidar2dOptions) -> bool:
         if angle > 3.0 * cut.beams.step_rad:
             return False
     return True
+
+
+def _away(cut: Cut, point: np.ndarray) -> float:
+    """Return how far a cut is from a point (3,), in the scan's plane [m]."""
+    offset = point[:2] - cut.middle
+    along = abs(float(offset @ cut.line.direction))
+    beyond = max(along - 0.5 * cut.length_m, 0.0)
+    return float(np.hypot(beyond, offset @ cut.line.normal))
 
 
 def _labeled(cut: Cut) -> Labeled:
