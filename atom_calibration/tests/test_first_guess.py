@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from small_rig import CONFIG, XACRO
 
-from atom_calibration.correct.first_guess import FirstGuess, values_from_dataset
+from atom_core.editing.first_guess import FirstGuess, values_from_dataset
 from atom_core.errors import ConfigError, DatasetError
 from atom_core.geometry import se3
 from atom_core.io.config_yaml import read_config

@@ -22,8 +22,8 @@ from playback_scene import (
     write_scene,
 )
 
-from atom_calibration.correct.label_corrections import LabelCorrections
 from atom_core.cli import main as core_main
+from atom_core.editing.label_corrections import LabelCorrections
 from atom_core.errors import DatasetError, LabelingError, OutputError, SelectionError
 from atom_core.io.dataset_json import document_of, dumps, read_dataset
 from atom_core.model.dataset import DetectionKey
@@ -307,7 +307,7 @@ def test_a_label_whose_points_are_all_gone_is_not_detected(session, tmp_path, pa
 _KILLED = """
 import sys
 from pathlib import Path
-from atom_calibration.correct.label_corrections import LabelCorrections
+from atom_core.editing.label_corrections import LabelCorrections
 from atom_core.io.dataset_json import read_dataset
 session = LabelCorrections(read_dataset(Path(sys.argv[1])))
 print("ready", flush=True)

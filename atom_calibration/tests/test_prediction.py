@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from atom_calibration.labels.prediction import BoardPredictor
-from atom_calibration.labels.stillness import PlaneSighting
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.geometry import se3
+from atom_core.labeling.stillness import PlaneSighting
 from atom_core.synthetic import paper_cell
 
 CELL = paper_cell(0, "train").dataset

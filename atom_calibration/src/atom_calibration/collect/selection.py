@@ -8,7 +8,7 @@ from typing import Deque, Dict, Iterable, Iterator, List, Mapping, Optional, Tup
 
 from atom_calibration.errors import CollectionError
 from atom_calibration.labels.frames import Frame
-from atom_calibration.labels.stillness import (
+from atom_core.labeling.stillness import (
     DEFAULT_OPTIONS,
     Sighting,
     StillnessOptions,

@@ -9,11 +9,11 @@ import numpy as np
 from atom_calibration.labels.frames import Frame
 from atom_calibration.labels.manual_seeds import ManualSeeds, outside_data
 from atom_calibration.labels.prediction import FRESH_S, BoardPredictor, Guess
-from atom_calibration.labels.stillness import PlaneSighting
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.errors import LabelingError
 from atom_core.io.seeds import Seed
 from atom_core.labeling.base import Labeled, Labeler, labeler_for, nothing
+from atom_core.labeling.stillness import PlaneSighting
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.dataset import DetectionKey, RgbLabel
 from atom_core.model.pattern import Pattern

@@ -15,10 +15,10 @@ from typing import Deque, Dict, NamedTuple, Optional, Tuple
 import numpy as np
 
 from atom_calibration.errors import TransformError
-from atom_calibration.labels.stillness import PlaneSighting
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.geometry import se3
 from atom_core.geometry.plane import plane_basis
+from atom_core.labeling.stillness import PlaneSighting
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import Sensor
 

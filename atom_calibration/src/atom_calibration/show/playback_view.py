@@ -11,13 +11,13 @@ import rospy
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
 from tf2_msgs.msg import TFMessage
 
-from atom_calibration.correct.label_corrections import ChosenCorner, LabelCorrections
 from atom_calibration.labels.frames import Frame
 from atom_calibration.labels.label_messages import header_message
 from atom_calibration.messages.conversions import transform_message
 from atom_calibration.msg import CollectionState, CollectionStates, LabelState, SensorDetection
 from atom_calibration.show.annotation import picture_message
 from atom_calibration.show.pictures import labeled_picture
+from atom_core.editing.label_corrections import ChosenCorner, LabelCorrections
 from atom_core.errors import AtomError
 from atom_core.evaluation.label_quality import METRES, label_quality
 from atom_core.labeling.base import Labeled, nothing

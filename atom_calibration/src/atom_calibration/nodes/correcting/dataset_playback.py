@@ -19,7 +19,6 @@ from geometry_msgs.msg import PointStamped, PolygonStamped
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
-from atom_calibration.correct.label_corrections import LabelCorrections
 from atom_calibration.msg import CollectionStates, LabelState, PlaybackState
 from atom_calibration.nodes.correcting.playback_input import (
     chosen_points,
@@ -40,6 +39,7 @@ from atom_calibration.srv import (
     ShowCollectionResponse,
 )
 from atom_core.commands.common import add_option
+from atom_core.editing.label_corrections import LabelCorrections
 from atom_core.errors import AtomError, OutputError
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset
@@ -114,7 +114,7 @@ class DatasetPlayback:
         )
         with self._lock:
             self._show_collection()
-            self._tell(f"{self._place()}; corrections go to {output}")
+            self._tell(f"{self._corrections.place}; corrections go to {output}")
         self._serve()
         self._listen()
 
@@ -155,11 +155,11 @@ class DatasetPlayback:
         turn()
         self._show_collection()
         if not self._corrections.unsaved:
-            return self._place()
+            return self._corrections.place
         try:
-            return f"{self._place()}; {self.save()}"
+            return f"{self._corrections.place}; {self.save()}"
         except OutputError as error:
-            raise OutputError(f"{self._place()}, but nothing is saved: {error}") from None
+            raise OutputError(f"{self._corrections.place}, but nothing is saved: {error}") from None
 
     def _step(self, act: Callable[[], str]) -> str:
         before = self._corrections.collection
@@ -177,11 +177,6 @@ class DatasetPlayback:
         self._polygon_removes_border = remove_border
         done = "lose their border pixels" if remove_border else "are labeled anew"
         return f"depth images {done} inside a polygon"
-
-    def _place(self) -> str:
-        corrections = self._corrections
-        number = corrections.keys.index(corrections.collection) + 1
-        return f"collection {corrections.collection} ({number} of {len(corrections.keys)})"
 
     # --- services, topics, menu ---------------------------------------------------------------
 
@@ -305,7 +300,7 @@ class DatasetPlayback:
     def _show_collection(self) -> None:
         """Publish the collection, and print how good its labels are."""
         self._topics.show_collection()
-        rospy.loginfo("\n" + view.quality_table(self._place(), self._label_states()))
+        rospy.loginfo("\n" + view.quality_table(self._corrections.place, self._label_states()))
 
     def _label_states(self) -> List[LabelState]:
         """Return the figures of the labels, computed once for each state of the dataset."""
@@ -337,7 +332,7 @@ class DatasetPlayback:
             )
         )
         self._matrix.publish(view.collection_states(corrections.dataset))
-        self._menu.show(self._place(), corrections.unsaved)
+        self._menu.show(self._corrections.place, corrections.unsaved)
 
 
 def parser() -> argparse.ArgumentParser:

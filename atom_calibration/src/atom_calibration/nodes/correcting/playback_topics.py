@@ -8,9 +8,9 @@ import rospy
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from tf2_msgs.msg import TFMessage
 
-from atom_calibration.correct.label_corrections import LabelCorrections
 from atom_calibration.show import playback_view as view
 from atom_calibration.show.annotation import labeled_cloud
+from atom_core.editing.label_corrections import LabelCorrections
 from atom_core.model.sensor import DEPTH, RGB, Sensor
 
 

@@ -17,12 +17,12 @@ from std_srvs.srv import Trigger, TriggerResponse
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
-from atom_calibration.correct.transform_corrections import TransformCorrections, chosen_edges
 from atom_calibration.messages import conversions
 from atom_calibration.runtime import running
 from atom_calibration.show import markers
 from atom_calibration.show.pose_marker import FULL, PLANAR, STILL, MarkerServer, Moved, PoseMarker
 from atom_core.commands.common import add_option
+from atom_core.editing.transform_corrections import TransformCorrections, chosen_edges
 from atom_core.errors import AtomError, OutputError, SelectionError
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset
@@ -128,7 +128,7 @@ class TransformCorrector:
 
     def reset(self, edge: Edge) -> str:
         """Put an edge back to what the dataset had."""
-        self._corrections.reset(edge)
+        self._corrections.reset_edge(edge)
         self._show()
         return f"{edge} is as it was"
 
@@ -143,7 +143,7 @@ class TransformCorrector:
     def _turn(self, steps: int) -> str:
         self._corrections.turn(steps)
         self._show()
-        return self._title()
+        return self._corrections.place
 
     def _entries(self) -> List[Any]:
         named = [("Next collection", self.next), ("Previous collection", self.previous)]
@@ -180,16 +180,13 @@ class TransformCorrector:
             if value is not None:
                 marker.move(value)
             marker.show(value is not None)
-        self._menu.redraw([markers.sphere("", 0.25 * self._menu.scale, _WHITE)], self._title())
+        self._menu.redraw(
+            [markers.sphere("", 0.25 * self._menu.scale, _WHITE)], self._corrections.place
+        )
         self._publish_transforms()
         shapes = _in_sensor_frames(self._corrections.dataset, self._corrections.collection)
         clear = Marker(action=Marker.DELETEALL)
         self._data.publish(MarkerArray([clear, *markers.numbered([*shapes, *self._reference])]))
-
-    def _title(self) -> str:
-        corrections = self._corrections
-        number = corrections.keys.index(corrections.collection) + 1
-        return f"collection {corrections.collection} ({number} of {len(corrections.keys)})"
 
     def _publish_transforms(self) -> None:
         stamp = rospy.Time.now()

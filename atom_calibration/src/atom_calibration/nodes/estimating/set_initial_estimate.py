@@ -20,7 +20,6 @@ from std_srvs.srv import Trigger, TriggerResponse
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
-from atom_calibration.correct.first_guess import FirstGuess, values_from_dataset
 from atom_calibration.errors import MessageError
 from atom_calibration.messages import conversions
 from atom_calibration.runtime import running
@@ -33,6 +32,7 @@ from atom_calibration.srv import (
     SetSensorInteractiveMarkerResponse,
 )
 from atom_core.commands.common import add_option
+from atom_core.editing.first_guess import FirstGuess, values_from_dataset
 from atom_core.errors import AtomError
 from atom_core.io.config_yaml import read_config
 from atom_core.io.urdf import read_description

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from atom_calibration.correct.transform_corrections import TransformCorrections, chosen_edges
+from atom_core.editing.transform_corrections import TransformCorrections, chosen_edges
 from atom_core.errors import SelectionError
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset
@@ -76,7 +76,7 @@ def test_a_drag_is_one_step_to_undo_in_whatever_collection(dataset):
 def test_reset_can_be_undone_too(dataset):
     corrections = TransformCorrections(dataset, [ODOMETRY])
     corrections.set(ODOMETRY, MOVED)
-    corrections.reset(ODOMETRY)
+    corrections.reset_edge(ODOMETRY)
     assert not corrections.changed()
     corrections.undo()
     np.testing.assert_array_equal(corrections.value(ODOMETRY), MOVED)

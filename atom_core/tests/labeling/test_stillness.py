@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from atom_calibration.labels.stillness import (
+from atom_core.labeling.stillness import (
     CORNER_SIGMA_PX,
     LIDAR_SIGMA_M,
     CornerSighting,

@@ -3,41 +3,31 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence
+from typing import Dict, List, Optional, Sequence
 
 import numpy as np
 
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.preparation import free_edges
 from atom_core.calibration.start.boards import initial_boards
+from atom_core.editing.history import DatasetHistory
 from atom_core.errors import DatasetError, SelectionError
-from atom_core.io.dataset_json import write_dataset
 from atom_core.model.dataset import Dataset, board_edge
 from atom_core.model.robot import FIXED
 from atom_core.model.transforms import Edge
 from atom_core.problem.measurements import read_measurements
 
 _SAME = 1e-9  # m and entries of rotations
-_MOST_STEPS = 200  # that can be undone
 
 
-class _Step(NamedTuple):
-    """What an edge was, by collection, before it was changed."""
-
-    edge: Edge
-    before: Mapping[str, np.ndarray]
-
-
-class TransformCorrections:
+class TransformCorrections(DatasetHistory):
     """Edges of a dataset, edited one collection at a time.
 
     A fixed edge is the same in all collections, and so is its correction. Another one, and the
     pose of a board that is not fixed, is corrected in the collection that is shown.
 
     Attributes:
-        dataset: with the corrections made so far.
         edges: those that may be edited.
-        collection: the key of the one that is shown.
     """
 
     def __init__(
@@ -60,24 +50,17 @@ class TransformCorrections:
             SelectionError: an edge, a pattern or a collection is not there.
             AtomError: boards are to be placed and cannot be.
         """
-        self.keys = list(dataset.collections)
-        self.collection = self.keys[0] if collection is None else collection
-        if self.collection not in dataset.collections:
-            raise SelectionError(
-                f"{dataset.source}: there is no collection '{collection}'; use one of "
-                f"{', '.join(self.keys)}"
-            )
-        self.dataset = _with_boards(dataset, patterns)
+        super().__init__(_with_boards(dataset, patterns))
+        if collection is not None:
+            self.show(collection)
         boards = [board_edge(dataset.patterns[name]) for name in patterns]
         self.edges = list(dict.fromkeys([*edges, *boards]))
         for edge in edges:
             _check_present(dataset, edge)
         if not self.edges:
             raise SelectionError("nothing to correct; name edges or patterns")
-        self._initial = self.dataset
         self._fixed = {edge for edge in self.edges if _is_fixed(self.dataset, edge)}
-        self._steps: List[_Step] = []
-        self._dragging: Optional[Edge] = None
+        self._dragged: Optional[Edge] = None
 
     def value(self, edge: Edge) -> Optional[np.ndarray]:
         """Return ``parent_T_child`` (4, 4) [m] in the collection that is shown; None if absent."""
@@ -96,26 +79,20 @@ class TransformCorrections:
             parent_T_child: its new value.
             dropped: the last of a drag; what comes before it is one step to undo.
         """
-        keys = self.concerned(edge)
-        if self._dragging != edge:
-            transforms = {key: self.dataset.collections[key].transforms[edge] for key in keys}
-            self._steps = [*self._steps, _Step(edge, transforms)][-_MOST_STEPS:]
-        self._dragging = None if dropped else edge
         matrix = np.array(parent_T_child, dtype=float)
-        self.dataset = self.dataset.with_transforms({key: {edge: matrix} for key in keys})
+        after = self.dataset.with_transforms({key: {edge: matrix} for key in self.concerned(edge)})
+        if self._dragged == edge:
+            self._extend_last_step(after)
+        else:
+            self._push(after, str(edge))
+        self._dragged = None if dropped else edge
 
     def undo(self) -> bool:
         """Take back the last step, in whatever collection; return whether there was one."""
-        self._dragging = None
-        if not self._steps:
-            return False
-        step = self._steps.pop()
-        self.dataset = self.dataset.with_transforms(
-            {key: {step.edge: matrix} for key, matrix in step.before.items()}
-        )
-        return True
+        self._dragged = None
+        return self._step_back() is not None
 
-    def reset(self, edge: Edge) -> None:
+    def reset_edge(self, edge: Edge) -> None:
         """Put an edge back to what the dataset had, where a correction would change it."""
         initial = self._initial.collections[self.collection].transforms
         if edge in initial:
@@ -123,10 +100,8 @@ class TransformCorrections:
 
     def turn(self, steps: int) -> str:
         """Go to another collection, so many further; return its key."""
-        self._dragging = None
-        index = self.keys.index(self.collection) + steps
-        self.collection = self.keys[index % len(self.keys)]
-        return self.collection
+        self._dragged = None
+        return super().turn(steps)
 
     def changed(self) -> Dict[Edge, List[str]]:
         """Return the collections in which an edge differs from the dataset's, by edge."""
@@ -145,10 +120,10 @@ class TransformCorrections:
         Raises:
             OutputError: the file cannot be written.
         """
-        write_dataset(self.dataset, path)
+        self._write(path, [])
         changed = self.changed()
-        told = "; ".join(f"{edge} in {len(keys)} collections" for edge, keys in changed.items())
-        return f"saved to {path}: {told or 'nothing is changed'}"
+        listed = "; ".join(f"{edge} in {len(keys)} collections" for edge, keys in changed.items())
+        return f"saved to {path}: {listed or 'nothing is changed'}"
 
 
 def chosen_edges(parents: Sequence[str], children: Sequence[str]) -> List[Edge]:

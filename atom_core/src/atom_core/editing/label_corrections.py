@@ -1,4 +1,4 @@
-"""Labels of a dataset that a person corrects, collection by collection, with undo; knows no ROS.
+"""Labels of a dataset that a person corrects, collection by collection, with undo.
 
 What a correction does to one label stands in ``atom_core.labeling.corrections``.
 """
@@ -10,7 +10,7 @@ from typing import Dict, Iterator, NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from atom_calibration.correct.label_history import LabelHistory
+from atom_core.editing.label_history import LabelHistory
 from atom_core.errors import LabelingError, SelectionError
 from atom_core.labeling import corrections
 from atom_core.labeling.base import Labeled, Labeler, labeler_for

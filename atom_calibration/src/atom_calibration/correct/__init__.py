@@ -1,1 +1,0 @@
-"""What a person corrects: labels, transforms, the first guess of the sensors."""
