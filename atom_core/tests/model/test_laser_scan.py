@@ -33,12 +33,12 @@ def test_a_sensor_that_turns_clockwise():
     assert np.allclose(scan.points[0], [np.cos(1.0), np.sin(1.0), 0.0])
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 0.0, 0.05, 10.5, -1.0, None])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 0.0, 0.05, 10.0, 10.5, -1.0, None])
 def test_what_is_not_valid_is_no_point_and_keeps_its_place(bad):
     scan = scan_from_fields(fields(ranges=[1.0, bad, 3.0, 4.0, 5.0]))
     assert scan.valid.tolist() == [True, False, True, True, True]
     assert np.all(np.isnan(scan.points[1])) and np.all(np.isfinite(scan.points[2:]))
-    assert scan.beyond.tolist() == [False, bad in (np.inf, 10.5), False, False, False]
+    assert scan.beyond.tolist() == [False, bad in (np.inf, 10.0, 10.5), False, False, False]
 
 
 @pytest.mark.parametrize(

@@ -396,8 +396,8 @@ def _reached(kinds: List[int], off: np.ndarray, tolerance_m: float) -> List[int]
         if kind == BEHIND:
             if kinds[at + 1 : at + 4] != [ON] * 3:
                 break
-        elif kind == BEFORE:
-            passed = True
+        elif kind == BEFORE:  # one alone is an error of the range
+            passed = passed or kinds[at + 1 : at + 2] != [ON]
         elif passed:
             ahead = off[at : at + _RESUMED]  # a surface that crosses the line moves through it
             if len(ahead) < _RESUMED or kinds[at : at + _RESUMED] != [ON] * _RESUMED:
@@ -424,7 +424,7 @@ def _end(cut: Cut, step: int) -> End:
     nearer = np.flatnonzero(off < -_SIGMAS * sigma_m)
     farther = np.flatnonzero(off > jump)
     behind = float(off.max())
-    attached = _is_attached(beams, np.concatenate([[last], beyond[:2]]))
+    attached = _is_attached(beams, np.concatenate([[last], beyond]))
     if len(farther) and (len(nearer) == 0 or farther[0] < nearer[0]):
         lost = int(beams.lost[last if step < 0 else last + 1])
         wide = bool(np.isinf(beams.range_m[beyond[0]]))
@@ -437,8 +437,8 @@ def _end(cut: Cut, step: int) -> End:
 
 
 def _is_attached(beams: Beams, chain: np.ndarray) -> bool:
-    """Tell whether three beams follow each other without a gap, as on the next face of a box."""
-    if len(chain) < 3:
+    """Tell whether beams follow each other without a gap, as on the next face of a box."""
+    if len(chain) <= _LOOK_BEYOND:
         return False
     with np.errstate(invalid="ignore"):
         gaps = np.linalg.norm(np.diff(beams.points(chain), axis=0), axis=1)

@@ -17,7 +17,8 @@ _DECIMALS = (3, 4, 5)  # to which old datasets round the step; angle_max is then
 class LaserScan:
     """What a LaserScan message holds, checked when made.
 
-    A beam without a usable return is NaN, infinite, zero, or outside the limits.
+    A beam without a usable return is NaN, infinite, zero, or outside the limits. Simulators report
+    ``range_max`` itself where nothing is within reach, so it is no return.
 
     Attributes:
         ranges: (n,) [m], in the order of the beams.
@@ -86,14 +87,14 @@ class LaserScan:
     def valid(self) -> np.ndarray:
         """(n,) bool: finite, not zero, within the limits."""
         with np.errstate(invalid="ignore"):
-            inside = (self.ranges >= self.range_min) & (self.ranges <= self.range_max)
+            inside = (self.ranges >= self.range_min) & (self.ranges < self.range_max)
         return inside & np.isfinite(self.ranges) & (self.ranges > 0.0)
 
     @property
     def beyond(self) -> np.ndarray:
-        """(n,) bool: nothing within reach, said by an infinity or by a range above the limit."""
+        """(n,) bool: nothing within reach, said by an infinity or a range at or above the limit."""
         with np.errstate(invalid="ignore"):
-            return self.ranges > self.range_max
+            return self.ranges >= self.range_max
 
     @property
     def is_closed(self) -> bool:

@@ -105,7 +105,7 @@ def scan(
     ranges = ranges + noise.lidar_m * rng.standard_normal(model.beams)
     for label in labels.values():
         ranges[label.indices] += noise.gross_range_errors(len(label.indices), rng)
-    ranges = np.clip(ranges, *model.range_m)
+    ranges = np.clip(ranges, model.range_m[0], model.range_m[1] * (1.0 - 1e-6))
     ranges[nearest > model.range_m[1]] = np.inf
     ranges[(nearest < model.range_m[0]) | lost] = np.nan
     made = LaserScan(noise.round(ranges), model.angle_min, model.angle_increment, *model.range_m)
