@@ -326,7 +326,7 @@ def _why_not(cut: Cut, border: Rectangle, options: Lidar2dOptions) -> str:
         return f"the returns there lie on no line (deviation {1000.0 * rms:.0f} mm)"
     if _is_bent(cut, options, 3.0):
         return (
-            f"the returns there are bent by {1000.0 * abs(cut.bend()[0]):.0f} mm; a board is flat"
+            f"the returns there are bent by {1000.0 * abs(cut.bend_m[0]):.0f} mm; a board is flat"
         )
     incidence = float(np.degrees(np.arccos(min(cut.cosine, 1.0))))
     if incidence > options.largest_angle_deg:
@@ -366,7 +366,7 @@ def _rms_of(beams: Beams, line: Line, members: np.ndarray) -> float:
 
 def _is_bent(cut: Cut, options: Lidar2dOptions, sigmas: float) -> bool:
     """Tell whether a piece is bent more than the board may be and noise explains."""
-    bend, deviation = cut.bend()
+    bend, deviation = cut.bend_m
     return abs(bend) > options.most_bend_m + sigmas * deviation
 
 
@@ -420,7 +420,7 @@ def _quality(cut: Cut) -> Dict[str, float]:
         "line_rms_m": cut.rms_m,
         "length_m": cut.length_m,
         "step_m": cut.step_m,
-        "bend_m": cut.bend()[0],
+        "bend_m": cut.bend_m[0],
         "distance_m": float(np.linalg.norm(cut.middle)),
         "incidence_deg": float(np.degrees(np.arccos(min(cut.cosine, 1.0)))),
         "free_ends": float(sum(end.is_free for end in cut.ends)),

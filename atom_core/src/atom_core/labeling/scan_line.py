@@ -169,12 +169,13 @@ class Cut:
         free = max(len(self.members) - 2, 1)
         return float(np.sqrt(np.sum(self.residual_m**2) / free)) * self.cosine
 
-    def bend(self) -> Tuple[float, float]:
-        """Return how far the middle bulges out of the chord, at right angles, and its deviation."""
+    @cached_property
+    def bend_m(self) -> Tuple[float, float]:
+        """How far the middle bulges out of the chord, at right angles [m], and its deviation."""
         half = 0.5 * max(self.length_m, 1e-6)
         x = (self.along_m - 0.5 * (self.along_m[0] + self.along_m[-1])) / half
         design = np.stack([np.ones(len(x)), x, x**2])
-        inverse = np.linalg.pinv(design @ design.T)
+        inverse = np.linalg.inv(design @ design.T + 1e-9 * np.eye(3))
         curve = inverse @ (design @ self.residual_m)
         left = self.residual_m - curve @ design
         sigma = math.sqrt(float(left @ left) / max(len(x) - 3, 1))
@@ -213,13 +214,13 @@ def beams_of(scan: LaserScan, middle: Optional[int] = None) -> Beams:
 def fit_line(beams: Beams, members: np.ndarray) -> Line:
     """Return the line that fits returns best, by least squares along the beams."""
     r, c, s = beams.range_m[members], beams.cosine[members], beams.sine[members]
-    weighted = r**2 * np.stack([c, s])
-    normal = weighted @ weighted.T
-    right = weighted @ r
-    determinant = normal[0, 0] * normal[1, 1] - normal[0, 1] ** 2
-    a = (normal[1, 1] * right[0] - normal[0, 1] * right[1]) / max(determinant, 1e-30)
-    b = (normal[0, 0] * right[1] - normal[0, 1] * right[0]) / max(determinant, 1e-30)
-    return Line(float(a), float(b))
+    c, s = r**2 * c, r**2 * s
+    cc, cs, ss = float(c @ c), float(c @ s), float(s @ s)
+    right_c, right_s = float(c @ r), float(s @ r)
+    determinant = max(cc * ss - cs**2, 1e-30)
+    return Line(
+        (ss * right_c - cs * right_s) / determinant, (cc * right_s - cs * right_c) / determinant
+    )
 
 
 def behind_line(beams: Beams, line: Line, part: Part = slice(None)) -> np.ndarray:
@@ -440,6 +441,8 @@ def _is_attached(beams: Beams, chain: np.ndarray) -> bool:
     """Tell whether beams follow each other without a gap, as on the next face of a box."""
     if len(chain) <= _LOOK_BEYOND:
         return False
-    with np.errstate(invalid="ignore"):
-        gaps = np.linalg.norm(np.diff(beams.points(chain), axis=0), axis=1)
-    return bool(np.all(gaps < _CHAIN_M))
+    if np.any(np.isinf(beams.range_m[chain])):
+        return False
+    points = beams.points(chain)
+    gaps = points[1:] - points[:-1]
+    return bool(np.all(gaps[:, 0] ** 2 + gaps[:, 1] ** 2 < _CHAIN_M**2))
