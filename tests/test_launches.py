@@ -33,6 +33,7 @@ from screen import Screen  # noqa: E402
 from small_rig import write_package  # noqa: E402
 
 from atom_calibration.configure import configure_package, create_package  # noqa: E402
+from atom_calibration.runtime.rviz_window import X11_SYNC  # noqa: E402
 from atom_core.cli import main as core_main  # noqa: E402
 from atom_core.io.dataset_writer import write_dataset_folder  # noqa: E402
 
@@ -42,6 +43,7 @@ AT_A_TIME = 3
 GENERATED = "generated"
 FAULT = re.compile(
     r"\[ERROR\]|\[FATAL\]|\b(ERROR|FATAL) /|Traceback|process has died \[|escalating to|RLException"
+    r"|cannot be preloaded"
 )
 
 pytestmark = [
@@ -87,6 +89,13 @@ def both(package: str, file: str, text: str) -> List[Case]:
 
 
 CASES = launch_files()
+
+RVIZ_NODE = re.compile(r'<node[^>]*type="rviz"[^>]*?(?:/>|>.*?</node>)', re.DOTALL)
+WITH_RVIZ = [
+    path
+    for path in sorted([*ROOT.glob("*/**/*.launch"), *ROOT.glob("*/templates/*.launch.j2")])
+    if 'type="rviz"' in path.read_text("utf-8")
+]
 
 
 class Inputs:
@@ -179,6 +188,14 @@ def test_it_starts_and_stops_cleanly(case, outcomes):
     assert outcome.code == 0, outcome.said
     faults = [line for line in outcome.said.splitlines() if FAULT.search(line)]
     assert not faults, "\n".join([*faults, "of:", outcome.said])
+
+
+@pytest.mark.parametrize("path", WITH_RVIZ, ids=lambda path: path.name)
+def test_rviz_is_started_with_synchronous_connections_to_the_screen(path):
+    nodes = RVIZ_NODE.findall(path.read_text("utf-8"))
+    assert nodes
+    for node in nodes:
+        assert f'<env name="LD_PRELOAD" value="{X11_SYNC} $(optenv LD_PRELOAD)"/>' in node
 
 
 def test_roslaunch_check_finds_nothing(inputs):
@@ -280,7 +297,7 @@ def not_there(nodes, port, printed, screen) -> List[str]:
         )
     }
     missing = [name for name in nodes if name not in known | done]
-    if screen and not missing and not has_window(screen):
+    if screen and not missing and not screen.has_window("RViz$"):  # shown once its layout is read
         return ["the window of /rviz"]
     return missing
 
@@ -293,15 +310,3 @@ def registered(port) -> set:
     except (OSError, xmlrpc.client.Error):
         return set()
     return {node for group in topics for _, names in group for node in names}
-
-
-def has_window(screen: Screen) -> bool:
-    """Tell whether RViz has read its layout and shows its window."""
-    found = subprocess.run(
-        ["xdotool", "search", "--onlyvisible", "--name", "RViz$"],
-        env=screen.environment,
-        capture_output=True,
-        timeout=60,
-        check=False,
-    )
-    return bool(found.stdout.strip())

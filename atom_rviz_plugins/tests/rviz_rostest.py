@@ -94,11 +94,10 @@ class RvizTest(unittest.TestCase):
         cls.screen = Screen()
         cls.addClassCleanup(cls.screen.close)
         cls.log = Path(cls.folder.name) / "rviz.log"
-        command = ["rviz", "-d", str(FOLDER / "plugins.rviz")]
+        words = ["-d", str(FOLDER / "plugins.rviz")]
+        words += ["-stylesheet", str(style_sheet(cls.folder.name, NAMES, TABLES))]
         with cls.log.open("w") as log:
-            cls.rviz = cls.screen.run(
-                [*command, "-stylesheet", str(style_sheet(cls.folder.name, NAMES, TABLES))], log
-            )
+            cls.rviz = cls.screen.run_rviz(words, log)
         cls.addClassCleanup(end, cls.rviz)
         cls.left = cls.screen.wait_for(LEFT)
         cls.right = cls.screen.wait_for(RIGHT)

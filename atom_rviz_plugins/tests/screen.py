@@ -14,6 +14,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from atom_calibration.runtime.rviz_window import X11_SYNC
+
 _STEP_S = 0.05
 _REST_S = 0.3  # until the program has seen what the mouse did
 
@@ -44,9 +46,34 @@ class Screen:
         }
         self._manager = self.run(["openbox"], log)
 
+    @property
+    def server_pid(self):
+        """The process of the X server."""
+        return self._server.pid
+
+    def has_window(self, name):
+        """Tell whether a window with this name (a regular expression) can be seen."""
+        found = subprocess.run(
+            ["xdotool", "search", "--onlyvisible", "--name", name],
+            env=self.environment,
+            capture_output=True,
+            timeout=60,
+            check=False,
+        )
+        return bool(found.stdout.strip())
+
     def run(self, command, log):
         """Start a program on this screen."""
         return subprocess.Popen(command, env=self.environment, stdout=log, stderr=log)
+
+    def run_rviz(self, words, log):
+        """Start RViz on this screen, as the launch files do."""
+        return subprocess.Popen(
+            ["rviz", *words],
+            env={**self.environment, "LD_PRELOAD": X11_SYNC},
+            stdout=log,
+            stderr=log,
+        )
 
     def close(self):
         """End window manager and server."""

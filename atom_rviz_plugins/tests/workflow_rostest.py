@@ -413,8 +413,8 @@ class WorkflowTest(unittest.TestCase):
         path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
         log = path.with_suffix(".log")
         with log.open("w") as stream:
-            words = ["rviz", "-d", str(path), "-stylesheet", str(self.colours), "__name:=rviz"]
-            type(self).rviz = self.screen.run(words, stream)
+            words = ["-d", str(path), "-stylesheet", str(self.colours), "__name:=rviz"]
+            type(self).rviz = self.screen.run_rviz(words, stream)
         self.logs.append(log)
         self.addClassCleanup(end, self.rviz)
 

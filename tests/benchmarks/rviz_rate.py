@@ -28,6 +28,8 @@ sys.path.insert(0, str(_HERE.parents[1] / "atom_rviz_plugins" / "tests"))
 
 from screen import Screen, end  # noqa: E402
 
+from atom_calibration.runtime.rviz_window import X11_SYNC  # noqa: E402
+
 BACKGROUND, POINTS = (11, 22, 33), (0, 255, 0)
 VIEW_SIZE = (900, 700)  # of what is rendered; panels and images stand beside it
 TURN_S, SETTLE_S = 2.0, 0.7
@@ -106,7 +108,8 @@ class _Shown:
         layout = folder / f"{stem}.rviz"
         layout.write_text(yaml.safe_dump(_layout(name), sort_keys=False), encoding="utf-8")
         self._screen = Screen(*_SCREEN_SIZE)
-        self._screen.environment.update(LD_PRELOAD=str(counter), ATOM_FRAMES=str(self._frames_file))
+        preloaded = f"{X11_SYNC} {counter}"
+        self._screen.environment.update(LD_PRELOAD=preloaded, ATOM_FRAMES=str(self._frames_file))
         self._process = self._screen.run(
             ["rviz", "-d", str(layout), f"__name:=rviz_{stem}"], subprocess.DEVNULL
         )

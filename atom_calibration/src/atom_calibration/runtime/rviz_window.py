@@ -12,6 +12,8 @@ import rospkg
 from atom_core.errors import OutputError
 from atom_core.io.atomic import write_text_atomically
 
+X11_SYNC = "libatom_x11_sync.so"  # why it is preloaded: atom_rviz_plugins/README.md
+
 
 def become_rviz(layout: Path, rest: Sequence[str]) -> NoReturn:
     """Go on as RViz.
@@ -23,8 +25,10 @@ def become_rviz(layout: Path, rest: Sequence[str]) -> NoReturn:
     Raises:
         OutputError: RViz cannot be started.
     """
+    preloaded = [X11_SYNC, os.environ.get("LD_PRELOAD", "")]
+    variables = {**os.environ, "LD_PRELOAD": " ".join(preloaded).strip()}
     try:
-        os.execvp("rviz", ["rviz", "-d", str(layout), *rest])
+        os.execvpe("rviz", ["rviz", "-d", str(layout), *rest], variables)
     except OSError as error:
         raise OutputError(f"rviz cannot be started ({error.strerror}); is it installed?") from None
 

@@ -46,11 +46,10 @@ def run(seed: int, initial_estimate: str, depth_encoding: str, rtf: float) -> in
         raise SimulatorError(
             "no ROS master answers; start one with roscore, or use collab_cell_simulation.launch"
         ) from None
-    rospy.init_node(NODE)
-    world = World(seed)
-    cell = LiveCell(world, initial_estimate, depth_encoding, rtf)
+    world = World(seed)  # takes seconds; only as long as this is no node does Ctrl-C end it at once
     try:
-        cell.spin()
+        rospy.init_node(NODE)
+        LiveCell(world, initial_estimate, depth_encoding, rtf).spin()
     finally:
         world.scene.close()
     return 0
@@ -126,6 +125,8 @@ class LiveCell:
         head = messages.header(self.world.rig.world, stamp)
         self._truth.publish(PoseStamped(head, messages.pose(board)))
         for number, output in enumerate(self._outputs):
+            if rospy.is_shutdown():  # on a busy machine all sensors together take seconds
+                return
             if self._tick % output.period == 0:
                 self._publish_sensor(number, output, stamp)
 

@@ -46,14 +46,14 @@ class TransformFilter:
         """Take a message of the bag's /tf."""
         wanted = self._wanted(message)
         if wanted:
-            self._moving.publish(TFMessage(wanted))
+            _publish(self._moving, wanted)
 
     def pass_on_fixed(self, message: Any) -> None:
         """Take a message of the bag's /tf_static."""
         wanted = {conversions.frame(t.child_frame_id): t for t in self._wanted(message)}
         if wanted:
             self._all_fixed.update(wanted)
-            self._fixed.publish(TFMessage(list(self._all_fixed.values())))
+            _publish(self._fixed, list(self._all_fixed.values()))
 
     def _wanted(self, message: Any) -> List[Any]:
         return [
@@ -61,6 +61,16 @@ class TransformFilter:
             for t in message.transforms
             if conversions.frame(t.child_frame_id) not in self._described
         ]
+
+
+def _publish(topic: Any, transforms: List[Any]) -> None:
+    try:
+        topic.publish(TFMessage(transforms))
+    except rospy.ROSException:
+        if (
+            not rospy.is_shutdown()
+        ):  # then the topics are closed before the last message is passed on
+            raise
 
 
 def main() -> int:

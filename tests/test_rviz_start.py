@@ -1,0 +1,71 @@
+"""What is preloaded into RViz makes its connections to the X server synchronous."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "atom_rviz_plugins" / "tests"))
+
+from screen import Screen  # noqa: E402
+
+from atom_calibration.runtime.rviz_window import X11_SYNC, become_rviz  # noqa: E402
+
+ASK = """
+import ctypes
+xlib = ctypes.CDLL("libX11.so.6")
+xlib.XOpenDisplay.restype = ctypes.c_void_p
+xlib.XSynchronize.restype = ctypes.c_void_p
+display = xlib.XOpenDisplay(None)
+assert display
+# what Xlib calls after each request of this connection so far; nothing is the default
+print("synchronous" if xlib.XSynchronize(ctypes.c_void_p(display), 0) else "buffered")
+"""
+
+pytestmark = pytest.mark.skipif(shutil.which("Xvfb") is None, reason="Xvfb is not installed")
+
+
+@pytest.mark.parametrize("preloaded, answer", [("", "buffered"), (X11_SYNC, "synchronous")])
+def test_connections_are_synchronous_where_it_is_preloaded(preloaded, answer):
+    screen = Screen()
+    try:
+        asked = subprocess.run(
+            [sys.executable, "-c", ASK],
+            env={**screen.environment, "LD_PRELOAD": preloaded},
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=True,
+        )
+    finally:
+        screen.close()
+    assert (asked.stdout.strip(), asked.stderr) == (answer, "")
+
+
+@pytest.mark.parametrize("before", ["", "libX11.so.6"])
+def test_a_program_that_becomes_rviz_preloads_it_before_what_the_user_does(
+    before, tmp_path, monkeypatch
+):
+    program = tmp_path / "rviz"
+    program.write_text('#!/bin/sh\necho "$LD_PRELOAD|$*"\n', encoding="utf-8")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setenv("LD_PRELOAD", before)
+    said = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            f"from {become_rviz.__module__} import become_rviz; become_rviz('a.rviz', ['rest'])",
+        ],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    ).stdout
+    assert said.strip() == f"{X11_SYNC} {before}".strip() + "|-d a.rviz rest"
