@@ -81,6 +81,18 @@ void SetParts(const py::list& parts, std::vector<ParameterBlock>* blocks) {
   }
 }
 
+/// \param intrinsics (d, c) blocks of the detections' cameras, -1 for none.
+void SetIntrinsics(const IndexArray& intrinsics, std::vector<PoseChain>* chains) {
+  Expect(intrinsics.ndim() == 2 && intrinsics.shape(0) == static_cast<py::ssize_t>(chains->size()),
+         "intrinsics must have the shape (d, c)");
+  for (std::size_t d = 0; d < chains->size(); ++d) {
+    for (py::ssize_t k = 0; k < intrinsics.shape(1); ++k) {
+      const auto index = intrinsics.data()[d * intrinsics.shape(1) + k];
+      if (index >= 0) (*chains)[d].intrinsics.push_back(index);
+    }
+  }
+}
+
 std::vector<PoseChain> AsChains(const DoubleArray& constants, const IndexArray& block,
                                 const BoolArray& inverted) {
   Expect(constants.ndim() == 4 && constants.shape(2) == 4 && constants.shape(3) == 4,
@@ -159,32 +171,38 @@ ResidualBlock AsResidualBlock(const py::dict& item) {
   return block;
 }
 
-std::unique_ptr<CalibrationProblem> MakeProblem(const DoubleArray& initial,
-                                                const BoolArray& eliminated,
-                                                const DoubleArray& constants,
-                                                const IndexArray& block, const BoolArray& inverted,
-                                                const py::list& residual_blocks,
-                                                const py::list& parts) {
+std::unique_ptr<CalibrationProblem> MakeProblem(
+    const DoubleArray& initial, const BoolArray& eliminated, const DoubleArray& constants,
+    const IndexArray& block, const BoolArray& inverted, const IndexArray& intrinsics,
+    const py::list& residual_blocks, const py::list& parts) {
   std::vector<ResidualBlock> residuals;
   for (const auto& item : residual_blocks)
     residuals.push_back(AsResidualBlock(item.cast<py::dict>()));
   std::vector<ParameterBlock> parameters = AsParameters(initial, eliminated);
   SetParts(parts, &parameters);
-  return std::make_unique<CalibrationProblem>(
-      std::move(parameters), AsChains(constants, block, inverted), std::move(residuals));
+  std::vector<PoseChain> chains = AsChains(constants, block, inverted);
+  SetIntrinsics(intrinsics, &chains);
+  return std::make_unique<CalibrationProblem>(std::move(parameters), std::move(chains),
+                                              std::move(residuals));
 }
 
-Loss AsLoss(const std::string& name) {
-  if (name == "none") return Loss::kNone;
-  if (name == "huber") return Loss::kHuber;
-  if (name == "cauchy") return Loss::kCauchy;
+Loss MakeLoss(const std::string& name, double width, double step_length) {
+  if (name == "none") return {LossKind::kNone, width, step_length};
+  if (name == "huber") return {LossKind::kHuber, width, step_length};
+  if (name == "cauchy") return {LossKind::kCauchy, width, step_length};
   throw std::invalid_argument("loss must be none, huber or cauchy");
 }
 
+Criteria MakeCriteria(double longest_turn_rad, double longest_move_m, double rounding,
+                      double smallest_unit) {
+  return {longest_turn_rad, longest_move_m, rounding, smallest_unit};
+}
+
 py::dict MinimiseProblem(const CalibrationProblem& problem, const Eigen::VectorXd& x, Sigmas sigmas,
-                         const std::string& loss, int max_iterations, double decrease,
-                         double relative, double radius, int threads, const py::object& progress) {
-  MinimiserOptions options;
+                         const Loss& loss, const Criteria& criteria, int max_iterations,
+                         double decrease, double relative, double radius, int threads,
+                         const py::object& progress) {
+  MinimiserOptions options(criteria);
   options.max_iterations = max_iterations;
   options.decrease = decrease;
   options.relative = relative;
@@ -215,7 +233,7 @@ py::dict MinimiseProblem(const CalibrationProblem& problem, const Eigen::VectorX
   MinimiserResult result;
   {
     const py::gil_scoped_release release;
-    const Weighting weighting = problem.MakeWeighting(AsLoss(loss), std::move(sigmas));
+    const Weighting weighting = problem.MakeWeighting(loss, std::move(sigmas));
     result = Minimise(problem, weighting, x, options);
   }
   if (raised) std::rethrow_exception(raised);
@@ -271,70 +289,86 @@ py::dict BlockDocument(const BlockAssessment& block) {
 }
 
 py::tuple AssessProblem(const CalibrationProblem& problem, const Eigen::VectorXd& x, Sigmas sigmas,
-                        const std::string& loss, bool with_insets) {
+                        const Loss& loss, bool with_insets) {
   Assessment assessment;
   {
     const py::gil_scoped_release release;
-    const Weighting weighting = problem.MakeWeighting(AsLoss(loss), std::move(sigmas), false);
+    const Weighting weighting = problem.MakeWeighting(loss, std::move(sigmas), false);
     assessment = Assess(problem, weighting, x, with_insets);
   }
   std::size_t width = 0;
   for (const PoseChain& chain : problem.chains()) width = std::max(width, chain.block.size());
-  const auto detections = static_cast<py::ssize_t>(assessment.maps.size());
-  py::array_t<double> maps(
+  const auto detections = static_cast<py::ssize_t>(assessment.twist_jacobians.size());
+  py::array_t<double> jacobians(
       {detections, static_cast<py::ssize_t>(width), py::ssize_t{6}, py::ssize_t{6}});
-  std::fill(maps.mutable_data(), maps.mutable_data() + maps.size(), 0.0);
+  std::fill(jacobians.mutable_data(), jacobians.mutable_data() + jacobians.size(), 0.0);
   using RowMatrix6d = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
   for (py::ssize_t d = 0; d < detections; ++d) {
-    for (std::size_t k = 0; k < assessment.maps[d].size(); ++k) {
-      Eigen::Map<RowMatrix6d>(maps.mutable_data(d, k)) = assessment.maps[d][k];
+    const auto& of_chain = assessment.twist_jacobians[d];
+    for (std::size_t k = 0; k < of_chain.size(); ++k) {
+      Eigen::Map<RowMatrix6d>(jacobians.mutable_data(d, k)) = of_chain[k];
     }
   }
   py::list blocks;
   for (const BlockAssessment& block : assessment.blocks) blocks.append(BlockDocument(block));
-  return py::make_tuple(blocks, maps);
+  return py::make_tuple(blocks, jacobians);
 }
 
 std::vector<Eigen::VectorXd> SquaresOfProblem(const CalibrationProblem& problem,
                                               const Eigen::VectorXd& x, Sigmas sigmas) {
   const py::gil_scoped_release release;
-  return SquaredNorms(problem, problem.MakeWeighting(Loss::kNone, std::move(sigmas), false), x);
+  return SquaredNorms(problem, problem.MakeWeighting(Loss(), std::move(sigmas), false), x);
 }
 
 }  // namespace
 
 void BindCalibration(py::module& m) {
+  py::class_<Loss>(m, "Loss", "A robust loss; its figures are those of atom_core.solvers.losses.")
+      .def(py::init(&MakeLoss), py::arg("name"), py::arg("width"), py::arg("step_length"), R"(
+Args:
+    name: none, huber or cauchy.
+    width: norm in sigmas beyond which a residual counts less.
+    step_length: factor by which a step of the weighted normal equations falls short.
+
+Raises:
+    ValueError: there is no such loss.
+)");
+  py::class_<Criteria>(m, "Criteria", "What all solvers agree on: atom_core.solvers.criteria.")
+      .def(py::init(&MakeCriteria), py::arg("longest_turn_rad"), py::arg("longest_move_m"),
+           py::arg("rounding"), py::arg("smallest_unit"));
   py::class_<CalibrationProblem>(m, "CalibrationProblem", R"(A calibration problem as arrays.
 
 The fast twin of atom_core.problem.problem.Problem, which is the specification.
 )")
       .def(py::init(&MakeProblem), py::arg("initial"), py::arg("eliminated"), py::arg("constants"),
-           py::arg("block"), py::arg("inverted"), py::arg("residual_blocks"),
+           py::arg("block"), py::arg("inverted"), py::arg("intrinsics"), py::arg("residual_blocks"),
            py::arg("parts") = py::list(), R"(
 Args:
     initial: (b, 4, 4) parent_T_child of the parameter blocks.
     eliminated: (b,) True for blocks that never meet one another in a detection.
     constants, block, inverted: of PoseChains.
+    intrinsics: (d, c) blocks of the detections' cameras, -1 for none.
     residual_blocks: list of dict with kind, detection (n,), points (n, 3), and
         camera (dict), pixels (n, 2) for reprojection, centre, half_size (n, 2), steps (2 n, 3),
         inset (n, 2) for border.
     parts: list of dict, for blocks that are no poses: block (index), kind (origin, bias or
         camera), free (6,) 1 or 0; values (6,) of the first two, and for a bias axis (3,) and
-        is_prismatic; for a camera first (0 or 6). Cameras stand at the end of a chain, and their
-        dict has number_scale (12,), width and height.
+        is_prismatic; for a camera first (0 or 6), and the dict camera of its residual blocks has
+        number_scale (12,), width and height.
 
 Raises:
     ValueError: shapes or indices do not fit together.
 )")
       .def("minimise", &MinimiseProblem, py::arg("x"), py::arg("sigmas"), py::arg("loss"),
-           py::arg("max_iterations"), py::arg("decrease"), py::arg("relative"),
+           py::arg("criteria"), py::arg("max_iterations"), py::arg("decrease"), py::arg("relative"),
            py::arg("radius") = 1e4, py::arg("threads") = 1, py::arg("progress") = py::none(),
            R"(Minimises with Ceres from x.
 
 Args:
     x: (6 b,) numbers of the parameter blocks.
     sigmas: for each residual block, (n,) in its unit.
-    loss: none, huber or cauchy.
+    loss: a Loss.
+    criteria: Criteria.
     max_iterations: limit.
     decrease, relative: of Tolerance.
     radius: of the first trust region.
@@ -356,7 +390,7 @@ Returns:
     (m, 18, 18), (m, 18) where the camera's intrinsics are estimated;
     for border blocks, with_insets, also across (n, 2), by_steps (n,), curvature, slope,
     by_twist (m, 6).
-    And maps (d, k, 6, 6).
+    And the twist of each detection by the numbers of its chain's blocks, (d, k, 6, 6).
 )")
       .def("squares", &SquaresOfProblem, py::arg("x"), py::arg("sigmas"),
            "For each residual block, squared norms (n,) of the residuals in units of sigma.");

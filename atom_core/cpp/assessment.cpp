@@ -17,9 +17,9 @@ Assessment Assess(const CalibrationProblem& problem, const Weighting& weighting,
       block.by_steps.resize(rows.points.rows());
     }
   }
-  result.maps.resize(problem.chains().size());
+  result.twist_jacobians.resize(problem.chains().size());
   for (std::size_t d = 0; d < problem.chains().size(); ++d) {
-    const Eigen::Isometry3d pose = problem.Pose(d, x, &result.maps[d]);
+    const Eigen::Isometry3d pose = problem.Pose(d, x, &result.twist_jacobians[d]);
     for (const Segment& segment : problem.segments(d)) {
       BlockAssessment& block = result.blocks[segment.residual_block];
       block.detection[segment.index] = segment.detection;

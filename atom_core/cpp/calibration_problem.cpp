@@ -114,6 +114,12 @@ Matrix6d ParameterBlock::Twist(const double* numbers, const Isometry3d& pose) co
   return twist;
 }
 
+std::vector<std::int64_t> PoseChain::Dependencies() const {
+  std::vector<std::int64_t> all = block;
+  all.insert(all.end(), intrinsics.begin(), intrinsics.end());
+  return all;
+}
+
 CalibrationProblem::CalibrationProblem(std::vector<ParameterBlock> parameters,
                                        std::vector<PoseChain> chains,
                                        std::vector<ResidualBlock> residuals)
@@ -121,19 +127,22 @@ CalibrationProblem::CalibrationProblem(std::vector<ParameterBlock> parameters,
       chains_(std::move(chains)),
       residuals_(std::move(residuals)),
       segments_(chains_.size()),
-      segment_starts_(residuals_.size()),
-      has_intrinsics_(chains_.size(), false) {
+      segment_starts_(residuals_.size()) {
   for (std::size_t d = 0; d < chains_.size(); ++d) {
     const PoseChain& chain = chains_[d];
     if (chain.constants.size() != chain.block.size() + 1 ||
         chain.inverted.size() != chain.block.size()) {
       throw std::invalid_argument("a chain needs one constant more than blocks");
     }
-    for (const auto block : chain.block) {
-      if (block < 0 || block >= static_cast<std::int64_t>(parameters_.size())) {
+    const auto blocks = chain.Dependencies();
+    for (std::size_t k = 0; k < blocks.size(); ++k) {
+      if (blocks[k] < 0 || blocks[k] >= static_cast<std::int64_t>(parameters_.size())) {
         throw std::invalid_argument("a chain names a parameter block that does not exist");
       }
-      if (parameters_[block].kind == BlockKind::kCamera) has_intrinsics_[d] = true;
+      const bool is_camera = parameters_[blocks[k]].kind == BlockKind::kCamera;
+      if (is_camera != (k >= chain.block.size())) {
+        throw std::invalid_argument("intrinsics stand beside the chain, and nothing else does");
+      }
     }
   }
   for (std::size_t b = 0; b < residuals_.size(); ++b) {
@@ -148,7 +157,7 @@ CalibrationProblem::CalibrationProblem(std::vector<ParameterBlock> parameters,
       if (detection[begin] < 0 || detection[begin] >= static_cast<std::int64_t>(chains_.size())) {
         throw std::invalid_argument("a residual block names a detection that does not exist");
       }
-      if (has_intrinsics_[detection[begin]] && residuals_[b].kind != ResidualKind::kReprojection) {
+      if (HasIntrinsics(detection[begin]) && residuals_[b].kind != ResidualKind::kReprojection) {
         throw std::invalid_argument("intrinsics belong to a detection that is no camera's");
       }
       segments_[detection[begin]].push_back(
@@ -187,7 +196,8 @@ Weighting CalibrationProblem::MakeWeighting(Loss loss, std::vector<Eigen::Vector
     if (sigma[b].size() != residuals_[b].points.rows()) {
       throw std::invalid_argument("one sigma is needed for each item of a residual block");
     }
-    if (compress && loss == Loss::kNone && residuals_[b].kind == ResidualKind::kOrthogonal) {
+    if (compress && loss.kind == LossKind::kNone &&
+        residuals_[b].kind == ResidualKind::kOrthogonal) {
       weighting.compressed[b] =
           CompressPlanarSegments(residuals_[b].points, sigma[b].cwiseInverse(), segment_starts_[b]);
     }
@@ -219,12 +229,11 @@ void CalibrationProblem::Reduce(const Segment& segment, const Weighting& weighti
 Intrinsics CalibrationProblem::IntrinsicsOf(std::size_t detection,
                                             const double* const* numbers) const {
   Intrinsics result = Intrinsics::Zero();
-  const auto& blocks = chains_[detection].block;
-  for (std::size_t k = 0; k < blocks.size(); ++k) {
-    const ParameterBlock& block = parameters_[blocks[k]];
-    if (block.kind != BlockKind::kCamera) continue;
-    result.segment<6>(block.first) =
-        block.free.cwiseProduct(Eigen::Map<const Vector6d>(numbers[k]));
+  const PoseChain& chain = chains_[detection];
+  for (std::size_t k = 0; k < chain.intrinsics.size(); ++k) {
+    const ParameterBlock& block = parameters_[chain.intrinsics[k]];
+    const Eigen::Map<const Vector6d> own(numbers[chain.block.size() + k]);
+    result.segment<6>(block.first) = block.free.cwiseProduct(own);
   }
   return result;
 }
@@ -235,28 +244,26 @@ std::vector<const double*> CalibrationProblem::NumbersOf(std::size_t detection,
     throw std::invalid_argument("x needs six numbers for each parameter block");
   }
   std::vector<const double*> numbers;
-  for (const auto index : chains_[detection].block) numbers.push_back(x.data() + 6 * index);
+  for (const auto index : chains_[detection].Dependencies()) {
+    numbers.push_back(x.data() + 6 * index);
+  }
   return numbers;
 }
 
 Isometry3d CalibrationProblem::Pose(std::size_t detection, const double* const* numbers,
-                                    std::vector<Matrix6d>* maps) const {
+                                    std::vector<Matrix6d>* jacobians) const {
   const PoseChain& chain = chains_[detection];
   Isometry3d product = chain.constants[0];
   for (std::size_t k = 0; k < chain.block.size(); ++k) {
     const ParameterBlock& block = parameters_[chain.block[k]];
-    if (block.kind == BlockKind::kCamera) {  // moves nothing
-      if (maps != nullptr) (*maps)[k] = block.free.asDiagonal();
-      continue;
-    }
     const Isometry3d pose = block.Pose(numbers[k]);
     const Isometry3d before = product;
     product = product * (chain.inverted[k] ? pose.inverse() : pose);
-    if (maps != nullptr) {
+    if (jacobians != nullptr) {
       // An inverted block's change acts after it: its prefix includes the block itself.
       const Matrix6d twist = block.Twist(numbers[k], pose);
-      (*maps)[k].noalias() = chain.inverted[k] ? Matrix6d(-Adjoint(product) * twist)
-                                               : Matrix6d(Adjoint(before) * twist);
+      (*jacobians)[k].noalias() = chain.inverted[k] ? Matrix6d(-Adjoint(product) * twist)
+                                                    : Matrix6d(Adjoint(before) * twist);
     }
     product = product * chain.constants[k + 1];
   }
@@ -264,10 +271,10 @@ Isometry3d CalibrationProblem::Pose(std::size_t detection, const double* const* 
 }
 
 Isometry3d CalibrationProblem::Pose(std::size_t detection, const Eigen::VectorXd& x,
-                                    std::vector<Matrix6d>* maps) const {
+                                    std::vector<Matrix6d>* jacobians) const {
   const std::vector<const double*> numbers = NumbersOf(detection, x);
-  if (maps != nullptr) maps->resize(numbers.size());
-  return Pose(detection, numbers.data(), maps);
+  if (jacobians != nullptr) jacobians->resize(chains_[detection].block.size());
+  return Pose(detection, numbers.data(), jacobians);
 }
 
 }  // namespace atom_core

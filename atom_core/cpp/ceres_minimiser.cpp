@@ -13,21 +13,20 @@
 namespace atom_core {
 namespace {
 
-constexpr double kLongestTurn = 0.5, kLongestMove = 0.5;  // rad, m; solvers/levenberg_marquardt.py
-constexpr double kRounding = 1e-13;                       // relative to the cost
-constexpr double kSmallestUnit = 0.1;                     // for data without any noise
-constexpr double kCauchyCurvature = 0.8;                  // E[psi'] / E[w], solvers/losses.py
 /// One detection as seven rows, or as 19 where its camera's intrinsics are estimated.
 ///
 /// \tparam Sum Reduction or CameraReduction.
 template <typename Sum>
 class DetectionCost : public ceres::CostFunction {
  public:
-  /// \param accepted for each block of the chain, its numbers at the last accepted step.
+  /// \param accepted for each block that the detection depends on, its numbers at the last
+  ///     accepted step.
   DetectionCost(const CalibrationProblem& problem, const Weighting& weighting,
-                std::size_t detection, std::vector<const double*> accepted)
+                const Criteria& criteria, std::size_t detection,
+                std::vector<const double*> accepted)
       : problem_(problem),
         weighting_(weighting),
+        criteria_(criteria),
         detection_(detection),
         accepted_(std::move(accepted)) {
     set_num_residuals(kRows);
@@ -55,8 +54,15 @@ class DetectionCost : public ceres::CostFunction {
     for (std::size_t k = 0; k < accepted_.size(); ++k) {
       if (jacobians[k] == nullptr) continue;
       Eigen::Map<RowMatrix> jacobian(jacobians[k]);
-      jacobian.template topRows<kColumns>().noalias() =
-          root.template middleCols<6>(FirstColumn(k)) * maps_[k];
+      if (k < Chain().block.size()) {
+        jacobian.template topRows<kColumns>().noalias() =
+            root.template leftCols<6>() * twist_jacobians_[k];
+      } else {
+        const ParameterBlock& camera =
+            problem_.parameters()[Chain().intrinsics[k - Chain().block.size()]];
+        jacobian.template topRows<kColumns>() =
+            root.template middleCols<6>(6 + camera.first) * camera.free.asDiagonal();
+      }
       jacobian.template bottomRows<1>().setZero();
     }
     return true;
@@ -68,14 +74,7 @@ class DetectionCost : public ceres::CostFunction {
   using Square = Eigen::Matrix<double, kColumns, kColumns>;
   using Column = Eigen::Matrix<double, kColumns, 1>;
 
-  const ParameterBlock& Block(std::size_t k) const {
-    return problem_.parameters()[problem_.chains()[detection_].block[k]];
-  }
-
-  /// Where the columns begin that a block of the chain moves.
-  int FirstColumn(std::size_t k) const {
-    return Block(k).kind == BlockKind::kCamera ? 6 + Block(k).first : 0;
-  }
+  const PoseChain& Chain() const { return problem_.chains()[detection_]; }
 
   /// Ceres asks for the cost of a step first, and for the derivatives once it is accepted: both
   /// are found together and kept.
@@ -84,8 +83,8 @@ class DetectionCost : public ceres::CostFunction {
     for (std::size_t k = 0; k < accepted_.size(); ++k) {
       kept_.insert(kept_.end(), numbers[k], numbers[k] + 6);
     }
-    maps_.resize(accepted_.size());
-    const Eigen::Isometry3d pose = problem_.Pose(detection_, numbers, &maps_);
+    twist_jacobians_.resize(Chain().block.size());
+    const Eigen::Isometry3d pose = problem_.Pose(detection_, numbers, &twist_jacobians_);
     sum_ = Sum();
     if constexpr (kColumns == Reduction::kColumns) {
       for (const auto& segment : problem_.segments(detection_)) {
@@ -107,23 +106,20 @@ class DetectionCost : public ceres::CostFunction {
     return true;
   }
 
-  /// The weights of Cauchy's loss make the cost look more curved than it is, by a quarter for
-  /// Gaussian residuals: every step would fall short by as much.
+  /// The weights of a robust loss make the cost look more curved than it is, so that every step
+  /// would fall short.
   /// \param twice_cost limits it: the seven rows must still amount to the cost.
   double Lengthening(double twice_cost, double rotated_square) const {
-    if (weighting_.loss != Loss::kCauchy || rotated_square <= 0.0) return 1.0;
-    return std::sqrt(std::clamp(twice_cost / rotated_square, 1.0, 1.0 / kCauchyCurvature));
+    const double most = weighting_.loss.step_length;
+    if (most <= 1.0 || rotated_square <= 0.0) return 1.0;
+    return std::sqrt(std::clamp(twice_cost / rotated_square, 1.0, most));
   }
 
   /// The linearisation holds no farther than this; Ceres then tries a shorter step.
   bool WithinReach(double const* const* numbers) const {
-    for (std::size_t k = 0; k < accepted_.size(); ++k) {
-      if (Block(k).kind == BlockKind::kCamera) continue;
+    for (std::size_t k = 0; k < Chain().block.size(); ++k) {
       const Eigen::Map<const Vector6d> now(numbers[k]), before(accepted_[k]);
-      const Vector6d step = now - before;
-      if (step.head<3>().norm() > kLongestTurn || step.tail<3>().norm() > kLongestMove) {
-        return false;
-      }
+      if (!criteria_.Allow(now - before)) return false;
     }
     return true;
   }
@@ -171,11 +167,12 @@ class DetectionCost : public ceres::CostFunction {
 
   const CalibrationProblem& problem_;
   const Weighting& weighting_;
+  const Criteria& criteria_;
   const std::size_t detection_;
   const std::vector<const double*> accepted_;
   // Of the last evaluation; Ceres evaluates a residual block in one thread at a time.
   mutable std::vector<double> kept_;
-  mutable std::vector<Matrix6d> maps_;
+  mutable std::vector<Matrix6d> twist_jacobians_;
   mutable Sum sum_;
 };
 
@@ -186,6 +183,7 @@ class DetectionCost : public ceres::CostFunction {
 #if CERES_VERSION_MAJOR > 2 || (CERES_VERSION_MAJOR == 2 && CERES_VERSION_MINOR >= 1)
 class CutStep : public ceres::Manifold {
  public:
+  explicit CutStep(const Criteria& criteria) : criteria_(criteria) {}
   int AmbientSize() const override { return 6; }
   int TangentSize() const override { return 6; }
   bool Plus(const double* x, const double* step, double* result) const override {
@@ -204,6 +202,7 @@ class CutStep : public ceres::Manifold {
 #else
 class CutStep : public ceres::LocalParameterization {
  public:
+  explicit CutStep(const Criteria& criteria) : criteria_(criteria) {}
   int GlobalSize() const override { return 6; }
   int LocalSize() const override { return 6; }
   bool Plus(const double* x, const double* step, double* result) const override {
@@ -215,10 +214,10 @@ class CutStep : public ceres::LocalParameterization {
 #endif
 
  private:
-  static bool CutPlus(const double* x, const double* step, double* result) {
+  bool CutPlus(const double* x, const double* step, double* result) const {
     const Eigen::Map<const Vector6d> from(x), wanted(step);
-    const double length =
-        std::max(wanted.head<3>().norm() / kLongestTurn, wanted.tail<3>().norm() / kLongestMove);
+    const double length = std::max(wanted.head<3>().norm() / criteria_.longest_turn,
+                                   wanted.tail<3>().norm() / criteria_.longest_move);
     // just inside, so that rounding does not put it out of reach
     Eigen::Map<Vector6d> to(result);
     to = from + (length < 1.0 ? 1.0 : (1.0 - 1e-9) / length) * wanted;
@@ -229,6 +228,8 @@ class CutStep : public ceres::LocalParameterization {
     Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(jacobian).setIdentity();
     return true;
   }
+
+  const Criteria criteria_;
 };
 
 /// Decides when it is enough; what Ceres' own tolerances mean depends on the units.
@@ -254,9 +255,10 @@ class Judge : public ceres::IterationCallback {
       const double before = summary.cost + summary.cost_change;
       slow_ = summary.cost_change < options_.relative * before ? slow_ + 1 : 0;
     }
-    const double unit = std::max(kSmallestUnit, 2.0 * summary.cost / std::max(rows_, 1.0));
+    const double unit =
+        std::max(options_.criteria.smallest_unit, 2.0 * summary.cost / std::max(rows_, 1.0));
     if (slow_ >= 2 || promised < options_.decrease * unit ||
-        (!summary.step_is_successful && promised < kRounding * summary.cost)) {
+        (!summary.step_is_successful && promised < options_.criteria.rounding * summary.cost)) {
       enough = true;
       return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
     }
@@ -321,21 +323,22 @@ MinimiserResult Minimise(const CalibrationProblem& problem, const Weighting& wei
   result.x = x;
   ceres::Problem ceres_problem;
   for (std::size_t i = 0; i < problem.parameters().size(); ++i) {
-    CutStep* cut = problem.parameters()[i].eliminated ? new CutStep : nullptr;
+    CutStep* cut = problem.parameters()[i].eliminated ? new CutStep(options.criteria) : nullptr;
     ceres_problem.AddParameterBlock(result.x.data() + 6 * i, 6, cut);
   }
   for (std::size_t d = 0; d < problem.chains().size(); ++d) {
     std::vector<double*> blocks;
-    for (const auto index : problem.chains()[d].block) {
+    for (const auto index : problem.chains()[d].Dependencies()) {
       blocks.push_back(result.x.data() + 6 * index);
     }
     if (blocks.empty()) continue;  // everything on this chain is held
     const std::vector<const double*> accepted(blocks.begin(), blocks.end());
+    const Criteria& criteria = options.criteria;
     ceres::CostFunction* cost;
     if (problem.HasIntrinsics(d)) {
-      cost = new DetectionCost<CameraReduction>(problem, weighting, d, accepted);
+      cost = new DetectionCost<CameraReduction>(problem, weighting, criteria, d, accepted);
     } else {
-      cost = new DetectionCost<Reduction>(problem, weighting, d, accepted);
+      cost = new DetectionCost<Reduction>(problem, weighting, criteria, d, accepted);
     }
     ceres_problem.AddResidualBlock(cost, nullptr, blocks);
   }

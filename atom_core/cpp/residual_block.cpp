@@ -13,26 +13,25 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double kHuberWidth = 1.345, kCauchyWidth = 2.385;  // solvers/losses.py
-
 /// Sums rho / 2 of squared norms in units of sigma, and gives rho' of each.
 class RobustSum {
  public:
-  explicit RobustSum(Loss loss) : loss_(loss) {}
+  explicit RobustSum(const Loss& loss)
+      : kind_(loss.kind), width_(loss.width), width_square_(loss.width * loss.width) {}
 
   /// Adds a squared norm; returns its weight rho'.
   double Add(double square) {
-    if (loss_ == Loss::kCauchy) {
+    if (kind_ == LossKind::kCauchy) {
       // The sum of logarithms is the logarithm of a product, which is much cheaper.
-      const double factor = 1.0 + square / (kCauchyWidth * kCauchyWidth);
+      const double factor = 1.0 + square / width_square_;
       product_ *= factor;
       if (product_ > kLargeProduct) TakeLogarithm();
       return 1.0 / factor;
     }
-    if (loss_ == Loss::kHuber && square > kHuberWidth * kHuberWidth) {
+    if (kind_ == LossKind::kHuber && square > width_square_) {
       const double norm = std::sqrt(square);
-      half_rho_ += kHuberWidth * norm - 0.5 * kHuberWidth * kHuberWidth;
-      return kHuberWidth / norm;
+      half_rho_ += width_ * norm - 0.5 * width_ * width_;
+      return width_ / norm;
     }
     half_rho_ += 0.5 * square;
     return 1.0;
@@ -47,11 +46,13 @@ class RobustSum {
   static constexpr double kLargeProduct = 1e100;
 
   void TakeLogarithm() {
-    half_rho_ += 0.5 * kCauchyWidth * kCauchyWidth * std::log(product_);
+    if (kind_ != LossKind::kCauchy) return;
+    half_rho_ += 0.5 * width_ * width_ * std::log(product_);
     product_ = 1.0;
   }
 
-  const Loss loss_;
+  const LossKind kind_;
+  const double width_, width_square_;
   double half_rho_ = 0.0, product_ = 1.0;
 };
 
@@ -60,20 +61,24 @@ class RobustLanes {
  public:
   using Lanes = Eigen::Array4d;
 
-  explicit RobustLanes(Loss loss) : loss_(loss) {}
+  explicit RobustLanes(const Loss& loss)
+      : kind_(loss.kind),
+        width_(loss.width),
+        width_square_(loss.width * loss.width),
+        inverse_width_square_(1.0 / (loss.width * loss.width)) {}
 
   Lanes Add(const Lanes& square) {
-    if (loss_ == Loss::kCauchy) {
-      const Lanes factor = 1.0 + square * (1.0 / (kCauchyWidth * kCauchyWidth));
+    if (kind_ == LossKind::kCauchy) {
+      const Lanes factor = 1.0 + square * inverse_width_square_;
       product_ *= factor;
       if ((product_ > kLargeProduct).any()) TakeLogarithm();
       return factor.inverse();
     }
-    if (loss_ == Loss::kHuber) {
-      const Lanes norm = square.max(kHuberWidth * kHuberWidth).sqrt();
-      const Lanes weight = kHuberWidth * norm.inverse();
+    if (kind_ == LossKind::kHuber) {
+      const Lanes norm = square.max(width_square_).sqrt();
+      const Lanes weight = width_ * norm.inverse();
       // Within the width: norm = width, weight = 1, and the square alone counts.
-      half_rho_ += kHuberWidth * (norm - kHuberWidth) + 0.5 * square.min(kHuberWidth * kHuberWidth);
+      half_rho_ += width_ * (norm - width_) + 0.5 * square.min(width_square_);
       return weight;
     }
     half_rho_ += 0.5 * square;
@@ -89,11 +94,13 @@ class RobustLanes {
   static constexpr double kLargeProduct = 1e100;
 
   void TakeLogarithm() {
-    half_rho_ += 0.5 * kCauchyWidth * kCauchyWidth * product_.log();
+    if (kind_ != LossKind::kCauchy) return;
+    half_rho_ += 0.5 * width_ * width_ * product_.log();
     product_.setOnes();
   }
 
-  const Loss loss_;
+  const LossKind kind_;
+  const double width_, width_square_, inverse_width_square_;
   Lanes half_rho_ = Lanes::Zero(), product_ = Lanes::Ones();
 };
 
@@ -103,7 +110,7 @@ void AddRow(const Vector6d& row, double value, double weight, Reduction* sum) {
 }
 
 void ReduceReprojection(const ResidualBlock& block, const Segment& segment,
-                        const VectorXd& inverse_variance, Loss loss, const Isometry3d& pose,
+                        const VectorXd& inverse_variance, const Loss& loss, const Isometry3d& pose,
                         bool with_derivatives, Reduction* sum) {
   Eigen::Matrix<double, 2, 3> by_point;
   RobustSum robust(loss);
@@ -145,7 +152,7 @@ void AddPlane(const Eigen::Matrix4d& moments, const Eigen::Vector4d& plane, Redu
 ///
 /// \param moments the lower triangle; may be null.
 double SumHeights(const ResidualBlock& block, const Segment& segment,
-                  const VectorXd& inverse_variance, Loss loss, const Eigen::Vector4d& plane,
+                  const VectorXd& inverse_variance, const Loss& loss, const Eigen::Vector4d& plane,
                   Eigen::Matrix4d* moments) {
   using Lanes = RobustLanes::Lanes;
   using Strided = Eigen::Map<const Lanes, Eigen::Unaligned, Eigen::InnerStride<3>>;
@@ -183,12 +190,12 @@ double SumHeights(const ResidualBlock& block, const Segment& segment,
 }
 
 void ReduceOrthogonal(const ResidualBlock& block, const Segment& segment,
-                      const VectorXd& inverse_variance, Loss loss,
+                      const VectorXd& inverse_variance, const Loss& loss,
                       const Eigen::Matrix4d* compressed, const Isometry3d& pose,
                       bool with_derivatives, Reduction* sum) {
   const Eigen::Vector4d plane = PlaneOf(pose);
   Eigen::Matrix4d moments = Eigen::Matrix4d::Zero();
-  if (loss == Loss::kNone && compressed != nullptr) {
+  if (loss.kind == LossKind::kNone && compressed != nullptr) {
     sum->cost += 0.5 * (*compressed * plane).squaredNorm();
     if (with_derivatives) moments = compressed->transpose() * *compressed;
   } else {
@@ -259,7 +266,7 @@ class Border {
 };
 
 void ReduceBorder(const ResidualBlock& block, const Segment& segment,
-                  const VectorXd& inverse_variance, Loss loss, const Isometry3d& pose,
+                  const VectorXd& inverse_variance, const Loss& loss, const Isometry3d& pose,
                   bool with_derivatives, Reduction* sum) {
   const Border border(block, pose);
   RobustSum robust(loss);
@@ -276,8 +283,9 @@ void ReduceBorder(const ResidualBlock& block, const Segment& segment,
 }  // namespace
 
 void ReduceSegment(const ResidualBlock& block, const Segment& segment,
-                   const VectorXd& inverse_variance, Loss loss, const Eigen::Matrix4d* compressed,
-                   const Isometry3d& sensor_T_pattern, bool with_derivatives, Reduction* sum) {
+                   const VectorXd& inverse_variance, const Loss& loss,
+                   const Eigen::Matrix4d* compressed, const Isometry3d& sensor_T_pattern,
+                   bool with_derivatives, Reduction* sum) {
   switch (block.kind) {
     case ResidualKind::kReprojection:
       ReduceReprojection(block, segment, inverse_variance, loss, sensor_T_pattern, with_derivatives,
@@ -294,7 +302,7 @@ void ReduceSegment(const ResidualBlock& block, const Segment& segment,
 }
 
 void ReduceWithIntrinsics(const ResidualBlock& block, const Segment& segment,
-                          const VectorXd& inverse_variance, Loss loss,
+                          const VectorXd& inverse_variance, const Loss& loss,
                           const Isometry3d& sensor_T_pattern, const Intrinsics& numbers,
                           CameraReduction* sum) {
   const Camera camera = block.movable.At(numbers);
@@ -340,8 +348,9 @@ void SquaredNorms(const ResidualBlock& block, const Segment& segment,
 }
 
 void ReduceInset(const ResidualBlock& block, const Segment& segment,
-                 const VectorXd& inverse_variance, Loss loss, const Isometry3d& sensor_T_pattern,
-                 PixelRows* across, VectorXd* by_steps, InsetReduction* sum) {
+                 const VectorXd& inverse_variance, const Loss& loss,
+                 const Isometry3d& sensor_T_pattern, PixelRows* across, VectorXd* by_steps,
+                 InsetReduction* sum) {
   const Border border(block, sensor_T_pattern);
   RobustSum robust(loss);
   Vector2d gradient;

@@ -33,7 +33,7 @@ struct Assessment {
   /// By residual block.
   std::vector<BlockAssessment> blocks;
   /// By detection, for each parameter block of its chain: twist by the numbers.
-  std::vector<std::vector<Matrix6d>> maps;
+  std::vector<std::vector<Matrix6d>> twist_jacobians;
 };
 
 /// \param x (6 b,) numbers of the parameter blocks.

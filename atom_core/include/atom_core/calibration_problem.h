@@ -15,11 +15,16 @@
 
 namespace atom_core {
 
-/// sensor_T_pattern = C0 X1 C1 X2 ... of one detection.
+/// sensor_T_pattern = C0 X1 C1 X2 ... of one detection, and the blocks of its camera.
 struct PoseChain {
   std::vector<Eigen::Isometry3d> constants;
   std::vector<std::int64_t> block;
   std::vector<bool> inverted;
+  /// Blocks of the camera's intrinsics, where they are estimated. They move nothing.
+  std::vector<std::int64_t> intrinsics;
+
+  /// The blocks that the rows depend on: of the chain, then of the intrinsics.
+  std::vector<std::int64_t> Dependencies() const;
 };
 
 /// What the six numbers of a block mean: a pose, parameters of a joint, or a camera's intrinsics.
@@ -52,7 +57,7 @@ struct ParameterBlock {
 
 /// Standard deviations and loss of one round; rows of a plane are compressed when no loss is used.
 struct Weighting {
-  Loss loss = Loss::kNone;
+  Loss loss;
   /// For each residual block, (n,): 1 / sigma squared.
   std::vector<Eigen::VectorXd> inverse_variance;
   /// For each residual block, (4 m, 4) by segment; empty where it is not used.
@@ -97,11 +102,11 @@ class CalibrationProblem {
               Reduction* sum) const;
 
   /// Whether the intrinsics of a detection's camera are estimated.
-  bool HasIntrinsics(std::size_t detection) const { return has_intrinsics_[detection]; }
+  bool HasIntrinsics(std::size_t detection) const { return !chains_[detection].intrinsics.empty(); }
 
   /// The numbers of a detection's camera.
   ///
-  /// \param numbers for each block of the chain, its six numbers.
+  /// \param numbers for each block that the detection depends on, its six numbers.
   Intrinsics IntrinsicsOf(std::size_t detection, const double* const* numbers) const;
 
   /// Adds a segment's rows at a pose and at some intrinsics; of detections that have them.
@@ -109,20 +114,20 @@ class CalibrationProblem {
               const Eigen::Isometry3d& sensor_T_pattern, const Intrinsics& numbers,
               CameraReduction* sum) const;
 
-  /// For each block of a detection's chain, its six numbers in x (6 b,).
+  /// For each block that a detection depends on, its six numbers in x (6 b,).
   /// \throws std::invalid_argument when x has another length.
   std::vector<const double*> NumbersOf(std::size_t detection, const Eigen::VectorXd& x) const;
 
-  /// The pose of a detection, and M (6, 6) of each of its blocks: twist by the numbers.
+  /// The pose of a detection, and J (6, 6) of each block of its chain: twist by the numbers.
   ///
   /// \param numbers for each block of the chain, its six numbers.
-  /// \param maps may be null.
+  /// \param jacobians may be null.
   Eigen::Isometry3d Pose(std::size_t detection, const double* const* numbers,
-                         std::vector<Matrix6d>* maps) const;
+                         std::vector<Matrix6d>* jacobians) const;
   /// The same at the numbers (6 b,) of all parameter blocks.
   /// \throws std::invalid_argument when x has another length.
   Eigen::Isometry3d Pose(std::size_t detection, const Eigen::VectorXd& x,
-                         std::vector<Matrix6d>* maps) const;
+                         std::vector<Matrix6d>* jacobians) const;
 
  private:
   std::vector<ParameterBlock> parameters_;
@@ -130,7 +135,6 @@ class CalibrationProblem {
   std::vector<ResidualBlock> residuals_;
   std::vector<std::vector<Segment>> segments_;
   std::vector<std::vector<std::int64_t>> segment_starts_;  // by residual block
-  std::vector<bool> has_intrinsics_;                       // by detection
 };
 
 }  // namespace atom_core

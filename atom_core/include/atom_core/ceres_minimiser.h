@@ -18,7 +18,25 @@
 
 namespace atom_core {
 
+/// What all solvers agree on, with the figures of solvers/criteria.py.
+struct Criteria {
+  /// How far a step of a block may go, rad and metres; the linearisation holds no farther.
+  double longest_turn, longest_move;
+  /// Relative to the cost; near it the cost cannot tell steps apart any more.
+  double rounding;
+  /// The least that counts as one squared sigma, for data without any noise.
+  double smallest_unit;
+
+  /// Whether the linearisation holds for a step of a block.
+  bool Allow(const Vector6d& step) const {
+    return step.head<3>().norm() <= longest_turn && step.tail<3>().norm() <= longest_move;
+  }
+};
+
 struct MinimiserOptions {
+  explicit MinimiserOptions(const Criteria& agreed) : criteria(agreed) {}
+
+  Criteria criteria;
   int max_iterations = 200;
   int threads = 1;
   /// Enough when the model promises less than this decrease, in squared sigmas.

@@ -23,7 +23,17 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using PixelRows = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor>;
 
-enum class Loss { kNone, kHuber, kCauchy };
+enum class LossKind { kNone, kHuber, kCauchy };
+
+/// A robust loss of a norm in units of sigma, with the figures of solvers/losses.py.
+struct Loss {
+  LossKind kind = LossKind::kNone;
+  /// Beyond which norm a residual counts less; not used without a loss.
+  double width = 0.0;
+  /// By which factor a step of the weighted normal equations falls short.
+  double step_length = 1.0;
+};
+
 enum class ResidualKind { kReprojection, kOrthogonal, kBorder };
 
 /// Rows of one sensor and one kind.
@@ -84,7 +94,7 @@ struct InsetReduction {
 ///     orthogonal rows without a loss.
 /// \param with_derivatives when false only the cost is computed.
 void ReduceSegment(const ResidualBlock& block, const Segment& segment,
-                   const Eigen::VectorXd& inverse_variance, Loss loss,
+                   const Eigen::VectorXd& inverse_variance, const Loss& loss,
                    const Eigen::Matrix4d* compressed, const Eigen::Isometry3d& sensor_T_pattern,
                    bool with_derivatives, Reduction* sum);
 
@@ -92,7 +102,7 @@ void ReduceSegment(const ResidualBlock& block, const Segment& segment,
 ///
 /// \param numbers of the camera, see Intrinsics.
 void ReduceWithIntrinsics(const ResidualBlock& block, const Segment& segment,
-                          const Eigen::VectorXd& inverse_variance, Loss loss,
+                          const Eigen::VectorXd& inverse_variance, const Loss& loss,
                           const Eigen::Isometry3d& sensor_T_pattern, const Intrinsics& numbers,
                           CameraReduction* sum);
 
@@ -110,7 +120,7 @@ void SquaredNorms(const ResidualBlock& block, const Segment& segment,
 ///     begin..end of (n, 2).
 /// \param by_steps the derivatives of the residuals, metres, go to by_steps[begin..end].
 void ReduceInset(const ResidualBlock& block, const Segment& segment,
-                 const Eigen::VectorXd& inverse_variance, Loss loss,
+                 const Eigen::VectorXd& inverse_variance, const Loss& loss,
                  const Eigen::Isometry3d& sensor_T_pattern, PixelRows* across,
                  Eigen::VectorXd* by_steps, InsetReduction* sum);
 

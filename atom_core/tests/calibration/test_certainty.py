@@ -12,7 +12,7 @@ from atom_core.geometry import se3
 from atom_core.model.dataset import pose
 from atom_core.model.sensor import RGB, depth_sigma_m
 from atom_core.model.truth import with_truth
-from atom_core.problem.parameters import SENSOR
+from atom_core.problem.blocks import SENSOR
 from atom_core.problem.residuals import ORTHOGONAL, REPROJECTION
 from atom_core.report.calibration_document import pairs_of
 from atom_core.synthetic import Noise, paper_cell
@@ -55,7 +55,7 @@ def run(seed):
         if block.kind == SENSOR:
             found, true = transforms[block.edge], scene.truth.edges[block.edge]
             turn = se3.rotation_vector_from_rotation(found[:3, :3] @ true[:3, :3].T)
-            x = result.summary.x[6 * i : 6 * i + 6]
+            x = result.summary.x[result.problem.parameters.slice_of(i)]
             (name,) = block.names
             errors[name] = np.concatenate([turn, found[:3, 3] - true[:3, 3]])
             covariances[name] = edge_covariance(block, x, result.covariance.block(i))

@@ -38,15 +38,12 @@ MAKERS = {"camera": arm.camera_on_arm, "board": arm.board_on_arm}
 def found_and_planted(scene, result):
     """Return (n,) found values minus true ones, and their sigmas."""
     errors, sigmas = [], []
-    for i, block in enumerate(result.problem.parameters.blocks):
-        if block.kind != "joint":
-            continue
-        (name,), variance = block.names, np.diagonal(result.covariance.block(i))
-        for parameter, free, value in zip(block.components, block.numbers.free, variance):
-            if free:
-                truth = scene.dataset.joint(name).parameters[parameter] + ERRORS[name][parameter]
-                errors.append(result.dataset.joint(name).parameters[parameter] - truth)
-                sigmas.append(np.sqrt(value))
+    for i, block in result.problem.parameters.joint_blocks():
+        name, variance = block.joint, np.diagonal(result.covariance.block(i))
+        for place, parameter in block.free_components:
+            truth = scene.dataset.joint(name).parameters[parameter] + ERRORS[name][parameter]
+            errors.append(result.dataset.joint(name).parameters[parameter] - truth)
+            sigmas.append(np.sqrt(variance[place]))
     return np.array(errors), np.array(sigmas)
 
 

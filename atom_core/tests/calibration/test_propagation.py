@@ -105,7 +105,7 @@ def test_a_held_rig_has_no_deviation():
 
 
 class _NothingUncertain:
-    def twists(self, index, maps):
+    def states(self, index, jacobians):
         return np.zeros((len(index), 6, 6))
 
 

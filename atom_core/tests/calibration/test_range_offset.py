@@ -141,7 +141,7 @@ def test_the_joint_covariance_is_the_inverse_of_the_bordered_equations(problem):
     sigma = covariance.range_offset_sigmas_m["lidar_1"]
     assert sigma == pytest.approx(np.sqrt(inverse[-1, -1]), rel=1e-4)
     for i in range(len(now.parameters.blocks)):
-        at = slice(6 * i, 6 * i + 6)
+        at = now.parameters.slice_of(i)
         np.testing.assert_allclose(
             covariance.block(i), inverse[at, at], rtol=1e-3, atol=1e-4 * np.max(inverse[at, at])
         )

@@ -14,10 +14,10 @@ from atom_core.geometry.camera import Camera
 from atom_core.problem.builder import build_problem
 from atom_core.problem.measurements import read_measurements
 from atom_core.problem.residuals import BorderBlock
-from atom_core.solvers import losses
+from atom_core.solvers import ceres_solver, losses
 from atom_core.solvers.base import SolverOptions
 from atom_core.solvers.ceres_solver import CeresSolver
-from atom_core.solvers.levenberg_marquardt import LevenbergMarquardt, total_cost
+from atom_core.solvers.levenberg_marquardt import LevenbergMarquardt
 from atom_core.synthetic import Noise, arm, paper_cell, scenes
 
 pytest.importorskip("atom_core._core", reason="native module is not built: make build")
@@ -150,7 +150,7 @@ def test_the_minimum_is_that_of_the_specification(scene, loss):
     assert ours.converged and theirs.converged
     assert ours.cost == pytest.approx(theirs.cost, rel=1e-9)
     assert ours.cost == pytest.approx(
-        total_cost(LevenbergMarquardt(problem).squares(ours.x, sigmas), loss)
+        losses.total_cost(loss, LevenbergMarquardt(problem).squares(ours.x, sigmas))
     )
     np.testing.assert_allclose(ours.x, theirs.x, atol=1e-6)
 
@@ -180,7 +180,7 @@ def test_the_cost_never_rises():
     sigmas, x = sigmas_of(problem), np.zeros(problem.parameters.size)
     solver, costs = CeresSolver(problem), []
     for _ in range(5):
-        costs.append(total_cost(solver.squares(x, sigmas), losses.CAUCHY))
+        costs.append(losses.total_cost(losses.CAUCHY, solver.squares(x, sigmas)))
         x = solver.minimise(x, sigmas, losses.CAUCHY, 1).x
     assert all(later <= earlier for earlier, later in zip(costs, costs[1:]))
 
@@ -232,3 +232,32 @@ def test_arrays_that_do_not_fit_are_refused(change, message):
     }
     with pytest.raises(ValueError, match=message):
         native.require("a test").CalibrationProblem(**{**arguments, **change})
+
+
+# ------------------------------------------------------------------------ constants
+
+
+def test_the_longest_step_is_said_once(monkeypatch):
+    problem = problem_of(scenes.random_scene(1, collections=6).dataset, (0.1, 0.1))
+    sigmas, zero = sigmas_of(problem), np.zeros(problem.parameters.size)
+
+    def first_step():
+        end = CeresSolver(problem).minimise(zero, sigmas, losses.NONE, 1)
+        return np.max(np.linalg.norm(problem.parameters.by_block(end.x)[:, 3:], axis=1))
+
+    assert first_step() > 0.05
+    monkeypatch.setattr(ceres_solver, "LONGEST_MOVE_M", 0.01)
+    assert first_step() <= 0.01
+
+
+@pytest.mark.parametrize("loss", [losses.HUBER, losses.CAUCHY])
+def test_the_width_of_a_loss_is_said_once(loss, monkeypatch):
+    problem = problem_of(scenes.random_scene(1, collections=6).dataset)
+    sigmas, x = sigmas_of(problem), np.zeros(problem.parameters.size)
+    before = CeresSolver(problem).equations(x, sigmas, loss).shared
+    monkeypatch.setattr(losses, f"_{loss.upper()}_WIDTH", 0.7)
+    ours = CeresSolver(problem).equations(x, sigmas, loss).shared
+    theirs = LevenbergMarquardt(problem).equations(x, sigmas, loss).shared
+    scale = np.max(np.abs(theirs))
+    np.testing.assert_allclose(ours / scale, theirs / scale, atol=1e-10)
+    assert np.max(np.abs(ours - before)) > 1e-3 * scale

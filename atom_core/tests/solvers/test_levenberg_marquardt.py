@@ -13,9 +13,10 @@ from atom_core.calibration.start.disturb import disturbed
 from atom_core.problem.builder import build_problem
 from atom_core.problem.measurements import read_measurements
 from atom_core.solvers import losses
-from atom_core.solvers.base import ROUGH, SolverOptions
+from atom_core.solvers.base import SolverOptions
 from atom_core.solvers.covariance import Covariance
-from atom_core.solvers.levenberg_marquardt import LevenbergMarquardt, total_cost
+from atom_core.solvers.criteria import ROUGH
+from atom_core.solvers.levenberg_marquardt import LevenbergMarquardt
 from atom_core.solvers.reweighting import atom_normalisers, solve
 from atom_core.synthetic import scenes
 
@@ -126,10 +127,10 @@ def test_the_cost_never_rises(loss):
     problem = problem_of(scenes.random_scene)
     solver = LevenbergMarquardt(problem)
     sigmas, x = sigmas_of(problem), np.zeros(problem.parameters.size)
-    costs = [total_cost(solver.squares(x, sigmas), loss)]
+    costs = [losses.total_cost(loss, solver.squares(x, sigmas))]
     for _ in range(6):
         x = solver.minimise(x, sigmas, loss, 1).x
-        costs.append(total_cost(solver.squares(x, sigmas), loss))
+        costs.append(losses.total_cost(loss, solver.squares(x, sigmas)))
     assert all(later <= earlier for earlier, later in zip(costs, costs[1:]))
 
 

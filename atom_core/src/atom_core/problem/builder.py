@@ -15,23 +15,28 @@ from atom_core.model.joints import POSITION_BIAS, JointSelection
 from atom_core.model.pattern import BoardKey
 from atom_core.model.sensor import RGB
 from atom_core.model.transforms import Edge, FrameGraph, Step
-from atom_core.problem.camera_blocks import camera_numbers
-from atom_core.problem.joint_blocks import BiasNumbers, Numbers, OriginNumbers
+from atom_core.problem.blocks import (
+    ADDITIONAL_TF,
+    JOINT,
+    PATTERN,
+    SENSOR,
+    ParameterBlock,
+    PoseBlock,
+)
+from atom_core.problem.camera_blocks import camera_blocks
+from atom_core.problem.joint_blocks import (
+    ORIGIN_PARAMETERS,
+    JointBiasBlock,
+    JointBlock,
+    JointOriginBlock,
+)
 from atom_core.problem.measurements import (
     CORNER_SIGMA_PX,
     CornerMeasurement,
     Measurement,
     RangeMeasurement,
 )
-from atom_core.problem.parameters import (
-    ADDITIONAL_TF,
-    INTRINSICS,
-    JOINT,
-    PATTERN,
-    SENSOR,
-    ParameterBlock,
-    Parameters,
-)
+from atom_core.problem.parameters import Parameters
 from atom_core.problem.problem import PoseChains, Problem
 from atom_core.problem.residuals import (
     BorderBlock,
@@ -125,7 +130,6 @@ def build_problem(
         for m in ordered
     ]
     chains = pose_chains(placed, ends, parameters)
-    chains = _with_cameras(chains, [m.key.sensor for m in ordered], parameters)
     blocks = _residual_blocks(ordered, dataset)
     return Problem(parameters, tuple(m.key for m in ordered), chains, tuple(blocks))
 
@@ -150,7 +154,7 @@ def _sensor_blocks(
         if sensor.name in seen and sensor.edge not in held:
             names.setdefault(sensor.edge, []).append(sensor.name)
     return [
-        ParameterBlock(edge, SENSOR, None, _value(dataset, first, edge), tuple(sharing))
+        PoseBlock(edge, SENSOR, None, tuple(sharing), _value(dataset, first, edge))
         for edge, sharing in names.items()
     ]
 
@@ -166,12 +170,12 @@ def _additional_blocks(
             continue
         if dataset.edge_types.get(edge) == MULTIPLE:
             blocks += [
-                ParameterBlock(edge, ADDITIONAL_TF, key, _value(dataset, key, edge), (name,))
+                PoseBlock(edge, ADDITIONAL_TF, key, (name,), _value(dataset, key, edge))
                 for key in collections
             ]
         elif collections:
             value = _value(dataset, collections[0], edge)
-            blocks.append(ParameterBlock(edge, ADDITIONAL_TF, None, value, (name,)))
+            blocks.append(PoseBlock(edge, ADDITIONAL_TF, None, (name,), value))
     return blocks
 
 
@@ -180,17 +184,14 @@ def _joint_blocks(dataset: Dataset, free: FreeEdges) -> List[ParameterBlock]:
     for name, selected in free.joints.items():
         joint = dataset.joint(name)
         values = joint.parameters
-        parts: List[Numbers] = []
-        origin = np.array([parameter in selected for parameter in OriginNumbers.names])
-        if np.any(origin):
-            initial = np.array([values[parameter] for parameter in OriginNumbers.names])
-            parts.append(OriginNumbers(initial, origin))
+        owner = (joint.edge, JOINT, None, (name,))
+        chosen = np.array([parameter in selected for parameter in ORIGIN_PARAMETERS])
+        if np.any(chosen):
+            initial = np.array([values[parameter] for parameter in ORIGIN_PARAMETERS])
+            blocks.append(JointOriginBlock(*owner, initial, chosen))
         if POSITION_BIAS in selected:
-            parts.append(BiasNumbers(joint.axis, joint.is_prismatic, values[POSITION_BIAS]))
-        blocks += [
-            ParameterBlock(joint.edge, JOINT, None, part.pose(np.zeros(6)), (name,), part)
-            for part in parts
-        ]
+            bias = values[POSITION_BIAS]
+            blocks.append(JointBiasBlock(*owner, joint.axis, joint.is_prismatic, bias))
     return blocks
 
 
@@ -202,28 +203,8 @@ def _intrinsics_blocks(
     for name, estimated in free.intrinsics.items():
         sensor = dataset.sensors[name]
         if sensor.camera is not None and name in seen:
-            blocks += [
-                ParameterBlock(sensor.edge, INTRINSICS, None, np.eye(4), (name,), part)
-                for part in camera_numbers(sensor.camera, estimated)
-            ]
+            blocks += camera_blocks(name, sensor.edge, sensor.camera, estimated)
     return blocks
-
-
-def _with_cameras(chains: PoseChains, sensors: Sequence[str], parameters: Parameters) -> PoseChains:
-    """Return the chains with the blocks of the sensors' intrinsics at their end."""
-    if not parameters.cameras:
-        return chains
-    tails = [list(parameters.cameras.get(sensor, ())) for sensor in sensors]
-    lengths = np.sum(chains.block >= 0, axis=1)
-    depth = max(int(n) + len(tail) for n, tail in zip(lengths, tails))
-    count = len(tails)
-    more = max(depth - chains.block.shape[1], 0)
-    identity = np.tile(np.eye(4), (count, more, 1, 1))
-    block = np.concatenate([chains.block, np.full((count, more), -1)], axis=1)
-    for i, (n, tail) in enumerate(zip(lengths, tails)):
-        block[i, n : n + len(tail)] = tail
-    inverted = np.concatenate([chains.inverted, np.zeros((count, more), dtype=bool)], axis=1)
-    return PoseChains(np.concatenate([chains.constants, identity], axis=1), block, inverted)
 
 
 def _pattern_blocks(
@@ -237,7 +218,7 @@ def _pattern_blocks(
     seen: Set[BoardKey] = {(m.key.pattern, m.key.collection) for m in measurements}
     seen |= {(pattern, None) for pattern, _ in seen}
     return [
-        ParameterBlock(board_edge(dataset.patterns[pattern]), PATTERN, collection, pose, (pattern,))
+        PoseBlock(board_edge(dataset.patterns[pattern]), PATTERN, collection, (pattern,), pose)
         for (pattern, collection), pose in boards.items()
         if (pattern, collection) in seen
     ]
@@ -287,11 +268,7 @@ def _factor(
     blocks: List[int] = []
     turned: List[bool] = []
     for edge, inverted in graph.chain(target, source):
-        factors: List[Union[int, np.ndarray]] = list(parameters.find(edge, collection))
-        if not factors:
-            factors = [_value(dataset, collection, edge)]
-        elif parameters.blocks[parameters.find(edge, collection)[0]].kind == JOINT:
-            factors = _joint_factors(dataset, collection, edge, parameters)
+        factors = _factors(dataset, collection, edge, parameters)
         for factor in reversed(factors) if inverted else factors:
             if isinstance(factor, np.ndarray):
                 matrices[-1] = matrices[-1] @ (se3.inverse(factor) if inverted else factor)
@@ -302,17 +279,22 @@ def _factor(
     return matrices, blocks, turned
 
 
-def _joint_factors(
+def _factors(
     dataset: Dataset, collection: str, edge: Edge, parameters: Parameters
 ) -> List[Union[int, np.ndarray]]:
-    """Return a joint's origin, bias and motion: the block's index where it is estimated."""
+    """Return what an edge is made of: indices of blocks, and matrices that are held."""
     indices = parameters.find(edge, collection)
-    name = parameters.blocks[indices[0]].names[0]
+    if not indices:
+        return [_value(dataset, collection, edge)]
+    by_index = {i: parameters.blocks[i] for i in indices}
+    joints = {type(block): i for i, block in by_index.items() if isinstance(block, JointBlock)}
+    if not joints:
+        return list(indices)
+    name = by_index[indices[0]].names[0]
     joint = dataset.collections[collection].joints[name]
-    blocks = {type(parameters.blocks[i].numbers): i for i in indices}
-    origin: Union[int, np.ndarray] = blocks.get(OriginNumbers, joint.origin)
+    origin: Union[int, np.ndarray] = joints.get(JointOriginBlock, joint.origin)
     bias: Union[int, np.ndarray]
-    bias = blocks.get(BiasNumbers, joint.motion(joint.parameters[POSITION_BIAS]))
+    bias = joints.get(JointBiasBlock, joint.motion(joint.parameters[POSITION_BIAS]))
     return [origin, bias, joint.motion(joint.position)]
 
 

@@ -18,8 +18,8 @@ from atom_core.geometry.plane import fit_plane, plane_basis
 from atom_core.geometry.pose_solvers import planar_poses
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.model.pattern import BoardKey
+from atom_core.problem.blocks import PATTERN
 from atom_core.problem.measurements import CornerMeasurement, Measurement, RangeMeasurement
-from atom_core.problem.parameters import PATTERN
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import ORTHOGONAL, REPROJECTION
 

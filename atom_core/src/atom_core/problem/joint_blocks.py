@@ -1,82 +1,114 @@
-"""What the six numbers of a block mean when it holds parameters of a joint.
+"""Parameter blocks of joints.
 
 A joint is ``origin @ motion(bias) @ motion(position)``. The first two hold for all collections, so
-each is one factor of the chain with numbers of its own; the third is a constant of the collection.
+each is one factor of the chain with a block of its own; the third is a constant of the collection.
 The numbers stand where those of a pose do: angles before lengths. Those that are not asked for
 stay zero and have no derivative.
 """
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Protocol, Tuple
+from typing import Dict, Tuple
 
 import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.model.joints import POSITION_BIAS, motion
+from atom_core.problem.blocks import (
+    BLOCK_SIZE,
+    POSE_UNITS,
+    ROTATION,
+    TRANSLATION,
+    TransformBlock,
+)
 
-
-class Numbers(Protocol):
-    """Six numbers that are no pose, relative to their initial value."""
-
-    @property
-    def free(self) -> np.ndarray:
-        """(6,) bool: those that are estimated."""
-        ...
-
-    @property
-    def names(self) -> Tuple[str, ...]:
-        """Six names, empty where a number has no meaning."""
-        ...
-
-    def pose(self, numbers: np.ndarray) -> np.ndarray:
-        """Return the factor (4, 4) of the chain at the numbers (6,)."""
-        ...
-
-    def twist(self, numbers: np.ndarray) -> np.ndarray:
-        """Return (6, 6): the factor's left twist (rotation, move) by the numbers."""
-        ...
+ORIGIN_PARAMETERS = (
+    "origin_roll",
+    "origin_pitch",
+    "origin_yaw",
+    "origin_x",
+    "origin_y",
+    "origin_z",
+)
 
 
 @dataclass(frozen=True)
-class OriginNumbers:
+class JointBlock(TransformBlock):
+    """Parameters of a joint."""
+
+    @property
+    def joint(self) -> str:
+        """The joint's name."""
+        return self.names[0]
+
+    @property
+    def title(self) -> str:
+        """The name that stands before those of its numbers."""
+        return f"joint {self.joint}"
+
+    @property
+    def units(self) -> Tuple[str, ...]:
+        """Rad of angles, m of lengths."""
+        return POSE_UNITS
+
+    @abstractmethod
+    def values(self, x: np.ndarray) -> np.ndarray:
+        """Return the six parameters [rad, m] at the numbers x (6,)."""
+
+    def free_values(self, x: np.ndarray) -> Dict[str, float]:
+        """Return the estimated parameters [rad, m] at the numbers x (6,), by name."""
+        values = self.values(x)
+        return {name: float(values[i]) for i, name in self.free_components}
+
+
+@dataclass(frozen=True)
+class JointOriginBlock(JointBlock):
     """roll, pitch, yaw [rad] and x, y, z [m] of a joint's origin.
 
     Attributes:
         initial: (6,) values to start from.
-        free: (6,) bool.
+        selected: (6,) bool: those that are estimated.
     """
 
     initial: np.ndarray
-    free: np.ndarray
+    selected: np.ndarray
 
-    names = ("origin_roll", "origin_pitch", "origin_yaw", "origin_x", "origin_y", "origin_z")
+    @property
+    def components(self) -> Tuple[str, ...]:
+        """Names of the six numbers."""
+        return ORIGIN_PARAMETERS
 
-    def values(self, numbers: np.ndarray) -> np.ndarray:
-        """Return roll, pitch, yaw, x, y, z (6,) at the numbers (6,)."""
-        return self.initial + np.where(self.free, numbers, 0.0)
+    @property
+    def free(self) -> np.ndarray:
+        """(6,) bool."""
+        return self.selected
 
-    def pose(self, numbers: np.ndarray) -> np.ndarray:
+    def values(self, x: np.ndarray) -> np.ndarray:
+        """Return roll, pitch, yaw, x, y, z (6,) at the numbers x (6,)."""
+        return self.initial + np.where(self.selected, x, 0.0)
+
+    def pose(self, x: np.ndarray) -> np.ndarray:
         """Return the origin (4, 4)."""
-        values = self.values(numbers)
-        return se3.from_rpy(values[3:], values[:3])
+        values = self.values(x)
+        return se3.from_rpy(values[TRANSLATION], values[ROTATION])
 
-    def twist(self, numbers: np.ndarray) -> np.ndarray:
+    def twist_jacobian(self, x: np.ndarray) -> np.ndarray:
         """Return (6, 6): left twist in the parent by the numbers."""
-        _, pitch, yaw = self.values(numbers)[:3]
+        _, pitch, yaw = self.values(x)[ROTATION]
         about_z = se3.rotation_from_rpy(np.array([0.0, 0.0, yaw]))
         about_yz = se3.rotation_from_rpy(np.array([0.0, pitch, yaw]))
         axes = np.column_stack([about_yz[:, 0], about_z[:, 1], [0.0, 0.0, 1.0]])
-        result = np.zeros((6, 6))
-        result[:3, :3] = axes
-        result[3:, :3] = se3.skew(self.values(numbers)[3:]) @ axes
-        result[3:, 3:] = np.eye(3)
-        return result * self.free
+        result = np.zeros((6, BLOCK_SIZE))
+        result[ROTATION, ROTATION] = axes
+        result[TRANSLATION, ROTATION] = se3.skew(self.values(x)[TRANSLATION]) @ axes
+        result[TRANSLATION, TRANSLATION] = np.eye(3)
+        return result * self.selected
 
 
 @dataclass(frozen=True)
-class BiasNumbers:
+class JointBiasBlock(JointBlock):
     """What is to be added to a joint's position: the first number [rad], or the fourth [m].
 
     Attributes:
@@ -92,29 +124,32 @@ class BiasNumbers:
     @property
     def place(self) -> int:
         """Which of the six numbers it is."""
-        return 3 if self.is_prismatic else 0
+        return self._part.start
+
+    @property
+    def components(self) -> Tuple[str, ...]:
+        """Six names, all but one empty."""
+        return tuple(POSITION_BIAS if free else "" for free in self.free)
 
     @property
     def free(self) -> np.ndarray:
         """(6,) bool."""
-        return np.arange(6) == self.place
+        return np.arange(BLOCK_SIZE) == self.place
+
+    def values(self, x: np.ndarray) -> np.ndarray:
+        """Return (6,): the bias in its place, at the numbers x (6,)."""
+        return np.where(self.free, self.initial + x, 0.0)
+
+    def pose(self, x: np.ndarray) -> np.ndarray:
+        """Return the motion (4, 4) by the bias."""
+        return motion(self.axis, self.is_prismatic, self.values(x)[self.place])
+
+    def twist_jacobian(self, x: np.ndarray) -> np.ndarray:
+        """Return (6, 6): left twist by the numbers; the axis is the same in both frames."""
+        result = np.zeros((6, BLOCK_SIZE))
+        result[self._part, self.place] = self.axis
+        return result
 
     @property
-    def names(self) -> Tuple[str, ...]:
-        """Six names, all but one empty."""
-        return tuple(POSITION_BIAS if free else "" for free in self.free)
-
-    def values(self, numbers: np.ndarray) -> np.ndarray:
-        """Return (6,): the bias in its place, at the numbers (6,)."""
-        return np.where(self.free, self.initial + numbers, 0.0)
-
-    def pose(self, numbers: np.ndarray) -> np.ndarray:
-        """Return the motion (4, 4) by the bias."""
-        return motion(self.axis, self.is_prismatic, self.values(numbers)[self.place])
-
-    def twist(self, numbers: np.ndarray) -> np.ndarray:
-        """Return (6, 6): left twist by the numbers; the axis is the same in both frames."""
-        result = np.zeros((6, 6))
-        start = 3 if self.is_prismatic else 0
-        result[start : start + 3, self.place] = self.axis
-        return result
+    def _part(self) -> slice:
+        return TRANSLATION if self.is_prismatic else ROTATION

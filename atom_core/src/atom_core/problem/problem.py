@@ -8,12 +8,15 @@ inverted. All detections are evaluated at once, as arrays.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.model.dataset import DetectionKey
+from atom_core.problem.blocks import BLOCK_SIZE
+from atom_core.problem.camera_blocks import STATE_SIZE, TWIST_SIZE
 from atom_core.problem.parameters import Parameters
 from atom_core.problem.residuals import (
     BorderBlock,
@@ -44,23 +47,28 @@ class PoseChains:
         """Return ``sensor_T_pattern`` (d, 4, 4) at the blocks' poses (b, 4, 4)."""
         return self._walk(block_poses)[-1]
 
-    def poses_and_maps(
-        self, block_poses: np.ndarray, block_twists: np.ndarray
+    def poses_and_jacobians(
+        self, block_poses: np.ndarray, block_jacobians: np.ndarray
     ) -> Tuple[np.ndarray, np.ndarray]:
-        """Return poses (d, 4, 4) and M (d, k, 6, 6): left twist in the sensor by the numbers."""
+        """Return poses (d, 4, 4) and J (d, k, 6, 6): left twist in the sensor by the numbers.
+
+        Args:
+            block_poses: (b, 4, 4) of the parameter blocks.
+            block_jacobians: (b, 6, 6) their left twists by their numbers.
+        """
         prefixes = self._walk(block_poses)
-        maps = np.zeros(self.block.shape + (6, 6))
+        jacobians = np.zeros(self.block.shape + (6, 6))
         if len(block_poses) == 0:
-            return prefixes[-1], maps
+            return prefixes[-1], jacobians
         for k in range(self.block.shape[1]):
             used, inverted = self.block[:, k] >= 0, self.inverted[:, k]
             # An inverted block's change acts after it: its prefix includes the block itself.
             before, after = prefixes[2 * k], prefixes[2 * k + 1]
             prefix = np.where(inverted[:, None, None], after, before)
             sign = np.where(inverted, -1.0, 1.0)[:, None, None]
-            twist = sign * (se3.adjoint(prefix) @ block_twists[self.block[:, k]])
-            maps[:, k] = np.where(used[:, None, None], twist, 0.0)
-        return prefixes[-1], maps
+            twist = sign * (se3.adjoint(prefix) @ block_jacobians[self.block[:, k]])
+            jacobians[:, k] = np.where(used[:, None, None], twist, 0.0)
+        return prefixes[-1], jacobians
 
     def around(
         self, block_poses: np.ndarray, detection: int, block: int
@@ -93,19 +101,23 @@ class PoseChains:
 
 
 class Linearisation(NamedTuple):
-    """Rows of all residual blocks at one vector.
+    """Rows of all residual blocks at one vector, differentiated in two steps.
+
+    The rows of a detection depend on its state: six numbers of the twist of its pose, and twelve
+    of its camera's intrinsics where any intrinsics are estimated. The state depends on the numbers
+    of the detection's blocks.
 
     Attributes:
         residuals: for each residual block, (n, dimension) in its unit.
-        by_twist: for each residual block, (n, dimension, 6); or by all local columns, (n,
-            dimension, 18), where the intrinsics of its camera are estimated.
-        maps: (d, k, 6, 6) twist of each detection by the numbers of its blocks; (d, k, 18, 6)
-            where any intrinsics are estimated.
+        by_state: for each residual block, (n, dimension, 6), or (n, dimension, 18) where the
+            intrinsics of its camera are estimated.
+        state_jacobians: (d, k, 6, 6) state of each detection by the numbers of its blocks
+            (``Problem.dependencies``); (d, k, 18, 6) where any intrinsics are estimated.
     """
 
     residuals: List[np.ndarray]
-    by_twist: List[np.ndarray]
-    maps: np.ndarray
+    by_state: List[np.ndarray]
+    state_jacobians: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -123,6 +135,29 @@ class Problem:
     detections: Tuple[DetectionKey, ...]
     chains: PoseChains
     residual_blocks: Tuple[ResidualBlock, ...]
+
+    @cached_property
+    def intrinsics_blocks(self) -> np.ndarray:
+        """(d, c) the parameter blocks of each detection's camera, -1 for none."""
+        cameras = self.parameters.cameras
+        width = max((len(blocks) for blocks in cameras.values()), default=0)
+        padded = {name: blocks + [-1] * (width - len(blocks)) for name, blocks in cameras.items()}
+        none = [-1] * width
+        rows = [padded.get(key.sensor, none) for key in self.detections]
+        return np.array(rows, dtype=int).reshape(len(rows), width)
+
+    @cached_property
+    def dependencies(self) -> np.ndarray:
+        """(d, k) the parameter blocks that each detection's rows depend on, -1 for none.
+
+        Those of its chain, and right after them those of its camera's intrinsics.
+        """
+        if not self.parameters.cameras:
+            return self.chains.block
+        both = np.concatenate([self.chains.block, self.intrinsics_blocks], axis=1)
+        order = np.argsort(both < 0, axis=1, kind="stable")
+        width = max(int(np.max(np.sum(both >= 0, axis=1))), self.chains.block.shape[1])
+        return np.take_along_axis(both, order, axis=1)[:, :width]
 
     @property
     def row_count(self) -> int:
@@ -161,16 +196,27 @@ class Problem:
         poses = self.poses(x)
         return [block.residuals(poses) for block in self._blocks_at(x)]
 
-    def poses_and_maps(self, x: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-        """Return the detections' poses (d, 4, 4) and ``Linearisation.maps``."""
+    def poses_and_jacobians(self, x: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+        """Return the detections' poses (d, 4, 4) and ``Linearisation.state_jacobians``."""
         block_poses = self.parameters.poses(x)
-        twists = self.parameters.twists(x, block_poses)
-        poses, maps = self.chains.poses_and_maps(block_poses, twists)
-        return poses, self.parameters.localised(self.chains.block, maps)
+        twists = self.parameters.twist_jacobians(x, block_poses)
+        poses, jacobians = self.chains.poses_and_jacobians(block_poses, twists)
+        return poses, self.state_jacobians(jacobians)
+
+    def state_jacobians(self, by_chain: np.ndarray) -> np.ndarray:
+        """Return ``Linearisation.state_jacobians`` of the chains' (d, k, 6, 6)."""
+        if not self.parameters.cameras:
+            return by_chain
+        index = self.dependencies
+        result = np.zeros(index.shape + (STATE_SIZE, BLOCK_SIZE))
+        result[:, : by_chain.shape[1], :TWIST_SIZE] = by_chain
+        for i, block in self.parameters.camera_blocks():
+            result[index == i, block.columns] = np.diag(block.free.astype(float))
+        return result
 
     def linearise(self, x: np.ndarray) -> Linearisation:
         """Return residuals and their derivatives at the vector x."""
-        poses, maps = self.poses_and_maps(x)
+        poses, jacobians = self.poses_and_jacobians(x)
         starts = {name: pair[0] for name, pair in self.parameters.cameras_at(x).items()}
         pairs = [
             block.linearise_with_intrinsics(poses, starts[block.sensor])
@@ -178,7 +224,7 @@ class Problem:
             else block.linearise(poses)
             for block in self._blocks_at(x)
         ]
-        return Linearisation([p[0] for p in pairs], [p[1] for p in pairs], maps)
+        return Linearisation([p[0] for p in pairs], [p[1] for p in pairs], jacobians)
 
     def _blocks_at(self, x: np.ndarray) -> Tuple[ResidualBlock, ...]:
         cameras = self.parameters.cameras_at(x)
@@ -198,23 +244,22 @@ class Problem:
         """
         from scipy import sparse  # slow to load, and no solver needs it
 
-        line = self.linearise(x)
+        linearisation = self.linearise(x)
         parts = [
-            self._rows(block, by_twist / sigma[:, None, None], line.maps)
-            for block, by_twist, sigma in zip(self.residual_blocks, line.by_twist, sigmas)
+            self._rows(block, by_state / sigma[:, None, None], linearisation.state_jacobians)
+            for block, by_state, sigma in zip(self.residual_blocks, linearisation.by_state, sigmas)
         ]
         return sparse.vstack(parts, format="csr")
 
     def _rows(
-        self, block: ResidualBlock, by_twist: np.ndarray, maps: np.ndarray
+        self, block: ResidualBlock, by_state: np.ndarray, state_jacobians: np.ndarray
     ) -> sparse.csr_matrix:
         from scipy import sparse
 
         rows = block.count * block.dimension
-        blocks = self.chains.block[block.detection]
-        reached = maps[block.detection][:, :, : by_twist.shape[2]]
-        values = np.einsum("nrt,nktp->nrkp", by_twist, reached)
-        columns = 6 * blocks[:, None, :, None] + np.arange(6)
+        reached = state_jacobians[block.detection][:, :, : by_state.shape[2]]
+        values = np.einsum("nrt,nktp->nrkp", by_state, reached)
+        columns = self.parameters.columns(self.dependencies[block.detection])[:, None]
         columns = np.broadcast_to(columns, values.shape)
         row = np.broadcast_to(
             np.arange(rows).reshape(block.count, block.dimension, 1, 1), values.shape

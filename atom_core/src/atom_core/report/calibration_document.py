@@ -15,8 +15,6 @@ from atom_core.calibration.prepare.preparation import camera_of
 from atom_core.geometry import se3
 from atom_core.geometry.intrinsics import intrinsics_names, intrinsics_values
 from atom_core.model.transforms import Edge
-from atom_core.problem.camera_blocks import CameraNumbers
-from atom_core.problem.parameters import JOINT
 from atom_core.problem.residuals import UNITS
 
 VERSION = "1.0"
@@ -146,29 +144,25 @@ def joints_document(calibration: Calibration) -> Dict[str, Any]:
     """Return every calibrated parameter of joints: value, change, sigma; in m or rad."""
     parameters = calibration.problem.parameters
     document: Dict[str, Any] = {}
-    for i, block in enumerate(parameters.blocks):
-        if block.kind != JOINT or block.numbers is None:
-            continue
-        name = block.names[0]
-        variance = np.diagonal(calibration.covariance.block(i))
+    for i, block in parameters.joint_blocks():
+        name, variance = block.joint, np.diagonal(calibration.covariance.block(i))
         joint, before = calibration.dataset.joint(name), calibration.initial.joint(name)
-        for parameter, free, value in zip(block.components, block.numbers.free, variance):
-            if free:
-                document.setdefault(name, {})[parameter] = {
-                    "value": joint.parameters[parameter],
-                    "change": joint.parameters[parameter] - before.parameters[parameter],
-                    "sigma": float(np.sqrt(min(value, 1e12))),
-                    "unit": joint.unit(parameter),
-                }
+        for place, parameter in block.free_components:
+            document.setdefault(name, {})[parameter] = {
+                "value": joint.parameters[parameter],
+                "change": joint.parameters[parameter] - before.parameters[parameter],
+                "sigma": float(np.sqrt(min(variance[place], 1e12))),
+                "unit": joint.unit(parameter),
+            }
     return document
 
 
 def edge_variance(calibration: Calibration, edge: Edge) -> Optional[np.ndarray]:
     """Return (6,) variances of rotation and translation in the parent's axes; None if held."""
     parameters = calibration.problem.parameters
-    for i, block in enumerate(parameters.blocks):
-        if block.edge == edge and block.numbers is None:
-            x = calibration.summary.x[6 * i : 6 * i + 6]
+    for i, block in parameters.pose_blocks():
+        if block.edge == edge:
+            x = calibration.summary.x[parameters.slice_of(i)]
             return np.diagonal(edge_covariance(block, x, calibration.covariance.block(i)))
     return None
 
@@ -222,23 +216,19 @@ def _intrinsics(calibration: Calibration, sensor: str) -> Dict[str, Any]:
     """Return a camera's estimated intrinsics; nothing where they were not asked for."""
     parameters, dataset = calibration.problem.parameters, calibration.dataset
     found: Dict[str, Any] = {}
-    for i in parameters.cameras.get(sensor, ()):
-        numbers = parameters.blocks[i].numbers
-        assert isinstance(numbers, CameraNumbers)
+    for i, block in parameters.camera_blocks():
+        if block.sensor != sensor:
+            continue
         now, before = (camera_of(d, sensor) for d in (dataset, calibration.initial))
         of_name = dict(zip(intrinsics_names(now), zip(*map(intrinsics_values, (now, before)))))
-        variance = np.diagonal(calibration.covariance.block(i))
-        focal_px = {"fx": float(now.focal_px[0]), "fy": float(now.focal_px[1])}
-        for k in np.flatnonzero(numbers.free):
-            name = numbers.names[k]
+        sigmas = block.sigmas(np.diagonal(calibration.covariance.block(i)), now)
+        for place, name in block.free_components:
             value, initial = of_name[name]
-            # the number of a focal length is a logarithm
-            scale = focal_px.get(name, float(numbers.scales[k]))
             found[name] = {
                 "value": float(value),
                 "change": float(value - initial),
-                "sigma": min(scale * float(np.sqrt(variance[k])), 1e12),
-                "unit": numbers.units[k],
+                "sigma": min(sigmas[name], 1e12),
+                "unit": block.units[place],
             }
     return {"intrinsics": found} if found else {}
 

@@ -10,6 +10,7 @@ from typing import List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
+from atom_core.problem.camera_blocks import TWIST_SIZE
 from atom_core.problem.problem import Linearisation, Problem
 from atom_core.problem.residuals import BorderBlock, squared_norms
 from atom_core.solvers import losses
@@ -55,16 +56,21 @@ def assess(
     problem: Problem, layout: Layout, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str
 ) -> Assessment:
     """Return the assessment of a problem at the vector x."""
-    line = problem.linearise(x)
+    linearisation = problem.linearise(x)
     weights = [
-        losses.weight(loss, squared_norms(r, s)) / s**2 for r, s in zip(line.residuals, sigmas)
+        losses.weight(loss, squared_norms(r, s)) / s**2
+        for r, s in zip(linearisation.residuals, sigmas)
     ]
-    equations = normal_equations(problem, layout, line, weights)
-    return Assessment(equations, tuple(_columns(problem, problem.poses(x), line, weights)))
+    equations = normal_equations(problem, layout, linearisation, weights)
+    columns = _columns(problem, problem.poses(x), linearisation, weights)
+    return Assessment(equations, tuple(columns))
 
 
 def _columns(
-    problem: Problem, poses: np.ndarray, line: Linearisation, weights: Sequence[np.ndarray]
+    problem: Problem,
+    poses: np.ndarray,
+    linearisation: Linearisation,
+    weights: Sequence[np.ndarray],
 ) -> List[InsetColumn]:
     columns = []
     for i, block in enumerate(problem.residual_blocks):
@@ -72,10 +78,11 @@ def _columns(
             continue
         by_steps = block.by_inset_steps(poses)
         detection, place = np.unique(block.detection, return_inverse=True)
-        by_twist = np.zeros((len(detection), 6))
-        np.add.at(by_twist, place, (weights[i] * by_steps)[:, None] * line.by_twist[i][:, 0])
+        by_twist = np.zeros((len(detection), TWIST_SIZE))
+        rows = linearisation.by_state[i][:, 0]
+        np.add.at(by_twist, place, (weights[i] * by_steps)[:, None] * rows)
         curvature = float(np.sum(weights[i] * by_steps**2))
-        slope = float(np.sum(weights[i] * by_steps * line.residuals[i][:, 0]))
+        slope = float(np.sum(weights[i] * by_steps * linearisation.residuals[i][:, 0]))
         if curvature > 0:
             across = block.steps_across(poses)
             columns.append(InsetColumn(i, across, by_steps, curvature, slope, detection, by_twist))

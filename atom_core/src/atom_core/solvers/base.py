@@ -10,30 +10,12 @@ import numpy as np
 from atom_core.model.transforms import Edge
 from atom_core.problem.problem import Problem
 from atom_core.solvers.assessment import Assessment
+from atom_core.solvers.criteria import EXACT, Tolerance
 from atom_core.solvers.losses import CAUCHY, LOSSES
 from atom_core.solvers.normal_equations import NormalEquations
 
 SIGMA, ATOM = "sigma", "atom"
 CONVERGED, NOT_CONVERGED, FAILED = "converged", "not_converged", "failed"
-
-
-class Tolerance(NamedTuple):
-    """When a minimiser has done enough.
-
-    Attributes:
-        decrease: what a Newton step would lower the cost by at most, in squared sigmas.
-        relative: or what two steps in a row lowered the cost by at most, relative to it.
-    """
-
-    decrease: float
-    relative: float
-
-
-# EXACT moves no parameter by more than 1e-5 of its standard deviation any more. ROUGH, by a
-# tenth, is enough while weights or boards are still to change; it does not follow a valley that
-# the data hardly see, which in a wrong basin may lead metres away.
-EXACT, ROUGH = Tolerance(1e-11, 0.0), Tolerance(1e-2, 1e-3)
-SETTLING = Tolerance(1e-5, 0.0)  # in between: while the last digits of the weights settle
 
 
 class Iteration(NamedTuple):
@@ -53,10 +35,8 @@ class Iteration(NamedTuple):
 
     def edges(self) -> Dict[Edge, np.ndarray]:
         """Return ``parent_T_child`` (4, 4) of the edges that hold for all collections."""
-        parameters = self.problem.parameters
-        shared = parameters.blocks[: parameters.shared_count]
-        poses = parameters.poses(self.x)
-        return {b.edge: pose for b, pose in zip(shared, poses) if b.numbers is None}
+        edges = self.problem.parameters.edges_at(self.x)
+        return {block.edge: pose for block, pose in edges if block.collection is None}
 
 
 # Called after every iteration; False stops with the best state so far. What it raises goes
@@ -115,6 +95,11 @@ class Minimum:
     converged: bool
     message: str
     interrupted: bool = False
+
+    @classmethod
+    def interrupted_at(cls, x: np.ndarray, cost: float, iterations: int) -> Minimum:
+        """Return the best state of a minimiser that was stopped."""
+        return cls(x, cost, iterations, False, "interrupted", interrupted=True)
 
 
 class Solver(Protocol):

@@ -13,9 +13,9 @@ import numpy as np
 from atom_core import native
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics import COUNT, number_scales
-from atom_core.problem.camera_blocks import CameraNumbers
-from atom_core.problem.joint_blocks import BiasNumbers, Numbers, OriginNumbers
-from atom_core.problem.parameters import PATTERN
+from atom_core.problem.blocks import ParameterBlock, PoseBlock
+from atom_core.problem.camera_blocks import CameraBlock
+from atom_core.problem.joint_blocks import JointBiasBlock, JointOriginBlock
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import (
     BorderBlock,
@@ -24,14 +24,24 @@ from atom_core.problem.residuals import (
     ReprojectionBlock,
     ResidualBlock,
 )
+from atom_core.solvers import losses
 from atom_core.solvers.assessment import Assessment, InsetColumn
-from atom_core.solvers.base import EXACT, Minimum, RoundProgress, Tolerance
-from atom_core.solvers.levenberg_marquardt import ENOUGH, ROUNDING, interrupted_at, unit_cost
+from atom_core.solvers.base import Minimum, RoundProgress
+from atom_core.solvers.criteria import (
+    ENOUGH,
+    EXACT,
+    LONGEST_MOVE_M,
+    LONGEST_TURN_RAD,
+    ROUNDING,
+    SMALLEST_UNIT,
+    Tolerance,
+    unit_cost,
+)
 from atom_core.solvers.normal_equations import (
     DetectionParts,
     Layout,
     NormalEquations,
-    spread,
+    assembled,
 )
 
 FEATURE = "the Ceres solver (--solver ceres)"
@@ -80,8 +90,8 @@ class CeresSolver:
     def _assess(
         self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str, with_insets: bool
     ) -> Assessment:
-        blocks, twist_maps = self._native.assess(x, list(sigmas), loss, with_insets)
-        maps = self.problem.parameters.localised(self.problem.chains.block, twist_maps)
+        blocks, by_chain = self._native.assess(x, list(sigmas), _loss(loss), with_insets)
+        jacobians = self.problem.state_jacobians(by_chain)
         parts = [DetectionParts(b["detection"], b["information"], b["gradient"]) for b in blocks]
         columns = [
             InsetColumn(
@@ -96,7 +106,8 @@ class CeresSolver:
             for i, b in enumerate(blocks)
             if b["curvature"] > 0
         ]
-        return Assessment(spread(self.problem, self._layout, maps, parts), tuple(columns))
+        equations = assembled(self.problem, self._layout, jacobians, parts)
+        return Assessment(equations, tuple(columns))
 
     def minimise(
         self,
@@ -118,7 +129,8 @@ class CeresSolver:
             end = self._native.minimise(
                 x,
                 list(sigmas),
-                loss,
+                _loss(loss),
+                _criteria(),
                 left,
                 tolerance.decrease,
                 tolerance.relative,
@@ -127,7 +139,7 @@ class CeresSolver:
             )
             x, iterations = end["x"], iterations + end["iterations"]
             if end["stopped"]:
-                return interrupted_at(x, end["cost"], iterations)
+                return Minimum.interrupted_at(x, end["cost"], iterations)
             if not end["converged"] or tolerance.relative > 0 or iterations >= max_iterations:
                 break
             promised = self.equations(x, sigmas, loss).newton_decrease()
@@ -147,41 +159,54 @@ def _counted_from(first: int, progress: Optional[RoundProgress]) -> Optional[Rou
     return lambda iteration, cost, x: progress(first + iteration, cost, x)
 
 
-def _native_problem(problem: Problem) -> Any:
+def _loss(name: str) -> Any:
     core = native.require(FEATURE)
-    blocks = problem.parameters.blocks
+    return core.Loss(name, losses.width(name), losses.step_length(name))
+
+
+def _criteria() -> Any:
+    core = native.require(FEATURE)
+    return core.Criteria(
+        longest_turn_rad=LONGEST_TURN_RAD,
+        longest_move_m=LONGEST_MOVE_M,
+        rounding=ROUNDING,
+        smallest_unit=SMALLEST_UNIT,
+    )
+
+
+def _native_problem(problem: Problem) -> Any:
+    core, parameters = native.require(FEATURE), problem.parameters
     return core.CalibrationProblem(
-        initial=np.array([b.initial for b in blocks]).reshape(-1, 4, 4),
+        initial=parameters.initial,
         # Boards of one collection never meet in a detection, so they can be eliminated.
-        eliminated=np.array([b.kind == PATTERN and b.collection is not None for b in blocks]),
+        eliminated=parameters.is_board_of_collection,
         constants=problem.chains.constants,
         block=problem.chains.block,
         inverted=problem.chains.inverted,
+        intrinsics=problem.intrinsics_blocks,
         residual_blocks=[
-            _residual_block(b, b.sensor in problem.parameters.cameras)
-            for b in problem.residual_blocks
+            _residual_block(b, b.sensor in parameters.cameras) for b in problem.residual_blocks
         ],
         parts=[
-            {"block": i, **_part(block.numbers)}
-            for i, block in enumerate(blocks)
-            if block.numbers is not None
+            {"block": i, "free": np.asarray(block.free, dtype=float), **_part(block)}
+            for i, block in enumerate(parameters.blocks)
+            if not isinstance(block, PoseBlock)
         ],
     )
 
 
-def _part(numbers: Numbers) -> Dict[str, Any]:
-    free = np.asarray(numbers.free, dtype=float)
-    if isinstance(numbers, OriginNumbers):
-        return {"kind": "origin", "values": numbers.initial, "free": free}
-    if isinstance(numbers, CameraNumbers):
-        return {"kind": "camera", "first": numbers.first, "free": free}
-    assert isinstance(numbers, BiasNumbers)
+def _part(block: ParameterBlock) -> Dict[str, Any]:
+    """Return a block that is no pose, as the native problem takes it."""
+    if isinstance(block, JointOriginBlock):
+        return {"kind": "origin", "values": block.initial}
+    if isinstance(block, CameraBlock):
+        return {"kind": "camera", "first": block.first}
+    assert isinstance(block, JointBiasBlock)
     return {
         "kind": "bias",
-        "values": numbers.initial * free,
-        "free": free,
-        "axis": numbers.axis,
-        "is_prismatic": numbers.is_prismatic,
+        "values": block.initial * np.asarray(block.free, dtype=float),
+        "axis": block.axis,
+        "is_prismatic": block.is_prismatic,
     }
 
 

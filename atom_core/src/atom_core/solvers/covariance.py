@@ -7,6 +7,7 @@ from typing import Dict
 
 import numpy as np
 
+from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.problem import Problem
 from atom_core.solvers.normal_equations import NormalEquations
 from atom_core.solvers.range_offsets import UNIT_M, OffsetColumn
@@ -84,7 +85,7 @@ class Covariance:
         if np.any((group >= 0) & (other >= 0) & (group != other)):
             raise ValueError("the two blocks of a pair belong to different collections")
         r, c = layout.position[rows], layout.position[columns]
-        result = np.empty((len(rows), 6, 6))
+        result = np.empty((len(rows), BLOCK_SIZE, BLOCK_SIZE))
         both = (group < 0) & (other < 0)
         result[both] = _tiles(self._shared[None])[0, r[both], c[both]]
         mixed, turned = (group >= 0) & (other < 0), (group < 0) & (other >= 0)
@@ -95,19 +96,21 @@ class Covariance:
         result[own] = _tiles(self._local)[group[own], r[own], c[own]]
         return self._scale * result
 
-    def twists(self, index: np.ndarray, maps: np.ndarray) -> np.ndarray:
-        """Return the covariances (n, c, c) of the twists of chains, or of all local columns.
+    def states(self, index: np.ndarray, jacobians: np.ndarray) -> np.ndarray:
+        """Return the covariances (n, c, c) of what depends on some blocks each.
 
         Args:
-            index: (n, k) blocks of each chain, -1 where it is shorter.
-            maps: (n, k, c, 6) twist (c = 6) or local columns by the numbers of the blocks.
+            index: (n, k) blocks of each, -1 where there are fewer.
+            jacobians: (n, k, c, 6) by the numbers of the blocks: of twists (c = 6), or of the
+                states of detections.
         """
-        result = np.zeros((len(index), maps.shape[2], maps.shape[2]))
+        result = np.zeros((len(index), jacobians.shape[2], jacobians.shape[2]))
         for k in range(index.shape[1]):
             for m in range(index.shape[1]):
                 both = np.flatnonzero((index[:, k] >= 0) & (index[:, m] >= 0))
                 pair = self.pairs(index[both, k], index[both, m])
-                result[both] += maps[both, k] @ pair @ np.swapaxes(maps[both, m], 1, 2)
+                right = np.swapaxes(jacobians[both, m], 1, 2)
+                result[both] += jacobians[both, k] @ pair @ right
         return result
 
     def explained(self, problem: Problem, equations: NormalEquations) -> np.ndarray:
@@ -116,7 +119,7 @@ class Covariance:
         The trace of the hat matrix over the block's rows: rows minus this are its redundancy
         (Foerstner 1979, variance components).
         """
-        covariance = self.twists(problem.chains.block, equations.maps) / self._scale
+        covariance = self.states(problem.dependencies, equations.state_jacobians) / self._scale
         explained = []
         for part in equations.parts:
             own = part.gradient.shape[1]
@@ -128,7 +131,8 @@ class Covariance:
 def _tiles(matrices: np.ndarray) -> np.ndarray:
     """View matrices (g, 6 r, 6 c) as blocks (g, r, c, 6, 6)."""
     groups, rows, columns = matrices.shape
-    return matrices.reshape(groups, rows // 6, 6, columns // 6, 6).swapaxes(2, 3)
+    n = BLOCK_SIZE
+    return matrices.reshape(groups, rows // n, n, columns // n, n).swapaxes(2, 3)
 
 
 def _pseudo_inverse(matrices: np.ndarray, diagonal: np.ndarray) -> np.ndarray:

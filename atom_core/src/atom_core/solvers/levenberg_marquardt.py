@@ -12,32 +12,23 @@ from typing import List, Optional, Sequence, Tuple
 
 import numpy as np
 
-from atom_core.problem.parameters import PATTERN
+from atom_core.problem.blocks import ROTATION, TRANSLATION
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import squared_norms
 from atom_core.solvers import losses
 from atom_core.solvers.assessment import Assessment, assess
-from atom_core.solvers.base import EXACT, Minimum, RoundProgress, Tolerance
+from atom_core.solvers.base import Minimum, RoundProgress
+from atom_core.solvers.criteria import (
+    ENOUGH,
+    EXACT,
+    ROUNDING,
+    Tolerance,
+    relative_length,
+    unit_cost,
+)
 from atom_core.solvers.normal_equations import Layout, NormalEquations
 
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-12, 1e12
-ROUNDING = 1e-13  # relative to the cost; near it the cost cannot tell steps apart any more
-_SMALLEST_UNIT = 0.1  # for data without any noise
-ENOUGH = "a further step would change nothing"
-# The linearisation holds no farther: without this limit a direction that the data hardly see
-# can be thrown metres away in the first steps, into another basin.
-_LONGEST_STEP_M, _LONGEST_STEP_RAD = 0.5, 0.5
-_TURN_AND_MOVE = slice(0, 3), slice(3, 6)
-
-
-def total_cost(squares: Sequence[np.ndarray], loss: str) -> float:
-    """Return half the sum of rho over the squared norms (n,) of all residual blocks."""
-    return sum(losses.cost(loss, square) for square in squares)
-
-
-def interrupted_at(x: np.ndarray, cost: float, iterations: int) -> Minimum:
-    """Return the best state of a minimiser that was stopped."""
-    return Minimum(x, cost, iterations, False, "interrupted", interrupted=True)
 
 
 class LevenbergMarquardt:
@@ -47,11 +38,6 @@ class LevenbergMarquardt:
         """Lay out the problem."""
         self.problem = problem
         self._layout = Layout(problem.parameters)
-        blocks = problem.parameters.blocks
-        self._is_board = np.array(
-            [b.kind == PATTERN and b.collection is not None for b in blocks], dtype=bool
-        )
-        self._poses = problem.parameters.local_start == 0  # blocks that move something
 
     def take_insets(self, problem: Problem) -> None:
         """Go on with a problem that differs from the present one in its insets only."""
@@ -90,7 +76,7 @@ class LevenbergMarquardt:
         equations = self.equations(x, sigmas, loss)
         for iteration in range(max_iterations):
             if progress is not None and progress(iteration, cost, x) is False:
-                return interrupted_at(x, cost, iteration)
+                return Minimum.interrupted_at(x, cost, iteration)
             promised = equations.newton_decrease()
             if slow == 2 or promised < tolerance.decrease * unit_cost(self.problem, cost):
                 return Minimum(x, cost, iteration, True, ENOUGH)
@@ -98,7 +84,7 @@ class LevenbergMarquardt:
             gain, trial, trial_cost = -1.0, x, cost
             if step is not None:
                 step = self._cut(losses.step_length(loss) * step)
-            if step is not None and _within_reach(step, self._poses):
+            if step is not None and self._is_short(step):
                 trial = x + step
                 trial_cost = self._cost(trial, sigmas, loss)
                 gain = (cost - trial_cost) / predicted
@@ -122,29 +108,27 @@ class LevenbergMarquardt:
 
         It does not hold up all others so, as it would if the whole step were refused.
         """
-        blocks = step.reshape(-1, 6)
-        turn, move = (np.linalg.norm(blocks[:, part], axis=1) for part in _TURN_AND_MOVE)
-        length = np.maximum(turn / _LONGEST_STEP_RAD, move / _LONGEST_STEP_M)
+        parameters = self.problem.parameters
+        blocks = parameters.by_block(step)
+        length = _relative_lengths(blocks)
+        cut = parameters.is_board_of_collection & (length >= 1.0)
         # just inside, so that rounding does not put it out of reach
-        share = np.where(self._is_board & (length >= 1.0), (1.0 - 1e-9) / np.maximum(length, 1), 1)
+        share = np.where(cut, (1.0 - 1e-9) / np.maximum(length, 1), 1)
         return (share[:, None] * blocks).ravel()
 
+    def _is_short(self, step: np.ndarray) -> bool:
+        """Tell whether the linearisation holds as far as all poses and joints move."""
+        parameters = self.problem.parameters
+        moving = parameters.by_block(step)[parameters.is_transform]
+        return bool(np.all(_relative_lengths(moving) < 1.0))
+
     def _cost(self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str) -> float:
-        return total_cost(self.squares(x, sigmas), loss)
+        return losses.total_cost(loss, self.squares(x, sigmas))
 
 
-def unit_cost(problem: Problem, cost: float) -> float:
-    """Return the mean squared residual: what one squared sigma really is, if sigmas are off."""
-    return max(2.0 * cost / max(problem.row_count, 1), _SMALLEST_UNIT)
-
-
-def _within_reach(step: np.ndarray, poses: np.ndarray) -> bool:
-    blocks = step.reshape(-1, 6)[poses]
-    if blocks.size == 0:
-        return True
-    turn = np.max(np.linalg.norm(blocks[:, :3], axis=1))
-    move = np.max(np.linalg.norm(blocks[:, 3:], axis=1))
-    return bool(turn < _LONGEST_STEP_RAD and move < _LONGEST_STEP_M)
+def _relative_lengths(steps: np.ndarray) -> np.ndarray:
+    """Return how long steps (b, 6) are, in parts of the longest that is allowed."""
+    return relative_length(*(np.linalg.norm(steps[:, p], axis=1) for p in (ROTATION, TRANSLATION)))
 
 
 def _try_solve(equations: NormalEquations, damping: float) -> Tuple[Optional[np.ndarray], float]:

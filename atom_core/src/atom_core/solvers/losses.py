@@ -5,6 +5,8 @@ Widths give 95 % efficiency for Gaussian residuals (Holland, Welsch 1977).
 
 from __future__ import annotations
 
+from typing import Sequence
+
 import numpy as np
 
 NONE, HUBER, CAUCHY = "none", "huber", "cauchy"
@@ -20,6 +22,11 @@ def step_length(loss: str) -> float:
     return 1.0 / _CURVATURE[loss]
 
 
+def width(loss: str) -> float:
+    """Return beyond which norm, in sigmas, a residual counts less; of no loss it is not used."""
+    return {HUBER: _HUBER_WIDTH, CAUCHY: _CAUCHY_WIDTH}.get(loss, np.inf)
+
+
 def cost(loss: str, squares: np.ndarray) -> float:
     """Return half the sum of rho over squared norms (n,)."""
     if loss == HUBER:
@@ -29,6 +36,11 @@ def cost(loss: str, squares: np.ndarray) -> float:
     if loss == CAUCHY:
         return 0.5 * _CAUCHY_WIDTH**2 * float(np.sum(np.log1p(squares / _CAUCHY_WIDTH**2)))
     return 0.5 * float(np.sum(squares))
+
+
+def total_cost(loss: str, squares: Sequence[np.ndarray]) -> float:
+    """Return half the sum of rho over the squared norms (n,) of all residual blocks."""
+    return sum(cost(loss, square) for square in squares)
 
 
 def weight(loss: str, squares: np.ndarray) -> np.ndarray:

@@ -1,9 +1,9 @@
 """Normal equations in blocks: shared parameters dense, each collection's own eliminated.
 
-The rows of a detection reach the parameters through one six-vector, the twist of its pose, and
+The rows of a detection depend on the parameters through one six-vector, the twist of its pose, and
 through the numbers of its camera where its intrinsics are estimated. So each detection is first
-reduced to a matrix and a vector of these few local columns (6, or 18), which are then spread over
-the parameter blocks. Blocks of different collections never meet in a detection: they are
+reduced to a matrix and a vector of this state (6, or 18), which are then distributed to the
+parameter blocks. Blocks of different collections never meet in a detection: they are
 eliminated one collection at a time (Schur complement), and the cost grows linearly with the
 collections. Triggs et al., "Bundle adjustment - a modern synthesis" (2000), section 6.
 """
@@ -16,6 +16,7 @@ from typing import List, NamedTuple, Sequence, Tuple
 import numpy as np
 from scipy import linalg
 
+from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.parameters import Parameters
 from atom_core.problem.problem import Linearisation, Problem
 from atom_core.problem.residuals import ResidualBlock
@@ -40,24 +41,24 @@ class Layout:
 
     def split(self, x: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
         """Return the shared part (s,) and the groups' part (g, w) of a vector, zero-padded."""
-        local = np.zeros((self.groups, self.width, 6))
+        local = np.zeros((self.groups, self.width, BLOCK_SIZE))
         mine = self.group >= 0
-        steps = x.reshape(-1, 6)
+        steps = Parameters.by_block(x)
         local[self.group[mine], self.position[mine]] = steps[mine]
         return steps[: self.shared].ravel(), local.reshape(self.groups, -1)
 
     def join(self, shared: np.ndarray, local: np.ndarray) -> np.ndarray:
         """Return the vector of its two parts."""
-        steps = np.zeros((len(self.group), 6))
+        steps = np.zeros((len(self.group), BLOCK_SIZE))
         mine = self.group >= 0
-        steps[: self.shared] = shared.reshape(-1, 6)
-        by_position = local.reshape(self.groups, self.width, 6)
+        steps[: self.shared] = Parameters.by_block(shared)
+        by_position = local.reshape(self.groups, self.width, BLOCK_SIZE)
         steps[mine] = by_position[self.group[mine], self.position[mine]]
         return steps.ravel()
 
 
 class DetectionParts(NamedTuple):
-    """The rows of one residual block, summed detection by detection, by the local columns.
+    """The rows of one residual block, summed detection by detection, by its state.
 
     Attributes:
         detection: (m,) the detections that have rows in the block.
@@ -82,7 +83,7 @@ class NormalEquations:
         gradient_shared: (s,).
         gradient_local: (g, w).
         parts: for each residual block, its rows by detection.
-        maps: (d, k, 6 or 18, 6) local columns of each detection by the numbers of its blocks.
+        state_jacobians: (d, k, 6 or 18, 6), see ``Linearisation``.
     """
 
     layout: Layout
@@ -92,7 +93,7 @@ class NormalEquations:
     gradient_shared: np.ndarray
     gradient_local: np.ndarray
     parts: List[DetectionParts]
-    maps: np.ndarray
+    state_jacobians: np.ndarray
 
     @property
     def diagonal(self) -> Tuple[np.ndarray, np.ndarray]:
@@ -168,31 +169,34 @@ def _floored(diagonal: np.ndarray) -> np.ndarray:
 
 
 def normal_equations(
-    problem: Problem, layout: Layout, line: Linearisation, weights: Sequence[np.ndarray]
+    problem: Problem,
+    layout: Layout,
+    linearisation: Linearisation,
+    weights: Sequence[np.ndarray],
 ) -> NormalEquations:
     """Return the normal equations of a linearised problem.
 
     Args:
         problem: whose rows.
         layout: where its parameter blocks stand.
-        line: residuals and derivatives.
+        linearisation: residuals and derivatives.
         weights: for each residual block, (n,): robust weight over sigma squared.
     """
     parts = [
-        _reduce_detections(block, residual, by_twist, weight)
-        for block, residual, by_twist, weight in zip(
-            problem.residual_blocks, line.residuals, line.by_twist, weights
+        _reduce_detections(block, residual, by_state, weight)
+        for block, residual, by_state, weight in zip(
+            problem.residual_blocks, linearisation.residuals, linearisation.by_state, weights
         )
     ]
-    return spread(problem, layout, line.maps, parts)
+    return assembled(problem, layout, linearisation.state_jacobians, parts)
 
 
 def _reduce_detections(
-    block: ResidualBlock, residual: np.ndarray, by_twist: np.ndarray, weight: np.ndarray
+    block: ResidualBlock, residual: np.ndarray, by_state: np.ndarray, weight: np.ndarray
 ) -> DetectionParts:
     """Sum the rows of each detection."""
-    root, columns = np.sqrt(weight), by_twist.shape[2]
-    rows = (by_twist * root[:, None, None]).reshape(-1, columns)
+    root, columns = np.sqrt(weight), by_state.shape[2]
+    rows = (by_state * root[:, None, None]).reshape(-1, columns)
     values = (residual * root[:, None]).ravel()
     detections, starts = np.unique(block.detection, return_index=True)
     ends = np.append(starts[1:], len(block.detection)) * block.dimension
@@ -205,42 +209,42 @@ def _reduce_detections(
     return DetectionParts(detections, information, gradient)
 
 
-def spread(
-    problem: Problem, layout: Layout, maps: np.ndarray, parts: List[DetectionParts]
+def assembled(
+    problem: Problem, layout: Layout, state_jacobians: np.ndarray, parts: List[DetectionParts]
 ) -> NormalEquations:
     """Return the normal equations of reduced detections.
 
     Args:
         problem: whose detections.
         layout: where its parameter blocks stand.
-        maps: (d, k, 6, 6) twist of each detection by the numbers of its blocks.
+        state_jacobians: (d, k, 6 or 18, 6), see ``Linearisation``.
         parts: for each residual block, its rows by detection.
     """
-    information, gradient = summed(parts, len(maps), maps.shape[2])
-    s, g, w = layout.shared, layout.groups, layout.width
-    shared, cross = np.zeros((s, s, 6, 6)), np.zeros((g, w, s, 6, 6))
-    local = np.zeros((g, w, w, 6, 6))
-    index = problem.chains.block
+    jacobians, index = state_jacobians, problem.dependencies
+    information, gradient = summed(parts, len(jacobians), jacobians.shape[2])
+    n, s, g, w = BLOCK_SIZE, layout.shared, layout.groups, layout.width
+    shared, cross = np.zeros((s, s, n, n)), np.zeros((g, w, s, n, n))
+    local = np.zeros((g, w, w, n, n))
     for k in range(index.shape[1]):
-        reached = information @ maps[:, k]
+        reached = information @ jacobians[:, k]
         for m in range(index.shape[1]):
             both = (index[:, k] >= 0) & (index[:, m] >= 0)
-            values = np.swapaxes(maps[both, m], 1, 2) @ reached[both]
+            values = np.swapaxes(jacobians[both, m], 1, 2) @ reached[both]
             _add_pairs(layout, index[both, m], index[both, k], values, shared, cross, local)
     _pad(layout, local)
-    every = np.arange(len(maps))
-    gradient_shared, gradient_local = pulled_back(problem, layout, maps, every, gradient)
-    dense = shared.swapaxes(1, 2).reshape(6 * s, 6 * s)
+    every = np.arange(len(jacobians))
+    gradient_shared, gradient_local = pulled_back(problem, layout, jacobians, every, gradient)
+    dense = shared.swapaxes(1, 2).reshape(n * s, n * s)
     dense[layout.idle, layout.idle] = 1.0
     return NormalEquations(
         layout,
         dense,
-        cross.swapaxes(2, 3).reshape(g, 6 * w, 6 * s),
-        local.swapaxes(2, 3).reshape(g, 6 * w, 6 * w),
+        cross.swapaxes(2, 3).reshape(g, n * w, n * s),
+        local.swapaxes(2, 3).reshape(g, n * w, n * w),
         gradient_shared,
         gradient_local,
         parts,
-        maps,
+        jacobians,
     )
 
 
@@ -259,28 +263,28 @@ def summed(
 def pulled_back(
     problem: Problem,
     layout: Layout,
-    maps: np.ndarray,
+    state_jacobians: np.ndarray,
     detection: np.ndarray,
-    by_twist: np.ndarray,
+    by_state: np.ndarray,
 ) -> Tuple[np.ndarray, np.ndarray]:
-    """Return vectors by twist as one by parameters: shared (s,), by collection (g, w).
+    """Return gradients by states as one by parameters: shared (s,), by collection (g, w).
 
     Args:
         problem: whose detections.
         layout: where its parameter blocks stand.
-        maps: (d, k, 6 or 18, 6) local columns of each detection by the numbers of its blocks.
-        detection: (m,) the detections that have a vector.
-        by_twist: (m, 6), or (m, 18) by all local columns.
+        state_jacobians: (d, k, 6 or 18, 6), see ``Linearisation``.
+        detection: (m,) the detections that have a gradient.
+        by_state: (m, 6) by the twist, or (m, 18) by the whole state.
     """
-    shared = np.zeros((layout.shared, 6))
-    local = np.zeros((layout.groups, layout.width, 6))
-    index = problem.chains.block[detection]
+    shared = np.zeros((layout.shared, BLOCK_SIZE))
+    local = np.zeros((layout.groups, layout.width, BLOCK_SIZE))
+    index = problem.dependencies[detection]
     for k in range(index.shape[1]):
         used = index[:, k] >= 0
-        reached = maps[detection[used], k, : by_twist.shape[1]]
-        pulled = np.einsum("dij,di->dj", reached, by_twist[used])
+        reached = state_jacobians[detection[used], k, : by_state.shape[1]]
+        pulled = np.einsum("dij,di->dj", reached, by_state[used])
         _add_vectors(layout, index[used, k], pulled, shared, local)
-    return shared.ravel(), local.reshape(layout.groups, 6 * layout.width)
+    return shared.ravel(), local.reshape(layout.groups, BLOCK_SIZE * layout.width)
 
 
 def _add_pairs(
@@ -320,4 +324,4 @@ def _pad(layout: Layout, local: np.ndarray) -> None:
     mine = layout.group >= 0
     filled[layout.group[mine], layout.position[mine]] = True
     group, position = np.nonzero(~filled)
-    local[group, position, position] = np.eye(6)
+    local[group, position, position] = np.eye(BLOCK_SIZE)

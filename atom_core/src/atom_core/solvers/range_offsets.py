@@ -12,6 +12,7 @@ from typing import Dict, List, Mapping, NamedTuple, Sequence
 
 import numpy as np
 
+from atom_core.problem.camera_blocks import TWIST_SIZE
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import RangeBlock, squared_norms
 from atom_core.solvers import losses
@@ -55,7 +56,7 @@ def offset_columns(
     columns = []
     for sensor in sensors:
         curvature, slope = 0.0, 0.0
-        by_twist, weighted = np.zeros((len(poses), 6)), {}
+        by_twist, weighted = np.zeros((len(poses), TWIST_SIZE)), {}
         for i, (block, sigma) in enumerate(zip(problem.residual_blocks, sigmas)):
             if block.sensor != sensor or not isinstance(block, RangeBlock):
                 continue

@@ -29,22 +29,18 @@ from atom_core.solvers.assessment import Assessment
 from atom_core.solvers.base import (
     ATOM,
     CONVERGED,
-    EXACT,
     FAILED,
     NOT_CONVERGED,
-    ROUGH,
-    SETTLING,
     Iteration,
     Minimum,
     RoundProgress,
     Solver,
     SolverOptions,
     SolverSummary,
-    Tolerance,
 )
 from atom_core.solvers.covariance import Covariance
+from atom_core.solvers.criteria import EXACT, ROUGH, SETTLING, Tolerance
 from atom_core.solvers.insets import apply_insets
-from atom_core.solvers.levenberg_marquardt import total_cost
 from atom_core.solvers.range_offsets import (
     UNIT_M,
     apply_range_offsets,
@@ -88,13 +84,13 @@ def _minimise(
     """Go on from x; ``done`` iterations are behind, and so many are in the result at least."""
     left = max(options.max_iterations - done, 0)
     progress, problem = options.progress, solver.problem
-    told: Optional[RoundProgress] = None
+    callback: Optional[RoundProgress] = None
     if progress is not None:
 
-        def told(number: int, cost: float, now: np.ndarray) -> Optional[bool]:
+        def callback(number: int, cost: float, now: np.ndarray) -> Optional[bool]:
             return progress(Iteration(done + number, cost, now, problem))
 
-    end = solver.minimise(x, sigmas, options.loss, left, tolerance, told)
+    end = solver.minimise(x, sigmas, options.loss, left, tolerance, callback)
     return replace(end, iterations=done + end.iterations)
 
 
@@ -266,7 +262,9 @@ def _summary(
 ) -> SolverSummary:
     start = np.zeros(solver.problem.parameters.size)
     first, last = (solver.squares(x, sigmas) for x in (start, end.x))
-    cost_initial, cost_final = (total_cost(squares, options.loss) for squares in (first, last))
+    cost_initial, cost_final = (
+        losses.total_cost(options.loss, squares) for squares in (first, last)
+    )
     status = CONVERGED if end.converged else NOT_CONVERGED
     summary = SolverSummary(
         x=end.x,

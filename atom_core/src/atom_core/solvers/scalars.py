@@ -64,7 +64,7 @@ def joint_scalars(
     columns: Tuple[Column, ...] = (*insets, *offsets)
     join = equations.layout.join
     vectors = [
-        pulled_back(problem, equations.layout, equations.maps, c.detection, c.by_twist)
+        pulled_back(problem, equations.layout, equations.state_jacobians, c.detection, c.by_twist)
         for c in columns
     ]
     flat = np.array([join(*v) for v in vectors])

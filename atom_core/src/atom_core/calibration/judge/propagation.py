@@ -82,8 +82,9 @@ def sensor_pairs(
     named = [(s, t) for s in sensors for t in sensors if s != t]
     chains = pose_chains(dataset, [(first, t.frame, s.frame) for s, t in named], parameters)
     poses = parameters.poses(x)
-    target_T_source, maps = chains.poses_and_maps(poses, parameters.twists(x, poses))
-    covariances = covariance.twists(chains.block, maps)
+    twists = parameters.twist_jacobians(x, poses)
+    target_T_source, jacobians = chains.poses_and_jacobians(poses, twists)
+    covariances = covariance.states(chains.block, jacobians)
     return [
         SensorPair(source.name, target.name, pose, twist)
         for (source, target), pose, twist in zip(named, target_T_source, covariances)

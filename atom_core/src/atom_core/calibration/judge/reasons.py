@@ -10,7 +10,7 @@ import numpy as np
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset, pose
 from atom_core.model.sensor import LIDAR3D
-from atom_core.problem.parameters import JOINT, PATTERN, SENSOR, ParameterBlock
+from atom_core.problem.blocks import JOINT, PATTERN, SENSOR, ParameterBlock, PoseBlock
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import BORDER, REPROJECTION
 
@@ -81,8 +81,8 @@ def _joint_imitated(solution: Solution, blocks: Sequence[int]) -> Optional[str]:
     parameters = solution.problem.parameters
     if not any(parameters.blocks[i].kind == JOINT for i in blocks):
         return None
-    _, maps = solution.problem.poses_and_maps(solution.x)
-    bases = {i: _reach(solution.problem, maps, i) for i in blocks}
+    _, jacobians = solution.problem.poses_and_jacobians(solution.x)
+    bases = {i: _reach(solution.problem, jacobians, i) for i in blocks}
     for i in blocks:
         for j in blocks:
             if parameters.blocks[i].kind != JOINT or i == j:
@@ -99,15 +99,16 @@ def _joint_imitated(solution: Solution, blocks: Sequence[int]) -> Optional[str]:
 
 
 def _parameters_of(block: ParameterBlock) -> str:
-    if block.numbers is None:
+    if isinstance(block, PoseBlock):
         return "the pose"
-    return " or ".join(n for n, free in zip(block.components, block.numbers.free) if free)
+    return " or ".join(name for _, name in block.free_components)
 
 
-def _reach(problem: Problem, maps: np.ndarray, block: int) -> np.ndarray:
-    """Return an orthonormal basis (6 d, k) of what a block can do to all detections' poses."""
-    moved = np.where((problem.chains.block == block)[:, :, None, None], maps, 0.0).sum(axis=1)
-    columns = moved.reshape(-1, 6)[:, problem.parameters.free[block]]
+def _reach(problem: Problem, jacobians: np.ndarray, block: int) -> np.ndarray:
+    """Return an orthonormal basis (c d, k) of what a block can do to the detections' states."""
+    mine = (problem.dependencies == block)[:, :, None, None]
+    moved = np.where(mine, jacobians, 0.0).sum(axis=1)
+    columns = problem.parameters.by_block(moved)[:, problem.parameters.free[block]]
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     left, singular, _ = np.linalg.svd(columns, full_matrices=False)
     return left[:, singular > 1e-9]
@@ -115,7 +116,7 @@ def _reach(problem: Problem, maps: np.ndarray, block: int) -> np.ndarray:
 
 def _in_series(problem: Problem, blocks: Sequence[int]) -> Optional[str]:
     """Two edges that always follow one another at a constant distance are one too many."""
-    edges = [i for i in blocks if problem.parameters.blocks[i].numbers is None]
+    edges = [i for i in blocks if isinstance(problem.parameters.blocks[i], PoseBlock)]
     for i in edges:
         for j in edges:
             if i < j and _always_adjacent(problem, i, j):

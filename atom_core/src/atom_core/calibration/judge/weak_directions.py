@@ -15,11 +15,11 @@ from atom_core.calibration.judge.reasons import (
     parallel_boards,
     reason,
 )
-from atom_core.geometry import se3
 from atom_core.model.transforms import chain_transform
-from atom_core.problem.camera_blocks import CameraNumbers
-from atom_core.problem.joint_blocks import BiasNumbers
-from atom_core.problem.parameters import ParameterBlock
+from atom_core.problem.blocks import BLOCK_SIZE, ROTATION, TRANSLATION, PoseBlock
+from atom_core.problem.camera_blocks import CameraBlock
+from atom_core.problem.joint_blocks import JointBiasBlock, JointBlock
+from atom_core.problem.parameters import Component, Parameters
 from atom_core.solvers.covariance import Covariance
 
 _NAMED_SHARE = 0.5  # parameters are named when they move at least this part of the largest
@@ -44,17 +44,15 @@ class WeakDirection:
     why: str
 
 
-def edge_covariance(block: ParameterBlock, x: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+def edge_covariance(block: PoseBlock, x: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Return the (6, 6) covariance of rotation [rad] and translation [m] in the parent's axes.
 
     Args:
-        block: the parameter block.
+        block: the edge's parameter block.
         x: (6,) its numbers at the solution.
         covariance: (6, 6) of its numbers.
     """
-    rotation = block.initial[:3, :3] @ se3.rotation_from_rotation_vector(x[:3])
-    to_parent = np.eye(6)
-    to_parent[:3, :3] = rotation @ se3.right_jacobian(x[:3])
+    to_parent = block.to_parent_axes(x)
     return to_parent @ covariance @ to_parent.T
 
 
@@ -83,12 +81,11 @@ def weak_directions(
     boards show why a sensor's are open, they are named along and about the boards' normal.
     """
     parameters, x = solution.problem.parameters, solution.x
-    blocks = parameters.blocks[: parameters.shared_count]
+    blocks = parameters.shared_blocks
     if not blocks:
         return []
-    of_pose, of_camera = [limit_rad] * 3 + [limit_m] * 3, [limit_rad] * 6
-    limits = np.concatenate([of_camera if _is_camera(b) else of_pose for b in blocks])
-    scaled = _in_parent_axes(blocks, x, covariance.shared) / limits[:, None] / limits
+    limits = np.where(np.concatenate([b.is_angle for b in blocks]), limit_rad, limit_m)
+    scaled = _in_parent_axes(parameters, x, covariance.shared) / limits[:, None] / limits
     values, vectors = np.linalg.eigh((scaled + scaled.T) / 2.0)
     left = np.diagonal(scaled).copy()
     spreads: List[np.ndarray] = []
@@ -100,17 +97,13 @@ def weak_directions(
     return _described(solution, scaled, spreads, limits)
 
 
-def _is_camera(block: ParameterBlock) -> bool:
-    return isinstance(block.numbers, CameraNumbers)
-
-
 def _described(
     solution: Solution, scaled: np.ndarray, spreads: Sequence[np.ndarray], limits: np.ndarray
 ) -> List[WeakDirection]:
     found: List[WeakDirection] = []
     by_boards: Dict[int, Optional[Boards]] = {}
     for spread in spreads:
-        moving = sorted({int(i) // 6 for i in _named(spread)})
+        moving = _moving(solution, spread)
         block = moving[0]
         if len(moving) == 1 and block not in by_boards:
             by_boards[block] = boards = parallel_boards(solution, block)
@@ -131,8 +124,13 @@ def _along_boards(
         level = np.cross(boards.normal, [1.0, 0.0, 0.0])
     level /= np.linalg.norm(level)
     found = []
-    for axis, start in ((level, 3), (np.cross(boards.normal, level), 3), (boards.normal, 0)):
-        at = 6 * block + start + np.arange(3)
+    columns = solution.problem.parameters.columns(np.array(block))
+    for axis, part in (
+        (level, TRANSLATION),
+        (np.cross(boards.normal, level), TRANSLATION),
+        (boards.normal, ROTATION),
+    ):
+        at = columns[part]
         direction = parent_R_world @ axis
         variance = float(direction @ scaled[np.ix_(at, at)] @ direction)
         spread = np.zeros(len(scaled))
@@ -141,17 +139,12 @@ def _along_boards(
     return found
 
 
-def _in_parent_axes(
-    blocks: Sequence[ParameterBlock], x: np.ndarray, shared: np.ndarray
-) -> np.ndarray:
+def _in_parent_axes(parameters: Parameters, x: np.ndarray, shared: np.ndarray) -> np.ndarray:
     to_parent = np.eye(len(shared))
-    for i, block in enumerate(blocks):
-        if block.numbers is not None:
-            continue
-        at = slice(6 * i, 6 * i + 3)
-        steps = x[at]
-        rotation = block.initial[:3, :3] @ se3.rotation_from_rotation_vector(steps)
-        to_parent[at, at] = rotation @ se3.right_jacobian(steps)
+    for i, block in parameters.pose_blocks():
+        if block.collection is None:
+            at = parameters.slice_of(i)
+            to_parent[at, at] = block.to_parent_axes(x[at])
     return to_parent @ shared @ to_parent.T
 
 
@@ -160,27 +153,30 @@ def _named(spread: np.ndarray) -> np.ndarray:
     return np.flatnonzero(np.abs(spread) >= _NAMED_SHARE * np.max(np.abs(spread)))
 
 
+def _moving(solution: Solution, spread: np.ndarray) -> List[int]:
+    """Return the blocks of the parameters that move most."""
+    parameters = solution.problem.parameters
+    return sorted({parameters.component(int(i)).block for i in _named(spread)})
+
+
 def _describe(
     solution: Solution, spread: np.ndarray, limits: np.ndarray, known_reason: Optional[str]
 ) -> WeakDirection:
     """Name a direction; ``spread`` is one sigma along it, in units of the limits."""
-    blocks = solution.problem.parameters.blocks
-    largest, named = int(np.argmax(np.abs(spread))), _named(spread)
-    names = tuple(f"{blocks[i // 6].title} {blocks[i // 6].components[i % 6]}" for i in named)
-    moving = sorted({int(i) // 6 for i in named})
+    parameters, moving = solution.problem.parameters, _moving(solution, spread)
+    names = tuple(parameters.component(int(i)).name for i in _named(spread))
+    largest = int(np.argmax(np.abs(spread)))
+    strongest = parameters.component(largest)
+    block, unit = parameters.blocks[strongest.block], strongest.unit
     sigma = min(float(abs(spread[largest]) * limits[largest]), _LARGEST_SIGMA)
-    numbers = blocks[largest // 6].numbers
-    if isinstance(numbers, CameraNumbers):
-        sigma = min(sigma * float(numbers.scales[largest % 6]), _LARGEST_SIGMA)
+    if isinstance(block, CameraBlock):
+        sigma = min(sigma * float(block.scales[strongest.place]), _LARGEST_SIGMA)
         why = f"the data hardly change when {', '.join(names)} change{'' if names[1:] else 's'}"
-        because = intrinsics_reason(solution, largest // 6)
-        return WeakDirection(
-            names, sigma, numbers.units[largest % 6], f"{why}: {because}" if because else why
-        )
-    unit = "rad" if largest % 6 < 3 else "m"
-    axis = _world_direction(solution, spread, largest)
+        because = intrinsics_reason(solution, strongest.block)
+        return WeakDirection(names, sigma, unit, f"{why}: {because}" if because else why)
+    axis = _world_direction(solution, spread, strongest)
     why = f"the data hardly change when {_motion(solution, moving, unit, axis)}"
-    cameras = [i for i in moving if _is_camera(blocks[i])]
+    cameras = [i for i in moving if isinstance(parameters.blocks[i], CameraBlock)]
     because = known_reason or (intrinsics_reason(solution, cameras[0]) if cameras else None)
     because = because or reason(solution, [i for i in moving if i not in cameras], axis)
     return WeakDirection(names, sigma, unit, f"{why}: {because}" if because else why)
@@ -210,18 +206,18 @@ def _world_R_parent(solution: Solution, block: int) -> np.ndarray:
     return chain_transform(chain, collection.transforms)[:3, :3]
 
 
-def _world_direction(solution: Solution, spread: np.ndarray, largest: int) -> np.ndarray:
+def _world_direction(solution: Solution, spread: np.ndarray, strongest: Component) -> np.ndarray:
     """Return the unit direction (3,) of the strongest part in world."""
-    index, first = largest // 6, 0 if largest % 6 < 3 else 3
-    in_parent = spread[6 * index + first : 6 * index + first + 3]
-    block = solution.problem.parameters.blocks[index]
-    if block.numbers is not None:
-        part = np.zeros(6)
-        part[first : first + 3] = in_parent
-        in_parent = block.numbers.twist(solution.x[6 * index : 6 * index + 6]) @ part
-        in_parent = in_parent[first : first + 3]
-        if isinstance(block.numbers, BiasNumbers):  # it stands behind the origin
-            in_parent = solution.dataset.joint(block.names[0]).origin[:3, :3] @ in_parent
+    parameters, index = solution.problem.parameters, strongest.block
+    block, at = parameters.blocks[index], parameters.slice_of(index)
+    part = ROTATION if block.is_angle[strongest.place] else TRANSLATION
+    in_parent = spread[at][part]
+    if isinstance(block, JointBlock):
+        only = np.zeros(BLOCK_SIZE)
+        only[part] = in_parent
+        in_parent = (block.twist_jacobian(solution.x[at]) @ only)[part]
+        if isinstance(block, JointBiasBlock):  # it stands behind the origin
+            in_parent = solution.dataset.joint(block.joint).origin[:3, :3] @ in_parent
     direction = _world_R_parent(solution, index) @ in_parent
     direction = direction / np.linalg.norm(direction)
     return direction * np.sign(direction[np.argmax(np.abs(direction))])

@@ -11,6 +11,8 @@ from typing import Iterator, List, Optional
 
 from atom_core.errors import CalibrationError
 from atom_core.model.dataset import Dataset, RgbLabel
+from atom_core.problem.blocks import BLOCK_SIZE
+from atom_core.solvers.choice import SCIPY
 
 LIMIT_VARIABLE = "ATOM_MEMORY_LIMIT_MB"
 # Measured with `make bench`: what measurements, rows, weights and results hold of each item, and
@@ -54,10 +56,10 @@ def estimated_bytes(dataset: Dataset, solver_name: str) -> int:
             points += len(label.indices)
             limit_points += len(label.limit_indices)
     rows = _CORNER * corners + _POINT * points + _LIMIT_POINT * limit_points
-    if solver_name == "scipy":
+    if solver_name == SCIPY:
         rows += _SCIPY["corner"] * corners + _SCIPY["point"] * points
         rows += _SCIPY["limit_point"] * limit_points
-    shared, boards = 6 * len(dataset.sensors), 6 * len(dataset.patterns)
+    shared, boards = BLOCK_SIZE * len(dataset.sensors), BLOCK_SIZE * len(dataset.patterns)
     equations = 8 * (shared**2 + len(dataset.collections) * boards * (boards + shared))
     return int(_MARGIN * (rows + _DETECTION * detections + _MATRICES * equations))
 

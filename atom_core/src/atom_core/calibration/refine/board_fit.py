@@ -8,12 +8,14 @@ import numpy as np
 
 from atom_core.calibration.refine.disagreement import FAR_SQUARE, MOST
 from atom_core.geometry import se3
+from atom_core.problem.blocks import BLOCK_SIZE, PoseBlock
 from atom_core.problem.initial_boards import board_candidates
 from atom_core.problem.measurements import Measurement
-from atom_core.problem.parameters import ParameterBlock, Parameters
+from atom_core.problem.parameters import Parameters
 from atom_core.problem.problem import PoseChains, Problem
 from atom_core.solvers import losses
-from atom_core.solvers.base import SETTLING, Solver, SolverFactory
+from atom_core.solvers.base import Solver, SolverFactory
+from atom_core.solvers.criteria import SETTLING
 
 _STARTS = 3  # of the candidate poses, so many are followed to their minimum
 _ITERATIONS = 50
@@ -59,7 +61,7 @@ class BoardFits:
             make_solver: which solver.
         """
         self._problem, self._sigmas, self._loss = problem.with_cameras(x), sigmas, loss
-        self._make_solver = make_solver
+        self._make_solver, self._zero = make_solver, np.zeros(BLOCK_SIZE)
         poses = problem.parameters.poses(x)
         self._own, self.now = problem.parameters.blocks[block], poses[block]
         self._around = {d: problem.chains.around(poses, d, block) for d in measurements}
@@ -85,7 +87,7 @@ class BoardFits:
         problem, sigmas = self._restricted(detections)
         solver = self._make_solver(problem)
         starts = [self._numbers(p) for d in detections for p in self._candidates[d]]
-        starts.append(np.zeros(6))
+        starts.append(self._zero)
         costs = [self._cost(solver, x, sigmas) for x in starts]
         ends = [
             solver.minimise(starts[i], sigmas, self._loss, _ITERATIONS, SETTLING)
@@ -99,7 +101,7 @@ class BoardFits:
     def cost_now(self, detections: Sequence[int]) -> float:
         """Return the robust cost of some of the detections where the board stands."""
         problem, sigmas = self._restricted(tuple(sorted(detections)))
-        return self._cost(self._make_solver(problem), np.zeros(6), sigmas)
+        return self._cost(self._make_solver(problem), self._zero, sigmas)
 
     def _cost(self, solver: Solver, x: np.ndarray, sigmas: Sequence[np.ndarray]) -> float:
         return sum(losses.cost(self._loss, s) for s in solver.squares(x, sigmas))
@@ -120,7 +122,7 @@ class BoardFits:
     def _restricted(self, detections: Tuple[int, ...]) -> Tuple[Problem, List[np.ndarray]]:
         """Return the problem of the board alone, and its sigmas."""
         own, n = self._own, len(detections)
-        parameters = Parameters([ParameterBlock(own.edge, own.kind, None, self.now, own.names)])
+        parameters = Parameters([PoseBlock(own.edge, own.kind, None, own.names, self.now)])
         around = [self._around[d] for d in detections]
         constants = np.array([[before, after] for before, after, _ in around])
         inverted = np.array([[turned] for _, _, turned in around])

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.special import chdtri  # scipy.stats has it as chi2.isf, and takes long to load
 
 from atom_core.geometry import se3
+from atom_core.problem.camera_blocks import TWIST_SIZE
 from atom_core.problem.problem import Problem
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.normal_equations import NormalEquations, summed
@@ -94,12 +95,12 @@ def chi_squares(
         equations: at the solution, weighted by the inverse variances.
         own: (d, 6, 6) covariance of the twists that detections may have by themselves.
     """
-    count, columns = len(problem.detections), equations.maps.shape[2]
+    count, columns = len(problem.detections), equations.state_jacobians.shape[2]
     all_information, gradient = summed(equations.parts, count, columns)
     # The move is one of the pose; what the intrinsics do to it is in the covariance.
-    by_all = all_information[:, :6]
-    information, gradient = by_all[:, :, :6], gradient[:, :6]
-    covariance = Covariance(equations).twists(problem.chains.block, equations.maps)
+    by_all = all_information[:, :TWIST_SIZE]
+    information, gradient = by_all[:, :, :TWIST_SIZE], gradient[:, :TWIST_SIZE]
+    covariance = Covariance(equations).states(problem.dependencies, equations.state_jacobians)
     diagonal = np.maximum(np.diagonal(information, axis1=1, axis2=2), 1e-12)
     scale = 1.0 / np.sqrt(diagonal)
     values, vectors = np.linalg.eigh(information * scale[:, :, None] * scale[:, None, :])

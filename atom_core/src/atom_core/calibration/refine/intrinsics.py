@@ -17,14 +17,13 @@ from atom_core.calibration.start.starts import Settled
 from atom_core.geometry.camera import Camera
 from atom_core.model.dataset import Dataset
 from atom_core.problem.builder import FreeEdges, build_problem
+from atom_core.problem.camera_blocks import PINHOLE
 from atom_core.problem.measurements import CornerMeasurement, Measurement
-from atom_core.problem.parameters import INTRINSICS
 from atom_core.solvers import losses
 from atom_core.solvers.base import Minimum, Solver, SolverFactory, SolverOptions
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.reweighting import rough_minimum
 
-_PINHOLE = ("fx", "fy", "cx", "cy")
 _HELD_FIRST = ("k6", "k5", "k4", "k3", "k2", "k1", "p2", "p1")
 
 Names = Mapping[str, Tuple[str, ...]]
@@ -89,14 +88,12 @@ def _untold(solver: Solver, limit_rad: float) -> Dict[str, str]:
     covariance = Covariance(equations)
     open_ones: Dict[str, bool] = {}
     candidates: Dict[str, List[str]] = {}
-    for i, block in enumerate(problem.parameters.blocks):
-        if block.kind != INTRINSICS or block.numbers is None:
-            continue
-        sensor, variance = block.names[0], np.diagonal(covariance.block(i))
-        for name, free, value in zip(block.components, block.numbers.free, variance):
-            if free and name not in _PINHOLE:
+    for i, block in problem.parameters.camera_blocks():
+        sensor, variance = block.sensor, np.diagonal(covariance.block(i))
+        for place, name in block.free_components:
+            if name not in PINHOLE:
                 candidates.setdefault(sensor, []).append(name)
-                is_open = bool(value > limit_rad**2)
+                is_open = bool(variance[place] > limit_rad**2)
                 open_ones[sensor] = open_ones.get(sensor, False) or is_open
     return {
         sensor: min(names, key=_HELD_FIRST.index)

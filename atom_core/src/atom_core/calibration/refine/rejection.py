@@ -22,9 +22,9 @@ from atom_core.calibration.start.boards import boards_in, solved_dataset
 from atom_core.errors import CalibrationError
 from atom_core.model.dataset import Dataset, DetectionKey, place
 from atom_core.model.pattern import BoardKey
+from atom_core.problem.blocks import ParameterBlock
 from atom_core.problem.builder import FreeEdges, build_problem
 from atom_core.problem.measurements import Measurement
-from atom_core.problem.parameters import PATTERN, ParameterBlock
 from atom_core.solvers import losses
 from atom_core.solvers.base import FAILED, SIGMA, Solver, SolverFactory, SolverSummary
 from atom_core.solvers.reweighting import solve_again
@@ -187,10 +187,10 @@ class _Judge:
 
     def _groups(self) -> Dict[int, np.ndarray]:
         """Return the detections of each board of a collection; under -1 those of all others."""
-        blocks, own = self._problem.parameters.blocks, self._problem.chains.block
+        is_board = self._problem.parameters.is_board_of_collection
         groups: Dict[int, List[int]] = {}
-        for d, row in enumerate(own):
-            boards = [b for b in row if b >= 0 and _is_single_board(blocks[b])]
+        for d, row in enumerate(self._problem.chains.block):
+            boards = [b for b in row if b >= 0 and is_board[b]]
             groups.setdefault(boards[0] if boards else -1, []).append(d)
         return {i: np.array(members) for i, members in groups.items()}
 
@@ -269,10 +269,6 @@ class _Judge:
         mine = {int(d): self._measurements[problem.detections[d]] for d in members}
         loss, x = self._options.solver.loss, self._summary.x
         return BoardFits(problem, x, sigmas, block, mine, loss, self._make_solver)
-
-
-def _is_single_board(block: ParameterBlock) -> bool:
-    return block.kind == PATTERN and block.collection is not None
 
 
 def whole_collections(rejected: Sequence[Rejected], left: Set[str]) -> Dict[str, str]:

@@ -11,6 +11,7 @@ from atom_core.errors import CalibrationError
 from atom_core.model.dataset import Dataset, board_edge, pose
 from atom_core.model.pattern import BoardKey
 from atom_core.model.transforms import Edge
+from atom_core.problem.blocks import ROTATION
 from atom_core.problem.builder import FreeEdges, with_boards
 from atom_core.problem.initial_boards import (
     Placement,
@@ -19,7 +20,6 @@ from atom_core.problem.initial_boards import (
     estimate_boards,
 )
 from atom_core.problem.measurements import Measurement
-from atom_core.problem.parameters import joint_parameters
 from atom_core.problem.problem import Problem
 from atom_core.solvers import losses
 from atom_core.solvers.base import Minimum, Solver, SolverFactory, SolverOptions
@@ -117,10 +117,10 @@ def _placed_anew(
 
 def _far_turned(problem: Problem, x: np.ndarray) -> Dict[int, np.ndarray]:
     """Return the poses of blocks that have turned so far that their numbers become singular."""
-    turns = np.linalg.norm(x.reshape(-1, 6)[:, :3], axis=1)
-    poses, blocks = problem.parameters.poses(x), problem.parameters.blocks
-    far = [int(i) for i in np.flatnonzero(turns > _FAR_RAD)]
-    return {i: poses[i] for i in far if blocks[i].numbers is None}
+    parameters = problem.parameters
+    turns = np.linalg.norm(parameters.by_block(x)[:, ROTATION], axis=1)
+    poses = parameters.poses(x)
+    return {i: poses[i] for i, _ in parameters.pose_blocks() if turns[i] > _FAR_RAD}
 
 
 def restarted(
@@ -130,7 +130,7 @@ def restarted(
     problem = solver.problem
     solver = make_solver(replace(problem, parameters=problem.parameters.with_initial(poses)))
     x = x.copy()
-    x.reshape(-1, 6)[list(poses)] = 0.0
+    problem.parameters.by_block(x)[list(poses)] = 0.0
     return solver, x
 
 
@@ -198,14 +198,12 @@ def solved_dataset(
 ) -> Dataset:
     """Return the dataset with the solution's edges and boards in its transforms."""
     changes: Dict[str, Dict[Edge, np.ndarray]] = {key: {} for key in dataset.collections}
-    for block, matrix in zip(problem.parameters.blocks, problem.parameters.poses(x)):
-        if block.numbers is not None:
-            continue
+    for block, matrix in problem.parameters.edges_at(x):
         for key in dataset.collections if block.collection is None else [block.collection]:
             changes[key][block.edge] = matrix
     # the boards first: held ones keep their value, the others are among the changes
     solved = with_boards(dataset, boards).with_transforms(changes)
-    solved = solved.with_joint_parameters(joint_parameters(problem.parameters, x))
+    solved = solved.with_joint_parameters(problem.parameters.joints_at(x))
     cameras = problem.parameters.cameras_at(x)
     sensors = {
         name: replace(sensor, camera=cameras[name][1]) if name in cameras else sensor

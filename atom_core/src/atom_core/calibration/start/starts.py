@@ -21,9 +21,9 @@ from atom_core.errors import CalibrationError
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset
 from atom_core.model.pattern import BoardKey
+from atom_core.problem.blocks import SENSOR
 from atom_core.problem.builder import FreeEdges, build_problem
 from atom_core.problem.measurements import Measurement
-from atom_core.problem.parameters import SENSOR
 from atom_core.problem.problem import Problem
 from atom_core.solvers import losses
 from atom_core.solvers.base import Minimum, Solver, SolverFactory, SolverOptions
