@@ -196,7 +196,8 @@ def test_progress_is_reported_and_can_stop_with_the_best_state():
     end = CeresSolver(problem)._native.minimise(
         np.zeros(problem.parameters.size),
         list(sigmas_of(problem)),
-        "none",
+        ceres_solver._loss("none"),
+        ceres_solver._criteria(),
         100,
         1e-10,
         0.0,
@@ -217,6 +218,9 @@ def one_row(**change):
         ({"residual_blocks": [one_row(kind="sphere")]}, "kind must be"),
         ({"residual_blocks": [one_row(detection=[9])]}, "detection that does not exist"),
         ({"block": np.array([[7]])}, "parameter block that does not exist"),
+        ({"intrinsics": np.array([[7]])}, "parameter block that does not exist"),
+        ({"intrinsics": np.array([[0]])}, "intrinsics stand beside the chain"),
+        ({"intrinsics": np.zeros((2, 1), dtype=int)}, "intrinsics must have the shape"),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(change, message):
@@ -228,6 +232,7 @@ def test_arrays_that_do_not_fit_are_refused(change, message):
         "constants": np.tile(np.eye(4), (1, 2, 1, 1)),
         "block": np.array([[0]]),
         "inverted": np.array([[False]]),
+        "intrinsics": np.zeros((1, 0), dtype=int),
         "residual_blocks": [one_row()],
     }
     with pytest.raises(ValueError, match=message):
