@@ -38,5 +38,7 @@ if [ "$(cat "$venv/requirements.sha256" 2>/dev/null)" != "$checksum" ] || ! "$ve
   printf '%s' "$checksum" >"$venv/requirements.sha256"
 fi
 
-exec env PYTHONPATH=atom_core/src PYTHONDONTWRITEBYTECODE=1 "$venv/bin/python" -m pytest \
-  -p no:cacheprovider -q "${needs_compiled[@]/#/--ignore=}" "$@" "${tested[@]}"
+# One thread of linear algebra in each process, as for the other tests (Makefile).
+env PYTHONPATH=atom_core/src PYTHONDONTWRITEBYTECODE=1 OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 \
+  "$venv/bin/python" -m pytest -n "$(nproc)" --dist loadgroup -p no:cacheprovider -q \
+  "${needs_compiled[@]/#/--ignore=}" "$@" "${tested[@]}" | sed -u "s/^/Noetic's versions: /"

@@ -352,8 +352,9 @@ def test_limit_points_on_the_border_are_taken_as_they_are():
     assert max(result.summary.inset_steps) < 0.1
 
 
+@pytest.mark.long  # each day test_certainty.py looks at as many rigs, whose noise differs
 def test_predicted_sigmas_are_those_of_the_errors():
-    """Pool the errors of a few rigs in units of their sigmas; test_certainty.py takes a hundred."""
+    """Pool the errors of a few rigs in units of their sigmas."""
     assert 0.7 < np.mean(_normalised_errors(range(40, 52))) < 1.4
 
 

@@ -1,4 +1,7 @@
-"""Is what the calibration says of its certainty true? A hundred rigs, drawn with known noise."""
+"""Is what the calibration says of its certainty true? Many rigs, drawn with known noise.
+
+A hundred of them are long, a dozen is for every day.
+"""
 
 from typing import NamedTuple
 
@@ -17,7 +20,6 @@ from atom_core.problem.residuals import ORTHOGONAL, REPROJECTION
 from atom_core.report.calibration_document import pairs_of
 from atom_core.synthetic import Noise, paper_cell
 
-RUNS = 100
 # every sensor has its own noise
 NOISE = Noise(
     depth_scale=1.3,
@@ -104,9 +106,20 @@ def carried_ratios(result, scene):
     return ratios
 
 
-@pytest.fixture(scope="module")
-def runs():
-    return [run(seed) for seed in range(100, 100 + RUNS)]
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(12, id="12 rigs"),
+        pytest.param(100, id="100 rigs", marks=pytest.mark.long),
+    ],
+)
+def runs(request):
+    return [run(seed) for seed in range(100, 100 + request.param)]
+
+
+def granted(off, runs):
+    """Return how far a mean over these runs may be off, where over a hundred it may be `off`."""
+    return off * np.sqrt(100.0 / len(runs))
 
 
 @pytest.mark.slow
@@ -115,7 +128,7 @@ def test_intervals_cover_the_truth(runs):
     for name in runs[0].errors:
         sigmas = [np.sqrt(np.diagonal(r.covariances[name])) for r in runs]
         inside = [np.abs(r.errors[name]) < 1.96 * s for r, s in zip(runs, sigmas)]
-        assert 0.92 <= np.mean(inside) <= 0.98, (name, np.mean(inside))
+        assert abs(np.mean(inside) - 0.95) <= granted(0.03, runs), (name, np.mean(inside))
 
 
 @pytest.mark.slow
@@ -125,7 +138,8 @@ def test_errors_are_as_large_as_their_covariance_says(runs):
         squares = [
             r.errors[name] @ np.linalg.solve(r.covariances[name], r.errors[name]) for r in runs
         ]
-        assert 0.8 <= np.mean(squares) / 6.0 <= 1.3, (name, np.mean(squares) / 6.0)
+        ratio = np.mean(squares) / 6.0
+        assert -granted(0.2, runs) <= ratio - 1.0 <= granted(0.3, runs), (name, ratio)
 
 
 @pytest.mark.slow
@@ -147,13 +161,14 @@ def test_carried_points_are_as_far_off_as_predicted(runs):
     may be off by a factor of 1.4, since the border's sampling is no random error (it errs the
     same way in rows of neighbours): up to 1.28 was measured.
     """
-    targets = {}
+    targets, most = {}, 1.0 + granted(0.4, runs)
     for source, target in runs[0].carried:
         ratio = np.sqrt(np.mean([r.carried[(source, target)] for r in runs]))
-        assert 1 / 1.4 < ratio < 1.4, (source, target, ratio)
+        assert 1 / most < ratio < most, (source, target, ratio)
         targets.setdefault(target, []).append(ratio**2)
     for target, ratios in targets.items():
-        assert 0.85 < np.sqrt(np.mean(ratios)) < 1.15, (target, np.mean(ratios))
+        ratio = np.sqrt(np.mean(ratios))
+        assert abs(ratio - 1.0) < granted(0.15, runs), (target, ratio)
 
 
 def test_the_noise_of_a_sensor_may_be_its_own():

@@ -162,10 +162,14 @@ def test_only_lidars_have_one(scene, name):
         calibrate(scene.dataset, CalibrationOptions(range_offset=(name,)))
 
 
+# The mean square of so many values is 1 within these limits, but for four in a thousand.
 @pytest.mark.slow
-def test_the_sigma_of_the_offset_is_that_of_its_errors():
+@pytest.mark.parametrize(
+    "rigs, least, most", [(4, 0.04, 4.2), pytest.param(12, 0.3, 2.5, marks=pytest.mark.long)]
+)
+def test_the_sigma_of_the_offset_is_that_of_its_errors(rigs, least, most):
     normalised, errors = [], []
-    for seed in range(12):
+    for seed in range(rigs):
         scene = paper_cell(seed, disturbance=(0.02, 0.02))
         dataset = with_long_ranges(scene.dataset, "lidar_1", PLANTED_M)
         result = calibrate(dataset, CalibrationOptions(range_offset=("lidar_1",)))
@@ -173,5 +177,4 @@ def test_the_sigma_of_the_offset_is_that_of_its_errors():
         errors.append(error)
         normalised.append(error / result.covariance.range_offset_sigmas_m["lidar_1"])
     assert np.sqrt(np.mean(np.square(errors))) < 0.001
-    # 12 values: the mean square is 1 within a factor of 2.5 at four in a thousand
-    assert 0.3 < np.mean(np.square(normalised)) < 2.5
+    assert least < np.mean(np.square(normalised)) < most
