@@ -14,6 +14,8 @@ from atom_examples.cell_simulator.recorder import Recording, record
 
 SHORT = {"collections": 1, "stop_s": 0.3}
 
+pytestmark = pytest.mark.usefixtures("remembered_plans")
+
 
 def leftovers(folder):
     return sorted(path.name for path in folder.iterdir())

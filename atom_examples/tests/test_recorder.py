@@ -11,7 +11,7 @@ from sensor_msgs import point_cloud2
 from atom_core.geometry import se3
 from atom_core.io.truth_json import read_truth
 from atom_core.model.transforms import Edge, FrameGraph, chain_transform
-from atom_examples.cell_simulator.planner import plan_stops
+from atom_examples.cell_simulator import recorder
 from atom_examples.cell_simulator.recorder import Recording, record
 from atom_examples.cell_simulator.trajectory import Trajectory
 from atom_examples.cell_simulator.truth import PATTERN
@@ -23,7 +23,7 @@ SENSORS = ("rgb_1", "rgb_2", "rgb_3", "depth_1", "lidar_1", "lidar_2", "lidar_3"
 
 
 @pytest.fixture(scope="module")
-def bags(tmp_path_factory, world):
+def bags(tmp_path_factory, world, plans):
     """Short recordings by name; "again" is "train" once more, from a cell built anew."""
     folder = tmp_path_factory.mktemp("bags")
     wanted = {
@@ -34,9 +34,11 @@ def bags(tmp_path_factory, world):
         "metres": Recording(depth_encoding="32FC1", noise=False, **SHORT),
     }
     paths = {name: folder / f"{name}.bag" for name in (*wanted, "again")}
-    for name, recording in wanted.items():
-        record(world, recording, paths[name], progress=False)
-    other = World(0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(recorder, "plan_stops", plans)
+        for name, recording in wanted.items():
+            record(world, recording, paths[name], progress=False)
+    other = World(0)  # and planned anew
     record(other, wanted["train"], paths["again"], progress=False)
     other.scene.close()
     return paths
@@ -286,11 +288,11 @@ def test_truth_says_how_the_bag_was_made(bags):
 
 
 @pytest.mark.parametrize(("compressed", "limit_gb"), [(False, 4.0), (True, 1.5)])
-def test_a_whole_recording_stays_below_its_limits(world, tmp_path, compressed, limit_gb):
+def test_a_whole_recording_stays_below_its_limits(world, plans, tmp_path, compressed, limit_gb):
     """A part of it is recorded; sizes and processor time grow with the number of ticks."""
     pattern = world.scene.board.pattern
-    ticks = Trajectory(plan_stops(world, "train", 23), 1.5, pattern).ticks
-    part = Trajectory(plan_stops(world, "train", 4), 1.5, pattern).ticks
+    ticks = Trajectory(plans(world, "train", 23), 1.5, pattern).ticks
+    part = Trajectory(plans(world, "train", 4), 1.5, pattern).ticks
     started = time.process_time()
     out = tmp_path / "part.bag"
     record(world, Recording(collections=4, compressed=compressed), out, progress=False)
