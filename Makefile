@@ -7,9 +7,9 @@ unexport CMAKE_PREFIX_PATH ROS_PACKAGE_PATH PYTHONPATH PYTHONHOME VIRTUAL_ENV PY
 
 JOBS := $(shell nproc)
 REPEAT := 1
-# Each module of tests stays on one processor (conftest.py). One thread of linear algebra in each
-# process: more of them would only take the processors from one another.
-PYTEST = OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python3 -m pytest -n $(JOBS) --dist loadgroup \
+# A module of tests stays in one process, since its tests share what it made. One thread of linear
+# algebra in each process: more of them would only take the processors from one another.
+PYTEST = OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python3 -m pytest -n $(JOBS) --dist loadfile \
 	--no-loadscope-reorder --durations 20
 # Every recipe that runs Python, ROS or a tool of the virtual environment starts with this.
 ENV := source ./env.bash;

@@ -12,16 +12,9 @@ ROOT = Path(__file__).resolve().parent
 
 
 def pytest_collection_modifyitems(items):
-    """Keep each module on one processor, and begin with those that have slow tests.
-
-    A module's tests share what its fixtures made. One that names no group of its own
-    (``pytest.mark.xdist_group``) is therefore a group, and the long ones must not come last.
-    """
+    """Begin with modules that have slow tests: what takes long in a process must not come last."""
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
-    for item in items:
-        if not item.get_closest_marker("xdist_group"):
-            item.add_marker(pytest.mark.xdist_group(str(item.path.relative_to(ROOT))))
 
 
 @pytest.fixture(scope="session")

@@ -40,5 +40,5 @@ fi
 
 # One thread of linear algebra in each process, as for the other tests (Makefile).
 env PYTHONPATH=atom_core/src PYTHONDONTWRITEBYTECODE=1 OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 \
-  "$venv/bin/python" -m pytest -n "$(nproc)" --dist loadgroup -p no:cacheprovider -q \
+  "$venv/bin/python" -m pytest -n "$(nproc)" --dist loadfile -p no:cacheprovider -q \
   "${needs_compiled[@]/#/--ignore=}" "$@" "${tested[@]}" | sed -u "s/^/Noetic's versions: /"
