@@ -9,7 +9,7 @@ unset PYTHONPATH PYTHONHOME VIRTUAL_ENV PYENV_VERSION
 venv=.venv-noetic
 core=atom_core/tests
 tested=("$core"/{geometry,model,problem,labeling,io})
-needs_compiled=("$core/io/test_urdf.py")
+needs_compiled=("$core"/io/test_urdf{,_writing}.py)
 
 find_python() {
   local candidate
