@@ -164,40 +164,31 @@ class _Shown:
         return np.frombuffer(data[: len(data) // 16 * 16]).reshape(-1, 2)
 
 
+_CLOUD = {
+    "Class": "rviz/PointCloud2",
+    "Name": "Cloud",
+    "Enabled": True,
+    "Topic": "/lidar/points",
+    "Color Transformer": "FlatColor",
+    "Color": "; ".join(map(str, POINTS)),
+    "Style": "Points",
+    "Size (Pixels)": 2,
+    "Alpha": 1,
+}
+_PICTURES = {
+    STOCK: {"Class": "rviz/Image", "Image Topic": "/camera/labeled"},
+    PLUGINS: {"Class": "atom_rviz_plugins/ImageLabelDisplay", "Topic": "/camera/labeled"},
+}
+_VIEW = {"Class": "rviz/Orbit", "Name": "Current View", "Distance": 12, "Pitch": 0.6, "Yaw": 0.8}
+
+
 def _layout(name: str) -> Dict:
-    displays: List[Dict] = [
-        {
-            "Class": "rviz/PointCloud2",
-            "Name": "Cloud",
-            "Enabled": True,
-            "Topic": "/lidar/points",
-            "Color Transformer": "FlatColor",
-            "Color": "; ".join(map(str, POINTS)),
-            "Style": "Points",
-            "Size (Pixels)": 2,
-            "Alpha": 1,
-        },
-    ]
+    displays: List[Dict] = [_CLOUD]
     panels: List[Dict] = []
     tools = [{"Class": "rviz/Interact"}]
-    if name == STOCK:
-        displays.append(
-            {
-                "Class": "rviz/Image",
-                "Name": "Picture",
-                "Enabled": True,
-                "Image Topic": "/camera/labeled",
-            }
-        )
+    if name in _PICTURES:
+        displays.append({"Name": "Picture", "Enabled": True, **_PICTURES[name]})
     if name == PLUGINS:
-        displays.append(
-            {
-                "Class": "atom_rviz_plugins/ImageLabelDisplay",
-                "Name": "Picture",
-                "Enabled": True,
-                "Topic": "/camera/labeled",
-            }
-        )
         panels.append({"Class": "atom_rviz_plugins/AtomPanel", "Name": "ATOM", "Page": 0})
         tools = [
             {"Class": "atom_rviz_plugins/PointLabelTool"},  # the first one is in the hand
@@ -214,15 +205,7 @@ def _layout(name: str) -> Dict:
                 "Background Color": "; ".join(map(str, BACKGROUND)),
             },
             "Tools": tools,
-            "Views": {
-                "Current": {
-                    "Class": "rviz/Orbit",
-                    "Name": "Current View",
-                    "Distance": 12,
-                    "Pitch": 0.6,
-                    "Yaw": 0.8,
-                }
-            },
+            "Views": {"Current": _VIEW},
         },
         "Window Geometry": {
             "X": 0,
