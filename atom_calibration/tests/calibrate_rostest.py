@@ -252,21 +252,8 @@ class CalibrateTest(unittest.TestCase):
             found = tf(edge.parent, edge.child)
             return found is not None and np.allclose(found, expected, rtol=0, atol=1e-9)
 
-        process = self.start(
-            "rosrun",
-            "atom_calibration",
-            "calibrate",
-            "--dataset",
-            self.path,
-            "--output",
-            output,
-            "-rv",
-            "--tf",
-            "calibrated",
-            "--stay",
-            "--wait",
-            WITHIN_S,
-        )
+        words = ["--dataset", self.path, "--output", output, "-rv", "--tf", "calibrated", "--stay"]
+        process = self.start("rosrun", "atom_calibration", "calibrate", *words, "--wait", WITHIN_S)
         until(lambda: is_at(sensor.edge, before), "the description's value", WITHIN_S)
         listener = Listener(self.dataset)
         self.addCleanup(listener.end)
