@@ -20,7 +20,8 @@ from atom_core.calibration.options import CalibrationOptions
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.model.dataset import board_edge, pose
-from atom_core.report.calibration_document import result_document
+from atom_core.report.calibration_document import calibration_document
+from atom_core.report.calibration_results import calibration_results
 from atom_core.solvers.base import SolverOptions
 from atom_core.synthetic import scenes
 
@@ -151,7 +152,7 @@ def test_transforms_under_their_own_names_are_those_of_the_result(run):
     sent = calibrated_tf.transforms(run.last, view_options.OWN)
     found = {conversions.edge_of(m): conversions.transform(m) for m in sent}
     assert len(found) == len(sent)
-    document = result_document(run.calibration, {}, "ceres")
+    document = calibration_document(calibration_results(run.calibration, "ceres"), {})
     for edge in document["edges"].values():
         matrix = found[(edge["parent"], edge["child"])]
         np.testing.assert_allclose(matrix[:3, 3], edge["translation_m"], atol=1e-12)
@@ -171,7 +172,7 @@ def test_prefixed_transforms_have_a_tree_for_each_collection(run):
 
 def test_beside_a_running_system_only_what_is_calibrated_is_published(run):
     sent = calibrated_tf.transforms(run.last, view_options.CALIBRATED)
-    document = result_document(run.calibration, {}, "ceres")
+    document = calibration_document(calibration_results(run.calibration, "ceres"), {})
     edges = {(edge["parent"], edge["child"]) for edge in document["edges"].values()}
     assert {conversions.edge_of(m) for m in sent} == edges
     assert calibrated_tf.transforms(run.last, view_options.OFF) == []
@@ -188,7 +189,7 @@ def test_calibrated_transforms_take_the_place_of_the_descriptions(run):
 
 def test_the_state_has_a_row_for_each_sensor_and_kind(run):
     message = state_message(run.last, run.first, Words("converged", "well"))
-    document = result_document(run.calibration, {}, "ceres")
+    document = calibration_document(calibration_results(run.calibration, "ceres"), {})
     assert (message.running, message.status, message.message) == (False, "converged", "well")
     assert message.iteration == document["solver"]["iterations"]
     rows = {(row.sensor, row.kind): row for row in message.residuals}

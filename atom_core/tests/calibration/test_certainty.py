@@ -17,7 +17,7 @@ from atom_core.model.sensor import RGB, depth_sigma_m
 from atom_core.model.truth import with_truth
 from atom_core.problem.blocks import SENSOR
 from atom_core.problem.residuals import ORTHOGONAL, REPROJECTION
-from atom_core.report.calibration_document import pairs_of
+from atom_core.report.calibration_results import pairs_of
 from atom_core.synthetic import Noise, paper_cell
 
 # every sensor has its own noise

@@ -22,7 +22,8 @@ from atom_core.geometry.intrinsics import (
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.model.dataset import RgbLabel
-from atom_core.report.calibration_document import result_document
+from atom_core.report.calibration_document import calibration_document
+from atom_core.report.calibration_results import calibration_results
 from atom_core.solvers.base import SolverOptions
 from atom_core.solvers.choice import SOLVERS
 from atom_core.synthetic import Noise, arm, scenes
@@ -69,7 +70,7 @@ def two_cameras(seed, model="plumb_bob", **options):
 
 
 def found_intrinsics(result, name):
-    document = result_document(result, {}, "ceres")
+    document = calibration_document(calibration_results(result, "ceres"), {})
     return document["sensors"][name].get("intrinsics", {})
 
 
@@ -124,7 +125,7 @@ def test_planted_errors_are_found_and_the_extrinsics_are_right_again(model):
         )
         assert errors["translation_error_m"] < 0.7 * held["translation_error_m"]
         exact = with_cameras(scene.dataset, lambda _, true=true: true)
-        sigmas = result_document(result, {}, "ceres")["edges"]
+        sigmas = calibration_document(calibration_results(result, "ceres"), {})["edges"]
         (edge,) = [e for e in sigmas.values() if not e["anchored"]]
         known = ground_truth_errors(calibrate(exact).dataset, scene.truth)["mean"]
         limit = known["translation_error_m"] + 4.0 * max(edge["sigma_translation_m"])

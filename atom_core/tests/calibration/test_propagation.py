@@ -9,7 +9,8 @@ from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.judge.propagation import propagate, sensor_pairs
 from atom_core.geometry import se3
 from atom_core.model.dataset import pose
-from atom_core.report.calibration_document import pairs_of, result_document
+from atom_core.report.calibration_document import calibration_document
+from atom_core.report.calibration_results import calibration_results, pairs_of
 from atom_core.synthetic import paper_cell, scenes
 
 
@@ -110,7 +111,7 @@ class _NothingUncertain:
 
 
 def test_the_document_holds_every_pair_at_three_distances(calibration):
-    document = result_document(calibration, {}, "ceres")["propagation"]
+    document = calibration_document(calibration_results(calibration, "ceres"), {})["propagation"]
     names = list(calibration.dataset.sensors)
     assert len(document) == len(names) * (len(names) - 1)
     assert {tuple(p["distance_m"] for p in e["points"]) for e in document} == {(1.0, 2.0, 4.0)}

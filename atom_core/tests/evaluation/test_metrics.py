@@ -163,4 +163,4 @@ def test_figures_by_hand():
     assert found.rms == pytest.approx(np.sqrt(125 / 3))
     assert (found.mean, found.median) == (5.0, 5.0)
     assert (found.x_mean_abs, found.y_mean_abs) == (3.0, 4.0)
-    assert "translation_mm" not in found.document()
+    assert found.translation_mm is None

@@ -13,7 +13,6 @@ from atom_core.calibration.options import DESCRIPTION, NO_GUESS, CalibrationOpti
 from atom_core.calibration.prepare.joints import select_joints
 from atom_core.commands import common
 from atom_core.errors import CalibrationError, DescriptionError
-from atom_core.evaluation.ground_truth import ground_truth_errors
 from atom_core.io.atomic import prepare_output_folder, write_json_atomically
 from atom_core.io.dataset_json import write_dataset
 from atom_core.io.results import write_parameters_yaml
@@ -23,8 +22,10 @@ from atom_core.model.dataset import Dataset
 from atom_core.model.joints import JOINT_PARAMETERS, JointSelection
 from atom_core.model.selection import select_names
 from atom_core.model.sensor import LIDAR3D, RGB
-from atom_core.report.calibration_document import result_document, selected_edges, sigma_text
+from atom_core.report.calibration_document import calibration_document
+from atom_core.report.calibration_results import CalibrationResults, calibration_results
 from atom_core.report.calibration_tables import calibration_report
+from atom_core.report.edge_comments import edge_comments
 from atom_core.solvers.base import CONVERGED, Iteration, SolverOptions
 from atom_core.solvers.choice import CERES, SOLVERS, default_solver
 
@@ -251,16 +252,53 @@ def run(args: argparse.Namespace, watcher: Optional[Watcher] = None) -> int:
         watcher: told how it gets on, if there is one.
     """
     began = time.perf_counter()
-    options = _options(args)
     common.refuse_occupied(args.output, args.overwrite)
     truth = read_truth(args.truth) if args.truth else None
+    options = _options(args)
     dataset = common.selected_dataset(args)
+    options = _with_selections(options, args, dataset)
+    description = _description(args, dataset.config.description_file)
+    load_seconds = time.perf_counter() - began
+    if watcher is not None:
+        watcher.begin(dataset)
+        options = replace(options, solver=replace(options.solver, progress=watcher.progress))
+    calibration = calibrate(dataset, options)
+    results = calibration_results(calibration, options.solver_name or default_solver(), truth)
+    writing = time.perf_counter()
+    folder = prepare_output_folder(args.output, args.overwrite)
+    remarks = [*_solver_remarks(options), *_write_files(folder, results, description)]
+    ended = time.perf_counter()
+    around = {"load": load_seconds, "write": ended - writing, "total": ended - began}
+    results = replace(
+        results,
+        warnings=(*results.warnings, *remarks),
+        seconds={**results.seconds, **around},
+    )
+    document = calibration_document(results, common.options_document(args))
+    write_json_atomically(folder / RESULT_FILE, document, sort_keys=False)
+    if watcher is not None:
+        watcher.end(calibration)
+    print(calibration_report(results, verbose=args.verbose))
+    print(f"results: {folder}")
+    return 0 if calibration.status == CONVERGED else 1
+
+
+def _solver_remarks(options: CalibrationOptions) -> List[str]:
+    if options.solver_name is None and default_solver() != CERES:
+        return ["solved by scipy: run `make build` for the faster ceres"]
+    return []
+
+
+def _with_selections(
+    options: CalibrationOptions, args: argparse.Namespace, dataset: Dataset
+) -> CalibrationOptions:
+    """Return the options with what the arguments select of a dataset."""
     if args.additional_tf_selection_function:
         names = select_names(
             dataset.config.additional_tfs, args.additional_tf_selection_function, "additional tf"
         )
         options = replace(options, additional_tfs=tuple(names))
-    options = replace(
+    return replace(
         options,
         joints=_joints(args, dataset),
         intrinsics=_sensors_of(
@@ -272,31 +310,6 @@ def run(args: argparse.Namespace, watcher: Optional[Watcher] = None) -> int:
         keep_collections=_kept_collections(args, dataset),
         keep_detections=_kept_detections(args, dataset),
     )
-    description = _description(args, dataset.config.description_file)
-    load_seconds = time.perf_counter() - began
-    if watcher is not None:
-        watcher.begin(dataset)
-        options = replace(options, solver=replace(options.solver, progress=watcher.progress))
-    calibration = calibrate(dataset, options)
-    solver_name = options.solver_name or default_solver()
-    document = result_document(calibration, common.options_document(args), solver_name)
-    if options.solver_name is None and solver_name != CERES:
-        document["warnings"].append("solved by scipy: run `make build` for the faster ceres")
-    if truth is not None:
-        document["ground_truth"] = ground_truth_errors(calibration.dataset, truth)
-    writing = time.perf_counter()
-    folder = prepare_output_folder(args.output, args.overwrite)
-    document["warnings"] += _write_files(folder, calibration, description)
-    seconds = document["solver"]["seconds"]
-    seconds["load"] = load_seconds
-    seconds["write"] = time.perf_counter() - writing
-    seconds["total"] = time.perf_counter() - began
-    write_json_atomically(folder / RESULT_FILE, document, sort_keys=False)
-    if watcher is not None:
-        watcher.end(calibration)
-    print(calibration_report(document, verbose=args.verbose))
-    print(f"results: {folder}")
-    return 0 if calibration.status == CONVERGED else 1
 
 
 def _options(args: argparse.Namespace) -> CalibrationOptions:
@@ -375,9 +388,10 @@ def _description(args: argparse.Namespace, configured: Optional[str]) -> Optiona
 
 
 def _write_files(
-    folder: Path, calibration: Calibration, description: Optional[Description]
+    folder: Path, results: CalibrationResults, description: Optional[Description]
 ) -> List[str]:
     """Write dataset, parameters and description; return what the user should know."""
+    calibration = results.calibration
     write_dataset(calibration.dataset, folder / DATASET_FILE)
     write_parameters_yaml(
         folder / PARAMETERS_FILE,
@@ -387,18 +401,18 @@ def _write_files(
     )
     if description is None:
         return ["no robot description found: optimized.urdf.xacro is not written (--description)"]
-    return _write_description(folder / DESCRIPTION_FILE, calibration, description)
+    return _write_description(folder / DESCRIPTION_FILE, results, description)
 
 
-def _write_description(path: Path, calibration: Calibration, description: Description) -> List[str]:
-    held = calibration.free.held_edges(calibration.dataset)
-    edges = selected_edges(calibration)
-    comments = {
-        edge: "anchored" if edge in held else sigma_text(calibration, edge) for edge in edges
+def _write_description(
+    path: Path, results: CalibrationResults, description: Description
+) -> List[str]:
+    calibration = results.calibration
+    edges = {edge.edge: edge.parent_T_child for edge in results.edges}
+    origins = {
+        name: calibration.dataset.joint(name).corrected_origin for name in calibration.free.joints
     }
-    joints = {name: calibration.dataset.joint(name) for name in calibration.free.joints}
-    comments.update({joint.edge: "calibrated joint" for joint in joints.values()})
-    origins = {name: joint.corrected_origin for name, joint in joints.items()}
+    comments = edge_comments(results)
     report = write_calibrated_description(description, edges, path, comments, origins)
     missing = [*report.missing, *report.missing_joints]
     remarks = [f"'{what}' is not written to {path.name}: {why}" for what, why in missing]

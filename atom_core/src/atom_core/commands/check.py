@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any, Dict, List
+from typing import List
 
 import numpy as np
 
@@ -13,9 +13,8 @@ from atom_core.commands import common
 from atom_core.geometry import se3
 from atom_core.io.urdf import read_description
 from atom_core.model.dataset import Dataset
-from atom_core.model.sensor import Sensor
 from atom_core.model.transforms import Edge
-from atom_core.report.calibration_tables import moved_report, preflight_report
+from atom_core.report.calibration_tables import MovedEdge, moved_report, preflight_report
 
 EXAMPLE = "python3 -m atom_core check --dataset data/dataset.json"
 _MOVED_M, _MOVED_DEG = 0.001, 0.05
@@ -41,33 +40,24 @@ def run(args: argparse.Namespace) -> int:
     print(preflight_report(dataset, result))
     moved = False
     if args.against:
-        rows = _compare(dataset, args.against)
-        print("\n" + moved_report(rows))
-        moved = any(r["translation_m"] > _MOVED_M or r["rotation_deg"] > _MOVED_DEG for r in rows)
+        edges = _compare(dataset, args.against)
+        print("\n" + moved_report(edges))
+        moved = any(e.translation_m > _MOVED_M or e.rotation_deg > _MOVED_DEG for e in edges)
         print("\nthe rig has moved" if moved else "\nthe rig stands as described")
     return 1 if result.problems or moved else 0
 
 
-def _compare(dataset: Dataset, path: Path) -> List[Dict[str, Any]]:
+def _compare(dataset: Dataset, path: Path) -> List[MovedEdge]:
     joints = read_description(path).robot.joints.values()
     described = {Edge(j.parent_link, j.child_link): j.parent_T_child(0.0) for j in joints}
     collection = next(iter(dataset.collections.values()))
     rows = []
     for sensor in dataset.sensors.values():
         if sensor.edge not in described or sensor.edge not in collection.transforms:
-            rows.append(_row(sensor, np.nan, np.nan))
+            rows.append(MovedEdge(sensor.name, sensor.edge, np.nan, np.nan))
             continue
         now, then = collection.transforms[sensor.edge], described[sensor.edge]
         moved = float(np.linalg.norm(now[:3, 3] - then[:3, 3]))
         turned = float(np.rad2deg(se3.rotation_angle(then[:3, :3].T @ now[:3, :3])))
-        rows.append(_row(sensor, moved, turned))
+        rows.append(MovedEdge(sensor.name, sensor.edge, moved, turned))
     return rows
-
-
-def _row(sensor: Sensor, translation_m: float, rotation_deg: float) -> Dict[str, Any]:
-    return {
-        "sensor": sensor.name,
-        "edge": str(sensor.edge),
-        "translation_m": translation_m,
-        "rotation_deg": rotation_deg,
-    }

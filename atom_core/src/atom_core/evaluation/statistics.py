@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Dict, Optional, Sequence
+from typing import Optional, Sequence
 
 import numpy as np
 
@@ -43,10 +43,6 @@ class Figures:
     y_mean_abs: Optional[float] = None
     translation_mm: Optional[float] = None
     rotation_deg: Optional[float] = None
-
-    def document(self) -> Dict[str, float]:
-        """Return the figures that are there, by name."""
-        return {name: value for name, value in vars(self).items() if value is not None}
 
 
 def figures(parts: Sequence[Errors]) -> Figures:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Dict, List, Mapping
+from typing import Any, Dict, List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
+from atom_core.calibration.judge.outliers import OUTLIER_SIGMAS
+from atom_core.calibration.judge.propagation import PropagatedPoint
 from atom_core.calibration.judge.statistics import Table, kinds_of
 from atom_core.calibration.preflight import Preflight
 from atom_core.model.dataset import Dataset, DetectionKey
+from atom_core.model.transforms import Edge
+from atom_core.report.calibration_results import CalibrationResults, GroundTruth
 from atom_core.report.tables import ABSENT, text_table
 
 _PROPAGATED_M = 2.0  # the distance whose deviations are shown
@@ -18,71 +22,75 @@ _OUTLIERS_NAMED = 3
 _SHOWN = {"reprojection": ("px", 1.0, 4), "orthogonal": ("mm", 1e3, 2), "border": ("mm", 1e3, 2)}
 
 
-def calibration_report(document: Mapping[str, Any], verbose: bool = False) -> str:
-    """Return what ``calibrate`` prints, from the document ``calibration.json``."""
-    parts = [_edges_table(document), *_joints_table(document), _sensors_table(document)]
-    parts += _intrinsics_table(document) + _range_offset_lines(document)
-    parts += _propagation_table(document) + _outliers_line(document)
+def calibration_report(results: CalibrationResults, verbose: bool = False) -> str:
+    """Return what ``calibrate`` prints."""
+    calibration = results.calibration
+    parts = [_edges_table(results), *_joints_table(results), _sensors_table(results)]
+    parts += _intrinsics_table(results) + _range_offset_lines(results)
+    parts += _propagation_table(results) + _outliers_line(results)
     if verbose:
-        parts.append(_collections_table(document))
-    if "ground_truth" in document:
-        parts.append(_truth_table(document["ground_truth"]))
-    rejected = {r["collection"] for r in document["rejected_detections"]}  # among the warnings
+        parts.append(_collections_table(results))
+    if results.ground_truth is not None:
+        parts.append(_truth_table(results.ground_truth))
+    rejected = {r.key.collection for r in calibration.rejected}  # among the warnings
     unused = [
-        f"{key} ({value['reason']})"
-        for key, value in document["collections"].items()
-        if not value["used"] and key not in rejected
+        f"{key} ({value.unused})"
+        for key, value in results.collections.items()
+        if value.unused is not None and key not in rejected
     ]
     if unused:
         parts.append("collections not used: " + "; ".join(unused))
-    parts += [f"warning: {w}" for w in document["warnings"]]
-    for weak in document["weak_directions"]:
+    parts += [f"warning: {warning}" for warning in results.warnings]
+    for weak in calibration.weak_directions:
         parts.append(
-            f"undetermined: {', '.join(weak['parameters'])} (sigma {weak['sigma']:.3g} "
-            f"{weak['unit']}): {weak['why']}"
+            f"undetermined: {', '.join(weak.parameters)} (sigma {weak.sigma:.3g} {weak.unit}): "
+            f"{weak.why}"
         )
-    solver = document["solver"]
+    problem = calibration.problem
     parts.append(
-        f"{document['status']}: {document['message']} ({solver['iterations']} iterations, "
-        f"{solver['residuals']} residuals, {solver['parameters']} parameters, solved in "
-        f"{solver['seconds']['solve']:.2f} s)"
+        f"{calibration.status}: {calibration.message} ({calibration.summary.iterations} "
+        f"iterations, {problem.row_count} residuals, {problem.parameters.free_count} parameters, "
+        f"solved in {results.seconds['solve']:.2f} s)"
     )
     return "\n\n".join(parts)
 
 
-def _edges_table(document: Mapping[str, Any]) -> str:
+def _edges_table(results: CalibrationResults) -> str:
     rows = []
-    for name, edge in document["edges"].items():
+    for edge in results.edges:
         sigmas = [
-            1e3 * max(edge["sigma_translation_m"]),
-            math.degrees(max(edge["sigma_rotation_rad"])),
+            1e3 * float(np.max(edge.sigma_translation_m)),
+            math.degrees(float(np.max(edge.sigma_rotation_rad))),
         ]
-        state = "anchored" if edge["anchored"] else "estimated"
-        rows.append([", ".join(edge["sensors"]), name, state, *edge["translation_m"], *sigmas])
+        state = "anchored" if edge.anchored else "estimated"
+        position = edge.parent_T_child[:3, 3].tolist()
+        rows.append([", ".join(edge.sensors), str(edge.edge), state, *position, *sigmas])
     headers = ["Sensors", "Edge (parent-child)", "", "x [m]", "y [m]", "z [m]"]
     headers += ["sigma [mm]", "sigma [deg]"]
     return text_table(headers, rows, "Calibrated edges (sigma: the largest of three axes)")
 
 
-def _joints_table(document: Mapping[str, Any]) -> List[str]:
+def _joints_table(results: CalibrationResults) -> List[str]:
     rows = []
-    for name, parameters in document["joints"].items():
-        for parameter, found in parameters.items():
-            factor, unit = (1e3, "mm") if found["unit"] == "m" else (math.degrees(1.0), "deg")
-            numbers = [factor * found[key] for key in ("value", "change", "sigma")]
-            rows.append([name, parameter, *numbers, unit])
+    for name, parameters in results.joints.items():
+        for p in parameters:
+            factor, unit = (1e3, "mm") if p.unit == "m" else (math.degrees(1.0), "deg")
+            numbers = [factor * value for value in (p.value, p.change, p.sigma)]
+            rows.append([name, p.name, *numbers, unit])
     headers = ["Joint", "Parameter", "Value", "Change", "Sigma", "Unit"]
     return [text_table(headers, rows, "Calibrated joints")] if rows else []
 
 
-def _sensors_table(document: Mapping[str, Any]) -> str:
+def _sensors_table(results: CalibrationResults) -> str:
     rows = []
-    for name, sensor in document["sensors"].items():
-        row: List[Any] = [name, sensor["modality"], sensor["detections"], sensor["outliers"]]
+    for name, sensor in results.sensors.items():
+        row: List[Any] = [name, sensor.modality, sensor.detections, sensor.outliers]
         for kind, (_, factor, digits) in _SHOWN.items():
-            value = sensor["residuals"].get(kind)
-            for figure in ("mean", "rms"):
-                row.append(None if value is None else f"{factor * value[figure]:.{digits}f}")
+            value = sensor.residuals.get(kind)
+            if value is None:
+                row += [None, None]
+            else:
+                row += [f"{factor * figure:.{digits}f}" for figure in (value.mean, value.rms)]
         rows.append(row)
     headers = ["Sensor", "Modality", "Detections", "Outliers"]
     for kind, (unit, _, _) in _SHOWN.items():
@@ -90,36 +98,37 @@ def _sensors_table(document: Mapping[str, Any]) -> str:
     return text_table(headers, rows, "Residuals at the solution")
 
 
-def _intrinsics_table(document: Mapping[str, Any]) -> List[str]:
+def _intrinsics_table(results: CalibrationResults) -> List[str]:
     rows: List[List[Any]] = []
-    for name, sensor in document["sensors"].items():
-        for parameter, found in sensor.get("intrinsics", {}).items():
-            digits, unit = (3, "px") if found["unit"] == "px" else (6, "")
-            numbers = [f"{found[key]:.{digits}f}" for key in ("value", "change", "sigma")]
-            rows.append([name, parameter, *numbers, unit])
+    for name, sensor in results.sensors.items():
+        for p in sensor.intrinsics:
+            digits, unit = (3, "px") if p.unit == "px" else (6, "")
+            numbers = [f"{value:.{digits}f}" for value in (p.value, p.change, p.sigma)]
+            rows.append([name, p.name, *numbers, unit])
     headers = ["Camera", "Parameter", "Value", "Change", "Sigma", "Unit"]
     return [text_table(headers, rows, "Calibrated intrinsics")] if rows else []
 
 
-def _range_offset_lines(document: Mapping[str, Any]) -> List[str]:
+def _range_offset_lines(results: CalibrationResults) -> List[str]:
+    offsets = {name: sensor.range_offset for name, sensor in results.sensors.items()}
     found = [
-        f"{name} {1e3 * s['range_offset_m']:+.2f} mm (sigma {1e3 * s['sigma_range_offset_m']:.2g})"
-        for name, s in document["sensors"].items()
-        if "range_offset_m" in s
+        f"{name} {1e3 * offset.offset_m:+.2f} mm (sigma {1e3 * offset.sigma_m:.2g})"
+        for name, offset in offsets.items()
+        if offset is not None
     ]
     return [f"Added to all distances: {', '.join(found)}"] if found else []
 
 
-def _propagation_table(document: Mapping[str, Any]) -> List[str]:
+def _propagation_table(results: CalibrationResults) -> List[str]:
     """Return the matrix of the deviations of a point carried from sensor to sensor."""
-    names = list(document["sensors"])
+    names = list(results.sensors)
     if not 2 <= len(names) <= _WIDEST_MATRIX:
         return []
-    cells = {}
-    for pair in document["propagation"]:
-        point = next(p for p in pair["points"] if p["distance_m"] == _PROPAGATED_M)
-        cells[(pair["source"], pair["target"])] = _deviation(point)
-    rows = [[source] + [cells.get((source, target)) for target in names] for source in names]
+    cells: Dict[Tuple[str, str], str] = {}
+    for pair in results.propagation:
+        point = next(p for p in pair.points if p.distance_m == _PROPAGATED_M)
+        cells[(pair.source, pair.target)] = _deviation(point)
+    rows = [[source, *(cells.get((source, target)) for target in names)] for source in names]
     title = (
         f"Standard deviation of a point {_PROPAGATED_M:g} m before the sensor on the left, carried "
         f"to another"
@@ -127,42 +136,42 @@ def _propagation_table(document: Mapping[str, Any]) -> List[str]:
     return [text_table(["From \\ to"] + names, rows, title)]
 
 
-def _deviation(point: Mapping[str, Any]) -> str:
-    if point["sigma_px"] is not None:
-        return f"{point['sigma_px']:.2f} px"
-    return f"{1e3 * point['sigma_m']:.2f} mm"
+def _deviation(point: PropagatedPoint) -> str:
+    if point.sigma_px is not None:
+        return f"{point.sigma_px:.2f} px"
+    return f"{1e3 * point.sigma_m:.2f} mm"
 
 
-def _outliers_line(document: Mapping[str, Any]) -> List[str]:
-    count, limit = document["outlier_count"], document["outlier_limit_sigmas"]
+def _outliers_line(results: CalibrationResults) -> List[str]:
+    count = results.outliers.count
     if count == 0:
         return []
-    items = sum(r["count"] for s in document["sensors"].values() for r in s["residuals"].values())
+    items = sum(r.count for s in results.sensors.values() for r in s.residuals.values())
     largest = [
-        f"{o['sensor']} in {o['collection']}, {o['kind']} of {o['id']}: {o['sigmas']:.1f}"
-        for o in document["outliers"][:_OUTLIERS_NAMED]
+        f"{o.sensor} in {o.collection}, {o.kind} of {o.id}: {o.sigmas:.1f}"
+        for o in results.outliers.largest[:_OUTLIERS_NAMED]
     ]
     return [
-        f"{count} of {items} corners and points lie beyond {limit:g} sigma; the largest: "
+        f"{count} of {items} corners and points lie beyond {OUTLIER_SIGMAS:g} sigma; the largest: "
         f"{'; '.join(largest)} (all in calibration.json)"
     ]
 
 
-def _collections_table(document: Mapping[str, Any]) -> str:
-    columns = [(name, kind) for name, s in document["sensors"].items() for kind in s["residuals"]]
+def _collections_table(results: CalibrationResults) -> str:
+    columns = [(name, kind) for name, s in results.sensors.items() for kind in s.residuals]
     rows = []
-    for key, collection in document["collections"].items():
+    for key, collection in results.collections.items():
         row: List[Any] = [key]
         for name, kind in columns:
-            value = collection["residuals"].get(name, {}).get(kind)
+            value = collection.residuals.get(name, {}).get(kind)
             _, factor, digits = _SHOWN[kind]
-            row.append(None if value is None else f"{factor * value['mean']:.{digits}f}")
+            row.append(None if value is None else f"{factor * value.mean:.{digits}f}")
         rows.append(row)
     headers = ["Collection"] + [f"{n} {k} [{_SHOWN[k][0]}]" for n, k in columns]
     return text_table(headers, rows, "Mean residuals by collection")
 
 
-def _truth_table(ground_truth: Mapping[str, Any]) -> str:
+def _truth_table(ground_truth: GroundTruth) -> str:
     rows = [
         [name, 1e3 * value["translation_error_m"], value["rotation_error_deg"]]
         for name, value in ground_truth.items()
@@ -225,8 +234,17 @@ def _residual_table(dataset: Dataset, table: Table) -> str:
     return text_table(headers, rows + [averages], title)
 
 
-def moved_report(rows: List[Dict[str, Any]]) -> str:
+class MovedEdge(NamedTuple):
+    """How far a sensor's edge is from the description's; NaN where one of them lacks it."""
+
+    sensor: str
+    edge: Edge
+    translation_m: float
+    rotation_deg: float
+
+
+def moved_report(moved: Sequence[MovedEdge]) -> str:
     """Return the table of ``check --against``."""
-    cells = [[r["sensor"], r["edge"], 1e3 * r["translation_m"], r["rotation_deg"]] for r in rows]
+    cells = [[m.sensor, str(m.edge), 1e3 * m.translation_m, m.rotation_deg] for m in moved]
     headers = ["Sensor", "Edge", "Moved [mm]", "Turned [deg]"]
     return text_table(headers, cells, "Dataset against description", 3)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any, Dict, Optional
 
 from atom_core.evaluation.evaluate import Average, Evaluation, PairFigures, PairResult
+from atom_core.evaluation.statistics import Figures
 
 VERSION = "1.0"
 
@@ -56,7 +58,7 @@ def pair_document(result: PairResult) -> Dict[str, Any]:
         "points_out_of_image": result.unseen,
         **found,
         "at_truth": None if result.at_truth is None else _figures(result.at_truth),
-        "per_collection": {key: value.document() for key, value in per_collection.items()},
+        "per_collection": {key: _present(value) for key, value in per_collection.items()},
         "not_measured": dict(result.unmeasured),
         "skipped": result.skipped,
     }
@@ -74,6 +76,11 @@ def _figures(measured: PairFigures) -> Dict[str, float]:
         "median": measured.pooled.median,
         **{name: value for name, value in optional.items() if value is not None},
     }
+
+
+def _present(values: Figures) -> Dict[str, float]:
+    """Return the figures that are there, by name."""
+    return {name: value for name, value in asdict(values).items() if value is not None}
 
 
 def _average(average: Average) -> Dict[str, Any]:

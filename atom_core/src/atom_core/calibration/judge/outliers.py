@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Dict, NamedTuple, Sequence, Tuple
+from typing import Dict, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
@@ -35,10 +35,6 @@ class Outlier(NamedTuple):
     unit: str
     sigmas: float
 
-    def document(self) -> Dict[str, Any]:
-        """Return it as it stands in a result file."""
-        return dict(self._asdict())
-
 
 @dataclass(frozen=True)
 class Outliers:
@@ -51,6 +47,11 @@ class Outliers:
 
     counts: Dict[str, int]
     largest: Tuple[Outlier, ...]
+
+    @property
+    def count(self) -> int:
+        """How many of all sensors."""
+        return sum(self.counts.values())
 
 
 def find_outliers(problem: Problem, x: np.ndarray, sigmas: Sequence[np.ndarray]) -> Outliers:

@@ -8,7 +8,7 @@ point's deviation in the target is given in metres and, for cameras, in pixels.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Sequence
+from typing import List, Mapping, NamedTuple, Optional, Sequence
 
 import numpy as np
 
@@ -44,10 +44,6 @@ class PropagatedPoint(NamedTuple):
     visible: Optional[bool]
     sigma_m: float
     sigma_px: Optional[float]
-
-    def document(self) -> Dict[str, Any]:
-        """Return it as it stands in a result file."""
-        return {**self._asdict(), "point_in_source_m": [float(v) for v in self.point_in_source_m]}
 
 
 @dataclass(frozen=True)

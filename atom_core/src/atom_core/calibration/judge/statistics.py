@@ -30,10 +30,6 @@ class ResidualStatistics:
     median: float
     max: float
 
-    def document(self) -> Dict[str, object]:
-        """Return it as it stands in a result file."""
-        return dict(self.__dict__)
-
 
 def statistics(norms: np.ndarray, unit: str) -> ResidualStatistics:
     """Return the summary of norms (n,), n > 0."""

@@ -1,0 +1,315 @@
+"""The figures of a calibration, computed once: the document and the tables are made from them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Dict, List, Mapping, Optional, Sequence, Tuple
+
+import numpy as np
+
+from atom_core.calibration.calibrate import Calibration
+from atom_core.calibration.judge.outliers import Outliers, find_outliers
+from atom_core.calibration.judge.propagation import (
+    PropagatedPoint,
+    SensorPair,
+    propagate,
+    sensor_pairs,
+)
+from atom_core.calibration.judge.statistics import (
+    ResidualStatistics,
+    Table,
+    kinds_of,
+    residual_table,
+)
+from atom_core.calibration.judge.weak_directions import edge_covariance
+from atom_core.calibration.prepare.preparation import camera_of
+from atom_core.evaluation.ground_truth import ground_truth_errors
+from atom_core.geometry.intrinsics import intrinsics_names, intrinsics_values
+from atom_core.model.transforms import Edge
+from atom_core.model.truth import Truth
+from atom_core.problem.blocks import BLOCK_SIZE, ROTATION, TRANSLATION
+from atom_core.problem.residuals import UNITS
+
+# What is not seen at all gets these instead of infinity, which JSON does not have.
+_LARGEST_VARIANCE, _LARGEST_SIGMA, _LARGEST_SIGMA_M = 1e12, 1e12, 1e6
+
+Residuals = Mapping[str, ResidualStatistics]  # by kind
+GroundTruth = Mapping[str, Mapping[str, float]]
+
+
+@dataclass(frozen=True)
+class EdgeResult:
+    """A selected edge, estimated or anchored.
+
+    Attributes:
+        edge: parent and child.
+        sensors: names of those that stand on it.
+        anchored: whether it was held.
+        parent_T_child: (4, 4); of an edge with a value for each collection, the first.
+        sigma: (6,) of turns [rad] and shifts [m] about and along the parent's axes.
+    """
+
+    edge: Edge
+    sensors: Tuple[str, ...]
+    anchored: bool
+    parent_T_child: np.ndarray
+    sigma: np.ndarray
+
+    @property
+    def sigma_rotation_rad(self) -> np.ndarray:
+        """(3,) about the parent's axes."""
+        return self.sigma[ROTATION]
+
+    @property
+    def sigma_translation_m(self) -> np.ndarray:
+        """(3,) along the parent's axes."""
+        return self.sigma[TRANSLATION]
+
+
+@dataclass(frozen=True)
+class ParameterResult:
+    """An estimated parameter of a joint or of a camera's intrinsics, in its unit."""
+
+    name: str
+    value: float
+    change: float
+    sigma: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class RangeOffsetResult:
+    """What is added to all distances of a sensor [m]."""
+
+    offset_m: float
+    sigma_m: float
+
+
+@dataclass(frozen=True)
+class SensorResult:
+    """A sensor at the solution.
+
+    Attributes:
+        name, modality: of the sensor.
+        detections: how many were used.
+        outliers: how many of its corners and points are.
+        residuals: statistics over all collections.
+        border_inset_steps: how far inside the border its limit points are, in steps of sampling.
+        range_offset: None where it was not estimated.
+        intrinsics: those estimated.
+        sigma: median standard deviation of a measurement by kind and unit, as ``border_m``.
+    """
+
+    name: str
+    modality: str
+    detections: int
+    outliers: int
+    residuals: Residuals
+    border_inset_steps: float
+    range_offset: Optional[RangeOffsetResult]
+    intrinsics: Tuple[ParameterResult, ...]
+    sigma: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class CollectionResult:
+    """A collection at the solution.
+
+    Attributes:
+        unused: why it was not used; None where it was.
+        residuals: by sensor, statistics in this collection.
+    """
+
+    unused: Optional[str]
+    residuals: Mapping[str, Residuals]
+
+
+@dataclass(frozen=True)
+class PropagationResult:
+    """How exactly points are carried from one sensor to another."""
+
+    source: str
+    target: str
+    points: Tuple[PropagatedPoint, ...]
+
+
+@dataclass(frozen=True)
+class CalibrationResults:
+    """All that is written or shown of a calibration.
+
+    Attributes:
+        calibration: the answer itself.
+        solver_name: which minimiser did the work.
+        edges: selected ones.
+        joints: estimated parameters by joint.
+        sensors, collections: by name and by key.
+        propagation: for every ordered pair of sensors.
+        outliers: single corners and points.
+        ground_truth: errors of the sensors, see ``ground_truth_errors``; None without a truth.
+        warnings: what the user should know.
+        seconds: time by step.
+    """
+
+    calibration: Calibration
+    solver_name: str
+    edges: Tuple[EdgeResult, ...]
+    joints: Mapping[str, Tuple[ParameterResult, ...]]
+    sensors: Mapping[str, SensorResult]
+    collections: Mapping[str, CollectionResult]
+    propagation: Tuple[PropagationResult, ...]
+    outliers: Outliers
+    ground_truth: Optional[GroundTruth]
+    warnings: Tuple[str, ...]
+    seconds: Mapping[str, float]
+
+
+def calibration_results(
+    calibration: Calibration, solver_name: str, truth: Optional[Truth] = None
+) -> CalibrationResults:
+    """Return the figures of a calibration.
+
+    Args:
+        calibration: the answer.
+        solver_name: which minimiser did the work.
+        truth: of a simulation, to compare with.
+
+    Raises:
+        DatasetError: the truth lacks the edge of a sensor.
+    """
+    problem, summary = calibration.problem, calibration.summary
+    table = residual_table(problem, summary.x)
+    outliers = find_outliers(problem, summary.x, summary.sigmas)
+    return CalibrationResults(
+        calibration=calibration,
+        solver_name=solver_name,
+        edges=tuple(_edge(calibration, edge) for edge in selected_edges(calibration)),
+        joints=_joints(calibration),
+        sensors={n: _sensor(calibration, n, table, outliers) for n in calibration.dataset.sensors},
+        collections=_collections(calibration, table),
+        propagation=_propagation(calibration),
+        outliers=outliers,
+        ground_truth=None if truth is None else ground_truth_errors(calibration.dataset, truth),
+        warnings=calibration.warnings,
+        seconds=calibration.seconds,
+    )
+
+
+def selected_edges(calibration: Calibration) -> Dict[Edge, np.ndarray]:
+    """Return ``parent_T_child`` (4, 4) of every selected edge, estimated or anchored.
+
+    Of an edge with a value for each collection, the first.
+    """
+    dataset = calibration.dataset
+    edges = [s.edge for s in dataset.sensors.values()]
+    edges += list(calibration.free.additional_tfs.values())
+    return {edge: dataset.first_value(edge) for edge in edges}
+
+
+def edge_variance(calibration: Calibration, edge: Edge) -> Optional[np.ndarray]:
+    """Return (6,) variances of rotation and translation in the parent's axes; None if held."""
+    parameters = calibration.problem.parameters
+    for i, block in parameters.pose_blocks():
+        if block.edge == edge:
+            x = calibration.summary.x[parameters.slice_of(i)]
+            return np.diagonal(edge_covariance(block, x, calibration.covariance.block(i)))
+    return None
+
+
+def pairs_of(calibration: Calibration) -> List[SensorPair]:
+    """Return every ordered pair of sensors with the covariance of its pose."""
+    x, parameters = calibration.summary.x, calibration.problem.parameters
+    return sensor_pairs(calibration.dataset, parameters, x, calibration.covariance)
+
+
+def _edge(calibration: Calibration, edge: Edge) -> EdgeResult:
+    dataset, variance = calibration.dataset, edge_variance(calibration, edge)
+    sigma = np.zeros(BLOCK_SIZE)
+    if variance is not None:
+        sigma = np.sqrt(np.minimum(variance, _LARGEST_VARIANCE))
+    return EdgeResult(
+        edge,
+        tuple(s.name for s in dataset.sensors.values() if s.edge == edge),
+        edge in calibration.free.held_edges(dataset),
+        dataset.first_value(edge),
+        sigma,
+    )
+
+
+def _joints(calibration: Calibration) -> Dict[str, Tuple[ParameterResult, ...]]:
+    found: Dict[str, Tuple[ParameterResult, ...]] = {}
+    for i, block in calibration.problem.parameters.joint_blocks():
+        variance = np.diagonal(calibration.covariance.block(i))
+        now, before = (d.joint(block.joint) for d in (calibration.dataset, calibration.initial))
+        found[block.joint] = found.get(block.joint, ()) + tuple(
+            ParameterResult(
+                name,
+                now.parameters[name],
+                now.parameters[name] - before.parameters[name],
+                float(np.sqrt(min(variance[place], _LARGEST_VARIANCE))),
+                now.unit(name),
+            )
+            for place, name in block.free_components
+        )
+    return found
+
+
+def _intrinsics(calibration: Calibration, sensor: str) -> Tuple[ParameterResult, ...]:
+    found: List[ParameterResult] = []
+    for i, block in calibration.problem.parameters.camera_blocks():
+        if block.sensor != sensor:
+            continue
+        now, before = (camera_of(d, sensor) for d in (calibration.dataset, calibration.initial))
+        values = dict(zip(intrinsics_names(now), zip(*map(intrinsics_values, (now, before)))))
+        sigmas = block.sigmas(np.diagonal(calibration.covariance.block(i)), now)
+        for place, name in block.free_components:
+            value, initial = values[name]
+            sigma = min(sigmas[name], _LARGEST_SIGMA)
+            change = float(value - initial)
+            found.append(ParameterResult(name, float(value), change, sigma, block.units[place]))
+    return tuple(found)
+
+
+def _range_offset(calibration: Calibration, sensor: str) -> Optional[RangeOffsetResult]:
+    offsets = calibration.summary.range_offsets_m
+    if sensor not in offsets:
+        return None
+    sigma = calibration.covariance.range_offset_sigmas_m.get(sensor, 0.0)
+    return RangeOffsetResult(offsets[sensor], min(sigma, _LARGEST_SIGMA_M))
+
+
+def _sensor(calibration: Calibration, name: str, table: Table, outliers: Outliers) -> SensorResult:
+    problem, summary = calibration.problem, calibration.summary
+    mine = [i for i, block in enumerate(problem.residual_blocks) if block.sensor == name]
+    return SensorResult(
+        name=name,
+        modality=calibration.dataset.sensors[name].modality,
+        detections=sum(key.sensor == name for key in problem.detections),
+        outliers=outliers.counts.get(name, 0),
+        residuals={kind: table[(name, kind, None)] for kind in kinds_of(table, name)},
+        border_inset_steps=sum(summary.inset_steps[i] for i in mine),
+        range_offset=_range_offset(calibration, name),
+        intrinsics=_intrinsics(calibration, name),
+        sigma={
+            f"{kind}_{UNITS[kind]}": float(np.median(summary.sigmas[i]))
+            for i, kind in ((i, problem.residual_blocks[i].kind) for i in mine)
+        },
+    )
+
+
+def _collections(calibration: Calibration, table: Table) -> Dict[str, CollectionResult]:
+    residuals: Dict[Optional[str], Dict[str, Dict[str, ResidualStatistics]]] = {}
+    for (sensor, kind, collection), value in table.items():
+        residuals.setdefault(collection, {}).setdefault(sensor, {})[kind] = value
+    return {
+        key: CollectionResult(calibration.unused.get(key), residuals.get(key, {}))
+        for key in calibration.dataset.collections
+    }
+
+
+def _propagation(calibration: Calibration) -> Tuple[PropagationResult, ...]:
+    pairs: Sequence[SensorPair] = pairs_of(calibration)
+    carried = propagate(pairs, calibration.dataset.sensors)
+    return tuple(
+        PropagationResult(pair.source, pair.target, tuple(points))
+        for pair, points in zip(pairs, carried)
+    )
