@@ -131,7 +131,7 @@ class Inputs:
                 "--compressed",
             ],
             check=True,
-            timeout=300,
+            timeout=600,
         )
 
     @property
@@ -207,7 +207,7 @@ def test_roslaunch_check_finds_nothing(inputs):
             env={**os.environ, "ROS_PACKAGE_PATH": inputs.package_path},
             capture_output=True,
             text=True,
-            timeout=120,
+            timeout=300,
             check=False,
         )
         assert checked.returncode == 0, checked.stdout + checked.stderr

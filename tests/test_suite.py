@@ -20,7 +20,7 @@ PACKAGES = {
 def run(*command, **options):
     """Run a command; its output is in the failure message when it does not end with 0."""
     result = subprocess.run(
-        [str(part) for part in command], capture_output=True, text=True, timeout=120, **options
+        [str(part) for part in command], capture_output=True, text=True, timeout=300, **options
     )
     assert result.returncode == 0, f"{command}: {result.stdout}{result.stderr}"
     return result.stdout

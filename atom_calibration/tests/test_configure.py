@@ -84,7 +84,7 @@ def test_launch_files_pass_roslaunch_check(made_once, tmp_path, name, arguments)
         env={**os.environ, "ROS_PACKAGE_PATH": path, "ROS_HOME": str(tmp_path)},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
         check=False,
     )
     assert result.returncode == 0, result.stdout + result.stderr

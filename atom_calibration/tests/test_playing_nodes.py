@@ -92,7 +92,7 @@ def test_without_a_master_nodes_say_so_and_end(tmp_path):
             env={**os.environ, "ROS_MASTER_URI": f"http://localhost:{port}"},
             capture_output=True,
             text=True,
-            timeout=120,
+            timeout=300,
             check=False,
         )
     assert result.returncode == 2

@@ -59,7 +59,7 @@ def test_a_file_that_cannot_grow_ends_with_one_line_and_exit_code_2(tmp_path):
         [sys.executable, "-c", code, "--bag", str(out), "--collections", "1"],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,
     )
     assert result.returncode == 2
     assert "the bag cannot be written (File too large)" in result.stderr.splitlines()[-1]

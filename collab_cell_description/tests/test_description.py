@@ -81,7 +81,7 @@ def test_xacro_and_urdfdom_have_nothing_to_remark(path, arguments):
 def test_check_urdf_accepts_it(tmp_path):
     (tmp_path / "cell.urdf").write_text(description().urdf, encoding="utf-8")
     command = ["check_urdf", str(tmp_path / "cell.urdf")]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert result.returncode == 0
     assert "Successfully Parsed" in result.stdout
     assert result.stderr == ""
@@ -90,7 +90,7 @@ def test_check_urdf_accepts_it(tmp_path):
 @pytest.mark.skipif(not shutil.which("xacro"), reason="xacro is not on the PATH")
 def test_command_line_of_xacro_expands_it_from_any_folder(tmp_path):
     command = ["xacro", str(CELL), f"mounts:={PACKAGE}/config/mounts.yaml"]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=tmp_path)
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300, cwd=tmp_path)
     assert (result.returncode, result.stderr) == (0, "")
     assert 'name="rgb_1_mount"' in result.stdout
 

