@@ -37,9 +37,9 @@ from atom_calibration.runtime.rviz_window import X11_SYNC  # noqa: E402
 from atom_core.cli import main as core_main  # noqa: E402
 from atom_core.io.dataset_writer import write_dataset_folder  # noqa: E402
 
-PATIENCE_S = 120.0  # until all nodes have started, or until all have ended
+PATIENCE_S = 300.0  # until all nodes have started, or until all have ended
 FAULTS_AFTER_S = 2.0  # so long nodes may find out that something is wrong
-AT_A_TIME = 3
+AT_A_TIME = 2
 GENERATED = "generated"
 FAULT = re.compile(
     r"\[ERROR\]|\[FATAL\]|\b(ERROR|FATAL) /|Traceback|process has died \[|escalating to|RLException"
