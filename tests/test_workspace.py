@@ -27,7 +27,7 @@ def bash(script, workspace):
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        timeout=900,
+        timeout=3600,
     )
     assert result.returncode == 0, result.stdout[-4000:]
     return result.stdout

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 pytest.importorskip("rospy")
 
 SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
-PATIENCE_S = 120.0
+PATIENCE_S = 300.0
 NODES = (
     *("rgb_labeler", "depth_labeler", "lidar3d_labeler", "labelers", "collect_data"),
     *("set_initial_estimate", "transform_corrector", "decompress_images", "filter_bag_tf"),
