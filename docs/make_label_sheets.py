@@ -16,7 +16,8 @@ import numpy as np
 
 from atom_calibration.show.pictures import cloud_picture
 from atom_core.io.dataset_json import read_dataset
-from atom_core.model.dataset import Dataset, Label, RangeLabel, RgbLabel
+from atom_core.model.dataset import Dataset
+from atom_core.model.labels import Label, RangeLabel, RgbLabel
 from atom_core.model.sensor import LIDAR3D, Sensor
 
 FOLDER = Path(__file__).resolve().parent / "pictures"
@@ -52,7 +53,7 @@ def _picture(dataset: Dataset, sensor: Sensor, key: str, folder: Path) -> Option
     label = dataset.collections[key].labels.get((sensor.name, next(iter(dataset.patterns))))
     if not isinstance(label, RangeLabel) or not label.detected:
         return None
-    return cloud_picture(dataset.data.cloud(key, sensor.name), [label], HEIGHT - _LINE)
+    return cloud_picture(dataset.data.read(key, sensor.name), [label], HEIGHT - _LINE)
 
 
 def _tile(dataset: Dataset, sensor: Sensor, key: str, picture: np.ndarray) -> np.ndarray:

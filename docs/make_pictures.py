@@ -23,7 +23,8 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from atom_core.calibration.calibrate import Calibration, calibrate
 from atom_core.calibration.start.boards import initial_boards
 from atom_core.geometry import se3
-from atom_core.model.dataset import Dataset, DetectionKey, RgbLabel, is_complete, pose, range_points
+from atom_core.model.dataset import Dataset, is_complete, pose, range_points
+from atom_core.model.labels import DetectionKey, RgbLabel
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
 from atom_core.problem.measurements import read_measurements
@@ -308,7 +309,7 @@ def _draw_view(axes: plt.Axes, state: Dataset, key: DetectionKey, title: str) ->
     camera = measured.camera
     sensor_T_pattern = _sensor_T_pattern(state, key)
     projected = camera.project(se3.apply(sensor_T_pattern, measured.corners_in_pattern))
-    image = state.data.colour_image(key.collection, key.sensor)
+    image = state.data.read(key.collection, key.sensor)
     pale = 255 - (255 - image[..., 0].astype(int)) // 2
     axes.imshow(pale, cmap="gray", vmin=0, vmax=255)
     axes.set_facecolor(str(pale[0, 0] / 255.0))  # beyond the image

@@ -232,9 +232,9 @@ class DatasetPlaybackTest(unittest.TestCase):
 
     def test_00_data_labels_and_transforms_of_a_collection_are_shown(self):
         cloud = conversions.cloud_xyz(conversions.point_cloud(self.shown(LIDAR)))
-        np.testing.assert_array_equal(cloud, self.dataset.data.cloud(SECOND, LIDAR))
+        np.testing.assert_array_equal(cloud, self.dataset.data.read(SECOND, LIDAR))
         depth = conversions.depth_image(self.shown(DEPTH))
-        np.testing.assert_array_equal(depth, self.dataset.data.depth_image(SECOND, DEPTH))
+        np.testing.assert_array_equal(depth, self.dataset.data.read(SECOND, DEPTH))
         for name in (LIDAR, DEPTH):
             label = self.label(name)
             border = set(label.limit_indices)
@@ -286,7 +286,7 @@ class DatasetPlaybackTest(unittest.TestCase):
 
     def test_10_chosen_points_become_labels(self):
         before = self.label(LIDAR)
-        size = len(self.dataset.data.cloud(SECOND, LIDAR))
+        size = len(self.dataset.data.read(SECOND, LIDAR))
         free = np.setdiff1d(np.arange(size), before.indices)
         state = self.choose("inside", free[:5])
         self.assertFalse(state.failed, state.message)
@@ -320,7 +320,7 @@ class DatasetPlaybackTest(unittest.TestCase):
 
     def test_20_a_polygon_is_filled_anew(self):
         labeler = DepthLabeler(self.sensors[DEPTH], self.dataset.patterns[PATTERN])
-        automatic = labeler.label(self.dataset.data.depth_image(SECOND, DEPTH)).label
+        automatic = labeler.label(self.dataset.data.read(SECOND, DEPTH)).label
         polygon = around(self.label(DEPTH), self.sensors[DEPTH].camera.width)
         self.call("delete_label", sensor=DEPTH, pattern_name=PATTERN)
         self.assertIsNone(self.saved(DEPTH))
@@ -417,7 +417,7 @@ class DatasetPlaybackTest(unittest.TestCase):
         old_picture = PointCloud2().header
         old_picture.stamp = rospy.Time(12345)
         far = [(900.0, 0.0), (950.0, 0.0), (950.0, 50.0)]
-        size = len(self.dataset.data.cloud(SECOND, LIDAR))
+        size = len(self.dataset.data.read(SECOND, LIDAR))
         cases = [
             (lambda: self.choose("inside", [size]), "beyond the data"),
             (lambda: self.choose("inside", [1], other), "frame 'nowhere' are of no range sensor"),

@@ -26,7 +26,7 @@ from atom_core.geometry import se3
 from atom_core.io.config_yaml import write_config
 from atom_core.model.dataset import pose
 from atom_core.synthetic import scenes
-from atom_core.synthetic.dataset import Sampling
+from atom_core.synthetic.memory import Sampling
 
 COLLECTIONS = ("001", "002", "003", "004")  # that every sensor sees
 CLOUD_SIGMA_M, DEPTH_SIGMA_M, GREY_SIGMA = 0.004, 0.001, 1.5  # beyond the scene's own noise

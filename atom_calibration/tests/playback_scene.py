@@ -6,7 +6,7 @@ import numpy as np
 
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.synthetic import scenes
-from atom_core.synthetic.dataset import Sampling
+from atom_core.synthetic.memory import Sampling
 
 CAMERA, DEPTH, LIDAR = "rgb_1", "depth_1", "lidar_1"
 PATTERN = "pattern_1"

@@ -137,7 +137,7 @@ def test_labeled_points_come_to_lie_on_the_boards(run):
 
 def test_points_are_coloured_by_sensor_or_by_collection(run):
     plain = calibration_markers.labeled_points(run.last, run.keys, run.by_sensor)
-    assert set(plain) == {s.name for s in run.dataset.sensors.values() if s.is_range}
+    assert set(plain) == {s.name for s in run.dataset.sensors.values() if s.kind.measures_range}
     for table in plain.values():
         assert len(np.unique(table["rgb"])) == 2  # inside, and lighter on the border
     coloured = calibration_markers.labeled_points(

@@ -16,7 +16,8 @@ from atom_calibration.nodes.collecting.collect_from_bag import main
 from atom_core.cli import main as core_main
 from atom_core.io.dataset_json import read_dataset
 from atom_core.labeling.base import Labeled, nothing
-from atom_core.model.dataset import DetectionKey, RangeLabel, RgbLabel, range_points
+from atom_core.model.dataset import range_points
+from atom_core.model.labels import DetectionKey, RangeLabel, RgbLabel
 from atom_core.model.sensor import RGB
 from atom_core.model.transforms import Edge
 
@@ -134,7 +135,7 @@ def test_each_stop_becomes_a_collection_with_its_data_labels_and_transforms(plac
         np.testing.assert_array_equal(corners.pixels, GRID + position(2.5 * number))
         points = range_points(dataset, DetectionKey(key, "lidar", "board")).inside
         np.testing.assert_allclose(points[:, 0], 3 + 0.05 * position(2.5 * number), atol=1e-6)
-        assert dataset.data.colour_image(key, "cam").shape == (48, 64, 3)
+        assert dataset.data.read(key, "cam").shape == (48, 64, 3)
         stamp = dataset.document["collections"][key]["data"]["lidar"]["header"]["stamp"]
         arm_x = collection.transforms[Edge("world", "arm")][0, 3]
         seconds = stamp["secs"] + 1e-9 * stamp["nsecs"] - 100.0

@@ -75,9 +75,9 @@ def test_whenever_it_is_killed_all_that_was_announced_is_there(taken, tmp_path):
             for name, sensor in scene.sensors.items():
                 assert dataset.data.has_data(key, name)
                 if sensor.modality == LIDAR3D:
-                    assert len(dataset.data.cloud(key, name)) == len(frames[name].data)
+                    assert len(dataset.data.read(key, name)) == len(frames[name].data)
                 elif sensor.modality == DEPTH:
-                    assert dataset.data.depth_image(key, name).shape == frames[name].data.shape
+                    assert dataset.data.read(key, name).shape == frames[name].data.shape
                 else:
-                    assert dataset.data.colour_image(key, name).shape == frames[name].data.shape
+                    assert dataset.data.read(key, name).shape == frames[name].data.shape
         assert len(list(dataset.detections())) == len(frames) * len(dataset.collections)

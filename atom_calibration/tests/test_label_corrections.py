@@ -26,7 +26,7 @@ from atom_core.cli import main as core_main
 from atom_core.editing.label_corrections import LabelCorrections
 from atom_core.errors import DatasetError, LabelingError, OutputError, SelectionError
 from atom_core.io.dataset_json import document_of, dumps, read_dataset
-from atom_core.model.dataset import DetectionKey
+from atom_core.model.labels import DetectionKey
 from atom_core.synthetic import scenes
 
 
@@ -56,7 +56,7 @@ def corner(session, number=0):
 
 def others(session, count=20):
     """Points of the cloud that are no label."""
-    size = len(session.dataset.data.cloud(session.collection, LIDAR))
+    size = len(session.dataset.data.read(session.collection, LIDAR))
     return np.setdiff1d(np.arange(size), label(session, LIDAR).indices)[:count]
 
 
@@ -191,7 +191,7 @@ def test_of_several_patterns_the_selected_one_gets_points_and_all_lose_them():
     key = next(k for k, c in dataset.collections.items() if (name, "right") in c.labels)
     session.show(key)
     first, second = dataset.patterns
-    measured = np.flatnonzero(np.isfinite(dataset.data.depth_image(key, name)))
+    measured = np.flatnonzero(np.isfinite(dataset.data.read(key, name)))
     right = session.labels(name)["right"]
     free = np.setdiff1d(measured, np.append(right.indices, right.limit_indices))[:6]
     session.add_points(name, free, border=False)
@@ -376,7 +376,7 @@ def test_a_refusal_says_why_and_changes_nothing(session, correct, error, words):
 
 
 def test_points_that_were_not_measured_are_no_label(session, monkeypatch):
-    cloud = session.dataset.data.cloud(SECOND, LIDAR).copy()
+    cloud = session.dataset.data.read(SECOND, LIDAR).copy()
     chosen = others(session, 4)
     cloud[chosen[:2]] = np.nan
     monkeypatch.setattr(session.dataset.data, "cloud", lambda *_: cloud)

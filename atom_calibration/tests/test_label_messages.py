@@ -25,10 +25,10 @@ SENSORS = list(DATASET.sensors)
 
 def data_of(key, name):
     if name.startswith("rgb"):
-        return DATASET.data.colour_image(key, name)
+        return DATASET.data.read(key, name)
     if name.startswith("depth"):
-        return DATASET.data.depth_image(key, name)
-    points = DATASET.data.cloud(key, name)
+        return DATASET.data.read(key, name)
+    points = DATASET.data.read(key, name)
     table = np.zeros(len(points), dtype=[(axis, "<f4") for axis in "xyz"])
     for axis, values in zip("xyz", points.T):
         table[axis] = values

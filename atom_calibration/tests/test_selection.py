@@ -19,7 +19,7 @@ from atom_calibration.labels.frames import Frame
 from atom_core.geometry.camera import Camera
 from atom_core.labeling.base import Labeled, nothing
 from atom_core.labeling.stillness import CornerSighting, PlaneSighting
-from atom_core.model.dataset import RgbLabel
+from atom_core.model.labels import RgbLabel
 from atom_core.model.sensor import LIDAR3D, RGB, Sensor
 from atom_core.model.transforms import Edge
 

@@ -343,10 +343,10 @@ def test_an_anchored_sensor_that_does_not_exist(cell, tmp_path, capsys):
     assert "'camera_9'" in line and "rgb_1" in line
 
 
-def test_lidar2d_is_refused_by_name(cell, tmp_path, capsys):
-    path = edited(cell, tmp_path, lambda d: d["sensors"]["lidar_1"].update(modality="lidar2d"))
+def test_an_unknown_modality_is_refused_by_name(cell, tmp_path, capsys):
+    path = edited(cell, tmp_path, lambda d: d["sensors"]["lidar_1"].update(modality="radar"))
     line = calibrate(capsys, path, tmp_path / "out")
-    assert "'lidar_1': modality lidar2d" in line
+    assert "sensor 'lidar_1': modality 'radar' is unknown; use rgb, depth" in line
 
 
 def test_a_selection_that_names_nothing(cell, tmp_path, capsys):

@@ -251,7 +251,7 @@ class WorkflowTest(unittest.TestCase):
     def label_on_screen(self, dataset, key):
         """Return the indices (n,) of the LiDAR's label, and where its points are in the world."""
         (label,) = (x for (name, _), x in dataset.collections[key].labels.items() if name == LIDAR)
-        points = dataset.data.cloud(key, LIDAR)[label.indices]
+        points = dataset.data.read(key, LIDAR)[label.indices]
         return label.indices, se3.apply(self.world_T_sensor(LIDAR), points)
 
     def part_of_label(self, pixels, indices):

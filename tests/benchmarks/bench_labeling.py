@@ -17,8 +17,9 @@ import numpy as np
 from atom_core.geometry import se3
 from atom_core.labeling.depth import DepthLabeler
 from atom_core.labeling.rgb import RgbLabeler
-from atom_core.model.dataset import Dataset, RangeLabel, RgbLabel
+from atom_core.model.dataset import Dataset
 from atom_core.model.dataset import pose as pose_of
+from atom_core.model.labels import RangeLabel, RgbLabel
 from atom_core.model.sensor import DEPTH, RGB
 from atom_core.report.tables import text_table
 from atom_core.synthetic import Noise, paper_cell
@@ -55,7 +56,7 @@ def rgb(dataset: Dataset, boards: dict, repeat: int) -> List[str]:
         sensor = dataset.sensors[key.sensor]
         if not isinstance(label, RgbLabel) or sensor.camera is None:
             continue
-        clean = dataset.data.colour_image(key.collection, key.sensor)
+        clean = dataset.data.read(key.collection, key.sensor)
         noise = 2.0 * rng.standard_normal(clean.shape)
         image = np.clip(np.rint(clean * 0.85 + 10 + noise), 0, 255).astype(np.uint8)
         labeler = RgbLabeler(sensor, pattern, config)
@@ -81,7 +82,7 @@ def depth(dataset: Dataset, with_seed: bool, repeat: int) -> List[str]:
         sensor = dataset.sensors[key.sensor]
         if not isinstance(label, RangeLabel) or sensor.modality != DEPTH:
             continue
-        image = dataset.data.depth_image(key.collection, key.sensor)
+        image = dataset.data.read(key.collection, key.sensor)
         rows, columns = np.divmod(label.indices, image.shape[1])
         seed = np.array([columns.mean(), rows.mean()]) if with_seed else None
         labeler = DepthLabeler(sensor, pattern)

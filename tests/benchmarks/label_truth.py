@@ -27,8 +27,9 @@ from atom_core.geometry.rectangle import Rectangle
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.truth_json import read_truth
 from atom_core.labeling.depth import DepthOptions
-from atom_core.model.dataset import Dataset, DetectionKey, Label, RangeLabel, RgbLabel
+from atom_core.model.dataset import Dataset
 from atom_core.model.dataset import pose as pose_of
+from atom_core.model.labels import DetectionKey, Label, RangeLabel, RgbLabel
 from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
 from atom_core.model.truth import with_truth
 
@@ -191,7 +192,7 @@ class _Scene:
             sight.false = sight.wrong > TRUE_SHARE * sight.labeled
 
     def _returns(self, sight: Sight, label: Optional[Label]) -> None:
-        cloud = self.dataset.data.cloud(self.key.collection, self.sensor.name).astype(float)
+        cloud = self.dataset.data.read(self.key.collection, self.sensor.name).astype(float)
         number = int(np.argmin(np.abs(self.seen["stamps"] - self.stamp_s)))
         if abs(self.seen["stamps"][number] - self.stamp_s) > 1e-3:
             raise ValueError(f"{self.key}: no truth of the cloud at {self.stamp_s:.3f} s")
@@ -218,7 +219,7 @@ class _Scene:
         return float(np.mean(np.abs(elevation) <= HIGHEST_LAYER_DEG + 0.5 * LAYER_STEP_DEG))
 
     def _pixels(self, sight: Sight, label: Optional[Label]) -> None:
-        depth_m = self.dataset.data.depth_image(self.key.collection, self.sensor.name)
+        depth_m = self.dataset.data.read(self.key.collection, self.sensor.name)
         on_board = np.zeros(depth_m.size, dtype=bool)
         on_board[self.seen["pixels"]] = True
         sight.points = int(on_board.sum())

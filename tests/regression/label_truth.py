@@ -123,7 +123,7 @@ def _judge(score, sensor, seen, label, dataset, key):
         possible = seen.incidence_deg <= STEEPEST_RANGE_DEG and (
             len(true) >= LEAST_PIXELS
             if sensor.modality == DEPTH
-            else _layers(dataset.data.cloud(key, sensor.name)[true]) >= LEAST_LAYERS
+            else _layers(dataset.data.read(key, sensor.name)[true]) >= LEAST_LAYERS
         )
         good = _judge_points(score, true, label) if detected else 0.0
     what = f"{key} {sensor.name}"

@@ -26,7 +26,7 @@ def range_labels(dataset):
     return {
         (round(stamp_s(dataset, key.collection, key.sensor), 3), key.sensor): set(label.indices)
         for key, label in dataset.detections()
-        if dataset.sensors[key.sensor].is_range
+        if dataset.sensors[key.sensor].kind.measures_range
     }
 
 
@@ -35,7 +35,7 @@ def seeds_by_hand(dataset, rng):
     seeds = []
     for key, _ in dataset.detections():
         sensor = dataset.sensors[key.sensor]
-        if not sensor.is_range:
+        if not sensor.kind.measures_range:
             continue
         middle = range_points(dataset, key).inside.mean(axis=0)
         place = middle + rng.normal(0.0, LIMITS["seeds"]["hand_m"], 3)

@@ -9,7 +9,7 @@ from atom_core import native
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.errors import CalibrationError
-from atom_core.model.dataset import RgbLabel
+from atom_core.model.labels import RgbLabel
 from atom_core.solvers.base import SolverOptions
 from atom_core.synthetic import scenes
 

@@ -21,7 +21,7 @@ from atom_core.geometry.intrinsics import (
 )
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.dataset_writer import write_dataset_folder
-from atom_core.model.dataset import RgbLabel
+from atom_core.model.labels import RgbLabel
 from atom_core.report.calibration_document import calibration_document
 from atom_core.report.calibration_results import calibration_results
 from atom_core.solvers.base import SolverOptions

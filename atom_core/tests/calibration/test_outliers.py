@@ -8,7 +8,7 @@ import pytest
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.judge import outliers
 from atom_core.calibration.judge.outliers import find_outliers
-from atom_core.model.dataset import RgbLabel
+from atom_core.model.labels import RgbLabel
 from atom_core.synthetic import paper_cell
 
 PATTERN = "pattern_1"
@@ -52,7 +52,7 @@ def test_a_wrong_corner_is_the_largest_outlier_and_named_by_its_id(cell):
 def test_a_wrong_range_point_is_named_by_its_index_in_the_cloud(cell):
     key = next(k for k, c in cell.collections.items() if ("lidar_1", PATTERN) in c.labels)
     index = cell.collections[key].labels[("lidar_1", PATTERN)].indices[7]
-    cloud = cell.data.cloud(key, "lidar_1").copy()
+    cloud = cell.data.read(key, "lidar_1").copy()
     cloud[index] *= 1.2
 
     class OnePointWrong:
@@ -60,7 +60,7 @@ def test_a_wrong_range_point_is_named_by_its_index_in_the_cloud(cell):
 
         def cloud(self, collection, sensor):
             same = (collection, sensor) != (key, "lidar_1")
-            return cell.data.cloud(collection, sensor) if same else cloud
+            return cell.data.read(collection, sensor) if same else cloud
 
         def __getattr__(self, method):
             return getattr(cell.data, method)

@@ -10,11 +10,12 @@ from atom_core.errors import DatasetError, SelectionError
 from atom_core.evaluation import observed
 from atom_core.evaluation.evaluate import evaluate
 from atom_core.evaluation.mixed import mixed_dataset
-from atom_core.evaluation.pairs import KINDS, pairs_of
+from atom_core.evaluation.pairs import pair_kinds, pairs_of
 from atom_core.geometry import se3
 from atom_core.geometry.plane import fit_plane
-from atom_core.model.dataset import MULTIPLE, DataSource, DetectionKey, RangeLabel, range_points
+from atom_core.model.dataset import MULTIPLE, DataSource, range_points
 from atom_core.model.dataset import pose as pose_of
+from atom_core.model.labels import DetectionKey, RangeLabel
 from atom_core.model.truth import Truth
 from atom_core.synthetic import Noise, Sampling, paper_cell
 from atom_core.synthetic.scenes import random_scene, two_cameras, two_patterns
@@ -302,7 +303,7 @@ def test_pairs_go_source_before_target_in_the_order_of_the_configuration(noisy):
             assert pair.reverse == (order.index(pair.source) > order.index(pair.target))
     reversible = {pair.kind.name for pair in pairs if pair.reverse}
     assert reversible == {"rgb-rgb", "lidar3d-lidar3d_limit", "lidar3d-lidar3d_plane"}
-    assert {pair.kind.name for pair in pairs} == {k.name for k in KINDS} - {"depth-depth"}
+    assert {pair.kind.name for pair in pairs} == {k.name for k in pair_kinds()} - {"depth-depth"}
 
 
 @pytest.mark.parametrize("text", ["rgb_1:lidar_2", "lidar_2:rgb_1"])

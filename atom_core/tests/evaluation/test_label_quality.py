@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from atom_core.evaluation.label_quality import label_quality
-from atom_core.model.dataset import DetectionKey, RangeLabel, RgbLabel
+from atom_core.model.labels import DetectionKey, RangeLabel, RgbLabel
 from atom_core.synthetic import scenes
-from atom_core.synthetic.dataset import Sampling
+from atom_core.synthetic.memory import Sampling
 from atom_core.synthetic.noise import Noise
 
 KEY = "001"
@@ -53,9 +53,9 @@ def test_the_point_that_is_off_the_plane_is_named(dataset, sensor):
     assert (found.points, found.border_points) == (len(label.indices), len(label.limit_indices))
     assert 0.0 < found.rms <= found.worst < 0.05 and found.unit == "m"
     if sensor == "depth_1":
-        data = np.isfinite(dataset.data.depth_image(KEY, sensor)).ravel()
+        data = np.isfinite(dataset.data.read(KEY, sensor)).ravel()
     else:
-        data = np.all(np.isfinite(dataset.data.cloud(KEY, sensor)), axis=1)
+        data = np.all(np.isfinite(dataset.data.read(KEY, sensor)), axis=1)
     stray = np.setdiff1d(np.flatnonzero(data), [*label.indices, *label.limit_indices])[-1]
     more = RangeLabel(np.append(label.indices, stray), label.limit_indices)
     wrong = label_quality(relabeled(dataset, key, more), key)

@@ -11,8 +11,8 @@ from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.polyline import offsets_to_segments
 from atom_core.geometry.rectangle import Rectangle
-from atom_core.model.dataset import DetectionKey
-from atom_core.problem.measurements import CornerMeasurement
+from atom_core.model.labels import DetectionKey
+from atom_core.problem.corner_measurement import CornerMeasurement
 
 K = np.array([[900.0, 0, 640], [0, 910.0, 400], [0, 0, 1]])
 CAMERAS = {

@@ -17,7 +17,8 @@ from atom_core.io.dataset_json import (
     write_dataset,
 )
 from atom_core.io.dataset_writer import new_document
-from atom_core.model.dataset import MULTIPLE, DetectionKey, RgbLabel
+from atom_core.model.dataset import MULTIPLE
+from atom_core.model.labels import DetectionKey, RgbLabel
 from atom_core.model.transforms import Edge
 from atom_core.synthetic import scenes
 

@@ -15,7 +15,8 @@ from atom_core.io.dataset_writer import (
     new_document,
     write_dataset_folder,
 )
-from atom_core.model.dataset import RgbLabel, range_points
+from atom_core.model.dataset import range_points
+from atom_core.model.labels import RgbLabel
 from atom_core.synthetic import paper_cell, scenes
 
 NOISY = {"disturbance": (0.1, 0.1)}
@@ -121,18 +122,18 @@ def test_clouds_and_images_have_the_sizes_that_the_document_says(there_and_back)
         for name, sensor in disk.sensors.items():
             assert disk.data.has_data(key, name)
             if sensor.modality == "lidar3d":
-                assert disk.data.cloud(key, name).shape[1] == 3
+                assert disk.data.read(key, name).shape[1] == 3
             elif sensor.modality == "depth":
-                assert disk.data.depth_image(key, name).shape == (480, 640)
+                assert disk.data.read(key, name).shape == (480, 640)
             else:
-                assert disk.data.colour_image(key, name).shape == (800, 1280, 3)
+                assert disk.data.read(key, name).shape == (800, 1280, 3)
 
 
 def test_a_picture_shows_the_board_at_its_label(tmp_path):
     dataset = scenes.two_cameras(0, collections=2).dataset
     disk = read_dataset(write_dataset_folder(dataset, tmp_path / "out", name="x"))
     key, label = next(iter(disk.detections()))
-    grey = cv2.cvtColor(disk.data.colour_image(key.collection, key.sensor), cv2.COLOR_BGR2GRAY)
+    grey = cv2.cvtColor(disk.data.read(key.collection, key.sensor), cv2.COLOR_BGR2GRAY)
     found = label.pixels.astype(np.float32).reshape(-1, 1, 2).copy()
     cv2.cornerSubPix(grey, found, (3, 3), (-1, -1), (3, 100, 1e-4))
     assert np.median(np.linalg.norm(found[:, 0] - label.pixels, axis=1)) < 0.8  # 0.3 px noise
@@ -263,7 +264,8 @@ def test_the_json_comes_last(tmp_path, monkeypatch):
     def fail(*_):
         raise OutputError("disk full")
 
-    monkeypatch.setattr("atom_core.io.dataset_writer.write_pcd", fail)
+    formats = type(dataset.sensors["lidar_1"].kind.data)
+    monkeypatch.setattr(formats, "write", property(lambda _: fail), raising=False)
     with pytest.raises(OutputError, match="disk full"):
         write_dataset_folder(dataset, tmp_path / "out", name="x")
     assert not (tmp_path / "out" / "dataset.json").exists()

@@ -5,7 +5,7 @@ from typing import List, NamedTuple, Optional, Tuple
 import numpy as np
 
 from atom_core.geometry import se3
-from atom_core.model.dataset import RangeLabel
+from atom_core.model.labels import RangeLabel
 from atom_core.model.laser_scan import LaserScan
 from atom_core.model.pattern import pattern_from_config
 from atom_core.synthetic.board import charuco, held_before, hits

@@ -8,9 +8,9 @@ from atom_core.errors import LabelingError
 from atom_core.labeling import corrections
 from atom_core.labeling.depth import DepthLabeler
 from atom_core.labeling.polygon import inside_polygon, polygon_mask
-from atom_core.model.dataset import RangeLabel, RgbLabel
+from atom_core.model.labels import RangeLabel, RgbLabel
 from atom_core.synthetic import scenes
-from atom_core.synthetic.dataset import Sampling
+from atom_core.synthetic.memory import Sampling
 
 SHAPE = (48, 64)
 SQUARE = np.array([[10.0, 10.0], [30.0, 10.0], [30.0, 25.0], [10.0, 25.0]])
@@ -152,7 +152,7 @@ def board():
     (pattern,) = dataset.patterns.values()
     labeler = DepthLabeler(dataset.sensors["depth_1"], pattern)
     for key in dataset.collections:
-        depth_m = dataset.data.depth_image(key, "depth_1").astype(np.float32)
+        depth_m = dataset.data.read(key, "depth_1").astype(np.float32)
         found = labeler.label(depth_m)
         if found.detected:
             return depth_m, labeler, found.label, _outline(found.label, depth_m.shape)

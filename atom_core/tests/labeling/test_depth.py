@@ -5,11 +5,12 @@ import pytest
 
 from atom_core.errors import LabelingError
 from atom_core.geometry import se3
+from atom_core.geometry.depth_noise import depth_sigma_m
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.labeling.base import labeler_for
 from atom_core.labeling.depth import DepthLabeler, DepthOptions, to_metres
 from atom_core.model.pattern import pattern_from_config
-from atom_core.model.sensor import DEPTH, Sensor, depth_sigma_m
+from atom_core.model.sensor import DEPTH, Sensor
 from atom_core.model.transforms import Edge
 from atom_core.synthetic.board import charuco, hits
 from atom_core.synthetic.rig import pinhole

@@ -82,7 +82,7 @@ def test_the_nearer_board_hides_the_farther():
 def test_pictures_of_the_cell_show_the_labeled_corners():
     dataset = paper_cell(0, noise=Noise.none()).dataset
     label = dataset.collections["003"].labels[("rgb_3", "pattern_1")]
-    grey = cv2.cvtColor(dataset.data.colour_image("003", "rgb_3"), cv2.COLOR_BGR2GRAY)
+    grey = cv2.cvtColor(dataset.data.read("003", "rgb_3"), cv2.COLOR_BGR2GRAY)
     found = label.pixels.astype(np.float32).reshape(-1, 1, 2).copy()
     cv2.cornerSubPix(grey, found, (3, 3), (-1, -1), (3, 100, 1e-4))
     assert np.median(np.linalg.norm(found[:, 0] - label.pixels, axis=1)) < 0.1

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from atom_core.geometry import se3
-from atom_core.model.dataset import RgbLabel
+from atom_core.model.labels import RgbLabel
 from atom_core.model.transforms import Edge
 from atom_core.synthetic import Noise, paper_cell, statistics
 from atom_core.synthetic.cell import cell_rig
@@ -70,8 +70,8 @@ def arrays(dataset):
             yield from (label.ids, label.pixels)
         else:
             yield from (label.indices, label.limit_indices)
-    yield from (dataset.data.cloud(c, "lidar_1") for c in dataset.collections)
-    yield from (dataset.data.depth_image(c, "depth_1") for c in dataset.collections)
+    yield from (dataset.data.read(c, "lidar_1") for c in dataset.collections)
+    yield from (dataset.data.read(c, "depth_1") for c in dataset.collections)
 
 
 def test_the_same_seed_gives_the_same_arrays():

@@ -145,9 +145,9 @@ def test_nothing_moves_without_a_disturbance():
 def test_data_that_do_not_exist_are_an_error():
     dataset = scenes.random_scene(0, collections=1).dataset
     assert dataset.data.has_data("000", "rgb_1") and not dataset.data.has_data("001", "rgb_1")
-    for read in (dataset.data.cloud, dataset.data.depth_image, dataset.data.colour_image):
+    for sensor in ("lidar_1", "depth_1", "rgb_1"):
         with pytest.raises(Exception, match="collection 001"):
-            read("001", "rgb_1")
+            dataset.data.read("001", sensor)
 
 
 def test_a_scene_without_cameras_of_colour_has_range_labels_only():

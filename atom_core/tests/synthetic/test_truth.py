@@ -7,7 +7,8 @@ import pytest
 
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
-from atom_core.model.dataset import RgbLabel, pose, range_points
+from atom_core.model.dataset import pose, range_points
+from atom_core.model.labels import RgbLabel
 from atom_core.model.sensor import DEPTH, LIDAR3D
 from atom_core.model.truth import with_truth
 from atom_core.synthetic import Noise, Sampling, paper_cell, scenes
@@ -201,7 +202,7 @@ def test_impossible_noise_is_refused():
 def test_clouds_hold_the_room_behind_the_boards():
     exact = scenes.lidar_only(0, noise=Noise.none())
     for key, label in exact.dataset.detections():
-        cloud = exact.dataset.data.cloud(key.collection, key.sensor)
+        cloud = exact.dataset.data.read(key.collection, key.sensor)
         background = np.setdiff1d(np.arange(len(cloud)), label.indices)
         assert len(background) > 500
         nearest_on_board = np.linalg.norm(cloud[label.indices], axis=1).min()
@@ -211,4 +212,4 @@ def test_clouds_hold_the_room_behind_the_boards():
 def test_background_can_be_kept_whole():
     exact = scenes.lidar_only(0, collections=2, sampling=Sampling(background_step=1))
     for key, sensor in product(exact.dataset.collections, exact.dataset.sensors):
-        assert len(exact.dataset.data.cloud(key, sensor)) == 16 * 1875
+        assert len(exact.dataset.data.read(key, sensor)) == 16 * 1875

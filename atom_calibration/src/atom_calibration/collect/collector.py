@@ -29,11 +29,11 @@ from atom_core.io.collections import CollectionStore, StoredCollection
 from atom_core.io.dataset_json import transform_document
 from atom_core.io.dataset_writer import data_file_name, new_document
 from atom_core.io.images import MAX_DEPTH_M, write_depth_png, write_image
-from atom_core.io.label_json import label_document
 from atom_core.io.pcd import write_pcd
 from atom_core.io.seeds import SEEDS_FILE, Seed, write_seeds
 from atom_core.model.config import CalibrationConfig
-from atom_core.model.dataset import Collection, Dataset, RangeLabel, board_edge
+from atom_core.model.dataset import Collection, Dataset, board_edge
+from atom_core.model.labels import RangeLabel
 from atom_core.model.pattern import Pattern
 from atom_core.model.robot import Joint
 from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
@@ -259,9 +259,9 @@ def _labels(setup: Setup, frames: Mapping[str, Frame]) -> Dict[str, Any]:
         labels[pattern] = {}
         for name, sensor in setup.sensors.items():
             labeled = frames[name].labels.get(pattern) if name in frames else None
-            detected = labeled is not None and labeled.detected
-            label = labeled.label if labeled is not None and detected else None
-            labels[pattern][name] = label_document(sensor.modality, label)
+            form = sensor.kind.labels
+            label = form.empty if labeled is None or not labeled.detected else labeled.label
+            labels[pattern][name] = form.document(label)
     return labels
 
 

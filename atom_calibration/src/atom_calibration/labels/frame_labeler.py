@@ -15,11 +15,10 @@ from atom_core.io.seeds import Seed
 from atom_core.labeling.base import Labeled, Labeler, labeler_for, nothing
 from atom_core.labeling.stillness import PlaneSighting
 from atom_core.model.config import CalibrationConfig
-from atom_core.model.dataset import DetectionKey, RgbLabel
+from atom_core.model.labels import DetectionKey, RgbLabel
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import DEPTH, RGB, Sensor
-from atom_core.problem.initial_boards import camera_candidates
-from atom_core.problem.measurements import CornerMeasurement
+from atom_core.problem.corner_measurement import CornerMeasurement
 
 _SEARCH_EVERY_S = 0.35  # of each range sensor that lost the board
 
@@ -224,9 +223,8 @@ def camera_T_pattern(sensor: Sensor, pattern: Pattern, labeled: Labeled) -> Opti
         return None
     key = DetectionKey("", sensor.name, pattern.name)
     corners = pattern.corners_of(label.ids)
-    poses = camera_candidates(
-        CornerMeasurement(key, sensor.camera, label.ids, corners, label.pixels)
-    )
+    measured = CornerMeasurement(key, sensor.camera, label.ids, corners, label.pixels)
+    poses = measured.candidates()
     return poses[0] if poses else None
 
 

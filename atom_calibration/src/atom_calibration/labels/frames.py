@@ -11,7 +11,7 @@ from atom_calibration.errors import MessageError
 from atom_calibration.messages import conversions
 from atom_core.labeling.base import Labeled
 from atom_core.labeling.stillness import CornerSighting, Sighting, plane_sighting
-from atom_core.model.dataset import RangeLabel, RgbLabel
+from atom_core.model.labels import RangeLabel, RgbLabel
 from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
 
 

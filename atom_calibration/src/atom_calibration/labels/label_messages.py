@@ -14,7 +14,7 @@ from atom_calibration.labels.frames import Frame
 from atom_calibration.messages.conversions import pose_message
 from atom_calibration.msg import Detection2D, PatternLabels, SensorLabels
 from atom_core.labeling.base import Labeled
-from atom_core.model.dataset import Label, RangeLabel, RgbLabel
+from atom_core.model.labels import Label, RangeLabel, RgbLabel
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import RGB
 

@@ -9,7 +9,7 @@ import numpy as np
 from atom_calibration.errors import CollectionError
 from atom_calibration.labels.frames import Frame
 from atom_calibration.messages.conversions import cloud_xyz
-from atom_core.io.seeds import Seed, seed_size
+from atom_core.io.seeds import Seed
 from atom_core.model.sensor import LIDAR3D
 
 _SAME_STAMP_S = 0.005
@@ -57,8 +57,9 @@ def check_inside(seed: Seed, frame: Frame, remedy: str) -> None:
         CollectionError: with the remedy given.
     """
     problem = outside_data(seed.position, frame)
+    form = frame.sensor.kind.seed
+    unit = "" if form is None else form.unit
     if problem:
-        unit = seed_size(frame.sensor)[1]
         raise CollectionError(
             f"{frame.place}: the seed {np.round(seed.position, 3).tolist()} {unit} lies outside "
             f"the data ({problem}); {remedy}"

@@ -15,18 +15,12 @@ from geometry_msgs.msg import Point, Pose, Quaternion, TransformStamped, Vector3
 from atom_calibration.errors import MessageError
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
-from atom_core.model.sensor import DEPTH, LIDAR2D, LIDAR3D, RGB
+from atom_core.model.modality import modality_of_message
 from atom_core.model.transforms import Edge
 
 IMAGE, COMPRESSED_IMAGE = "sensor_msgs/Image", "sensor_msgs/CompressedImage"
 POINT_CLOUD, LASER_SCAN = "sensor_msgs/PointCloud2", "sensor_msgs/LaserScan"
 CAMERA_INFO, TF_MESSAGE = "sensor_msgs/CameraInfo", "tf2_msgs/TFMessage"
-DATA_TYPES = {
-    RGB: (IMAGE, COMPRESSED_IMAGE),
-    DEPTH: (IMAGE, COMPRESSED_IMAGE),
-    LIDAR3D: (POINT_CLOUD,),
-    LIDAR2D: (LASER_SCAN,),
-}
 
 _POINT_FIELD_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 _CHANNEL_TYPES = {
@@ -63,8 +57,8 @@ _COMPRESSED_DEPTH_HEADER = 12  # bytes of compressed_depth_image_transport befor
 
 def modality_of(message_type: str) -> Optional[str]:
     """Return the modality that a type of messages has when the configuration names none."""
-    inferred = {IMAGE: RGB, COMPRESSED_IMAGE: RGB, POINT_CLOUD: LIDAR3D, LASER_SCAN: LIDAR2D}
-    return inferred.get(message_type)
+    modality = modality_of_message(message_type)
+    return None if modality is None else modality.name
 
 
 def stamp_s(message: Any) -> float:

@@ -11,7 +11,7 @@ from sensor_msgs.msg import Image, PointCloud2, PointField
 from atom_calibration.labels.frames import Frame, points_of
 from atom_calibration.labels.label_messages import header_message
 from atom_calibration.show.pictures import labeled_picture
-from atom_core.model.dataset import RangeLabel
+from atom_core.model.labels import RangeLabel
 from atom_core.model.sensor import LIDAR3D
 
 INSIDE_RGB, BORDER_RGB = 0x3CDC3C, 0xFF2828

@@ -116,7 +116,7 @@ def labeled_points(
         collection_colour: by collection; wins.
     """
     parts: Dict[str, List[np.ndarray]] = {
-        name: [] for name, sensor in standing.dataset.sensors.items() if sensor.is_range
+        name: [] for name, sensor in standing.dataset.sensors.items() if sensor.kind.measures_range
     }
     for points in standing.points():
         sensor, collection = points.key.sensor, points.key.collection

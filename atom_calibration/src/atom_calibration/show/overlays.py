@@ -18,7 +18,8 @@ from atom_calibration.show.standing import Standing
 from atom_core.errors import AtomError
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
-from atom_core.model.dataset import Dataset, DetectionKey
+from atom_core.model.dataset import Dataset
+from atom_core.model.labels import DetectionKey
 from atom_core.model.sensor import RGB
 
 _SHIFT, _UNIT = 4, 16  # OpenCV draws in sixteenths of a pixel
@@ -188,10 +189,10 @@ def _read(dataset: Dataset, key: str, name: str, blank: np.ndarray) -> np.ndarra
     """Return an image to draw on; a file that cannot be read costs the picture, not the view."""
     try:
         if dataset.sensors[name].modality == RGB:
-            image = dataset.data.colour_image(key, name)
+            image = dataset.data.read(key, name)
             grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
             return cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)  # colours are the labels'
-        return depth_picture(dataset.data.depth_image(key, name))
+        return depth_picture(dataset.data.read(key, name))
     except AtomError:
         return blank
 

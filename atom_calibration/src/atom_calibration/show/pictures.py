@@ -9,7 +9,7 @@ import numpy as np
 
 from atom_calibration.labels.frames import Frame
 from atom_calibration.messages.conversions import cloud_xyz
-from atom_core.model.dataset import RangeLabel, RgbLabel
+from atom_core.model.labels import RangeLabel, RgbLabel
 from atom_core.model.sensor import DEPTH, RGB
 
 _GREEN, _RED, _GREY = (60, 220, 60), (40, 40, 255), (120, 120, 120)

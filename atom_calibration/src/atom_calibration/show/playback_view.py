@@ -21,7 +21,8 @@ from atom_core.editing.label_corrections import ChosenCorner, LabelCorrections
 from atom_core.errors import AtomError
 from atom_core.evaluation.label_quality import METRES, label_quality
 from atom_core.labeling.base import Labeled, nothing
-from atom_core.model.dataset import Dataset, DetectionKey, Label, RangeLabel, RgbLabel
+from atom_core.model.dataset import Dataset
+from atom_core.model.labels import DetectionKey, Label, RangeLabel, RgbLabel
 from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
 from atom_core.report.tables import text_table
 
@@ -91,10 +92,10 @@ def _header(dataset: Dataset, key: str, sensor: str) -> Mapping[str, Any]:
 
 def _data(dataset: Dataset, key: str, sensor: Sensor) -> np.ndarray:
     if sensor.modality == RGB:
-        return dataset.data.colour_image(key, sensor.name)
+        return dataset.data.read(key, sensor.name)
     if sensor.modality == DEPTH:
-        return dataset.data.depth_image(key, sensor.name)
-    cloud = dataset.data.cloud(key, sensor.name)
+        return dataset.data.read(key, sensor.name)
+    cloud = dataset.data.read(key, sensor.name)
     points = np.zeros(len(cloud), _XYZ)
     points["x"], points["y"], points["z"] = cloud.T
     return points
@@ -109,7 +110,7 @@ def _no_data(sensor: Sensor) -> np.ndarray:
 
 def _fits(label: Label, data: np.ndarray) -> bool:
     """Tell whether the indices of a label are within the data."""
-    if isinstance(label, RgbLabel):
+    if not isinstance(label, RangeLabel):
         return True
     both = np.concatenate([label.indices, label.limit_indices])
     return len(both) == 0 or (both.min() >= 0 and both.max() < data.size)
@@ -229,9 +230,7 @@ def _label_state(
     )
     if label is None:
         return state
-    state.points = len(label.indices) if isinstance(label, RangeLabel) else len(label.ids)
-    if isinstance(label, RangeLabel):
-        state.border_points = len(label.limit_indices)
+    state.points, state.border_points = label.size, label.limit_size
     try:
         quality = label_quality(corrections.dataset, key)
     except AtomError as error:
@@ -271,8 +270,7 @@ def collection_states(dataset: Dataset) -> CollectionStates:
     """Return which sensors have labels in each collection."""
     detections: Dict[str, List[SensorDetection]] = {key: [] for key in dataset.collections}
     for key, label in dataset.detections():
-        count = len(label.indices) if isinstance(label, RangeLabel) else len(label.ids)
-        detections[key.collection].append(SensorDetection(key.sensor, key.pattern, count))
+        detections[key.collection].append(SensorDetection(key.sensor, key.pattern, label.size))
     return CollectionStates(
         [CollectionState(key, _stamp(dataset, key), found) for key, found in detections.items()]
     )

@@ -15,7 +15,8 @@ from atom_core.calibration.calibrate import Calibration
 from atom_core.calibration.judge.statistics import Table, residual_table
 from atom_core.calibration.start.boards import solved_dataset
 from atom_core.errors import DatasetError
-from atom_core.model.dataset import Dataset, DetectionKey, pose
+from atom_core.model.dataset import Dataset, pose
+from atom_core.model.labels import DetectionKey
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import (
     BORDER,

@@ -15,6 +15,7 @@ from atom_calibration.messages import conversions
 from atom_calibration.sources.rig import candidate_topics
 from atom_core.errors import AtomError
 from atom_core.model.config import CalibrationConfig
+from atom_core.model.modality import modalities
 
 _POLL_S = 0.1
 _KEPT = 10  # messages of a topic
@@ -108,7 +109,7 @@ def published_types() -> Dict[str, str]:
 
 def message_class(name: str) -> Optional[type]:
     """Return the class of a type of messages; None if it is not one of sensors' data."""
-    known = {t for kinds in conversions.DATA_TYPES.values() for t in kinds}
+    known = {t for modality in modalities() for t in modality.message_types}
     known.add(conversions.CAMERA_INFO)
     return roslib.message.get_message_class(name) if name in known else None
 

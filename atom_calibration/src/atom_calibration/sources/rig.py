@@ -10,7 +10,8 @@ from atom_calibration.messages import conversions
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.geometry.camera import Camera
 from atom_core.model.config import CalibrationConfig, SensorConfig
-from atom_core.model.sensor import DEPTH, LIDAR2D, RGB, Sensor
+from atom_core.model.modality import modalities, modality_named
+from atom_core.model.sensor import Sensor
 
 _SUFFIXES = ("", "/compressed", "/compressedDepth")
 
@@ -94,9 +95,9 @@ def sensor_from_bag(
     """
     topic = _data_topic(name, entry, bag)
     modality = entry.modality or conversions.modality_of(bag.types[topic])
-    if modality == LIDAR2D or modality is None:
+    if modality is None:
         return topic, None
-    camera = _camera(name, entry, bag) if modality in (RGB, DEPTH) else None
+    camera = _camera(name, entry, bag) if modality_named(modality).has_camera_info else None
     return topic, Sensor(name, modality, entry.link, entry.edge, camera, entry.topic_name)
 
 
@@ -124,8 +125,8 @@ def check_frames(rig: Rig, config: CalibrationConfig, tree: TransformTree) -> No
 
 def _data_topic(name: str, entry: SensorConfig, bag: TopicSource) -> str:
     """Return the topic with the data, the raw one before the compressed ones."""
-    types = conversions.DATA_TYPES.get(entry.modality or "", ())
-    known = types or tuple({t for kinds in conversions.DATA_TYPES.values() for t in kinds})
+    types = modality_named(entry.modality).message_types if entry.modality else ()
+    known = types or tuple({t for modality in modalities() for t in modality.message_types})
     for suffix in _SUFFIXES:
         topic = entry.topic_name + suffix
         if topic in bag.types:

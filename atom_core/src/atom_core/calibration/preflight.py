@@ -11,25 +11,15 @@ from atom_core.calibration.judge.statistics import Table, residual_table
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.connectivity import check_connected, floats_freely
 from atom_core.calibration.prepare.joints import check_joints
-from atom_core.calibration.prepare.preparation import absent_data, check_modalities, free_edges
+from atom_core.calibration.prepare.preparation import absent_data, free_edges
 from atom_core.calibration.start.boards import carried_boards
 from atom_core.errors import AtomError
-from atom_core.geometry import se3
-from atom_core.geometry.plane import fit_plane
-from atom_core.model.dataset import Dataset, DetectionKey, RgbLabel, is_complete, place
+from atom_core.model.dataset import Dataset, is_complete
+from atom_core.model.labels import DetectionKey, place
 from atom_core.problem.builder import FreeEdges, build_problem, check_edges
-from atom_core.problem.initial_boards import camera_candidates
-from atom_core.problem.measurements import (
-    CornerMeasurement,
-    Measurement,
-    RangeMeasurement,
-    read_measurements,
-)
+from atom_core.problem.measurements import Measurement, read_measurements
 from atom_core.problem.problem import Problem
 
-_PNP_LIMIT_PX = 3.0  # RMS of one board's corners about its own pose
-_PLANE_LIMIT_M = 0.05
-_SIZE_LIMIT = 1.15  # labeled extent over the board's diagonal
 _FEW_DETECTIONS = 3
 
 
@@ -69,7 +59,6 @@ def preflight(dataset: Dataset) -> Preflight:
     measurements, remarks = read_measurements(present)
     free = _free_edges(dataset, problems)
     for check in (
-        lambda: check_modalities(dataset),
         lambda: check_edges(dataset, free),
         lambda: check_joints(dataset, free),
         lambda: check_connected(present, measurements, free),
@@ -85,7 +74,7 @@ def preflight(dataset: Dataset) -> Preflight:
         detections=_detections(dataset),
         complete=tuple(key for key in dataset.collections if is_complete(dataset, key)),
         free_parameters=_parameter_count(present, measurements, free),
-        rows=sum(_rows(m) for m in measurements),
+        rows=sum(m.rows for m in measurements),
         problems=tuple(problems),
         warnings=tuple(warnings),
         residuals=residual_table(held, np.zeros(0)) if held else None,
@@ -113,18 +102,9 @@ def _with_data(dataset: Dataset) -> Dataset:
 
 
 def _detections(dataset: Dataset) -> Dict[DetectionKey, str]:
-    texts = {}
-    for key, label in dataset.detections():
-        if isinstance(label, RgbLabel):
-            count = dataset.patterns[key.pattern].corner_count
-            texts[key] = f"{len(label.ids)}/{count}" if len(label.ids) < count else str(count)
-        else:
-            texts[key] = f"{len(label.indices)}+{len(label.limit_indices)}"
-    return texts
-
-
-def _rows(m: Measurement) -> int:
-    return 2 * len(m.ids) if isinstance(m, CornerMeasurement) else len(m.inside) + len(m.limit)
+    return {
+        key: label.summary(dataset.patterns[key.pattern]) for key, label in dataset.detections()
+    }
 
 
 def _parameter_count(dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges) -> int:
@@ -139,10 +119,7 @@ def _implausible(dataset: Dataset, measurements: Sequence[Measurement]) -> List[
     counts: Dict[str, int] = {}
     for m in measurements:
         counts[m.key.sensor] = counts.get(m.key.sensor, 0) + 1
-        if isinstance(m, CornerMeasurement):
-            remarks += _implausible_corners(m)
-        else:
-            remarks += _implausible_range(m)
+        remarks += [f"{place(m.key)}: {what}" for what in m.implausibilities()]
     for name, count in counts.items():
         if count < _FEW_DETECTIONS:
             remarks.append(f"sensor '{name}' has only {count} detection(s)")
@@ -153,43 +130,6 @@ def _implausible(dataset: Dataset, measurements: Sequence[Measurement]) -> List[
                 f"camera_info has distortion; one of the two is wrong"
             )
     return remarks
-
-
-def _implausible_corners(m: CornerMeasurement) -> List[str]:
-    candidates = camera_candidates(m)
-    if not candidates:
-        return [f"{place(m.key)}: too few or collinear corners to place the board"]
-    points = se3.apply(candidates[0], m.corners_in_pattern)
-    rms = np.sqrt(np.mean(np.sum((m.camera.project(points) - m.pixels) ** 2, axis=1)))
-    if rms > _PNP_LIMIT_PX:
-        return [
-            f"{place(m.key)}: the corners fit no board pose (RMS {rms:.1f} px); look at the "
-            f"label, the board's dimension and size, and the intrinsics"
-        ]
-    return []
-
-
-def _implausible_range(m: RangeMeasurement) -> List[str]:
-    try:
-        _, _, rms = fit_plane(m.inside)
-    except ValueError as error:
-        return [f"{place(m.key)}: {error}"]
-    remarks = []
-    if rms > _PLANE_LIMIT_M:
-        remarks.append(f"{place(m.key)}: the labeled points are no plane (RMS {rms:.3f} m)")
-    extent = _diameter(m.inside)
-    diagonal = 2.0 * np.linalg.norm(m.border.half_size)
-    if extent > _SIZE_LIMIT * diagonal:
-        remarks.append(
-            f"{place(m.key)}: the label is {extent:.2f} m across, the board only {diagonal:.2f} m"
-        )
-    return remarks
-
-
-def _diameter(points: np.ndarray) -> float:
-    """Return the distance of two far points: the farthest from the middle, and from that."""
-    first = points[np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1))]
-    return float(np.max(np.linalg.norm(points - first, axis=1)))
 
 
 def _problem_at_held_boards(

@@ -6,7 +6,7 @@ import argparse
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import List, Optional, Protocol, Sequence, Tuple
+from typing import Callable, List, Optional, Protocol, Sequence, Tuple
 
 from atom_core.calibration.calibrate import Calibration, calibrate
 from atom_core.calibration.options import DESCRIPTION, NO_GUESS, CalibrationOptions
@@ -20,8 +20,8 @@ from atom_core.io.truth_json import read_truth
 from atom_core.io.urdf import Description, read_description, write_calibrated_description
 from atom_core.model.dataset import Dataset
 from atom_core.model.joints import JOINT_PARAMETERS, JointSelection
+from atom_core.model.modality import Modality, modalities
 from atom_core.model.selection import select_names
-from atom_core.model.sensor import LIDAR3D, RGB
 from atom_core.report.calibration_document import calibration_document
 from atom_core.report.calibration_results import CalibrationResults, calibration_results
 from atom_core.report.calibration_tables import calibration_report
@@ -302,10 +302,16 @@ def _with_selections(
         options,
         joints=_joints(args, dataset),
         intrinsics=_sensors_of(
-            dataset, RGB, "--optimize_intrinsics", "rgb camera", args.optimize_intrinsics
+            dataset,
+            "--optimize_intrinsics",
+            args.optimize_intrinsics,
+            lambda kind: kind.can_estimate_intrinsics,
         ),
         range_offset=_sensors_of(
-            dataset, LIDAR3D, "--range_offset", "lidar3d sensor", args.range_offset
+            dataset,
+            "--range_offset",
+            args.range_offset,
+            lambda kind: kind.can_estimate_range_offset,
         ),
         keep_collections=_kept_collections(args, dataset),
         keep_detections=_kept_detections(args, dataset),
@@ -333,15 +339,19 @@ def _options(args: argparse.Namespace) -> CalibrationOptions:
 
 
 def _sensors_of(
-    dataset: Dataset, modality: str, option: str, kind: str, selection: Optional[Sequence[str]]
+    dataset: Dataset,
+    option: str,
+    selection: Optional[Sequence[str]],
+    suits: Callable[[Modality], bool],
 ) -> Tuple[str, ...]:
-    """Return the sensors of a modality that an option selects; None: it was not given."""
+    """Return the sensors that an option selects of those that it suits; None: it is not given."""
     if selection is None:
         return ()
-    names = [s.name for s in dataset.sensors.values() if s.modality == modality]
+    nouns = " or ".join(kind.noun for kind in modalities() if suits(kind))
+    names = [s.name for s in dataset.sensors.values() if suits(s.kind)]
     if not names:
-        raise CalibrationError(f"{option}: there is no {kind}")
-    return tuple(select_names(names, selection, kind))
+        raise CalibrationError(f"{option}: there is no {nouns}")
+    return tuple(select_names(names, selection, nouns))
 
 
 def _joints(args: argparse.Namespace, dataset: Dataset) -> Optional[JointSelection]:

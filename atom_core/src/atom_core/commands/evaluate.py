@@ -9,7 +9,7 @@ from typing import List, Optional
 
 from atom_core.commands import common
 from atom_core.evaluation.evaluate import Evaluation, evaluate
-from atom_core.evaluation.pairs import KINDS
+from atom_core.evaluation.pairs import pair_kinds
 from atom_core.io.annotations import read_annotations
 from atom_core.io.atomic import (
     prepare_output_folder,
@@ -102,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
 def _write_csv_files(folder: Path, evaluation: Evaluation) -> None:
     """Write a file for each kind that was measured; remove those of an earlier run."""
     texts = csv_texts(evaluation)
-    for kind in KINDS:
+    for kind in pair_kinds():
         if csv_name(kind) in texts:
             write_text_atomically(folder / csv_name(kind), texts[csv_name(kind)])
         elif (folder / csv_name(kind)).is_file():

@@ -8,7 +8,8 @@ from typing import List, NamedTuple, Optional
 
 from atom_core.errors import SelectionError
 from atom_core.io.dataset_json import write_dataset
-from atom_core.model.dataset import Dataset, DetectionKey
+from atom_core.model.dataset import Dataset
+from atom_core.model.labels import DetectionKey
 
 _MOST_STEPS = 500  # that can be undone
 

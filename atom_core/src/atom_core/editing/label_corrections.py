@@ -16,7 +16,8 @@ from atom_core.labeling import corrections
 from atom_core.labeling.base import Labeled, Labeler, labeler_for
 from atom_core.labeling.depth import DepthLabeler
 from atom_core.labeling.polygon import polygon_mask
-from atom_core.model.dataset import Dataset, Label, RangeLabel, RgbLabel
+from atom_core.model.dataset import Dataset
+from atom_core.model.labels import Label, RangeLabel, RgbLabel
 from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
 
 REACH_PX = 10.0  # a click means a corner that is so near
@@ -282,13 +283,13 @@ class LabelCorrections(LabelHistory):
 
     def _depth(self, sensor: str) -> np.ndarray:
         self._sensor(sensor, DEPTH)
-        return self.dataset.data.depth_image(self.collection, sensor)
+        return self.dataset.data.read(self.collection, sensor)
 
     def _valid(self, name: str) -> np.ndarray:
         """Return which points or pixels (n,) of a sensor were measured."""
         if self._sensor(name, LIDAR3D, DEPTH).modality == DEPTH:
             return np.isfinite(self._depth(name)).ravel()
-        cloud = self.dataset.data.cloud(self.collection, name)
+        cloud = self.dataset.data.read(self.collection, name)
         return np.all(np.isfinite(cloud), axis=1)
 
     def _range_label(self, sensor: str, pattern: str) -> Optional[RangeLabel]:

@@ -10,7 +10,8 @@ import numpy as np
 
 from atom_core.editing.history import DatasetHistory
 from atom_core.io.data_files import RecentData
-from atom_core.model.dataset import Dataset, DetectionKey, Label
+from atom_core.model.dataset import Dataset
+from atom_core.model.labels import DetectionKey, Label
 
 Changes = Mapping[str, Optional[Label]]  # by pattern; None: no label
 

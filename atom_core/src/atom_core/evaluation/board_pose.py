@@ -8,8 +8,7 @@ import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
-from atom_core.problem.initial_boards import camera_candidates
-from atom_core.problem.measurements import CornerMeasurement
+from atom_core.problem.corner_measurement import CornerMeasurement
 
 _ITERATIONS = 50
 _SMALL_STEP = 1e-12
@@ -27,7 +26,7 @@ def board_pose(measurement: CornerMeasurement) -> Optional[BoardPose]:
 
     Both solutions of the planar ambiguity are refined, the better one is returned.
     """
-    refined = [refine_pose(measurement, start) for start in camera_candidates(measurement)]
+    refined = [refine_pose(measurement, start) for start in measurement.candidates()]
     return min(refined, key=lambda found: found.rms_px) if refined else None
 
 

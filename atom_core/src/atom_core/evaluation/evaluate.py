@@ -11,7 +11,8 @@ from atom_core.evaluation.mixed import mixed_dataset
 from atom_core.evaluation.observed import Borders, NotMeasurableError, Observed
 from atom_core.evaluation.pairs import Pair, pairs_of
 from atom_core.evaluation.statistics import Errors, Figures, figures, mean_of
-from atom_core.model.dataset import Dataset, DetectionKey, pose
+from atom_core.model.dataset import Dataset, pose
+from atom_core.model.labels import DetectionKey
 from atom_core.model.truth import Truth, with_truth
 
 

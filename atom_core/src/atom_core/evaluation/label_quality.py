@@ -12,8 +12,9 @@ import numpy as np
 from atom_core.evaluation.board_pose import board_pose
 from atom_core.geometry import se3
 from atom_core.geometry.plane import fit_plane
-from atom_core.model.dataset import Dataset, DetectionKey, RgbLabel, range_points
-from atom_core.problem.measurements import CornerMeasurement
+from atom_core.model.dataset import Dataset, range_points
+from atom_core.model.labels import DetectionKey, Label, RangePoints, RgbLabel
+from atom_core.problem.corner_measurement import CornerMeasurement
 
 PIXELS, METRES = "px", "m"
 
@@ -51,25 +52,37 @@ def label_quality(dataset: Dataset, key: DetectionKey) -> LabelQuality:
     Raises:
         DatasetError: the data cannot be read, or the label does not belong to them.
     """
-    label = dataset.label(key)
-    if isinstance(label, RgbLabel):
-        return _of_corners(dataset, key, label)
+    return dataset.sensors[key.sensor].kind.quality(dataset, key)
+
+
+def quality_of_points(dataset: Dataset, key: DetectionKey) -> LabelQuality:
+    """Return the figures of a label of points: their distances to the plane through them."""
+    label, found = dataset.label(key), range_points(dataset, key)
     assert label is not None
-    points, border = len(label.indices), len(label.limit_indices)
-    found = range_points(dataset, key)
     try:
-        centre, normal, rms_m = fit_plane(found.inside)
+        centre, normal, _ = fit_plane(found.inside)
     except ValueError:  # too few, or on one line
-        return LabelQuality(points, border, METRES)
-    away_m = np.abs((found.inside - centre) @ normal)
+        return LabelQuality(label.size, label.limit_size, METRES)
+    return quality_of_distances(label, found, np.abs((found.inside - centre) @ normal))
+
+
+def quality_of_distances(label: Label, found: RangePoints, away_m: np.ndarray) -> LabelQuality:
+    """Return the figures of a label whose points (n,) are so far from their plane or line [m]."""
     worst = int(np.argmax(away_m))
-    item = int(found.inside_indices[worst])
-    return LabelQuality(points, border, METRES, rms_m, float(away_m[worst]), item)
+    return LabelQuality(
+        label.size,
+        label.limit_size,
+        METRES,
+        float(np.sqrt(np.mean(away_m**2))),
+        float(away_m[worst]),
+        int(found.inside_indices[worst]),
+    )
 
 
-def _of_corners(dataset: Dataset, key: DetectionKey, label: RgbLabel) -> LabelQuality:
-    camera = dataset.sensors[key.sensor].camera
-    assert camera is not None
+def quality_of_corners(dataset: Dataset, key: DetectionKey) -> LabelQuality:
+    """Return the figures of a label of corners: how far they are from one pose of the board."""
+    camera, label = dataset.sensors[key.sensor].camera, dataset.label(key)
+    assert camera is not None and isinstance(label, RgbLabel)
     corners = dataset.patterns[key.pattern].corners_of(label.ids)
     pose = board_pose(CornerMeasurement(key, camera, label.ids, corners, label.pixels))
     if pose is None:

@@ -11,15 +11,9 @@ from atom_core.errors import AtomError
 from atom_core.evaluation.board_pose import BoardPose, board_pose
 from atom_core.evaluation.borders import clipped_to_image, projected_border
 from atom_core.geometry.camera import Camera
-from atom_core.model.dataset import (
-    Dataset,
-    DetectionKey,
-    RangeLabel,
-    RangePoints,
-    RgbLabel,
-    range_points,
-)
-from atom_core.problem.measurements import CornerMeasurement
+from atom_core.model.dataset import Dataset, range_points
+from atom_core.model.labels import DetectionKey, RangeLabel, RangePoints, RgbLabel
+from atom_core.problem.corner_measurement import CornerMeasurement
 
 Borders = Mapping[Tuple[str, str, str], np.ndarray]  # by collection, sensor, pattern
 

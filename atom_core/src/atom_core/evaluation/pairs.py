@@ -13,8 +13,9 @@ from atom_core.evaluation import metrics
 from atom_core.evaluation.observed import NotMeasurableError, Observed
 from atom_core.evaluation.statistics import Errors
 from atom_core.geometry import se3
-from atom_core.model.dataset import DetectionKey
-from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
+from atom_core.model.labels import DetectionKey
+from atom_core.model.modality import modalities
+from atom_core.model.sensor import Sensor
 
 MM_PER_M = 1000.0
 
@@ -111,7 +112,7 @@ def nearest_points(
     observed: Observed, source: DetectionKey, target: DetectionKey, target_T_source: np.ndarray
 ) -> Errors:
     """Nearest neighbours over all labeled board points, in both directions [mm]."""
-    there, here = _board_points(observed, source), _board_points(observed, target)
+    there, here = board_points(observed, source), board_points(observed, target)
     carried = se3.apply(target_T_source, there)
     return Errors(MM_PER_M * metrics.mutual_nearest_distances(carried, here))
 
@@ -128,7 +129,7 @@ def points_to_plane(
     observed: Observed, source: DetectionKey, target: DetectionKey, target_T_source: np.ndarray
 ) -> Errors:
     """Distances of the target's board points to the plane through the source's [mm]."""
-    there, here = _board_points(observed, source), _board_points(observed, target)
+    there, here = board_points(observed, source), board_points(observed, target)
     try:
         signed = metrics.plane_distances(here, se3.apply(target_T_source, there))
     except ValueError as error:
@@ -138,7 +139,12 @@ def points_to_plane(
     return Errors(MM_PER_M * np.abs(signed))
 
 
-def _board_points(observed: Observed, key: DetectionKey) -> np.ndarray:
+def board_points(observed: Observed, key: DetectionKey) -> np.ndarray:
+    """Return the labeled points (n, 3) [m] on a board, in the sensor's frame.
+
+    Raises:
+        NotMeasurableError: there are none.
+    """
     inside = observed.points(key).inside
     if len(inside) == 0:
         raise NotMeasurableError(f"'{key.sensor}' has no labeled point with a value")
@@ -155,28 +161,11 @@ def _in_image(
     return Errors.in_image(offsets, unseen)
 
 
-KINDS: Tuple[PairKind, ...] = (
-    PairKind("rgb-rgb", RGB, RGB, "corner_transfer", "px", True, rgb_rgb),
-    PairKind("lidar3d-rgb", LIDAR3D, RGB, "border_reprojection", "px", False, border_in_image),
-    PairKind("depth-rgb", DEPTH, RGB, "border_reprojection", "px", False, border_in_image),
-    PairKind(
-        "lidar3d-depth", LIDAR3D, DEPTH, "border_reprojection", "px", False, border_in_depth_image
-    ),
-    PairKind("depth-depth", DEPTH, DEPTH, "border_reprojection", "px", True, border_in_depth_image),
-    PairKind("lidar3d-lidar3d", LIDAR3D, LIDAR3D, "nearest_point", "mm", False, nearest_points),
-    PairKind(
-        "lidar3d-lidar3d_limit",
-        LIDAR3D,
-        LIDAR3D,
-        "nearest_limit_point",
-        "mm",
-        True,
-        nearest_limit_points,
-    ),
-    PairKind(
-        "lidar3d-lidar3d_plane", LIDAR3D, LIDAR3D, "point_to_plane", "mm", True, points_to_plane
-    ),
-)
+def pair_kinds() -> List[PairKind]:
+    """Return all kinds of pairs, those with the same target together."""
+    known = [modality.name for modality in modalities()]
+    kinds = [kind for modality in modalities() for kind in modality.pairs]
+    return sorted(kinds, key=lambda kind: known.index(kind.target))
 
 
 def pairs_of(sensors: Mapping[str, Sensor], chosen: Optional[Sequence[str]] = None) -> List[Pair]:
@@ -189,7 +178,7 @@ def pairs_of(sensors: Mapping[str, Sensor], chosen: Optional[Sequence[str]] = No
     Raises:
         SelectionError: an entry of ``chosen`` is malformed or names no pair.
     """
-    pairs = [pair for kind in KINDS for pair in _of_kind(kind, list(sensors.values()))]
+    pairs = [pair for kind in pair_kinds() for pair in _of_kind(kind, list(sensors.values()))]
     if chosen is None:
         return pairs
     wanted = [_split(text) for text in chosen]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
 
@@ -21,23 +22,17 @@ from atom_core.io.atomic import write_text_atomically
 from atom_core.io.data_files import FileDataSource
 from atom_core.io.label_json import is_old_layout, with_label
 from atom_core.model.config import CalibrationConfig
-from atom_core.model.dataset import (
-    Collection,
-    Dataset,
-    DataSource,
-    DetectionKey,
-    Label,
-    RangeLabel,
-    RgbLabel,
-)
+from atom_core.model.dataset import Collection, Dataset
 from atom_core.model.joints import ORIGIN_PARAMETERS, POSITION_BIAS, JointState
+from atom_core.model.labels import DetectionKey, Label
+from atom_core.model.modality import Modality, modality_named, modality_of_message
 from atom_core.model.pattern import (
     Pattern,
     border_from_document,
     corners_from_document,
     pattern_from_config,
 )
-from atom_core.model.sensor import DEPTH, RGB, Sensor
+from atom_core.model.sensor import Sensor
 from atom_core.model.transforms import Edge
 
 CURRENT_VERSION = "3.0"
@@ -59,8 +54,9 @@ def read_dataset(path: Path, choose: Optional[Choose] = None) -> Dataset:
     path = Path(path)
     document = read_document(path)
     check_version(document, path)
-    data = FileDataSource(path.parent, document)
-    return dataset_from_document(document, path, data, choose)
+    dataset = dataset_from_document(document, path, choose)
+    formats = {name: sensor.kind.data for name, sensor in dataset.sensors.items()}
+    return replace(dataset, data=FileDataSource(path.parent, document, formats))
 
 
 def read_document(path: Path) -> Dict[str, Any]:
@@ -126,15 +122,13 @@ def check_version(document: Mapping[str, Any], path: Path) -> None:
 def dataset_from_document(
     document: Mapping[str, Any],
     source: Path,
-    data: Optional[DataSource] = None,
     choose: Optional[Choose] = None,
 ) -> Dataset:
-    """Return the typed dataset of a JSON document.
+    """Return the typed dataset of a JSON document, without access to its data.
 
     Args:
         document: as it was read.
         source: its file, for messages.
-        data: access to clouds and images.
         choose: see `read_dataset`.
 
     Raises:
@@ -154,7 +148,6 @@ def dataset_from_document(
         patterns=patterns,
         collections=collections,
         edge_types=reader.edge_types(),
-        data=data or DataSource(),
         document=document,
         warnings=tuple(reader.warnings) + tuple(config.warnings),
     )
@@ -197,11 +190,11 @@ class _Reader:
     def sensor(self, name: str) -> Sensor:
         entry = self.document["sensors"][name]
         try:
-            modality = entry.get("modality") or _modality_of_message(entry.get("msg_type", ""))
-            camera = _camera(entry["camera_info"]) if modality in (RGB, DEPTH) else None
+            kind = _modality(entry)
+            camera = _camera(entry["camera_info"]) if kind.has_camera_info else None
             return Sensor(
                 name=name,
-                modality=modality,
+                modality=kind.name,
                 frame=entry["parent"],
                 edge=Edge(entry["calibration_parent"], entry["calibration_child"]),
                 camera=camera,
@@ -303,10 +296,7 @@ class _Reader:
         self, value: Mapping[str, Any], sensor: Sensor, pattern: Pattern, where: str
     ) -> Label:
         try:
-            if sensor.modality == RGB:
-                return _rgb_label(value, pattern)
-            limit = value.get("idxs_limit_points", value.get("edge_idxs", []))
-            return RangeLabel(_indices(value["idxs"]), _indices(limit))
+            return sensor.kind.labels.read(value, pattern)
         except KeyError as error:
             raise self.fail(f"{where}: the label lacks {error}") from None
         except (ValueError, TypeError) as error:
@@ -320,14 +310,13 @@ class _Reader:
         return types
 
 
-def _modality_of_message(message_type: str) -> str:
-    inferred = {
-        "Image": RGB,
-        "CompressedImage": RGB,
-        "PointCloud2": "lidar3d",
-        "LaserScan": "lidar2d",
-    }
-    return inferred.get(message_type.split("/")[-1], "")
+def _modality(entry: Mapping[str, Any]) -> Modality:
+    """Return the modality of a sensor's entry, where need be by the type of its messages."""
+    if not entry.get("modality"):
+        by_message = modality_of_message(str(entry.get("msg_type", "")))
+        if by_message is not None:
+            return by_message
+    return modality_named(entry.get("modality") or "")
 
 
 def _camera(info: Mapping[str, Any]) -> Camera:
@@ -345,29 +334,6 @@ def _pose(entry: Mapping[str, Any]) -> np.ndarray:
     if not np.all(np.isfinite(translation)):
         raise ValueError("the translation is not finite")
     return se3.from_quaternion(translation, np.array(entry["quat"], dtype=float).reshape(4))
-
-
-def _rgb_label(value: Mapping[str, Any], pattern: Pattern) -> RgbLabel:
-    ids = np.array([int(entry["id"]) for entry in value["idxs"]], dtype=int)
-    pixels = np.array([[e["x"], e["y"]] for e in value["idxs"]], dtype=float).reshape(-1, 2)
-    bad = ~np.all(np.isfinite(pixels), axis=1)
-    if np.any(bad):
-        raise ValueError(
-            f"the pixel of corner {ids[bad][0]} is not a number; correct the label, or leave the "
-            f"collection out with -csf"
-        )
-    pattern.corners_of(ids)
-    unique, counts = np.unique(ids, return_counts=True)
-    if np.any(counts > 1):
-        raise ValueError(f"corner {unique[counts > 1][0]} is labeled more than once")
-    return RgbLabel(ids, pixels)
-
-
-def _indices(values: Any) -> np.ndarray:
-    array = np.array(values, dtype=float).reshape(-1)
-    if not np.all(np.isfinite(array)):
-        raise ValueError("an index of the label is not a number")
-    return array.astype(int)
 
 
 def document_of(dataset: Dataset, relabeled: Iterable[DetectionKey] = ()) -> Dict[str, Any]:

@@ -20,17 +20,11 @@ from atom_core.io.dataset_json import (
     joint_document,
     transform_document,
 )
-from atom_core.io.images import write_depth_png, write_image
-from atom_core.io.label_json import label_document
-from atom_core.io.pcd import write_pcd
 from atom_core.model.dataset import Collection, Dataset, board_edge
 from atom_core.model.pattern import geometry_document
-from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
+from atom_core.model.sensor import Sensor
 
 DATASET_FILE = "dataset.json"
-_ENDINGS = {RGB: ".jpg", DEPTH: ".png", LIDAR3D: ".pcd"}
-_MESSAGES = {RGB: "Image", DEPTH: "Image", LIDAR3D: "PointCloud2"}
-_FLOAT32 = 7  # sensor_msgs/PointField
 
 InitialBoards = Mapping[Tuple[str, str], Tuple[str, np.ndarray]]
 Stamps = Mapping[Tuple[str, str], float]
@@ -102,8 +96,10 @@ def write_dataset_folder(
     document = new_document(dataset, name=name, **options)
     for key in dataset.collections:
         for sensor in dataset.sensors.values():
-            if dataset.data.has_data(key, sensor.name):
-                _write_data(dataset, key, sensor, folder / data_file_name(sensor, key))
+            write = sensor.kind.data.write
+            if write is not None and dataset.data.has_data(key, sensor.name):
+                path = folder / data_file_name(sensor, key)
+                write(path, dataset.data.read(key, sensor.name))
     path = folder / DATASET_FILE
     write_text_atomically(path, dumps(document))
     return path
@@ -111,7 +107,7 @@ def write_dataset_folder(
 
 def data_file_name(sensor: Sensor, collection: str) -> str:
     """Return the name of the data file of a sensor in a collection."""
-    return f"{sensor.name}_{collection}{_ENDINGS[sensor.modality]}"
+    return f"{sensor.name}_{collection}{sensor.kind.data.ending}"
 
 
 def camera_info_document(camera: Camera, frame: str) -> Dict[str, Any]:
@@ -147,7 +143,7 @@ def _sensor(dataset: Dataset, sensor: Sensor) -> Dict[str, Any]:
         "calibration_parent": sensor.edge.parent,
         "calibration_child": sensor.edge.child,
         "topic": sensor.topic,
-        "msg_type": _MESSAGES[sensor.modality],
+        "msg_type": sensor.kind.data.message,
         "chain": [
             {"key": str(edge), "parent": edge.parent, "child": edge.child} for edge, _ in chain
         ],
@@ -171,7 +167,9 @@ def _collection(
         "data": data,
         "labels": {
             pattern: {
-                name: label_document(sensor.modality, collection.labels.get((name, pattern)))
+                name: sensor.kind.labels.document(
+                    collection.labels.get((name, pattern), sensor.kind.labels.empty)
+                )
                 for name, sensor in dataset.sensors.items()
             }
             for pattern in dataset.patterns
@@ -186,31 +184,11 @@ def _collection(
 
 
 def _data(dataset: Dataset, key: str, sensor: Sensor, stamp: float, seq: int) -> Dict[str, Any]:
-    """Return the message of a sensor without its data, and the name of the file that has them."""
-    document: Dict[str, Any] = {
-        "header": _header(sensor.frame, stamp, seq),
-        "data_file": data_file_name(sensor, key),
-        "is_bigendian": 0,
-    }
-    if sensor.modality == LIDAR3D:
-        cloud = dataset.data.cloud(key, sensor.name)
-        fields = [
-            {"name": axis, "offset": 4 * i, "datatype": _FLOAT32, "count": 1}
-            for i, axis in enumerate("xyz")
-        ]
-        width = len(cloud)
-        size = {"height": 1, "width": width, "point_step": 12, "row_step": 12 * width}
-        dense = bool(np.all(np.isfinite(cloud)))
-        return {**document, **size, "fields": fields, "is_bigendian": False, "is_dense": dense}
-    assert sensor.camera is not None
-    encoding, bytes_per_pixel = ("32FC1", 4) if sensor.modality == DEPTH else ("bgr8", 3)
-    return {
-        **document,
-        "height": sensor.camera.height,
-        "width": sensor.camera.width,
-        "encoding": encoding,
-        "step": bytes_per_pixel * sensor.camera.width,
-    }
+    """Return the message of a sensor; of data in a file its name, and the message without them."""
+    document: Dict[str, Any] = {"header": _header(sensor.frame, stamp, seq)}
+    if sensor.kind.data.ending:
+        document["data_file"] = data_file_name(sensor, key)
+    return {**document, **sensor.kind.data.entry(sensor, dataset.data.read(key, sensor.name))}
 
 
 def _header(frame: str, stamp_s: float, seq: int) -> Dict[str, Any]:
@@ -246,12 +224,3 @@ def _patterns(dataset: Dataset, initial_boards: InitialBoards) -> Dict[str, Any]
                 initial[key] = {"detected": True, "sensor": sensor, **pose}
         documents[name] = {**geometry_document(pattern), "transforms_initial": initial}
     return documents
-
-
-def _write_data(dataset: Dataset, key: str, sensor: Sensor, path: Path) -> None:
-    if sensor.modality == LIDAR3D:
-        write_pcd(path, dataset.data.cloud(key, sensor.name))
-    elif sensor.modality == DEPTH:
-        write_depth_png(path, dataset.data.depth_image(key, sensor.name))
-    else:
-        write_image(path, dataset.data.colour_image(key, sensor.name))

@@ -2,29 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, List, Mapping, Optional
+from typing import Any, Dict, Mapping
 
-from atom_core.model.dataset import Dataset, DetectionKey, Label, RgbLabel
-from atom_core.model.sensor import RGB
+import numpy as np
 
-
-def label_document(modality: str, label: Optional[Label]) -> Dict[str, Any]:
-    """Return a label, or of None the empty label of what was not detected."""
-    if modality == RGB:
-        idxs: List[Any] = []
-        if isinstance(label, RgbLabel):
-            idxs = [
-                {"id": int(i), "x": float(x), "y": float(y)}
-                for i, (x, y) in zip(label.ids, label.pixels)
-            ]
-        return {"detected": bool(idxs), "idxs": idxs}
-    if label is None or isinstance(label, RgbLabel):
-        return {"detected": False, "idxs": [], "idxs_limit_points": []}
-    return {
-        "detected": label.detected,
-        "idxs": [int(i) for i in label.indices],
-        "idxs_limit_points": [int(i) for i in label.limit_indices],
-    }
+from atom_core.model.dataset import Dataset
+from atom_core.model.labels import DetectionKey, Label, RangeLabel, RgbLabel
+from atom_core.model.modality import LabelFormat
+from atom_core.model.pattern import Pattern
 
 
 def with_label(stored: Mapping[str, Any], dataset: Dataset, key: DetectionKey) -> Dict[str, Any]:
@@ -41,7 +26,8 @@ def with_label(stored: Mapping[str, Any], dataset: Dataset, key: DetectionKey) -
     by_pattern = dict(stored)
     if is_old_layout(by_pattern, dataset.sensors, dataset.patterns):
         by_pattern = {next(iter(dataset.patterns)): by_pattern}
-    document = label_document(dataset.sensors[key.sensor].modality, dataset.label(key))
+    labels = dataset.sensors[key.sensor].kind.labels
+    document = labels.document(dataset.label(key) or labels.empty)
     by_pattern[key.pattern] = {**(by_pattern.get(key.pattern) or {}), key.sensor: document}
     return by_pattern
 
@@ -53,3 +39,62 @@ def is_old_layout(
     if len(patterns) != 1 or not labels:
         return False
     return all(key in sensors and key not in patterns for key in labels)
+
+
+def range_label_format(limit_key: str) -> LabelFormat:
+    """Return how labels of points and limit points stand in the JSON.
+
+    Args:
+        limit_key: under which the limit points are written; ATOM's keys are all read.
+    """
+
+    def document(label: Label) -> Dict[str, Any]:
+        assert isinstance(label, RangeLabel)
+        return {
+            "detected": label.detected,
+            "idxs": [int(i) for i in label.indices],
+            limit_key: [int(i) for i in label.limit_indices],
+        }
+
+    return LabelFormat(RangeLabel(*np.zeros((2, 0), dtype=int)), document, _read_range_label)
+
+
+def _corner_document(label: Label) -> Dict[str, Any]:
+    assert isinstance(label, RgbLabel)
+    idxs = [
+        {"id": int(i), "x": float(x), "y": float(y)} for i, (x, y) in zip(label.ids, label.pixels)
+    ]
+    return {"detected": bool(idxs), "idxs": idxs}
+
+
+def _read_corner_label(value: Mapping[str, Any], pattern: Pattern) -> RgbLabel:
+    ids = np.array([int(entry["id"]) for entry in value["idxs"]], dtype=int)
+    pixels = np.array([[e["x"], e["y"]] for e in value["idxs"]], dtype=float).reshape(-1, 2)
+    bad = ~np.all(np.isfinite(pixels), axis=1)
+    if np.any(bad):
+        raise ValueError(
+            f"the pixel of corner {ids[bad][0]} is not a number; correct the label, or leave the "
+            f"collection out with -csf"
+        )
+    pattern.corners_of(ids)
+    unique, counts = np.unique(ids, return_counts=True)
+    if np.any(counts > 1):
+        raise ValueError(f"corner {unique[counts > 1][0]} is labeled more than once")
+    return RgbLabel(ids, pixels)
+
+
+def _read_range_label(value: Mapping[str, Any], _: Pattern) -> RangeLabel:
+    limit = value.get("idxs_limit_points", value.get("edge_idxs", []))
+    return RangeLabel(_indices(value["idxs"]), _indices(limit))
+
+
+def _indices(values: Any) -> np.ndarray:
+    array = np.array(values, dtype=float).reshape(-1)
+    if not np.all(np.isfinite(array)):
+        raise ValueError("an index of the label is not a number")
+    return array.astype(int)
+
+
+CORNER_LABELS = LabelFormat(
+    RgbLabel(np.zeros(0, dtype=int), np.zeros((0, 2))), _corner_document, _read_corner_label
+)

@@ -8,18 +8,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Dict, List, Mapping, Optional, Protocol, Sequence, Tuple
+from typing import Any, Dict, List, Mapping, Optional, Protocol, Sequence
 
 import numpy as np
 import yaml
 
 from atom_core.errors import ConfigError
 from atom_core.io.atomic import write_text_atomically
-from atom_core.model.sensor import DEPTH, LIDAR3D, Sensor
+from atom_core.model.modality import SeedFormat, modality_named
+from atom_core.model.sensor import Sensor
 
 SEEDS_FILE = "seeds.yaml"
-_KEYS = {LIDAR3D: ("xyz_m", 3), DEPTH: ("uv_px", 2)}
-_UNITS = {LIDAR3D: "m", DEPTH: "px"}
 
 
 @dataclass(frozen=True)
@@ -42,12 +41,12 @@ class HasModality(Protocol):
 
     @property
     def modality(self) -> Optional[str]:
-        """Kind of its data."""
+        """Name of its modality; None: it is not known yet."""
 
 
-def seed_size(sensor: Sensor) -> Tuple[int, str]:
-    """Return how many numbers the seed of a range sensor has, and their unit."""
-    return _KEYS[sensor.modality][1], _UNITS[sensor.modality]
+def seed_format(sensor: HasModality) -> Optional[SeedFormat]:
+    """Return how the seed of a sensor is written; None for one that needs none."""
+    return None if sensor.modality is None else modality_named(sensor.modality).seed
 
 
 def read_seeds(path: Path, sensors: Mapping[str, HasModality]) -> List[Seed]:
@@ -82,9 +81,10 @@ def write_seeds(path: Path, seeds: Sequence[Seed], sensors: Mapping[str, Sensor]
     """
     entries: List[Dict[str, Any]] = []
     for seed in seeds:
-        key, _ = _KEYS[sensors[seed.sensor].modality]
+        form = seed_format(sensors[seed.sensor])
+        assert form is not None
         position = [float(v) for v in seed.position]
-        entries.append({"stamp": seed.stamp_s, "sensor": seed.sensor, key: position})
+        entries.append({"stamp": seed.stamp_s, "sensor": seed.sensor, form.key: position})
     text = yaml.safe_dump(entries, sort_keys=False, default_flow_style=None, width=100)
     write_text_atomically(path, text)
 
@@ -93,19 +93,20 @@ def _seed(where: str, entry: Any, sensors: Mapping[str, HasModality]) -> Seed:
     if not isinstance(entry, dict):
         raise ConfigError(f"{where} is no map; write stamp, sensor and xyz_m or uv_px")
     name = entry.get("sensor")
-    seeded = [known for known, sensor in sensors.items() if sensor.modality in _KEYS]
-    if name not in seeded:
+    formats = {known: seed_format(sensor) for known, sensor in sensors.items()}
+    seeded = [known for known, form in formats.items() if form is not None]
+    form = formats.get(str(name))
+    if form is None:
         raise ConfigError(
             f"{where}: sensor '{name}' is no range sensor of the configuration; use one of "
             f"{', '.join(seeded) or 'none'}"
         )
-    key, count = _KEYS[sensors[name].modality or ""]
-    position, stamp = entry.get(key), entry.get("stamp")
-    if not isinstance(position, list) or len(position) != count or not _finite(*position):
-        raise ConfigError(f"{where} (sensor '{name}'): {key} has to be {count} numbers")
+    position, stamp = entry.get(form.key), entry.get("stamp")
+    if not isinstance(position, list) or len(position) != form.size or not _finite(*position):
+        raise ConfigError(f"{where} (sensor '{name}'): {form.key} has to be {form.size} numbers")
     if stamp is not None and not _finite(stamp):
         raise ConfigError(f"{where} (sensor '{name}'): stamp has to be seconds, or null for all")
-    return Seed(name, np.array(position, dtype=float), None if stamp is None else float(stamp))
+    return Seed(str(name), np.array(position, dtype=float), None if stamp is None else float(stamp))
 
 
 def _finite(*values: Any) -> bool:

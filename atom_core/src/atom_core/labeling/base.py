@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import importlib
 from dataclasses import dataclass, field
-from typing import Any, Callable, Dict, Mapping, Optional, Protocol, Tuple
+from typing import Any, Mapping, Optional, Protocol, Tuple
 
 import numpy as np
 
 from atom_core.errors import ConfigError
 from atom_core.model.config import PatternConfig
-from atom_core.model.dataset import Label, RangeLabel, RgbLabel
+from atom_core.model.labels import Label
+from atom_core.model.modality import modalities, modality_named
 from atom_core.model.pattern import Pattern
-from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
+from atom_core.model.sensor import Sensor
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,7 @@ class Labeled:
 
 def nothing(modality: str, reason: str, quality: Optional[Mapping[str, float]] = None) -> Labeled:
     """Return the result of a labeler that did not find the board."""
-    none = np.zeros(0, dtype=int)
-    label = RgbLabel(none, np.zeros((0, 2))) if modality == RGB else RangeLabel(none, none)
-    return Labeled(label, reason=reason, quality=quality or {})
+    return Labeled(modality_named(modality).labels.empty, reason=reason, quality=quality or {})
 
 
 class Labeler(Protocol):
@@ -63,27 +61,16 @@ class Labeler(Protocol):
         """
 
 
-MakeLabeler = Callable[[Sensor, Pattern, PatternConfig], Labeler]
-
-# Where the labeler of a modality lives; a new modality is one line. Imported when first used.
-_LABELERS: Dict[str, Tuple[str, str]] = {
-    RGB: ("atom_core.labeling.rgb", "RgbLabeler"),
-    DEPTH: ("atom_core.labeling.depth", "DepthLabeler"),
-    LIDAR3D: ("atom_core.labeling.lidar3d", "Lidar3dLabeler"),
-}
-
-
 def labeler_for(sensor: Sensor, pattern: Pattern, config: PatternConfig) -> Labeler:
     """Return the labeler of a sensor for a pattern.
 
     Raises:
         ConfigError: there is none for the sensor's modality.
     """
-    if sensor.modality not in _LABELERS:
+    if sensor.kind.labeler is None:
+        labeled = ", ".join(m.name for m in modalities() if m.labeler is not None)
         raise ConfigError(
             f"sensor '{sensor.name}': there is no labeler for modality {sensor.modality}; "
-            f"use {', '.join(_LABELERS)}, or leave the sensor out"
+            f"use {labeled}, or leave the sensor out"
         )
-    module, name = _LABELERS[sensor.modality]
-    make: MakeLabeler = getattr(importlib.import_module(module), name)
-    return make(sensor, pattern, config)
+    return sensor.kind.labeler(sensor, pattern, config)

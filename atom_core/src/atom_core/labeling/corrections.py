@@ -12,11 +12,11 @@ import cv2
 import numpy as np
 
 from atom_core.errors import LabelingError
+from atom_core.geometry.depth_noise import depth_sigma_m
 from atom_core.labeling.base import Labeled
 from atom_core.labeling.depth import DepthLabeler, DepthOptions
 from atom_core.labeling.polygon import inside_polygon, polygon_mask
-from atom_core.model.dataset import RangeLabel, RgbLabel
-from atom_core.model.sensor import depth_sigma_m
+from atom_core.model.labels import RangeLabel, RgbLabel
 
 EMPTY = RangeLabel(np.zeros(0, dtype=int), np.zeros(0, dtype=int))
 # Somebody has said that the board is there, so that what hides a part of it, or stands right behind

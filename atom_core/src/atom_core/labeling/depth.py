@@ -14,14 +14,15 @@ import cv2
 import numpy as np
 
 from atom_core.errors import LabelingError
+from atom_core.geometry.depth_noise import depth_sigma_m
 from atom_core.geometry.plane import plane_basis
 from atom_core.labeling.base import Labeled, nothing
 from atom_core.labeling.board_fit import BoardFit, fit_board
 from atom_core.labeling.polygon import polygon_mask
 from atom_core.model.config import PatternConfig
-from atom_core.model.dataset import RangeLabel
+from atom_core.model.labels import RangeLabel
 from atom_core.model.pattern import Pattern
-from atom_core.model.sensor import DEPTH, Sensor, depth_sigma_m
+from atom_core.model.sensor import DEPTH, Sensor
 
 ENCODINGS = {"16UC1": 0.001, "mono16": 0.001, "32FC1": 1.0}  # metres of a unit (REP 118)
 _FACTORS = {

@@ -30,7 +30,7 @@ from atom_core.labeling.scan_line import (
 )
 from atom_core.labeling.scan_search import Sought, doubled, free_pieces
 from atom_core.model.config import PatternConfig
-from atom_core.model.dataset import RangeLabel
+from atom_core.model.labels import RangeLabel
 from atom_core.model.laser_scan import LaserScan
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import LIDAR2D, Sensor

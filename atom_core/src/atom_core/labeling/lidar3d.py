@@ -17,7 +17,7 @@ from atom_core.geometry import se3
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.labeling.base import Labeled, nothing
 from atom_core.model.config import PatternConfig
-from atom_core.model.dataset import RangeLabel
+from atom_core.model.labels import RangeLabel
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import LIDAR3D, Sensor
 

@@ -12,7 +12,7 @@ from atom_core.labeling.base import Labeled, nothing
 from atom_core.labeling.charuco import CharucoFinder
 from atom_core.labeling.chessboard import ChessboardFinder
 from atom_core.model.config import PatternConfig
-from atom_core.model.dataset import RgbLabel
+from atom_core.model.labels import RgbLabel
 from atom_core.model.pattern import CHARUCO, Pattern
 from atom_core.model.sensor import RGB, Sensor
 

@@ -12,8 +12,8 @@ from typing import Dict, NamedTuple, Optional, Union
 
 import numpy as np
 
+from atom_core.geometry.depth_noise import depth_sigma_m
 from atom_core.geometry.plane import fit_plane
-from atom_core.model.sensor import depth_sigma_m
 
 CORNER_SIGMA_PX = 0.3
 LIDAR_SIGMA_M = 0.010

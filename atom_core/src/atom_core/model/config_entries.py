@@ -19,8 +19,8 @@ from atom_core.model.config_section import (
     shown,
 )
 from atom_core.model.joints import JOINT_PARAMETERS
+from atom_core.model.modality import modalities
 from atom_core.model.pattern import CHARUCO, CHESSBOARD
-from atom_core.model.sensor import MODALITIES
 from atom_core.model.transforms import Edge
 
 PATTERN_TYPES = (CHESSBOARD, CHARUCO)
@@ -82,7 +82,7 @@ class SensorConfig:
         child_link: frame whose pose is estimated; parent to child is one fixed edge of the
             description, between the world and `link`.
         topic_name: raw topic (compressed images: without ``/compressed``).
-        modality: rgb, depth, lidar3d or lidar2d; None: to be told from the type of the messages.
+        modality: name of a registered modality; None: to be told from the type of the messages.
         throttle: rate at which messages are passed on when a bag is played [Hz], None for all.
         extra: unknown keys.
     """
@@ -102,7 +102,7 @@ class SensorConfig:
         _check_edge(self.parent_link, self.child_link, "child_link")
         check_text(self.topic_name, "topic_name", "the topic of the sensor's data")
         if self.modality is not None:
-            check_choice(self.modality, "modality", MODALITIES)
+            check_choice(self.modality, "modality", [m.name for m in modalities()])
         if self.throttle is not None:
             check_number(self.throttle, "throttle", "Hz", above=0)
 

@@ -4,96 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import (
-    Any,
-    Container,
-    Dict,
-    Iterator,
-    Mapping,
-    NamedTuple,
-    Optional,
-    Tuple,
-    TypeVar,
-    Union,
-)
+from typing import Any, Container, Dict, Iterator, Mapping, Optional, Tuple, TypeVar
 
 import numpy as np
 
 from atom_core.errors import DatasetError
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.joints import JointState
+from atom_core.model.labels import DetectionKey, Label, RangePoints, place
 from atom_core.model.pattern import Pattern
-from atom_core.model.sensor import LIDAR3D, Sensor
+from atom_core.model.sensor import Sensor
 from atom_core.model.transforms import Edge, FrameGraph, chain_transform
 
 _Value = TypeVar("_Value")
 
 MULTIPLE = "multiple"  # type of an edge that has a value of its own in each collection
-
-
-@dataclass(frozen=True)
-class RgbLabel:
-    """Corners of a pattern found in an image.
-
-    Attributes:
-        ids: (n,) corner ids.
-        pixels: (n, 2) x right, y down [px], in the raw (distorted) image.
-    """
-
-    ids: np.ndarray
-    pixels: np.ndarray
-
-    @property
-    def detected(self) -> bool:
-        """Tell whether anything was found."""
-        return len(self.ids) > 0
-
-
-@dataclass(frozen=True)
-class RangeLabel:
-    """Returns of a range sensor on the board.
-
-    Attributes:
-        indices: (n,) points of the flattened cloud, or pixels ``column + row * width``.
-        limit_indices: (m,) those on the board's physical border.
-    """
-
-    indices: np.ndarray
-    limit_indices: np.ndarray
-
-    @property
-    def detected(self) -> bool:
-        """Tell whether anything was found."""
-        return len(self.indices) > 0
-
-
-Label = Union[RgbLabel, RangeLabel]
-
-
-class DetectionKey(NamedTuple):
-    """Which sensor saw which pattern in which collection."""
-
-    collection: str
-    sensor: str
-    pattern: str
-
-
-class RangePoints(NamedTuple):
-    """Labeled points of a range sensor.
-
-    Attributes:
-        inside: (n, 3) on the board, in the sensor's frame [m].
-        limit: (m, 3) on its border [m].
-        inside_indices: (n,) which points of the cloud or pixels of the image they are.
-        limit_indices: (m,) likewise.
-        dropped: so many labeled pixels had no valid depth.
-    """
-
-    inside: np.ndarray
-    limit: np.ndarray
-    inside_indices: np.ndarray
-    limit_indices: np.ndarray
-    dropped: int
 
 
 @dataclass(frozen=True)
@@ -115,17 +40,16 @@ class Collection:
 class DataSource:
     """Where the raw data of a dataset come from; they are read when a label needs them."""
 
-    def cloud(self, collection: str, sensor: str) -> np.ndarray:
-        """Return the cloud (n, 3) [m] in the sensor's frame, invalid points kept as NaN."""
-        raise DatasetError(f"collection {collection} has no cloud of sensor '{sensor}'")
+    def read(self, collection: str, sensor: str) -> Any:
+        """Return the data of a sensor as its modality has them; not to be changed.
 
-    def depth_image(self, collection: str, sensor: str) -> np.ndarray:
-        """Return the depth image (height, width) [m], NaN where there is none."""
-        raise DatasetError(f"collection {collection} has no depth image of sensor '{sensor}'")
+        Images (height, width, 3) blue green red; depth images (height, width) [m], NaN where
+        there is none; clouds (n, 3) [m] in the sensor's frame, invalid points kept as NaN.
 
-    def colour_image(self, collection: str, sensor: str) -> np.ndarray:
-        """Return the image (height, width, 3), blue green red."""
-        raise DatasetError(f"collection {collection} has no image of sensor '{sensor}'")
+        Raises:
+            DatasetError: they are absent or damaged.
+        """
+        raise DatasetError(f"collection {collection} has no data of sensor '{sensor}'")
 
     def has_data(self, collection: str, sensor: str) -> bool:
         """Tell whether the data can be read, without reading them."""
@@ -269,62 +193,13 @@ def board_edge(pattern: Pattern) -> Edge:
 def range_points(dataset: Dataset, key: DetectionKey) -> RangePoints:
     """Return the labeled points of a range sensor in its frame.
 
-    A depth pixel becomes a point along its ray, with the distortion undone; pixels without a
-    valid depth are dropped and counted. A LiDAR label that names an invalid point is an error.
-
     Raises:
         DatasetError: an index outside the data, or a labeled point that is not finite.
     """
-    sensor, label = dataset.sensors[key.sensor], dataset.label(key)
-    assert isinstance(label, RangeLabel)
-    inside, limit = np.unique(label.indices), np.unique(label.limit_indices)
-    if sensor.modality == LIDAR3D:
-        cloud = dataset.data.cloud(key.collection, key.sensor)
-        return RangePoints(_pick(cloud, inside, key), _pick(cloud, limit, key), inside, limit, 0)
-    image = dataset.data.depth_image(key.collection, key.sensor)
-    points_inside, kept_inside = _depth_points(image, inside, sensor, key)
-    points_limit, kept_limit = _depth_points(image, limit, sensor, key)
-    dropped = len(inside) + len(limit) - len(kept_inside) - len(kept_limit)
-    return RangePoints(points_inside, points_limit, kept_inside, kept_limit, dropped)
-
-
-def place(key: DetectionKey) -> str:
-    """Return the words that name a detection in a message."""
-    return f"sensor '{key.sensor}', collection {key.collection}, pattern '{key.pattern}'"
-
-
-def _pick(cloud: np.ndarray, indices: np.ndarray, key: DetectionKey) -> np.ndarray:
-    _check_indices(indices, len(cloud), key)
-    points = cloud[indices]
-    bad = ~np.all(np.isfinite(points), axis=1)
-    if np.any(bad):
-        raise DatasetError(
-            f"{place(key)}: labeled point {indices[bad][0]} is not finite ({int(bad.sum())} such "
-            f"points); correct the label, or leave the collection out with -csf"
-        )
-    return points
-
-
-def _depth_points(
-    image: np.ndarray, indices: np.ndarray, sensor: Sensor, key: DetectionKey
-) -> Tuple[np.ndarray, np.ndarray]:
-    """Return points (n, 3) [m] of the pixels that have a depth, and the pixels' indices (n,)."""
-    _check_indices(indices, image.size, key)
-    row, column = np.divmod(indices, image.shape[1])
-    depth = image[row, column].astype(float)
-    valid = np.isfinite(depth) & (depth > 0)
-    pixels = np.column_stack([column, row])[valid].astype(float)
-    assert sensor.camera is not None
-    return sensor.camera.ray_points(pixels, depth[valid]), indices[valid]
-
-
-def _check_indices(indices: np.ndarray, size: int, key: DetectionKey) -> None:
-    if len(indices) and (indices[0] < 0 or indices[-1] >= size):
-        wrong = indices[0] if indices[0] < 0 else indices[-1]
-        raise DatasetError(
-            f"{place(key)}: label index {wrong} is outside the data ({size} points); "
-            f"the data file does not belong to this label"
-        )
+    modality = dataset.sensors[key.sensor].kind
+    if modality.points is None:
+        raise DatasetError(f"{place(key)}: a {modality.noun} measures no points in space")
+    return modality.points(dataset, key)
 
 
 def is_complete(dataset: Dataset, collection: str) -> bool:

@@ -9,11 +9,9 @@ import numpy as np
 
 from atom_core.errors import CalibrationError
 from atom_core.geometry import se3
-from atom_core.geometry.camera import Camera
 from atom_core.model.dataset import MULTIPLE, Dataset, board_edge
 from atom_core.model.joints import POSITION_BIAS, JointSelection
 from atom_core.model.pattern import BoardKey
-from atom_core.model.sensor import RGB
 from atom_core.model.transforms import Edge, FrameGraph, Step
 from atom_core.problem.blocks import (
     ADDITIONAL_TF,
@@ -30,20 +28,10 @@ from atom_core.problem.joint_blocks import (
     JointBlock,
     JointOriginBlock,
 )
-from atom_core.problem.measurements import (
-    CORNER_SIGMA_PX,
-    CornerMeasurement,
-    Measurement,
-    RangeMeasurement,
-)
+from atom_core.problem.measurements import Measurement
 from atom_core.problem.parameters import Parameters
 from atom_core.problem.problem import PoseChains, Problem
-from atom_core.problem.residuals import (
-    BorderBlock,
-    OrthogonalBlock,
-    ReprojectionBlock,
-    ResidualBlock,
-)
+from atom_core.problem.residuals import ResidualBlock
 
 
 @dataclass(frozen=True)
@@ -303,64 +291,7 @@ def _residual_blocks(measurements: Sequence[Measurement], dataset: Dataset) -> L
     for i, m in enumerate(measurements):
         by_sensor.setdefault(m.key.sensor, []).append((i, m))
     blocks: List[ResidualBlock] = []
-    for sensor, items in by_sensor.items():
-        corners = [(i, m) for i, m in items if isinstance(m, CornerMeasurement)]
-        ranges = [(i, m) for i, m in items if isinstance(m, RangeMeasurement)]
-        if corners:
-            camera = dataset.sensors[sensor].camera
-            assert camera is not None
-            blocks.append(_reprojection(sensor, camera, corners))
-        if ranges:
-            blocks.append(_orthogonal(sensor, ranges))
-        if any(len(m.limit) for _, m in ranges):
-            blocks.append(_border(sensor, ranges))
+    for name, items in by_sensor.items():
+        sensor = dataset.sensors[name]
+        blocks += sensor.kind.residual_blocks(sensor, items)
     return blocks
-
-
-def _reprojection(
-    sensor: str, camera: Camera, items: Sequence[Tuple[int, CornerMeasurement]]
-) -> ReprojectionBlock:
-    detection = _repeat([(i, len(m.ids)) for i, m in items])
-    return ReprojectionBlock(
-        sensor=sensor,
-        modality=RGB,
-        detection=detection,
-        sigma=np.full(len(detection), CORNER_SIGMA_PX),
-        ids=np.concatenate([m.ids for _, m in items]),
-        camera=camera,
-        corners_in_pattern=np.concatenate([m.corners_in_pattern for _, m in items]),
-        pixels=np.concatenate([m.pixels for _, m in items]),
-    )
-
-
-def _orthogonal(sensor: str, items: Sequence[Tuple[int, RangeMeasurement]]) -> OrthogonalBlock:
-    return OrthogonalBlock(
-        sensor=sensor,
-        modality=items[0][1].modality,
-        detection=_repeat([(i, len(m.inside)) for i, m in items]),
-        sigma=np.concatenate([m.inside_sigma_m for _, m in items]),
-        ids=np.concatenate([m.inside_indices for _, m in items]),
-        points=np.concatenate([m.inside for _, m in items]),
-        range_offset_m=0.0,
-    )
-
-
-def _border(sensor: str, items: Sequence[Tuple[int, RangeMeasurement]]) -> BorderBlock:
-    counts = [len(m.limit) for _, m in items]
-    return BorderBlock(
-        sensor=sensor,
-        modality=items[0][1].modality,
-        detection=_repeat([(i, len(m.limit)) for i, m in items]),
-        sigma=np.concatenate([m.limit_sigma_m for _, m in items]),
-        ids=np.concatenate([m.limit_indices for _, m in items]),
-        points=np.concatenate([m.limit for _, m in items]),
-        range_offset_m=0.0,
-        centre=np.repeat([m.border.centre for _, m in items], counts, axis=0),
-        half_size=np.repeat([m.border.half_size for _, m in items], counts, axis=0),
-        steps=np.concatenate([m.limit_steps for _, m in items]),
-        inset=np.zeros((sum(counts), 2)),
-    )
-
-
-def _repeat(counts: Sequence[Tuple[int, int]]) -> np.ndarray:
-    return np.repeat([i for i, _ in counts], [n for _, n in counts])

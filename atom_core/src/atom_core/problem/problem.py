@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, List, Mapping, NamedTuple, Sequence, Tuple
 import numpy as np
 
 from atom_core.geometry import se3
-from atom_core.model.dataset import DetectionKey
+from atom_core.model.labels import DetectionKey
 from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.camera_blocks import STATE_SIZE, TWIST_SIZE
 from atom_core.problem.parameters import Parameters

@@ -11,7 +11,8 @@ from atom_core.calibration.judge.outliers import OUTLIER_SIGMAS
 from atom_core.calibration.judge.propagation import PropagatedPoint
 from atom_core.calibration.judge.statistics import Table, kinds_of
 from atom_core.calibration.preflight import Preflight
-from atom_core.model.dataset import Dataset, DetectionKey
+from atom_core.model.dataset import Dataset
+from atom_core.model.labels import DetectionKey
 from atom_core.model.transforms import Edge
 from atom_core.report.calibration_results import CalibrationResults, GroundTruth
 from atom_core.report.tables import ABSENT, text_table

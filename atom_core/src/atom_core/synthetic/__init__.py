@@ -6,7 +6,8 @@ cell, ``scenes`` small ones for tests, ``degenerate`` such that leave something 
 
 from atom_core.synthetic.board import charuco, chessboard
 from atom_core.synthetic.cell import paper_cell, statistics
-from atom_core.synthetic.dataset import Sampling, SyntheticDataset, disturbed, make_dataset
+from atom_core.synthetic.dataset import SyntheticDataset, disturbed, make_dataset
+from atom_core.synthetic.memory import Sampling
 from atom_core.synthetic.noise import Noise
 from atom_core.synthetic.rig import LidarModel, Rig, Room
 from atom_core.synthetic.scenes import (

@@ -22,6 +22,7 @@ from atom_core.synthetic.board import charuco, held_before
 from atom_core.synthetic.dataset import SyntheticDataset, disturbed, make_dataset
 from atom_core.synthetic.rgb import visible_corners
 from atom_core.synthetic.rig import (
+    COLOUR_CAMERA,
     Rig,
     Room,
     assemble,
@@ -30,7 +31,7 @@ from atom_core.synthetic.rig import (
     jittered,
     looking_at,
 )
-from atom_core.synthetic.scenes import COLOUR_CAMERA, SceneOptions
+from atom_core.synthetic.scenes import SceneOptions
 
 FLANGE = "flange"
 _BASE, _ROOM = "arm_base", Room((-7.0, -7.0, 0.0), (7.0, 7.0, 3.5))

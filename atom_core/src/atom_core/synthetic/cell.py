@@ -12,32 +12,30 @@ from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence
 import numpy as np
 
 from atom_core.geometry import se3
-from atom_core.geometry.camera import Camera
-from atom_core.model.dataset import Dataset, RgbLabel, is_complete
+from atom_core.model.dataset import Dataset, is_complete
 from atom_core.model.pattern import Pattern, pattern_from_config
-from atom_core.model.sensor import DEPTH, LIDAR3D, RGB
+from atom_core.model.sensor import DEPTH, RGB
 from atom_core.model.transforms import Edge
-from atom_core.synthetic import depth, lidar, rgb
 from atom_core.synthetic.board import charuco, held_before
 from atom_core.synthetic.dataset import (
     Disturbance,
-    Sampling,
     SyntheticDataset,
     disturbed,
     disturbed_edges,
     make_dataset,
 )
+from atom_core.synthetic.memory import Sampling
 from atom_core.synthetic.noise import Noise
 from atom_core.synthetic.rig import (
     Rig,
     Room,
     assemble,
     camera_mount,
-    camera_of,
     jittered,
     lidar_mount,
     pinhole,
 )
+from atom_core.synthetic.sensing import simulation_of
 
 BIG, SMALL_1, SMALL_2 = (
     "bigbeam1_gantry",
@@ -205,11 +203,8 @@ def statistics(dataset: Dataset) -> Statistics:
     partial = rows = 0
     for key, label in dataset.detections():
         detections[key.sensor] += 1
-        if isinstance(label, RgbLabel):
-            partial += len(label.ids) < dataset.patterns[key.pattern].corner_count
-            rows += 2 * len(label.ids)
-        else:
-            rows += len(label.indices) + len(label.limit_indices)
+        partial += label.is_partial(dataset.patterns[key.pattern])
+        rows += label.rows
     complete = sum(is_complete(dataset, key) for key in dataset.collections)
     return Statistics(len(dataset.collections), complete, partial, detections, rows)
 
@@ -306,32 +301,13 @@ def _judge(
     world_T_pattern: np.ndarray,
 ) -> _Candidate:
     """Find out which sensors would detect a board."""
-    seen, partial, rows = [], 0, 0.0
-    for name, sensor in rig.sensors.items():
-        pose = sensor_T_world[name] @ world_T_pattern
-        if sensor.modality == RGB:
-            count = len(rgb.visible_corners(camera_of(sensor), pose, pattern))
-            partial += 0 < count < pattern.corner_count
-            rows += 2 * count
-            seen.append(count > 0)
-        elif sensor.modality == LIDAR3D:
-            model = rig.lidars[name]
-            beams, _ = lidar.beams_on_board(model, pose, pattern)
-            seen.append(lidar.is_detected(model, beams, pose, pattern))
-            rows += len(beams) if seen[-1] else 0
-        else:
-            seen.append(depth.is_detected(camera_of(sensor), pose, pattern))
-            rows += _depth_rows(camera_of(sensor), pose, pattern) if seen[-1] else 0.0
-    return _Candidate(world_T_pattern, np.array(seen), partial, rows)
-
-
-def _depth_rows(camera: Camera, camera_T_pattern: np.ndarray, pattern: Pattern) -> float:
-    """Return about how many rows a board gives: pixels of the grid inside, and of the border."""
-    corners = np.column_stack([pattern.border.corners, np.zeros(4)])
-    pixels = camera.project(se3.apply(camera_T_pattern, corners))
-    clipped = np.clip(pixels, 0.0, [camera.width, camera.height])
-    (x, y), (next_x, next_y) = clipped.T, np.roll(clipped, -1, axis=0).T
-    sides = np.hypot(next_x - x, next_y - y)
-    return float(
-        abs(np.sum(x * next_y - next_x * y)) / 2 / Sampling().depth_step ** 2 + sides.sum()
+    outlooks = [
+        simulation_of(sensor).outlook(rig, sensor, sensor_T_world[name] @ world_T_pattern, pattern)
+        for name, sensor in rig.sensors.items()
+    ]
+    return _Candidate(
+        world_T_pattern,
+        np.array([outlook.seen for outlook in outlooks]),
+        sum(outlook.partial for outlook in outlooks),
+        sum(outlook.rows for outlook in outlooks),
     )

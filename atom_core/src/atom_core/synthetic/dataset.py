@@ -4,27 +4,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Dict, Mapping, Optional, Sequence, Tuple
+from typing import Any, Dict, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.model.config import CalibrationConfig, PatternConfig, SensorConfig
-from atom_core.model.dataset import MULTIPLE, Collection, Dataset, DataSource, Label
+from atom_core.model.dataset import MULTIPLE, Collection, Dataset
+from atom_core.model.labels import Label
 from atom_core.model.pattern import Pattern, pattern_from_config
-from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
+from atom_core.model.sensor import Sensor
 from atom_core.model.transforms import Edge, Transforms
 from atom_core.model.truth import Truth
-from atom_core.synthetic import depth, lidar, rgb
 from atom_core.synthetic.board import charuco
-from atom_core.synthetic.board_image import render
+from atom_core.synthetic.memory import MemoryDataSource, Sampling
 from atom_core.synthetic.noise import Noise
-from atom_core.synthetic.rig import Rig, camera_of
+from atom_core.synthetic.rig import Rig
+from atom_core.synthetic.sensing import View, simulation_of
 
 Disturbance = Tuple[float, float]
 Motion = Sequence[Mapping[Edge, np.ndarray]]
 Poses = Mapping[str, np.ndarray]
-Labels = Mapping[str, Label]
 BoardPoses = Mapping[str, Sequence[Optional[np.ndarray]]]
 
 
@@ -34,85 +34,6 @@ class SyntheticDataset:
 
     dataset: Dataset
     truth: Truth
-
-
-@dataclass(frozen=True)
-class Sampling:
-    """How densely range data are kept.
-
-    Attributes:
-        background_step: of the returns from the room every n-th stays in a cloud; 1 keeps all.
-        depth_step: grid of the labeled depth pixels [px].
-        exact_border: move LiDAR limit points onto the true border, and label no depth limit
-            pixels (they lie up to a pixel inside), so that border residuals vanish too.
-        labeled_only: keep only what is labeled of a depth image, for large datasets.
-    """
-
-    background_step: int = 16
-    depth_step: int = 4
-    exact_border: bool = False
-    labeled_only: bool = False
-
-
-class MemoryDataSource(DataSource):
-    """Clouds and depth images held in memory; pictures are rendered when asked for."""
-
-    def __init__(self, patterns: Mapping[str, Tuple[Pattern, PatternConfig]]):
-        """Start empty.
-
-        Args:
-            patterns: each pattern with its part of the configuration (for its texture).
-        """
-        self._patterns = patterns
-        self._arrays: Dict[Tuple[str, str], np.ndarray] = {}
-        self._pixels: Dict[Tuple[str, str], Tuple[Tuple[int, ...], np.ndarray, np.ndarray]] = {}
-        self._views: Dict[Tuple[str, str], Tuple[Sensor, Mapping[str, np.ndarray]]] = {}
-
-    def add_array(self, collection: str, sensor: str, array: np.ndarray) -> None:
-        """Keep a cloud or a depth image."""
-        self._arrays[(collection, sensor)] = array
-
-    def add_pixels(
-        self, collection: str, sensor: str, image: np.ndarray, indices: np.ndarray
-    ) -> None:
-        """Keep some pixels (n,) of a depth image; the others will be NaN."""
-        self._pixels[(collection, sensor)] = (image.shape, indices, image.ravel()[indices])
-
-    def add_view(
-        self, collection: str, sensor: Sensor, camera_T_patterns: Mapping[str, np.ndarray]
-    ) -> None:
-        """Keep what a camera looks at, to render it later."""
-        self._views[(collection, sensor.name)] = (sensor, camera_T_patterns)
-
-    def has_data(self, collection: str, sensor: str) -> bool:
-        """Tell whether there are data of a sensor in a collection."""
-        kept: Sequence[Mapping[Tuple[str, str], object]]
-        kept = (self._arrays, self._pixels, self._views)
-        return any((collection, sensor) in those for those in kept)
-
-    def cloud(self, collection: str, sensor: str) -> np.ndarray:
-        """Return the cloud (n, 3) [m] in the sensor's frame."""
-        array = self._arrays.get((collection, sensor))
-        return super().cloud(collection, sensor) if array is None else array
-
-    def depth_image(self, collection: str, sensor: str) -> np.ndarray:
-        """Return the depth image (height, width) [m], NaN where there is none."""
-        if (collection, sensor) in self._pixels:
-            shape, indices, depths = self._pixels[(collection, sensor)]
-            image = np.full(shape, np.nan)
-            image.ravel()[indices] = depths
-            return image
-        array = self._arrays.get((collection, sensor))
-        return super().depth_image(collection, sensor) if array is None else array
-
-    def colour_image(self, collection: str, sensor: str) -> np.ndarray:
-        """Render the picture (height, width, 3), blue green red, of the boards before grey."""
-        if (collection, sensor) not in self._views:
-            return super().colour_image(collection, sensor)
-        viewer, camera_T_patterns = self._views[(collection, sensor)]
-        assert viewer.camera is not None
-        boards = [(self._patterns[n], pose) for n, pose in camera_T_patterns.items()]
-        return render(viewer.camera, boards)
 
 
 def make_dataset(
@@ -176,11 +97,7 @@ class _Observer:
     ):
         self.rig, self.patterns, self.noise, self.rng = rig, patterns, noise, rng
         self.sampling, self.data = sampling, data
-        self.devices = {
-            name: depth.DepthCamera(camera_of(sensor), rig.room)
-            for name, sensor in rig.sensors.items()
-            if sensor.modality == DEPTH
-        }
+        self.prepared: Dict[str, Any] = {}
 
     def observe(self, key: str, present: Poses, moving: Transforms) -> Dict[Tuple[str, str], Label]:
         """Return the labels of a collection and keep its data."""
@@ -188,61 +105,29 @@ class _Observer:
             name: self.rig.pose(self.patterns[name].parent_frame, moving) @ pose
             for name, pose in present.items()
         }
-        see = {RGB: self._rgb, DEPTH: self._depth, LIDAR3D: self._lidar}
         labels: Dict[Tuple[str, str], Label] = {}
         for sensor in self.rig.sensors.values():
-            world_T_sensor = self.rig.pose(sensor.frame, moving)
-            sensor_T_world = se3.inverse(world_T_sensor)
-            poses = {n: sensor_T_world @ pose for n, pose in world_T_patterns.items()}
-            for pattern, label in see[sensor.modality](key, sensor, poses, world_T_sensor).items():
+            view = self._view(key, sensor, world_T_patterns, moving)
+            for pattern, label in simulation_of(sensor).observe(view).items():
                 labels[(sensor.name, pattern)] = label
         return labels
 
-    def _rgb(self, key: str, sensor: Sensor, poses: Poses, _: np.ndarray) -> Labels:
-        self.data.add_view(key, sensor, poses)
-        labels = {
-            name: rgb.label_corners(
-                camera_of(sensor), pose, self.patterns[name], self.noise.of(sensor.name), self.rng
-            )
-            for name, pose in poses.items()
-        }
-        return {name: label for name, label in labels.items() if label is not None}
-
-    def _lidar(self, key: str, sensor: Sensor, poses: Poses, world_T_sensor: np.ndarray) -> Labels:
-        cloud, labels = lidar.scan(
-            self.rig.lidars[sensor.name],
-            poses,
-            self.patterns,
-            world_T_sensor,
-            self.rig.room,
-            self.noise.of(sensor.name),
-            self.rng,
-            self.sampling.background_step,
-            self.sampling.exact_border,
+    def _view(self, key: str, sensor: Sensor, world_T_patterns: Poses, moving: Transforms) -> View:
+        world_T_sensor = self.rig.pose(sensor.frame, moving)
+        sensor_T_world = se3.inverse(world_T_sensor)
+        return View(
+            collection=key,
+            sensor=sensor,
+            sensor_T_patterns={n: sensor_T_world @ pose for n, pose in world_T_patterns.items()},
+            world_T_sensor=world_T_sensor,
+            rig=self.rig,
+            patterns=self.patterns,
+            noise=self.noise.of(sensor.name),
+            rng=self.rng,
+            sampling=self.sampling,
+            data=self.data,
+            prepared=self.prepared,
         )
-        self.data.add_array(key, sensor.name, cloud)
-        return labels
-
-    def _depth(self, key: str, sensor: Sensor, poses: Poses, world_T_sensor: np.ndarray) -> Labels:
-        image, labels = depth.capture(
-            self.devices[sensor.name],
-            poses,
-            self.patterns,
-            world_T_sensor,
-            self.noise.of(sensor.name),
-            self.rng,
-            self.sampling.depth_step,
-        )
-        if self.sampling.labeled_only:
-            labeled = [i for label in labels.values() for i in (label.indices, label.limit_indices)]
-            kept = np.unique(np.concatenate(labeled)) if labeled else np.zeros(0, dtype=int)
-            self.data.add_pixels(key, sensor.name, image, kept)
-        else:
-            self.data.add_array(key, sensor.name, image)
-        if self.sampling.exact_border:
-            none = np.zeros(0, dtype=int)
-            labels = {n: replace(label, limit_indices=none) for n, label in labels.items()}
-        return labels
 
 
 def disturbed(

@@ -13,7 +13,7 @@ import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.model.config import EdgeConfig
-from atom_core.model.dataset import RangeLabel
+from atom_core.model.labels import RangeLabel
 from atom_core.model.pattern import pattern_from_config
 from atom_core.model.sensor import LIDAR3D, RGB
 from atom_core.model.transforms import Edge
@@ -21,8 +21,8 @@ from atom_core.synthetic.arm import camera_on_arm
 from atom_core.synthetic.board import charuco, held_before
 from atom_core.synthetic.dataset import Disturbance, SyntheticDataset, disturbed, make_dataset
 from atom_core.synthetic.noise import Noise
-from atom_core.synthetic.rig import Rig, Room, assemble, camera_mount, looking_at
-from atom_core.synthetic.scenes import COLOUR_CAMERA, random_rig
+from atom_core.synthetic.rig import COLOUR_CAMERA, Rig, Room, assemble, camera_mount, looking_at
+from atom_core.synthetic.scenes import random_rig
 
 _ROOM = Room((-7.0, -7.0, 0.0), (7.0, 7.0, 3.5))
 _CENTRE = (0.0, 0.0, 1.0)

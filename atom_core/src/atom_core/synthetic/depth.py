@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Dict, Mapping, Tuple
 
 import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
-from atom_core.model.dataset import RangeLabel
+from atom_core.model.labels import RangeLabel
 from atom_core.model.pattern import Pattern
+from atom_core.model.sensor import Sensor
 from atom_core.synthetic.board import border_points, facing, hits
+from atom_core.synthetic.memory import Sampling
 from atom_core.synthetic.noise import Noise
-from atom_core.synthetic.rig import Room
+from atom_core.synthetic.rig import Rig, Room, camera_of
+from atom_core.synthetic.sensing import Outlook, View
 
 LARGEST_ANGLE_DEG = 75.0  # between the ray and the board's normal
 LEAST_SHARE = 0.4  # of the board that must lie in the image
@@ -124,3 +128,47 @@ def _label(mask: np.ndarray, lost: np.ndarray, grid_step: int) -> RangeLabel:
     kept = ~lost.reshape(mask.shape)
     inside = np.flatnonzero(mask & grid & kept)
     return RangeLabel(inside, np.flatnonzero(outermost(mask) & kept))
+
+
+def observe(view: View) -> Dict[str, RangeLabel]:
+    """Return the labels of the boards in a depth image, and keep the image or what is labeled."""
+    name, sampling = view.sensor.name, view.sampling
+    if name not in view.prepared:
+        view.prepared[name] = DepthCamera(camera_of(view.sensor), view.rig.room)
+    image, labels = capture(
+        view.prepared[name],
+        view.sensor_T_patterns,
+        view.patterns,
+        view.world_T_sensor,
+        view.noise,
+        view.rng,
+        sampling.depth_step,
+    )
+    if sampling.labeled_only:
+        labeled = [i for label in labels.values() for i in (label.indices, label.limit_indices)]
+        kept = np.unique(np.concatenate(labeled)) if labeled else np.zeros(0, dtype=int)
+        view.data.add_pixels(view.collection, name, image, kept)
+    else:
+        view.data.add(view.collection, name, image)
+    if sampling.exact_border:
+        none = np.zeros(0, dtype=int)
+        labels = {n: replace(label, limit_indices=none) for n, label in labels.items()}
+    return labels
+
+
+def outlook(_: Rig, sensor: Sensor, camera_T_pattern: np.ndarray, pattern: Pattern) -> Outlook:
+    """Tell what a depth camera would make of a board."""
+    camera = camera_of(sensor)
+    seen = is_detected(camera, camera_T_pattern, pattern)
+    return Outlook(seen, False, _rows(camera, camera_T_pattern, pattern) if seen else 0.0)
+
+
+def _rows(camera: Camera, camera_T_pattern: np.ndarray, pattern: Pattern) -> float:
+    """Return about how many rows a board gives: pixels of the grid inside, and of the border."""
+    corners = np.column_stack([pattern.border.corners, np.zeros(4)])
+    pixels = camera.project(se3.apply(camera_T_pattern, corners))
+    clipped = np.clip(pixels, 0.0, [camera.width, camera.height])
+    (x, y), (next_x, next_y) = clipped.T, np.roll(clipped, -1, axis=0).T
+    sides = np.hypot(next_x - x, next_y - y)
+    area = abs(np.sum(x * next_y - next_x * y)) / 2
+    return float(area / Sampling().depth_step ** 2 + sides.sum())

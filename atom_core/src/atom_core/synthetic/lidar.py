@@ -7,11 +7,13 @@ from typing import Dict, List, Mapping, Tuple
 import numpy as np
 
 from atom_core.geometry import se3
-from atom_core.model.dataset import RangeLabel
+from atom_core.model.labels import RangeLabel
 from atom_core.model.pattern import Pattern
+from atom_core.model.sensor import Sensor
 from atom_core.synthetic.board import centre_in_sensor, facing, hits
 from atom_core.synthetic.noise import Noise
-from atom_core.synthetic.rig import LidarModel, Room
+from atom_core.synthetic.rig import LidarModel, Rig, Room
+from atom_core.synthetic.sensing import Outlook, View
 
 LARGEST_ANGLE_DEG = 80.0  # between the beam and the board's normal
 LEAST_RINGS = 3
@@ -123,3 +125,28 @@ def _with_noise(
         error[label.indices] += noise.gross_range_errors(len(label.indices), rng)
     ranges = np.linalg.norm(points, axis=1)
     return points * (1.0 + error / ranges)[:, None]
+
+
+def observe(view: View) -> Dict[str, RangeLabel]:
+    """Return the labels of the boards in a cloud, and keep the cloud."""
+    cloud, labels = scan(
+        view.rig.lidars[view.sensor.name],
+        view.sensor_T_patterns,
+        view.patterns,
+        view.world_T_sensor,
+        view.rig.room,
+        view.noise,
+        view.rng,
+        view.sampling.background_step,
+        view.sampling.exact_border,
+    )
+    view.data.add(view.collection, view.sensor.name, cloud)
+    return labels
+
+
+def outlook(rig: Rig, sensor: Sensor, lidar_T_pattern: np.ndarray, pattern: Pattern) -> Outlook:
+    """Tell what a LiDAR would make of a board."""
+    model = rig.lidars[sensor.name]
+    beams, _ = beams_on_board(model, lidar_T_pattern, pattern)
+    seen = is_detected(model, beams, lidar_T_pattern, pattern)
+    return Outlook(seen, False, len(beams) if seen else 0)

@@ -7,7 +7,7 @@ from typing import Dict, List, Mapping, Optional, Tuple
 
 import numpy as np
 
-from atom_core.model.dataset import RangeLabel
+from atom_core.model.labels import RangeLabel
 from atom_core.model.laser_scan import LaserScan
 from atom_core.model.pattern import Pattern
 from atom_core.synthetic.board import hits

@@ -7,12 +7,13 @@ otherwise than the dataset says.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Dict, Mapping, NamedTuple, Tuple
+from typing import Any, Dict, Mapping, NamedTuple, Tuple
 
 import numpy as np
 
 from atom_core.geometry import se3
-from atom_core.model.dataset import Dataset, DataSource, RgbLabel
+from atom_core.model.dataset import Dataset, DataSource
+from atom_core.model.labels import RgbLabel
 from atom_core.synthetic.dataset import SyntheticDataset, make_dataset
 from atom_core.synthetic.noise import Noise
 from atom_core.synthetic.rig import Rig
@@ -56,17 +57,9 @@ class _Spliced(DataSource):
             (self.own, collection) if origin is None else (origin.dataset.data, origin.collection)
         )
 
-    def cloud(self, collection: str, sensor: str) -> np.ndarray:
+    def read(self, collection: str, sensor: str) -> Any:
         source, key = self._of(collection, sensor)
-        return source.cloud(key, sensor)
-
-    def depth_image(self, collection: str, sensor: str) -> np.ndarray:
-        source, key = self._of(collection, sensor)
-        return source.depth_image(key, sensor)
-
-    def colour_image(self, collection: str, sensor: str) -> np.ndarray:
-        source, key = self._of(collection, sensor)
-        return source.colour_image(key, sensor)
+        return source.read(key, sensor)
 
     def has_data(self, collection: str, sensor: str) -> bool:
         source, key = self._of(collection, sensor)
@@ -81,18 +74,12 @@ class _Longer(DataSource):
     sensor: str
     offset_m: float
 
-    def cloud(self, collection: str, sensor: str) -> np.ndarray:
-        cloud = self.own.cloud(collection, sensor)
+    def read(self, collection: str, sensor: str) -> Any:
+        data = self.own.read(collection, sensor)
         if sensor != self.sensor:
-            return cloud
-        ranges = np.linalg.norm(cloud, axis=1, keepdims=True)
-        return cloud * (1.0 + self.offset_m / ranges)
-
-    def depth_image(self, collection: str, sensor: str) -> np.ndarray:
-        return self.own.depth_image(collection, sensor)
-
-    def colour_image(self, collection: str, sensor: str) -> np.ndarray:
-        return self.own.colour_image(collection, sensor)
+            return data
+        ranges = np.linalg.norm(data, axis=1, keepdims=True)
+        return data * (1.0 + self.offset_m / ranges)
 
     def has_data(self, collection: str, sensor: str) -> bool:
         return self.own.has_data(collection, sensor)

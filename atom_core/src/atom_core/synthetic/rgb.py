@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Optional
+from typing import Dict, Optional
 
 import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
-from atom_core.model.dataset import RgbLabel
+from atom_core.model.labels import RgbLabel
 from atom_core.model.pattern import Pattern
+from atom_core.model.sensor import Sensor
 from atom_core.synthetic.board import facing
 from atom_core.synthetic.noise import Noise
+from atom_core.synthetic.rig import Rig, camera_of
+from atom_core.synthetic.sensing import Outlook, View
 
 LARGEST_ANGLE_DEG = 75.0  # beyond it no detector finds the markers
 LEAST_SHARE = 0.25  # of the corners; ATOM's rule for a valid detection
@@ -55,3 +58,20 @@ def label_corners(
         return None
     pixels = camera.project(se3.apply(camera_T_pattern, pattern.corners_of(ids)))
     return RgbLabel(ids, pixels + noise.corner_errors(len(ids), rng))
+
+
+def observe(view: View) -> Dict[str, RgbLabel]:
+    """Return the labels of the boards in an image, and keep what the camera looks at."""
+    view.data.add_view(view.collection, view.sensor, view.sensor_T_patterns)
+    camera = camera_of(view.sensor)
+    labels = {
+        name: label_corners(camera, pose, view.patterns[name], view.noise, view.rng)
+        for name, pose in view.sensor_T_patterns.items()
+    }
+    return {name: label for name, label in labels.items() if label is not None}
+
+
+def outlook(_: Rig, sensor: Sensor, camera_T_pattern: np.ndarray, pattern: Pattern) -> Outlook:
+    """Tell what a camera would make of a board."""
+    count = len(visible_corners(camera_of(sensor), camera_T_pattern, pattern))
+    return Outlook(count > 0, 0 < count < pattern.corner_count, 2 * count)

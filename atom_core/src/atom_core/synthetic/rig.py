@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
+from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
-from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
+from atom_core.model.sensor import LIDAR3D, Sensor
 from atom_core.model.transforms import Edge, FrameGraph, chain_transform
 
 OPTICAL_RPY = (-np.pi / 2, 0.0, -np.pi / 2)
 LIDAR_HEIGHT_M = 0.0377  # a VLP-16's optical centre above its base
 Point = Union[Sequence[float], np.ndarray]
-_MESSAGES = {RGB: "image_raw", DEPTH: "image_raw", LIDAR3D: "points"}
 
 
 @dataclass(frozen=True)
@@ -86,7 +85,7 @@ class Mount(NamedTuple):
 
     sensor: Sensor
     edges: Mapping[Edge, np.ndarray]
-    lidar: Optional[LidarModel] = None
+    lidar: Any = None
 
 
 @dataclass(frozen=True)
@@ -97,7 +96,7 @@ class Rig:
         world: the root frame.
         sensors: by name, in order.
         transforms: true ``parent_T_child`` (4, 4) of every static edge.
-        lidars: beams of the lidar3d sensors, by name.
+        lidars: beams of the LiDARs by name, as their modality describes them (`LidarModel`).
         anchored: the sensor that is held still, or None.
         room: what the range sensors see behind the boards.
         centre: (3,) middle of the working volume in world [m].
@@ -106,7 +105,7 @@ class Rig:
     world: str
     sensors: Mapping[str, Sensor]
     transforms: Mapping[Edge, np.ndarray]
-    lidars: Mapping[str, LidarModel] = field(default_factory=dict)
+    lidars: Mapping[str, Any] = field(default_factory=dict)
     anchored: Optional[str] = None
     room: Room = field(default_factory=Room)
     centre: Tuple[float, float, float] = (0.0, 0.0, 1.0)
@@ -164,7 +163,7 @@ def camera_mount(
         Edge(link, frame): se3.transform(np.eye(3), np.array([0.0, lens_y_m, 0.0])),
         Edge(frame, optical): se3.from_rpy(np.zeros(3), np.array(OPTICAL_RPY)),
     }
-    return Mount(Sensor(name, modality, optical, edge, camera, _topic(name, modality)), edges)
+    return Mount(Sensor(name, modality, optical, edge, camera, f"/{name}/image_raw"), edges)
 
 
 def lidar_mount(
@@ -176,7 +175,7 @@ def lidar_mount(
         edge: beam_T_base,
         Edge(edge.child, name): se3.transform(np.eye(3), np.array([0.0, 0.0, LIDAR_HEIGHT_M])),
     }
-    sensor = Sensor(name, LIDAR3D, name, edge, topic=_topic(name, LIDAR3D))
+    sensor = Sensor(name, LIDAR3D, name, edge, topic=f"/{name}/points")
     return Mount(sensor, edges, model or LidarModel())
 
 
@@ -227,5 +226,5 @@ def camera_of(sensor: Sensor) -> Camera:
     return sensor.camera
 
 
-def _topic(name: str, modality: str) -> str:
-    return f"/{name}/{_MESSAGES[modality]}"
+COLOUR_CAMERA = pinhole(1280, 800, 900.0, (-0.05, 0.01, 0.0005, -0.0005, 0.0))
+DEPTH_CAMERA = pinhole(640, 480, 320.0 / np.tan(np.radians(30.0)))

@@ -15,6 +15,7 @@ from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.model.config import PatternConfig
+from atom_core.model.modality import modality_named
 from atom_core.model.pattern import pattern_from_config
 from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
 from atom_core.model.transforms import Edge
@@ -23,13 +24,15 @@ from atom_core.synthetic.dataset import (
     BoardPoses,
     Disturbance,
     Motion,
-    Sampling,
     SyntheticDataset,
     disturbed,
     make_dataset,
 )
+from atom_core.synthetic.memory import Sampling
 from atom_core.synthetic.noise import Noise
 from atom_core.synthetic.rig import (
+    COLOUR_CAMERA,
+    DEPTH_CAMERA,
     LidarModel,
     Mount,
     Rig,
@@ -37,13 +40,9 @@ from atom_core.synthetic.rig import (
     assemble,
     camera_mount,
     jittered,
-    lidar_mount,
     looking_at,
-    pinhole,
 )
 
-COLOUR_CAMERA = pinhole(1280, 800, 900.0, (-0.05, 0.01, 0.0005, -0.0005, 0.0))
-DEPTH_CAMERA = pinhole(640, 480, 320.0 / np.tan(np.radians(30.0)))
 _BASE, _ROOM = "rig_base", Room((-7.0, -7.0, 0.0), (7.0, 7.0, 3.5))
 _FLANGE = "flange"
 
@@ -82,15 +81,15 @@ def random_rig(
         colour_camera: intrinsics of the cameras.
         anchored: a sensor's name, "first", or None.
     """
-    names = [(f"rgb_{i + 1}", RGB) for i in range(rgb)]
-    names += [(f"depth_{i + 1}", DEPTH) for i in range(depth)]
-    names += [(f"lidar_{i + 1}", LIDAR3D) for i in range(lidar3d)]
+    names: List[Tuple[str, str, Any]] = [(f"rgb_{i + 1}", RGB, colour_camera) for i in range(rgb)]
+    names += [(f"depth_{i + 1}", DEPTH, None) for i in range(depth)]
+    names += [(f"lidar_{i + 1}", LIDAR3D, None) for i in range(lidar3d)]
     structure, mounts = _base(rng), []
     widest = min(1.0, 0.3 * len(names))
     bearings = rng.permutation(np.linspace(-widest, widest, len(names)))
-    for (name, modality), bearing in zip(names, bearings):
+    for (name, modality, model), bearing in zip(names, bearings):
         eye = _around(centre, bearing, rng)
-        mounts.append(_mounted(name, modality, eye, centre, structure, rng, colour_camera))
+        mounts.append(_mounted(name, modality, eye, centre, structure, rng, model))
     held = (names[0][0] if names else None) if anchored == "first" else anchored
     return assemble("world", structure, mounts, anchored=held, room=_ROOM, centre=centre)
 
@@ -115,19 +114,20 @@ def _mounted(
     target: Sequence[float],
     structure: Dict[Edge, np.ndarray],
     rng: np.random.Generator,
-    camera: Camera = COLOUR_CAMERA,
-    lidar: Optional[LidarModel] = None,
+    model: Any = None,
 ) -> Mount:
-    """Mount a sensor at ``eye`` on a post of its own, which is added to the structure."""
+    """Mount a sensor at ``eye`` on a post of its own, which is added to the structure.
+
+    ``model`` are its optics or beams; None: the usual ones of its modality.
+    """
     world_T_link = looking_at(eye, target, rng.uniform(-0.2, 0.2))
     world_T_post = jittered(world_T_link, 0.15, 0.3, rng)
     world_T_base = structure[Edge("world", _BASE)]
     structure[Edge(_BASE, f"{name}_post")] = se3.inverse(world_T_base) @ world_T_post
     post_T_link = se3.inverse(world_T_post) @ world_T_link
-    if modality == LIDAR3D:
-        return lidar_mount(name, f"{name}_post", post_T_link, lidar)
-    intrinsics = camera if modality == RGB else DEPTH_CAMERA
-    return camera_mount(name, modality, f"{name}_post", post_T_link, intrinsics)
+    simulation = modality_named(modality).synthetic
+    assert simulation is not None
+    return simulation.mount(name, f"{name}_post", post_T_link, model)
 
 
 # -------------------------------------------------------------------------------- scenes
@@ -182,15 +182,15 @@ def disconnected(seed: int = 0, **options: Any) -> SyntheticDataset:
     """
     rng, chosen = np.random.default_rng([seed, 104]), SceneOptions(**options)
     structure, mounts = _base(rng), []
-    groups = {
-        (-3.0, 0.0, 1.0): [("rgb_1", RGB), ("rgb_2", RGB)],
-        (3.0, 0.0, 1.0): [("rgb_3", RGB), ("lidar_1", LIDAR3D)],
+    short = LidarModel(range_m=(0.3, 4.0))  # it looks all around, but not as far
+    groups: Dict[Tuple[float, float, float], List[Tuple[str, str, Any]]] = {
+        (-3.0, 0.0, 1.0): [("rgb_1", RGB, None), ("rgb_2", RGB, None)],
+        (3.0, 0.0, 1.0): [("rgb_3", RGB, None), ("lidar_1", LIDAR3D, short)],
     }
     for centre, sensors in groups.items():
-        for (name, modality), bearing in zip(sensors, (-0.3, 0.3)):
+        for (name, modality, model), bearing in zip(sensors, (-0.3, 0.3)):
             eye = _around(centre, bearing, rng)
-            short = LidarModel(range_m=(0.3, 4.0))  # it looks all around, but not as far
-            mounts.append(_mounted(name, modality, eye, centre, structure, rng, lidar=short))
+            mounts.append(_mounted(name, modality, eye, centre, structure, rng, model))
     rig = assemble("world", structure, mounts, anchored="rgb_1", room=_ROOM)
     centres = list(groups)
     poses = [_before(centres[i % 2], rng, bearings=(-0.3, 0.3)) for i in range(chosen.collections)]

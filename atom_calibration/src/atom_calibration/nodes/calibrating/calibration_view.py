@@ -122,7 +122,7 @@ class CalibrationView:
             self._publishers[name] = topic(name, MarkerArray)
         for sensor in dataset.sensors.values():
             base = sensor.topic or f"/{sensor.name}"
-            if sensor.is_range:
+            if sensor.kind.measures_range:
                 self._publishers[f"3d {sensor.name}"] = topic(f"{base}/labeled3d", PointCloud2)
             if sensor.camera is not None:
                 self._publishers[f"2d {sensor.name}"] = topic(f"{base}/labeled2d", Image)
@@ -238,7 +238,9 @@ class CalibrationView:
     def _publish_points(
         self, send: Sender, standing: Standing, keys: List[str], world: str
     ) -> None:
-        names = [name for name, sensor in standing.dataset.sensors.items() if sensor.is_range]
+        names = [
+            name for name, sensor in standing.dataset.sensors.items() if sensor.kind.measures_range
+        ]
         if not send.wanted(POINTS, *(f"3d {name}" for name in names)):
             return
         tables = calibration_markers.labeled_points(

@@ -119,7 +119,7 @@ class LabelerNode:
         rospy.Subscriber(self._topic, kind, self._take, queue_size=1, buff_size=_BUFFER_BYTES)
         for message in topics.early(self._topic):
             self._take(message)
-        if self._sensor.is_range:
+        if self._sensor.kind.measures_range:
             self._seeds = SeedInput(self._sensor, self._take_seed, lambda: self._last)
 
     def spin(self) -> None:

@@ -14,7 +14,7 @@ from atom_calibration.labels.manual_seeds import check_inside
 from atom_calibration.nodes.collecting.seed_marker import OnSeed, SeedMarker
 from atom_calibration.srv import SetSeed, SetSeedResponse
 from atom_core.errors import AtomError
-from atom_core.io.seeds import Seed, seed_size
+from atom_core.io.seeds import Seed
 from atom_core.model.sensor import DEPTH, Sensor
 
 
@@ -58,7 +58,10 @@ class SeedInput:
         if not position:
             self._on_seed(None)
             return f"sensor '{sensor.name}': seeds are automatic again"
-        count, unit = seed_size(sensor)
+        form = sensor.kind.seed
+        if form is None:
+            raise CollectionError(f"sensor '{sensor.name}': a {sensor.kind.noun} needs no seed")
+        count, unit = form.size, form.unit
         if len(position) != count or not np.all(np.isfinite(position)):
             raise CollectionError(
                 f"sensor '{sensor.name}': a seed has to be {count} finite numbers ({unit}), not "

@@ -203,7 +203,7 @@ def _in_sensor_frames(dataset: Dataset, key: str) -> List[Marker]:
     for number, sensor in enumerate(dataset.sensors.values()):
         colour = markers.colour_of(number)
         if sensor.modality == LIDAR3D and dataset.data.has_data(key, sensor.name):
-            cloud = _thinned(dataset.data.cloud(key, sensor.name))
+            cloud = _thinned(dataset.data.read(key, sensor.name))
             shapes.append(markers.points(sensor.frame, cloud, 0.01, colour, "clouds"))
     for detection, _ in dataset.detections():
         sensor = dataset.sensors[detection.sensor]
@@ -229,7 +229,7 @@ def _in_world(dataset: Dataset, key: str) -> List[Marker]:
             world_T_sensor = pose(
                 dataset.collections[key], dataset.graph, dataset.world, sensor.frame
             )
-            cloud = se3.apply(world_T_sensor, _thinned(dataset.data.cloud(key, sensor.name)))
+            cloud = se3.apply(world_T_sensor, _thinned(dataset.data.read(key, sensor.name)))
             shapes.append(markers.points(dataset.world, cloud, 0.01, _GREY, "reference"))
     return shapes
 

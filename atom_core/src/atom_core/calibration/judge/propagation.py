@@ -21,9 +21,6 @@ from atom_core.solvers.covariance import Covariance
 
 DISTANCES_M = (1.0, 2.0, 4.0)
 _LARGEST_VARIANCE = 1e12  # of what is not seen at all; JSON has no infinity
-_GRID = (17, 11)  # candidate rays of a camera, across and down its image
-_LIDAR_AZIMUTHS_DEG = np.arange(-180.0, 180.0, 7.5)
-_LIDAR_ELEVATIONS_DEG = (-10.0, 0.0, 10.0)
 
 
 class PropagatedPoint(NamedTuple):
@@ -93,7 +90,9 @@ def propagate(
     distances_m: Sequence[float] = DISTANCES_M,
 ) -> List[List[PropagatedPoint]]:
     """Return, for each pair, the deviations of points at some distances from the source."""
-    rays = {name: _rays(sensors[name]) for name in {pair.source for pair in pairs}}
+    rays = {
+        name: sensors[name].kind.rays(sensors[name]) for name in {pair.source for pair in pairs}
+    }
     return [
         [_carried(pair, sensors[pair.target], rays[pair.source], d) for d in distances_m]
         for pair in pairs
@@ -126,25 +125,3 @@ def _carried(
 
 def _root_trace(covariance: np.ndarray) -> float:
     return float(np.sqrt(min(max(np.trace(covariance), 0.0), _LARGEST_VARIANCE)))
-
-
-def _rays(sensor: Sensor) -> np.ndarray:
-    """Return unit rays (n, 3) that a sensor measures along: its axis first, then by their angle."""
-    if sensor.camera is not None:
-        axis = np.array([0.0, 0.0, 1.0])
-        columns = np.linspace(0, sensor.camera.width - 1, _GRID[0])
-        rows = np.linspace(0, sensor.camera.height - 1, _GRID[1])
-        pixels = np.array([(u, v) for u in columns for v in rows])
-        rays = np.column_stack([sensor.camera.normalise(pixels), np.ones(len(pixels))])
-    else:
-        axis = np.array([1.0, 0.0, 0.0])
-        azimuth, elevation = np.deg2rad(
-            [(a, e) for a in _LIDAR_AZIMUTHS_DEG for e in _LIDAR_ELEVATIONS_DEG]
-        ).T
-        level = np.cos(elevation)
-        rays = np.column_stack(
-            [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)]
-        )
-    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-    order = np.argsort(-(rays @ axis), kind="stable")
-    return np.vstack([axis, rays[order]])

@@ -9,7 +9,6 @@ import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset, pose
-from atom_core.model.sensor import LIDAR3D
 from atom_core.problem.blocks import JOINT, PATTERN, SENSOR, ParameterBlock, PoseBlock
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import BORDER, REPROJECTION
@@ -242,7 +241,7 @@ def is_spin_axis(solution: Solution, block: int, axis_in_world: np.ndarray) -> b
         return False
     for name in solution.problem.parameters.blocks[block].names:
         sensor = dataset.sensors.get(name)
-        if sensor is not None and sensor.modality == LIDAR3D:
+        if sensor is not None and sensor.kind.spins_about_z:
             collection = next(iter(dataset.collections.values()))
             z = pose(collection, dataset.graph, dataset.world, sensor.frame)[:3, 2]
             return bool(abs(z @ axis_in_world) > np.cos(_SPIN_AXIS_RAD))

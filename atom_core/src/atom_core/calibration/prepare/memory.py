@@ -7,18 +7,20 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Iterator, List, Optional
+from typing import Counter, Iterator, List, Optional
 
 from atom_core.errors import CalibrationError
-from atom_core.model.dataset import Dataset, RgbLabel
+from atom_core.model.dataset import Dataset
+from atom_core.model.labels import CORNER, LIMIT_POINT, POINT
 from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.solvers.choice import SCIPY
 
 LIMIT_VARIABLE = "ATOM_MEMORY_LIMIT_MB"
 # Measured with `make bench`: what measurements, rows, weights and results hold of each item, and
 # what the Jacobians of --solver scipy and their parts need beside them.
-_CORNER, _POINT, _LIMIT_POINT, _DETECTION = 350, 200, 400, 5000
-_SCIPY = {"corner": 200, "point": 120, "limit_point": 150}
+_ITEM = {CORNER: 350, POINT: 200, LIMIT_POINT: 400}
+_DETECTION = 5000
+_SCIPY = {CORNER: 200, POINT: 120, LIMIT_POINT: 150}
 _MATRICES = 6  # of the size of the equations that stand beside each other
 _MARGIN = 1.2
 _UNLIMITED = 1 << 60  # control groups write no limit as a very large number
@@ -47,18 +49,14 @@ def check_memory(dataset: Dataset, solver_name: str) -> None:
 
 def estimated_bytes(dataset: Dataset, solver_name: str) -> int:
     """Return about how many bytes a calibration takes beside the dataset itself."""
-    corners = points = limit_points = detections = 0
+    counts: Counter[str] = Counter()
+    detections = 0
     for _, label in dataset.detections():
         detections += 1
-        if isinstance(label, RgbLabel):
-            corners += len(label.ids)
-        else:
-            points += len(label.indices)
-            limit_points += len(label.limit_indices)
-    rows = _CORNER * corners + _POINT * points + _LIMIT_POINT * limit_points
+        counts.update(label.counts)
+    rows = sum(_ITEM[kind] * count for kind, count in counts.items())
     if solver_name == SCIPY:
-        rows += _SCIPY["corner"] * corners + _SCIPY["point"] * points
-        rows += _SCIPY["limit_point"] * limit_points
+        rows += sum(_SCIPY[kind] * count for kind, count in counts.items())
     shared, boards = BLOCK_SIZE * len(dataset.sensors), BLOCK_SIZE * len(dataset.patterns)
     equations = 8 * (shared**2 + len(dataset.collections) * boards * (boards + shared))
     return int(_MARGIN * (rows + _DETECTION * detections + _MATRICES * equations))

@@ -17,7 +17,6 @@ from atom_core.errors import CalibrationError
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics import intrinsics_names
 from atom_core.model.dataset import Dataset, is_complete
-from atom_core.model.sensor import LIDAR2D, LIDAR3D, RGB
 from atom_core.model.transforms import Edge
 from atom_core.problem.builder import FreeEdges, check_edges
 from atom_core.problem.measurements import Measurement, read_measurements
@@ -50,7 +49,6 @@ def prepare(dataset: Dataset, options: CalibrationOptions) -> Prepared:
     Raises:
         AtomError: the calibration cannot be posed; one sentence says why and what to do.
     """
-    check_modalities(dataset)
     check_data_present(dataset)
     free = free_edges(dataset, options)
     check_edges(dataset, free)
@@ -67,16 +65,6 @@ def prepare(dataset: Dataset, options: CalibrationOptions) -> Prepared:
     return Prepared(dataset, measurements, free, unused, remarks)
 
 
-def check_modalities(dataset: Dataset) -> None:
-    """Refuse sensors whose residuals do not exist yet, by name."""
-    for sensor in dataset.sensors.values():
-        if sensor.modality == LIDAR2D:
-            raise CalibrationError(
-                f"sensor '{sensor.name}': modality lidar2d can be read and written but not "
-                f"calibrated yet; leave it out with -ssf '!{sensor.name}'"
-            )
-
-
 def camera_of(dataset: Dataset, sensor: str) -> Camera:
     """Return a camera's intrinsics."""
     camera = dataset.sensors[sensor].camera
@@ -87,8 +75,9 @@ def camera_of(dataset: Dataset, sensor: str) -> Camera:
 def check_intrinsics(dataset: Dataset, names: Sequence[str]) -> None:
     """Refuse intrinsics of what is no rgb camera."""
     for name in names:
-        if name not in dataset.sensors or dataset.sensors[name].modality != RGB:
-            cameras = [s.name for s in dataset.sensors.values() if s.modality == RGB]
+        sensor = dataset.sensors.get(name)
+        if sensor is None or not sensor.kind.can_estimate_intrinsics:
+            cameras = [s.name for s in dataset.sensors.values() if s.kind.can_estimate_intrinsics]
             raise CalibrationError(
                 f"--optimize_intrinsics {name}: there is no such rgb camera; there are: "
                 f"{', '.join(cameras) or 'none'}"
@@ -99,8 +88,8 @@ def check_range_offsets(dataset: Dataset, options: CalibrationOptions) -> None:
     """Refuse a range offset of what is no lidar3d sensor, and one that no weights can tell."""
     for name in options.range_offset:
         sensor = dataset.sensors.get(name)
-        if sensor is None or sensor.modality != LIDAR3D:
-            lidars = [s.name for s in dataset.sensors.values() if s.modality == LIDAR3D]
+        if sensor is None or not sensor.kind.can_estimate_range_offset:
+            lidars = [s.name for s in dataset.sensors.values() if s.kind.can_estimate_range_offset]
             raise CalibrationError(
                 f"--range_offset {name}: there is no such lidar3d sensor; there are: "
                 f"{', '.join(lidars) or 'none'}"
@@ -113,8 +102,8 @@ def absent_data(dataset: Dataset) -> Dict[str, List[str]]:
     """Return, by range sensor, the collections whose labels refer to absent data files."""
     absent: Dict[str, List[str]] = {}
     for key, _ in dataset.detections():
-        is_range = dataset.sensors[key.sensor].is_range
-        if is_range and not dataset.data.has_data(key.collection, key.sensor):
+        needs_data = dataset.sensors[key.sensor].kind.measures_range
+        if needs_data and not dataset.data.has_data(key.collection, key.sensor):
             absent.setdefault(key.sensor, []).append(key.collection)
     return absent
 

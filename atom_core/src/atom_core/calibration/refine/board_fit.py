@@ -9,7 +9,6 @@ import numpy as np
 from atom_core.calibration.refine.disagreement import FAR_SQUARE, MOST
 from atom_core.geometry import se3
 from atom_core.problem.blocks import BLOCK_SIZE, PoseBlock
-from atom_core.problem.initial_boards import board_candidates
 from atom_core.problem.measurements import Measurement
 from atom_core.problem.parameters import Parameters
 from atom_core.problem.problem import PoseChains, Problem
@@ -71,8 +70,7 @@ class BoardFits:
     def _as_board(self, detection: int, measurement: Measurement) -> List[np.ndarray]:
         before, after, inverted = self._around[detection]
         boards = [
-            se3.inverse(before) @ pose @ se3.inverse(after)
-            for pose in board_candidates(measurement)
+            se3.inverse(before) @ pose @ se3.inverse(after) for pose in measurement.candidates()
         ]
         return [se3.inverse(b) for b in boards] if inverted else boards
 

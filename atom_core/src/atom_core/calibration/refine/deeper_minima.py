@@ -15,7 +15,7 @@ import numpy as np
 
 from atom_core.calibration.refine.board_fit import BoardFits
 from atom_core.calibration.start.boards import restarted
-from atom_core.model.dataset import DetectionKey
+from atom_core.model.labels import DetectionKey
 from atom_core.problem.blocks import PATTERN
 from atom_core.problem.initial_boards import doubtful_boards
 from atom_core.problem.measurements import Measurement

@@ -18,7 +18,8 @@ from atom_core.geometry.camera import Camera
 from atom_core.model.dataset import Dataset
 from atom_core.problem.builder import FreeEdges, build_problem
 from atom_core.problem.camera_blocks import PINHOLE
-from atom_core.problem.measurements import CornerMeasurement, Measurement
+from atom_core.problem.corner_measurement import CornerMeasurement
+from atom_core.problem.measurements import Measurement
 from atom_core.solvers import losses
 from atom_core.solvers.base import Minimum, Solver, SolverFactory, SolverOptions
 from atom_core.solvers.covariance import Covariance

@@ -20,7 +20,8 @@ from atom_core.calibration.refine.board_fit import BoardFits
 from atom_core.calibration.refine.disagreement import CHANCE, Disagreement, disagreement
 from atom_core.calibration.start.boards import boards_in, solved_dataset
 from atom_core.errors import CalibrationError
-from atom_core.model.dataset import Dataset, DetectionKey, place
+from atom_core.model.dataset import Dataset
+from atom_core.model.labels import DetectionKey, place
 from atom_core.model.pattern import BoardKey
 from atom_core.problem.blocks import ParameterBlock
 from atom_core.problem.builder import FreeEdges, build_problem

@@ -17,11 +17,9 @@ from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset
 from atom_core.model.pattern import BoardKey
 from atom_core.model.transforms import Chain, Edge, chain_transform
-from atom_core.problem.initial_boards import board_candidates, misfit
-from atom_core.problem.measurements import CornerMeasurement, Measurement
+from atom_core.problem.initial_boards import misfit
+from atom_core.problem.measurements import Measurement
 
-# A second solution of PnP is no candidate when it is that much worse than the first.
-_WORSE_FACTOR, _WORSE_PX = 3.0, 0.5
 _EXPECTED_M = 0.1  # misfit of a detection to a board that other, roughly placed sensors see
 _CLOSE = 0.15  # of mean misfit: a candidate of a board this much worse than the best is kept
 _MOST_PROPOSING = 8
@@ -53,9 +51,9 @@ class Sighting:
         return self.measurement.key.collection
 
     @property
-    def is_camera(self) -> bool:
-        """Tell whether corners were seen, which leave little doubt about the pose."""
-        return isinstance(self.measurement, CornerMeasurement)
+    def identifies_board(self) -> bool:
+        """Tell whether it alone leaves little doubt about the pose."""
+        return self.measurement.identifies_board
 
     @property
     def size_m(self) -> float:
@@ -81,22 +79,11 @@ def read_sightings(dataset: Dataset, measurements: Sequence[Measurement]) -> Lis
     for m in measurements:
         sensor, pattern = dataset.sensors[m.key.sensor], dataset.patterns[m.key.pattern]
         outline = np.column_stack([pattern.border.corners, np.zeros(4)])
-        poses = np.array(_likely(m, board_candidates(m))).reshape(-1, 4, 4)
+        poses = np.array(m.likely_candidates()).reshape(-1, 4, 4)
         chain = graph.chain(pattern.parent_frame, sensor.frame)
         board = pattern.board_key(m.key.collection)
         sightings.append(Sighting(m, sensor.edge, board, chain, poses, outline))
     return sightings
-
-
-def _likely(m: Measurement, candidates: Sequence[np.ndarray]) -> List[np.ndarray]:
-    if not isinstance(m, CornerMeasurement) or len(candidates) < 2:
-        return list(candidates)
-    errors = []
-    for pose in candidates:
-        pixels = m.camera.project(se3.apply(pose, m.corners_in_pattern))
-        errors.append(float(np.sqrt(np.mean(np.sum((pixels - m.pixels) ** 2, axis=1)))))
-    limit = _WORSE_FACTOR * min(errors) + _WORSE_PX
-    return [candidates[i] for i in np.argsort(errors) if errors[i] <= limit]
 
 
 def split(dataset: Dataset, sighting: Sighting, edge: Edge) -> Split:
@@ -130,7 +117,7 @@ def board_proposals(
 
 def _agreeing(seen: Sequence[Tuple[Sighting, np.ndarray]]) -> List[np.ndarray]:
     """Return the candidates that explain the sightings of one board nearly as well as the best."""
-    proposing = [pair for pair in seen if pair[0].is_camera and len(pair[0].poses)]
+    proposing = [pair for pair in seen if pair[0].identifies_board and len(pair[0].poses)]
     proposing = proposing or [pair for pair in seen if len(pair[0].poses)]
     step = max(len(proposing) // _MOST_PROPOSING, 1)
     proposals = [

@@ -1,0 +1,74 @@
+"""3D LiDARs: points of the board in a cloud, and those on its border."""
+
+from __future__ import annotations
+
+from atom_core.evaluation.label_quality import quality_of_points
+from atom_core.evaluation.pairs import (
+    PairKind,
+    border_in_depth_image,
+    border_in_image,
+    nearest_limit_points,
+    nearest_points,
+    points_to_plane,
+)
+from atom_core.geometry.rays import spinning_rays
+from atom_core.io.data_formats import CLOUDS
+from atom_core.io.label_json import range_label_format
+from atom_core.labeling.lidar3d import Lidar3dLabeler
+from atom_core.model.modality import Modality, SeedFormat
+from atom_core.model.range_points import cloud_points
+from atom_core.model.sensor import DEPTH, LIDAR3D, RGB
+from atom_core.problem.range_measurement import measured_in_cloud, range_blocks
+from atom_core.synthetic import lidar as simulated
+from atom_core.synthetic.rig import lidar_mount
+from atom_core.synthetic.sensing import SyntheticSensor
+
+_ELEVATIONS_DEG = (-10.0, 0.0, 10.0)
+_AMONG_THEMSELVES = "lidar3d-lidar3d"
+
+_PAIRS = (
+    PairKind("lidar3d-rgb", LIDAR3D, RGB, "border_reprojection", "px", False, border_in_image),
+    PairKind(
+        "lidar3d-depth", LIDAR3D, DEPTH, "border_reprojection", "px", False, border_in_depth_image
+    ),
+    PairKind(_AMONG_THEMSELVES, LIDAR3D, LIDAR3D, "nearest_point", "mm", False, nearest_points),
+    PairKind(
+        f"{_AMONG_THEMSELVES}_limit",
+        LIDAR3D,
+        LIDAR3D,
+        "nearest_limit_point",
+        "mm",
+        True,
+        nearest_limit_points,
+    ),
+    PairKind(
+        f"{_AMONG_THEMSELVES}_plane",
+        LIDAR3D,
+        LIDAR3D,
+        "point_to_plane",
+        "mm",
+        True,
+        points_to_plane,
+    ),
+)
+
+LIDAR_3D = Modality(
+    name=LIDAR3D,
+    noun="lidar3d sensor",
+    message_types=("sensor_msgs/PointCloud2",),
+    is_default_of=("sensor_msgs/PointCloud2",),
+    measures_range=True,
+    can_estimate_range_offset=True,
+    spins_about_z=True,
+    data=CLOUDS,
+    labels=range_label_format("idxs_limit_points"),
+    seed=SeedFormat("xyz_m", 3, "m"),
+    points=cloud_points,
+    labeler=Lidar3dLabeler,
+    measure=measured_in_cloud,
+    residual_blocks=range_blocks,
+    rays=lambda sensor: spinning_rays(_ELEVATIONS_DEG),
+    quality=quality_of_points,
+    pairs=_PAIRS,
+    synthetic=SyntheticSensor(lidar_mount, simulated.observe, simulated.outlook),
+)
