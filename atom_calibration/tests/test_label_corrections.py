@@ -379,7 +379,7 @@ def test_points_that_were_not_measured_are_no_label(session, monkeypatch):
     cloud = session.dataset.data.read(SECOND, LIDAR).copy()
     chosen = others(session, 4)
     cloud[chosen[:2]] = np.nan
-    monkeypatch.setattr(session.dataset.data, "cloud", lambda *_: cloud)
+    monkeypatch.setattr(session.dataset.data, "read", lambda *_: cloud)
     session.add_points(LIDAR, chosen, False)
     assert np.isin(chosen, label(session, LIDAR).indices).tolist() == [False, False, True, True]
     with pytest.raises(LabelingError, match="none of the 2 chosen points was measured"):

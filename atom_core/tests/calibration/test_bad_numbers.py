@@ -61,7 +61,7 @@ def test_a_residual_that_is_not_finite_is_named(dataset, name, value):
 @pytest.mark.parametrize("name", NAMES)
 def test_an_absurd_but_finite_range_does_not_crash(dataset, name):
     data, label = dataset.data, dataset.collections["001"].labels[("lidar_1", "pattern_1")]
-    cloud = data.cloud("001", "lidar_1").copy()
+    cloud = data.read("001", "lidar_1").copy()
     cloud[label.indices[5]] *= 1e7
     result = solved(replace(dataset, data=Changed(data, ("001", "lidar_1"), cloud)), name)
     assert result.message and np.all(np.isfinite(result.summary.x))
@@ -73,8 +73,8 @@ class Changed:
     def __init__(self, source, key, cloud):
         self.source, self.key, self.changed = source, key, cloud
 
-    def cloud(self, *key):
-        return self.changed if key == self.key else self.source.cloud(*key)
+    def read(self, *key):
+        return self.changed if key == self.key else self.source.read(*key)
 
     def __getattr__(self, name):
         return getattr(self.source, name)

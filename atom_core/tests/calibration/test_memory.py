@@ -67,7 +67,7 @@ def test_too_little_is_refused_with_figures_and_remedy(dataset, monkeypatch):
         raise AssertionError("data are read although the memory does not suffice")
 
     monkeypatch.setattr(memory, "available_bytes", lambda: 100_000)
-    monkeypatch.setattr(type(dataset.data), "cloud", no_reading)
+    monkeypatch.setattr(type(dataset.data), "read", no_reading)
     with pytest.raises(CalibrationError, match=r"needs about \d+ MB .* 0 MB are available; .*-csf"):
         calibrate(dataset)
 

@@ -58,7 +58,7 @@ def test_a_wrong_range_point_is_named_by_its_index_in_the_cloud(cell):
     class OnePointWrong:
         """The same data but for one point."""
 
-        def cloud(self, collection, sensor):
+        def read(self, collection, sensor):
             same = (collection, sensor) != (key, "lidar_1")
             return cell.data.read(collection, sensor) if same else cloud
 
