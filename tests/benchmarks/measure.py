@@ -18,9 +18,9 @@ from plain_ceres import PlainCeres
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.preparation import prepare
-from atom_core.calibration.start.starts import pose_problem, settle
+from atom_core.calibration.start.starts import initial_problem, rough_solution
 from atom_core.model.dataset import Dataset
-from atom_core.solvers.base import SolverOptions
+from atom_core.solvers.base import SolverOptions, SolverSetup
 from atom_core.solvers.choice import solver_factory
 from atom_core.solvers.reweighting import atom_normalisers
 
@@ -82,11 +82,13 @@ def compared(
     would stay in another minimum where a board begins in the mirrored pose; it is given the poses
     that ours found for such boards, and is not charged for that.
     """
-    ready, make_solver = prepare(dataset, options), solver_factory("ceres")
-    posed = pose_problem(dataset, ready.measurements, ready.free)
-    settled = settle(posed, options.solver, make_solver)
-    problem, start = settled.solver.problem, np.zeros(posed.problem.parameters.size)
-    sigmas = atom_normalisers(settled.first, start)
+    prepared, setup = (
+        prepare(dataset, options),
+        SolverSetup(options.solver, solver_factory("ceres")),
+    )
+    rough = rough_solution(initial_problem(dataset, prepared.measurements, prepared.free), setup)
+    problem = rough.solver.problem
+    sigmas = atom_normalisers(rough.first, np.zeros(problem.parameters.size))
     plain = PlainCeres(folder)
     data = plain.write(problem, sigmas)
     atom = CalibrationOptions(solver=SolverOptions("atom", "none"), solver_name="ceres")

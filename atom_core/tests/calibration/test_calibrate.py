@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from atom_core.calibration.calibrate import calibrate
+from atom_core.calibration.judge.judgement import judge
 from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.prepare.preparation import prepare
+from atom_core.calibration.refine.refinement import refine
+from atom_core.calibration.start.starts import choose_start, find_starts
 from atom_core.errors import CalibrationError
 from atom_core.geometry import se3
 from atom_core.model.config import EdgeConfig
@@ -14,8 +18,8 @@ from atom_core.model.dataset import board_edge, pose
 from atom_core.model.transforms import Edge
 from atom_core.model.truth import with_truth
 from atom_core.report.calibration_results import edge_variance
-from atom_core.solvers.base import SolverOptions
-from atom_core.solvers.choice import SOLVERS
+from atom_core.solvers.base import SolverOptions, SolverSetup
+from atom_core.solvers.choice import SOLVERS, solver_factory
 from atom_core.synthetic import Noise, paper_cell, scenes
 
 DISTURBED = (0.1, 0.1)
@@ -374,3 +378,19 @@ def _normalised_errors(seeds):
             error = np.concatenate([turn, found[:3, 3] - true[:3, 3]])
             by_sensor.setdefault(name, []).append(error / np.sqrt(variance))
     return np.concatenate([np.ravel(v) for v in by_sensor.values()]) ** 2
+
+
+def test_the_steps_one_by_one_are_the_calibration():
+    dataset = paper_cell(0, "train", Noise(), DISTURBED).dataset
+    options = CalibrationOptions()
+    whole = calibrate(dataset, options)
+    prepared = prepare(dataset, options)
+    starts = find_starts(prepared, options)
+    setup = SolverSetup(options.solver_options, solver_factory(options.solver_name))
+    chosen = choose_start(starts, prepared, options, setup)
+    refined = refine(chosen.solution, prepared.free, options, setup)
+    judgement = judge(chosen, refined, options)
+    np.testing.assert_array_equal(refined.summary.x, whole.summary.x)
+    np.testing.assert_array_equal(judgement.covariance.shared, whole.covariance.shared)
+    assert (judgement.status, judgement.message) == (whole.status, whole.message)
+    assert dict(refined.unused) == dict(whole.unused)

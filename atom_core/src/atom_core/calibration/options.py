@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Optional, Tuple
 
 from atom_core.model.joints import JointSelection
@@ -51,6 +51,11 @@ class CalibrationOptions:
     keep_collections: Tuple[str, ...] = ()
     keep_detections: Tuple[Tuple[str, str], ...] = ()
     undetermined_limit: Tuple[float, float] = (0.05, 0.05)
+
+    @property
+    def solver_options(self) -> SolverOptions:
+        """The solver's, with the range offsets to be estimated."""
+        return replace(self.solver, range_offsets=self.range_offset)
 
     def __post_init__(self) -> None:
         if self.initial_guess not in (DESCRIPTION, NO_GUESS):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Dict, FrozenSet, List, Mapping, Sequence, Set, Tuple, Union
 
 import numpy as np
@@ -51,6 +51,10 @@ class FreeEdges:
     anchor_patterns: bool = False
     joints: JointSelection = field(default_factory=dict)
     intrinsics: Mapping[str, Tuple[str, ...]] = field(default_factory=dict)
+
+    def without_intrinsics(self) -> FreeEdges:
+        """Return the same with all intrinsics held."""
+        return replace(self, intrinsics={})
 
     def held_edges(self, dataset: Dataset) -> FrozenSet[Edge]:
         """Return the sensor edges that stay; one that sensors share stays for all of them."""

@@ -7,7 +7,7 @@ from typing import Optional
 import numpy as np
 
 _NEAR = 0.2  # changes beyond this say little about the next ones
-# How much farther than told a step may go, and how much less far, in parts of the last change.
+# How much farther than a plain step it may go, and how much less far, in parts of the change.
 _FARTHEST, _NEAREST = 4.0, 0.5
 
 

@@ -152,6 +152,19 @@ SolverFactory = Callable[[Problem], Solver]
 
 
 @dataclass(frozen=True)
+class SolverSetup:
+    """Which solver works, and how.
+
+    Attributes:
+        options: weights, loss, limits, who is told of iterations.
+        make: makes the solver of a problem.
+    """
+
+    options: SolverOptions
+    make: SolverFactory
+
+
+@dataclass(frozen=True)
 class SolverSummary:
     """The answer and how it came about.
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import List, Sequence
 
 from atom_core.calibration.judge.weak_directions import WeakDirection
-from atom_core.calibration.start.starts import Settled, moved_sensors
+from atom_core.calibration.start.starts import RoughSolution, moved_sensors
 
 
-def ambiguity(settled: Settled, rivals: Sequence[Settled]) -> List[WeakDirection]:
+def ambiguity(solution: RoughSolution, rivals: Sequence[RoughSolution]) -> List[WeakDirection]:
     """Return, for each equally good outcome, which sensors it puts elsewhere."""
     found = []
     for rival in rivals:
-        moved = moved_sensors(settled, rival)
+        moved = moved_sensors(solution, rival)
         parameters = tuple(f"{name} pose" for name in moved)
         why = (
             f"the data allow {', '.join(moved)} at two places, equally good: range sensors cannot "

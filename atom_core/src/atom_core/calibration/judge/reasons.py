@@ -207,8 +207,10 @@ def parallel_boards(solution: Solution, block: int) -> Optional[Boards]:
         words = f"{planes.sensors} saw the inside of a single board"
     else:
         one = np.std(planes.centres @ axes[0]) < _ONE_PLANE_M
-        how = "lie in one plane" if one else "are parallel"
-        words = f"all boards that {planes.sensors} saw {how}, and none of their borders is labeled"
+        layout = "lie in one plane" if one else "are parallel"
+        words = (
+            f"all boards that {planes.sensors} saw {layout}, and none of their borders is labeled"
+        )
     return Boards(axes[0], f"{words}; add boards held at other angles")
 
 

@@ -186,15 +186,15 @@ def _motion(solution: Solution, moving: Sequence[int], unit: str, axis: np.ndarr
     """Return who moves how, in words."""
     blocks = solution.problem.parameters.blocks
     who = sorted({blocks[i].title for i in moving})
-    motion, how = ("turn", "about") if unit == "rad" else ("shift", "along")
+    verb, preposition = ("turn", "about") if unit == "rad" else ("shift", "along")
     direction = (
         f"({', '.join(f'{v:.2f}' for v in axis.round(2) + 0.0)}) of {solution.dataset.world}"
     )
     if len(who) > 1:
-        return f"{', '.join(who)} {motion} {how} {direction} together"
+        return f"{', '.join(who)} {verb} {preposition} {direction} together"
     if unit == "rad" and is_spin_axis(solution, moving[0], axis):
         direction = f"its spin axis, {direction}"
-    return f"{who[0]} {motion}s {how} {direction}"
+    return f"{who[0]} {verb}s {preposition} {direction}"
 
 
 def _world_R_parent(solution: Solution, block: int) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Dict, List, Sequence, Set, Tuple
+from typing import Dict, List, Mapping, Sequence, Set, Tuple
 
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.connectivity import check_connected, floats_freely
@@ -37,10 +37,10 @@ class Prepared:
     """
 
     dataset: Dataset
-    measurements: List[Measurement]
+    measurements: Sequence[Measurement]
     free: FreeEdges
-    unused: Dict[str, str]
-    remarks: List[str]
+    unused: Mapping[str, str]
+    remarks: Tuple[str, ...]
 
 
 def prepare(dataset: Dataset, options: CalibrationOptions) -> Prepared:
@@ -49,6 +49,7 @@ def prepare(dataset: Dataset, options: CalibrationOptions) -> Prepared:
     Raises:
         AtomError: the calibration cannot be posed; one sentence says why and what to do.
     """
+    check_range_offsets(dataset, options)
     check_data_present(dataset)
     free = free_edges(dataset, options)
     check_edges(dataset, free)
@@ -62,7 +63,7 @@ def prepare(dataset: Dataset, options: CalibrationOptions) -> Prepared:
     if floats_freely(dataset, measurements, free):
         free, remark = _anchor_first(dataset, free)
         remarks.append(remark)
-    return Prepared(dataset, measurements, free, unused, remarks)
+    return Prepared(dataset, measurements, free, unused, tuple(remarks))
 
 
 def camera_of(dataset: Dataset, sensor: str) -> Camera:

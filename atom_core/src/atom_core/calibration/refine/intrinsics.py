@@ -1,4 +1,4 @@
-"""Intrinsics join when the rest stands: what the corners cannot tell of them is held.
+"""Intrinsics join when the rest stands: what the corners do not determine is held.
 
 A polynomial has more coefficients than boards in the middle of an image can tell. Which ones, the
 covariance says before anything is solved. The highest are held then, one after the other, and the
@@ -7,13 +7,13 @@ user is told.
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+from dataclasses import dataclass, replace
+from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
 from atom_core.calibration.start.boards import boards_in, solved_dataset
-from atom_core.calibration.start.starts import Settled
+from atom_core.calibration.start.starts import RoughSolution
 from atom_core.geometry.camera import Camera
 from atom_core.model.dataset import Dataset
 from atom_core.problem.builder import FreeEdges, build_problem
@@ -21,7 +21,7 @@ from atom_core.problem.camera_blocks import PINHOLE
 from atom_core.problem.corner_measurement import CornerMeasurement
 from atom_core.problem.measurements import Measurement
 from atom_core.solvers import losses
-from atom_core.solvers.base import Minimum, Solver, SolverFactory, SolverOptions
+from atom_core.solvers.base import Minimum, Solver, SolverSetup
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.reweighting import rough_minimum
 
@@ -30,58 +30,57 @@ _HELD_FIRST = ("k6", "k5", "k4", "k3", "k2", "k1", "p2", "p1")
 Names = Mapping[str, Tuple[str, ...]]
 
 
-class Joined(NamedTuple):
-    """A problem with free intrinsics.
+@dataclass(frozen=True)
+class WithIntrinsics:
+    """A problem with those intrinsics free that the corners determine.
 
     Attributes:
         solver: of the problem.
-        rough: where to go on from.
+        minimum: where to go on from.
         free: what is estimated.
         remarks: what the user should know.
     """
 
     solver: Solver
-    rough: Minimum
+    minimum: Minimum
     free: FreeEdges
-    remarks: List[str]
+    remarks: Tuple[str, ...]
 
 
-def join_intrinsics(
-    settled: Settled,
-    free: FreeEdges,
-    options: SolverOptions,
-    limit_rad: float,
-    make_solver: SolverFactory,
-) -> Joined:
-    """Return the problem of a settled start with the intrinsics free that the corners can tell.
+def with_intrinsics(
+    solution: RoughSolution, free: FreeEdges, limit_rad: float, setup: SolverSetup
+) -> WithIntrinsics:
+    """Return the problem of a rough solution with the intrinsics free that the corners determine.
 
     Args:
-        settled: solved roughly with all intrinsics held.
-        free: names the intrinsics that are asked for.
-        options: of the solver.
-        limit_rad: a coefficient is told when its sigma displaces the image's corner by less.
-        make_solver: which solver.
+        solution: found with all intrinsics held.
+        free: names the intrinsics that are asked for; without any the problem stays as it is.
+        limit_rad: a coefficient is determined when its sigma displaces the image's corner by less.
+        setup: which solver.
     """
-    posed, problem = settled.posed, settled.solver.problem
-    base = solved_dataset(posed.initial, problem, settled.rough.x, {})
-    boards = boards_in(base, posed.measurements)
+    if not free.intrinsics or solution.minimum.interrupted:
+        return WithIntrinsics(solution.solver, solution.minimum, free, ())
+    start, problem = solution.start, solution.solver.problem
+    base = solved_dataset(start.initial, problem, solution.minimum.x, {})
+    boards = boards_in(base, start.measurements)
     names: Dict[str, Tuple[str, ...]] = dict(free.intrinsics)
     while True:
-        told = replace(free, intrinsics=names)
-        solver = make_solver(build_problem(base, posed.measurements, boards, told))
-        untold = _untold(solver, limit_rad)
-        if not untold:
+        determined = replace(free, intrinsics=names)
+        solver = setup.make(build_problem(base, start.measurements, boards, determined))
+        undetermined = _next_to_hold(solver, limit_rad)
+        if not undetermined:
             break
         names = {
-            sensor: tuple(n for n in of_one if n != untold.get(sensor))
+            sensor: tuple(n for n in of_one if n != undetermined.get(sensor))
             for sensor, of_one in names.items()
         }
     zero = np.zeros(solver.problem.parameters.size)
-    rough = rough_minimum(solver, zero, options, settled.rough.iterations)
-    return Joined(solver, rough, told, _remarks(base, posed.measurements, free.intrinsics, names))
+    minimum = rough_minimum(solver, zero, setup.options, solution.minimum.iterations)
+    remarks = _remarks(base, start.measurements, free.intrinsics, names)
+    return WithIntrinsics(solver, minimum, determined, tuple(remarks))
 
 
-def _untold(solver: Solver, limit_rad: float) -> Dict[str, str]:
+def _next_to_hold(solver: Solver, limit_rad: float) -> Dict[str, str]:
     """Return, by camera, the coefficient to hold next."""
     problem = solver.problem
     sigmas = [block.sigma for block in problem.residual_blocks]
@@ -104,11 +103,11 @@ def _untold(solver: Solver, limit_rad: float) -> Dict[str, str]:
 
 
 def _remarks(
-    dataset: Dataset, measurements: Sequence[Measurement], asked: Names, told: Names
+    dataset: Dataset, measurements: Sequence[Measurement], asked: Names, determined: Names
 ) -> List[str]:
     remarks = []
     for sensor, names in asked.items():
-        held = [name for name in names if name not in told[sensor]]
+        held = [name for name in names if name not in determined[sensor]]
         if held:
             camera = dataset.sensors[sensor].camera
             assert camera is not None

@@ -19,6 +19,7 @@ from atom_core.calibration.prepare.connectivity import check_connected
 from atom_core.calibration.refine.board_fit import BoardFits
 from atom_core.calibration.refine.disagreement import CHANCE, Disagreement, disagreement
 from atom_core.calibration.start.boards import boards_in, solved_dataset
+from atom_core.calibration.start.starts import InitialProblem
 from atom_core.errors import CalibrationError
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import DetectionKey, place
@@ -26,8 +27,9 @@ from atom_core.model.pattern import BoardKey
 from atom_core.problem.blocks import ParameterBlock
 from atom_core.problem.builder import FreeEdges, build_problem
 from atom_core.problem.measurements import Measurement
+from atom_core.problem.problem import Problem
 from atom_core.solvers import losses
-from atom_core.solvers.base import FAILED, SIGMA, Solver, SolverFactory, SolverSummary
+from atom_core.solvers.base import FAILED, SIGMA, Solver, SolverSetup, SolverSummary
 from atom_core.solvers.reweighting import solve_again
 
 _ROUNDS = 10
@@ -56,7 +58,7 @@ class Rejected(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Purged:
+class Rejection:
     """What is left after bad detections were left out.
 
     Attributes:
@@ -72,49 +74,48 @@ class Purged:
 
 
 def reject_bad_detections(
-    initial: Dataset,
+    start: InitialProblem,
     solver: Solver,
     summary: SolverSummary,
-    measurements: Sequence[Measurement],
     free: FreeEdges,
     options: CalibrationOptions,
-    make_solver: SolverFactory,
-) -> Purged:
+    setup: SolverSetup,
+) -> Rejection:
     """Leave bad detections out and solve again, until none is left.
 
     Without a robust loss, or without weights that mean something, there is nothing to test.
 
     Args:
-        initial: the dataset that the solver's problem was built from.
+        start: what the solver's problem was built from, with the measurements of all detections.
         solver: of the problem with all detections.
         summary: its solution.
-        measurements: of all detections.
         free: what is estimated.
         options: what to keep in any case.
-        make_solver: which solver.
+        setup: which solver.
     """
-    purged = Purged(solver, summary, (), None)
-    if options.solver.weights != SIGMA or options.solver.loss == losses.NONE:
-        return purged
-    left = list(measurements)
+    now = Rejection(solver, summary, (), None)
+    if setup.options.weights != SIGMA or setup.options.loss == losses.NONE:
+        return now
+    initial, left = start.initial, list(start.measurements)
     for _ in range(_ROUNDS):
-        if purged.summary.interrupted or purged.summary.status == FAILED:
+        if now.summary.interrupted or now.summary.status == FAILED:
             break
-        judge = _Judge(purged, left, options, make_solver)
+        judge = _Judge(now, left, options, setup)
         found = judge.verdict()
         if not found:
             break
         out = {r.key for r in found}
         left = [m for m in left if m.key not in out]
-        rejected = purged.rejected + tuple(found)
+        rejected = now.rejected + tuple(found)
         try:
             check_connected(initial, left, free)
         except CalibrationError as error:
-            return Purged(solver, summary, (), _failure(initial, left, rejected, str(error)))
-        again = _rebuilt(initial, purged, left, free, judge.boards, make_solver)
-        after = solve_again(again, options.solver, purged.solver.problem, purged.summary)
-        purged = Purged(again, after, rejected, None)
-    return purged
+            return Rejection(solver, summary, (), _failure(initial, left, rejected, str(error)))
+        problem = _rebuilt(initial, now, left, free, judge.boards)
+        again = setup.make(problem)
+        after = solve_again(again, setup.options, now.solver.problem, now.summary)
+        now = Rejection(again, after, rejected, None)
+    return now
 
 
 def _failure(
@@ -134,17 +135,16 @@ def _failure(
 
 def _rebuilt(
     initial: Dataset,
-    purged: Purged,
+    now: Rejection,
     left: Sequence[Measurement],
     free: FreeEdges,
     refitted: Mapping[BoardKey, np.ndarray],
-    make_solver: SolverFactory,
-) -> Solver:
-    """Return the solver of the remaining detections, from the present solution on."""
-    base = solved_dataset(initial, purged.solver.problem, purged.summary.x, {})
+) -> Problem:
+    """Return the problem of the remaining detections, from the present solution on."""
+    base = solved_dataset(initial, now.solver.problem, now.summary.x, {})
     boards = boards_in(base, left)
     boards.update({key: pose for key, pose in refitted.items() if key in boards})
-    return make_solver(build_problem(base, left, boards, free))
+    return build_problem(base, left, boards, free)
 
 
 class _Judge:
@@ -152,19 +152,19 @@ class _Judge:
 
     def __init__(
         self,
-        purged: Purged,
+        now: Rejection,
         measurements: Sequence[Measurement],
         options: CalibrationOptions,
-        make_solver: SolverFactory,
+        setup: SolverSetup,
     ):
         self.boards: Dict[BoardKey, np.ndarray] = {}  # refitted to the detections kept
-        self._options, self._make_solver = options, make_solver
-        self._before = purged.rejected
-        self._problem, self._summary = purged.solver.problem, purged.summary
+        self._options, self._setup = options, setup
+        self._before = now.rejected
+        self._problem, self._summary = now.solver.problem, now.summary
         self._measurements = {m.key: m for m in measurements}
-        x, sigmas = purged.summary.x, purged.summary.sigmas
-        equations = purged.solver.equations(x, sigmas, options.solver.loss)
-        squares = purged.solver.squares(x, sigmas)
+        x, sigmas = now.summary.x, now.summary.sigmas
+        equations = now.solver.equations(x, sigmas, setup.options.loss)
+        squares = now.solver.squares(x, sigmas)
         self._test: Disagreement = disagreement(self._problem, x, equations, squares)
 
     def verdict(self) -> List[Rejected]:
@@ -268,8 +268,8 @@ class _Judge:
             for b, sigma in zip(problem.residual_blocks, self._summary.sigmas)
         ]
         mine = {int(d): self._measurements[problem.detections[d]] for d in members}
-        loss, x = self._options.solver.loss, self._summary.x
-        return BoardFits(problem, x, sigmas, block, mine, loss, self._make_solver)
+        loss, x = self._setup.options.loss, self._summary.x
+        return BoardFits(problem, x, sigmas, block, mine, loss, self._setup.make)
 
 
 def whole_collections(rejected: Sequence[Rejected], left: Set[str]) -> Dict[str, str]:

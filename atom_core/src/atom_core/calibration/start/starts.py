@@ -11,10 +11,11 @@ from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
-from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.options import DESCRIPTION, NO_GUESS, CalibrationOptions
 from atom_core.calibration.prepare.connectivity import check_connected
-from atom_core.calibration.prepare.preparation import prepare
+from atom_core.calibration.prepare.preparation import Prepared, prepare
 from atom_core.calibration.start.boards import initial_boards, placed, settle_boards
+from atom_core.calibration.start.disturb import disturbed
 from atom_core.calibration.start.finite import check_finite
 from atom_core.calibration.start.initial_sensors import sensors_from_boards
 from atom_core.errors import CalibrationError
@@ -26,7 +27,7 @@ from atom_core.problem.builder import FreeEdges, build_problem
 from atom_core.problem.measurements import Measurement
 from atom_core.problem.problem import Problem
 from atom_core.solvers import losses
-from atom_core.solvers.base import Minimum, Solver, SolverFactory, SolverOptions
+from atom_core.solvers.base import Minimum, Solver, SolverSetup
 
 # A residual, in units of its expected sigma, that no noise explains, and the share of a sensor's
 # residuals that wrong labels do not explain either.
@@ -36,15 +37,15 @@ _CLEARLY_LOWER = 0.9  # the other start must lower the cost by this factor
 
 
 @dataclass(frozen=True)
-class Posed:
-    """A problem and where it starts.
+class InitialProblem:
+    """A problem that is not solved yet, and where it starts.
 
     Attributes:
         initial: the dataset whose transforms are the start.
         measurements: those whose board could be placed.
         boards: initial (or held) poses.
         unused: why a collection is left out, by key.
-        problem: not solved yet.
+        problem: of these.
     """
 
     initial: Dataset
@@ -52,6 +53,19 @@ class Posed:
     boards: Mapping[BoardKey, np.ndarray]
     unused: Mapping[str, str]
     problem: Problem
+
+
+@dataclass(frozen=True)
+class Starts:
+    """Where the solver may start.
+
+    Attributes:
+        problems: one for each start.
+        remarks: what the user should know.
+    """
+
+    problems: Tuple[InitialProblem, ...]
+    remarks: Tuple[str, ...]
 
 
 class SensorPose(NamedTuple):
@@ -62,20 +76,20 @@ class SensorPose(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Settled:
+class RoughSolution:
     """A problem solved roughly, every board in its place.
 
     Attributes:
-        posed: the start.
-        first: solver of the problem as it was posed.
+        start: what it began with.
+        first: solver of the problem of the start.
         solver: of the problem as it is now.
-        rough: where to go on from.
+        minimum: where to go on from.
     """
 
-    posed: Posed
+    start: InitialProblem
     first: Solver
     solver: Solver
-    rough: Minimum
+    minimum: Minimum
 
     def robust_cost(self) -> float:
         """Return the cost with the sensors' initial sigmas, comparable between starts."""
@@ -84,7 +98,7 @@ class Settled:
     def is_implausible(self) -> bool:
         """Tell whether a quarter of some sensor's residuals are larger than noise explains."""
         rows = max(self.solver.problem.row_count, 1)
-        if 2.0 * self.rough.cost < rows:  # no need to look closer
+        if 2.0 * self.minimum.cost < rows:  # no need to look closer
             return False
         shares = [float(np.mean(squares > _IMPLAUSIBLE**2)) for squares in self._squares()]
         return max(shares) > _TOO_MANY
@@ -92,7 +106,7 @@ class Settled:
     def sensor_edges(self) -> List[SensorPose]:
         """Return the sensors' estimated edges."""
         parameters = self.solver.problem.parameters
-        poses = parameters.poses(self.rough.x)
+        poses = parameters.poses(self.minimum.x)
         return [
             SensorPose(block.names, poses[i])
             for i, block in enumerate(parameters.blocks)
@@ -101,15 +115,68 @@ class Settled:
 
     def _squares(self) -> List[np.ndarray]:
         sigmas = [block.sigma for block in self.solver.problem.residual_blocks]
-        return self.solver.squares(self.rough.x, sigmas)
+        return self.solver.squares(self.minimum.x, sigmas)
 
 
-def pose_problem(
+@dataclass(frozen=True)
+class ChosenStart:
+    """The rough solution that led where it should.
+
+    Attributes:
+        solution: it.
+        rivals: those that are as good and put a sensor elsewhere.
+        remarks: what the user should know.
+    """
+
+    solution: RoughSolution
+    rivals: Tuple[RoughSolution, ...]
+    remarks: Tuple[str, ...]
+
+
+def find_starts(prepared: Prepared, options: CalibrationOptions) -> Starts:
+    """Return the starts to try: the description's, or what the data allow; then disturbed.
+
+    Intrinsics are held; they join when the rest stands.
+
+    Raises:
+        CalibrationError: nothing is left to estimate, or what is left does not hang together.
+    """
+    dataset, measurements = prepared.dataset, prepared.measurements
+    free = prepared.free.without_intrinsics()
+    guesses: List[Dataset] = [dataset]
+    remarks: Tuple[str, ...] = ()
+    if options.initial_guess == NO_GUESS:
+        estimate = sensors_from_boards(dataset, measurements, free)
+        guesses, remarks = [estimate.dataset, *estimate.others], estimate.remarks
+    problems = []
+    for guess in guesses:
+        rng = np.random.default_rng(options.seed)
+        moved = disturbed(guess, free, *options.noisy_initial_guess, rng)
+        problems.append(initial_problem(moved, measurements, free, prepared.unused))
+    return Starts(tuple(problems), remarks)
+
+
+def choose_start(
+    starts: Starts, prepared: Prepared, options: CalibrationOptions, setup: SolverSetup
+) -> ChosenStart:
+    """Solve the problem of every start roughly, and return the best one.
+
+    Where the description's cannot be right, it is compared with starts from the data.
+    """
+    best, rivals = best_rough_solution(starts.problems, setup)
+    remarks: Tuple[str, ...] = ()
+    if options.initial_guess == DESCRIPTION:
+        free = prepared.free.without_intrinsics()
+        best, remarks = restarted_from_data(best, prepared.dataset, free, setup)
+    return ChosenStart(best, tuple(rivals), remarks)
+
+
+def initial_problem(
     initial: Dataset,
     measurements: Sequence[Measurement],
     free: FreeEdges,
     unused: Optional[Mapping[str, str]] = None,
-) -> Posed:
+) -> InitialProblem:
     """Place the boards and build the problem of a start.
 
     Raises:
@@ -122,40 +189,41 @@ def pose_problem(
     problem = build_problem(initial, kept, boards, free)
     if problem.parameters.size == 0:
         raise CalibrationError("nothing is left to estimate: every sensor and board is held")
-    return Posed(initial, kept, boards, left_out, problem)
+    return InitialProblem(initial, kept, boards, left_out, problem)
 
 
-def settle(posed: Posed, options: SolverOptions, make_solver: SolverFactory) -> Settled:
+def rough_solution(start: InitialProblem, setup: SolverSetup) -> RoughSolution:
     """Solve roughly, boards placed anew where they stand wrong; with half of the iterations."""
-    first = make_solver(posed.problem)
+    first = setup.make(start.problem)
     check_finite(first)
-    half = replace(options, max_iterations=max(options.max_iterations // 2, 1))
-    solver, rough = settle_boards(posed.initial, first, posed.measurements, half, make_solver)
-    return Settled(posed, first, solver, rough)
+    half = replace(setup.options, max_iterations=max(setup.options.max_iterations // 2, 1))
+    measurements = start.measurements
+    solver, minimum = settle_boards(start.initial, first, measurements, half, setup.make)
+    return RoughSolution(start, first, solver, minimum)
 
 
-def best_settled(
-    starts: Sequence[Posed], options: SolverOptions, make_solver: SolverFactory
-) -> Tuple[Settled, List[Settled]]:
-    """Settle every start.
+def best_rough_solution(
+    starts: Sequence[InitialProblem], setup: SolverSetup
+) -> Tuple[RoughSolution, List[RoughSolution]]:
+    """Solve the problem of every start roughly.
 
     Returns:
-        The one with the lowest cost, and those that are as good and put a sensor elsewhere.
+        The solution of the lowest cost, and those that are as good and put a sensor elsewhere.
     """
-    settled: List[Settled] = []
-    for posed in starts:
-        settled.append(settle(posed, options, make_solver))
-        if settled[-1].rough.interrupted:
+    solutions: List[RoughSolution] = []
+    for start in starts:
+        solutions.append(rough_solution(start, setup))
+        if solutions[-1].minimum.interrupted:
             break
-    if len(settled) == 1:
-        return settled[0], []
-    costs = [s.robust_cost() for s in settled]
-    best = settled[int(np.argmin(costs))]
-    rivals = [s for s, cost in zip(settled, costs) if cost <= _AS_GOOD * min(costs)]
+    if len(solutions) == 1:
+        return solutions[0], []
+    costs = [s.robust_cost() for s in solutions]
+    best = solutions[int(np.argmin(costs))]
+    rivals = [s for s, cost in zip(solutions, costs) if cost <= _AS_GOOD * min(costs)]
     return best, [s for s in rivals if s is not best and moved_sensors(best, s)]
 
 
-def moved_sensors(one: Settled, other: Settled) -> Dict[str, float]:
+def moved_sensors(one: RoughSolution, other: RoughSolution) -> Dict[str, float]:
     """Return the sensors that stand elsewhere in the other outcome, and by how much [m].
 
     A sensor that only turned counts with the length of the arc one metre away.
@@ -169,36 +237,32 @@ def moved_sensors(one: Settled, other: Settled) -> Dict[str, float]:
     return moved
 
 
-def rescued(
-    settled: Settled,
-    dataset: Dataset,
-    free: FreeEdges,
-    options: SolverOptions,
-    make_solver: SolverFactory,
-) -> Tuple[Settled, List[str]]:
-    """Return the outcome of a start from the data where it is better, with a warning.
+def restarted_from_data(
+    solution: RoughSolution, dataset: Dataset, free: FreeEdges, setup: SolverSetup
+) -> Tuple[RoughSolution, Tuple[str, ...]]:
+    """Return the solution of a start from the data where it is better, with a warning.
 
-    It is tried only when the outcome of the description's start is implausible, or none.
+    It is tried only when that of the description's start is implausible, or has not converged.
     """
-    lost = not settled.rough.converged
-    if settled.rough.interrupted or not (lost or settled.is_implausible()):
-        return settled, []
-    posed = settled.posed
-    estimate = sensors_from_boards(dataset, posed.measurements, free)
+    lost = not solution.minimum.converged
+    if solution.minimum.interrupted or not (lost or solution.is_implausible()):
+        return solution, ()
+    start = solution.start
+    estimate = sensors_from_boards(dataset, start.measurements, free)
     starts = [
-        pose_problem(guess, posed.measurements, free, posed.unused)
+        initial_problem(guess, start.measurements, free, start.unused)
         for guess in (estimate.dataset, *estimate.others)
     ]
-    other, _ = best_settled(starts, options, make_solver)
-    enough = _AS_GOOD if lost and other.rough.converged else _CLEARLY_LOWER
-    if not other.robust_cost() < enough * settled.robust_cost():
-        return settled, []
+    other, _ = best_rough_solution(starts, setup)
+    enough = _AS_GOOD if lost and other.minimum.converged else _CLEARLY_LOWER
+    if not other.robust_cost() < enough * solution.robust_cost():
+        return solution, ()
     remark = (
         f"the initial guess of the description {'is far off' if lost else 'ends implausibly'}: the "
         f"sensors were placed from the shared boards instead (as with --initial_guess none); "
         f"correct the description, or look whether it is the right one"
     )
-    return other, [remark, *estimate.remarks]
+    return other, (remark, *estimate.remarks)
 
 
 def estimate_sensors(dataset: Dataset, options: Optional[CalibrationOptions] = None) -> Dataset:
@@ -215,5 +279,6 @@ def estimate_sensors(dataset: Dataset, options: Optional[CalibrationOptions] = N
     Raises:
         AtomError: sensors that no shared board connects, or data that cannot be read.
     """
-    ready = prepare(dataset, options or CalibrationOptions())
-    return sensors_from_boards(ready.dataset, ready.measurements, ready.free).dataset
+    prepared = prepare(dataset, options or CalibrationOptions())
+    estimate = sensors_from_boards(prepared.dataset, prepared.measurements, prepared.free)
+    return estimate.dataset

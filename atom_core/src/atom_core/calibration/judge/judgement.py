@@ -1,0 +1,86 @@
+"""What the solution is worth: its covariance, what the data leave open, and the status."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Dict, Mapping, Optional, Sequence, Tuple
+
+import numpy as np
+
+from atom_core.calibration.judge.ambiguity import ambiguity
+from atom_core.calibration.judge.reasons import Solution
+from atom_core.calibration.judge.weak_directions import (
+    WeakDirection,
+    weak_directions,
+    weak_range_offsets,
+)
+from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.refine.refinement import Refined
+from atom_core.calibration.start.boards import solved_dataset
+from atom_core.calibration.start.starts import ChosenStart
+from atom_core.model.dataset import Dataset
+from atom_core.model.pattern import BoardKey
+from atom_core.problem.problem import Problem
+from atom_core.solvers.base import CONVERGED, FAILED, SolverSummary
+from atom_core.solvers.covariance import Covariance
+from atom_core.solvers.reweighting import covariance_of
+
+RANK_DEFICIENT = "rank_deficient"
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What a solution is worth.
+
+    Attributes:
+        dataset: with the calibrated edges and board poses in its transforms.
+        covariance: of the parameters.
+        weak_directions: what the data leave open.
+        status: converged, not_converged, rank_deficient or failed.
+        message: one sentence.
+    """
+
+    dataset: Dataset
+    covariance: Covariance
+    weak_directions: Tuple[WeakDirection, ...]
+    status: str
+    message: str
+
+
+def judge(chosen: ChosenStart, refined: Refined, options: CalibrationOptions) -> Judgement:
+    """Judge a solution.
+
+    Args:
+        chosen: the start that it goes back to, with its rivals.
+        refined: the solution.
+        options: what counts as undetermined.
+    """
+    start, summary, problem = chosen.solution.start, refined.summary, refined.solver.problem
+    covariance = covariance_of(refined.solver, summary, options.solver_options)
+    boards = _of_use(start.initial, start.boards, problem)
+    dataset = solved_dataset(start.initial, problem, summary.x, boards)
+    weak = ambiguity(chosen.solution, chosen.rivals)
+    solution = Solution(dataset, problem, summary.x)
+    weak += weak_directions(solution, covariance, *options.undetermined_limit)
+    weak += weak_range_offsets(covariance, options.undetermined_limit[0])
+    status, message = _verdict(summary, weak, refined.failure)
+    return Judgement(dataset, covariance, tuple(weak), status, message)
+
+
+def _of_use(
+    dataset: Dataset, boards: Mapping[BoardKey, np.ndarray], problem: Problem
+) -> Dict[BoardKey, np.ndarray]:
+    """Return the boards that some detection of the problem is of."""
+    used = {dataset.patterns[k.pattern].board_key(k.collection) for k in problem.detections}
+    return {key: pose for key, pose in boards.items() if key in used}
+
+
+def _verdict(
+    summary: SolverSummary, weak: Sequence[WeakDirection], failure: Optional[str]
+) -> Tuple[str, str]:
+    if failure is not None:
+        return FAILED, failure
+    if weak and summary.status != FAILED:
+        restless = "" if summary.status == CONVERGED else f"; the solver: {summary.message}"
+        return RANK_DEFICIENT, f"{len(weak)} undetermined direction(s): {weak[0].why}{restless}"
+    return summary.status, summary.message

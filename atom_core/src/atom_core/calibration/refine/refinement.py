@@ -1,0 +1,73 @@
+"""From a rough solution to the final one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Mapping, Optional, Tuple
+
+from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.refine.deeper_minima import with_boards_in_deepest_minima
+from atom_core.calibration.refine.intrinsics import with_intrinsics
+from atom_core.calibration.refine.rejection import (
+    Rejected,
+    reject_bad_detections,
+    rejection_warnings,
+    whole_collections,
+)
+from atom_core.calibration.start.starts import RoughSolution
+from atom_core.problem.builder import FreeEdges
+from atom_core.solvers.base import Solver, SolverSetup, SolverSummary
+from atom_core.solvers.reweighting import solve
+
+
+@dataclass(frozen=True)
+class Refined:
+    """The solution.
+
+    Attributes:
+        solver, summary: of the problem as it is in the end.
+        free: what was estimated.
+        unused: why a collection was not used, by key.
+        rejected: detections that were left out since they contradict the others.
+        failure: why what is left cannot be calibrated, or None.
+        remarks: what the user should know.
+    """
+
+    solver: Solver
+    summary: SolverSummary
+    free: FreeEdges
+    unused: Mapping[str, str]
+    rejected: Tuple[Rejected, ...]
+    failure: Optional[str]
+    remarks: Tuple[str, ...]
+
+
+def refine(
+    rough: RoughSolution, free: FreeEdges, options: CalibrationOptions, setup: SolverSetup
+) -> Refined:
+    """Free the intrinsics, solve, move boards to deeper minima, leave bad detections out.
+
+    Args:
+        rough: where to go on from.
+        free: what is to be estimated, intrinsics included.
+        options: what to keep in any case, and what counts as determined.
+        setup: which solver.
+    """
+    joined = with_intrinsics(rough, free, options.undetermined_limit[1], setup)
+    summary = solve(joined.solver, setup.options, joined.minimum, guess=rough.first)
+    measurements = rough.start.measurements
+    solver, summary = with_boards_in_deepest_minima(
+        joined.solver, summary, measurements, setup.options, setup.make
+    )
+    rejection = reject_bad_detections(rough.start, solver, summary, joined.free, options, setup)
+    rejected = rejection.rejected
+    left = {key.collection for key in rejection.solver.problem.detections}
+    return Refined(
+        rejection.solver,
+        rejection.summary,
+        joined.free,
+        {**rough.start.unused, **whole_collections(rejected, left)},
+        rejected,
+        rejection.failure,
+        (*joined.remarks, *rejection_warnings(rejected, left)),
+    )
