@@ -38,9 +38,12 @@ class FileDataSource(DataSource):
         """Return the data of a sensor as its modality reads them."""
         entry = self._entry(collection, sensor)
         data = self._formats[sensor]
-        if not data.ending:
+        if data.ending:
+            return data.read(self._path(entry, collection, sensor), entry)
+        try:
             return data.read(None, entry)
-        return data.read(self._path(entry, collection, sensor), entry)
+        except DatasetError as error:
+            raise DatasetError(f"sensor '{sensor}', collection {collection}: {error}") from None
 
     def _entry(self, collection: str, sensor: str) -> Mapping[str, Any]:
         return self._document["collections"][collection].get("data", {}).get(sensor) or {}

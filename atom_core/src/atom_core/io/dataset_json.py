@@ -299,7 +299,12 @@ class _Reader:
             return sensor.kind.labels.read(value, pattern)
         except KeyError as error:
             raise self.fail(f"{where}: the label lacks {error}") from None
-        except (ValueError, TypeError) as error:
+        except TypeError:
+            raise self.fail(
+                f"{where}: this is no label of modality {sensor.modality}; correct the sensor's "
+                f"modality, or leave the sensor out with -ssf"
+            ) from None
+        except ValueError as error:
             raise self.fail(f"{where}: {error}") from None
 
     def edge_types(self) -> Dict[Edge, str]:
