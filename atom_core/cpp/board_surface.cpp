@@ -1,0 +1,148 @@
+#include "board_surface.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+namespace atom_core {
+namespace {
+
+constexpr double kTrusted = 1.5;         // standard deviations of returns at the border
+constexpr double kMixed = 1.5;           // standard deviations, beyond them a return may be mixed
+constexpr double kNeighbourSteps = 3.5;  // within which a return is beside a limit point
+constexpr double kSurfaceShare = 0.03;   // of the range, between neighbours on one surface
+constexpr int kStepsBeside = 3;          // returns that are looked at beside an end
+
+std::vector<std::pair<int, int>> LayerEnds(const Window& window, const std::vector<int>& piece) {
+  std::vector<std::pair<int, int>> ends;
+  for (const int i : piece) {
+    if (ends.empty() || window.At(i).layer != window.At(ends.back().first).layer) {
+      ends.push_back({i, i});
+    }
+    ends.back().second = i;
+  }
+  return ends;
+}
+
+}  // namespace
+
+Surface::Surface(const BoardSearch& search, std::vector<int> piece)
+    : search_(&search), piece_(std::move(piece)), ends_(LayerEnds(search.window, piece_)) {
+  plane_ = FitPlane(search.window, piece_);
+  origin_.setZero();
+  for (const int i : piece_) origin_ += At(i).position;
+  origin_ /= piece_.size();
+  origin_ -= plane_.Residual(origin_) * plane_.normal;
+  const Eigen::Vector3d first = plane_.normal.unitOrthogonal();
+  axes_ << first, plane_.normal.cross(first), plane_.normal;
+  // Beams of some width return from the board though their middle is beyond its border.
+  seen_half_ = search.HalfSize().array() + search.options.beam_width / 2.0 * origin_.norm();
+  incidence_ = std::acos(std::min(1.0, plane_.distance / std::max(origin_.norm(), 1e-9)));
+}
+
+double Surface::StepOnBoard() const {
+  return search_->scan.azimuth_step * origin_.norm() / std::max(std::cos(incidence_), kLeastCosine);
+}
+
+double Surface::Tolerance() const {
+  const BoardOptions& options = search_->options;
+  return options.border_tolerance + std::min(StepOnBoard(), 0.05 * options.size.minCoeff());
+}
+
+int Surface::Neighbour(int i, int side) const {
+  const std::vector<Near>& points = search_->window.points;
+  const int k = i + side;
+  if (k < 0 || k >= static_cast<int>(points.size())) return -1;
+  if (At(k).layer != At(i).layer) return -1;
+  const double away = std::abs(points[k].azimuth - points[i].azimuth);
+  return away <= kNeighbourSteps * search_->scan.azimuth_step ? k : -1;
+}
+
+bool Surface::IsHiddenBeside(int i, int side) const {
+  int k = i;
+  for (int step = 0; step < kStepsBeside; ++step) {
+    k = Neighbour(k, side);
+    if (k < 0) return false;
+    const int beyond = plane_.Side(At(k));
+    if (beyond != 0) return beyond < 0;
+  }
+  return false;
+}
+
+bool Surface::GoesOn(int i, int side) const {
+  const int next = Neighbour(i, side), after = next < 0 ? -1 : Neighbour(next, side);
+  return after >= 0 && plane_.Holds(At(next)) && plane_.Holds(At(after));
+}
+
+bool Surface::IsMixed(int i, int side) const {
+  const double residual = plane_.Residual(At(i).position);
+  if (std::abs(residual) < kMixed * plane_.sigma) return false;
+  const int k = Neighbour(i, side);
+  return k >= 0 && plane_.Side(At(k)) * residual > 0.0;
+}
+
+int Surface::Trusted(int i, int inwards) const {
+  int k = i;
+  for (int step = 0; step < kStepsBeside && k >= 0; ++step, k = Neighbour(k, inwards)) {
+    if (std::abs(plane_.Residual(At(k).position)) < kTrusted * plane_.sigma) return k;
+  }
+  return i;
+}
+
+// Where the border is met beyond the last return of a layer: half way to the first beam that
+// reached a surface behind, since returns in between, mixed of both, may be on either side; half
+// a beam step where there is none.
+Eigen::Vector2d Surface::Border(int i, int side) const {
+  Eigen::Vector2d in_plane;
+  const double azimuth = At(i).azimuth + side * BeyondEnd(i, side);
+  if (!Meets(search_->scan.Direction(azimuth, At(i).elevation), &in_plane)) {
+    return InPlane(At(i).position);
+  }
+  return in_plane;
+}
+
+double Surface::BeyondEnd(int i, int side) const {
+  const std::vector<Near>& points = search_->window.points;
+  // Where the beam's width is given, it accounts for mixed returns.
+  const int steps = search_->options.beam_width <= 0.0 ? kStepsBeside : 0;
+  int k = i;
+  for (int step = 0; step < steps; ++step) {
+    k = Neighbour(k, side);
+    const int next = k < 0 ? -1 : Neighbour(k, side);
+    if (next < 0) break;
+    const bool on_surface = std::abs(At(next).range - At(k).range) < kSurfaceShare * At(k).range;
+    if (plane_.Side(At(k)) > 0 && on_surface) {
+      return std::abs(points[k].azimuth - points[i].azimuth) / 2.0;
+    }
+  }
+  return search_->scan.azimuth_step / 2.0;
+}
+
+void Surface::AddEnd(int i, int side, Outline* outline) const {
+  outline->inside.push_back(InPlane(At(i).position));
+  if (!IsHiddenBeside(i, side)) outline->limits.push_back(Border(Trusted(i, -side), side));
+  AddOutside(i, side, &outline->outside);
+}
+
+void Surface::AddOutside(int i, int side, PlanePoints* outside) const {
+  const int k = Neighbour(i, side);
+  Eigen::Vector2d in_plane;
+  if (k >= 0 && plane_.Side(At(k)) > 0 && Meets(At(k).position / At(k).range, &in_plane)) {
+    outside->push_back(in_plane);
+  }
+}
+
+void Surface::AddLayersAround(PlanePoints* outside) const {
+  const int low = At(ends_.front().first).layer, high = At(ends_.back().first).layer;
+  const double reach = search_->options.size.norm() / 2.0;
+  for (std::size_t i = 0; i < search_->window.points.size(); i += 3) {
+    const int layer = At(i).layer;
+    Eigen::Vector2d in_plane;
+    if ((layer == low - 1 || layer == high + 1) && plane_.Side(At(i)) > 0 &&
+        Meets(At(i).position / At(i).range, &in_plane) && in_plane.norm() < reach) {
+      outside->push_back(in_plane);
+    }
+  }
+}
+
+}  // namespace atom_core
