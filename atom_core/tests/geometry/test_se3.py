@@ -103,16 +103,6 @@ def test_adjoint_carries_twists():
     )
 
 
-def test_mean_rotation_of_symmetric_spread_is_the_centre():
-    centre = se3.rotation_from_rpy([0.2, 0.4, -1.0])
-    spread = [
-        centre @ se3.rotation_from_rotation_vector(sign * 0.2 * axis)
-        for axis in np.eye(3)
-        for sign in (-1, 1)
-    ]
-    np.testing.assert_allclose(se3.mean_rotation(np.array(spread)), centre, atol=1e-12)
-
-
 def test_random_direction_is_isotropic():
     rng = np.random.default_rng(3)
     directions = np.array([se3.random_direction(rng) for _ in range(4000)])

@@ -35,7 +35,6 @@ from atom_core.labeling.lidar3d import (
     expected_points,
     find_boards,
     find_layers,
-    predict_seed,
 )
 from atom_core.model.pattern import pattern_from_config
 from atom_core.model.sensor import LIDAR3D, Sensor
@@ -383,14 +382,6 @@ def test_next_seed_follows_the_board_not_what_stands_beside():
         check(found, cloud)
         seed = found.next_seed
         assert np.linalg.norm(seed - cloud.seed) < 0.05
-
-
-def test_predicted_seed_is_the_boards_middle():
-    scene = many_scenes(1, 5, tilted=True)[0]
-    seed = predict_seed(scene.world_T_lidar, scene.world_T_board, BORDER)
-    cloud = scan(scene, 16)
-    assert np.linalg.norm(seed - cloud.seed) < 0.2  # the scan may not reach over all the board
-    check(label(cloud, seed), cloud)
 
 
 def test_same_input_same_output_whatever_was_called_before():

@@ -193,12 +193,6 @@ def rotation_angle(rotation: np.ndarray) -> np.ndarray:
     return np.linalg.norm(rotation_vector_from_rotation(rotation), axis=-1)
 
 
-def mean_rotation(rotations: np.ndarray) -> np.ndarray:
-    """Return the chordal mean (3, 3) of rotations (n, 3, 3)."""
-    u, _, vt = np.linalg.svd(np.sum(rotations, axis=0))
-    return u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
-
-
 def random_rotation(angle_rad: float, rng: np.random.Generator) -> np.ndarray:
     """Return a rotation (3, 3) of the given angle [rad] about an isotropically random axis."""
     return rotation_from_rotation_vector(angle_rad * random_direction(rng))

@@ -257,20 +257,6 @@ def _quality(segment: Mapping[str, Any]) -> Dict[str, float]:
     return {name: value for name, value in figures.items() if np.isfinite(value)}
 
 
-def predict_seed(
-    world_T_sensor: np.ndarray, world_T_pattern: np.ndarray, border: Rectangle
-) -> np.ndarray:
-    """Return where a LiDAR should see the board's middle (3,) [m], in its frame.
-
-    Args:
-        world_T_sensor: (4, 4) first estimate of the LiDAR's data frame.
-        world_T_pattern: (4, 4) pose of the board, by a camera or by the previous label.
-        border: the board's edges [m].
-    """
-    centre = np.append(border.centre, 0.0)[None]
-    return se3.apply(se3.inverse(world_T_sensor) @ world_T_pattern, centre)[0]
-
-
 def expected_points(
     border: Rectangle,
     distance_m: float,

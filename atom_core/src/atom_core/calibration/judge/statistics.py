@@ -65,16 +65,6 @@ def residual_table(problem: Problem, x: np.ndarray) -> Table:
     return table
 
 
-def mean_over_collections(table: Table, sensor: str, kind: str) -> float:
-    """Return the mean over collections of the collections' means, as ATOM's tables do."""
-    means = [
-        value.mean
-        for (name, what, collection), value in table.items()
-        if name == sensor and what == kind and collection is not None
-    ]
-    return float(np.mean(means))
-
-
 def kinds_of(table: Table, sensor: str) -> List[str]:
     """Return the kinds of residuals that a sensor has."""
     return list(dict.fromkeys(kind for name, kind, _ in table if name == sensor))
