@@ -73,7 +73,7 @@ lint-only:
 	run() { echo "lint: $$1 $${2:-}"; "$$@" || failed+=("$$1 $${2:-}"); }; \
 	run ruff check $(PYTHON_FILES); \
 	run ruff format --check $(PYTHON_FILES); \
-	run mypy atom_core/src atom_calibration/src; \
+	run mypy atom_core/src atom_calibration/src atom_examples/src; \
 	PYTHONPATH=atom_core/src:atom_calibration/src run lint-imports --no-logo; \
 	run clang-format --dry-run -Werror $(CPP_FILES); \
 	run catkin_lint --offline --quiet --strict --severity-level 1 $$(dirname */package.xml); \

@@ -6,7 +6,8 @@ from atom_core.geometry import se3
 from atom_core.synthetic.cell import cell_rig
 from atom_examples.cell_simulator import graphics
 from atom_examples.cell_simulator.errors import SimulatorError
-from atom_examples.cell_simulator.scene import PERSON_M, Person
+from atom_examples.cell_simulator.scene import Person
+from atom_examples.cell_simulator.scene_model import PERSON_M
 from atom_examples.cell_simulator.visuals import read_visuals
 from atom_examples.cell_simulator.world import DISTURBED, EXACT
 

@@ -85,39 +85,11 @@ def run(args: argparse.Namespace) -> int:
     for name in _SETS:
         _collect(folder, name)
     _title(3, "check: who sees what, is it enough?")
-    train = folder / "train" / DATASET_FILE
-    _core("check", "--dataset", train)
+    _core("check", "--dataset", folder / "train" / DATASET_FILE)
     _title(4, "calibrate")
-    acceptable = (
-        _core(
-            "calibrate",
-            "--dataset",
-            train,
-            "--output",
-            folder / "calibration",
-            "--overwrite",
-            "--truth",
-            folder / "train.truth.json",
-        )
-        == DONE
-    )
+    acceptable = _calibrate(folder) == DONE
     _title(5, "evaluate on the test recording, against the truth")
-    measured = (
-        _core(
-            "evaluate",
-            "--train",
-            folder / "calibration" / calibrate.DATASET_FILE,
-            "--test",
-            folder / "test" / DATASET_FILE,
-            "--truth",
-            folder / "test.truth.json",
-            "--output",
-            folder / "evaluation",
-            "--overwrite",
-            *["--verbose"] * args.verbose,
-        )
-        == DONE
-    )
+    measured = _evaluate(folder, args.verbose) == DONE
     print("\n" + "\n".join(_conclusion(folder)))
     return DONE if acceptable and measured else NOT_ACCEPTABLE
 
@@ -155,6 +127,35 @@ def _collect(folder: Path, name: str) -> None:
         "--output",
         folder / name,
         "--overwrite",
+    )
+
+
+def _calibrate(folder: Path) -> int:
+    return _core(
+        "calibrate",
+        "--dataset",
+        folder / "train" / DATASET_FILE,
+        "--output",
+        folder / "calibration",
+        "--overwrite",
+        "--truth",
+        folder / "train.truth.json",
+    )
+
+
+def _evaluate(folder: Path, verbose: bool) -> int:
+    return _core(
+        "evaluate",
+        "--train",
+        folder / "calibration" / calibrate.DATASET_FILE,
+        "--test",
+        folder / "test" / DATASET_FILE,
+        "--truth",
+        folder / "test.truth.json",
+        "--output",
+        folder / "evaluation",
+        "--overwrite",
+        *["--verbose"] * verbose,
     )
 
 

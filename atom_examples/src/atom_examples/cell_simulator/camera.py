@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Optional
+from typing import Optional, Tuple
 
 import cv2
 import numpy as np
 
 from atom_core.geometry.camera import Camera
 from atom_examples.cell_simulator.errors import SimulatorError
-from atom_examples.cell_simulator.scene import Scene, View
+from atom_examples.cell_simulator.scene import Scene
+from atom_examples.cell_simulator.scene_model import View
 
 FINER = 2  # pictures are drawn finer and averaged, so that edges keep their place
 _WIDEST = 3.0  # pinhole picture to image, in either direction
@@ -25,7 +26,7 @@ def pinhole_view(name: str, frame: str, camera: Camera) -> View:
     return View(name, frame, _pinhole(name, camera)[0])
 
 
-def _pinhole(name: str, camera: Camera):
+def _pinhole(name: str, camera: Camera) -> Tuple[Camera, np.ndarray]:
     """Return the pinhole, and where its pixel (0, 0) is in the undistorted image (2,) [px]."""
     columns, rows = np.arange(-1, camera.width + 1), np.arange(-1, camera.height + 1)
     outline = np.concatenate(
@@ -79,7 +80,7 @@ class ColourCamera:
         return np.clip(np.rint(noise, out=noise), 0, 255, out=noise).astype(np.uint8)
 
 
-def _knots(count: int):
+def _knots(count: int) -> Tuple[np.ndarray, np.ndarray]:
     """Return knots [px] along an image's side, and the matrix from there to its fine pixels."""
     knots = np.arange(-_COARSE_PX, count + 2 * _COARSE_PX, _COARSE_PX, dtype=float)
     fine = (np.arange(count * FINER) + 0.5) / FINER - 0.5

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from atom_core.geometry.camera import Camera
-from atom_examples.cell_simulator.scene import Scene
+from atom_examples.cell_simulator.scene import Hits, Scene
 
 _STEP_M, _STEP_SHARE = 0.03, 0.02  # a larger jump between neighbours is an edge
 
@@ -83,7 +83,7 @@ class DepthCamera:
             z[(z < self.range_m[0]) | (z > self.range_m[1])] = np.nan
         return z
 
-    def _cast(self, scene: Scene):
+    def _cast(self, scene: Scene) -> Hits:
         world_T_optical = scene.pose(self.frame)
         return scene.cast(world_T_optical[:3, 3], self._rays @ world_T_optical[:3, :3].T)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 from types import ModuleType
-from typing import Dict, Optional, Sequence
+from typing import Any, Dict, Optional, Sequence
 
 import numpy as np
 
@@ -62,7 +62,7 @@ class Renderer:
     renderers may live in one process, so each makes its own current first.
     """
 
-    def __init__(self, model, largest: Dict[str, int], groups: Sequence[int]):
+    def __init__(self, model: Any, largest: Dict[str, int], groups: Sequence[int]):
         """Make the context.
 
         Args:
@@ -76,8 +76,9 @@ class Renderer:
         self._mujoco = mujoco = import_mujoco()
         self._model = model
         try:
-            self._gl: Optional[object] = mujoco.GLContext(largest["width"], largest["height"])
-            self._gl.make_current()  # type: ignore[attr-defined]
+            context = mujoco.GLContext(largest["width"], largest["height"])
+            context.make_current()
+            self._gl: Optional[Any] = context
             self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
         except Exception as error:  # noqa: BLE001  (EGLError, ImportError, FatalError: by library)
             raise SimulatorError(
@@ -91,7 +92,7 @@ class Renderer:
         self._options.geomgroup[:] = 0
         self._options.geomgroup[list(groups)] = 1
 
-    def colours(self, data, camera: int, width: int, height: int) -> np.ndarray:
+    def colours(self, data: Any, camera: int, width: int, height: int) -> np.ndarray:
         """Return (height, width, 3) uint8, red green blue, BOTTOM ROW FIRST."""
         picture = np.empty((height, width, 3), dtype=np.uint8)
         self._mujoco.mjr_readPixels(
@@ -99,7 +100,7 @@ class Renderer:
         )
         return picture
 
-    def depths(self, data, camera: int, width: int, height: int) -> np.ndarray:
+    def depths(self, data: Any, camera: int, width: int, height: int) -> np.ndarray:
         """Return z-depths (height, width) [m] float32, BOTTOM ROW FIRST."""
         buffer = np.empty((height, width), dtype=np.float32)
         self._mujoco.mjr_readPixels(
@@ -109,10 +110,10 @@ class Renderer:
         near, far = self._model.vis.map.znear * extent, self._model.vis.map.zfar * extent
         return (near * far / (far - buffer.astype(float) * (far - near))).astype(np.float32)
 
-    def _draw(self, data, camera: int, width: int, height: int):
+    def _draw(self, data: Any, camera: int, width: int, height: int) -> Any:
         mujoco = self._mujoco
         assert self._gl is not None, "the renderer is closed"
-        self._gl.make_current()  # type: ignore[attr-defined]
+        self._gl.make_current()
         view = mujoco.MjvCamera()
         view.type, view.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, camera
         mujoco.mjv_updateScene(
@@ -125,9 +126,9 @@ class Renderer:
     def close(self) -> None:
         """Free the context; in this order, or EGL complains at exit."""
         if self._gl is not None:
-            self._gl.make_current()  # type: ignore[attr-defined]
+            self._gl.make_current()
             self._context.free()
-            self._gl.free()  # type: ignore[attr-defined]
+            self._gl.free()
             self._gl = None
 
     def __del__(self):

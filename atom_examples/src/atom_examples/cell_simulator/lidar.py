@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Optional, Tuple
+from typing import Iterator, NamedTuple, Optional, Tuple, Union
 
 import numpy as np
 
@@ -103,7 +103,9 @@ class Lidar:
         points = (self.model.directions[beam] * distance[:, None]).astype(np.float32)
         return Scan(points, intensity, beam, on_plate)
 
-    def _moving_over_still(self, scene: Scene, world_T_lidar: np.ndarray):
+    def _moving_over_still(
+        self, scene: Scene, world_T_lidar: np.ndarray
+    ) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return ranges (5, n) of beams and lines around, intensities (n,), on the plate (n,)."""
         origin, rotation = world_T_lidar[:3, 3], world_T_lidar[:3, :3]
         if self._still is None or not np.array_equal(self._still[0], world_T_lidar):
@@ -130,7 +132,14 @@ class Lidar:
             chosen |= self.model.directions @ (to_centre / away) >= np.cos(angle)
         return np.flatnonzero(chosen)
 
-    def _cast(self, scene: Scene, which, origin: np.ndarray, rotation: np.ndarray, still: bool):
+    def _cast(
+        self,
+        scene: Scene,
+        which: Union[slice, np.ndarray],
+        origin: np.ndarray,
+        rotation: np.ndarray,
+        still: bool,
+    ) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
         lines = self._beams[:, which]
         rays = lines.reshape(-1, 3) @ rotation.T
         hits = scene.cast(origin, rays, still=still, moving=not still)
@@ -146,7 +155,7 @@ class Lidar:
         return distance, intensity.astype(np.float32), plate
 
 
-def _around(directions: np.ndarray, angle_rad: float):
+def _around(directions: np.ndarray, angle_rad: float) -> Iterator[np.ndarray]:
     """Yield the directions (n, 3) turned left, right, up and down by an angle."""
     left = np.cross([0.0, 0.0, 1.0], directions)
     left /= np.linalg.norm(left, axis=1)[:, None]

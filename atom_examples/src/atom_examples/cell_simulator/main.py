@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, List, Optional
+from typing import TYPE_CHECKING, Any, List, Optional
 
 from atom_core.errors import AtomError, OutputError
 from atom_core.synthetic.cell import SCENARIOS
@@ -68,7 +68,7 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add(parser: argparse.ArgumentParser, name: str, **settings) -> None:
+def _add(parser: argparse.ArgumentParser, name: str, **settings: Any) -> None:
     """Add an option that is accepted with ``_`` and with ``-``."""
     spellings = dict.fromkeys([f"--{name}", "--" + name.replace("_", "-")])
     parser.add_argument(*spellings, dest=name, **settings)

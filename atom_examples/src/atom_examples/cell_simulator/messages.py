@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Dict, Mapping, Tuple
+from typing import Dict, Mapping, Tuple, Union
 
 import cv2
 import numpy as np
 import rospy
-from geometry_msgs.msg import Pose, Transform, TransformStamped
+from geometry_msgs.msg import Point, Pose, Quaternion, Transform, TransformStamped, Vector3
 from sensor_msgs.msg import (
     CameraInfo,
     CompressedImage,
@@ -27,22 +27,25 @@ from atom_examples.cell_simulator.depth import millimetres
 from atom_examples.cell_simulator.lidar import Scan
 
 _JPEG_QUALITY, _PNG_LEVEL = 95, 1
-# As velodyne_pointcloud lays them out. A scan is one instant here, so `time` is 0.
+# As velodyne_pointcloud lays them out: offset, numpy's and the message's type of each field. A scan
+# is one instant here, so `time` is 0.
+_LAYOUT = {
+    "x": (0, "<f4", PointField.FLOAT32),
+    "y": (4, "<f4", PointField.FLOAT32),
+    "z": (8, "<f4", PointField.FLOAT32),
+    "intensity": (12, "<f4", PointField.FLOAT32),
+    "ring": (16, "<u2", PointField.UINT16),
+    "time": (18, "<f4", PointField.FLOAT32),
+}
 _POINT = np.dtype(
     {
-        "names": ["x", "y", "z", "intensity", "ring", "time"],
-        "formats": ["<f4", "<f4", "<f4", "<f4", "<u2", "<f4"],
-        "offsets": [0, 4, 8, 12, 16, 18],
+        "names": list(_LAYOUT),
+        "formats": [kind for _, kind, _ in _LAYOUT.values()],
+        "offsets": [offset for offset, _, _ in _LAYOUT.values()],
         "itemsize": 22,
     }
 )
-_FIELDS = [
-    PointField(name, _POINT.fields[name][1], kind, 1)
-    for name, kind in zip(
-        _POINT.names,
-        [PointField.FLOAT32] * 4 + [PointField.UINT16, PointField.FLOAT32],
-    )
-]
+_FIELDS = [PointField(name, offset, kind, 1) for name, (offset, _, kind) in _LAYOUT.items()]
 
 
 def header(frame: str, stamp: rospy.Time, seq: int = 0) -> Header:
@@ -176,7 +179,7 @@ def _transform(matrix: np.ndarray) -> Transform:
     return message
 
 
-def _fill(position, orientation, matrix: np.ndarray) -> None:
+def _fill(position: Union[Point, Vector3], orientation: Quaternion, matrix: np.ndarray) -> None:
     position.x, position.y, position.z = (float(v) for v in matrix[:3, 3])
     x, y, z, w = (float(v) for v in se3.quaternion_from_rotation(matrix[:3, :3]))
     orientation.x, orientation.y, orientation.z, orientation.w = x, y, z, w

@@ -12,7 +12,14 @@ from geometry_msgs.msg import PoseStamped
 from interactive_markers.interactive_marker_server import InteractiveMarkerServer
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image, JointState, PointCloud2
-from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
+from std_srvs.srv import (
+    SetBool,
+    SetBoolRequest,
+    SetBoolResponse,
+    Trigger,
+    TriggerRequest,
+    TriggerResponse,
+)
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import (
     InteractiveMarker,
@@ -163,18 +170,18 @@ class LiveCell:
         with self._lock:
             self._board = world_T_pattern
 
-    def _step(self, _request) -> TriggerResponse:
+    def _step(self, _request: TriggerRequest) -> TriggerResponse:
         self._paused = True
         self._steps.release()
         return TriggerResponse(True, f"{TICK_S} s; ~pause with false lets time pass again")
 
-    def _reset(self, _request) -> TriggerResponse:
+    def _reset(self, _request: TriggerRequest) -> TriggerResponse:
         self._move_board(self._start)
         self._marker.put(self._start)
         self._paused = False
         return TriggerResponse(True, "the board is where it began")
 
-    def _pause(self, request) -> SetBoolResponse:
+    def _pause(self, request: SetBoolRequest) -> SetBoolResponse:
         self._paused = bool(request.data)
         return SetBoolResponse(True, "paused" if self._paused else "running")
 

@@ -13,7 +13,8 @@ from atom_core.synthetic import lidar, rgb
 from atom_core.synthetic.cell import SCENARIOS, plan_board_poses
 from atom_core.synthetic.rig import camera_of
 from atom_examples.cell_simulator.errors import SimulatorError
-from atom_examples.cell_simulator.scene import PERSON_M, Person
+from atom_examples.cell_simulator.scene import Person
+from atom_examples.cell_simulator.scene_model import PERSON_M
 from atom_examples.cell_simulator.trajectory import ordered
 from atom_examples.cell_simulator.world import World
 

@@ -6,7 +6,7 @@ import os
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Dict, Iterator, List, Optional
+from typing import Any, Dict, Iterator, List, Optional, Tuple
 
 import numpy as np
 import rosbag
@@ -154,7 +154,7 @@ class _Writer:
         if state.stop is not None and state.tick_of_stop == 0:
             self.labels.add_stop(state.stop)
 
-    def _due(self, tick: int, state: State) -> Iterator:
+    def _due(self, tick: int, state: State) -> Iterator[Tuple[int, AnySettings]]:
         wanted, still = self.recording, state.stop is not None
         for number, sensor in enumerate(self.world.settings.all):
             if isinstance(sensor, ColourSettings):
@@ -170,7 +170,13 @@ class _Writer:
             return None
         return np.random.default_rng([self.world.seed, self._stream, _NOISE, sensor, tick])
 
-    def _write_sensor(self, sensor: AnySettings, state: State, stamp: rospy.Time, rng) -> None:
+    def _write_sensor(
+        self,
+        sensor: AnySettings,
+        state: State,
+        stamp: rospy.Time,
+        rng: Optional[np.random.Generator],
+    ) -> None:
         scene, world = self.world.scene, self.world
         head = messages.header(sensor.frame, stamp, self._next_seq(sensor.topic))
         topic, packed = sensor.topic, self.recording.compressed

@@ -126,6 +126,7 @@ class _Entry:
 
 
 def _sensors(entries: _Entry) -> Dict[str, AnySettings]:
+    readers: Mapping[str, Callable[[_Entry, Dict[str, Any]], AnySettings]]
     readers = {RGB: _colour, DEPTH: _depth, LIDAR3D: _lidar}
     sensors: Dict[str, AnySettings] = {}
     for name in entries.values:

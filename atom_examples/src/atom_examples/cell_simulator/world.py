@@ -21,7 +21,8 @@ from atom_examples.cell_simulator.camera import FINER, ColourCamera, pinhole_vie
 from atom_examples.cell_simulator.depth import DepthCamera
 from atom_examples.cell_simulator.errors import SimulatorError
 from atom_examples.cell_simulator.lidar import Lidar
-from atom_examples.cell_simulator.scene import Board, Scene, View
+from atom_examples.cell_simulator.scene import Scene
+from atom_examples.cell_simulator.scene_model import Board, View
 from atom_examples.cell_simulator.settings import (
     ColourSettings,
     DepthSettings,
