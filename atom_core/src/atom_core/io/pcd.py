@@ -1,4 +1,4 @@
-"""Point clouds in PCD files (versions 0.5 to 0.7): ascii, binary and binary_compressed."""
+"""Point clouds in PCD files (versions 0.5 to 0.7); read in every encoding, written in binary."""
 
 from __future__ import annotations
 
@@ -152,9 +152,8 @@ def write_pcd(
     *,
     width: Optional[int] = None,
     height: Optional[int] = None,
-    encoding: str = BINARY,
 ) -> None:
-    """Write a cloud; ``write_pcd(path, xyz)`` writes it as ATOM does (binary, float32, height 1).
+    """Write a cloud in binary; ``write_pcd(path, xyz)`` writes it as ATOM does (float32, height 1).
 
     Args:
         path: the file.
@@ -162,19 +161,15 @@ def write_pcd(
             (n,) or (n, count) array, written in its own type; or a cloud.
         width: points per row, or None.
         height: number of rows, or None; one row if neither is given.
-        encoding: ascii, binary or binary_compressed.
 
     Raises:
         OutputError: the file cannot be written.
         ValueError: the arrays do not make a cloud.
     """
-    if encoding not in ENCODINGS:
-        raise ValueError(f"encoding '{encoding}' is unknown; use {', '.join(ENCODINGS)}")
     cloud = _as_cloud(fields_or_xyz, width, height)
     columns = {name: _column(name, values) for name, values in cloud.fields.items()}
-    body = {ASCII: _ascii_body, BINARY: _binary_body, BINARY_COMPRESSED: _lzf_body}[encoding]
-    header = _header_text(cloud, columns, encoding).encode("ascii")
-    write_bytes_atomically(path, header + body(columns, len(cloud)))
+    header = _header_text(cloud, columns).encode("ascii")
+    write_bytes_atomically(path, header + _binary_body(columns, len(cloud)))
 
 
 # --- header ---------------------------------------------------------------------------------
@@ -427,7 +422,7 @@ def _column(name: str, values: np.ndarray) -> np.ndarray:
     return column[:, np.newaxis] if column.ndim == 1 else column
 
 
-def _header_text(cloud: PointCloud, columns: Mapping[str, np.ndarray], encoding: str) -> str:
+def _header_text(cloud: PointCloud, columns: Mapping[str, np.ndarray]) -> str:
     types = [_TYPES[column.dtype] for column in columns.values()]
     viewpoint = " ".join(f"{number:.17g}" for number in cloud.viewpoint)
     return (
@@ -441,7 +436,7 @@ def _header_text(cloud: PointCloud, columns: Mapping[str, np.ndarray], encoding:
         f"HEIGHT {cloud.height}\n"
         f"VIEWPOINT {viewpoint}\n"
         f"POINTS {len(cloud)}\n"
-        f"DATA {encoding}\n"
+        f"DATA {BINARY}\n"
     )
 
 
@@ -451,18 +446,3 @@ def _binary_body(columns: Mapping[str, np.ndarray], points: int) -> bytes:
     for name, column in columns.items():
         table[name] = column
     return table.tobytes()
-
-
-def _lzf_body(columns: Mapping[str, np.ndarray], _points: int) -> bytes:
-    table = b"".join(column.tobytes() for column in columns.values())
-    packed = lzf.compress(table)
-    return struct.pack("<II", len(packed), len(table)) + packed
-
-
-def _ascii_body(columns: Mapping[str, np.ndarray], _points: int) -> bytes:
-    texts: List[List[str]] = []
-    for column in columns.values():
-        # 9 and 17 digits bring every float32 and float64 back exactly.
-        style = {"f4": "%.9g", "f8": "%.17g"}.get(column.dtype.str[1:], "%d")
-        texts.extend([style % value for value in values] for values in column.T.tolist())
-    return "".join(" ".join(row) + "\n" for row in zip(*texts)).encode("ascii")
