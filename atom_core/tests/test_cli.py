@@ -7,7 +7,6 @@ import pytest
 
 from atom_core import native
 from atom_core.cli import main
-from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.io.truth_json import write_truth
@@ -391,67 +390,6 @@ def test_without_the_native_module_scipy_does_it_and_says_how_to_build(
     capsys.readouterr()
     line = calibrate(capsys, path, tmp_path / "other", "--solver", "ceres")
     assert "make build" in line and "--solver ceres" in line
-
-
-def test_a_description_is_written_with_the_calibrated_edges(cell, tmp_path):
-    pytest.importorskip("atom_core._core", reason="native module is not built: make build")
-    dataset = read_dataset(cell / "data" / "dataset.json")
-    urdf = tmp_path / "rig.urdf"
-    urdf.write_text(_urdf_of(dataset))
-    output = tmp_path / "out"
-    assert (
-        main(
-            [
-                "calibrate",
-                "--dataset",
-                str(dataset.source),
-                "--output",
-                str(output),
-                "--description",
-                str(urdf),
-            ]
-        )
-        == 0
-    )
-    from atom_core.io.urdf import read_description
-
-    robot = read_description(output / "optimized.urdf.xacro").robot
-    document = json.loads((output / "calibration.json").read_text())
-    for edge in document["edges"].values():
-        joint = robot.joint_between(edge["parent"], edge["child"])
-        assert list(joint.parent_T_child()[:3, 3]) == pytest.approx(edge["translation_m"], abs=1e-9)
-    # The rig that was calibrated has moved from where the old description has it.
-    assert main(["check", "-json", str(dataset.source), "--against", str(urdf)]) == 0
-    assert (
-        main(
-            [
-                "check",
-                "-json",
-                str(output / "atom_calibration.json"),
-                "--against",
-                str(urdf),
-                "-ssf",
-                "rgb_*",
-            ]
-        )
-        == 1
-    )
-
-
-def _urdf_of(dataset):
-    transforms = next(iter(dataset.collections.values())).transforms
-    links = dict.fromkeys(f for edge in transforms for f in edge)
-    lines = ['<robot name="rig">', "  <!-- a comment that stays -->"]
-    lines += [f'  <link name="{name}"/>' for name in links]
-    for edge, matrix in transforms.items():
-        xyz = " ".join(repr(float(v)) for v in matrix[:3, 3])
-        rpy = " ".join(repr(float(v)) for v in se3.rpy_from_rotation(matrix[:3, :3]))
-        lines.append(
-            f'  <joint name="{edge.parent}_to_{edge.child}" type="fixed">\n'
-            f'    <parent link="{edge.parent}"/>\n    <child link="{edge.child}"/>\n'
-            f'    <origin xyz="{xyz}" rpy="{rpy}"/>\n  </joint>'
-        )
-    return "\n".join(lines + ["</robot>", ""])
 
 
 def test_paper_cell_from_disk_equals_paper_cell_from_memory(tmp_path):

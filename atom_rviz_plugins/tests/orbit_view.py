@@ -79,3 +79,15 @@ def layout(view, displays, tools, panels=(), fixed_frame="world"):
             "Hide Right Dock": True,
         },
     }
+
+
+def cloud(name, topic, size_px=None, selectable=True):
+    """Return RViz's display of a cloud: grey and small, or of a size and in its own colours."""
+    display = {"Class": "rviz/PointCloud2", "Name": name, "Enabled": True, "Topic": topic}
+    display.update({"Style": "Points", "Color Transformer": "FlatColor", "Color": "150; 150; 150"})
+    if size_px is not None:
+        display.update({"Size (Pixels)": size_px, "Color Transformer": "RGB8"})
+        del display["Color"]
+    if not selectable:
+        display["Selectable"] = False
+    return display

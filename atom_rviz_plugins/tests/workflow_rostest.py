@@ -28,7 +28,7 @@ sys.path[:0] = [str(FOLDER), f"{rospkg.RosPack().get_path('atom_calibration')}/t
 
 from live_scene import COLLECTIONS, LiveRig, LiveScene, Process  # noqa: E402
 from marker_hand import MarkerHand  # noqa: E402
-from orbit_view import OrbitView, layout  # noqa: E402
+from orbit_view import OrbitView, cloud, layout  # noqa: E402
 from screen import Screen, end, middle, style_sheet  # noqa: E402
 from workflow_tools import (  # noqa: E402
     PATIENCE_S,
@@ -114,31 +114,14 @@ class WorkflowTest(unittest.TestCase):
         wait_until(lambda: self.labels[LIDAR].message, self.why)
         self.assertFalse(self.is_detected(LIDAR), "nobody has said where the board is")
         marker, target = self.markers[LIDAR], self.middle_of_board(LIDAR, COLLECTIONS[0])
+        topic = self.scene.sensors[LIDAR].topic
         view = self.view_of(marker.position, target)
         self.open_rviz(
             layout(
                 view,
                 [
-                    {
-                        "Class": "rviz/PointCloud2",
-                        "Name": "Cloud",
-                        "Enabled": True,
-                        "Topic": self.scene.sensors[LIDAR].topic,
-                        "Style": "Points",
-                        "Color Transformer": "FlatColor",
-                        "Color": "150; 150; 150",
-                        "Selectable": False,
-                    },
-                    {
-                        "Class": "rviz/PointCloud2",
-                        "Name": "Labels",
-                        "Enabled": True,
-                        "Topic": f"{self.scene.sensors[LIDAR].topic}/labeled",
-                        "Style": "Points",
-                        "Size (Pixels)": 4,
-                        "Color Transformer": "RGB8",
-                        "Selectable": False,
-                    },
+                    cloud("Cloud", topic, selectable=False),
+                    cloud("Labels", f"{topic}/labeled", size_px=4, selectable=False),
                     {
                         "Class": "rviz/InteractiveMarkers",
                         "Name": "Seed",
@@ -209,24 +192,8 @@ class WorkflowTest(unittest.TestCase):
             layout(
                 view,
                 [
-                    {
-                        "Class": "rviz/PointCloud2",
-                        "Name": "Cloud",
-                        "Enabled": True,
-                        "Topic": topic,
-                        "Style": "Points",
-                        "Color Transformer": "FlatColor",
-                        "Color": "150; 150; 150",
-                    },
-                    {
-                        "Class": "rviz/PointCloud2",
-                        "Name": "Labels",
-                        "Enabled": True,
-                        "Topic": f"{topic}/labeled3d",
-                        "Style": "Points",
-                        "Size (Pixels)": 5,
-                        "Color Transformer": "RGB8",
-                    },
+                    cloud("Cloud", topic),
+                    cloud("Labels", f"{topic}/labeled3d", size_px=5),
                 ],
                 ["rviz/MoveCamera", "atom_rviz_plugins/PointLabelTool"],
                 [{"Class": "atom_rviz_plugins/AtomPanel", "Name": "ATOM", "Page": 2}],

@@ -7,68 +7,18 @@ from copy import deepcopy
 import numpy as np
 import pytest
 
-from atom_core.errors import DatasetError
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import (
-    dataset_from_document,
     document_of,
     dumps,
     read_dataset,
     write_dataset,
 )
-from atom_core.io.dataset_writer import new_document
 from atom_core.model.dataset import MULTIPLE
 from atom_core.model.labels import DetectionKey, RgbLabel
 from atom_core.model.transforms import Edge
-from atom_core.synthetic import scenes
 
 RUNS = ("nig_0.1_run001", "nig_0.2_run002")
-
-
-@pytest.fixture(scope="module")
-def fresh():
-    """Return a document of version 3: rgb_1, rgb_2, depth_1, lidar_1, three collections."""
-    return new_document(scenes.random_scene(0, collections=3).dataset, name="fresh")
-
-
-@pytest.fixture
-def document(fresh):
-    return deepcopy(fresh)
-
-
-@pytest.fixture
-def read(tmp_path):
-    """Return a function: document -> the dataset read from a file of it."""
-
-    def from_file(document):
-        path = tmp_path / "dataset.json"
-        path.write_text(dumps(document))
-        return read_dataset(path)
-
-    return from_file
-
-
-@pytest.fixture
-def refusal(read):
-    """Return a function: document -> the one line with which it is refused."""
-
-    def message(document):
-        with pytest.raises(DatasetError) as caught:
-            read(document)
-        line = str(caught.value)
-        assert "dataset.json" in line and "\n" not in line and "Traceback" not in line
-        return line
-
-    return message
-
-
-def first_label(document, sensor):
-    """Return the first detected label of a sensor, to be changed in place, and its collection."""
-    for key, collection in sorted(document["collections"].items()):
-        label = collection["labels"]["pattern_1"][sensor]
-        if label["detected"]:
-            return label, key
-    raise AssertionError("nothing detected")
 
 
 # --- the real thing -----------------------------------------------------------------------
@@ -116,7 +66,7 @@ def test_reading_and_writing_changes_nothing(document, read):
     assert document_of(read(document)) == json.loads(dumps(document))
 
 
-def test_unknown_keys_are_kept_everywhere(document, read):
+def test_unknown_keys_are_kept_everywhere(document, read, first_label):
     label, key = first_label(document, "lidar_1")
     label["samples"] = [1, 2]
     document["x-note"] = {"a": [1, None]}
@@ -255,26 +205,26 @@ def test_empty_text_for_nothing(document, read):
 
 
 @pytest.mark.parametrize("sensor", ["rgb_1", "lidar_1", "depth_1"])
-def test_detected_with_empty_lists_is_not_detected(document, read, sensor):
+def test_detected_with_empty_lists_is_not_detected(document, read, sensor, first_label):
     label, key = first_label(document, sensor)
     label["idxs"], label["idxs_limit_points"] = [], []
     assert (key, sensor) not in {(k.collection, k.sensor) for k, _ in read(document).detections()}
 
 
-def test_repeated_and_foreign_limit_indices(document, read):
+def test_repeated_and_foreign_limit_indices(document, read, first_label):
     label, key = first_label(document, "lidar_1")
     label["idxs_limit_points"] = [7] * 16 + [0]
     read_label = read(document).collections[key].labels[("lidar_1", "pattern_1")]
     assert sorted(set(read_label.limit_indices)) == [0, 7]
 
 
-def test_a_range_label_without_limit_points(document, read):
+def test_a_range_label_without_limit_points(document, read, first_label):
     label, key = first_label(document, "lidar_1")
     del label["idxs_limit_points"]
     assert len(read(document).collections[key].labels[("lidar_1", "pattern_1")].limit_indices) == 0
 
 
-def test_what_the_optimiser_left_in_labels(document, read):
+def test_what_the_optimiser_left_in_labels(document, read, first_label):
     label, _ = first_label(document, "rgb_1")
     label["idxs_projected"] = label["idxs_initial"] = [{"x": 1.0, "y": math.nan}]
     assert math.isnan(
@@ -313,172 +263,3 @@ def test_labels_of_a_pattern_that_the_configuration_lacks_are_told(document, rea
     labels = document["collections"]["000"]["labels"]
     labels["pattern_9"] = deepcopy(labels["pattern_1"])
     assert any("pattern_9" in warning for warning in read(document).warnings)
-
-
-# --- refusals -------------------------------------------------------------------------------
-
-
-def test_a_truncated_file(document, tmp_path):
-    path = tmp_path / "dataset.json"
-    text = dumps(document)
-    path.write_text(text[: len(text) // 2])
-    with pytest.raises(DatasetError, match=r"dataset\.json:\d+: not valid JSON .* truncated"):
-        read_dataset(path)
-
-
-def test_a_file_that_is_not_there(tmp_path):
-    with pytest.raises(DatasetError, match="no such file"):
-        read_dataset(tmp_path / "dataset.json")
-
-
-def test_a_binary_file(tmp_path):
-    path = tmp_path / "dataset.json"
-    path.write_bytes(b"\x89PNG\xff\x00")
-    with pytest.raises(DatasetError, match="not UTF-8"):
-        read_dataset(path)
-
-
-@pytest.mark.parametrize("content", ["[]", "{}", "3", '{"sensors": {}}'])
-def test_json_that_is_no_dataset(tmp_path, content):
-    path = tmp_path / "dataset.json"
-    path.write_text(content)
-    with pytest.raises(DatasetError, match="no ATOM dataset"):
-        read_dataset(path)
-
-
-@pytest.mark.parametrize("version", ["2.0", 2.0, "1.1"])
-def test_an_old_version_with_the_way_out(document, refusal, version):
-    document["_metadata"]["version"] = version
-    assert "convert --from atom_v2" in refusal(document)
-
-
-@pytest.mark.parametrize("version", ["", "three", None])
-def test_a_version_that_is_none(document, refusal, version):
-    document["_metadata"]["version"] = version
-    assert "_metadata.version" in refusal(document)
-
-
-def test_an_unknown_modality(document, refusal):
-    document["sensors"]["rgb_1"]["modality"] = "radar"
-    line = refusal(document)
-    assert "'rgb_1'" in line and "'radar'" in line and "lidar3d" in line
-
-
-@pytest.mark.parametrize(
-    "key, value, words",
-    [
-        ("K", [1.0, 0.0, 1.0], "K has 3 numbers, 9"),
-        ("D", [0.1, 0.1, 0.1], "D has 3 numbers"),
-        ("D", [0.1] * 7, "D has 7 numbers"),
-        ("D", [0.1, 0.1, 0.1, 0.1, math.nan], "finite"),
-        ("K", [-900.0, 0, 640, 0, 900, 400, 0, 0, 1], "positive"),
-        ("distortion_model", "magic", "'magic' is unknown"),
-        ("width", "wide", "wide"),
-    ],
-)
-def test_wrong_intrinsics(document, refusal, key, value, words):
-    document["sensors"]["rgb_2"]["camera_info"][key] = value
-    line = refusal(document)
-    assert "'rgb_2'" in line and words in line
-
-
-@pytest.mark.parametrize("key", ["camera_info", "parent", "calibration_child"])
-def test_a_sensor_that_lacks_a_key(document, refusal, key):
-    del document["sensors"]["rgb_1"][key]
-    line = refusal(document)
-    assert "'rgb_1'" in line and key in line
-
-
-@pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_a_pixel_that_is_not_a_number(document, refusal, value):
-    label, key = first_label(document, "rgb_1")
-    label["idxs"][3]["y"] = value
-    line = refusal(document)
-    assert f"collection {key}" in line and "'rgb_1'" in line and "not a number" in line
-
-
-def test_an_index_that_is_not_a_number(document, refusal):
-    label, key = first_label(document, "depth_1")
-    label["idxs"][0] = math.nan
-    line = refusal(document)
-    assert f"collection {key}" in line and "'depth_1'" in line
-
-
-def test_a_corner_labeled_twice(document, refusal):
-    label, _ = first_label(document, "rgb_1")
-    label["idxs"][1]["id"] = label["idxs"][0]["id"]
-    assert f"corner {label['idxs'][0]['id']} is labeled more than once" in refusal(document)
-
-
-@pytest.mark.parametrize("corner", [88, -1])
-def test_a_corner_that_the_pattern_does_not_have(document, refusal, corner):
-    label, _ = first_label(document, "rgb_1")
-    label["idxs"][0]["id"] = corner
-    line = refusal(document)
-    assert f"corner id {corner} is not on pattern" in line and "11 x 8" in line
-
-
-@pytest.mark.parametrize(
-    "key, value",
-    [
-        ("quat", [0.0, 0.0, 0.0, 0.0]),
-        ("quat", [0.0, 0.0, 1.0]),
-        ("quat", [math.nan, 0.0, 0.0, 1.0]),
-        ("trans", [0.0, math.inf, 0.0]),
-        ("trans", [0.0, 0.0]),
-        ("trans", None),
-    ],
-)
-def test_a_transform_that_is_none(document, refusal, key, value):
-    name = next(iter(document["collections"]["001"]["transforms"]))
-    document["collections"]["001"]["transforms"][name][key] = value
-    line = refusal(document)
-    assert "collection 001" in line and name in line
-
-
-def test_a_configuration_that_is_absent_or_wrong(document, refusal):
-    config = document.pop("calibration_config")
-    assert "calibration_config" in refusal(document)
-    config["calibration_patterns"]["pattern_1"]["size"] = -0.06
-    document["calibration_config"] = config
-    assert "size" in refusal(document)
-
-
-@pytest.mark.parametrize(
-    "place, value",
-    [
-        (("sensors",), []),
-        (("sensors", "rgb_1"), None),
-        (("collections",), []),
-        (("collections", "000"), None),
-        (("collections", "000", "labels"), []),
-        (("collections", "000", "labels", "pattern_1"), []),
-        (("collections", "000", "labels", "pattern_1", "rgb_1"), None),
-        (("collections", "000", "labels", "pattern_1", "rgb_1"), {"detected": True, "idxs": 3}),
-        (("collections", "000", "transforms"), [1]),
-        (("collections", "000", "data"), "x"),
-        (("sensors", "rgb_1", "camera_info"), []),
-        (("_metadata",), []),
-        (("patterns", "pattern_1", "corners"), 3),
-        (("patterns", "pattern_1", "corners"), []),
-        (("patterns",), []),
-        (("transforms",), []),
-    ],
-)
-def test_parts_of_the_wrong_type_are_refused_or_ignored_but_never_a_crash(
-    document, read, place, value
-):
-    part = document
-    for key in place[:-1]:
-        part = part[key]
-    part[place[-1]] = value
-    try:
-        read(document)
-    except DatasetError as error:
-        assert "dataset.json" in str(error) and "\n" not in str(error)
-
-
-def test_a_document_without_a_file_names_its_source():
-    dataset = scenes.two_cameras(0, collections=1).dataset
-    again = dataset_from_document(new_document(dataset, name="x"), dataset.source)
-    assert again.source == dataset.source

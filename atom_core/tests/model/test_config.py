@@ -22,6 +22,11 @@ from atom_core.model.pattern import pattern_from_config
 GONE = object()
 
 
+def sensor(link, child_link, topic_name, modality, throttle=None):
+    keys = ("link", "parent_link", "child_link", "topic_name", "modality", "throttle")
+    return dict(zip(keys, (link, "beam", child_link, topic_name, modality, throttle)))
+
+
 def full_document():
     """Return a document with every key of the format, in ATOM's order."""
     return {
@@ -29,30 +34,9 @@ def full_document():
         "bag_file": "$ROS_BAGS/cell/train.bag",
         "world_link": "world",
         "sensors": {
-            "cam": {
-                "link": "cam_optical_frame",
-                "parent_link": "beam",
-                "child_link": "cam_link",
-                "topic_name": "/cam/image_raw",
-                "modality": "rgb",
-                "throttle": 10,
-            },
-            "cam_2": {
-                "link": "cam_2_optical_frame",
-                "parent_link": "beam",
-                "child_link": "cam_2_link",
-                "topic_name": "/cam_2/image_raw",
-                "modality": "depth",
-                "throttle": None,
-            },
-            "lidar": {
-                "link": "lidar",
-                "parent_link": "beam",
-                "child_link": "lidar_base",
-                "topic_name": "/lidar/points",
-                "modality": None,
-                "throttle": None,
-            },
+            "cam": sensor("cam_optical_frame", "cam_link", "/cam/image_raw", "rgb", 10),
+            "cam_2": sensor("cam_2_optical_frame", "cam_2_link", "/cam_2/image_raw", "depth"),
+            "lidar": sensor("lidar", "lidar_base", "/lidar/points", None),
         },
         "additional_tfs": {"gantry": {"parent_link": "world", "child_link": "beam"}},
         "joints": {"shoulder": {"params_to_calibrate": ["origin_x", "origin_yaw"]}},

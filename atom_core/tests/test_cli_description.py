@@ -1,0 +1,72 @@
+"""The calibrated edges in a robot's description."""
+
+import json
+
+import pytest
+
+from atom_core.cli import main
+from atom_core.geometry import se3
+from atom_core.io.dataset_json import read_dataset
+from atom_core.io.dataset_writer import write_dataset_folder
+from atom_core.io.urdf import read_description
+from atom_core.synthetic import scenes
+
+
+def test_a_description_is_written_with_the_calibrated_edges(tmp_path):
+    pytest.importorskip("atom_core._core", reason="native module is not built: make build")
+    scene = scenes.random_scene(0, collections=8, disturbance=(0.05, 0.05))
+    dataset = read_dataset(write_dataset_folder(scene.dataset, tmp_path / "data", name="train"))
+    urdf = tmp_path / "rig.urdf"
+    urdf.write_text(_urdf_of(dataset))
+    output = tmp_path / "out"
+    assert (
+        main(
+            [
+                "calibrate",
+                "--dataset",
+                str(dataset.source),
+                "--output",
+                str(output),
+                "--description",
+                str(urdf),
+            ]
+        )
+        == 0
+    )
+    robot = read_description(output / "optimized.urdf.xacro").robot
+    document = json.loads((output / "calibration.json").read_text())
+    for edge in document["edges"].values():
+        joint = robot.joint_between(edge["parent"], edge["child"])
+        assert list(joint.parent_T_child()[:3, 3]) == pytest.approx(edge["translation_m"], abs=1e-9)
+    # The rig that was calibrated has moved from where the old description has it.
+    assert main(["check", "-json", str(dataset.source), "--against", str(urdf)]) == 0
+    assert (
+        main(
+            [
+                "check",
+                "-json",
+                str(output / "atom_calibration.json"),
+                "--against",
+                str(urdf),
+                "-ssf",
+                "rgb_*",
+            ]
+        )
+        == 1
+    )
+
+
+def _urdf_of(dataset):
+    transforms = next(iter(dataset.collections.values())).transforms
+    links = dict.fromkeys(f for edge in transforms for f in edge)
+    lines = ['<robot name="rig">', "  <!-- a comment that stays -->"]
+    lines += [f'  <link name="{name}"/>' for name in links]
+    for edge, matrix in transforms.items():
+        xyz = " ".join(repr(float(v)) for v in matrix[:3, 3])
+        rpy = " ".join(repr(float(v)) for v in se3.rpy_from_rotation(matrix[:3, :3]))
+        lines.append(
+            f'  <joint name="{edge.parent}_to_{edge.child}" type="fixed">\n'
+            f'    <parent link="{edge.parent}"/>\n    <child link="{edge.child}"/>\n'
+            f'    <origin xyz="{xyz}" rpy="{rpy}"/>\n  </joint>'
+        )
+    return "\n".join(lines + ["</robot>", ""])
