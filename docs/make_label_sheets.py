@@ -14,7 +14,7 @@ from typing import Dict, List, Optional
 import cv2
 import numpy as np
 
-from atom_calibration.show.pictures import cloud_picture
+from atom_calibration.modalities.lidar3d import cloud_picture
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import Label, RangeLabel, RgbLabel

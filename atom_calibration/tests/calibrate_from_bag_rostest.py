@@ -13,11 +13,8 @@ import numpy as np
 import rosbag
 import rospy
 import rosunit
-from geometry_msgs.msg import TransformStamped
 from live_scene import Process
-from sensor_msgs.msg import CameraInfo, Image
-from std_msgs.msg import Header
-from tf2_msgs.msg import TFMessage
+from messages import Make
 from waiting import until
 
 from atom_calibration.msg import CalibrationState
@@ -30,43 +27,6 @@ from atom_core.synthetic.board_image import render
 STAMPS_S = (0.0, 0.4, 0.8)  # of the images of one stop
 
 
-def header(frame, stamp):
-    return Header(stamp=rospy.Time.from_sec(stamp), frame_id=frame)
-
-
-def image(picture, frame, stamp):
-    return Image(
-        header=header(frame, stamp),
-        height=picture.shape[0],
-        width=picture.shape[1],
-        encoding="bgr8",
-        step=3 * picture.shape[1],
-        data=picture.tobytes(),
-    )
-
-
-def camera_info(camera, frame, stamp):
-    return CameraInfo(
-        header=header(frame, stamp),
-        height=camera.height,
-        width=camera.width,
-        distortion_model="plumb_bob",
-        D=list(camera.D) or [0.0] * 5,
-        K=camera.K.ravel().tolist(),
-    )
-
-
-def transforms(edges, stamp):
-    messages = []
-    for edge, matrix in edges.items():
-        message = TransformStamped(header=header(edge.parent, stamp), child_frame_id=edge.child)
-        t, q = message.transform.translation, message.transform.rotation
-        t.x, t.y, t.z = matrix[:3, 3]
-        q.x, q.y, q.z, q.w = se3.quaternion_from_rotation(matrix[:3, :3])
-        messages.append(message)
-    return TFMessage(messages)
-
-
 def write_bag(path, scene):
     """Write what two cameras see of a board that stands in one place after the other."""
     dataset = scene.dataset
@@ -74,7 +34,7 @@ def write_bag(path, scene):
     config = dataset.config.calibration_patterns[pattern.name]
     first = next(iter(dataset.collections.values()))
     with rosbag.Bag(path, "w") as bag:
-        bag.write("/tf_static", transforms(first.transforms, 100.0), rospy.Time(100))
+        bag.write("/tf_static", Make.transforms(first.transforms, 100.0), rospy.Time(100))
         for number, collection in enumerate(dataset.collections.values()):
             world_T_pattern = scene.truth.boards[pattern.board_key(collection.key)]
             for sensor in dataset.sensors.values():
@@ -84,9 +44,10 @@ def write_bag(path, scene):
                 for offset in STAMPS_S:
                     stamp = 101.0 + 2.0 * number + offset
                     folder, time = sensor.topic.rpartition("/")[0], rospy.Time.from_sec(stamp)
-                    info = camera_info(sensor.camera, sensor.frame, stamp)
+                    info = Make.intrinsics(sensor.camera, sensor.frame, stamp)
                     bag.write(f"{folder}/camera_info", info, time)
-                    bag.write(sensor.topic, image(picture, sensor.frame, stamp), time)
+                    image = Make.image(picture, frame=sensor.frame, stamp_s=stamp)
+                    bag.write(sensor.topic, image, time)
 
 
 def launch(**arguments):

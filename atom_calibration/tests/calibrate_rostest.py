@@ -22,7 +22,7 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 from waiting import soon, until
 
-from atom_calibration.messages import conversions
+from atom_calibration.messages.poses import pose_matrix, transform_matrix, transform_message
 from atom_calibration.msg import CalibrationState
 from atom_calibration.srv import ShowCollection
 from atom_core.geometry import se3
@@ -74,7 +74,7 @@ class Listener:
     def place(self, topic, name, index):
         """Return where a sensor was drawn, in the message with this index."""
         first = next(m for m in self.markers[topic][index] if m.ns == name)
-        return conversions.pose_matrix(first.pose)[:3, 3]
+        return pose_matrix(first.pose)[:3, 3]
 
 
 class CalibrateTest(unittest.TestCase):
@@ -192,7 +192,7 @@ class CalibrateTest(unittest.TestCase):
 
     def check_transforms(self, buffer, document):
         for edge in document["edges"].values():
-            found = conversions.transform(
+            found = transform_matrix(
                 buffer.lookup_transform(edge["parent"], edge["child"], rospy.Time(0))
             )
             expected = se3.from_quaternion(
@@ -235,9 +235,7 @@ class CalibrateTest(unittest.TestCase):
         publisher = rospy.Publisher(
             "/calibrate/description_tf_static", TFMessage, queue_size=1, latch=True
         )
-        publisher.publish(
-            [conversions.transform_message(e, m, rospy.Time(1)) for e, m in described.items()]
-        )
+        publisher.publish([transform_message(e, m, rospy.Time(1)) for e, m in described.items()])
         buffer, output = tf2_ros.Buffer(), self.folder / "beside"
         tf2_ros.TransformListener(buffer)
 
@@ -246,7 +244,7 @@ class CalibrateTest(unittest.TestCase):
                 found = buffer.lookup_transform(parent, child, rospy.Time(0))
             except tf2_ros.TransformException:
                 return None
-            return conversions.transform(found)
+            return transform_matrix(found)
 
         def is_at(edge, expected):
             found = tf(edge.parent, edge.child)

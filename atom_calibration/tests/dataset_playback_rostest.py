@@ -37,7 +37,9 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import InteractiveMarkerFeedback, InteractiveMarkerInit
 from waiting import soon, until
 
-from atom_calibration.messages import conversions
+from atom_calibration.messages.clouds import cloud_xyz, point_cloud
+from atom_calibration.messages.images import colour_image, depth_image
+from atom_calibration.messages.poses import transform_matrix
 from atom_calibration.msg import CollectionStates, PlaybackState
 from atom_calibration.show.annotation import BORDER_RGB, INSIDE_RGB
 from atom_calibration.srv import DeleteLabel, SelectPattern, ShowCollection
@@ -223,7 +225,7 @@ class DatasetPlaybackTest(unittest.TestCase):
 
     def coloured(self, sensor):
         """Return the labeled points that RViz shows: (inside, border) by `idx`."""
-        points = conversions.point_cloud(self.shown(sensor, "/labeled3d"))
+        points = point_cloud(self.shown(sensor, "/labeled3d"))
         border = points["rgb"] == BORDER_RGB
         self.assertTrue(np.all(border | (points["rgb"] == INSIDE_RGB)))
         return set(points["idx"][~border]), set(points["idx"][border])
@@ -231,9 +233,9 @@ class DatasetPlaybackTest(unittest.TestCase):
     # --- what is shown ------------------------------------------------------------------------
 
     def test_00_data_labels_and_transforms_of_a_collection_are_shown(self):
-        cloud = conversions.cloud_xyz(conversions.point_cloud(self.shown(LIDAR)))
+        cloud = cloud_xyz(point_cloud(self.shown(LIDAR)))
         np.testing.assert_array_equal(cloud, self.dataset.data.read(SECOND, LIDAR))
-        depth = conversions.depth_image(self.shown(DEPTH))
+        depth = depth_image(self.shown(DEPTH))
         np.testing.assert_array_equal(depth, self.dataset.data.read(SECOND, DEPTH))
         for name in (LIDAR, DEPTH):
             label = self.label(name)
@@ -246,12 +248,12 @@ class DatasetPlaybackTest(unittest.TestCase):
         def transforms_are_those_of_the_collection():
             for edge, matrix in self.dataset.collections[SECOND].transforms.items():
                 found = self.buffer.lookup_transform(edge.parent, edge.child, rospy.Time(0))
-                np.testing.assert_allclose(conversions.transform(found), matrix, atol=1e-9)
+                np.testing.assert_allclose(transform_matrix(found), matrix, atol=1e-9)
 
         soon(transforms_are_those_of_the_collection)
         for name in (CAMERA, DEPTH):
             blue, green, red = np.moveaxis(
-                conversions.colour_image(self.shown(name, "/labeled2d")).astype(int), 2, 0
+                colour_image(self.shown(name, "/labeled2d")).astype(int), 2, 0
             )
             drawn = (green - red > 60) & (green - blue > 60)  # corners, and pixels on the board
             self.assertGreater(np.sum(drawn), 500, name)

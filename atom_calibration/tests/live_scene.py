@@ -15,9 +15,8 @@ import cv2
 import numpy as np
 import rosbag
 import rospy
-from geometry_msgs.msg import TransformStamped
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2, PointField
-from std_msgs.msg import Header
+from messages import Make
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 from tf2_msgs.msg import TFMessage
 from waiting import until
 
@@ -107,57 +106,28 @@ class LiveScene:
     def message(self, name, key, stamp_s):
         """Return the data of a sensor; key None: the room without a board."""
         rng = np.random.default_rng([int(1000 * stamp_s) % 100000, len(name), ord(name[-1])])
-        head = Header(stamp=rospy.Time.from_sec(stamp_s), frame_id=self.sensors[name].frame)
-        data = self.data(name, key)
+        data, about = self.data(name, key), {"frame": self.sensors[name].frame, "stamp_s": stamp_s}
         if name == "lidar_1":
             points = (data + self._cloud_sigma_m * rng.standard_normal(data.shape)).astype("<f4")
-            fields = [PointField(axis, 4 * i, 7, 1) for i, axis in enumerate("xyz")]
-            return PointCloud2(
-                header=head,
-                height=1,
-                width=len(points),
-                fields=fields,
-                point_step=12,
-                row_step=12 * len(points),
-                is_dense=True,
-                data=points.tobytes(),
-            )
+            return Make.xyz_cloud(points, **about)
         if name == "depth_1":
             depth = (data + DEPTH_SIGMA_M * rng.standard_normal(data.shape)).astype("<f4")
-            return Image(
-                header=head,
-                height=depth.shape[0],
-                width=depth.shape[1],
-                encoding="32FC1",
-                step=4 * depth.shape[1],
-                data=depth.tobytes(),
-            )
+            return Make.image(depth, "32FC1", **about)
         noise = np.zeros(data.shape, np.int16)
         cv2.setRNGSeed(int(1000 * stamp_s) % 100000)
         cv2.randn(noise, (0, 0, 0), (GREY_SIGMA, GREY_SIGMA, GREY_SIGMA))
         picture = np.clip(data + noise, 0, 255).astype(np.uint8)
         if name == "rgb_2":
             packed = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 95])[1]
+            head = Make.header(about["frame"], stamp_s)
             return CompressedImage(header=head, format="bgr8; jpeg", data=packed.tobytes())
-        return Image(
-            header=head,
-            height=picture.shape[0],
-            width=picture.shape[1],
-            encoding="bgr8",
-            step=3 * picture.shape[1],
-            data=picture.tobytes(),
-        )
+        return Make.image(picture, **about)
 
     def data(self, name, key):
         """Return the picture, depth image or cloud of a place of the board; None: of no board."""
         if (name, key) not in self._data:
             source, shown = self.dataset.data, key or COLLECTIONS[0]
-            if name == "lidar_1":
-                data = source.cloud(shown, name)
-            elif name == "depth_1":
-                data = source.depth_image(shown, name)
-            else:
-                data = source.colour_image(shown, name)
+            data = source.read(shown, name)
             if key is None:
                 data = self._without_board(name, data, self.label(name, shown))
             self._data[(name, key)] = data
@@ -178,21 +148,14 @@ class LiveScene:
 
     def info(self, name, stamp_s):
         sensor = self.sensors[name]
-        return CameraInfo(
-            header=Header(stamp=rospy.Time.from_sec(stamp_s), frame_id=sensor.frame),
-            height=sensor.camera.height,
-            width=sensor.camera.width,
-            distortion_model="plumb_bob",
-            D=list(sensor.camera.D) or [0.0] * 5,
-            K=sensor.camera.K.ravel().tolist(),
-        )
+        return Make.intrinsics(sensor.camera, sensor.frame, stamp_s)
 
     def static_transforms(self, stamp_s):
         first = next(iter(self.dataset.collections.values()))
-        return TFMessage([_transform(*e, m, stamp_s) for e, m in first.transforms.items()])
+        return Make.transforms(first.transforms, stamp_s)
 
     def moving_transforms(self, stamp_s):
-        return TFMessage([_transform("world", TURNTABLE, turntable(stamp_s), stamp_s)])
+        return Make.tf("world", TURNTABLE, turntable(stamp_s), stamp_s)
 
     def write_bag(self, path, start_s=100.0, stop_s=2.0, rate_hz=5.0, keys=COLLECTIONS):
         """Write a bag in which the board stands in one place after the other.
@@ -305,16 +268,6 @@ def turntable(stamp_s):
     """Return world_T_turntable (4, 4)."""
     angle = TURN_RAD_S * stamp_s
     return se3.from_rpy(np.array([2.0, 0.0, 0.5]), np.array([0.0, 0.0, angle]))
-
-
-def _transform(parent, child, matrix, stamp_s):
-    message = TransformStamped(
-        header=Header(stamp=rospy.Time.from_sec(stamp_s), frame_id=parent), child_frame_id=child
-    )
-    t, q = message.transform.translation, message.transform.rotation
-    t.x, t.y, t.z = matrix[:3, 3]
-    q.x, q.y, q.z, q.w = se3.quaternion_from_rotation(matrix[:3, :3])
-    return message
 
 
 def wait_until(condition, seconds, what):

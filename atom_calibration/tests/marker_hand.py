@@ -8,7 +8,7 @@ from visualization_msgs.msg import (
     InteractiveMarkerUpdate,
 )
 
-from atom_calibration.messages import conversions
+from atom_calibration.messages.poses import pose_matrix, pose_message
 from atom_core.geometry import se3
 
 
@@ -40,7 +40,7 @@ class MarkerHand:
             self._place(marker.pose)
 
     def _place(self, pose):
-        self.position = conversions.pose_matrix(pose)[:3, 3]
+        self.position = pose_matrix(pose)[:3, 3]
 
     @property
     def colour(self):
@@ -68,7 +68,7 @@ class MarkerHand:
             marker_name=self.name,
             event_type=event,
             menu_entry_id=entry,
-            pose=conversions.pose_message(se3.transform(np.eye(3), position)),
+            pose=pose_message(se3.transform(np.eye(3), position)),
         )
         message.header.frame_id, message.header.stamp = self.shown.header.frame_id, rospy.Time.now()
         self._feedback.publish(message)

@@ -78,12 +78,31 @@ class Make:
         return cls.cloud(table, **options)
 
     @classmethod
-    def tf(cls, parent, child, matrix, stamp_s=1.0):
+    def intrinsics(cls, camera, frame="cam", stamp_s=1.0):
+        return CameraInfo(
+            header=cls.header(frame, stamp_s),
+            height=camera.height,
+            width=camera.width,
+            distortion_model="plumb_bob",
+            D=list(camera.D) or [0.0] * 5,
+            K=camera.K.ravel().tolist(),
+        )
+
+    @classmethod
+    def transform(cls, parent, child, matrix, stamp_s=1.0):
         message = TransformStamped(header=cls.header(parent, stamp_s), child_frame_id=child)
         t, q = message.transform.translation, message.transform.rotation
         t.x, t.y, t.z = matrix[:3, 3]
         q.x, q.y, q.z, q.w = se3.quaternion_from_rotation(matrix[:3, :3])
-        return TFMessage([message])
+        return message
+
+    @classmethod
+    def tf(cls, parent, child, matrix, stamp_s=1.0):
+        return TFMessage([cls.transform(parent, child, matrix, stamp_s)])
+
+    @classmethod
+    def transforms(cls, edges, stamp_s=1.0):
+        return TFMessage([cls.transform(*edge, m, stamp_s) for edge, m in edges.items()])
 
     @staticmethod
     def bag(path, messages, **options):

@@ -18,7 +18,7 @@ from small_rig import CAMERA_IN_BAG, write_package
 from waiting import until
 
 from atom_calibration.configure import configure_package
-from atom_calibration.messages import conversions
+from atom_calibration.messages.poses import transform_matrix
 from atom_core.geometry import se3
 from atom_core.io.urdf import read_description, write_calibrated_description
 from atom_core.model.transforms import Edge
@@ -58,7 +58,7 @@ class OptimizedPlaybagTest(unittest.TestCase):
 
     def tf(self, edge):
         try:
-            return conversions.transform(
+            return transform_matrix(
                 self.buffer.lookup_transform(edge.parent, edge.child, rospy.Time(0))
             )
         except tf2_ros.TransformException:

@@ -28,7 +28,7 @@ from visualization_msgs.msg import (
 from waiting import PATIENCE_S, until
 
 from atom_calibration.configure import configure_package
-from atom_calibration.messages import conversions
+from atom_calibration.messages.poses import pose_matrix, pose_message, transform_matrix
 from atom_calibration.srv import GetSensorInteractiveMarker, SetSensorInteractiveMarker
 from atom_core.geometry import se3
 from atom_core.io.urdf import read_description
@@ -89,7 +89,7 @@ class SetInitialEstimateTest(unittest.TestCase):
         message = InteractiveMarkerFeedback(
             client_id=client,
             marker_name=name,
-            pose=conversions.pose_message(matrix),
+            pose=pose_message(matrix),
             event_type=InteractiveMarkerFeedback.POSE_UPDATE if event is None else event,
             menu_entry_id=entry,
         )
@@ -106,7 +106,7 @@ class SetInitialEstimateTest(unittest.TestCase):
             found = self.buffer.lookup_transform(parent, child, rospy.Time(0))
         except tf2_ros.TransformException:
             return None
-        return conversions.transform(found)
+        return transform_matrix(found)
 
     def wait_for_transform(self, edge, expected, what):
         def there():
@@ -137,9 +137,7 @@ class SetInitialEstimateTest(unittest.TestCase):
             self.wait_for_transform(CAMERA, step, "the dragged transform")
         self.feed("camera", MOVED, event=InteractiveMarkerFeedback.MOUSE_UP)
         until(
-            lambda: np.allclose(
-                conversions.pose_matrix(self.shown["camera"].pose), MOVED, atol=1e-6
-            ),
+            lambda: np.allclose(pose_matrix(self.shown["camera"].pose), MOVED, atol=1e-6),
             "the marker's new place",
         )
 

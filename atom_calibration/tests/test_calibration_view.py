@@ -7,7 +7,7 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from atom_calibration.messages import conversions
+from atom_calibration.messages.poses import edge_of, pose_matrix, transform_matrix
 from atom_calibration.nodes.calibrating.calibration_view import CalibrationView
 from atom_calibration.show import calibrated_tf, calibration_markers, view_options
 from atom_calibration.show.annotation import POINT
@@ -56,7 +56,7 @@ def run():
 
 def positions(markers, namespace, kind=None):
     return [
-        conversions.pose_matrix(m.pose)[:3, 3]
+        pose_matrix(m.pose)[:3, 3]
         for m in markers
         if m.ns == namespace and (kind is None or m.type == kind)
     ]
@@ -105,7 +105,7 @@ def test_boards_have_the_colours_and_names_of_their_collections(run):
     for key in run.keys:
         plate, squares = (m for m in drawn if m.ns == f"c{key}" and m.type != m.TEXT_VIEW_FACING)
         expected = run.scene.truth.boards[run.pattern.board_key(key)]
-        found = conversions.pose_matrix(squares.pose)
+        found = pose_matrix(squares.pose)
         assert np.linalg.norm(found[:3, 3] - expected[:3, 3]) < 0.01
         assert (plate.color.r, plate.color.g, plate.color.b) == run.by_collection[key]
     only = calibration_markers.boards(run.last, run.keys[:1], run.by_collection)
@@ -150,7 +150,7 @@ def test_points_are_coloured_by_sensor_or_by_collection(run):
 
 def test_transforms_under_their_own_names_are_those_of_the_result(run):
     sent = calibrated_tf.transforms(run.last, view_options.OWN)
-    found = {conversions.edge_of(m): conversions.transform(m) for m in sent}
+    found = {edge_of(m): transform_matrix(m) for m in sent}
     assert len(found) == len(sent)
     document = calibration_document(calibration_results(run.calibration, "ceres"), {})
     for edge in document["edges"].values():
@@ -174,17 +174,17 @@ def test_beside_a_running_system_only_what_is_calibrated_is_published(run):
     sent = calibrated_tf.transforms(run.last, view_options.CALIBRATED)
     document = calibration_document(calibration_results(run.calibration, "ceres"), {})
     edges = {(edge["parent"], edge["child"]) for edge in document["edges"].values()}
-    assert {conversions.edge_of(m) for m in sent} == edges
+    assert {edge_of(m) for m in sent} == edges
     assert calibrated_tf.transforms(run.last, view_options.OFF) == []
 
 
 def test_calibrated_transforms_take_the_place_of_the_descriptions(run):
     before = calibrated_tf.transforms(run.first, view_options.OWN)
     calibrated = calibrated_tf.transforms(run.last, view_options.CALIBRATED)
-    merged = {conversions.edge_of(m): m for m in calibrated_tf.merged(before, calibrated)}
-    assert set(merged) == {conversions.edge_of(m) for m in before}
+    merged = {edge_of(m): m for m in calibrated_tf.merged(before, calibrated)}
+    assert set(merged) == {edge_of(m) for m in before}
     for message in calibrated:
-        assert merged[conversions.edge_of(message)] is message
+        assert merged[edge_of(message)] is message
 
 
 def test_the_state_has_a_row_for_each_sensor_and_kind(run):

@@ -60,7 +60,7 @@ class StandIn:
 def stand_in(monkeypatch):
     monkeypatch.setattr(labeling, "labeler_for", StandIn)
     # The stand-ins' camera and LiDAR do not look at one world: no predictions.
-    monkeypatch.setattr(labeling, "camera_T_pattern", lambda *_: None)
+    monkeypatch.setattr(labeling.FrameLabeler, "_note_boards", lambda *_: None)
 
 
 def position(time_s):
@@ -328,17 +328,17 @@ def test_a_bag_damaged_inside_leaves_the_collections_before_it(place, make, caps
 def test_a_full_disk_leaves_the_collections_before_it(place, capsys, monkeypatch):
     from atom_calibration.collect import collector as collect
 
-    written = collect.write_pcd
+    written = collect.write_data_file
 
-    def full(path, *rest):
-        if path.name == "lidar_002.pcd":
+    def full(folder, sensor, key, data):
+        if (sensor.name, key) == ("lidar", "002"):
             monkeypatch.setattr("os.fsync", broken)
-        return written(path, *rest)
+        return written(folder, sensor, key, data)
 
     def broken(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(collect, "write_pcd", full)
+    monkeypatch.setattr(collect, "write_data_file", full)
     line = refusal(place(), capsys)
     assert "lidar_002.pcd" in line and "no space left" in line and "free some space" in line
     monkeypatch.undo()

@@ -9,7 +9,11 @@ from sensor_msgs import point_cloud2
 from sensor_msgs.msg import CompressedImage, LaserScan
 
 from atom_calibration.errors import MessageError
-from atom_calibration.messages import conversions
+from atom_calibration.messages.cameras import camera_from_info
+from atom_calibration.messages.clouds import POINT_CLOUD, cloud_xyz, point_cloud
+from atom_calibration.messages.images import colour_image, depth_image
+from atom_calibration.messages.poses import edge_of, transform_matrix
+from atom_calibration.messages.scans import LASER_SCAN, laser_scan
 from atom_calibration.sources.bag_reader import BagReader
 from atom_core.model.transforms import Edge
 
@@ -28,37 +32,37 @@ PICTURE = RNG.integers(0, 256, (6, 9, 3), dtype=np.uint8)
 @pytest.mark.parametrize("padding", [0, 5])
 def test_colours_arrive_in_the_order_blue_green_red(make, encoding, shown, padding):
     message = make.image(np.ascontiguousarray(shown), encoding, padding=padding)
-    np.testing.assert_array_equal(conversions.colour_image(message), PICTURE)
+    np.testing.assert_array_equal(colour_image(message), PICTURE)
 
 
 def test_grey_images_of_8_and_16_bits_become_three_equal_channels(make):
     grey = PICTURE[..., 0].copy()
     for message in (make.image(grey, "mono8"), make.image(grey.astype("<u2") << 8, "mono16")):
-        np.testing.assert_array_equal(conversions.colour_image(message), np.dstack([grey] * 3))
+        np.testing.assert_array_equal(colour_image(message), np.dstack([grey] * 3))
 
 
 def test_a_bayer_image_keeps_its_colours(make):
     mosaic = np.zeros((8, 8), np.uint8)
     mosaic[0::2, 0::2] = 200  # red where rggb has it
-    colour = conversions.colour_image(make.image(mosaic, "bayer_rggb8"))[4, 4]
+    colour = colour_image(make.image(mosaic, "bayer_rggb8"))[4, 4]
     assert colour[2] > colour[0] and colour[2] > colour[1]
 
 
 def test_a_compressed_picture_is_decoded_in_the_right_order():
     _, data = cv2.imencode(".png", PICTURE)
     message = CompressedImage(format="rgb8; png compressed bgr8", data=data.tobytes())
-    np.testing.assert_array_equal(conversions.colour_image(message), PICTURE)
+    np.testing.assert_array_equal(colour_image(message), PICTURE)
 
 
 @pytest.mark.parametrize("kind, big", [("<u2", False), (">u2", True)])
 def test_whole_depths_are_millimetres_and_zero_is_none(make, kind, big):
     message = make.image(np.array([[0, 1500, 65535]], kind), "16UC1", big=big)
-    np.testing.assert_allclose(conversions.depth_image(message), [[np.nan, 1.5, 65.535]], rtol=1e-6)
+    np.testing.assert_allclose(depth_image(message), [[np.nan, 1.5, 65.535]], rtol=1e-6)
 
 
 def test_other_depths_are_metres_and_what_is_no_depth_becomes_nan(make):
     stored = np.array([[np.nan, np.inf, -1.0, 0.0, 2.5]], "<f4")
-    depth = conversions.depth_image(make.image(stored, "32FC1"))
+    depth = depth_image(make.image(stored, "32FC1"))
     np.testing.assert_array_equal(depth, np.array([[np.nan] * 4 + [2.5]], np.float32))
 
 
@@ -70,12 +74,12 @@ def test_depths_packed_by_either_transport_are_the_same():
     packed = CompressedImage(format="16UC1; compressedDepth png", data=header + data.tobytes())
     expected = np.where(stored > 0, stored * np.float32(0.001), np.nan)
     for message in (plain, packed):
-        np.testing.assert_allclose(conversions.depth_image(message), expected, rtol=1e-6)
+        np.testing.assert_allclose(depth_image(message), expected, rtol=1e-6)
 
 
-@pytest.mark.parametrize("convert", [conversions.colour_image, conversions.depth_image])
+@pytest.mark.parametrize("convert", [colour_image, depth_image])
 def test_empty_and_cut_off_images_are_refused(make, convert):
-    encoding = "bgr8" if convert is conversions.colour_image else "16UC1"
+    encoding = "bgr8" if convert is colour_image else "16UC1"
     whole = make.image(PICTURE if encoding == "bgr8" else PICTURE[..., 0].astype("<u2"), encoding)
     whole.data, data = b"", whole.data
     with pytest.raises(MessageError, match="empty"):
@@ -89,9 +93,9 @@ def test_empty_and_cut_off_images_are_refused(make, convert):
 
 def test_images_of_the_wrong_kind_are_refused_by_name(make):
     with pytest.raises(MessageError, match="bgr8.*no depth"):
-        conversions.depth_image(make.image(PICTURE, "bgr8"))
+        depth_image(make.image(PICTURE, "bgr8"))
     with pytest.raises(MessageError, match="32FC1.*no colour"):
-        conversions.colour_image(make.image(PICTURE[..., 0].astype("<f4"), "32FC1"))
+        colour_image(make.image(PICTURE[..., 0].astype("<f4"), "32FC1"))
 
 
 LAYOUTS = {
@@ -120,8 +124,8 @@ def test_any_layout_of_a_cloud_gives_the_same_points(make, layout, height, row_p
         table[axis] = positions[:, column]
     if "ring" in table.dtype.names:
         table["ring"] = np.arange(20)
-    points = conversions.point_cloud(make.cloud(table, height, row_padding))
-    np.testing.assert_array_equal(conversions.cloud_xyz(points), positions)
+    points = point_cloud(make.cloud(table, height, row_padding))
+    np.testing.assert_array_equal(cloud_xyz(points), positions)
     if "ring" in table.dtype.names:
         np.testing.assert_array_equal(points["ring"], np.arange(20))
 
@@ -129,16 +133,16 @@ def test_any_layout_of_a_cloud_gives_the_same_points(make, layout, height, row_p
 def test_a_cloud_without_positions_or_cut_off_is_refused(make):
     table = np.zeros(3, [("x", "<f4"), ("y", "<f4"), ("range", "<f4")])
     with pytest.raises(MessageError, match="no field z.*x, y, range"):
-        conversions.point_cloud(make.cloud(table))
+        point_cloud(make.cloud(table))
     message = make.xyz_cloud(np.ones((3, 3)))
     message.data = message.data[:-1]
     with pytest.raises(MessageError, match="cut off"):
-        conversions.point_cloud(message)
+        point_cloud(message)
 
 
 def test_an_empty_cloud_is_a_cloud_without_points(make):
     message = make.xyz_cloud(np.ones((0, 3)))
-    assert conversions.cloud_xyz(conversions.point_cloud(message)).shape == (0, 3)
+    assert cloud_xyz(point_cloud(message)).shape == (0, 3)
 
 
 def test_the_real_padded_cloud_equals_rosbags_own_decoding(real_data):
@@ -146,43 +150,43 @@ def test_the_real_padded_cloud_equals_rosbags_own_decoding(real_data):
         found = [m.message for m in bag.messages(sorted(bag.types))]
     kinds = [m._type for m in found]
     assert len(found) == 15 and all(kinds.count(kind) == 5 for kind in set(kinds))
-    clouds = [m for m in found if m._type == conversions.POINT_CLOUD]
+    clouds = [m for m in found if m._type == POINT_CLOUD]
     names = ["x", "y", "z", "intensity", "time_sec", "time_nsec", "laser_id"]
     for message in clouds:
-        points = conversions.point_cloud(message)
+        points = point_cloud(message)
         reference = np.array(list(point_cloud2.read_points(message, names)))
         assert len(points) == message.width > 35000
         for column, name in enumerate(names):
             np.testing.assert_array_equal(points[name].astype(float), reference[:, column])
-    scans = [m for m in found if m._type == conversions.LASER_SCAN]
-    assert all(len(conversions.laser_scan(m)) == len(m.ranges) for m in scans)
+    scans = [m for m in found if m._type == LASER_SCAN]
+    assert all(len(laser_scan(m)) == len(m.ranges) for m in scans)
 
 
 def test_a_scan_becomes_points_and_keeps_invalid_ranges_as_nan():
     scan = LaserScan(angle_min=0.0, angle_increment=np.pi / 2, range_min=0.1, range_max=9.0)
     scan.ranges = [2.0, 3.0, 20.0]
     expected = [[2, 0, 0], [0, 3, 0], [np.nan] * 3]
-    np.testing.assert_allclose(conversions.laser_scan(scan), expected, atol=1e-12)
+    np.testing.assert_allclose(laser_scan(scan), expected, atol=1e-12)
 
 
 def test_a_camera_keeps_its_model_and_an_uncalibrated_one_is_refused(make):
     message = make.camera_info(model="equidistant", D=[0.1, 0.0, 0.0, 0.0])
-    camera = conversions.camera(message)
+    camera = camera_from_info(message)
     assert (camera.model, camera.width, camera.K[0, 0]) == ("equidistant", 64, 50.0)
     message.D = [0.1]
     with pytest.raises(MessageError, match="camera_info: D has 1"):
-        conversions.camera(message)
+        camera_from_info(message)
     message.K = [0.0] * 9
     with pytest.raises(MessageError, match="not calibrated"):
-        conversions.camera(message)
+        camera_from_info(message)
 
 
 def test_a_transform_loses_the_slash_of_its_frames_and_must_be_a_pose(make):
     matrix = np.eye(4)
     matrix[:3, 3] = 1.0, 2.0, 3.0
     message = make.tf("/world", "/base", matrix).transforms[0]
-    assert conversions.edge_of(message) == Edge("world", "base")
-    np.testing.assert_allclose(conversions.transform(message), matrix)
+    assert edge_of(message) == Edge("world", "base")
+    np.testing.assert_allclose(transform_matrix(message), matrix)
     message.transform.rotation.w = 0.0
     with pytest.raises(MessageError, match="'world-base' is no pose"):
-        conversions.transform(message)
+        transform_matrix(message)

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from atom_calibration.collect.joint_positions import described_joints, joint_documents
+from atom_calibration.collect.joint_positions import described_joints, joint_states
+from atom_core.io.dataset_json import joint_document
 from atom_core.model.config import JointConfig
 from atom_core.synthetic import arm
 
@@ -34,14 +35,15 @@ def test_positions_come_from_tf_and_geometry_from_the_description(config):
     assert told == ["the description has no joint hip: no position is recorded"]
     reported = {"lift": 0.7, "rail": 0.25}
     transforms = {joints[n].edge: joints[n].parent_T_child(q) for n, q in reported.items()}
-    documents = joint_documents(joints, transforms)
+    states = joint_states(joints, transforms)
+    documents = {name: joint_document(state) for name, state in states.items()}
     for name, position in reported.items():
         assert documents[name]["position"] == pytest.approx(position)
     lift = documents["lift"]
     assert (lift["parent_link"], lift["child_link"]) == ("shoulder", "upper_arm")
     np.testing.assert_allclose([lift[f"origin_{a}"] for a in ("x", "z", "yaw")], [0.1, 0.3, -0.4])
     assert [documents["rail"][f"axis_{a}"] for a in "xyz"] == pytest.approx([0.0, 0.6, 0.8])
-    assert joint_documents(joints, {}) == {}
+    assert joint_states(joints, {}) == {}
 
 
 @pytest.mark.parametrize(

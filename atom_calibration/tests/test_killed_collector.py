@@ -12,7 +12,7 @@ from live_scene import COLLECTIONS, LiveScene
 
 from atom_calibration.collect.collector import Setup, write_collection
 from atom_calibration.labels.frame_labeler import FrameLabeler
-from atom_calibration.labels.frames import decode
+from atom_calibration.modalities.frames import decode
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.cli import main as core_main
 from atom_core.io.collections import CollectionStore

@@ -360,7 +360,11 @@ OUTSIDE = np.array([[5000.0, 0.0], [5010.0, 0.0], [5010.0, 10.0]])
         (lambda s: s.click(CAMERA, OUTSIDE[0]), LabelingError, "outside its image of 1280 x 800"),
         (lambda s: s.add_points(LIDAR, np.array([10**7]), False), LabelingError, "beyond the data"),
         (lambda s: s.remove_points(LIDAR, np.array([-1])), LabelingError, "beyond the data"),
-        (lambda s: s.add_points(CAMERA, np.array([1]), False), SelectionError, "rgb, not lidar3d"),
+        (
+            lambda s: s.add_points(CAMERA, np.array([1]), False),
+            SelectionError,
+            "rgb, not depth or lidar",
+        ),
         (lambda s: s.add_points("nobody", np.array([1]), False), SelectionError, "no sensor 'nobo"),
         (lambda s: s.delete_label(LIDAR, "cloth"), SelectionError, "no pattern 'cloth'"),
         (lambda s: s.select_pattern("cloth"), SelectionError, "no pattern 'cloth'"),

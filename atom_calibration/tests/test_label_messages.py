@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from atom_calibration.errors import MessageError
-from atom_calibration.labels.frames import Frame
 from atom_calibration.labels.label_messages import labels_message, point_count, set_labels
-from atom_calibration.messages.conversions import pose_matrix
+from atom_calibration.messages.poses import pose_matrix
+from atom_calibration.modalities.frames import Frame
 from atom_calibration.msg import SensorLabels
 from atom_calibration.show.annotation import BORDER_RGB, INSIDE_RGB, POINT, annotated
 from atom_core.geometry import se3

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from atom_calibration.messages import conversions
+from atom_calibration.messages.poses import pose_matrix, pose_message
 from atom_calibration.show import markers
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
@@ -56,11 +56,11 @@ def test_a_board_fills_its_border_at_its_pose(kind):
     board = pattern(kind)
     pose = se3.from_rpy(np.array([1.0, 2.0, 0.5]), np.array([0.2, 0.1, -0.4]))
     plate, squares = markers.board(board, (1, 1, 1), pose, "world")
-    centre = conversions.pose_matrix(plate.pose)[:3, 3]
+    centre = pose_matrix(plate.pose)[:3, 3]
     expected = se3.apply(pose, np.array([[*board.border.centre, 0.0]]))[0]
     assert np.linalg.norm(centre - expected) < 0.003  # half of its thickness
     assert plate.scale.x == pytest.approx(board.border.x_max - board.border.x_min)
-    np.testing.assert_allclose(conversions.pose_matrix(squares.pose), pose, atol=1e-12)
+    np.testing.assert_allclose(pose_matrix(squares.pose), pose, atol=1e-12)
     assert {plate.header.frame_id, squares.header.frame_id} == {"world"}
 
 
@@ -71,5 +71,5 @@ def test_markers_of_an_array_get_numbers_of_their_own():
 
 def test_pose_messages_go_both_ways():
     pose = se3.from_rpy(np.array([1.0, 2.0, 0.5]), np.array([3.0, 0.1, -0.4]))
-    there = conversions.pose_matrix(conversions.pose_message(pose))
+    there = pose_matrix(pose_message(pose))
     np.testing.assert_allclose(there, pose, atol=1e-12)

@@ -12,7 +12,8 @@ from sensor_msgs.msg import CompressedImage
 from small_rig import CONFIG, XACRO
 
 from atom_calibration.errors import MessageError
-from atom_calibration.messages import conversions
+from atom_calibration.messages.images import colour_image, depth_image
+from atom_calibration.messages.poses import edge_of
 from atom_calibration.nodes.bags.decompress_images import raw_image, raw_topic
 from atom_calibration.nodes.bags.filter_bag_tf import TransformFilter, frames_of_description
 from atom_core.io.urdf import read_description
@@ -22,7 +23,7 @@ class Heard(list):
     """Stands in for a publisher: a list of the edges of each message."""
 
     def publish(self, message):
-        self.append([str(conversions.edge_of(t)) for t in message.transforms])
+        self.append([str(edge_of(t)) for t in message.transforms])
 
 
 @pytest.fixture
@@ -63,14 +64,14 @@ def test_a_colour_image_keeps_its_pixels():
     pixels = np.random.default_rng(0).integers(0, 255, (6, 8, 3), dtype=np.uint8)
     image = raw_image(compressed(".png", pixels, "bgr8; png compressed bgr8"))
     assert (image.height, image.width, image.encoding) == (6, 8, "bgr8")
-    np.testing.assert_array_equal(conversions.colour_image(image), pixels)
+    np.testing.assert_array_equal(colour_image(image), pixels)
 
 
 def test_a_depth_image_keeps_its_depths():
     stored = np.array([[0, 1500], [2500, 65535]], np.uint16)
     image = raw_image(compressed(".png", stored, "16UC1; png compressed"))
     expected = np.where(stored == 0, np.nan, stored / 1000.0)
-    np.testing.assert_allclose(conversions.depth_image(image), expected, rtol=1e-6)
+    np.testing.assert_allclose(depth_image(image), expected, rtol=1e-6)
 
 
 def test_topics_lose_their_ending_and_others_are_refused():

@@ -5,7 +5,7 @@ import pytest
 import rospy
 from visualization_msgs.msg import InteractiveMarkerControl, InteractiveMarkerFeedback
 
-from atom_calibration.messages import conversions
+from atom_calibration.messages.poses import pose_matrix, pose_message
 from atom_calibration.show import markers
 from atom_calibration.show.pose_marker import FULL, PLANAR, POSITION, STILL, PoseMarker
 from atom_core.geometry import se3
@@ -42,7 +42,7 @@ class Server:
 
 def feedback(matrix, frame="beam", event=InteractiveMarkerFeedback.POSE_UPDATE, stamp_s=7.0):
     message = InteractiveMarkerFeedback(
-        marker_name="m", event_type=event, pose=conversions.pose_message(matrix)
+        marker_name="m", event_type=event, pose=pose_message(matrix)
     )
     message.header.frame_id, message.header.stamp = frame, rospy.Time.from_sec(stamp_s)
     return message
@@ -64,12 +64,12 @@ def marker(server, moves):
 
 
 def shown_pose(server):
-    return conversions.pose_matrix(server.shown["m"].pose)
+    return pose_matrix(server.shown["m"].pose)
 
 
 def test_it_stands_where_it_was_put_and_is_locked_to_its_frame(server, marker):
     message = server.shown["m"]
-    np.testing.assert_allclose(conversions.pose_matrix(message.pose), POSE, atol=1e-12)
+    np.testing.assert_allclose(pose_matrix(message.pose), POSE, atol=1e-12)
     assert message.header.frame_id == "beam"
     assert message.header.stamp.is_zero()
     assert server.applied == 1

@@ -15,7 +15,7 @@ from atom_calibration.collect.selection import (
     skew_s,
 )
 from atom_calibration.errors import CollectionError
-from atom_calibration.labels.frames import Frame
+from atom_calibration.modalities.frames import Frame
 from atom_core.geometry.camera import Camera
 from atom_core.labeling.base import Labeled, nothing
 from atom_core.labeling.stillness import CornerSighting, PlaneSighting

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from atom_calibration.collect.time_order import TimeOrder
-from atom_calibration.labels.frames import Frame
+from atom_calibration.modalities.frames import Frame
 from atom_core.model.sensor import LIDAR3D, Sensor
 from atom_core.model.transforms import Edge
 

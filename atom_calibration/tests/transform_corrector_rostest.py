@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 from visualization_msgs.msg import InteractiveMarkerFeedback, InteractiveMarkerInit, MarkerArray
 from waiting import PATIENCE_S, until
 
-from atom_calibration.messages import conversions
+from atom_calibration.messages.poses import pose_message, transform_matrix
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.dataset_writer import write_dataset_folder
@@ -77,7 +77,7 @@ class TransformCorrectorTest(unittest.TestCase):
                 client_id="rviz",
                 marker_name=str(edge),
                 event_type=event,
-                pose=conversions.pose_message(matrix),
+                pose=pose_message(matrix),
             )
             message.header.frame_id = edge.parent
             self.feedback.publish(message)
@@ -89,7 +89,7 @@ class TransformCorrectorTest(unittest.TestCase):
                 found = self.buffer.lookup_transform(edge.parent, edge.child, rospy.Time(0))
             except tf2_ros.TransformException:
                 return False
-            return np.allclose(conversions.transform(found), expected, atol=1e-6)
+            return np.allclose(transform_matrix(found), expected, atol=1e-6)
 
         until(there, f"transform {edge}")
 

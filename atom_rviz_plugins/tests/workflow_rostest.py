@@ -39,7 +39,8 @@ from workflow_tools import (  # noqa: E402
     wait_until,
 )
 
-from atom_calibration.messages import conversions  # noqa: E402
+from atom_calibration.messages.clouds import point_cloud  # noqa: E402
+from atom_calibration.messages.poses import transform_matrix  # noqa: E402
 from atom_calibration.msg import (  # noqa: E402
     CalibrationState,
     CollectionStates,
@@ -207,7 +208,7 @@ class WorkflowTest(unittest.TestCase):
             self.screen.key("r")
             if removed.comes_within(3.0):
                 break
-        chosen = set(conversions.point_cloud(removed.message)["index"].tolist())
+        chosen = set(point_cloud(removed.message)["index"].tolist())
         self.assertEqual(chosen & set(indices), wanted)
         wait_until(lambda: state.message.undo_steps == 1, lambda: state.message.message)
         self.press(SAVE_LABELS, lambda: not state.message.unsaved, state)
@@ -303,7 +304,7 @@ class WorkflowTest(unittest.TestCase):
                     found = buffer.lookup_transform(dataset.world, frame, rospy.Time())
                 except tf2_ros.TransformException:
                     return False
-                return np.allclose(conversions.transform(found), wanted, atol=1e-6)
+                return np.allclose(transform_matrix(found), wanted, atol=1e-6)
 
             wait_until(there, f"the calibrated {sensor.name} on tf")
 
@@ -415,7 +416,7 @@ class WorkflowTest(unittest.TestCase):
 
     def check_label(self, key):
         """The LiDAR's label is the board, and its points are published."""
-        points = conversions.point_cloud(self.labeled_points.message)
+        points = point_cloud(self.labeled_points.message)
         truth = set(self.scene.label(LIDAR, key).indices)
         for found in (self.labels[LIDAR].message.patterns[0].idxs, points["idx"].tolist()):
             self.assertGreater(len(set(found) & truth), 0.98 * len(found), key)

@@ -29,7 +29,7 @@ from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import InteractiveMarkerFeedback
 
-from atom_calibration.messages import conversions
+from atom_calibration.messages.cameras import camera_from_info
 from atom_calibration.msg import SensorLabels
 from atom_core.io.config_yaml import read_config
 from atom_core.model.sensor import DEPTH, LIDAR3D, RGB
@@ -157,7 +157,7 @@ class _Drag:
         self._shown_s.append(time.time())
 
     def _learn(self, info: CameraInfo) -> None:
-        self._camera = conversions.camera(info)
+        self._camera = camera_from_info(info)
 
 
 # --- what it runs on --------------------------------------------------------------------------

@@ -4,7 +4,15 @@ from atom_core.errors import AtomError
 
 
 class MessageError(AtomError):
-    """A message cannot be used: empty, cut off, or in a form that is not known."""
+    """A message cannot be used: empty, cut off, or in a form that is not known.
+
+    Attributes:
+        sensor: whose it is; empty where that is not known.
+    """
+
+    def __init__(self, text: str, sensor: str = ""):
+        super().__init__(text)
+        self.sensor = sensor
 
 
 class BagError(AtomError):

@@ -5,6 +5,7 @@ import pytest
 
 from atom_core.labeling.stillness import (
     CORNER_SIGMA_PX,
+    LIDAR_NOISE,
     LIDAR_SIGMA_M,
     CornerSighting,
     StillnessOptions,
@@ -62,20 +63,20 @@ def test_without_common_corners_nothing_is_known():
 def test_range_noise_alone_is_no_motion_even_if_a_layer_comes_and_goes(layers):
     rng = np.random.default_rng(3)
     for _ in range(100):
-        first = plane_sighting(board_points(0.0, rng, layers=layers), False)
-        second = plane_sighting(board_points(0.0, rng, layers=layers)[30:], False)
+        first = plane_sighting(board_points(0.0, rng, layers=layers), LIDAR_NOISE)
+        second = plane_sighting(board_points(0.0, rng, layers=layers)[30:], LIDAR_NOISE)
         assert motion(first, second) < 1.0
 
 
 def test_a_plane_that_moved_or_turned_is_seen_to_move():
     rng = np.random.default_rng(4)
-    first = plane_sighting(board_points(0.0, rng), False)
-    nearer = plane_sighting(board_points([2 * LIDAR_SIGMA_M, 0, 0], rng), False)
-    beside = plane_sighting(board_points([0, 0.3, 0], rng), False)
+    first = plane_sighting(board_points(0.0, rng), LIDAR_NOISE)
+    nearer = plane_sighting(board_points([2 * LIDAR_SIGMA_M, 0, 0], rng), LIDAR_NOISE)
+    beside = plane_sighting(board_points([0, 0.3, 0], rng), LIDAR_NOISE)
     turned = board_points(0.0, rng)
     turned[:, 0] += 0.1 * turned[:, 1]
     assert min(motion(first, nearer), motion(first, beside)) > 1.0
-    assert motion(first, plane_sighting(turned, False)) > 1.0
+    assert motion(first, plane_sighting(turned, LIDAR_NOISE)) > 1.0
 
 
 def run(times_and_shifts, options=None, sensors=("a", "b")):

@@ -10,7 +10,7 @@ from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Proto
 
 import numpy as np
 
-from atom_calibration.collect.joint_positions import joint_documents
+from atom_calibration.collect.joint_positions import joint_states
 from atom_calibration.collect.selection import (
     Moment,
     RecentFrames,
@@ -19,28 +19,28 @@ from atom_calibration.collect.selection import (
     same_place,
 )
 from atom_calibration.errors import CollectionError, TransformError
-from atom_calibration.labels.frame_labeler import camera_T_pattern
-from atom_calibration.labels.frames import Frame
-from atom_calibration.messages.conversions import cloud_xyz
-from atom_calibration.show.pictures import labeled_picture
+from atom_calibration.modalities.frames import Frame
 from atom_calibration.sources.transform_tree import TransformTree, edges_at
 from atom_core.io.atomic import prepare_output_folder
 from atom_core.io.collections import CollectionStore, StoredCollection
-from atom_core.io.dataset_json import transform_document
-from atom_core.io.dataset_writer import data_file_name, new_document
-from atom_core.io.images import MAX_DEPTH_M, write_depth_png, write_image
-from atom_core.io.pcd import write_pcd
+from atom_core.io.dataset_writer import (
+    collection_document,
+    data_entry,
+    initial_board_document,
+    new_document,
+    write_data_file,
+)
+from atom_core.io.images import write_image
 from atom_core.io.seeds import SEEDS_FILE, Seed, write_seeds
 from atom_core.model.config import CalibrationConfig
-from atom_core.model.dataset import Collection, Dataset, board_edge
-from atom_core.model.labels import RangeLabel
+from atom_core.model.dataset import Collection, Dataset
+from atom_core.model.labels import Label
 from atom_core.model.pattern import Pattern
 from atom_core.model.robot import Joint
-from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
+from atom_core.model.sensor import Sensor
 from atom_core.model.transforms import Edge, FrameGraph, chain_transform
 
 PICTURES_FOLDER = "pictures"
-_FLOAT32 = 7  # sensor_msgs/PointField
 
 
 class Moments(Protocol):
@@ -215,19 +215,15 @@ def write_collection(setup: Setup, frames: Mapping[str, Frame]) -> str:
     tree = setup.transforms(min(stamps.values()))
     transforms = edges_at(tree, setup.config.world_link, stamps)
     data = {n: _write_data(store.folder, key, frame, setup.warn) for n, frame in frames.items()}
-    document = {
-        "data": data,
-        "labels": _labels(setup, frames),
-        "transforms": {str(e): transform_document(e, matrix) for e, matrix in transforms.items()},
-        "joints": joint_documents(setup.joints, transforms),
-        "additional_data": {},
-    }
+    joints = joint_states(setup.joints, transforms)
+    collection = Collection(key, _labels(setup, frames), transforms, joints)
+    document = collection_document(collection, setup.sensors, setup.patterns, data)
     if not store.has_header:
         store.write_header(_header(setup, key, transforms))
     if setup.pictures:
         folder = prepare_output_folder(store.folder / PICTURES_FOLDER, overwrite=True)
         for name, frame in frames.items():
-            write_image(folder / f"{key}_{name}.jpg", labeled_picture(frame))
+            write_image(folder / f"{key}_{name}.jpg", frame.ros.draw(frame))
     store.save(StoredCollection(key, document, _initial_boards(setup, frames, transforms)))
     return key
 
@@ -253,16 +249,14 @@ def _header(setup: Setup, key: str, transforms: Mapping[Edge, np.ndarray]) -> Ma
     return new_document(dataset, name=setup.name, time_s=float(int(time.time())))
 
 
-def _labels(setup: Setup, frames: Mapping[str, Frame]) -> Dict[str, Any]:
-    labels: Dict[str, Any] = {}
-    for pattern in setup.patterns:
-        labels[pattern] = {}
-        for name, sensor in setup.sensors.items():
-            labeled = frames[name].labels.get(pattern) if name in frames else None
-            form = sensor.kind.labels
-            label = form.empty if labeled is None or not labeled.detected else labeled.label
-            labels[pattern][name] = form.document(label)
-    return labels
+def _labels(setup: Setup, frames: Mapping[str, Frame]) -> Dict[Tuple[str, str], Label]:
+    """Return what was detected, by sensor and pattern."""
+    return {
+        (name, pattern): labeled.label
+        for name, frame in frames.items()
+        for pattern, labeled in frame.labels.items()
+        if pattern in setup.patterns and labeled.detected
+    }
 
 
 def _initial_boards(
@@ -272,50 +266,22 @@ def _initial_boards(
     graph = FrameGraph(transforms)
     initial: Dict[str, Any] = {}
     for name, pattern in setup.patterns.items():
-        initial[name] = {"detected": False}
+        placed: Optional[Tuple[str, np.ndarray]] = None
         for frame in frames.values():
-            if frame.sensor.modality != RGB or name not in frame.labels:
-                continue
-            pose = camera_T_pattern(frame.sensor, pattern, frame.labels[name])
-            if pose is None:
-                continue
-            chain = graph.chain(pattern.parent_frame, frame.sensor.frame)
-            parent_T_pattern = chain_transform(chain, transforms) @ pose
-            document = transform_document(board_edge(pattern), parent_T_pattern)
-            initial[name] = {"detected": True, "sensor": frame.sensor.name, **document}
-            break
+            pose = frame.board_pose(pattern) if name in frame.labels else None
+            if pose is not None:
+                chain = graph.chain(pattern.parent_frame, frame.sensor.frame)
+                placed = (frame.sensor.name, chain_transform(chain, transforms) @ pose)
+                break
+        initial[name] = initial_board_document(pattern, placed)
     return initial
 
 
 def _write_data(folder: Path, key: str, frame: Frame, warn: Callable[[str], None]) -> Any:
     """Write the data file of a frame; return the message without its data."""
-    sensor, data = frame.sensor, frame.data
-    name = data_file_name(sensor, key)
-    document: Dict[str, Any] = {"header": {**frame.header, "frame_id": sensor.frame}}
-    document["data_file"] = name
-    if sensor.modality == LIDAR3D:
-        points = cloud_xyz(data)
-        write_pcd(folder / name, points)
-        fields = [
-            {"name": axis, "offset": 4 * i, "datatype": _FLOAT32, "count": 1}
-            for i, axis in enumerate("xyz")
-        ]
-        size = {"height": 1, "width": len(points), "point_step": 12, "row_step": 12 * len(points)}
-        dense = bool(np.all(np.isfinite(points)))
-        return {**document, **size, "fields": fields, "is_bigendian": False, "is_dense": dense}
-    height, width = data.shape[:2]
-    size = {"height": height, "width": width, "is_bigendian": 0}
-    if sensor.modality == DEPTH:
-        report = write_depth_png(folder / name, data)
-        if report.warning and _labels_lost(frame):
-            warn(f"{frame.place}: {report.warning}")
-        return {**document, **size, "encoding": "32FC1", "step": 4 * width}
-    write_image(folder / name, data)
-    return {**document, **size, "encoding": "bgr8", "step": 3 * width}
-
-
-def _labels_lost(frame: Frame) -> bool:
-    """Tell whether labeled depths are farther than a file can hold."""
-    labels = [labeled.label for labeled in frame.labels.values()]
-    depths = [frame.data.ravel()[x.indices] for x in labels if isinstance(x, RangeLabel)]
-    return any(bool(np.any(z > MAX_DEPTH_M)) for z in depths)
+    sensor, data = frame.sensor, frame.ros.to_dataset(frame.data)
+    report = write_data_file(folder, sensor, key, data)
+    lost = "" if frame.ros.lost_in_file is None else frame.ros.lost_in_file(frame, report)
+    if lost:
+        warn(f"{frame.place}: {lost}")
+    return data_entry(sensor, key, data, {**frame.header, "frame_id": sensor.frame})

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, Callable, Dict, Mapping
+from typing import Callable, Dict, Mapping
 
 import numpy as np
 
 from atom_core.errors import AtomError
-from atom_core.io.dataset_json import joint_document
 from atom_core.io.urdf import read_description
 from atom_core.model.config import CalibrationConfig
-from atom_core.model.joints import MOVING_TYPES, joint_from_pose
+from atom_core.model.joints import MOVING_TYPES, JointState, joint_from_pose
 from atom_core.model.robot import Joint
 from atom_core.model.transforms import Edge
 
@@ -40,19 +39,17 @@ def described_joints(config: CalibrationConfig, warn: Callable[[str], None]) -> 
     return {name: joint for name, joint in found.items() if joint.type in MOVING_TYPES}
 
 
-def joint_documents(
+def joint_states(
     joints: Mapping[str, Joint], transforms: Mapping[Edge, np.ndarray]
-) -> Dict[str, Any]:
-    """Return the joints as they stand in a collection; tf, of one instant, tells the positions."""
+) -> Dict[str, JointState]:
+    """Return the joints of a collection; tf, of one instant, tells the positions."""
     return {
-        name: joint_document(
-            joint_from_pose(
-                joint.edge,
-                joint.type,
-                joint.axis,
-                joint.parent_T_child_at_zero,
-                transforms[joint.edge],
-            )
+        name: joint_from_pose(
+            joint.edge,
+            joint.type,
+            joint.axis,
+            joint.parent_T_child_at_zero,
+            transforms[joint.edge],
         )
         for name, joint in joints.items()
         if joint.edge in transforms

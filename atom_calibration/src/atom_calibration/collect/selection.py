@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Deque, Dict, Iterable, Iterator, List, Mapping, Optional, Tuple
 
 from atom_calibration.errors import CollectionError
-from atom_calibration.labels.frames import Frame
+from atom_calibration.modalities.frames import Frame
 from atom_core.labeling.stillness import (
     DEFAULT_OPTIONS,
     Sighting,
@@ -16,7 +16,6 @@ from atom_core.labeling.stillness import (
     StopDetector,
     motion,
 )
-from atom_core.model.sensor import RGB
 
 _SAME_PLACE_SIGMAS = 3.0
 _EPSILON_S = 1e-6
@@ -59,7 +58,7 @@ class StopMoments:
         for ended in self._ended_unseen(stamp):
             yield Moment(ended.start_s, ended.end_s)
         for pattern, sighting in frame.sightings.items():
-            if frame.sensor.modality == RGB:
+            if frame.ros.board_pose is not None:
                 self._note(name, pattern, stamp)
                 stop = self._cameras[pattern].add(name, stamp, sighting)
             else:
@@ -225,7 +224,7 @@ def choose_frames(frames: List[Frame], moment: Moment, max_skew_s: float) -> Dic
     best: Dict[str, Frame] = {}
     best_score = (-1, -1, 0.0, 0.0)
     # Cameras are the slowest, so that their stamps are the ones to meet; at most a few dozen.
-    reference = [f for f in frames if f.sensor.modality == RGB and f.detections] or frames
+    reference = [f for f in frames if f.ros.board_pose is not None and f.detections] or frames
     for time_s in sorted({f.stamp_s for f in reference}):
         chosen = _nearest(frames, time_s, max_skew_s)
         detections = sum(f.detections for f in chosen.values())

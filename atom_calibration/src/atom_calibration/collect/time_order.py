@@ -8,7 +8,7 @@ from typing import Dict, Iterable, List, Tuple
 
 import numpy as np
 
-from atom_calibration.labels.frames import Frame
+from atom_calibration.modalities.frames import Frame
 
 _BACK_S = 1.0  # a sensor whose stamps go back by more has begun anew, as when a bag is repeated
 

@@ -9,7 +9,9 @@ from typing import Callable, Dict, List, Mapping, Optional, Set, Tuple, Union
 import numpy as np
 
 from atom_calibration.configure.tree import MULTIPLE, TransformGraph
-from atom_calibration.messages import conversions
+from atom_calibration.messages.headers import frame_name
+from atom_calibration.messages.poses import TF_MESSAGE, edge_of, transform_matrix
+from atom_calibration.modalities.table import modality_of
 from atom_calibration.sources.bag_reader import BagReader
 from atom_calibration.sources.rig import sensor_from_bag
 from atom_core.errors import AtomError
@@ -24,7 +26,7 @@ from atom_core.model.transforms import Edge
 Locate = Callable[[KeyPath], str]
 
 JOINT_STATE = "sensor_msgs/JointState"
-_TF_TYPES = (conversions.TF_MESSAGE, "tf/tfMessage")
+_TF_TYPES = (TF_MESSAGE, "tf/tfMessage")
 _CALIBRATED_JOINTS = (REVOLUTE, CONTINUOUS, PRISMATIC)
 _LOOKED_AT_S = 20.0  # of /tf and /joint_states, which repeat themselves
 _SAME_M, _SAME_RAD = 1e-4, 1e-4  # between description and bag; more is told
@@ -78,12 +80,12 @@ def bag_facts(config: CalibrationConfig, bag: BagReader, findings: Findings) -> 
         path = ("sensors", name)
         try:
             topic, sensor = sensor_from_bag(name, entry, bag)
-            frame_id = conversions.frame(bag.first(topic).header.frame_id)
+            frame_id = frame_name(bag.first(topic).header.frame_id)
         except AtomError as error:
             findings.problem((*path, "topic_name"), f"does not fit the bag: {error}")
             continue
         topics[name] = topic
-        modalities[name] = entry.modality or conversions.modality_of(bag.types[topic])
+        modalities[name] = modality_of(entry, bag.types[topic])
         if sensor is None:
             findings.warn(path, f"({bag.types[topic]}) is shown but not calibrated: no labels")
         else:
@@ -173,9 +175,9 @@ def _bag_edges(
     ):
         for found in bag.messages(names, None, end_s) if names else ():
             for message in found.message.transforms:
-                edges.setdefault(conversions.edge_of(message), kind)
+                edges.setdefault(edge_of(message), kind)
                 if kind == FIXED:
-                    fixed[conversions.edge_of(message)] = conversions.transform(message)
+                    fixed[edge_of(message)] = transform_matrix(message)
     return edges, fixed
 
 

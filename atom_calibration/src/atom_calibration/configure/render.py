@@ -10,10 +10,12 @@ import jinja2
 
 from atom_calibration.configure.check import BagFacts
 from atom_calibration.configure.package import CalibrationPackage, launch_text
+from atom_calibration.modalities.table import ros_modality
 from atom_calibration.show.markers import colour_of
 from atom_core.io.paths import package_folder
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.dataset import Dataset
+from atom_core.model.modality import modalities, modality_named
 
 # Each is made from the template of its name; a launch file is listed once all its nodes exist.
 LAUNCH_FILES = (
@@ -55,10 +57,14 @@ def needed_packages(config: CalibrationConfig) -> List[str]:
 def skeleton_files(name: str) -> Dict[str, str]:
     """Return the texts of a new package by their path in it."""
     environment = _environment()
+    values = {
+        "name": name,
+        "packages": [*PACKAGES, _THROTTLING],
+        "modalities": _listed([kind.name for kind in modalities()]),
+        "named_modalities": _listed([k.name for k in modalities() if not k.is_default_of]),
+    }
     return {
-        path: environment.get_template(template).render(
-            name=name, packages=[*PACKAGES, _THROTTLING]
-        )
+        path: environment.get_template(template).render(values)
         for path, template in SKELETON.items()
     }
 
@@ -114,11 +120,11 @@ def _sensor_values(config: CalibrationConfig) -> Dict[str, Any]:
         sensors.append(
             {
                 "name": name,
-                "modality": entry.modality,
                 "frame": entry.link,
                 "topic": entry.topic_name,
                 "throttle": entry.throttle,
                 "colour": colour,
+                **_display_values(entry.modality),
             }
         )
     return {
@@ -126,6 +132,24 @@ def _sensor_values(config: CalibrationConfig) -> Dict[str, Any]:
         "sensors": sensors,
         "data_frames": _unique([s["frame"] for s in sensors]),
     }
+
+
+def _display_values(name: Optional[str]) -> Dict[str, Any]:
+    """Return how RViz shows the data and labels of a modality; of None nothing."""
+    if name is None:
+        return {"is_image": False, "is_range": False, "has_seeds": False}
+    kind, ros = modality_named(name), ros_modality(name)
+    return {
+        "is_image": kind.has_camera_info,
+        "is_range": kind.measures_range,
+        "has_seeds": ros.seeds is not None,
+        "display": ros.display,
+        "polygon_first": ros.polygon_first,
+    }
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " or ".join(part for part in (", ".join(names[:-1]), names[-1]) if part)
 
 
 def _bag_text(bag_file: Optional[str], package: CalibrationPackage) -> str:

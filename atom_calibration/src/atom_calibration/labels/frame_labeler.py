@@ -6,19 +6,17 @@ from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
-from atom_calibration.labels.frames import Frame
 from atom_calibration.labels.manual_seeds import ManualSeeds, outside_data
 from atom_calibration.labels.prediction import FRESH_S, BoardPredictor, Guess
+from atom_calibration.modalities.frames import Frame
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.errors import LabelingError
 from atom_core.io.seeds import Seed
 from atom_core.labeling.base import Labeled, Labeler, labeler_for, nothing
 from atom_core.labeling.stillness import PlaneSighting
 from atom_core.model.config import CalibrationConfig
-from atom_core.model.labels import DetectionKey, RgbLabel
 from atom_core.model.pattern import Pattern
-from atom_core.model.sensor import DEPTH, RGB, Sensor
-from atom_core.problem.corner_measurement import CornerMeasurement
+from atom_core.model.sensor import Sensor
 
 _SEARCH_EVERY_S = 0.35  # of each range sensor that lost the board
 
@@ -61,8 +59,8 @@ class FrameLabeler:
         self._world = config.world_link
         self._boards = BoardPredictor(self._world)
 
-    def label_image(self, frame: Frame) -> Frame:
-        """Label a colour image; needs nothing else, so that it may run in a thread of its own."""
+    def label_unseeded(self, frame: Frame) -> Frame:
+        """Label data that need no seed, and so nothing else: any thread may do it."""
         for name in self._patterns:
             frame.set_label(name, self._label(frame, name, None))
         return frame
@@ -78,9 +76,9 @@ class FrameLabeler:
             LabelingError: the data are not what the labeler needs.
             CollectionError: a seed given by hand lies outside the data.
         """
-        if frame.sensor.modality == RGB:
+        if frame.ros.seeds is None:
             if not frame.labels:
-                self.label_image(frame)
+                self.label_unseeded(frame)
             self._note_boards(frame, tree)
             return frame
         for name in self._patterns:
@@ -185,9 +183,9 @@ class FrameLabeler:
             seeds.append(tracked)
         for_all = self._manual.for_all(frame.sensor.name)
         if for_all is not None:
-            return seeds if _is_outside_image(for_all, frame) else [*seeds, for_all]
+            return seeds if _is_useless(for_all, frame) else [*seeds, for_all]
         if self._automatic:
-            predicted = None if prediction is None else _in_data(frame.sensor, prediction.middle)
+            predicted = None if prediction is None else _in_data(frame, prediction.middle)
             seeds += [] if predicted is None else [predicted]
             if frame.stamp_s - self._searched_s.get(key, -np.inf) >= _SEARCH_EVERY_S:
                 self._searched_s[key] = frame.stamp_s
@@ -204,8 +202,8 @@ class FrameLabeler:
     def _note_boards(self, frame: Frame, tree: Optional[TransformTree]) -> None:
         if tree is None:
             return
-        for name, labeled in frame.labels.items():
-            pose = camera_T_pattern(frame.sensor, self._patterns[name], labeled)
+        for name in frame.labels:
+            pose = frame.board_pose(self._patterns[name])
             if pose is not None:
                 self.see_board(frame.sensor.frame, name, frame.stamp_s, pose, tree)
 
@@ -216,34 +214,21 @@ class FrameLabeler:
             raise LabelingError(f"{frame.place}: {error}") from None
 
 
-def camera_T_pattern(sensor: Sensor, pattern: Pattern, labeled: Labeled) -> Optional[np.ndarray]:
-    """Return the board's pose (4, 4) by one camera's corners alone; None if they do not tell."""
-    label = labeled.label
-    if not isinstance(label, RgbLabel) or not label.detected or sensor.camera is None:
-        return None
-    key = DetectionKey("", sensor.name, pattern.name)
-    corners = pattern.corners_of(label.ids)
-    measured = CornerMeasurement(key, sensor.camera, label.ids, corners, label.pixels)
-    poses = measured.candidates()
-    return poses[0] if poses else None
+def _in_data(frame: Frame, point: np.ndarray) -> Optional[np.ndarray]:
+    """Return the seed of a point (3,) in the sensor's frame; None if the data do not hold it."""
+    assert frame.ros.seeds is not None
+    return frame.ros.seeds.of_point(frame.sensor, point)
 
 
-def _in_data(sensor: Sensor, point: np.ndarray) -> Optional[np.ndarray]:
-    """Return the seed of a point (3,) in the sensor's frame; None if an image does not hold it."""
-    if sensor.modality != DEPTH:
-        return point
-    assert sensor.camera is not None
-    inside = sensor.camera.in_image(point[None])[0]
-    return sensor.camera.project(point[None])[0] if inside else None
-
-
-def _is_outside_image(by_hand: Optional[np.ndarray], frame: Frame) -> bool:
+def _is_useless(by_hand: Optional[np.ndarray], frame: Frame) -> bool:
     """Tell whether there is nothing to begin from; in a cloud, however far away, there is."""
-    depth = frame.sensor.modality == DEPTH
-    return by_hand is not None and depth and bool(outside_data(by_hand, frame))
+    assert frame.ros.seeds is not None
+    if by_hand is None or not frame.ros.seeds.ends_outside:
+        return False
+    return bool(outside_data(by_hand, frame))
 
 
 def _why_no_seed(by_hand: Optional[np.ndarray], frame: Frame) -> str:
-    if _is_outside_image(by_hand, frame):
+    if _is_useless(by_hand, frame):
         return "the seed set by hand lies outside the image; put it onto the board"
     return "there is no seed"

@@ -1,4 +1,4 @@
-"""Labels to messages and back; with ``conversions`` the only module that knows both."""
+"""Labels to messages and back."""
 
 from __future__ import annotations
 
@@ -9,14 +9,11 @@ import rospy
 from std_msgs.msg import Header
 
 from atom_calibration.errors import MessageError
-from atom_calibration.labels.frame_labeler import camera_T_pattern
-from atom_calibration.labels.frames import Frame
-from atom_calibration.messages.conversions import pose_message
-from atom_calibration.msg import Detection2D, PatternLabels, SensorLabels
+from atom_calibration.messages.poses import pose_message
+from atom_calibration.modalities.frames import Frame
+from atom_calibration.msg import PatternLabels, SensorLabels
 from atom_core.labeling.base import Labeled
-from atom_core.model.labels import Label, RangeLabel, RgbLabel
 from atom_core.model.pattern import Pattern
-from atom_core.model.sensor import RGB
 
 
 def labels_message(
@@ -33,8 +30,8 @@ def labels_message(
     message.header = header_message(frame)
     message.manual_seed = _numbers(manual_seed)
     for name, labeled in frame.labels.items():
-        part = _pattern_labels(name, labeled, frame.seeds.get(name))
-        pose = camera_T_pattern(frame.sensor, patterns[name], labeled)
+        part = _pattern_labels(name, labeled, frame)
+        pose = frame.board_pose(patterns[name])
         if pose is not None:
             part.pose_known, part.pose = True, pose_message(pose)
         message.patterns.append(part)
@@ -55,22 +52,14 @@ def set_labels(frame: Frame, message: Any) -> Frame:
     """
     if message.sensor != frame.sensor.name:
         raise MessageError(f"{frame.place}: these labels are of sensor '{message.sensor}'")
-    rgb = frame.sensor.modality == RGB
     for part in message.patterns:
-        label: Label
-        if rgb:
-            pixels = np.array([[c.x, c.y] for c in part.corners]).reshape(-1, 2)
-            label = RgbLabel(np.array([c.id for c in part.corners], dtype=int), pixels)
-        else:
-            inside = np.array(part.idxs, dtype=int)
-            limit = np.array(part.idxs_limit_points, dtype=int)
-            largest = max(inside.max(initial=-1), limit.max(initial=-1))
-            if largest >= _size(frame):
-                raise MessageError(
-                    f"{frame.place}: the labels have index {largest}, the data only "
-                    f"{_size(frame)} entries; is another labeler running for this sensor?"
-                )
-            label = RangeLabel(inside, limit)
+        largest = max((*part.idxs, *part.idxs_limit_points), default=-1)
+        if largest >= frame.size:
+            raise MessageError(
+                f"{frame.place}: the labels have index {largest}, the data only "
+                f"{frame.size} entries; is another labeler running for this sensor?"
+            )
+        label = frame.ros.read_label(part)
         quality = dict(zip(part.quality_names, part.quality_values))
         next_seed = np.array(part.next_seed) if part.next_seed else None
         labeled = Labeled(label, reason=part.reason, quality=quality, next_seed=next_seed)
@@ -84,17 +73,10 @@ def point_count(part: Any) -> int:
     return len(part.corners) or len(part.idxs)
 
 
-def _pattern_labels(name: str, labeled: Labeled, seed: Optional[np.ndarray]) -> PatternLabels:
+def _pattern_labels(name: str, labeled: Labeled, frame: Frame) -> PatternLabels:
     part = PatternLabels(pattern_name=name, detected=labeled.detected, reason=labeled.reason)
-    label = labeled.label
-    if isinstance(label, RgbLabel):
-        part.corners = [
-            Detection2D(int(i), float(x), float(y)) for i, (x, y) in zip(label.ids, label.pixels)
-        ]
-    elif isinstance(label, RangeLabel):
-        part.idxs = label.indices.tolist()
-        part.idxs_limit_points = label.limit_indices.tolist()
-    part.seed, part.next_seed = _numbers(seed), _numbers(labeled.next_seed)
+    frame.ros.write_label(labeled.label, part)
+    part.seed, part.next_seed = _numbers(frame.seeds.get(name)), _numbers(labeled.next_seed)
     part.quality_names = list(labeled.quality)
     part.quality_values = [float(value) for value in labeled.quality.values()]
     return part
@@ -102,7 +84,3 @@ def _pattern_labels(name: str, labeled: Labeled, seed: Optional[np.ndarray]) -> 
 
 def _numbers(position: Optional[np.ndarray]) -> list:
     return [] if position is None else [float(value) for value in position]
-
-
-def _size(frame: Frame) -> int:
-    return int(frame.data.size)

@@ -7,13 +7,10 @@ from typing import Optional, Sequence
 import numpy as np
 
 from atom_calibration.errors import CollectionError
-from atom_calibration.labels.frames import Frame
-from atom_calibration.messages.conversions import cloud_xyz
+from atom_calibration.modalities.frames import Frame
 from atom_core.io.seeds import Seed
-from atom_core.model.sensor import LIDAR3D
 
 _SAME_STAMP_S = 0.005
-_OUTSIDE_M = 1.0  # a seed so far from every point is a mistake
 
 
 class ManualSeeds:
@@ -68,11 +65,5 @@ def check_inside(seed: Seed, frame: Frame, remedy: str) -> None:
 
 def outside_data(position: np.ndarray, frame: Frame) -> str:
     """Return why a seed is outside the data of a range sensor; empty when it is inside."""
-    if frame.sensor.modality == LIDAR3D:
-        away = np.linalg.norm(cloud_xyz(frame.data) - position, axis=1)
-        nearest = float(np.nanmin(away)) if np.any(np.isfinite(away)) else np.inf
-        return f"the nearest point is {nearest:.2f} m away" if nearest > _OUTSIDE_M else ""
-    height, width = frame.data.shape
-    u, v = position
-    inside = -0.5 <= u <= width - 0.5 and -0.5 <= v <= height - 0.5
-    return "" if inside else f"the image has {width} x {height} pixels"
+    assert frame.ros.seeds is not None
+    return frame.ros.seeds.problem(frame, position)

@@ -6,26 +6,25 @@ from typing import Union
 
 import cv2
 import numpy as np
-from sensor_msgs.msg import Image, PointCloud2, PointField
+from sensor_msgs.msg import Image, PointCloud2
 
-from atom_calibration.labels.frames import Frame, points_of
 from atom_calibration.labels.label_messages import header_message
-from atom_calibration.show.pictures import labeled_picture
+from atom_calibration.messages.clouds import cloud_message
+from atom_calibration.messages.images import image_message
+from atom_calibration.modalities.frames import Frame, points_of
 from atom_core.model.labels import RangeLabel
-from atom_core.model.sensor import LIDAR3D
 
 INSIDE_RGB, BORDER_RGB = 0x3CDC3C, 0xFF2828
 _WHITE, _BLACK = (255, 255, 255), (0, 0, 0)
 # A point as RViz colours it; `idx` is its index in the sensor's own cloud.
 POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("rgb", "<u4"), ("idx", "<u4")])
-_FLOAT32, _UINT32 = 7, 6
 
 
 def annotated(frame: Frame) -> Union[Image, PointCloud2]:
     """Return an image with the labels drawn in, or the cloud of the labeled points alone."""
-    if frame.sensor.modality == LIDAR3D:
-        return labeled_cloud(frame)
-    return picture_message(frame, labeled_picture(frame))
+    if frame.sensor.kind.has_camera_info:
+        return picture_message(frame, frame.ros.draw(frame))
+    return labeled_cloud(frame)
 
 
 def picture_message(frame: Frame, picture: np.ndarray) -> Image:
@@ -43,21 +42,9 @@ def picture_message(frame: Frame, picture: np.ndarray) -> Image:
                 width,
                 cv2.LINE_AA,
             )
-    message = image_message(picture)
+    message = image_message(picture, "bgr8")
     message.header = header_message(frame)
     return message
-
-
-def image_message(picture: np.ndarray) -> Image:
-    """Return a picture (height, width, 3), blue green red; the header is left to the caller."""
-    height, width = picture.shape[:2]
-    return Image(
-        height=height,
-        width=width,
-        encoding="bgr8",
-        step=3 * width,
-        data=np.ascontiguousarray(picture).tobytes(),
-    )
 
 
 def labeled_cloud(frame: Frame) -> PointCloud2:
@@ -74,24 +61,6 @@ def labeled_cloud(frame: Frame) -> PointCloud2:
     table = np.concatenate(parts) if parts else np.zeros(0, POINT)
     for axis, values in zip("xyz", points_of(frame, table["idx"]).T):
         table[axis] = values
-    message = cloud_message(table)
+    message = cloud_message(table, is_dense=True)
     message.header = header_message(frame)
     return message
-
-
-def cloud_message(table: np.ndarray) -> PointCloud2:
-    """Return points (n,) of the type `POINT` as a cloud; the header is left to the caller."""
-    assert POINT.fields is not None
-    fields = [
-        PointField(name, place[1], _FLOAT32 if name in "xyz" else _UINT32, 1)
-        for name, place in POINT.fields.items()
-    ]
-    return PointCloud2(
-        height=1,
-        width=len(table),
-        fields=fields,
-        point_step=POINT.itemsize,
-        row_step=table.nbytes,
-        is_dense=True,
-        data=table.tobytes(),
-    )

@@ -8,7 +8,7 @@ import numpy as np
 import rospy
 from geometry_msgs.msg import TransformStamped
 
-from atom_calibration.messages import conversions
+from atom_calibration.messages.poses import transform_message
 from atom_calibration.show.standing import Standing
 from atom_calibration.show.view_options import CALIBRATED, OFF, PREFIXED
 from atom_core.model.transforms import Edge
@@ -63,4 +63,4 @@ def _tree(standing: Standing, key: str) -> List[TransformStamped]:
 
 
 def _message(edge: Edge, matrix: np.ndarray) -> TransformStamped:
-    return conversions.transform_message(edge, matrix, rospy.Time())
+    return transform_message(edge, matrix, rospy.Time())

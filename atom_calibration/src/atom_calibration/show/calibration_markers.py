@@ -9,9 +9,10 @@ import numpy as np
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker
 
-from atom_calibration.messages import conversions
+from atom_calibration.messages.clouds import cloud_message
+from atom_calibration.messages.poses import point_message, pose_message
 from atom_calibration.show import markers
-from atom_calibration.show.annotation import POINT, cloud_message
+from atom_calibration.show.annotation import POINT
 from atom_calibration.show.markers import Colour
 from atom_calibration.show.standing import Standing
 from atom_core.geometry import se3
@@ -55,7 +56,7 @@ def boards(standing: Standing, shown: Sequence[str], colours: Dict[str, Colour])
         middle = se3.apply(world_T_pattern, np.array([[*pattern.border.centre, 0.0]]))[0]
         title = markers.text(world, key, _TEXT_M, colour)
         above = middle + [0.0, 0.0, _TEXT_M + np.linalg.norm(pattern.border.half_size)]
-        title.pose.position = conversions.point_message(above)
+        title.pose.position = point_message(above)
         title.ns = f"c{key}"
         listed.append(title)
     return markers.numbered(listed)
@@ -79,7 +80,7 @@ def sensors(
             shapes.append(markers.axes(world, _AXES_M))
             name = markers.text(world, sensor.name, _TEXT_M, (1.0, 1.0, 1.0))
             for marker in [*shapes, name]:
-                marker.pose, marker.ns = conversions.pose_message(pose), sensor.name
+                marker.pose, marker.ns = pose_message(pose), sensor.name
             name.pose.position.z += 1.5 * _TEXT_M
             listed += [*shapes, name]
             began = first.sensor_poses.get((sensor.name, key))
@@ -95,7 +96,7 @@ def ghost(first: Standing, shown: Sequence[str]) -> List[Marker]:
     for sensor in first.dataset.sensors.values():
         for _, pose in _places(first, sensor.name, shown):
             for marker in _shapes(sensor, world, _GHOST_COLOUR):
-                marker.pose, marker.ns = conversions.pose_message(pose), sensor.name
+                marker.pose, marker.ns = pose_message(pose), sensor.name
                 marker.color.a = _GHOST_ALPHA
                 listed.append(marker)
     return markers.numbered(listed)
@@ -137,7 +138,7 @@ def labeled_points(
 
 def cloud(frame: str, table: np.ndarray) -> PointCloud2:
     """Return points (`annotation.POINT`) of a frame, valid at any time."""
-    message = cloud_message(table)
+    message = cloud_message(table, is_dense=True)
     message.header.frame_id = frame
     return message
 

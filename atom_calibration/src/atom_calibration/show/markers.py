@@ -13,7 +13,7 @@ from geometry_msgs.msg import Point, Vector3
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker
 
-from atom_calibration.messages import conversions
+from atom_calibration.messages.poses import point_message, pose_message
 from atom_core.geometry.camera import Camera
 from atom_core.model.pattern import CHARUCO, Pattern
 
@@ -87,10 +87,10 @@ def board(
     plate = _marker(Marker.CUBE, frame, namespace, colour, 0.7, number)
     centre = np.eye(4)
     centre[:3, 3] = [*pattern.border.centre, 0.5 * _BOARD_THICKNESS_M]
-    plate.pose = conversions.pose_message(pose @ centre)
+    plate.pose = pose_message(pose @ centre)
     plate.scale = Vector3(*(2 * pattern.border.half_size), _BOARD_THICKNESS_M)
     squares = _marker(Marker.TRIANGLE_LIST, frame, namespace, (0.05, 0.05, 0.05), 0.9, number + 1)
-    squares.pose = conversions.pose_message(pose)
+    squares.pose = pose_message(pose)
     squares.scale = Vector3(1.0, 1.0, 1.0)
     squares.points = _points(_black_squares(pattern))
     return [plate, squares]
@@ -186,4 +186,4 @@ def _black_squares(pattern: Pattern) -> np.ndarray:
 
 
 def _points(positions: np.ndarray) -> List[Point]:
-    return [conversions.point_message(position) for position in positions]
+    return [point_message(position) for position in positions]

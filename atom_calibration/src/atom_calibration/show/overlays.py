@@ -12,15 +12,14 @@ from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 import cv2
 import numpy as np
 
+from atom_calibration.modalities.table import ros_modality
 from atom_calibration.show.markers import Colour
-from atom_calibration.show.pictures import depth_picture
 from atom_calibration.show.standing import Standing
 from atom_core.errors import AtomError
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import DetectionKey
-from atom_core.model.sensor import RGB
 
 _SHIFT, _UNIT = 4, 16  # OpenCV draws in sixteenths of a pixel
 _BORDER_STEP_M = 0.02
@@ -188,11 +187,8 @@ def _with_data(dataset: Dataset, sensor: str, keys: Sequence[str]) -> Optional[s
 def _read(dataset: Dataset, key: str, name: str, blank: np.ndarray) -> np.ndarray:
     """Return an image to draw on; a file that cannot be read costs the picture, not the view."""
     try:
-        if dataset.sensors[name].modality == RGB:
-            image = dataset.data.read(key, name)
-            grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-            return cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR)  # colours are the labels'
-        return depth_picture(dataset.data.read(key, name))
+        draw = ros_modality(dataset.sensors[name].modality).background
+        return blank if draw is None else draw(dataset.data.read(key, name))
     except AtomError:
         return blank
 

@@ -8,28 +8,27 @@ from typing import Any, Dict, List, Mapping, Tuple
 import cv2
 import numpy as np
 import rospy
-from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
+from sensor_msgs.msg import CameraInfo, Image
 from tf2_msgs.msg import TFMessage
 
-from atom_calibration.labels.frames import Frame
 from atom_calibration.labels.label_messages import header_message
-from atom_calibration.messages.conversions import transform_message
+from atom_calibration.messages.cameras import camera_info_message
+from atom_calibration.messages.poses import transform_message
+from atom_calibration.modalities.frames import Frame
+from atom_calibration.modalities.table import ros_modality
 from atom_calibration.msg import CollectionState, CollectionStates, LabelState, SensorDetection
 from atom_calibration.show.annotation import picture_message
-from atom_calibration.show.pictures import labeled_picture
 from atom_core.editing.label_corrections import ChosenCorner, LabelCorrections
 from atom_core.errors import AtomError
 from atom_core.evaluation.label_quality import METRES, label_quality
 from atom_core.labeling.base import Labeled, nothing
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import DetectionKey, Label, RangeLabel, RgbLabel
-from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
+from atom_core.model.modality import modality_named
+from atom_core.model.sensor import Sensor
 from atom_core.report.tables import text_table
 
-SHOWN = (RGB, DEPTH, LIDAR3D)
 IMAGES, POINTS = "labeled2d", "labeled3d"  # below the topic of the data, as in ATOM
-_XYZ = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
-_FLOAT32 = 7
 _CHOSEN_BGR = (0, 230, 255)
 
 
@@ -60,16 +59,16 @@ def shown(corrections: LabelCorrections, name: str) -> Shown:
     dataset, key = corrections.dataset, corrections.collection
     sensor, header = dataset.sensors[name], _header(dataset, key, name)
     stamp_s = header["stamp"]["secs"] + 1e-9 * header["stamp"]["nsecs"]
-    problem = ""
+    ros, problem = ros_modality(sensor.modality), ""
     try:
-        data = _data(dataset, key, sensor)
+        data = ros.from_dataset(dataset.data.read(key, name))
     except AtomError as error:
-        data, problem = _no_data(sensor), str(error)
+        data, problem = ros.no_data(sensor), str(error)
     frame = Frame(sensor, stamp_s, header, data)
     labels = corrections.labels(name)
     for pattern in dataset.patterns:
         labeled = Labeled(labels[pattern]) if pattern in labels else None
-        if labeled is not None and not _fits(labels[pattern], data):
+        if labeled is not None and not _fits(labels[pattern], frame):
             labeled = nothing(sensor.modality, "the label does not belong to the data")
             problem = problem or labeled.reason
         if labeled is None:
@@ -90,30 +89,12 @@ def _header(dataset: Dataset, key: str, sensor: str) -> Mapping[str, Any]:
     }
 
 
-def _data(dataset: Dataset, key: str, sensor: Sensor) -> np.ndarray:
-    if sensor.modality == RGB:
-        return dataset.data.read(key, sensor.name)
-    if sensor.modality == DEPTH:
-        return dataset.data.read(key, sensor.name)
-    cloud = dataset.data.read(key, sensor.name)
-    points = np.zeros(len(cloud), _XYZ)
-    points["x"], points["y"], points["z"] = cloud.T
-    return points
-
-
-def _no_data(sensor: Sensor) -> np.ndarray:
-    if sensor.camera is None:
-        return np.zeros(0, _XYZ)
-    size = (sensor.camera.height, sensor.camera.width)
-    return np.zeros((*size, 3), np.uint8) if sensor.modality == RGB else np.full(size, np.nan)
-
-
-def _fits(label: Label, data: np.ndarray) -> bool:
+def _fits(label: Label, frame: Frame) -> bool:
     """Tell whether the indices of a label are within the data."""
     if not isinstance(label, RangeLabel):
         return True
     both = np.concatenate([label.indices, label.limit_indices])
-    return len(both) == 0 or (both.min() >= 0 and both.max() < data.size)
+    return len(both) == 0 or (both.min() >= 0 and both.max() < frame.size)
 
 
 # --- messages ---------------------------------------------------------------------------------
@@ -121,46 +102,17 @@ def _fits(label: Label, data: np.ndarray) -> bool:
 
 def data_message(frame: Frame) -> Any:
     """Return the data of a frame as the sensor would publish them."""
-    header, data = header_message(frame), frame.data
-    if frame.sensor.modality == LIDAR3D:
-        fields = [PointField(axis, 4 * i, _FLOAT32, 1) for i, axis in enumerate("xyz")]
-        return PointCloud2(
-            header=header,
-            height=1,
-            width=len(data),
-            fields=fields,
-            point_step=_XYZ.itemsize,
-            row_step=data.nbytes,
-            is_dense=False,
-            data=data.tobytes(),
-        )
-    height, width = data.shape[:2]
-    rgb = frame.sensor.modality == RGB
-    stored = data if rgb else data.astype("<f4")
-    return Image(
-        header=header,
-        height=height,
-        width=width,
-        encoding="bgr8" if rgb else "32FC1",
-        step=(3 if rgb else 4) * width,
-        data=np.ascontiguousarray(stored).tobytes(),
-    )
+    message = frame.ros.encode(frame.data)
+    message.header = header_message(frame)
+    return message
 
 
 def camera_info(frame: Frame) -> CameraInfo:
     """Return the intrinsics that belong to a frame's image."""
-    camera = frame.sensor.camera
-    assert camera is not None
-    return CameraInfo(
-        header=header_message(frame),
-        height=camera.height,
-        width=camera.width,
-        distortion_model="plumb_bob" if camera.model == "none" else camera.model,
-        D=[float(v) for v in camera.D] or [0.0] * 5,
-        K=[float(v) for v in camera.K.ravel()],
-        R=[float(v) for v in np.eye(3).ravel()],
-        P=[float(v) for v in np.column_stack([camera.K, np.zeros(3)]).ravel()],
-    )
+    assert frame.sensor.camera is not None
+    message = camera_info_message(frame.sensor.camera)
+    message.header = header_message(frame)
+    return message
 
 
 def labeled_image(frame: Frame, chosen: Any = None) -> Image:
@@ -171,7 +123,7 @@ def labeled_image(frame: Frame, chosen: Any = None) -> Image:
         chosen: the `ChosenCorner` to point out, if it is one of this image.
     """
     with np.errstate(invalid="ignore"):
-        picture = labeled_picture(frame)
+        picture = frame.ros.draw(frame)
     if isinstance(chosen, ChosenCorner) and chosen.sensor == frame.sensor.name:
         label = frame.labels[chosen.pattern].label
         assert isinstance(label, RgbLabel)
@@ -249,7 +201,7 @@ def quality_table(title: str, states: List[LabelState]) -> str:
         worst = f"{scale * state.worst:.2f} ({state.worst_item})" if state.worst_item >= 0 else ""
         rms = f"{scale * state.rms:.2f}" if np.isfinite(state.rms) else ""
         note = state.problem or ("corrected" if state.corrected else "")
-        border = state.border_points if state.modality != RGB else ""
+        border = state.border_points if modality_named(state.modality).measures_range else ""
         rows.append(
             [
                 state.sensor,

@@ -23,7 +23,8 @@ from visualization_msgs.msg import (
 )
 
 from atom_calibration.errors import MessageError
-from atom_calibration.messages import conversions
+from atom_calibration.messages.headers import frame_name
+from atom_calibration.messages.poses import pose_matrix, pose_message
 
 FULL, POSITION, PLANAR, STILL = "full", "position", "planar", "still"
 _MOVES = {
@@ -142,7 +143,7 @@ class PoseMarker:
         """Put the marker elsewhere; `on_moved` is not called."""
         self.frame_T_marker = np.array(frame_T_marker, dtype=float)
         if self.visible:
-            self._server.setPose(self.name, conversions.pose_message(self.frame_T_marker))
+            self._server.setPose(self.name, pose_message(self.frame_T_marker))
             self._server.applyChanges()
 
     def show(self, visible: bool = True, scale: Optional[float] = None) -> None:
@@ -174,7 +175,7 @@ class PoseMarker:
             name=self.name,
             description=self._description,
             scale=self.scale,
-            pose=conversions.pose_message(self.frame_T_marker),
+            pose=pose_message(self.frame_T_marker),
         )
         marker.header.frame_id = self.frame  # the stamp stays zero: locked to the frame
         marker.controls = _controls(self._moves)
@@ -200,7 +201,7 @@ class PoseMarker:
             rospy.logwarn(f"marker '{self.name}': {problem}; the move is ignored")
             self.move(self.frame_T_marker)
             return
-        dragged = conversions.pose_matrix(feedback.pose)
+        dragged = pose_matrix(feedback.pose)
         if not np.allclose(dragged, self.frame_T_marker, rtol=0.0, atol=_ROUNDING):
             self.frame_T_marker = dragged
         dropped = feedback.event_type == InteractiveMarkerFeedback.MOUSE_UP
@@ -212,10 +213,10 @@ class PoseMarker:
 
 def _problem(feedback: Any, frame: str) -> str:
     """Return why a pose from RViz cannot be used; empty when it can."""
-    if conversions.frame(feedback.header.frame_id) not in ("", frame):
+    if frame_name(feedback.header.frame_id) not in ("", frame):
         return f"its pose came in frame '{feedback.header.frame_id}' instead of '{frame}'"
     try:
-        conversions.pose_matrix(feedback.pose)
+        pose_matrix(feedback.pose)
     except MessageError as error:
         return str(error)
     return ""

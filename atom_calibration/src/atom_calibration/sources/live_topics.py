@@ -11,7 +11,7 @@ import roslib.message
 import rospy
 
 from atom_calibration.errors import BagError, TransformError
-from atom_calibration.messages import conversions
+from atom_calibration.messages.cameras import CAMERA_INFO
 from atom_calibration.sources.rig import candidate_topics
 from atom_core.errors import AtomError
 from atom_core.model.config import CalibrationConfig
@@ -110,7 +110,7 @@ def published_types() -> Dict[str, str]:
 def message_class(name: str) -> Optional[type]:
     """Return the class of a type of messages; None if it is not one of sensors' data."""
     known = {t for modality in modalities() for t in modality.message_types}
-    known.add(conversions.CAMERA_INFO)
+    known.add(CAMERA_INFO)
     return roslib.message.get_message_class(name) if name in known else None
 
 

@@ -11,7 +11,8 @@ import rospy
 from tf2_msgs.msg import TFMessage
 
 from atom_calibration.errors import MessageError
-from atom_calibration.messages.conversions import edge_of, stamp_s
+from atom_calibration.messages.headers import stamp_s
+from atom_calibration.messages.poses import edge_of
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.model.transforms import Edge
 

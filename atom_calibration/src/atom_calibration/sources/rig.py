@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from typing import Any, Dict, List, Mapping, Optional, Protocol, Sequence, Tuple
 
 from atom_calibration.errors import BagError, MessageError, TransformError
-from atom_calibration.messages import conversions
+from atom_calibration.messages.cameras import CAMERA_INFO, camera_from_info
+from atom_calibration.messages.headers import frame_name
+from atom_calibration.modalities.table import is_labeled, modality_of
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.geometry.camera import Camera
 from atom_core.model.config import CalibrationConfig, SensorConfig
@@ -73,7 +75,7 @@ def rig_from_bag(config: CalibrationConfig, bag: TopicSource) -> Rig:
             continue
         sensors[name] = sensor
         topics[topic] = sensors[name]
-        frame_id = conversions.frame(bag.first(topic).header.frame_id)
+        frame_id = frame_name(bag.first(topic).header.frame_id)
         if frame_id != entry.link:
             warnings.append(
                 f"sensor '{name}': its data are in frame '{frame_id}' (header of {topic}), the "
@@ -94,8 +96,8 @@ def sensor_from_bag(
         MessageError: a camera_info is of no use.
     """
     topic = _data_topic(name, entry, bag)
-    modality = entry.modality or conversions.modality_of(bag.types[topic])
-    if modality is None:
+    modality = modality_of(entry, bag.types[topic])
+    if modality is None or not is_labeled(modality):
         return topic, None
     camera = _camera(name, entry, bag) if modality_named(modality).has_camera_info else None
     return topic, Sensor(name, modality, entry.link, entry.edge, camera, entry.topic_name)
@@ -143,9 +145,9 @@ def _data_topic(name: str, entry: SensorConfig, bag: TopicSource) -> str:
 def _camera(name: str, entry: SensorConfig, bag: TopicSource) -> Camera:
     topic = _info_topic(entry)
     if topic not in bag.types:
-        raise bag.absent(topic, [conversions.CAMERA_INFO], f"intrinsics of sensor '{name}'")
+        raise bag.absent(topic, [CAMERA_INFO], f"intrinsics of sensor '{name}'")
     try:
-        return conversions.camera(bag.first(topic))
+        return camera_from_info(bag.first(topic))
     except MessageError as error:
         raise MessageError(f"{bag.path}: sensor '{name}', topic {topic}: {error}") from None
 

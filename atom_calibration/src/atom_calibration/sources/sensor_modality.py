@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Callable, List, Optional
 
-from atom_calibration.messages import conversions
+from atom_calibration.modalities.table import modality_of
 from atom_calibration.sources.live_topics import NotYetError, published_types, wait_for
 from atom_calibration.sources.rig import candidate_topics
 from atom_core.model.config import SensorConfig
@@ -24,7 +24,7 @@ def modality_of_sensor(
 
     def by_topic() -> Optional[str]:
         types = published_types()
-        known = [conversions.modality_of(types.get(topic, "")) for topic in candidate_topics(entry)]
+        known = [modality_of(entry, types.get(topic, "")) for topic in candidate_topics(entry)]
         found: List[str] = [modality for modality in known if modality is not None]
         if not found:
             raise NotYetError(

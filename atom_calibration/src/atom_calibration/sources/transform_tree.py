@@ -16,7 +16,8 @@ import tf2_ros
 from geometry_msgs.msg import TransformStamped
 
 from atom_calibration.errors import TransformError
-from atom_calibration.messages.conversions import TF_MESSAGE, edge_of, stamp_s, transform
+from atom_calibration.messages.headers import stamp_s
+from atom_calibration.messages.poses import TF_MESSAGE, edge_of, transform_matrix
 from atom_calibration.sources.bag_reader import BagReader
 from atom_core.geometry import se3
 from atom_core.model.transforms import Edge
@@ -49,7 +50,7 @@ class TransformTree:
             MessageError: one of them is no pose.
         """
         for message in messages:
-            edge, matrix = edge_of(message), transform(message)
+            edge, matrix = edge_of(message), transform_matrix(message)
             self._parents[edge.child] = edge.parent
             if fixed:
                 self._fixed[edge] = matrix
@@ -119,7 +120,7 @@ class TransformTree:
             )
         except tf2_ros.TransformException as error:
             raise TransformError(f"transform '{edge}' at time {time_s:.3f}: {error}") from None
-        return transform(found)
+        return transform_matrix(found)
 
     def lookup(self, target: str, source: str, time_s: float) -> np.ndarray:
         """Return ``target_T_source`` (4, 4) at a time.

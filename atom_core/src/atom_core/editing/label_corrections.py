@@ -6,19 +6,21 @@ What a correction does to one label stands in ``atom_core.labeling.corrections``
 from __future__ import annotations
 
 import contextlib
-from typing import Dict, Iterator, NamedTuple, Optional, Tuple
+from typing import Callable, Dict, Iterator, NamedTuple, Optional, Tuple
 
 import numpy as np
 
 from atom_core.editing.label_history import LabelHistory
 from atom_core.errors import LabelingError, SelectionError
+from atom_core.geometry.camera import Camera
 from atom_core.labeling import corrections
 from atom_core.labeling.base import Labeled, Labeler, labeler_for
 from atom_core.labeling.depth import DepthLabeler
 from atom_core.labeling.polygon import polygon_mask
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import Label, RangeLabel, RgbLabel
-from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
+from atom_core.model.modality import Modality, modalities
+from atom_core.model.sensor import Sensor
 
 REACH_PX = 10.0  # a click means a corner that is so near
 _OTHER_PX = 3.0  # while a corner is chosen, a click so near another one means that one
@@ -142,7 +144,7 @@ class LabelCorrections(LabelHistory):
             LabelingError: there is no board inside it, or it is no polygon in the image.
             DatasetError: the data cannot be read.
         """
-        labeler = self._labeler(sensor, DEPTH)
+        labeler = self._labeler(sensor)
         assert isinstance(labeler, DepthLabeler)
         with _of(sensor):
             found = corrections.refilled(labeler, self._depth(sensor), polygon)
@@ -155,7 +157,7 @@ class LabelCorrections(LabelHistory):
             LabelingError: there is no board, or the pixel is outside the image.
             DatasetError: the data cannot be read.
         """
-        labeler = self._labeler(sensor, DEPTH)
+        labeler = self._labeler(sensor)
         return self._relabel(sensor, labeler.label(self._depth(sensor), pixel))
 
     def remove_border(self, sensor: str, polygon: np.ndarray) -> str:
@@ -226,8 +228,7 @@ class LabelCorrections(LabelHistory):
         Raises:
             LabelingError: it is no polygon in the image.
         """
-        camera = self._sensor(sensor, RGB).camera
-        assert camera is not None
+        camera = self._camera(sensor)
         with _of(sensor):
             polygon_mask(polygon, (camera.height, camera.width))
         changes: Dict[str, Optional[Label]] = {}
@@ -261,8 +262,7 @@ class LabelCorrections(LabelHistory):
         return nearest
 
     def _check_pixel(self, sensor: str, pixel: np.ndarray) -> None:
-        camera = self._sensor(sensor, RGB).camera
-        assert camera is not None
+        camera = self._camera(sensor)
         size = np.array([camera.width, camera.height])
         if not np.all((pixel >= -0.5) & (pixel <= size - 0.5)):
             raise LabelingError(
@@ -272,25 +272,32 @@ class LabelCorrections(LabelHistory):
 
     # --- what there is ------------------------------------------------------------------------
 
-    def _sensor(self, name: str, *modalities: str) -> Sensor:
+    def _sensor(self, name: str, fits: Callable[[Modality], bool] = lambda _: True) -> Sensor:
+        """Return a sensor whose modality fits what is to be done."""
         if name not in self.dataset.sensors:
             known = ", ".join(self.dataset.sensors)
             raise SelectionError(f"there is no sensor '{name}'; use one of {known}")
         sensor = self.dataset.sensors[name]
-        if modalities and sensor.modality not in modalities:
-            raise SelectionError(f"{name} is {sensor.modality}, not {' or '.join(modalities)}")
+        if not fits(sensor.kind):
+            fitting = " or ".join(kind.name for kind in modalities() if fits(kind))
+            raise SelectionError(f"{name} is {sensor.modality}, not {fitting}")
         return sensor
 
+    def _camera(self, name: str) -> Camera:
+        """Return the intrinsics of a sensor whose labels are corners."""
+        camera = self._sensor(name, _has_corners).camera
+        assert camera is not None
+        return camera
+
     def _depth(self, sensor: str) -> np.ndarray:
-        self._sensor(sensor, DEPTH)
+        self._sensor(sensor, _has_depth_images)
         return self.dataset.data.read(self.collection, sensor)
 
     def _valid(self, name: str) -> np.ndarray:
         """Return which points or pixels (n,) of a sensor were measured."""
-        if self._sensor(name, LIDAR3D, DEPTH).modality == DEPTH:
-            return np.isfinite(self._depth(name)).ravel()
-        cloud = self.dataset.data.read(self.collection, name)
-        return np.all(np.isfinite(cloud), axis=1)
+        measured = self._sensor(name, lambda kind: kind.measures_range).kind.measured
+        assert measured is not None
+        return measured(self.dataset.data.read(self.collection, name))
 
     def _range_label(self, sensor: str, pattern: str) -> Optional[RangeLabel]:
         label = self.labels(sensor).get(pattern)
@@ -306,13 +313,21 @@ class LabelCorrections(LabelHistory):
         assert isinstance(label, RgbLabel)
         return label
 
-    def _labeler(self, name: str, modality: str) -> Labeler:
-        sensor, key = self._sensor(name, modality), (name, self.pattern)
+    def _labeler(self, name: str) -> Labeler:
+        sensor, key = self._sensor(name, _has_depth_images), (name, self.pattern)
         if key not in self._labelers:
             pattern = self.dataset.patterns[self.pattern]
             config = self.dataset.config.calibration_patterns[self.pattern]
             self._labelers[key] = labeler_for(sensor, pattern, config)
         return self._labelers[key]
+
+
+def _has_corners(kind: Modality) -> bool:
+    return kind.has_camera_info and not kind.measures_range
+
+
+def _has_depth_images(kind: Modality) -> bool:
+    return kind.has_camera_info and kind.measures_range
 
 
 @contextlib.contextmanager

@@ -67,14 +67,14 @@ def _cloud_entry(_: Sensor, cloud: np.ndarray) -> Dict[str, Any]:
     }
 
 
-def _image_entry(sensor: Sensor, encoding: str, bytes_per_pixel: int) -> Dict[str, Any]:
-    assert sensor.camera is not None
+def _image_entry(image: np.ndarray, encoding: str, bytes_per_pixel: int) -> Dict[str, Any]:
+    height, width = image.shape[:2]
     return {
-        "height": sensor.camera.height,
-        "width": sensor.camera.width,
+        "height": height,
+        "width": width,
         "encoding": encoding,
         "is_bigendian": 0,
-        "step": bytes_per_pixel * sensor.camera.width,
+        "step": bytes_per_pixel * width,
     }
 
 
@@ -83,14 +83,14 @@ COLOUR_IMAGES = DataFormat(
     ending=".jpg",
     read=_read_colour_image,
     write=write_image,
-    entry=lambda sensor, _: _image_entry(sensor, "bgr8", 3),
+    entry=lambda _, image: _image_entry(image, "bgr8", 3),
 )
 DEPTH_IMAGES = DataFormat(
     message="Image",
     ending=".png",
     read=_read_depth_image,
     write=write_depth_png,
-    entry=lambda sensor, _: _image_entry(sensor, "32FC1", 4),
+    entry=lambda _, image: _image_entry(image, "32FC1", 4),
 )
 CLOUDS = DataFormat(
     message="PointCloud2", ending=".pcd", read=_read_cloud, write=write_pcd, entry=_cloud_entry

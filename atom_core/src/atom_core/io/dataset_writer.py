@@ -21,7 +21,7 @@ from atom_core.io.dataset_json import (
     transform_document,
 )
 from atom_core.model.dataset import Collection, Dataset, board_edge
-from atom_core.model.pattern import geometry_document
+from atom_core.model.pattern import Pattern, geometry_document
 from atom_core.model.sensor import Sensor
 
 DATASET_FILE = "dataset.json"
@@ -96,10 +96,8 @@ def write_dataset_folder(
     document = new_document(dataset, name=name, **options)
     for key in dataset.collections:
         for sensor in dataset.sensors.values():
-            write = sensor.kind.data.write
-            if write is not None and dataset.data.has_data(key, sensor.name):
-                path = folder / data_file_name(sensor, key)
-                write(path, dataset.data.read(key, sensor.name))
+            if dataset.data.has_data(key, sensor.name):
+                write_data_file(folder, sensor, key, dataset.data.read(key, sensor.name))
     path = folder / DATASET_FILE
     write_text_atomically(path, dumps(document))
     return path
@@ -163,16 +161,33 @@ def _collection(
         if dataset.data.has_data(collection.key, sensor.name):
             stamp = stamps.get((collection.key, sensor.name), float(number))
             data[sensor.name] = _data(dataset, collection.key, sensor, stamp, number)
+    return collection_document(collection, dataset.sensors, dataset.patterns, data)
+
+
+def collection_document(
+    collection: Collection,
+    sensors: Mapping[str, Sensor],
+    patterns: Mapping[str, Pattern],
+    data: Mapping[str, Mapping[str, Any]],
+) -> Dict[str, Any]:
+    """Return a collection as it stands in a dataset's JSON.
+
+    Args:
+        collection: labels, transforms and joints.
+        sensors: of the dataset, by name; what they did not detect gets an empty label.
+        patterns: likewise.
+        data: the entries of `data_entry`, by sensor.
+    """
     return {
-        "data": data,
+        "data": dict(data),
         "labels": {
             pattern: {
                 name: sensor.kind.labels.document(
                     collection.labels.get((name, pattern), sensor.kind.labels.empty)
                 )
-                for name, sensor in dataset.sensors.items()
+                for name, sensor in sensors.items()
             }
-            for pattern in dataset.patterns
+            for pattern in patterns
         },
         "transforms": {
             str(edge): transform_document(edge, matrix)
@@ -184,11 +199,38 @@ def _collection(
 
 
 def _data(dataset: Dataset, key: str, sensor: Sensor, stamp: float, seq: int) -> Dict[str, Any]:
-    """Return the message of a sensor; of data in a file its name, and the message without them."""
-    document: Dict[str, Any] = {"header": _header(sensor.frame, stamp, seq)}
+    header = _header(sensor.frame, stamp, seq)
+    return data_entry(sensor, key, dataset.data.read(key, sensor.name), header)
+
+
+def data_entry(
+    sensor: Sensor, collection: str, data: Any, header: Mapping[str, Any]
+) -> Dict[str, Any]:
+    """Return the message of a sensor; of data in a file its name, and the message without them.
+
+    Args:
+        sensor: whose.
+        collection: its key.
+        data: as the sensor's modality has them.
+        header: of the message.
+    """
+    document: Dict[str, Any] = {"header": dict(header)}
     if sensor.kind.data.ending:
-        document["data_file"] = data_file_name(sensor, key)
-    return {**document, **sensor.kind.data.entry(sensor, dataset.data.read(key, sensor.name))}
+        document["data_file"] = data_file_name(sensor, collection)
+    return {**document, **sensor.kind.data.entry(sensor, data)}
+
+
+def write_data_file(folder: Path, sensor: Sensor, collection: str, data: Any) -> Any:
+    """Write the data of a sensor where its modality has files for them.
+
+    Returns:
+        What the modality's function returns: for depth images, what the file does not hold.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    write = sensor.kind.data.write
+    return None if write is None else write(folder / data_file_name(sensor, collection), data)
 
 
 def _header(frame: str, stamp_s: float, seq: int) -> Dict[str, Any]:
@@ -213,14 +255,29 @@ def _edges(dataset: Dataset) -> Dict[str, Any]:
 
 
 def _patterns(dataset: Dataset, initial_boards: InitialBoards) -> Dict[str, Any]:
-    documents = {}
-    for name, pattern in dataset.patterns.items():
-        initial: Dict[str, Any] = {}
-        for key in dataset.collections:
-            initial[key] = {"detected": False}
-            if (name, key) in initial_boards:
-                sensor, parent_T_pattern = initial_boards[(name, key)]
-                pose = transform_document(board_edge(pattern), parent_T_pattern)
-                initial[key] = {"detected": True, "sensor": sensor, **pose}
-        documents[name] = {**geometry_document(pattern), "transforms_initial": initial}
-    return documents
+    return {
+        name: {
+            **geometry_document(pattern),
+            "transforms_initial": {
+                key: initial_board_document(pattern, initial_boards.get((name, key)))
+                for key in dataset.collections
+            },
+        }
+        for name, pattern in dataset.patterns.items()
+    }
+
+
+def initial_board_document(
+    pattern: Pattern, placed: Optional[Tuple[str, np.ndarray]]
+) -> Dict[str, Any]:
+    """Return the first pose of a board in a collection, as ATOM has it.
+
+    Args:
+        pattern: the board.
+        placed: the sensor that placed it and ``parent_T_pattern`` (4, 4); None: nobody did.
+    """
+    if placed is None:
+        return {"detected": False}
+    sensor, parent_T_pattern = placed
+    pose = transform_document(board_edge(pattern), parent_T_pattern)
+    return {"detected": True, "sensor": sensor, **pose}

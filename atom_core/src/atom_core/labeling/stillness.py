@@ -8,7 +8,7 @@ labels explains is taken off.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Dict, NamedTuple, Optional, Union
+from typing import Callable, Dict, NamedTuple, Optional, Union
 
 import numpy as np
 
@@ -84,12 +84,28 @@ class PlaneSighting:
 Sighting = Union[CornerSighting, PlaneSighting]
 
 
-def plane_sighting(points: np.ndarray, depth_sensor: bool) -> Optional[PlaneSighting]:
+class PointNoise(NamedTuple):
+    """What the noise of a sensor does to a label of points.
+
+    Attributes:
+        sigma_m: of one point, given the centre (3,) of the label [m].
+        beside_sigmas: by how many of them the centre wanders in the plane without any motion.
+    """
+
+    sigma_m: Callable[[np.ndarray], float]
+    beside_sigmas: float
+
+
+DEPTH_NOISE = PointNoise(lambda centre: float(depth_sigma_m(centre[2])), _BESIDE_SIGMAS)
+LIDAR_NOISE = PointNoise(lambda _: LIDAR_SIGMA_M, _BESIDE_SIGMAS_OF_LAYERS)
+
+
+def plane_sighting(points: np.ndarray, noise: PointNoise) -> Optional[PlaneSighting]:
     """Return the sighting of labeled points (n, 3) [m]; None if they make no plane.
 
     Args:
         points: in the sensor's frame.
-        depth_sensor: True for the noise of a depth camera, else that of a LiDAR.
+        noise: of the sensor.
     """
     points = points[:: max(len(points) // _MOST_POINTS, 1)].astype(float)
     try:
@@ -97,11 +113,8 @@ def plane_sighting(points: np.ndarray, depth_sensor: bool) -> Optional[PlaneSigh
     except ValueError:
         return None
     extent = float(np.sqrt(np.mean(np.sum((points - centre) ** 2, axis=1))))
-    if depth_sensor:
-        sigma, beside = float(depth_sigma_m(centre[2])), _BESIDE_SIGMAS
-    else:
-        sigma, beside = LIDAR_SIGMA_M, _BESIDE_SIGMAS_OF_LAYERS
-    return PlaneSighting(centre, normal, extent, sigma, len(points), beside)
+    sigma = noise.sigma_m(centre)
+    return PlaneSighting(centre, normal, extent, sigma, len(points), noise.beside_sigmas)
 
 
 class Stop(NamedTuple):

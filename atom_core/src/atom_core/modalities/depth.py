@@ -36,6 +36,7 @@ DEPTH_CAMERA = Modality(
     labels=range_label_format("idxs_limit_points"),
     seed=SeedFormat("uv_px", 2, "px"),
     points=depth_points,
+    measured=lambda depth_m: np.isfinite(depth_m).ravel(),
     labeler=DepthLabeler,
     measure=measured_in_depth_image,
     residual_blocks=range_blocks,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from atom_core.evaluation.label_quality import quality_of_points
 from atom_core.evaluation.pairs import (
     PairKind,
@@ -64,6 +66,7 @@ LIDAR_3D = Modality(
     labels=range_label_format("idxs_limit_points"),
     seed=SeedFormat("xyz_m", 3, "m"),
     points=cloud_points,
+    measured=lambda cloud: np.all(np.isfinite(cloud), axis=1),
     labeler=Lidar3dLabeler,
     measure=measured_in_cloud,
     residual_blocks=range_blocks,

@@ -109,6 +109,7 @@ class Modality:
         data, labels: how they stand in a dataset.
         seed: how a person says where the board is; None where nobody has to.
         points: the labeled points of a detection; None where there are none in space.
+        measured: given the data, which points or pixels (n,) were measured; None likewise.
         labeler: makes the labeler of a sensor for a pattern; None: labels come from elsewhere.
         measure: the measurement of a detection (None: it has nothing of use), and warnings.
         residual_blocks: the residuals of all measurements of one sensor, each with the index of
@@ -136,6 +137,7 @@ class Modality:
     spins_about_z: bool = False
     seed: Optional[SeedFormat] = None
     points: Optional[Callable[[Dataset, DetectionKey], RangePoints]] = None
+    measured: Optional[Callable[[Any], np.ndarray]] = None
     labeler: Optional[Callable[[Sensor, Pattern, PatternConfig], Labeler]] = None
     pairs: Sequence[PairKind] = field(default_factory=tuple)
     synthetic: Optional[SyntheticSensor] = None

@@ -10,7 +10,7 @@ import rospy
 from sensor_msgs.msg import CompressedImage, Image
 
 from atom_calibration.errors import MessageError
-from atom_calibration.messages import conversions
+from atom_calibration.messages.images import colour_image, depth_image
 from atom_calibration.runtime import running
 
 COLOUR, DEPTH = "/compressed", "/compressedDepth"
@@ -75,5 +75,5 @@ def _decoder(message: Any) -> Tuple[Callable[[Any], np.ndarray], str]:
     kind = message.format
     is_depth = "compressedDepth" in kind or kind.startswith(("16UC1", "32FC1", "mono16"))
     if is_depth:
-        return conversions.depth_image, "32FC1"
-    return conversions.colour_image, "bgr8"
+        return depth_image, "32FC1"
+    return colour_image, "bgr8"

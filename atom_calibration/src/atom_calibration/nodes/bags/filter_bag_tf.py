@@ -13,7 +13,7 @@ from typing import Any, Dict, FrozenSet, List
 import rospy
 from tf2_msgs.msg import TFMessage
 
-from atom_calibration.messages import conversions
+from atom_calibration.messages.headers import frame_name
 from atom_calibration.runtime import running
 from atom_core.errors import DescriptionError
 from atom_core.io.urdf import parse_urdf
@@ -50,16 +50,14 @@ class TransformFilter:
 
     def pass_on_fixed(self, message: Any) -> None:
         """Take a message of the bag's /tf_static."""
-        wanted = {conversions.frame(t.child_frame_id): t for t in self._wanted(message)}
+        wanted = {frame_name(t.child_frame_id): t for t in self._wanted(message)}
         if wanted:
             self._all_fixed.update(wanted)
             _publish(self._fixed, list(self._all_fixed.values()))
 
     def _wanted(self, message: Any) -> List[Any]:
         return [
-            t
-            for t in message.transforms
-            if conversions.frame(t.child_frame_id) not in self._described
+            t for t in message.transforms if frame_name(t.child_frame_id) not in self._described
         ]
 
 

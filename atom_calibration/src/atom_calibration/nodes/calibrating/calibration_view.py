@@ -24,10 +24,10 @@ from std_srvs.srv import Trigger, TriggerResponse
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
+from atom_calibration.messages.images import image_message
 from atom_calibration.msg import CalibrationState
 from atom_calibration.runtime import running
 from atom_calibration.show import calibrated_tf, calibration_markers
-from atom_calibration.show.annotation import image_message
 from atom_calibration.show.calibration_state import RUNNING, Words, state_message
 from atom_calibration.show.overlays import Overlays, mosaic
 from atom_calibration.show.standing import Standing
@@ -290,6 +290,6 @@ class Sender:
 
 
 def _image(picture: np.ndarray, frame: str) -> Image:
-    message = image_message(picture)
+    message = image_message(picture, "bgr8")
     message.header.stamp, message.header.frame_id = rospy.Time.now(), frame
     return message

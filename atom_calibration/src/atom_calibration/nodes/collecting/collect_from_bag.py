@@ -20,7 +20,7 @@ from atom_calibration.collect.joint_positions import described_joints
 from atom_calibration.collect.selection import StopMoments, TimedMoments
 from atom_calibration.errors import MessageError
 from atom_calibration.labels.frame_labeler import FrameLabeler
-from atom_calibration.labels.frames import Frame, decode
+from atom_calibration.modalities.frames import Frame, decode
 from atom_calibration.sources.bag_reader import BagReader
 from atom_calibration.sources.rig import Rig, check_frames, rig_from_bag
 from atom_calibration.sources.transform_tree import BagTransforms
@@ -30,7 +30,6 @@ from atom_core.io.collections import CollectionStore
 from atom_core.io.config_yaml import read_config
 from atom_core.io.seeds import read_seeds
 from atom_core.model.pattern import pattern_from_config
-from atom_core.model.sensor import RGB
 
 EXAMPLE = (
     "rosrun atom_calibration collect_from_bag --config config.yml --bag train.bag --output dataset"
@@ -113,11 +112,10 @@ def labeled_frames(
             try:
                 frame = future.result()
             except MessageError as error:
-                name = str(error).split("'")[1]
-                bad[name] += 1
-                if not good[name]:
+                bad[error.sensor] += 1
+                if not good[error.sensor]:
                     raise
-                if bad[name] <= _MOST_BAD_MESSAGES:
+                if bad[error.sensor] <= _MOST_BAD_MESSAGES:
                     _warn(f"a message is left out: {error}")
                 continue
             good[frame.sensor.name] += 1
@@ -143,7 +141,7 @@ def _ahead(
 
 def _prepared(labeler: FrameLabeler, sensor: Any, message: Any) -> Frame:
     frame = decode(sensor, message)
-    return labeler.label_image(frame) if sensor.modality == RGB else frame
+    return labeler.label_unseeded(frame) if frame.ros.seeds is None else frame
 
 
 def _moments(args: argparse.Namespace, skew_s: float, bag: BagReader, patterns: Any) -> Moments:

@@ -14,6 +14,7 @@ from typing import Mapping, Optional, Sequence
 import cv2
 import rospy
 
+from atom_calibration.modalities.table import ros_modality
 from atom_calibration.nodes.collecting.labeler_node import LabelerNode, LabelLinks
 from atom_calibration.runtime import running
 from atom_calibration.sources.live_topics import LiveTopics, wait_for
@@ -23,7 +24,6 @@ from atom_core.errors import ConfigError
 from atom_core.io.config_yaml import read_config
 from atom_core.io.seeds import read_seeds
 from atom_core.model.config import CalibrationConfig, SensorConfig
-from atom_core.model.sensor import RGB
 
 
 def main(modality: str, argv: Optional[Sequence[str]] = None) -> int:
@@ -36,10 +36,10 @@ def main(modality: str, argv: Optional[Sequence[str]] = None) -> int:
 def _run(name: str, modality: str, args: argparse.Namespace) -> int:
     config = running.config_of_sensor(args.config, args.sensor)
     everyone = read_config(args.config).sensors
-    cameras = {n: entry.link for n, entry in everyone.items() if entry.modality in (RGB, None)}
+    cameras = {n: entry.link for n, entry in everyone.items() if _may_tell_pose(entry)}
     running.start(f"{args.sensor}_labeler")
     cv2.setNumThreads(1)
-    links = LabelLinks(args.sensor, cameras if modality != RGB else {})
+    links = LabelLinks(args.sensor, {} if ros_modality(modality).seeds is None else cameras)
     with LiveTopics(config) as topics:
 
         def rig_when_there() -> Rig:
@@ -53,6 +53,11 @@ def _run(name: str, modality: str, args: argparse.Namespace) -> int:
         node.listen(topics)
     node.spin()
     return 0
+
+
+def _may_tell_pose(entry: SensorConfig) -> bool:
+    """Tell whether labels of a sensor may come with the board's pose."""
+    return entry.modality is None or ros_modality(entry.modality).board_pose is not None
 
 
 def _node(

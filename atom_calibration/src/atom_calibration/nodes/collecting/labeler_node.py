@@ -12,11 +12,13 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from atom_calibration.errors import CollectionError, MessageError
 from atom_calibration.labels.frame_labeler import FrameLabeler
-from atom_calibration.labels.frames import Frame, decode
 from atom_calibration.labels.label_messages import labels_message
-from atom_calibration.messages import conversions
+from atom_calibration.messages.headers import stamp_s
+from atom_calibration.messages.poses import pose_matrix
+from atom_calibration.modalities.frames import Frame, decode, undecoded
+from atom_calibration.modalities.table import ros_modality
 from atom_calibration.msg import SensorLabels
-from atom_calibration.nodes.collecting.seed_input import SeedInput
+from atom_calibration.nodes.collecting.seed_input import SeedListener
 from atom_calibration.runtime import running
 from atom_calibration.show.annotation import annotated, labeled_cloud
 from atom_calibration.sources.live_topics import LiveTopics, message_class
@@ -27,7 +29,6 @@ from atom_core.io.seeds import Seed
 from atom_core.labeling.base import nothing
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.pattern import pattern_from_config
-from atom_core.model.sensor import DEPTH, LIDAR3D
 
 _BUFFER_BYTES = 2**25  # of a connection: less than a message makes old messages wait
 _BACK_S = 1.0  # data that are older by more begin anew, as when a bag is repeated
@@ -105,11 +106,11 @@ class LabelerNode:
         self._waiting, self._there = _Waiting(), threading.Condition()
         self._last: Optional[Frame] = None
         self._stamp_s = -np.inf
-        self._seeds: Optional[SeedInput] = None
-        kind = PointCloud2 if sensor.modality == LIDAR3D else Image
+        self._seeds: Optional[SeedListener] = None
+        kind = Image if sensor.kind.has_camera_info else PointCloud2
         self._annotated = rospy.Publisher(f"{sensor.topic}/labeled", kind, queue_size=2)
         self._in_space: Optional[rospy.Publisher] = None
-        if sensor.modality == DEPTH:
+        if sensor.kind.has_camera_info and sensor.kind.measures_range:
             topic = f"{sensor.topic}/labeled3d"
             self._in_space = rospy.Publisher(topic, PointCloud2, queue_size=2)
 
@@ -119,8 +120,9 @@ class LabelerNode:
         rospy.Subscriber(self._topic, kind, self._take, queue_size=1, buff_size=_BUFFER_BYTES)
         for message in topics.early(self._topic):
             self._take(message)
-        if self._sensor.kind.measures_range:
-            self._seeds = SeedInput(self._sensor, self._take_seed, lambda: self._last)
+        seeds = ros_modality(self._sensor.modality).seeds
+        if seeds is not None:
+            self._seeds = SeedListener(self._sensor, seeds, self._take_seed, lambda: self._last)
 
     def spin(self) -> None:
         """Label until the node ends."""
@@ -147,7 +149,7 @@ class LabelerNode:
             self._there.notify()
 
     def _is_due(self, message: Any) -> bool:
-        stamp = conversions.stamp_s(message)
+        stamp = stamp_s(message)
         if stamp < self._stamp_s - _BACK_S:
             rospy.loginfo("time went back: beginning anew")
             self._labeler.begin_anew()
@@ -168,7 +170,7 @@ class LabelerNode:
             self._publish(frame)
 
     def _labeled(self, message: Any) -> Frame:
-        frame = self._nothing_of(message)
+        frame = undecoded(self._sensor, message)
         try:
             frame = decode(self._sensor, message)
         except MessageError as error:
@@ -190,23 +192,18 @@ class LabelerNode:
         for name in self._patterns:
             frame.set_label(name, nothing(self._sensor.modality, str(error)))
 
-    def _nothing_of(self, message: Any) -> Frame:
-        """Return a frame without data, for what cannot be decoded."""
-        header = conversions.header_document(message)
-        return Frame(self._sensor, conversions.stamp_s(message), header, np.zeros(0))
-
     def _note_board(self, camera_frame: str, labels: SensorLabels) -> None:
-        stamp = conversions.stamp_s(labels)
+        stamp = stamp_s(labels)
         tree = self._transforms.at(stamp)
         for part in labels.patterns:
             if part.pose_known and part.pattern_name in self._patterns:
-                pose = conversions.pose_matrix(part.pose)
+                pose = pose_matrix(part.pose)
                 self._labeler.see_board(camera_frame, part.pattern_name, stamp, pose, tree)
 
     def _publish(self, frame: Frame) -> None:
         seed = self._labeler.manual_seed(self._sensor.name)
         self._links.out.publish(labels_message(frame, self._patterns, seed))
-        if not frame.data.size:
+        if not frame.size:
             return
         self._last = frame
         if self._annotated.get_num_connections() > 0:

@@ -12,12 +12,11 @@ import roslib.packages
 import rospy
 
 from atom_calibration.errors import CollectionError
+from atom_calibration.modalities.table import is_labeled
 from atom_calibration.runtime import running
 from atom_calibration.sources.sensor_modality import modality_of_sensor
 from atom_core.io.config_yaml import read_config
-from atom_core.model.sensor import DEPTH, LIDAR3D, RGB
 
-_LABELED = (RGB, DEPTH, LIDAR3D)
 _END_WITHIN_S, _ASK_EVERY_S = 8.0, 1.0
 _POLL_S = 0.1
 
@@ -37,7 +36,7 @@ def _run(args: argparse.Namespace) -> int:
             modality = modality_of_sensor(name, entry, running.stopped, rospy.logwarn)
             if running.stopped():
                 break
-            if modality in _LABELED:
+            if is_labeled(modality):
                 labelers.start(name, f"{modality}_labeler", _words(name, args))
             else:
                 rospy.logwarn(f"sensor '{name}' ({modality}) is left out: it is not labeled")

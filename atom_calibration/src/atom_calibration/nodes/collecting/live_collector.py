@@ -19,9 +19,9 @@ from atom_calibration.collect.expectation import PointExpectation
 from atom_calibration.collect.selection import Moment, StopMoments, SwitchedMoments
 from atom_calibration.collect.time_order import TimeOrder
 from atom_calibration.errors import CollectionError, MessageError
-from atom_calibration.labels.frames import Frame, decode
 from atom_calibration.labels.label_messages import set_labels
-from atom_calibration.messages.conversions import stamp_s
+from atom_calibration.messages.headers import stamp_s
+from atom_calibration.modalities.frames import Frame, decode
 from atom_calibration.msg import SensorLabels
 from atom_calibration.nodes.collecting.collector_menu import CollectorMenu
 from atom_calibration.nodes.collecting.collector_state import StateBoard

@@ -9,30 +9,38 @@ import rospy
 from geometry_msgs.msg import PointStamped
 
 from atom_calibration.errors import CollectionError
-from atom_calibration.labels.frames import Frame
 from atom_calibration.labels.manual_seeds import check_inside
+from atom_calibration.modalities.frames import Frame
+from atom_calibration.modalities.seeds import SeedInput
 from atom_calibration.nodes.collecting.seed_marker import OnSeed, SeedMarker
 from atom_calibration.srv import SetSeed, SetSeedResponse
 from atom_core.errors import AtomError
 from atom_core.io.seeds import Seed
-from atom_core.model.sensor import DEPTH, Sensor
+from atom_core.model.sensor import Sensor
 
 
-class SeedInput:
+class SeedListener:
     """The marker on /SENSOR/data_labeler, the service /SENSOR/set_seed, clicks on depth images."""
 
-    def __init__(self, sensor: Sensor, on_seed: OnSeed, last: Callable[[], Optional[Frame]]):
+    def __init__(
+        self,
+        sensor: Sensor,
+        seeds: SeedInput,
+        on_seed: OnSeed,
+        last: Callable[[], Optional[Frame]],
+    ):
         """Listen.
 
         Args:
-            sensor: a range sensor.
+            sensor: one that needs seeds.
+            seeds: what a seed of its modality means.
             on_seed: is told the seed, or None: automatic again; called in threads of ROS.
             last: returns the last data, in which a seed has to lie; None: there are none yet.
         """
         self._sensor, self._on_seed, self._last = sensor, on_seed, last
-        self._marker = SeedMarker(sensor, on_seed)
+        self._marker = SeedMarker(sensor, seeds, on_seed)
         rospy.Service(f"/{sensor.name}/set_seed", SetSeed, self._serve)
-        if sensor.modality == DEPTH:
+        if seeds.from_clicks:
             clicks = f"{sensor.topic}/labeled/mouse_click"
             rospy.Subscriber(clicks, PointStamped, self._click, queue_size=1)
 

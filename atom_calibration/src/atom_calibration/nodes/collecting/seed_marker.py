@@ -11,20 +11,19 @@ from typing import Callable, Optional
 
 import numpy as np
 
-from atom_calibration.labels.frames import Frame
+from atom_calibration.modalities.frames import Frame
+from atom_calibration.modalities.seeds import SeedInput
 from atom_calibration.show import markers
 from atom_calibration.show.pose_marker import POSITION, MarkerServer, Moved, PoseMarker
 from atom_core.geometry import se3
-from atom_core.model.sensor import DEPTH, Sensor
+from atom_core.model.sensor import Sensor
 
 BACK_TO_AUTOMATIC = "Automatic seed"
 _SCALE_M, _SPHERE_M = 0.4, 0.12
 _GREY, _GREEN, _RED = (0.6, 0.6, 0.6), (0.24, 0.86, 0.24), (1.0, 0.16, 0.16)
 _FIRST_DISTANCE_M = 1.5  # where it waits for the first detection
-_NOWHERE_PX = -1.0  # both numbers of a pixel that no image has
 _HELD_S = 1.0  # a drag without an end, as when RViz is closed, lasts so long
 _STILL_M = 1e-3
-_AROUND_PX = 3  # half of the window that tells the depth at a pixel
 
 OnSeed = Callable[[Optional[np.ndarray]], None]
 
@@ -32,25 +31,25 @@ OnSeed = Callable[[Optional[np.ndarray]], None]
 class SeedMarker:
     """Marker on the server /SENSOR/data_labeler, in the frame of the sensor's data."""
 
-    def __init__(self, sensor: Sensor, on_seed: OnSeed):
+    def __init__(self, sensor: Sensor, seeds: SeedInput, on_seed: OnSeed):
         """Show it where it waits for the first detection.
 
         Args:
-            sensor: a range sensor.
+            sensor: one that needs seeds.
+            seeds: what a seed of its modality means.
             on_seed: is told the seed that the user sets, (3,) [m] or of a depth camera (2,) [px],
                 or None: seeds shall be automatic again. Called in a thread of ROS.
         """
-        self._sensor, self._on_seed = sensor, on_seed
+        self._sensor, self._seeds, self._on_seed = sensor, seeds, on_seed
         self._lock = threading.Lock()
         self._held_until_s = 0.0  # of the wall's clock
         self._dragged_to = np.zeros(3)
         self._look = (_GREY, False, sensor.name)  # colour, by hand, words
-        ahead = [0.0, 0.0, 1.0] if sensor.modality == DEPTH else [1.0, 0.0, 0.0]
         self._marker = PoseMarker(
             MarkerServer(f"/{sensor.name}/data_labeler"),
             sensor.name,
             sensor.frame,
-            se3.transform(np.eye(3), _FIRST_DISTANCE_M * np.array(ahead)),
+            se3.transform(np.eye(3), _FIRST_DISTANCE_M * seeds.ahead),
             self._moved,
             moves=POSITION,
             scale=_SCALE_M,
@@ -86,32 +85,16 @@ class SeedMarker:
     def _place(self, frame: Frame, by_hand: Optional[np.ndarray]) -> Optional[np.ndarray]:
         """Return where the marker belongs (3,) [m]; None: where it is."""
         if by_hand is not None:
-            if self._sensor.modality == DEPTH and np.allclose(by_hand, self._pixel(), atol=0.5):
+            if np.allclose(by_hand, self._seed(), atol=self._seeds.same):
                 return None  # it was dragged there, before or behind what is seen
-            return self._point(frame, by_hand)
+            return self._seeds.point(frame, by_hand, float(self._position[2]))
         found = [x.next_seed for x in frame.labels.values() if x.next_seed is not None]
-        return self._point(frame, found[0]) if found else None
+        return self._seeds.point(frame, found[0], float(self._position[2])) if found else None
 
-    def _point(self, frame: Frame, seed: np.ndarray) -> Optional[np.ndarray]:
-        """Return the point (3,) [m] of a seed; None for a pixel outside the image."""
-        camera = self._sensor.camera
-        if self._sensor.modality != DEPTH or camera is None:
-            return seed
-        column, row = (int(round(value)) for value in seed)
-        if not (0 <= row < frame.data.shape[0] and 0 <= column < frame.data.shape[1]):
-            return None
-        low = max(row - _AROUND_PX, 0), max(column - _AROUND_PX, 0)
-        window = frame.data[low[0] : row + _AROUND_PX + 1, low[1] : column + _AROUND_PX + 1]
-        seen = window[np.isfinite(window)]
-        depth_m = float(np.median(seen)) if seen.size else float(self._position[2])
-        return camera.ray_points(seed[None].astype(float), np.array([depth_m]))[0]
-
-    def _pixel(self) -> np.ndarray:
-        """Return the pixel (2,) that the marker covers."""
-        camera, point = self._sensor.camera, self._position
-        if camera is None or not camera.in_image(point[None])[0]:
-            return np.full(2, _NOWHERE_PX)
-        return camera.project(point[None])[0]
+    def _seed(self) -> np.ndarray:
+        """Return the seed that the marker covers."""
+        seed = self._seeds.of_point(self._sensor, self._position)
+        return self._seeds.nowhere if seed is None else seed
 
     def _moved(self, move: Moved) -> None:
         """Take a step of a drag; a mere click, which only ends, is none."""
@@ -124,7 +107,7 @@ class SeedMarker:
         place = self._position.copy()
         rests, self._dragged_to = held and np.array_equal(place, self._dragged_to), place
         if move.dropped or not rests:  # RViz repeats itself while nobody moves
-            self._on_seed(self._pixel() if self._sensor.modality == DEPTH else place)
+            self._on_seed(self._seed())
 
     def _sphere(self) -> markers.Marker:
         colour, by_hand, _ = self._look

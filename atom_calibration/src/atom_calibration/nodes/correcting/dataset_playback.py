@@ -43,7 +43,6 @@ from atom_core.editing.label_corrections import LabelCorrections
 from atom_core.errors import AtomError, OutputError
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset
-from atom_core.model.sensor import DEPTH, RGB
 
 NODE = "dataset_playback"
 OUTPUT = "dataset_corrected.json"
@@ -226,7 +225,7 @@ class DatasetPlayback:
                 buff_size=_BUFFER_BYTES,
             )
         for name, sensor in self._topics.sensors.items():
-            if sensor.modality not in (RGB, DEPTH):
+            if not sensor.kind.has_camera_info:
                 continue
             topic = f"{view.data_topic(sensor)}/{view.IMAGES}"
             for ending, message, act in (
@@ -275,9 +274,9 @@ class DatasetPlayback:
 
     def _clicked(self, sensor: str, message: Any) -> str:
         pixel = pixel_of(message, self._topics.shown[sensor].frame)
-        if self._topics.sensors[sensor].modality == DEPTH:
-            return self._corrected(sensor, self._corrections.refill_from(sensor, pixel))
-        return self._corrected(sensor, self._corrections.click(sensor, pixel))
+        click = self._topics.shown[sensor].frame.ros.click
+        assert click is not None
+        return self._corrected(sensor, click(self._corrections, sensor, pixel))
 
     def _right_clicked(self, sensor: str, message: Any) -> str:
         pixel = pixel_of(message, self._topics.shown[sensor].frame)
@@ -285,11 +284,10 @@ class DatasetPlayback:
 
     def _polygon(self, sensor: str, message: Any) -> str:
         polygon = pixels_of(message, self._topics.shown[sensor].frame)
-        if self._topics.sensors[sensor].modality == RGB:
-            return self._corrected(sensor, self._corrections.remove_corners(sensor, polygon))
-        if self._polygon_removes_border:
-            return self._corrected(sensor, self._corrections.remove_border(sensor, polygon))
-        return self._corrected(sensor, self._corrections.refill(sensor, polygon))
+        correct = self._topics.shown[sensor].frame.ros.polygon
+        assert correct is not None
+        removes_border = self._polygon_removes_border
+        return self._corrected(sensor, correct(self._corrections, sensor, polygon, removes_border))
 
     def _corrected(self, sensor: str, words: str) -> str:
         self._topics.show_labels(sensor)

@@ -7,10 +7,11 @@ from typing import Any, Mapping
 import numpy as np
 
 from atom_calibration.errors import MessageError
-from atom_calibration.labels.frames import Frame
-from atom_calibration.messages import conversions
+from atom_calibration.messages.clouds import point_cloud
+from atom_calibration.messages.headers import frame_name
+from atom_calibration.modalities.frames import Frame
 from atom_calibration.show.playback_view import Shown
-from atom_core.model.sensor import DEPTH, LIDAR3D, Sensor
+from atom_core.model.sensor import Sensor
 
 _INDEX_FIELDS = ("idx", "index")  # of labeled points; of the cloud they were chosen in
 
@@ -26,8 +27,8 @@ def sensor_of(header: Any, sensors: Mapping[str, Sensor], shown: Mapping[str, Sh
     Raises:
         MessageError: no sensor has that frame, or what is shown has another stamp.
     """
-    frame_id = conversions.frame(header.frame_id)
-    ranging = [s for s in sensors.values() if s.modality in (LIDAR3D, DEPTH)]
+    frame_id = frame_name(header.frame_id)
+    ranging = [s for s in sensors.values() if s.kind.measures_range]
     named = [s.name for s in ranging if s.frame == frame_id]
     if not named:
         frames = ", ".join(f"{s.frame} ({s.name})" for s in ranging) or "none"
@@ -51,7 +52,7 @@ def chosen_points(message: Any) -> np.ndarray:
     Raises:
         MessageError: the cloud is cut off, has no indices, or there is one that is no number.
     """
-    points = conversions.point_cloud(message)
+    points = point_cloud(message)
     fields = [name for name in _INDEX_FIELDS if name in (points.dtype.names or ())]
     if not fields:
         raise MessageError(

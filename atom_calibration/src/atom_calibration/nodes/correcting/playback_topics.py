@@ -8,10 +8,11 @@ import rospy
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from tf2_msgs.msg import TFMessage
 
+from atom_calibration.modalities.table import is_labeled, ros_modality
 from atom_calibration.show import playback_view as view
 from atom_calibration.show.annotation import labeled_cloud
 from atom_core.editing.label_corrections import LabelCorrections
-from atom_core.model.sensor import DEPTH, RGB, Sensor
+from atom_core.model.sensor import Sensor
 
 
 class _Publishers(NamedTuple):
@@ -35,7 +36,7 @@ class CollectionTopics:
         """Advertise; nothing is published yet."""
         self._corrections = corrections
         sensors = corrections.dataset.sensors
-        self.sensors = {n: s for n, s in sensors.items() if s.modality in view.SHOWN}
+        self.sensors = {n: s for n, s in sensors.items() if is_labeled(s.modality)}
         self.shown: Dict[str, view.Shown] = {}
         self._tf = rospy.Publisher("/tf_static", TFMessage, queue_size=10, latch=True)
         self._publishers = {name: _publishers(s) for name, s in self.sensors.items()}
@@ -72,15 +73,15 @@ class CollectionTopics:
 
 def _publishers(sensor: Sensor) -> _Publishers:
     topic = view.data_topic(sensor)
-    image = sensor.modality in (RGB, DEPTH)
+    image = sensor.kind.has_camera_info
 
     def latched(name: str, kind: Any) -> rospy.Publisher:
         return rospy.Publisher(name, kind, queue_size=2, latch=True)
 
     info = f"{topic.rpartition('/')[0]}/camera_info"
     return _Publishers(
-        latched(topic, Image if image else PointCloud2),
+        latched(topic, ros_modality(sensor.modality).message),
         [latched(info, CameraInfo)] if image else [],
         [latched(f"{topic}/{view.IMAGES}", Image)] if image else [],
-        [latched(f"{topic}/{view.POINTS}", PointCloud2)] if sensor.modality != RGB else [],
+        [latched(f"{topic}/{view.POINTS}", PointCloud2)] if sensor.kind.measures_range else [],
     )

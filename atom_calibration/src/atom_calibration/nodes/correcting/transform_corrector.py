@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import threading
 from pathlib import Path
-from typing import Any, Dict, List
+from typing import Any, Dict, List, Optional
 
 import numpy as np
 import rospy
@@ -17,7 +17,8 @@ from std_srvs.srv import Trigger, TriggerResponse
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
-from atom_calibration.messages import conversions
+from atom_calibration.messages.poses import transform_message
+from atom_calibration.modalities.table import ros_modality
 from atom_calibration.runtime import running
 from atom_calibration.show import markers
 from atom_calibration.show.pose_marker import FULL, PLANAR, STILL, MarkerServer, Moved, PoseMarker
@@ -27,7 +28,7 @@ from atom_core.errors import AtomError, OutputError, SelectionError
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset, board_edge, pose, range_points
-from atom_core.model.sensor import DEPTH, LIDAR3D
+from atom_core.model.sensor import Sensor
 from atom_core.model.transforms import Edge
 
 NODE = "transform_corrector"
@@ -192,7 +193,7 @@ class TransformCorrector:
         stamp = rospy.Time.now()
         transforms = self._corrections.dataset.collections[self._corrections.collection].transforms
         self._fixed.publish(
-            TFMessage([conversions.transform_message(e, m, stamp) for e, m in transforms.items()])
+            TFMessage([transform_message(e, m, stamp) for e, m in transforms.items()])
         )
 
 
@@ -202,12 +203,12 @@ def _in_sensor_frames(dataset: Dataset, key: str) -> List[Marker]:
     collection = dataset.collections[key]
     for number, sensor in enumerate(dataset.sensors.values()):
         colour = markers.colour_of(number)
-        if sensor.modality == LIDAR3D and dataset.data.has_data(key, sensor.name):
-            cloud = _thinned(dataset.data.read(key, sensor.name))
+        cloud = _cloud(dataset, key, sensor)
+        if cloud is not None:
             shapes.append(markers.points(sensor.frame, cloud, 0.01, colour, "clouds"))
     for detection, _ in dataset.detections():
         sensor = dataset.sensors[detection.sensor]
-        if detection.collection == key and sensor.modality in (LIDAR3D, DEPTH):
+        if detection.collection == key and sensor.kind.measures_range:
             labeled = _thinned(range_points(dataset, detection).inside)
             shapes.append(markers.points(sensor.frame, labeled, 0.02, (0.1, 0.9, 0.1), "labels"))
     for number, pattern in enumerate(dataset.patterns.values()):
@@ -225,13 +226,22 @@ def _in_world(dataset: Dataset, key: str) -> List[Marker]:
         )
     shapes = []
     for sensor in dataset.sensors.values():
-        if sensor.modality == LIDAR3D and dataset.data.has_data(key, sensor.name):
+        cloud = _cloud(dataset, key, sensor)
+        if cloud is not None:
             world_T_sensor = pose(
                 dataset.collections[key], dataset.graph, dataset.world, sensor.frame
             )
-            cloud = se3.apply(world_T_sensor, _thinned(dataset.data.read(key, sensor.name)))
+            cloud = se3.apply(world_T_sensor, cloud)
             shapes.append(markers.points(dataset.world, cloud, 0.01, _GREY, "reference"))
     return shapes
+
+
+def _cloud(dataset: Dataset, key: str, sensor: Sensor) -> Optional[np.ndarray]:
+    """Return what a sensor measured, thinned (n, 3) [m]; None of images, and without data."""
+    to_cloud = ros_modality(sensor.modality).cloud
+    if to_cloud is None or not dataset.data.has_data(key, sensor.name):
+        return None
+    return _thinned(to_cloud(dataset.data.read(key, sensor.name)))
 
 
 def _thinned(points: np.ndarray) -> np.ndarray:

@@ -21,7 +21,8 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
 from atom_calibration.errors import MessageError
-from atom_calibration.messages import conversions
+from atom_calibration.messages.cameras import camera_from_info
+from atom_calibration.messages.poses import transform_message
 from atom_calibration.runtime import running
 from atom_calibration.show import markers
 from atom_calibration.show.pose_marker import STILL, MarkerServer, Moved, PoseMarker
@@ -37,7 +38,7 @@ from atom_core.errors import AtomError
 from atom_core.io.config_yaml import read_config
 from atom_core.io.urdf import read_description
 from atom_core.model.config import CalibrationConfig
-from atom_core.model.sensor import DEPTH, RGB
+from atom_core.model.modality import modality_named
 
 NODE = "set_initial_estimate"
 EXAMPLE = "rosrun atom_calibration set_initial_estimate -c config.yml -d cell.urdf.xacro"
@@ -91,7 +92,7 @@ class SetInitialEstimate:
         self._frustums = [
             _Frustum(name, entry.topic_name, entry.link, markers.colour_of(index))
             for index, (name, entry) in enumerate(config.sensors.items())
-            if entry.modality in (RGB, DEPTH, None)
+            if entry.modality is None or modality_named(entry.modality).has_camera_info
         ]
         for name in guess.edges:
             self._serve(name)
@@ -206,7 +207,7 @@ class SetInitialEstimate:
         stamp = rospy.Time.now()
         transforms = self._guess.fixed_transforms()
         self._fixed.publish(
-            TFMessage([conversions.transform_message(e, m, stamp) for e, m in transforms.items()])
+            TFMessage([transform_message(e, m, stamp) for e, m in transforms.items()])
         )
 
     def _serve(self, name: str) -> None:
@@ -241,7 +242,7 @@ class _Frustum:
     def _draw(self, message: Any) -> None:
         self._subscriber.unregister()
         try:
-            camera = conversions.camera(message)
+            camera = camera_from_info(message)
         except MessageError as error:
             rospy.logwarn(f"no frustum for frame '{self._frame}': {error}")
             return

@@ -8,11 +8,12 @@ from typing import Any, Dict, Mapping, Optional
 import numpy as np
 
 from atom_calibration.errors import MessageError
-from atom_calibration.messages import conversions
+from atom_calibration.messages.headers import header_document, stamp_s
+from atom_calibration.modalities.table import RosModality, ros_modality
 from atom_core.labeling.base import Labeled
-from atom_core.labeling.stillness import CornerSighting, Sighting, plane_sighting
-from atom_core.model.labels import RangeLabel, RgbLabel
-from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
+from atom_core.labeling.stillness import Sighting
+from atom_core.model.pattern import Pattern
+from atom_core.model.sensor import Sensor
 
 
 @dataclass
@@ -23,8 +24,7 @@ class Frame:
         sensor: whose.
         stamp_s: of the data [s].
         header: of the message, as datasets have it.
-        data: rgb: (height, width, 3) uint8, blue green red; depth: (height, width) [m], NaN where
-            none; lidar3d: structured points (n,) with the fields of the message.
+        data: as the sensor's modality decodes them; None for what could not be decoded.
         labels: what the labeler found, by pattern.
         seeds: where the labels were begun from, by pattern; of what was not detected, the one that
             was set by hand.
@@ -34,10 +34,15 @@ class Frame:
     sensor: Sensor
     stamp_s: float
     header: Mapping[str, Any]
-    data: np.ndarray
+    data: Any
     labels: Dict[str, Labeled] = field(default_factory=dict)
     seeds: Dict[str, np.ndarray] = field(default_factory=dict)
     sightings: Dict[str, Sighting] = field(default_factory=dict)
+
+    @property
+    def ros(self) -> RosModality:
+        """What ROS knows of the sensor's modality."""
+        return ros_modality(self.sensor.modality)
 
     @property
     def detections(self) -> int:
@@ -45,15 +50,20 @@ class Frame:
         return sum(labeled.detected for labeled in self.labels.values())
 
     @property
+    def size(self) -> int:
+        """How many points or pixels the data have."""
+        return 0 if self.data is None else self.ros.size(self.data)
+
+    @property
     def place(self) -> str:
-        """The words that name the frame in a message."""
+        """What names the frame in a message."""
         return f"sensor '{self.sensor.name}', topic {self.sensor.topic}, time {self.stamp_s:.3f}"
 
     def set_label(self, pattern: str, labeled: Labeled) -> None:
         """Keep what a labeler found."""
         self.labels[pattern] = labeled
         self.sightings.pop(pattern, None)
-        sighting = sighting_of(self, labeled) if labeled.detected else None
+        sighting = self.ros.sighting(self, labeled.label) if labeled.detected else None
         if sighting is not None:
             self.sightings[pattern] = sighting
 
@@ -62,6 +72,13 @@ class Frame:
         self.seeds.pop(pattern, None)
         if seed is not None:
             self.seeds[pattern] = seed
+
+    def board_pose(self, pattern: Pattern) -> Optional[np.ndarray]:
+        """Return ``sensor_T_pattern`` (4, 4) by the frame's label alone; None: it does not tell."""
+        labeled = self.labels[pattern.name]
+        if self.ros.board_pose is None or not labeled.detected:
+            return None
+        return self.ros.board_pose(self.sensor, pattern, labeled.label)
 
     def unlabeled(self) -> Frame:
         """Return the same data without labels."""
@@ -74,45 +91,20 @@ def decode(sensor: Sensor, message: Any) -> Frame:
     Raises:
         MessageError: naming sensor, topic and time.
     """
-    stamp = conversions.stamp_s(message)
+    frame = undecoded(sensor, message)
     try:
-        data = _DECODERS[sensor.modality](message)
+        frame.data = frame.ros.decode(message)
     except MessageError as error:
-        raise MessageError(
-            f"sensor '{sensor.name}', topic {sensor.topic}, time {stamp:.3f}: {error}"
-        ) from None
-    return Frame(sensor, stamp, conversions.header_document(message), data)
+        raise MessageError(f"{frame.place}: {error}", sensor.name) from None
+    return frame
 
 
-def labeled_points(frame: Frame, indices: np.ndarray) -> np.ndarray:
-    """Return points (n, 3) [m] in the sensor's frame of indices into a range sensor's data."""
-    points = points_of(frame, indices)
-    return points[np.all(np.isfinite(points), axis=1)]
+def undecoded(sensor: Sensor, message: Any) -> Frame:
+    """Return the frame of a message without its data."""
+    return Frame(sensor, stamp_s(message), header_document(message), None)
 
 
 def points_of(frame: Frame, indices: np.ndarray) -> np.ndarray:
     """Return a point (3,) [m] for each index into a range sensor's data, valid or not."""
-    if frame.sensor.modality == LIDAR3D:
-        return conversions.cloud_xyz(frame.data[indices])
-    assert frame.sensor.camera is not None
-    row, column = np.divmod(indices, frame.data.shape[1])
-    pixels = np.column_stack([column, row]).astype(float)
-    return frame.sensor.camera.ray_points(pixels, frame.data[row, column].astype(float))
-
-
-def sighting_of(frame: Frame, labeled: Labeled) -> Any:
-    """Return what a label says about where the board is; None if it says nothing."""
-    label = labeled.label
-    if isinstance(label, RgbLabel):
-        return CornerSighting(label.ids, label.pixels)
-    assert isinstance(label, RangeLabel)
-    step = max(len(label.indices) // 400, 1)
-    points = labeled_points(frame, label.indices[::step])
-    return plane_sighting(points, depth_sensor=frame.sensor.modality == DEPTH)
-
-
-_DECODERS = {
-    RGB: conversions.colour_image,
-    DEPTH: conversions.depth_image,
-    LIDAR3D: conversions.point_cloud,
-}
+    assert frame.ros.points is not None, f"a {frame.sensor.kind.noun} has no points"
+    return frame.ros.points(frame, indices)

@@ -1,0 +1,166 @@
+"""Images and depth images: messages to arrays and back.
+
+Messages out of a bag have types generated on the fly, so a message is known by its ``_type`` and
+read by its fields; nothing here needs a master.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Dict, Optional, Tuple
+
+import cv2
+import numpy as np
+from sensor_msgs.msg import Image
+
+from atom_calibration.errors import MessageError
+
+IMAGE, COMPRESSED_IMAGE = "sensor_msgs/Image", "sensor_msgs/CompressedImage"
+_CHANNEL_TYPES = {
+    "8U": "u1",
+    "8S": "i1",
+    "16U": "u2",
+    "16S": "i2",
+    "32S": "i4",
+    "32F": "f4",
+    "64F": "f8",
+}
+_COLOURS: Dict[str, Tuple[str, int, Optional[int]]] = {
+    "bgr8": ("u1", 3, None),
+    "rgb8": ("u1", 3, cv2.COLOR_RGB2BGR),
+    "bgra8": ("u1", 4, cv2.COLOR_BGRA2BGR),
+    "rgba8": ("u1", 4, cv2.COLOR_RGBA2BGR),
+    "mono8": ("u1", 1, cv2.COLOR_GRAY2BGR),
+    "8UC1": ("u1", 1, cv2.COLOR_GRAY2BGR),
+    "8UC3": ("u1", 3, None),
+    "bgr16": ("u2", 3, None),
+    "rgb16": ("u2", 3, cv2.COLOR_RGB2BGR),
+    "mono16": ("u2", 1, cv2.COLOR_GRAY2BGR),
+    "yuv422": ("u1", 2, cv2.COLOR_YUV2BGR_UYVY),
+    "yuv422_yuy2": ("u1", 2, cv2.COLOR_YUV2BGR_YUYV),
+    # OpenCV names a Bayer pattern by its second row, ROS by its first.
+    "bayer_rggb8": ("u1", 1, cv2.COLOR_BayerBG2BGR),
+    "bayer_bggr8": ("u1", 1, cv2.COLOR_BayerRG2BGR),
+    "bayer_gbrg8": ("u1", 1, cv2.COLOR_BayerGR2BGR),
+    "bayer_grbg8": ("u1", 1, cv2.COLOR_BayerGB2BGR),
+}
+_MILLIMETRE = 0.001  # REP 118: depths of whole numbers are millimetres
+_COMPRESSED_DEPTH_HEADER = 12  # bytes of compressed_depth_image_transport before the PNG
+
+
+def colour_image(message: Any) -> np.ndarray:
+    """Return an Image or CompressedImage as (height, width, 3) uint8, blue green red.
+
+    Raises:
+        MessageError: the image is empty, cut off, or in an encoding that is not known.
+    """
+    if message._type == COMPRESSED_IMAGE:
+        image = _decompressed(message, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+        return _eight_bits(image)
+    if message.encoding not in _COLOURS:
+        raise MessageError(
+            f"encoding '{message.encoding}' is no colour or grey image that is known; use one of "
+            f"{', '.join(_COLOURS)}"
+        )
+    kind, channels, conversion = _COLOURS[message.encoding]
+    image = _eight_bits(_pixels(message, kind, channels))
+    return image if conversion is None else cv2.cvtColor(image, conversion)
+
+
+def depth_image(message: Any) -> np.ndarray:
+    """Return a depth Image or CompressedImage as (height, width) float32 [m], NaN where none.
+
+    Whole numbers are millimetres and 0 is no depth (REP 118); other numbers are metres.
+
+    Raises:
+        MessageError: the image is empty, cut off, or no depth image.
+    """
+    if message._type == COMPRESSED_IMAGE:
+        stored = _decompressed_depth(message)
+    elif message.encoding in ("16UC1", "mono16"):
+        stored = _pixels(message, "u2", 1)
+    elif message.encoding in ("32FC1", "64FC1"):
+        stored = _pixels(message, _CHANNEL_TYPES[message.encoding[:-2]], 1)
+    else:
+        raise MessageError(
+            f"encoding '{message.encoding}' is no depth image; use 16UC1 (millimetres) or 32FC1 "
+            f"(metres)"
+        )
+    scale = _MILLIMETRE if stored.dtype.kind == "u" else 1.0
+    depth_m = (stored * np.float32(scale)).astype(np.float32)
+    with np.errstate(invalid="ignore"):
+        depth_m[~(np.isfinite(depth_m) & (depth_m > 0))] = np.nan
+    return depth_m
+
+
+def _pixels(message: Any, kind: str, channels: int) -> np.ndarray:
+    """Return the pixels (height, width[, channels]) without the padding of the rows."""
+    dtype = np.dtype(kind).newbyteorder(">" if message.is_bigendian else "<")
+    height, width, step = message.height, message.width, message.step
+    row = width * channels * dtype.itemsize
+    if not height or not width or not len(message.data):
+        raise MessageError(
+            f"the image is empty ({width} x {height} pixels, {len(message.data)} bytes); record "
+            f"it again, or leave the sensor out"
+        )
+    if step < row or len(message.data) < step * (height - 1) + row:
+        raise MessageError(
+            f"the image is cut off: {len(message.data)} bytes in rows of {step} are too few for "
+            f"{width} x {height} pixels of {message.encoding}; record it again"
+        )
+    data = np.frombuffer(message.data, dtype=np.uint8)
+    shape, strides = (height, row), (step, 1)
+    rows = np.ascontiguousarray(np.lib.stride_tricks.as_strided(data, shape, strides))
+    image = rows.view(dtype).astype(dtype.newbyteorder("="), copy=False)
+    return image.reshape((height, width) if channels == 1 else (height, width, channels))
+
+
+def _decompressed(message: Any, flags: int) -> np.ndarray:
+    image: Any = None
+    if len(message.data):
+        image = cv2.imdecode(np.frombuffer(message.data, dtype=np.uint8), flags)
+    if image is None:
+        raise MessageError(
+            f"the compressed image (format '{message.format}', {len(message.data)} bytes) cannot "
+            f"be decoded; it is empty or cut off: record it again"
+        )
+    return image
+
+
+def _decompressed_depth(message: Any) -> np.ndarray:
+    """Return what compressed_image_transport or compressed_depth_image_transport packed."""
+    stored: Any
+    if "compressedDepth" not in message.format:
+        stored = _decompressed(message, cv2.IMREAD_UNCHANGED)
+    else:
+        data = np.frombuffer(message.data, dtype=np.uint8)[_COMPRESSED_DEPTH_HEADER:]
+        stored = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
+        if stored is None:
+            raise MessageError(f"the compressed depth ('{message.format}') cannot be decoded")
+        if message.format.startswith("32FC1"):
+            # The transport stores a / depth + b, with a and b in the header.
+            a, b = np.frombuffer(message.data, dtype="<f4", count=3)[1:]
+            with np.errstate(divide="ignore"):
+                return np.where(stored > 0, a / (stored - b), np.nan).astype(np.float32)
+    if stored.ndim != 2 or stored.dtype != np.uint16:
+        raise MessageError(
+            f"the compressed image (format '{message.format}') is no depth of 16 bits; is it "
+            f"another sensor's, or was it packed as JPEG?"
+        )
+    return stored
+
+
+def _eight_bits(image: np.ndarray) -> np.ndarray:
+    return image if image.dtype == np.uint8 else (image >> 8).astype(np.uint8)
+
+
+def image_message(array: np.ndarray, encoding: str) -> Image:
+    """Return an array (height, width[, channels]) as an Image, without its header."""
+    array = np.ascontiguousarray(array)
+    height, width = array.shape[:2]
+    return Image(
+        height=height,
+        width=width,
+        encoding=encoding,
+        step=array.strides[0],
+        data=array.tobytes(),
+    )
