@@ -11,9 +11,9 @@ from atom_calibration.messages.poses import edge_of, pose_matrix, transform_matr
 from atom_calibration.nodes.calibrating.calibration_view import CalibrationView
 from atom_calibration.show import calibrated_tf, calibration_markers, view_options
 from atom_calibration.show.annotation import POINT
-from atom_calibration.show.calibration_state import RUNNING, Words, state_message
+from atom_calibration.show.calibration_state import RUNNING, Status, state_message
+from atom_calibration.show.estimate import Estimate
 from atom_calibration.show.overlays import Overlays, mosaic, visible_lines
-from atom_calibration.show.standing import Standing
 from atom_calibration.show.view_options import ViewOptions
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
@@ -37,12 +37,12 @@ class Run:
         self.standings = []
 
         def note(iteration):
-            self.standings.append(Standing.at(self.dataset, iteration))
+            self.standings.append(Estimate.of_iteration(self.dataset, iteration))
 
         self.calibration = calibrate(
             self.dataset, CalibrationOptions(solver=SolverOptions(progress=note))
         )
-        self.first, self.last = self.standings[0], Standing.of(self.calibration)
+        self.first, self.last = self.standings[0], Estimate.of_calibration(self.calibration)
         self.keys = list(self.dataset.collections)
         self.by_sensor = calibration_markers.sensor_colours(self.dataset.sensors)
         self.by_collection = calibration_markers.collection_colours(self.keys)
@@ -122,8 +122,8 @@ def test_what_is_not_drawn_any_more_is_deleted(run):
 
 
 def test_labeled_points_come_to_lie_on_the_boards(run):
-    def heights(standing):
-        tables = calibration_markers.labeled_points(standing, [run.keys[0]], run.by_sensor)
+    def heights(estimate):
+        tables = calibration_markers.labeled_points(estimate, [run.keys[0]], run.by_sensor)
         world_T_pattern = run.last.board_poses[(run.pattern.name, run.keys[0])]
         far = []
         for table in tables.values():
@@ -188,7 +188,7 @@ def test_calibrated_transforms_take_the_place_of_the_descriptions(run):
 
 
 def test_the_state_has_a_row_for_each_sensor_and_kind(run):
-    message = state_message(run.last, run.first, Words("converged", "well"))
+    message = state_message(run.last, run.first, Status("converged", "well"))
     document = calibration_document(calibration_results(run.calibration, "ceres"), {})
     assert (message.running, message.status, message.message) == (False, "converged", "well")
     assert message.iteration == document["solver"]["iterations"]
@@ -204,15 +204,15 @@ def test_the_state_has_a_row_for_each_sensor_and_kind(run):
     assert [row.sensor for row in message.residuals] == sorted(
         (row.sensor for row in message.residuals), key=list(run.dataset.sensors).index
     )
-    began = state_message(run.first, run.first, Words(RUNNING))
+    began = state_message(run.first, run.first, Status(RUNNING))
     assert began.running and began.iteration == 0
     assert all(row.rms == row.rms_initial for row in began.residuals)
 
 
 def test_residuals_that_were_not_there_at_the_start_are_unknown(run):
-    empty = Standing(0, 1.0, run.dataset, run.first.problem, run.first.x)
+    empty = Estimate(0, 1.0, run.dataset, run.first.problem, run.first.x)
     empty.__dict__["table"] = {}
-    message = state_message(run.last, empty, Words(RUNNING))
+    message = state_message(run.last, empty, Status(RUNNING))
     assert all(math.isnan(row.rms_initial) for row in message.residuals)
 
 
@@ -263,7 +263,7 @@ class Broken(CalibrationView):
     def _open(self, dataset):
         self._publishers = collections.defaultdict(mock.Mock)
 
-    def _publish(self, standing, words, shown):
+    def _publish(self, estimate, status, shown):
         raise ValueError("nothing can be drawn")
 
 

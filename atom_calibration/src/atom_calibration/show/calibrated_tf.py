@@ -9,7 +9,7 @@ import rospy
 from geometry_msgs.msg import TransformStamped
 
 from atom_calibration.messages.poses import transform_message
-from atom_calibration.show.standing import Standing
+from atom_calibration.show.estimate import Estimate
 from atom_calibration.show.view_options import CALIBRATED, OFF, PREFIXED
 from atom_core.model.transforms import Edge
 
@@ -20,21 +20,21 @@ def prefixed(collection: str, frame: str) -> str:
 
 
 def transforms(
-    standing: Standing, mode: str, collection: Optional[str] = None
+    estimate: Estimate, mode: str, collection: Optional[str] = None
 ) -> List[TransformStamped]:
     """Return the transforms to be published, without a stamp: they hold at any time.
 
     Args:
-        standing: where the calibration stands.
+        estimate: what is shown.
         mode: OWN, CALIBRATED, PREFIXED or OFF.
         collection: whose transforms; None for the first that is used. PREFIXED has all.
     """
     if mode == OFF:
         return []
-    used = standing.used_collections()
+    used = estimate.used_collections()
     if mode == PREFIXED:
-        return [message for key in used for message in _tree(standing, key)]
-    dataset = standing.dataset
+        return [message for key in used for message in _tree(estimate, key)]
+    dataset = estimate.dataset
     edges = dataset.collections[used[0] if collection is None else collection].transforms
     if mode == CALIBRATED:
         mounts = [sensor.edge for sensor in dataset.sensors.values()]
@@ -52,10 +52,10 @@ def merged(
     return list(by_child.values())
 
 
-def _tree(standing: Standing, key: str) -> List[TransformStamped]:
-    world = standing.dataset.world
+def _tree(estimate: Estimate, key: str) -> List[TransformStamped]:
+    world = estimate.dataset.world
     root = _message(Edge(world, prefixed(key, world)), np.eye(4))
-    edges = standing.dataset.collections[key].transforms
+    edges = estimate.dataset.collections[key].transforms
     return [root] + [
         _message(Edge(prefixed(key, edge.parent), prefixed(key, edge.child)), matrix)
         for edge, matrix in edges.items()

@@ -13,8 +13,8 @@ from atom_calibration.messages.clouds import cloud_message
 from atom_calibration.messages.poses import point_message, pose_message
 from atom_calibration.show import markers
 from atom_calibration.show.annotation import POINT
+from atom_calibration.show.estimate import Estimate
 from atom_calibration.show.markers import Colour
-from atom_calibration.show.standing import Standing
 from atom_core.geometry import se3
 from atom_core.model.sensor import Sensor
 
@@ -39,19 +39,19 @@ def sensor_colours(names: Iterable[str]) -> Dict[str, Colour]:
     return {name: markers.colour_of(index) for index, name in enumerate(names)}
 
 
-def boards(standing: Standing, shown: Sequence[str], colours: Dict[str, Colour]) -> List[Marker]:
+def boards(estimate: Estimate, shown: Sequence[str], colours: Dict[str, Colour]) -> List[Marker]:
     """Return the boards of some collections, in the world.
 
     Args:
-        standing: where they stand.
+        estimate: what is shown.
         shown: keys of the collections.
         colours: by collection.
     """
-    world, listed = standing.dataset.world, []
-    for (name, key), world_T_pattern in standing.board_poses.items():
+    world, listed = estimate.dataset.world, []
+    for (name, key), world_T_pattern in estimate.board_poses.items():
         if key not in shown:
             continue
-        pattern, colour = standing.dataset.patterns[name], colours[key]
+        pattern, colour = estimate.dataset.patterns[name], colours[key]
         listed += markers.board(pattern, colour, world_T_pattern, world, f"c{key}")
         middle = se3.apply(world_T_pattern, np.array([[*pattern.border.centre, 0.0]]))[0]
         title = markers.text(world, key, _TEXT_M, colour)
@@ -63,19 +63,19 @@ def boards(standing: Standing, shown: Sequence[str], colours: Dict[str, Colour])
 
 
 def sensors(
-    standing: Standing, first: Standing, shown: Sequence[str], colours: Dict[str, Colour]
+    estimate: Estimate, first: Estimate, shown: Sequence[str], colours: Dict[str, Colour]
 ) -> List[Marker]:
     """Return every sensor where it stands, and a line to where it began.
 
     Args:
-        standing: where they stand.
-        first: where they began.
+        estimate: what is shown.
+        first: the estimate at the start.
         shown: keys of the collections; a sensor that moves is drawn in each of them.
         colours: by sensor.
     """
-    world, listed = standing.dataset.world, []
-    for sensor in standing.dataset.sensors.values():
-        for key, pose in _places(standing, sensor.name, shown):
+    world, listed = estimate.dataset.world, []
+    for sensor in estimate.dataset.sensors.values():
+        for key, pose in _places(estimate, sensor.name, shown):
             shapes = _shapes(sensor, world, colours[sensor.name])
             shapes.append(markers.axes(world, _AXES_M))
             name = markers.text(world, sensor.name, _TEXT_M, (1.0, 1.0, 1.0))
@@ -90,7 +90,7 @@ def sensors(
     return markers.numbered(listed)
 
 
-def ghost(first: Standing, shown: Sequence[str]) -> List[Marker]:
+def ghost(first: Estimate, shown: Sequence[str]) -> List[Marker]:
     """Return every sensor where it began, transparent."""
     world, listed = first.dataset.world, []
     for sensor in first.dataset.sensors.values():
@@ -103,7 +103,7 @@ def ghost(first: Standing, shown: Sequence[str]) -> List[Marker]:
 
 
 def labeled_points(
-    standing: Standing,
+    estimate: Estimate,
     shown: Sequence[str],
     sensor_colour: Dict[str, Colour],
     collection_colour: Optional[Dict[str, Colour]] = None,
@@ -111,17 +111,17 @@ def labeled_points(
     """Return the labeled points of each range sensor in the world, as `annotation.POINT`.
 
     Args:
-        standing: where the sensors stand.
+        estimate: what is shown.
         shown: keys of the collections.
         sensor_colour: by sensor; points on the border are lighter.
         collection_colour: by collection; wins.
     """
     parts: Dict[str, List[np.ndarray]] = {
-        name: [] for name, sensor in standing.dataset.sensors.items() if sensor.kind.measures_range
+        name: [] for name, sensor in estimate.dataset.sensors.items() if sensor.kind.measures_range
     }
-    for points in standing.points():
+    for points in estimate.points():
         sensor, collection = points.key.sensor, points.key.collection
-        world_T_sensor = standing.sensor_poses.get((sensor, collection))
+        world_T_sensor = estimate.sensor_poses.get((sensor, collection))
         if collection not in shown or world_T_sensor is None:
             continue
         step = -(-len(points.points) // _MOST_POINTS)
@@ -155,11 +155,11 @@ def replaced(before: Iterable[Marker], now: Sequence[Marker]) -> List[Marker]:
     return [*deletions, *now]
 
 
-def _places(standing: Standing, sensor: str, shown: Sequence[str]) -> List[Tuple[str, np.ndarray]]:
+def _places(estimate: Estimate, sensor: str, shown: Sequence[str]) -> List[Tuple[str, np.ndarray]]:
     """Return where a sensor stands in some collections, each place once."""
     places: List[Tuple[str, np.ndarray]] = []
     for key in shown:
-        pose = standing.sensor_poses.get((sensor, key))
+        pose = estimate.sensor_poses.get((sensor, key))
         if pose is None or any(np.allclose(pose, p, 0.0, _SAME_PLACE) for _, p in places):
             continue
         places.append((key, pose))

@@ -1,4 +1,4 @@
-"""How a calibration stands, as the message that the panel shows."""
+"""The state of a calibration, as the message that the panel shows."""
 
 from __future__ import annotations
 
@@ -6,39 +6,39 @@ import math
 from typing import List, NamedTuple
 
 from atom_calibration.msg import CalibrationState, ResidualSummary
-from atom_calibration.show.standing import Standing
+from atom_calibration.show.estimate import Estimate
 
 RUNNING = "running"
 
 
-class Words(NamedTuple):
-    """What the user is told: RUNNING, or the status of calibration.json with its message."""
+class Status(NamedTuple):
+    """RUNNING, or the status of calibration.json, with the message for the user."""
 
-    status: str
+    name: str
     message: str = ""
 
 
-def state_message(standing: Standing, first: Standing, words: Words) -> CalibrationState:
+def state_message(estimate: Estimate, first: Estimate, status: Status) -> CalibrationState:
     """Return the state; the header is left to the caller.
 
     Args:
-        standing: where the calibration stands.
-        first: where it began.
-        words: for the user.
+        estimate: what is shown.
+        first: the estimate at the start.
+        status: of the calibration.
     """
     return CalibrationState(
-        running=words.status == RUNNING,
-        status=words.status,
-        message=words.message,
-        iteration=standing.number,
-        cost=standing.cost,
-        residuals=_residuals(standing, first),
+        running=status.name == RUNNING,
+        status=status.name,
+        message=status.message,
+        iteration=estimate.number,
+        cost=estimate.cost,
+        residuals=_residuals(estimate, first),
     )
 
 
-def _residuals(standing: Standing, first: Standing) -> List[ResidualSummary]:
+def _residuals(estimate: Estimate, first: Estimate) -> List[ResidualSummary]:
     rows = []
-    for (sensor, kind, collection), value in standing.table.items():
+    for (sensor, kind, collection), value in estimate.table.items():
         if collection is not None:
             continue
         began = first.table.get((sensor, kind, None))
@@ -52,5 +52,5 @@ def _residuals(standing: Standing, first: Standing) -> List[ResidualSummary]:
                 rms_initial=math.nan if began is None else began.rms,
             )
         )
-    order = list(standing.dataset.sensors)
+    order = list(estimate.dataset.sensors)
     return sorted(rows, key=lambda row: order.index(row.sensor))

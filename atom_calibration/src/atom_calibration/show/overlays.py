@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 
 from atom_calibration.modalities.table import ros_modality
+from atom_calibration.show.estimate import Estimate
 from atom_calibration.show.markers import Colour
-from atom_calibration.show.standing import Standing
 from atom_core.errors import AtomError
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
@@ -33,25 +33,25 @@ _FARTHEST_PX = 20000.0  # OpenCV's coordinates are short
 class Overlays:
     """Pictures of a dataset's cameras and depth cameras; images are read once."""
 
-    def __init__(self, first: Standing, colours: Mapping[str, Colour]):
+    def __init__(self, first: Estimate, colours: Mapping[str, Colour]):
         """Remember where the calibration began.
 
         Args:
-            first: where it began.
+            first: the estimate at the start.
             colours: by collection.
         """
         self._first = first
         self._colours = {key: _bgr(colour) for key, colour in colours.items()}
         self._images: Dict[Tuple[str, str], np.ndarray] = {}
 
-    def pictures(self, standing: Standing, shown: Optional[str] = None) -> Dict[str, np.ndarray]:
+    def pictures(self, estimate: Estimate, shown: Optional[str] = None) -> Dict[str, np.ndarray]:
         """Return a picture (height, width, 3) of each sensor with a camera.
 
         Args:
-            standing: where the calibration stands.
+            estimate: what is shown.
             shown: key of a collection; None: all of them over each other.
         """
-        dataset, used = standing.dataset, standing.used_collections()
+        dataset, used = estimate.dataset, estimate.used_collections()
         keys = used if shown is None else [shown]
         made = {}
         for sensor in dataset.sensors.values():
@@ -59,10 +59,10 @@ class Overlays:
                 below = _with_data(dataset, sensor.name, keys)
                 brightness = _DIM if shown is None else _FAINT
                 made[sensor.name] = self._image(dataset, below, sensor.name, brightness)
-        self._draw_points(made, standing, keys)
+        self._draw_points(made, estimate, keys)
         for sensor_name in made:
-            self._draw_borders(made[sensor_name], standing, sensor_name, keys)
-        self._draw_corners(made, standing, keys)
+            self._draw_borders(made[sensor_name], estimate, sensor_name, keys)
+        self._draw_corners(made, estimate, keys)
         for name, picture in made.items():
             _write(picture, name if shown is None else f"{name}  {shown}")
         return made
@@ -81,9 +81,9 @@ class Overlays:
         return (brightness * self._images[(key, name)]).astype(np.uint8)
 
     def _draw_points(
-        self, made: Mapping[str, np.ndarray], standing: Standing, keys: Sequence[str]
+        self, made: Mapping[str, np.ndarray], estimate: Estimate, keys: Sequence[str]
     ) -> None:
-        for points in standing.points():
+        for points in estimate.points():
             picture = made.get(points.key.sensor)
             if picture is None or points.key.collection not in keys:
                 continue
@@ -92,9 +92,9 @@ class Overlays:
             picture[row, column] = _WHITE if points.border else (0.6 * colour).astype(np.uint8)
 
     def _draw_borders(
-        self, picture: np.ndarray, standing: Standing, sensor: str, keys: Sequence[str]
+        self, picture: np.ndarray, estimate: Estimate, sensor: str, keys: Sequence[str]
     ) -> None:
-        for now, thickness in ((self._first, 1), (standing, 2)):
+        for now, thickness in ((self._first, 1), (estimate, 2)):
             for key in now.problem.detections:
                 if key.sensor == sensor and key.collection in keys:
                     began = _WHITE if len(keys) == 1 else _GREY
@@ -105,9 +105,9 @@ class Overlays:
                         )
 
     def _draw_corners(
-        self, made: Mapping[str, np.ndarray], standing: Standing, keys: Sequence[str]
+        self, made: Mapping[str, np.ndarray], estimate: Estimate, keys: Sequence[str]
     ) -> None:
-        for corners in standing.corners():
+        for corners in estimate.corners():
             picture = made.get(corners.key.sensor)
             if picture is None or corners.key.collection not in keys:
                 continue
@@ -151,14 +151,14 @@ def _scaled(picture: np.ndarray) -> np.ndarray:
     return cv2.resize(picture, (_TILE_WIDTH_PX, height), interpolation=cv2.INTER_AREA)
 
 
-def _border(standing: Standing, key: DetectionKey) -> List[np.ndarray]:
+def _border(estimate: Estimate, key: DetectionKey) -> List[np.ndarray]:
     """Return the lines of the projected border."""
-    pattern = standing.dataset.patterns[key.pattern]
-    camera = standing.dataset.sensors[key.sensor].camera
+    pattern = estimate.dataset.patterns[key.pattern]
+    camera = estimate.dataset.sensors[key.sensor].camera
     assert camera is not None
     flat = pattern.border.sample(_BORDER_STEP_M)
     in_camera = se3.apply(
-        standing.poses_in_sensor[key], np.column_stack([flat, np.zeros(len(flat))])
+        estimate.poses_in_sensor[key], np.column_stack([flat, np.zeros(len(flat))])
     )
     return visible_lines(camera, in_camera)
 

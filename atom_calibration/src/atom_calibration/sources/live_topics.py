@@ -132,7 +132,7 @@ def wait_for(
         AtomError: what ``get`` raises otherwise, or still raises when the patience is over.
     """
     begin = time.monotonic()
-    told = begin
+    last_told = begin
     while not stopped():
         try:
             return get()
@@ -140,9 +140,9 @@ def wait_for(
             now = time.monotonic()
             if 0 < patience_s < now - begin:
                 raise _tired(error, patience_s) from None
-            if now - told > _TELL_EVERY_S:
+            if now - last_told > _TELL_EVERY_S:
                 tell(f"waiting: {error}")
-                told = now
+                last_told = now
         time.sleep(_POLL_S)
     return None
 

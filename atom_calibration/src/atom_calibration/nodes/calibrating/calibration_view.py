@@ -28,9 +28,9 @@ from atom_calibration.messages.images import image_message
 from atom_calibration.msg import CalibrationState
 from atom_calibration.runtime import running
 from atom_calibration.show import calibrated_tf, calibration_markers
-from atom_calibration.show.calibration_state import RUNNING, Words, state_message
+from atom_calibration.show.calibration_state import RUNNING, Status, state_message
+from atom_calibration.show.estimate import Estimate
 from atom_calibration.show.overlays import Overlays, mosaic
-from atom_calibration.show.standing import Standing
 from atom_calibration.show.view_options import ALL, ViewOptions
 from atom_calibration.srv import ShowCollection, ShowCollectionResponse
 from atom_core.calibration.calibrate import Calibration
@@ -55,9 +55,9 @@ class CalibrationView:
         self._options = options
         self._changed = threading.Condition()
         self._pending = self._busy = self._failed = False
-        self._shown, self._words = options.collection, Words(RUNNING)
-        self._first: Optional[Standing] = None
-        self._standing: Optional[Standing] = None
+        self._shown, self._status = options.collection, Status(RUNNING)
+        self._first: Optional[Estimate] = None
+        self._estimate: Optional[Estimate] = None
         self._sent: Dict[str, List[Marker]] = {}
         self._description_tf: List[TransformStamped] = []
 
@@ -90,20 +90,22 @@ class CalibrationView:
 
     def progress(self, iteration: Iteration) -> Optional[bool]:
         """Show an iteration; return whether the solver shall go on."""
-        standing, before = Standing.at(self._dataset, iteration), self._standing
+        estimate, before = Estimate.of_iteration(self._dataset, iteration), self._estimate
         if self._first is None:
-            self._first = standing
-            self._overlays = Overlays(standing, self._collection_colours)
-        self._show(standing, Words(RUNNING))
+            self._first = estimate
+            self._overlays = Overlays(estimate, self._collection_colours)
+        self._show(estimate, Status(RUNNING))
         if before is None or self._options.slow_s:
             self._settled()
-        if before is None or before.number != standing.number:  # a new round begins where it was
+        if before is None or before.number != estimate.number:  # a new round begins where it was
             running.pause(self._options.slow_s)
         return not running.stopped()
 
     def end(self, calibration: Calibration) -> None:
         """Show the answer, and leave it there."""
-        self._show(Standing.of(calibration), Words(calibration.status, calibration.message))
+        self._show(
+            Estimate.of_calibration(calibration), Status(calibration.status, calibration.message)
+        )
         self._settled()
 
     # ------------------------------------------------------------------------- what is shown
@@ -135,9 +137,9 @@ class CalibrationView:
         """Pass on what does not move; republished with every change."""
         with self._changed:
             self._description_tf = calibrated_tf.merged(self._description_tf, message.transforms)
-            self._pending = self._standing is not None
+            self._pending = self._estimate is not None
             self._changed.notify_all()
-            if self._standing is None:  # nothing is calibrated yet
+            if self._estimate is None:  # nothing is calibrated yet
                 self._publishers[TF].publish(TFMessage(self._description_tf))
 
     def _tell(self, message: str) -> None:
@@ -149,9 +151,9 @@ class CalibrationView:
     def _is_watched(self) -> bool:
         return self._publishers[BOARDS].get_num_connections() > 0
 
-    def _show(self, standing: Standing, words: Words) -> None:
+    def _show(self, estimate: Estimate, status: Status) -> None:
         with self._changed:
-            self._standing, self._words, self._pending = standing, words, True
+            self._estimate, self._status, self._pending = estimate, status, True
             self._changed.notify_all()
 
     def _show_collection(self, request: Any) -> ShowCollectionResponse:
@@ -171,7 +173,7 @@ class CalibrationView:
     def _choose(self, key: str) -> str:
         """Show one collection, or all; return a sentence for the user."""
         with self._changed:
-            self._shown, self._pending = key, self._standing is not None
+            self._shown, self._pending = key, self._estimate is not None
             self._changed.notify_all()
         return f"collection {key}" if key else "all collections"
 
@@ -189,10 +191,10 @@ class CalibrationView:
                 while not self._pending:
                     self._changed.wait()
                 self._pending, self._busy = False, True
-                standing, words, shown = self._standing, self._words, self._shown
+                estimate, status, shown = self._estimate, self._status, self._shown
             try:
-                if not self._failed and standing is not None:
-                    self._publish(standing, words, shown)
+                if not self._failed and estimate is not None:
+                    self._publish(estimate, status, shown)
             except rospy.ROSException:  # the topics are closed: the node ends
                 pass
             except Exception:  # noqa: BLE001 - results are worth more than the view of them
@@ -203,12 +205,12 @@ class CalibrationView:
                     self._busy = False
                     self._changed.notify_all()
 
-    def _publish(self, standing: Standing, words: Words, shown: str) -> None:
+    def _publish(self, estimate: Estimate, status: Status, shown: str) -> None:
         """Publish everything, the state last; on the way only what somebody looks at."""
-        first = self._first or standing
-        everything = standing is first or words.status != RUNNING
-        keys = [shown] if shown else standing.used_collections()
-        world = standing.dataset.world
+        first = self._first or estimate
+        everything = estimate is first or status.name != RUNNING
+        keys = [shown] if shown else estimate.used_collections()
+        world = estimate.dataset.world
         send = Sender(self._publishers, everything)
 
         def markers_of(name: str, make: Callable[[], List[Marker]]) -> None:
@@ -216,35 +218,35 @@ class CalibrationView:
 
         markers_of(
             BOARDS,
-            lambda: calibration_markers.boards(standing, keys, self._collection_colours),
+            lambda: calibration_markers.boards(estimate, keys, self._collection_colours),
         )
         markers_of(
             SENSORS,
-            lambda: calibration_markers.sensors(standing, first, keys, self._sensor_colours),
+            lambda: calibration_markers.sensors(estimate, first, keys, self._sensor_colours),
         )
         markers_of(GHOST, lambda: calibration_markers.ghost(first, keys))
-        send(TF, lambda: TFMessage(self._transforms(standing, shown)))
-        self._publish_points(send, standing, keys, world)
-        self._publish_images(send, standing, shown)
-        message = state_message(standing, first, words)
+        send(TF, lambda: TFMessage(self._transforms(estimate, shown)))
+        self._publish_points(send, estimate, keys, world)
+        self._publish_images(send, estimate, shown)
+        message = state_message(estimate, first, status)
         message.header.stamp = rospy.Time.now()
         message.collections, message.collection = first.used_collections(), shown
         self._publishers[STATE].publish(message)
 
-    def _transforms(self, standing: Standing, shown: str) -> List[TransformStamped]:
-        calibrated = calibrated_tf.transforms(standing, self._options.tf, shown or None)
+    def _transforms(self, estimate: Estimate, shown: str) -> List[TransformStamped]:
+        calibrated = calibrated_tf.transforms(estimate, self._options.tf, shown or None)
         return calibrated_tf.merged(self._description_tf, calibrated)
 
     def _publish_points(
-        self, send: Sender, standing: Standing, keys: List[str], world: str
+        self, send: Sender, estimate: Estimate, keys: List[str], world: str
     ) -> None:
         names = [
-            name for name, sensor in standing.dataset.sensors.items() if sensor.kind.measures_range
+            name for name, sensor in estimate.dataset.sensors.items() if sensor.kind.measures_range
         ]
         if not send.wanted(POINTS, *(f"3d {name}" for name in names)):
             return
         tables = calibration_markers.labeled_points(
-            standing,
+            estimate,
             keys,
             self._sensor_colours,
             self._collection_colours if self._options.by_collection else None,
@@ -255,15 +257,15 @@ class CalibrationView:
             whole = np.concatenate(list(tables.values()))
             send(POINTS, lambda: calibration_markers.cloud(world, whole))
 
-    def _publish_images(self, send: Sender, standing: Standing, shown: str) -> None:
-        sensors = standing.dataset.sensors
+    def _publish_images(self, send: Sender, estimate: Estimate, shown: str) -> None:
+        sensors = estimate.dataset.sensors
         names = [name for name, sensor in sensors.items() if sensor.camera is not None]
         if not names or not send.wanted(IMAGES, *(f"2d {name}" for name in names)):
             return
-        pictures = self._overlays.pictures(standing, shown or None)
+        pictures = self._overlays.pictures(estimate, shown or None)
         for name, picture in pictures.items():
             send(f"2d {name}", partial(_image, picture, sensors[name].frame))
-        send(IMAGES, lambda: _image(mosaic(list(pictures.values())), standing.dataset.world))
+        send(IMAGES, lambda: _image(mosaic(list(pictures.values())), estimate.dataset.world))
 
     def _changes(self, name: str, now: List[Marker]) -> List[Marker]:
         before, self._sent[name] = self._sent.get(name, []), now

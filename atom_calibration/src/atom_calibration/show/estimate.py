@@ -1,4 +1,4 @@
-"""Where a calibration stands: a solver's iteration, or the answer, as poses and residuals.
+"""The estimate of a calibration: of a solver's iteration, or the answer, as poses and residuals.
 
 Plain values, so that markers, pictures and messages of a live view need not know a solver.
 """
@@ -61,13 +61,13 @@ class Points(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Standing:
-    """An iteration of the solver, or the answer.
+class Estimate:
+    """What a solver has estimated: in an iteration, or as the answer.
 
     Attributes:
         number: of the iteration.
         cost: of the solver.
-        dataset: with the edges and boards as they stand in its transforms.
+        dataset: with the estimated edges and boards in its transforms.
         problem: that is solved.
         x: its vector.
     """
@@ -79,14 +79,14 @@ class Standing:
     x: np.ndarray
 
     @classmethod
-    def at(cls, dataset: Dataset, iteration: Iteration) -> Standing:
-        """Return where an iteration stands; ``dataset`` is the one that is calibrated."""
+    def of_iteration(cls, dataset: Dataset, iteration: Iteration) -> Estimate:
+        """Return the estimate of an iteration; ``dataset`` is the one that is calibrated."""
         x = iteration.x.copy()
         solved = solved_dataset(dataset, iteration.problem, x, {})
         return cls(iteration.number, iteration.cost, solved, iteration.problem, x)
 
     @classmethod
-    def of(cls, calibration: Calibration) -> Standing:
+    def of_calibration(cls, calibration: Calibration) -> Estimate:
         """Return the answer."""
         summary = calibration.summary
         return cls(
