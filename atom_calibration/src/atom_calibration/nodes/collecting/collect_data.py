@@ -198,6 +198,12 @@ def _parser() -> argparse.ArgumentParser:
         metavar="M",
         help="size of the sphere with the menu [m] (default: 0.5)",
     )
+    _add_limits(parser)
+    return parser
+
+
+def _add_limits(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say when the node ends by itself."""
     add_option(
         parser,
         "end_after",
@@ -222,4 +228,3 @@ def _parser() -> argparse.ArgumentParser:
         metavar="S",
         help="give up when not all data are there after S seconds (default: 0, never)",
     )
-    return parser

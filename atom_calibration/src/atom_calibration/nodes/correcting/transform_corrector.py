@@ -87,19 +87,7 @@ class TransformCorrector:
         self._reference = _in_world(corrections.dataset, reference) if reference else []
         self._markers: Dict[Edge, PoseMarker] = {}
         for number, edge in enumerate(corrections.edges):
-            value = corrections.value(edge)
-            self._markers[edge] = PoseMarker(
-                self._server,
-                str(edge),
-                edge.parent,
-                np.eye(4) if value is None else value,
-                self._moved(edge),
-                moves=moves,
-                scale=scale,
-                description=str(edge),
-                shapes=[markers.sphere("", 0.25 * scale, markers.colour_of(number))],
-                menu=[(f"Reset {edge}", self._act(lambda e=edge: self.reset(e))), *self._entries()],
-            )
+            self._markers[edge] = self._marker_of(edge, markers.colour_of(number), moves, scale)
         place = np.eye(4)
         place[:3, 3] = _MENU_PLACE
         self._menu = PoseMarker(
@@ -116,6 +104,23 @@ class TransformCorrector:
             action = getattr(self, name)
             rospy.Service(f"~{name}", Trigger, lambda _, a=action: self._answer(a))
         self._show()
+
+    def _marker_of(
+        self, edge: Edge, colour: markers.Colour, moves: str, scale: float
+    ) -> PoseMarker:
+        value = self._corrections.value(edge)
+        return PoseMarker(
+            self._server,
+            str(edge),
+            edge.parent,
+            np.eye(4) if value is None else value,
+            self._moved(edge),
+            moves=moves,
+            scale=scale,
+            description=str(edge),
+            shapes=[markers.sphere("", 0.25 * scale, colour)],
+            menu=[(f"Reset {edge}", self._act(lambda: self.reset(edge))), *self._entries()],
+        )
 
     def save(self) -> str:
         """Write the corrected dataset."""
@@ -264,6 +269,33 @@ def parser() -> argparse.ArgumentParser:
         metavar="FILE",
         help="the dataset's JSON",
     )
+    _add_choice(made)
+    add_option(
+        made, "two_dimensional", "-2d", action="store_true", help="move in x, y and yaw only"
+    )
+    add_option(
+        made,
+        "marker_scale",
+        "-s",
+        type=running.positive,
+        default=0.6,
+        metavar="M",
+        help="size of the markers in metres (default: 0.6)",
+    )
+    add_option(
+        made,
+        "output",
+        "-o",
+        type=Path,
+        metavar="FILE",
+        help="what is saved (default: dataset_corrected.json beside the dataset)",
+    )
+    add_option(made, "overwrite", "-ow", action="store_true", help="replace an existing file")
+    return made
+
+
+def _add_choice(made: argparse.ArgumentParser) -> None:
+    """Add the options that say what is corrected, and beside what it is shown."""
     for name, short, what in (("parent", "-pll", "parents"), ("child", "-cll", "children")):
         add_option(
             made,
@@ -291,25 +323,3 @@ def parser() -> argparse.ArgumentParser:
         metavar="KEY",
         help="collection whose clouds are shown in grey",
     )
-    add_option(
-        made, "two_dimensional", "-2d", action="store_true", help="move in x, y and yaw only"
-    )
-    add_option(
-        made,
-        "marker_scale",
-        "-s",
-        type=running.positive,
-        default=0.6,
-        metavar="M",
-        help="size of the markers in metres (default: 0.6)",
-    )
-    add_option(
-        made,
-        "output",
-        "-o",
-        type=Path,
-        metavar="FILE",
-        help="what is saved (default: dataset_corrected.json beside the dataset)",
-    )
-    add_option(made, "overwrite", "-ow", action="store_true", help="replace an existing file")
-    return made
