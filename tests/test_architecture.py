@@ -1,0 +1,36 @@
+"""What docs/architecture.md promises of the modalities, counted."""
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+# A comparison with the name of one modality, or with several, in code or in a template.
+BRANCH = re.compile(r"modality (==|!=|in|not in) [({A-Z\"']")
+
+
+def branches():
+    """Return the places, by file, of comparisons with a modality's name outside the rooms."""
+    found = {}
+    files = [*ROOT.glob("*/src/**/*.py"), *ROOT.glob("*/templates/*.j2")]
+    for file in sorted(files):
+        name = file.relative_to(ROOT).as_posix()
+        lines = [x for x in file.read_text(encoding="utf-8").splitlines() if BRANCH.search(x)]
+        if lines and "/modalities/" not in name:
+            found[name] = lines
+    return found
+
+
+def test_hardly_anything_branches_on_a_modality_outside_its_room():
+    found = branches()
+    assert sum(len(lines) for lines in found.values()) <= 10, found
+
+
+def test_what_the_pattern_finds():
+    for line in (
+        "if sensor.modality == DEPTH:",
+        'elif x.modality == "lidar3d"',
+        "modality in (A, B)",
+    ):
+        assert BRANCH.search(line)
+    for line in ("for modality in modalities():", "if block.modality == modality"):
+        assert not BRANCH.search(line)
