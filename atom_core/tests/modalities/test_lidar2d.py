@@ -20,6 +20,7 @@ from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.model.dataset import pose
 from atom_core.model.pattern import pattern_from_config
 from atom_core.problem.measurements import read_measurements
+from atom_core.report.calibration_results import calibration_results
 from atom_core.synthetic import Noise, make_dataset
 from atom_core.synthetic.board import charuco
 from atom_core.synthetic.dataset import disturbed
@@ -180,6 +181,29 @@ def test_every_kind_of_pair_is_measured(scene, result):
     assert set(measured) >= KINDS
     for name in KINDS - {"lidar2d-rgb", "lidar2d-depth"}:
         assert measured[name].rms < 15.0  # mm, of ranges with 10 mm of noise
+
+
+@pytest.mark.long
+def test_twenty_cells_with_scanners():
+    """All converge; 5 mm and 0.15 deg in the mean; 95 % intervals hold what they promise."""
+    metres, degrees, deviations = [], [], []
+    for seed in range(20):
+        scene = cell_with_scanners(seed, disturbance=(0.1, 0.1))
+        result = calibrate(scene.dataset)
+        assert result.status == "converged"
+        errors = ground_truth_errors(result.dataset, scene.truth)
+        metres += [errors[name]["translation_error_m"] for name in SCANNERS]
+        degrees += [errors[name]["rotation_error_deg"] for name in SCANNERS]
+        for row in calibration_results(result, "ceres").edges:
+            if set(row.sensors) & set(SCANNERS):
+                true = scene.truth.edges[row.edge]
+                turn = row.parent_T_child[:3, :3] @ true[:3, :3].T
+                deviations += list(
+                    (row.parent_T_child[:3, 3] - true[:3, 3]) / row.sigma_translation_m
+                )
+                deviations += list(se3.rotation_vector_from_rotation(turn) / row.sigma_rotation_rad)
+    assert np.mean(metres) < 0.005 and np.mean(degrees) < 0.15
+    assert 0.92 <= np.mean(np.abs(deviations) < 1.96) <= 0.98
 
 
 @pytest.mark.parametrize("moved", ["scanner_1"])
