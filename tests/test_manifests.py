@@ -29,6 +29,7 @@ KEYS = {
     "catkin_pkg": "catkin",
     "console_bridge": "libconsole-bridge-dev",
     "pybind11": "pybind11-dev",
+    "ruamel": "python3-ruamel.yaml",
     **{
         name: f"python3-{name}"
         for name in ("jinja2", "networkx", "numpy", "pytest", "rospkg", "scipy", "setuptools")

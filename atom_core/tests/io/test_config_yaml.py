@@ -138,14 +138,27 @@ def test_warnings_name_the_line(tmp_path):
 @pytest.mark.parametrize(
     "old, new, line, key, first",
     [
-        ("  cam_2:\n", "  cam:\n", 13, "sensors.cam", 6),
+        ("  cam_2:\n", "  cam:\n", 13, "cam", 6),
         ("version: 3.0\n", "version: 3.0\nworld_link: map\n", 37, "world_link", 4),
-        ("{x: 11, y: 8}", "{x: 11, x: 8}", 30, "calibration_patterns.pattern_1.dimension.x", 30),
+        ("{x: 11, y: 8}", "{x: 11, y: 5, y: 8}", 30, "y", 30),
     ],
 )
-def test_duplicate_keys_are_refused(tmp_path, old, new, line, key, first):
-    message = refusal(tmp_path, TEXT.replace(old, new))
-    assert message.startswith(f":{line}: {key} stands here a second time (first in line {first})")
+def test_duplicate_keys_are_warned_of(tmp_path, old, new, line, key, first):
+    (warning,) = read(tmp_path, TEXT.replace(old, new)).warnings
+    assert warning == (
+        f"{tmp_path / 'config.yml'}:{line}: {key} stands here a second time (first in line "
+        f"{first}); this one counts, remove the other"
+    )
+
+
+def test_of_duplicate_keys_the_last_counts(tmp_path):
+    text = TEXT.replace("  cam_2:\n", "  cam:\n") + "world_link: map\n"
+    config = read(tmp_path, text)
+    assert config.world_link == "map" and list(config.sensors) == ["cam"]
+    assert config.sensors["cam"].topic_name == "/cam_2/image_raw"
+    assert config.sensors["cam"].modality is None
+    message = refusal(tmp_path, text.replace("topic_name: /cam_2/image_raw", "topic_name: 5"))
+    assert message.startswith(":17: sensors.cam.topic_name")
 
 
 @pytest.mark.parametrize(

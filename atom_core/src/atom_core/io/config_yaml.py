@@ -3,33 +3,77 @@
 from __future__ import annotations
 
 import re
+import warnings
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Callable, Dict, List, Optional, Set, Tuple
+from typing import Any, Callable, Dict, List, Mapping, Tuple
 
+import ruamel.yaml
 import yaml
+from ruamel.yaml.comments import CommentedMap
+from ruamel.yaml.constructor import ConstructorError, RoundTripConstructor, SafeConstructor
+from ruamel.yaml.error import MantissaNoDotYAML1_1Warning, YAMLError
+from ruamel.yaml.reader import ReaderError
+from ruamel.yaml.resolver import VersionedResolver
+from ruamel.yaml.scalarbool import ScalarBoolean
 
 from atom_core.errors import ConfigError
 from atom_core.io.atomic import PathLike, write_text_atomically
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.config_section import KeyPath
 
-# YAML 1.1, as PyYAML has it, takes 1e-3 and 5.e3 for texts. Everyone who writes them means numbers.
-_FLOAT = re.compile(
-    r"[-+]?(?:[0-9][0-9_]*\.[0-9_]*(?:[eE][-+]?[0-9]+)?|[0-9]+[eE][-+]?[0-9]+"
-    r"|\.[0-9][0-9_]*(?:[eE][-+]?[0-9]+)?)$"
-)
+
+class _Constructor(RoundTripConstructor):
+    """Knows the lines of all keys; of a key that stands twice the last value counts."""
+
+    def __init__(self, *args: Any, **options: Any):
+        super().__init__(*args, **options)
+        self.repeated: List[Tuple[str, int, int]] = []  # key, its line, the line before
+
+    def check_mapping_key(
+        self, node: Any, key_node: Any, mapping: Any, key: Any, value: Any
+    ) -> bool:
+        """Note a key that stands twice, and let its value take the place of the one before.
+
+        Raises:
+            ConstructorError: the key is a list or a map.
+        """
+        if isinstance(key, (tuple, Mapping)):
+            what = "found a list or a map as a key"
+            raise ConstructorError(
+                "while reading a map", node.start_mark, what, key_node.start_mark
+            )
+        if key in mapping:
+            here, before = key_node.start_mark.line + 1, mapping.lc.key(key)[0] + 1
+            self.repeated.append((str(key), here, before))
+        return True
 
 
-class _Loader(yaml.SafeLoader):
-    """Plain values only, with numbers such as 1e-3."""
+_Constructor.add_constructor(None, SafeConstructor.construct_undefined)  # plain values only
 
 
 class _Dumper(yaml.SafeDumper):
-    """Puts in quotes the texts that `_Loader` would take for numbers."""
+    """Puts in quotes the texts that a reader would take for numbers."""
 
 
-for _class in (_Loader, _Dumper):
-    _class.add_implicit_resolver("tag:yaml.org,2002:float", _FLOAT, list("-+.0123456789"))
+# YAML 1.1, as PyYAML has it, takes 1e-3 and 5.e3 for texts. Everyone who writes them means numbers.
+_Dumper.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(
+        r"[-+]?(?:[0-9][0-9_]*\.[0-9_]*(?:[eE][-+]?[0-9]+)?|[0-9]+[eE][-+]?[0-9]+"
+        r"|\.[0-9][0-9_]*(?:[eE][-+]?[0-9]+)?)$"
+    ),
+    list("-+.0123456789"),
+)
+
+
+class _Resolver(VersionedResolver):
+    """Takes for numbers and booleans what PyYAML, and with it ATOM, does: yes and no, but not y."""
+
+    @property
+    def versioned_resolver(self) -> Dict[str, List[Any]]:
+        """Return tags and patterns of plain texts by their first character."""
+        return _Dumper.yaml_implicit_resolvers
 
 
 def read_config(path: PathLike) -> CalibrationConfig:
@@ -56,17 +100,15 @@ def read_config_with_places(path: PathLike) -> Tuple[CalibrationConfig, Callable
     Raises:
         ConfigError: as `read_config`.
     """
-    text = _read_text(path)
-    root = _compose(path, text)
+    root, repeated = _parse(path, _read_text(path))
     if root is None:
         raise ConfigError(f"{path}: the file is empty; a configuration is expected")
-    _refuse_duplicates(path, root)
 
     def locate(key_path: KeyPath) -> str:
         return f"{path}:{_line_of(root, key_path)}"
 
-    config = CalibrationConfig.from_document(_construct(path, text), str(path), locate)
-    return config, locate
+    config = CalibrationConfig.from_document(_plain(root), str(path), locate)
+    return replace(config, warnings=(*repeated, *config.warnings)), locate
 
 
 def write_config(path: PathLike, config: CalibrationConfig) -> None:
@@ -98,25 +140,43 @@ def _read_text(path: PathLike) -> str:
         raise ConfigError(f"{path}:{line}: a byte that is not UTF-8; save it as UTF-8") from error
 
 
-def _compose(path: PathLike, text: str) -> Optional[yaml.Node]:
-    """Return the tree of nodes, which know their lines."""
+def _parse(path: PathLike, text: str) -> Tuple[Any, Tuple[str, ...]]:
+    """Return the document, whose maps know their lines, and warnings of keys that stand twice."""
+    parser: Any = ruamel.yaml.YAML(typ="rt", pure=True)
+    parser.version = (1, 1)  # of PyYAML
+    parser.Resolver = _Resolver
+    parser.Constructor = _Constructor
     try:
-        return yaml.compose(text, Loader=_Loader)
-    except (yaml.YAMLError, RecursionError) as error:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", MantissaNoDotYAML1_1Warning)
+            root = parser.load(text)
+    except (YAMLError, RecursionError, ValueError) as error:
         raise _syntax_error(path, text, error) from error
+    repeated = tuple(
+        f"{path}:{here}: {key} stands here a second time (first in line {before}); this one "
+        f"counts, remove the other"
+        for key, here, before in parser.constructor.repeated
+    )
+    return root, repeated
 
 
-def _construct(path: PathLike, text: str) -> Any:
-    # From the text again: constructing from the nodes would rearrange them where '<<' merges maps.
-    try:
-        return yaml.load(text, Loader=_Loader)
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
-        raise _syntax_error(path, text, error) from error
+def _plain(value: Any) -> Any:
+    """Return a value of the parser without what it knows of its place and its spelling."""
+    if isinstance(value, Mapping):
+        return {_plain(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, (bool, ScalarBoolean)):
+        return bool(value)
+    for kind in (int, float, str):
+        if isinstance(value, kind):
+            return kind(value)
+    return value
 
 
 def _syntax_error(path: PathLike, text: str, error: Exception) -> ConfigError:
     """Put a parser's error, which takes many lines, into one."""
-    if isinstance(error, yaml.reader.ReaderError):
+    if isinstance(error, ReaderError):
         line = text[: error.position].count("\n") + 1
         return ConfigError(f"{path}:{line}: a character that YAML does not allow; remove it")
     if isinstance(error, RecursionError):
@@ -137,44 +197,13 @@ def _syntax_error(path: PathLike, text: str, error: Exception) -> ConfigError:
     )
 
 
-def _refuse_duplicates(path: PathLike, root: yaml.Node) -> None:
-    """YAML forbids a key to stand twice in a map; PyYAML silently takes the last."""
-    seen: Set[int] = set()
-    pending: List[Tuple[KeyPath, yaml.Node]] = [((), root)]
-    while pending:
-        place, node = pending.pop()
-        if id(node) in seen:  # an alias
-            continue
-        seen.add(id(node))
-        if isinstance(node, yaml.SequenceNode):
-            pending.extend(((*place, str(i)), child) for i, child in enumerate(node.value))
-        elif isinstance(node, yaml.MappingNode):
-            _refuse_duplicates_in(path, place, node)
-            pending.extend(((*place, str(key.value)), child) for key, child in node.value)
-
-
-def _refuse_duplicates_in(path: PathLike, place: KeyPath, node: yaml.MappingNode) -> None:
-    first_line: Dict[str, int] = {}
-    for key, _value in node.value:
-        if not isinstance(key, yaml.ScalarNode):
-            continue
-        line = key.start_mark.line + 1
-        if key.value in first_line:
-            raise ConfigError(
-                f"{path}:{line}: {'.'.join((*place, key.value))} stands here a second time (first "
-                f"in line {first_line[key.value]}); remove or rename one"
-            )
-        first_line[key.value] = line
-
-
-def _line_of(root: yaml.Node, key_path: KeyPath) -> int:
+def _line_of(root: Any, key_path: KeyPath) -> int:
     """Return the line of a key, or of the innermost map on the way to it that is there."""
-    node, line = root, root.start_mark.line + 1
+    node = root
+    line = node.lc.line if hasattr(node, "lc") else 0
     for name in key_path:
-        if not isinstance(node, yaml.MappingNode):
+        lines = node.lc.data if isinstance(node, CommentedMap) else None
+        if not lines or name not in lines:
             break
-        hit = next((pair for pair in node.value if pair[0].value == name), None)
-        if hit is None:
-            break
-        line, node = hit[0].start_mark.line + 1, hit[1]
-    return line
+        line, node = lines[name][0], node[name]
+    return line + 1
