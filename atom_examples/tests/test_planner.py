@@ -102,6 +102,13 @@ def test_person_and_board_stand_in_the_room_and_pierce_nothing(world):
         assert 0.75 < away < 1.1
 
 
+@pytest.mark.slow
+def test_a_seed_whose_camera_was_drawn_inside_a_beam_has_stops():
+    cell = World(107)
+    assert len(plan_stops(cell, "train", 3)) == 3
+    cell.scene.close()
+
+
 def test_less_than_one_stop_is_refused(world):
     with pytest.raises(SimulatorError, match="--collections is 0; give 1 or more"):
         plan_stops(world, "train", 0)

@@ -21,6 +21,7 @@ from atom_examples.cell_simulator.camera import FINER, ColourCamera, pinhole_vie
 from atom_examples.cell_simulator.depth import DepthCamera
 from atom_examples.cell_simulator.errors import SimulatorError
 from atom_examples.cell_simulator.lidar import Lidar
+from atom_examples.cell_simulator.mounts import Box, boxes_of, clear_of
 from atom_examples.cell_simulator.scene import Scene
 from atom_examples.cell_simulator.scene_model import Board, View
 from atom_examples.cell_simulator.settings import (
@@ -86,8 +87,9 @@ class World:
         self.settings = read_settings(self._files.sensors)
         self.rig = _as_set(cell_rig(seed), self.settings)
         self.home = _joint_positions(self._files.home)
+        self._check_links(self.description(EXACT))
+        self.rig = clear_of(self.rig, self._structure())
         truth = self.description(EXACT)
-        self._check_links(truth)
         self.scene = self._scene(truth)
         by_kind: Dict[type, List] = {}
         for sensor in self.settings.all:
@@ -137,6 +139,13 @@ class World:
                     f"{self._files.sensors}: sensor '{sensor.name}': the description has no link "
                     f"'{sensor.frame}'; mend its 'frame' or add the link to {self._files.cell.name}"
                 )
+
+    def _structure(self) -> List[Box]:
+        """Return the boxes of the cell, without the sensors' own bodies."""
+        truth = self.description(EXACT)
+        bodies = {sensor.edge.child for sensor in self.rig.sensors.values()}
+        visuals = [v for v in read_visuals(truth.urdf, self._resolve) if v.link not in bodies]
+        return boxes_of(truth.robot, visuals, self.home)
 
     def _scene(self, truth: Description) -> Scene:
         settings = self.settings
