@@ -88,7 +88,8 @@ class MarkerServer(InteractiveMarkerServer):
         try:
             super().publish(update)
         except rospy.ROSException:
-            if not rospy.is_shutdown():
+            # rospy closes topics already while it only prepares to end
+            if not (rospy.is_shutdown() or rospy.core.is_shutdown_requested()):
                 raise
 
 
