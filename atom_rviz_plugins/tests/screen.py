@@ -16,6 +16,7 @@ import numpy as np
 
 from atom_calibration.runtime.rviz_window import X11_SYNC
 
+PATIENCE_S = 120.0  # reached by what is broken only, however busy the machine
 _STEP_S = 0.05
 _REST_S = 0.3  # until the program has seen what the mouse did
 
@@ -102,7 +103,7 @@ class Screen:
             return None
         return columns.min(), rows.min(), columns.max(), rows.max()
 
-    def wait_for(self, colour, timeout_s=30.0, there=True):
+    def wait_for(self, colour, timeout_s=PATIENCE_S, there=True):
         """Wait until a colour is there and rests, or (there=False) is nowhere; return its place."""
         end_s = time.monotonic() + timeout_s
         last = ()

@@ -16,17 +16,16 @@ AtomPanel::AtomPanel(QWidget* parent) : rviz::Panel(parent) {
 }
 
 void AtomPanel::onInitialize() {
-  const auto subscribe = [this] {
-    collect_->subscribe();
-    calibrate_->subscribe();
-    playback_->subscribe();
-  };
-  std::vector<std::string> services = CollectPage::services();
-  for (const std::string& name : PlaybackPage::services()) services.push_back(name);
-  master_ = std::make_unique<MasterWatch>(services, subscribe);
+  std::vector<std::string> services;
+  for (const Page* page : all_pages()) {
+    services.insert(services.end(), page->watched_services().begin(),
+                    page->watched_services().end());
+  }
+  master_ = std::make_unique<MasterWatch>(services, [this] {
+    for (Page* page : all_pages()) page->subscribe();
+  });
   connect(master_.get(), &MasterWatch::changed, this, [this] {
-    collect_->show_master(master_->status());
-    playback_->show_master(master_->status());
+    for (Page* page : all_pages()) page->show_master(master_->status());
   });
 }
 

@@ -4,6 +4,7 @@
 #include <rviz/panel.h>
 
 #include <QTabWidget>
+#include <array>
 #include <memory>
 
 #include "plugins/calibrate_page.h"
@@ -25,6 +26,8 @@ class AtomPanel : public rviz::Panel {
   void save(rviz::Config config) const override;
 
  private:
+  std::array<Page*, 3> all_pages() const { return {collect_, calibrate_, playback_}; }
+
   QTabWidget* pages_ = new QTabWidget;
   CollectPage* collect_ = new CollectPage;
   CalibratePage* calibrate_ = new CalibratePage;

@@ -1,38 +1,23 @@
 #include "plugins/calibrate_page.h"
 
 #include <atom_calibration/ShowCollection.h>
-#include <std_srvs/Trigger.h>
 
 #include <QHBoxLayout>
 #include <QVBoxLayout>
 
 namespace atom_rviz {
-namespace {
 
-const std::string kNode = "/calibrate/";
-
-}  // namespace
-
-CalibratePage::CalibratePage(QWidget* parent) : QWidget(parent) {
+CalibratePage::CalibratePage(QWidget* parent) : Page("/calibrate/", {}, "", parent) {
   lay_out();
   connect(shown_, QOverload<int>::of(&QComboBox::activated), this, &CalibratePage::choose);
-  connect(previous_, &QPushButton::clicked, this,
-          [this] { call(kNode + "previous", std_srvs::Trigger()); });
-  connect(next_, &QPushButton::clicked, this,
-          [this] { call(kNode + "next", std_srvs::Trigger()); });
-  show_choices(atom_calibration::CalibrationState());
+  show_choices();
+  show_buttons();
 }
 
 void CalibratePage::lay_out() {
   // Names for style sheets, by which tests find them on the screen.
   table_->setObjectName("residuals");
   shown_->setObjectName("shown_collection");
-  previous_->setObjectName("previous_shown");
-  next_->setObjectName("next_shown");
-  for (QLabel* label : {status_, message_}) {
-    label->setWordWrap(true);
-    label->setTextInteractionFlags(Qt::TextSelectableByMouse);
-  }
   status_->setText(
       "No calibration has reported yet. Start one with\n"
       "roslaunch atom_calibration calibrate.launch dataset:=... output:=...");
@@ -49,22 +34,23 @@ void CalibratePage::lay_out() {
   layout->addWidget(message_);
 }
 
-void CalibratePage::subscribe() {
-  // Callbacks of the global queue are run in the window's thread.
-  subscriber_.shutdown();
-  subscriber_ = ros::NodeHandle().subscribe<atom_calibration::CalibrationState>(
-      kNode + "state", 1,
-      [this](const atom_calibration::CalibrationStateConstPtr& message) { show(*message); });
+void CalibratePage::listen() {
+  take<atom_calibration::CalibrationState>(
+      "state", [this](const atom_calibration::CalibrationStateConstPtr& message) {
+        state_ = *message;
+        show_all();
+      });
 }
 
-void CalibratePage::show(const atom_calibration::CalibrationState& state) {
-  status_->setText(QString::fromStdString(calibration_line(state)));
-  table_->show_table(residual_table(state));
-  show_choices(state);
+void CalibratePage::show_all() {
+  show_status(calibration_line(state_));
+  table_->show_table(residual_table(state_));
+  show_choices();
+  show_buttons();
 }
 
-void CalibratePage::show_choices(const atom_calibration::CalibrationState& state) {
-  const std::vector<Choice> choices = collection_choices(state);
+void CalibratePage::show_choices() {
+  const std::vector<Choice> choices = collection_choices(state_);
   QStringList texts, shown;
   for (const Choice& choice : choices) texts << QString::fromStdString(choice.text);
   for (int i = 0; i < shown_->count(); ++i) shown << shown_->itemText(i);
@@ -74,25 +60,25 @@ void CalibratePage::show_choices(const atom_calibration::CalibrationState& state
       shown_->addItem(QString::fromStdString(choice.text), QString::fromStdString(choice.key));
     }
   }
-  shown_->setCurrentIndex(choices.empty() ? -1 : chosen(choices, state.collection));
+  shown_->setCurrentIndex(choices.empty() ? -1 : chosen(choices, state_.collection));
+}
+
+void CalibratePage::show_buttons() {
   for (QWidget* widget : {static_cast<QWidget*>(shown_), static_cast<QWidget*>(previous_),
                           static_cast<QWidget*>(next_)}) {
-    widget->setEnabled(!choices.empty());
+    widget->setEnabled(shown_->count() > 0);
   }
 }
 
 void CalibratePage::choose(int index) {
   atom_calibration::ShowCollection service;
   service.request.collection_name = shown_->itemData(index).toString().toStdString();
-  call(kNode + "show_collection", service);
+  call("show_collection", service);
 }
 
-template <class Service>
-void CalibratePage::call(const std::string& name, const Service& service) {
-  services_.call(name, service, [this](bool success, const std::string& text) {
-    message_->setVisible(!success);  // what is shown the list says
-    message_->setText(QString::fromStdString(text));
-  });
+void CalibratePage::show_message(const std::string& text, bool good) {
+  message_->setVisible(!good);  // what is shown the list says
+  Page::show_message(text, good);
 }
 
 }  // namespace atom_rviz

@@ -2,44 +2,37 @@
 #pragma once
 
 #include <QComboBox>
-#include <QLabel>
-#include <QPushButton>
-#include <QWidget>
 
 #ifndef Q_MOC_RUN
 #include <atom_calibration/CalibrationState.h>
-#include <ros/ros.h>
 #endif
 
-#include "plugins/service_calls.h"
+#include "plugins/page.h"
 #include "plugins/table_view.h"
 
 namespace atom_rviz {
 
 /// How the solver gets on, the residuals of each sensor, and which collection is shown.
-class CalibratePage : public QWidget {
+class CalibratePage : public Page {
  public:
   explicit CalibratePage(QWidget* parent = nullptr);
 
-  /// Subscribe, anew when the master is another one; always from the same thread, whichever it is.
-  void subscribe();
+ protected:
+  void listen() override;
+  void show_all() override;
+  void show_buttons() override;
+  void show_message(const std::string& text, bool good) override;
 
  private:
   void lay_out();
-  void show(const atom_calibration::CalibrationState& state);
-  void show_choices(const atom_calibration::CalibrationState& state);
+  void show_choices();
   void choose(int index);
-  template <class Service>
-  void call(const std::string& name, const Service& service);
 
-  ros::Subscriber subscriber_;
-  QLabel* status_ = new QLabel;
-  QLabel* message_ = new QLabel;
+  atom_calibration::CalibrationState state_;
   TableView* table_ = new TableView;
   QComboBox* shown_ = new QComboBox;
-  QPushButton* previous_ = new QPushButton("Previous");
-  QPushButton* next_ = new QPushButton("Next");
-  ServiceCalls services_;  // last: it ends before what its answers touch
+  QPushButton* previous_ = service_button("Previous", "previous_shown", "previous");
+  QPushButton* next_ = service_button("Next", "next_shown", "next");
 };
 
 }  // namespace atom_rviz

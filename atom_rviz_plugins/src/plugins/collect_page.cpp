@@ -11,33 +11,32 @@
 namespace atom_rviz {
 namespace {
 
-const char kStateTopic[] = "/collect_data/state";
-const char kCollectionsTopic[] = "/collect_data/collections";
-const char kSaveService[] = "/collect_data/save_collection";
-const char kDeleteService[] = "/collect_data/delete_collection";
-const char kAutomaticService[] = "/collect_data/toggle_automatic_data_collector";
+const std::string kNode = "/collect_data/";
+const char kSaveService[] = "save_collection";
+const char kDeleteService[] = "delete_collection";
+const char kAutomaticService[] = "toggle_automatic_data_collector";
 constexpr int kRefresh_ms = 250;
 constexpr int kArmed_ms = 5000;
 
 }  // namespace
 
-std::vector<std::string> CollectPage::services() {
-  return {kSaveService, kDeleteService, kAutomaticService};
-}
-
-CollectPage::CollectPage(QWidget* parent) : QWidget(parent) {
+CollectPage::CollectPage(QWidget* parent)
+    : Page(kNode, {kNode + kSaveService, kNode + kDeleteService, kNode + kAutomaticService},
+           "The collector is not running. Start it with\n"
+           "roslaunch atom_calibration collect_data.launch config:=... output_folder:=...",
+           parent) {
   lay_out();
   connect(save_, &QPushButton::clicked, this, &CollectPage::save);
   connect(remove_, &QPushButton::clicked, this, &CollectPage::remove);
   connect(automatic_, &QCheckBox::clicked, this, &CollectPage::set_automatic);
   connect(clear_seed_, &QPushButton::clicked, this, &CollectPage::clear_seed);
-  connect(sensors_, &QTableWidget::itemSelectionChanged, this, &CollectPage::refresh);
+  connect(sensors_, &QTableWidget::itemSelectionChanged, this, &CollectPage::show_all);
   connect(table_, &QTableWidget::itemSelectionChanged, this, &CollectPage::disarm);
-  connect(&refresh_timer_, &QTimer::timeout, this, &CollectPage::refresh);
+  connect(&refresh_timer_, &QTimer::timeout, this, &CollectPage::show_all);
   connect(&disarm_timer_, &QTimer::timeout, this, &CollectPage::disarm);
   disarm_timer_.setSingleShot(true);
   refresh_timer_.start(kRefresh_ms);
-  status_->setText("Asking the ROS master...");
+  show_status("Asking the ROS master...");
   show_buttons();
 }
 
@@ -49,10 +48,6 @@ void CollectPage::lay_out() {
   clear_seed_->setObjectName("clear_seed");
   sensors_->setObjectName("sensors");
   table_->setObjectName("collections");
-  for (QLabel* label : {status_, message_}) {
-    label->setWordWrap(true);
-    label->setTextInteractionFlags(Qt::TextSelectableByMouse);
-  }
   save_->setToolTip("Take what the sensors see now");
   remove_->setToolTip("Remove the selected collection and its files; asks once more");
   clear_seed_->setToolTip("The selected sensor looks for the board by itself again");
@@ -70,50 +65,29 @@ void CollectPage::lay_out() {
   layout->addWidget(message_);
 }
 
-void CollectPage::subscribe() {
-  // Callbacks of the global queue are run in the window's thread.
-  ros::NodeHandle node;
-  state_subscriber_.shutdown();
-  collections_subscriber_.shutdown();
-  state_subscriber_ = node.subscribe<atom_calibration::CollectorState>(
-      kStateTopic, 1,
+void CollectPage::listen() {
+  take<atom_calibration::CollectorState>(
+      "state",
       [this](const atom_calibration::CollectorStateConstPtr& message) { state_ = message; });
-  collections_subscriber_ = node.subscribe<atom_calibration::CollectionStates>(
-      kCollectionsTopic, 1, [this](const atom_calibration::CollectionStatesConstPtr& message) {
+  take<atom_calibration::CollectionStates>(
+      "collections", [this](const atom_calibration::CollectionStatesConstPtr& message) {
         collections_ = message;
         collections_changed_ = true;
       });
 }
 
-void CollectPage::show_master(const MasterStatus& status) {
-  const auto offers = [&status](const char* service) {
-    const auto found = status.offered.find(service);
-    return found != status.offered.end() && found->second;
-  };
-  collector_runs_ = status.reachable && offers(kSaveService);
-  if (!status.reachable) {
-    status_->setText(QString("There is no ROS master at %1. Waiting for it...")
-                         .arg(QString::fromStdString(ros::master::getURI())));
-  } else if (!collector_runs_) {
-    status_->setText(
-        "The collector is not running. Start it with\n"
-        "roslaunch atom_calibration collect_data.launch config:=... output_folder:=...");
-  }
-  refresh();
-}
-
-void CollectPage::refresh() {
+void CollectPage::show_all() {
   if (state_) {
     sensors_->blockSignals(true);
     sensors_->show_table(sensor_table(*state_, ros::Time::now().toSec()));
     sensors_->blockSignals(false);
-    if (collector_runs_) status_->setText(QString::fromStdString(collector_line(*state_)));
-    if (calls_ == 0 && state_->message != last_message_) {
+    if (node_runs()) show_status(collector_line(*state_));
+    if (!is_waiting() && state_->message != last_message_) {
       last_message_ = state_->message;
       show_message(last_message_, true);
     }
-  } else if (collector_runs_) {
-    status_->setText("The collector is running, but has not said yet how it stands.");
+  } else if (node_runs()) {
+    show_status("The collector is running, but has not reported its state yet.");
   }
   if (collections_ && collections_changed_) {
     collections_changed_ = false;
@@ -125,9 +99,9 @@ void CollectPage::refresh() {
 }
 
 void CollectPage::show_buttons() {
-  const bool free = collector_runs_ && calls_ == 0;
-  sensors_->setEnabled(collector_runs_);
-  table_->setEnabled(collector_runs_);
+  const bool free = node_runs() && !is_waiting();
+  sensors_->setEnabled(node_runs());
+  table_->setEnabled(node_runs());
   save_->setEnabled(free);
   automatic_->setEnabled(free);
   remove_->setEnabled(free && !table_->selected_key().empty());
@@ -135,24 +109,18 @@ void CollectPage::show_buttons() {
   if (free) automatic_->setChecked(state_ && state_->automatic);
 }
 
-void CollectPage::show_message(const std::string& text, bool good) {
-  message_->setText(QString::fromStdString(text));
-  message_->setStyleSheet(good ? "" : "color: #be3214");
-}
-
 template <class Service>
-void CollectPage::call(const std::string& name, const Service& service, const std::string& done) {
-  ++calls_;
+void CollectPage::call_and_say(const std::string& name, const Service& service,
+                               const std::string& done) {
   show_message("Waiting for " + name + "...", true);
-  services_.call(name, service, [this, name, done](bool success, const std::string& message) {
-    --calls_;
+  call_service(name, service, [this, name, done](bool success, const std::string& message) {
     show_message(!message.empty() ? message : success ? done : name + " refused.", success);
-    show_buttons();
   });
-  show_buttons();
 }
 
-void CollectPage::save() { call(kSaveService, atom_calibration::SaveCollection(), "Saved."); }
+void CollectPage::save() {
+  call_and_say(full_name(kSaveService), atom_calibration::SaveCollection(), "Saved.");
+}
 
 void CollectPage::remove() {
   const std::string selected = table_->selected_key();
@@ -166,7 +134,7 @@ void CollectPage::remove() {
   disarm();
   atom_calibration::DeleteCollection service;
   service.request.collection_name = selected;
-  call(kDeleteService, service, "Deleted " + selected + ".");
+  call_and_say(full_name(kDeleteService), service, "Deleted " + selected + ".");
 }
 
 void CollectPage::disarm() {
@@ -178,14 +146,14 @@ void CollectPage::disarm() {
 void CollectPage::set_automatic(bool on) {
   std_srvs::SetBool service;
   service.request.data = on;
-  call(kAutomaticService, service, on ? "Automatic." : "By hand.");
+  call_and_say(full_name(kAutomaticService), service, on ? "Automatic." : "By hand.");
 }
 
 void CollectPage::clear_seed() {
   const std::string sensor = sensors_->selected_key();
   if (sensor.empty()) return;
-  call("/" + sensor + "/set_seed", atom_calibration::SetSeed(),
-       "Seeds of " + sensor + " are automatic.");
+  call_and_say("/" + sensor + "/set_seed", atom_calibration::SetSeed(),
+               "Seeds of " + sensor + " are automatic.");
 }
 
 }  // namespace atom_rviz

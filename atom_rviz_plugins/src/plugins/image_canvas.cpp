@@ -105,7 +105,7 @@ void ImageCanvas::press_left(Point2 pixel) {
   }
   last_click_px_ = pixel;
   Q_EMIT clicked(pixel.x, pixel.y);
-  Q_EMIT told(QString("Clicked %1, %2").arg(pixel.x, 0, 'f', 2).arg(pixel.y, 0, 'f', 2));
+  Q_EMIT message_changed(QString("Clicked %1, %2").arg(pixel.x, 0, 'f', 2).arg(pixel.y, 0, 'f', 2));
 }
 
 void ImageCanvas::say(PolygonDrawing::Outcome outcome) {
@@ -114,13 +114,13 @@ void ImageCanvas::say(PolygonDrawing::Outcome outcome) {
     QVector<QPointF> corners;
     for (const Point2& corner : drawing_.closed()) corners << from(corner);
     Q_EMIT polygon_closed(corners);
-    Q_EMIT told(QString("Polygon of %1 corners").arg(corners.size()));
+    Q_EMIT message_changed(QString("Polygon of %1 corners").arg(corners.size()));
   } else if (outcome == Outcome::kTooSmall) {
-    Q_EMIT told("A polygon needs three corners, not on one line");
+    Q_EMIT message_changed("A polygon needs three corners, not on one line");
   } else if (outcome == Outcome::kCancelled) {
-    Q_EMIT told("Polygon forgotten");
+    Q_EMIT message_changed("Polygon forgotten");
   } else if (outcome != Outcome::kNothing) {
-    Q_EMIT told("Right or Enter: close. Backspace: one back. Escape: forget");
+    Q_EMIT message_changed("Right or Enter: close. Backspace: one back. Escape: forget");
   }
 }
 

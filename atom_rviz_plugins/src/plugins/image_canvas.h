@@ -42,7 +42,7 @@ class ImageCanvas : public QWidget {
   void hovered(int column, int row);
 
   /// Something to tell the user.
-  void told(const QString& text);
+  void message_changed(const QString& text);
 
  protected:
   void paintEvent(QPaintEvent* event) override;

@@ -38,7 +38,7 @@ ImagePane::ImagePane(QWidget* parent)
   connect(click_, &QToolButton::clicked, this, [choose] { choose(ImageCanvas::Mode::kClick); });
   connect(polygon_, &QToolButton::clicked, this, [choose] { choose(ImageCanvas::Mode::kPolygon); });
   connect(fit, &QToolButton::clicked, canvas_, &ImageCanvas::fit);
-  connect(canvas_, &ImageCanvas::told, message_, &QLabel::setText);
+  connect(canvas_, &ImageCanvas::message_changed, message_, &QLabel::setText);
   set_mode(ImageCanvas::Mode::kClick);
 }
 
