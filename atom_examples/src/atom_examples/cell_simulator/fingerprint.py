@@ -25,15 +25,24 @@ from atom_examples.cell_simulator.recorder import Recording, recording_files
 from atom_examples.cell_simulator.world import DISTURBED, EXACT, World
 
 # The program: whole packages, and modules of those that hold much else. A test holds this against
-# what a recording really loads.
+# what a recording really loads; a modality's room brings labelers, measurements and pairs with it.
 PROGRAM = (
     "atom_core.geometry",
     "atom_core.model",
     "atom_core.synthetic",
+    "atom_core.modalities",
+    "atom_core.labeling",
+    "atom_core.problem",
+    "atom_core.evaluation",
     "atom_core.aruco",
     "atom_core.errors",
     "atom_core.native",
     "atom_core.io.atomic",
+    "atom_core.io.data_formats",
+    "atom_core.io.images",
+    "atom_core.io.label_json",
+    "atom_core.io.lzf",
+    "atom_core.io.pcd",
     "atom_core.io.paths",
     "atom_core.io.truth_json",
     "atom_core.io.urdf",
