@@ -86,6 +86,7 @@ def weak_directions(
         return []
     limits = np.where(np.concatenate([b.is_angle for b in blocks]), limit_rad, limit_m)
     scaled = _in_parent_axes(parameters, x, covariance.shared) / limits[:, None] / limits
+    scaled = _capped(scaled, _LARGEST_SIGMA / limits)
     values, vectors = np.linalg.eigh((scaled + scaled.T) / 2.0)
     left = np.diagonal(scaled).copy()
     spreads: List[np.ndarray] = []
@@ -95,6 +96,16 @@ def weak_directions(
         spreads.append(np.sqrt(value) * vector)
         left = left - value * vector**2
     return _described(solution, scaled, spreads, limits)
+
+
+def _capped(covariance: np.ndarray, largest: np.ndarray) -> np.ndarray:
+    """Return a covariance (n, n) with no sigma above the largest (n,), correlations kept.
+
+    What nothing sees has a variance beyond which all others are rounding to an eigensolver.
+    """
+    sigma = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
+    shrink = np.minimum(1.0, largest / np.maximum(sigma, 1e-300))
+    return covariance * shrink[:, None] * shrink
 
 
 def _described(
