@@ -159,14 +159,14 @@ def test_the_real_padded_cloud_equals_rosbags_own_decoding(real_data):
         for column, name in enumerate(names):
             np.testing.assert_array_equal(points[name].astype(float), reference[:, column])
     scans = [m for m in found if m._type == LASER_SCAN]
-    assert all(len(laser_scan(m)) == len(m.ranges) for m in scans)
+    assert all(len(laser_scan(m).points) == len(m.ranges) for m in scans)
 
 
 def test_a_scan_becomes_points_and_keeps_invalid_ranges_as_nan():
     scan = LaserScan(angle_min=0.0, angle_increment=np.pi / 2, range_min=0.1, range_max=9.0)
-    scan.ranges = [2.0, 3.0, 20.0]
+    scan.ranges, scan.angle_max = [2.0, 3.0, 20.0], np.pi
     expected = [[2, 0, 0], [0, 3, 0], [np.nan] * 3]
-    np.testing.assert_allclose(laser_scan(scan), expected, atol=1e-12)
+    np.testing.assert_allclose(laser_scan(scan).points, expected, atol=1e-12)
 
 
 def test_a_camera_keeps_its_model_and_an_uncalibrated_one_is_refused(make):

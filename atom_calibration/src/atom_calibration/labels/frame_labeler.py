@@ -195,7 +195,7 @@ class FrameLabeler:
     def _prediction(
         self, frame: Frame, pattern: str, tree: Optional[TransformTree]
     ) -> Optional[Guess]:
-        if tree is None or not self._automatic:
+        if tree is None or not (self._automatic and frame.ros.is_predicted):
             return None
         return self._boards.predict(frame.sensor, self._patterns[pattern], frame.stamp_s, tree)
 

@@ -4,16 +4,29 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
+from sensor_msgs.msg import LaserScan as ScanMessage
+
+from atom_calibration.errors import MessageError
+from atom_core.errors import DatasetError
+from atom_core.model.laser_scan import LaserScan, fields_of, scan_from_fields
 
 LASER_SCAN = "sensor_msgs/LaserScan"
+_FIELDS = tuple(name for name in ScanMessage.__slots__ if name != "header")
 
 
-def laser_scan(message: Any) -> np.ndarray:
-    """Return a LaserScan as points (n, 3) [m] in the plane z = 0; invalid ranges are NaN."""
-    ranges = np.asarray(message.ranges, dtype=float)
-    with np.errstate(invalid="ignore"):
-        valid = np.isfinite(ranges) & (ranges >= message.range_min) & (ranges <= message.range_max)
-    ranges = np.where(valid, ranges, np.nan)
-    angles = message.angle_min + message.angle_increment * np.arange(len(ranges))
-    return np.column_stack([ranges * np.cos(angles), ranges * np.sin(angles), 0.0 * ranges])
+def laser_scan(message: Any) -> LaserScan:
+    """Return the scan of a LaserScan message.
+
+    Raises:
+        MessageError: counts and angles do not fit together, or no range is valid.
+    """
+    try:
+        return scan_from_fields({name: getattr(message, name) for name in _FIELDS})
+    except DatasetError as error:
+        raise MessageError(str(error)) from None
+
+
+def scan_message(scan: LaserScan) -> ScanMessage:
+    """Return the LaserScan message of a scan; the header is left to the caller."""
+    fields = fields_of(scan)
+    return ScanMessage(**{name: fields[name] for name in _FIELDS})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Callable, Optional, Protocol
+from typing import TYPE_CHECKING, Any, Callable, Optional, Protocol
 
 import numpy as np
 
@@ -93,7 +93,7 @@ class PointSeeds:
     nowhere = np.full(3, np.nan)
     same = 0.0
 
-    def __init__(self, positions: Callable[[np.ndarray], np.ndarray]):
+    def __init__(self, positions: Callable[[Any], np.ndarray]):
         """Take the function that makes positions (n, 3) [m] of the data."""
         self._positions = positions
 

@@ -49,6 +49,8 @@ class RosModality:
         board_pose: ``sensor_T_pattern`` (4, 4) by one label alone; None where a label of this
             modality does not tell it.
         seeds: how a person says where the board is; None where nobody has to.
+        is_predicted: the board is looked for where other sensors see it; its sightings must then
+            tell a plane, since what is found there is judged by that.
         cloud: data of a dataset as points (n, 3) [m]; None where they are an image.
         background: data of a dataset as a picture (height, width, 3) to draw labels on.
         outlook: data to what the sensor can be expected to see; raises ValueError.
@@ -75,6 +77,7 @@ class RosModality:
     points: Optional[Callable[[Frame, np.ndarray], np.ndarray]] = None
     board_pose: Optional[Callable[[Sensor, Pattern, Label], Optional[np.ndarray]]] = None
     seeds: Optional[SeedInput] = None
+    is_predicted: bool = True
     cloud: Optional[Callable[[Any], np.ndarray]] = None
     background: Optional[Callable[[Any], np.ndarray]] = None
     outlook: Optional[Callable[[Any], Outlook]] = None

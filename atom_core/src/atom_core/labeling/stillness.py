@@ -1,14 +1,14 @@
 """When the board stands still, judged on what the sensors' labels say and on nothing else.
 
 Two labels of one sensor are compared in units of the label's own standard deviation: corners in
-the image for a camera, the plane and its centre for a range sensor. What the noise of the two
-labels explains is taken off.
+the image for a camera, the plane and its centre for a range sensor, the cut for a 2D LiDAR
+(`line_sighting`). What the noise of the two labels explains is taken off.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Callable, Dict, NamedTuple, Optional, Union
+from typing import Any, Callable, Dict, NamedTuple, Optional, Protocol
 
 import numpy as np
 
@@ -81,7 +81,11 @@ class PlaneSighting:
         return float(np.sqrt(max(out**2 + beside**2 + turned**2 - noise, 0.0)) / sigma)
 
 
-Sighting = Union[CornerSighting, PlaneSighting]
+class Sighting(Protocol):
+    """What a label says about where the board is; each modality has its own."""
+
+    def motion(self, other: Any) -> float:
+        """Return by how many sigmas the board moved to another sighting of the same kind."""
 
 
 class PointNoise(NamedTuple):
@@ -204,4 +208,4 @@ class StopDetector:
 
 def motion(first: Sighting, second: Sighting) -> float:
     """Return by how many sigmas the board moved between two sightings of one sensor."""
-    return first.motion(second)  # type: ignore[arg-type]
+    return first.motion(second)

@@ -1,0 +1,232 @@
+"""2D LiDARs: their messages, and the way from a bag to a calibration."""
+
+import json
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import LaserScan
+
+from atom_calibration.errors import MessageError
+from atom_calibration.messages.scans import laser_scan, scan_message
+from atom_calibration.modalities.frames import Frame, decode
+from atom_calibration.modalities.table import ros_modality
+from atom_calibration.nodes.collecting.collect_from_bag import main
+from atom_calibration.show.annotation import POINT, annotated
+from atom_core.cli import main as core_main
+from atom_core.geometry import se3
+from atom_core.io.config_yaml import write_config
+from atom_core.io.dataset_json import read_dataset
+from atom_core.labeling.base import labeler_for
+from atom_core.model.dataset import pose
+from atom_core.model.modality import modality_named
+from atom_core.model.pattern import pattern_from_config
+from atom_core.model.sensor import LIDAR2D, RGB, Sensor
+from atom_core.model.transforms import Edge
+from atom_core.synthetic import Noise, make_dataset
+from atom_core.synthetic.board import charuco, held_before
+from atom_core.synthetic.rig import assemble, camera_mount, looking_at, pinhole
+
+HEADER = {"seq": 0, "stamp": {"secs": 1, "nsecs": 0}, "frame_id": "scan"}
+SENSOR = Sensor("scan", LIDAR2D, "scan", Edge("world", "scan"), topic="/scan")
+
+
+def message(ranges=(2.0, 3.0, 4.0), step=np.pi / 2, **changed):
+    made = LaserScan(angle_min=0.0, angle_increment=step, range_min=0.1, range_max=9.0)
+    made.angle_max = step * (len(ranges) - 1)
+    made.ranges = list(ranges)
+    for name, value in changed.items():
+        setattr(made, name, value)
+    return made
+
+
+# ---------------------------------------------------------------------------- messages
+
+
+@pytest.mark.parametrize("sign", [1, -1], ids=["counterclockwise", "clockwise"])
+def test_beams_follow_the_sensors_rotation(sign):
+    scan = decode(SENSOR, message(step=sign * np.pi / 2)).data
+    expected = [[2, 0, 0], [0, 3 * sign, 0], [-4, 0, 0]]
+    np.testing.assert_allclose(scan.points, expected, atol=1e-9)
+
+
+def test_what_is_no_return_keeps_its_place():
+    ranges = (2.0, np.inf, -np.inf, np.nan, 0.0, 0.05, 20.0, 5.0)
+    scan = laser_scan(message(ranges, step=0.5))
+    np.testing.assert_array_equal(scan.valid, [True] + 6 * [False] + [True])
+    assert np.isnan(scan.points[1:-1, 0]).all() and ros_modality(LIDAR2D).size(scan) == 8
+
+
+def test_intensities_are_optional():
+    assert laser_scan(message()).intensities is None
+    scan = laser_scan(message(intensities=[7.0, 8.0, 9.0]))
+    np.testing.assert_array_equal(scan.intensities, [7, 8, 9])
+
+
+@pytest.mark.parametrize("step", [0.01, -0.01])
+def test_a_scan_that_is_encoded_is_the_message_again(step):
+    was = message(np.linspace(1, 5, 300), step, scan_time=0.1, intensities=list(range(300)))
+    again = scan_message(laser_scan(was))
+    for name in LaserScan.__slots__[1:]:
+        np.testing.assert_array_equal(getattr(again, name), getattr(was, name))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (message((np.inf, 0.0, 20.0)), "no valid range"),
+        (message(angle_max=3.0 * np.pi), "3 ranges, but its angles make 7"),
+        (message(intensities=[1.0, 2.0]), "3 ranges but 2 intensities"),
+        (message(()), "0 ranges"),
+        (message(angle_increment=0.0), "angle_increment is 0"),
+        (message(angle_min=np.nan), "angle_min is nan"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_a_wrong_scan_is_refused_in_one_sentence(wrong, words):
+    with pytest.raises(MessageError) as refused:
+        decode(SENSOR, wrong)
+    assert words in str(refused.value) and "\n" not in str(refused.value)
+    assert refused.value.sensor == "scan" and "topic /scan, time 0.000" in str(refused.value)
+
+
+def test_data_that_cannot_be_read_are_shown_as_an_empty_scan():
+    ros = ros_modality(LIDAR2D)
+    frame = Frame(SENSOR, 1.0, HEADER, ros.no_data(SENSOR))
+    assert frame.size == 0 and len(ros.encode(frame.data).ranges) == 0
+    assert not ros.draw(frame).any() and annotated(frame).width == 0
+
+
+# ----------------------------------------------------------------------- bag to dataset
+
+START_S, PERIOD_S, TIMES = 100.0, 0.2, 4  # messages of each stop
+STOPS = 8
+NAMES = ("camera", "scanner")
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """A camera and a 2D LiDAR of 0.25 deg before boards that lean all ways."""
+    rng, centre = np.random.default_rng(5), np.array([0.0, 0.0, 1.0])
+    structure = {Edge("world", "mast"): looking_at((-0.5, 2.1, 1.3), centre)}
+    structure[Edge("world", "post")] = looking_at((0.7, 1.9, 0.95), centre)
+    camera = camera_mount("camera", RGB, "mast", np.eye(4), pinhole(640, 480, 500.0))
+    scanner = modality_named(LIDAR2D).synthetic.mount("scanner", "post", np.eye(4), None)
+    rig = assemble("world", structure, [camera, scanner], anchored="camera")
+    border = pattern_from_config("pattern_1", charuco()).border
+    boards = [
+        held_before(np.array([0.1, 2.2, 1.2]), centre + rng.uniform(-0.15, 0.15, 3), border, rng)
+        for _ in range(STOPS)
+    ]
+    return make_dataset(rig, {"pattern_1": boards}, Noise(), rng)
+
+
+def stamps(stop):
+    return [START_S + PERIOD_S * (TIMES * stop + number) for number in range(TIMES)]
+
+
+def messages(make, dataset):
+    """Yield the recording: the board stands in one place after the other."""
+    first = next(iter(dataset.collections.values()))
+    yield "/tf_static", make.transforms(first.transforms, START_S), START_S
+    camera, scanner = (dataset.sensors[name] for name in NAMES)
+    for stop, key in enumerate(dataset.collections):
+        picture, scan = (dataset.data.read(key, name) for name in NAMES)
+        info = camera.topic.replace("image_raw", "camera_info")
+        for stamp in stamps(stop):
+            about = {"frame": camera.frame, "stamp_s": stamp}
+            yield info, make.intrinsics(camera.camera, **about), stamp
+            yield camera.topic, make.image(picture, **about), stamp
+            sent = scan_message(scan)
+            sent.header = make.header(scanner.frame, stamp)
+            yield scanner.topic, sent, stamp
+
+
+def seed(scene, key):
+    """Return the place of the board's middle in the scanner's frame."""
+    dataset = scene.dataset
+    world_T_scanner = pose(dataset.collections[key], dataset.graph, "world", "scanner")
+    (pattern,) = dataset.patterns.values()
+    middle = np.append(pattern.border.centre, 0.0)
+    in_world = se3.apply(scene.truth.boards[("pattern_1", key)], middle[None])
+    return se3.apply(se3.inverse(world_T_scanner), in_world)[0]
+
+
+@pytest.fixture(scope="module")
+def collected(scene, make, tmp_path_factory):
+    """Collect the recording with seeds; return the folder of the dataset."""
+    folder = tmp_path_factory.mktemp("scan")
+    write_config(folder / "config.yml", scene.dataset.config)
+    make.bag(folder / "a.bag", messages(make, scene.dataset))
+    seeds = [
+        {"stamp": stamp, "sensor": "scanner", "xyz_m": seed(scene, key).tolist()}
+        for stop, key in enumerate(scene.dataset.collections)
+        for stamp in stamps(stop)
+    ]
+    (folder / "seeds.yaml").write_text(json.dumps(seeds))  # JSON is YAML
+    words = {"config": "config.yml", "bag": "a.bag", "seeds": "seeds.yaml", "output": "out"}
+    arguments = [x for name, file in words.items() for x in (f"--{name}", str(folder / file))]
+    assert main([*arguments, "--automatic_seeds", "off", "--pictures"]) == 0
+    return folder / "out"
+
+
+def test_each_stop_becomes_a_collection_with_its_scan(scene, collected):
+    dataset = read_dataset(collected / "dataset.json")
+    assert len(dataset.collections) == STOPS
+    entry = dataset.document["collections"]["000"]["data"]["scanner"]
+    assert "data_file" not in entry and entry["header"]["frame_id"] == "scanner"
+    for mine, key in zip(dataset.collections, scene.dataset.collections):
+        there, here = scene.dataset.data.read(key, "scanner"), dataset.data.read(mine, "scanner")
+        np.testing.assert_allclose(here.points, there.points, atol=1e-5)
+    assert len(list((collected / "pictures").glob("*scanner.jpg"))) == STOPS
+
+
+def test_labels_are_the_labelers(scene, collected):
+    dataset = read_dataset(collected / "dataset.json")
+    (pattern,) = dataset.patterns.values()
+    labeler = labeler_for(dataset.sensors["scanner"], pattern, None)
+    for mine, key in zip(dataset.collections, scene.dataset.collections):
+        sent = scan_message(scene.dataset.data.read(key, "scanner"))
+        label = dataset.collections[mine].labels[("scanner", "pattern_1")]
+        expected = labeler.label(laser_scan(sent), seed(scene, key)).label
+        np.testing.assert_array_equal(label.indices, expected.indices)
+        np.testing.assert_array_equal(label.limit_indices, expected.limit_indices)
+        true = scene.dataset.collections[key].labels[("scanner", "pattern_1")]
+        assert np.mean(np.isin(label.indices, true.indices)) > 0.95
+
+
+def test_a_calibration_takes_it(scene, collected, tmp_path):
+    dataset = str(collected / "dataset.json")
+    arguments = ["calibrate", "--dataset", dataset, "--output", str(tmp_path / "out")]
+    assert core_main(arguments) in (0, 1)
+    answer = json.loads((tmp_path / "out" / "calibration.json").read_text())
+    assert answer["status"] in ("converged", "rank_deficient")
+    assert "scanner" in json.dumps(answer)
+
+
+def test_the_labeled_points_are_a_cloud(scene):
+    dataset = scene.dataset
+    frame = Frame(dataset.sensors["scanner"], 1.0, HEADER, None)
+    frame.data = dataset.data.read("000", "scanner")
+    (pattern,) = dataset.patterns.values()
+    labeled = labeler_for(frame.sensor, pattern, None).label(frame.data, seed(scene, "000"))
+    frame.set_label(pattern.name, labeled)
+    points = np.frombuffer(annotated(frame).data, POINT)
+    np.testing.assert_array_equal(points["idx"], labeled.label.indices)
+    np.testing.assert_allclose(points["x"], frame.data.points[labeled.label.indices, 0], atol=1e-6)
+    assert ros_modality(LIDAR2D).draw(frame).any() and pattern.name in frame.sightings
+
+
+def test_a_recording_without_a_valid_range_is_refused(scene, make, tmp_path, capsys):
+    write_config(tmp_path / "config.yml", scene.dataset.config)
+
+    def covered():
+        for topic, sent, stamp in messages(make, scene.dataset):
+            if topic == scene.dataset.sensors["scanner"].topic:
+                sent.ranges = [float("inf")] * len(sent.ranges)
+            yield topic, sent, stamp
+
+    bag = make.bag(tmp_path / "a.bag", covered())
+    words = ["--config", str(tmp_path / "config.yml"), "--bag", str(bag)]
+    assert main([*words, "--output", str(tmp_path / "out")]) == 2
+    lines = [x for x in capsys.readouterr().err.split("\n") if x.startswith("collect_from_bag:")]
+    assert len(lines) == 1 and "'scanner'" in lines[0] and "no valid range" in lines[0]
