@@ -275,6 +275,8 @@ def raw_difference(image, found):
     board = cv2.aruco.CharucoBoard_create(7, 5, 0.03, 0.022, markers)
     corners, ids, _ = cv2.aruco.detectMarkers(image, markers)
     _, raw, raw_ids = cv2.aruco.interpolateCornersCharuco(corners, ids, image, board)
+    if tuple(map(int, cv2.__version__.split(".")[:2])) < (4, 6):  # rows from the bottom up
+        raw_ids = (3 - raw_ids // 6) * 6 + raw_ids % 6
     _, ours, theirs = np.intersect1d(found.label.ids, raw_ids.ravel(), return_indices=True)
     return found.label.pixels[ours] - raw[theirs, 0]
 
