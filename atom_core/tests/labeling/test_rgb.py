@@ -252,7 +252,7 @@ OLD_BOARDS = tuple(map(int, cv2.__version__.split(".")[:2])) < (4, 6)
 
 
 def test_charuco_real(real_data):
-    """28 pictures: all found, a good calibration, OpenCV's raw corners off by half a pixel (4.6)."""
+    """28 pictures: all found, a good calibration, OpenCV 4.6 off by half a pixel."""
     config = charuco(**SMALL)
     finder = without_intrinsics(labeler(config))
     objects, images, differences = [], [], []
