@@ -89,7 +89,7 @@ class CollectDataTest(unittest.TestCase):
 
         Once more where it is taken: a starved labeler sees one place only, and no motion.
         """
-        for _ in range(5):
+        for _ in range(20):
             self.show(COLLECTIONS, 2.0)
             answer = self.save(COLLECTIONS)
             if not answer.success:
