@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from atom_calibration.collect.joint_positions import described_joints, joint_states
-from atom_core.io.dataset_json import joint_document
+from atom_core.io.dataset_entries import joint_document
 from atom_core.model.config import JointConfig
 from atom_core.synthetic import arm
 

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from atom_calibration.labels.prediction import BoardPredictor
+from atom_calibration.labels.prediction import BoardPredictor, _misfit
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.geometry import se3
+from atom_core.labeling.line_sighting import LineSighting
 from atom_core.labeling.stillness import PlaneSighting
 from atom_core.synthetic import paper_cell
 
@@ -51,6 +52,14 @@ def label(lidar_T_pattern, rng, beside_m=0.15):
     return PlaneSighting(centre, normal, 0.25, 0.01, 300, 15.0)
 
 
+def cut(lidar_T_pattern, rng, beside_m=0.15):
+    """Return the line that a label of a 2D LiDAR shows; scans have all directions here."""
+    plane = label(lidar_T_pattern, rng, beside_m)
+    direction = np.cross(plane.normal, rng.normal(size=3))
+    direction /= np.linalg.norm(direction)
+    return LineSighting(plane.centre, direction, np.array([-0.3, 0.3]), 0.17, 0.01, 0.01, 60)
+
+
 def stand_still(predictor, tree, stamp_s, rng):
     """Let the camera see a board twice, so that it is known to stand still."""
     state = rng.bit_generator.state
@@ -59,18 +68,50 @@ def stand_still(predictor, tree, stamp_s, rng):
     return show(predictor, tree, stamp_s, rng)
 
 
-def test_the_error_shrinks_from_decimetres_to_centimetres_within_a_few_places(tree):
+@pytest.mark.parametrize("shown", [label, cut])
+def test_the_error_shrinks_from_decimetres_to_centimetres_within_a_few_places(tree, shown):
     rng, predictor, errors = np.random.default_rng(1), BoardPredictor("world"), []
     for number in range(30):
         stamp_s = 5.0 * number
         true = stand_still(predictor, tree, stamp_s, rng)
         guess = predictor.predict(LIDAR, PATTERN, stamp_s, tree)
-        found = label(true, rng)
+        found = shown(true, rng)
         assert guess.agrees(found)
         errors.append(np.linalg.norm(guess.middle - middle(true)))
         predictor.learn(LIDAR, PATTERN, stamp_s, found, tree)
     assert errors[0] > 0.1
-    assert np.mean(errors[6:]) < 0.03
+    assert np.mean(errors[10:]) < 0.03
+
+
+def test_a_cut_elsewhere_or_across_is_not_the_boards(tree):
+    rng, predictor = np.random.default_rng(2), BoardPredictor("world")
+    true = stand_still(predictor, tree, 0.0, rng)
+    guess, found = predictor.predict(LIDAR, PATTERN, 0.0, tree), cut(true, rng)
+    assert guess.agrees(found)
+    assert not guess.agrees(replace(found, direction=true[:3, 2]))
+    assert not guess.agrees(replace(found, centre=found.centre + 2.5 * true[:3, 2]))
+    assert not guess.agrees(replace(found, centre=found.centre + 2.5 * found.direction))
+
+
+@pytest.mark.parametrize("shown", [label, cut])
+def test_the_misfit_changes_as_its_derivative_says(shown):
+    rng = np.random.default_rng(8)
+    for _ in range(20):
+        pose = se3.transform(se3.random_rotation(0.5, rng), rng.uniform(-1, 1, 3) + [0, 0, 2])
+        found = shown(pose @ se3.random_move(0.05, 0.05, rng), rng)
+        if isinstance(found, LineSighting) and abs(found.direction @ pose[:3, 2]) > 0.9:
+            continue
+        before = _misfit(middle(pose), pose[:3, 2], found)
+        numeric = np.zeros_like(before.jacobian)
+        for column, step in enumerate(1e-6 * np.eye(6)):
+            moved = [
+                se3.transform(se3.rotation_from_rotation_vector(s * step[:3]), s * step[3:]) @ pose
+                for s in (1, -1)
+            ]
+            plus, minus = (_misfit(middle(m), m[:3, 2], found).numbers for m in moved)
+            numeric[:, column] = (plus - minus) / 2e-6
+        known = before.directions + 1  # beside, it is taken as if the axes stood still
+        np.testing.assert_allclose(before.jacobian[:known], numeric[:known], atol=2e-2)
 
 
 def test_a_thing_elsewhere_or_slanted_otherwise_is_not_the_board(tree):

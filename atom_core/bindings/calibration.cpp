@@ -320,9 +320,7 @@ std::vector<Eigen::VectorXd> SquaresOfProblem(const CalibrationProblem& problem,
   return SquaredNorms(problem, problem.MakeWeighting(Loss(), std::move(sigmas), false), x);
 }
 
-}  // namespace
-
-void BindCalibration(py::module& m) {
+void BindCriteria(py::module& m) {
   py::class_<Loss>(m, "Loss", "A robust loss; its figures are those of atom_core.solvers.losses.")
       .def(py::init(&MakeLoss), py::arg("name"), py::arg("width"), py::arg("step_length"), R"(
 Args:
@@ -336,6 +334,9 @@ Raises:
   py::class_<Criteria>(m, "Criteria", "What all solvers agree on: atom_core.solvers.criteria.")
       .def(py::init(&MakeCriteria), py::arg("longest_turn_rad"), py::arg("longest_move_m"),
            py::arg("rounding"), py::arg("smallest_unit"));
+}
+
+void BindProblem(py::module& m) {
   py::class_<CalibrationProblem>(m, "CalibrationProblem", R"(A calibration problem as arrays.
 
 The fast twin of atom_core.problem.problem.Problem, which is the specification.
@@ -394,6 +395,13 @@ Returns:
 )")
       .def("squares", &SquaresOfProblem, py::arg("x"), py::arg("sigmas"),
            "For each residual block, squared norms (n,) of the residuals in units of sigma.");
+}
+
+}  // namespace
+
+void BindCalibration(py::module& m) {
+  BindCriteria(m);
+  BindProblem(m);
 }
 
 }  // namespace atom_core

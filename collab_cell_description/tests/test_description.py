@@ -16,13 +16,14 @@ from atom_core.io.config_yaml import read_config
 from atom_core.io.urdf import read_description, write_calibrated_description
 from atom_core.model.pattern import pattern_from_config
 from atom_core.model.transforms import Edge, FrameGraph, chain_transform
-from atom_core.synthetic import cell
+from atom_core.synthetic import cell, scanners
 
 PACKAGE = Path(__file__).resolve().parents[1]
 CELL = PACKAGE / "urdf" / "collab_cell.urdf.xacro"
 CONFIG = PACKAGE.parent / "atom_examples" / "collab_cell" / "config" / "config.yml"
-MOUNTS = yaml.safe_load((PACKAGE / "config" / "mounts.yaml").read_text(encoding="utf-8"))
 SENSORS = yaml.safe_load((PACKAGE / "config" / "sensors.yaml").read_text(encoding="utf-8"))
+ALL_MOUNTS = yaml.safe_load((PACKAGE / "config" / "mounts.yaml").read_text(encoding="utf-8"))
+MOUNTS = {name: mount for name, mount in ALL_MOUNTS.items() if name not in SENSORS["scanners"]}
 HOME = yaml.safe_load((PACKAGE / "config" / "home.yaml").read_text(encoding="utf-8"))
 OPTICAL_R_LINK = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])  # x forward -> z forward, x right
 CHAINS = {
@@ -64,7 +65,7 @@ def rigid(mount):
 
 def mounts_file(folder, **changed):
     path = folder / "mounts.yaml"
-    path.write_text(yaml.safe_dump({**MOUNTS, **changed}), encoding="utf-8")
+    path.write_text(yaml.safe_dump({**ALL_MOUNTS, **changed}), encoding="utf-8")
     return path
 
 
@@ -72,7 +73,9 @@ def mounts_file(folder, **changed):
 
 
 @pytest.mark.parametrize("path", [CELL, PACKAGE / "urdf" / "pattern.urdf.xacro"])
-@pytest.mark.parametrize("arguments", [{}, {"with_pattern": "true", "hand_camera": "false"}])
+@pytest.mark.parametrize(
+    "arguments", [{}, {"with_pattern": "true", "hand_camera": "false"}, {"scanners": "true"}]
+)
 def test_xacro_and_urdfdom_have_nothing_to_remark(path, arguments):
     assert read_description(path, resolve, arguments).warnings == ()
 
@@ -138,6 +141,23 @@ def test_the_hand_camera_can_be_left_out(robot):
     assert gone == {"hand_camera_link", "hand_camera_frame", "hand_camera_optical_frame"}
 
 
+def test_the_scanners_are_there_only_if_asked_for(robot):
+    by_argument = description(scanners="true").robot
+    by_file = read_description(PACKAGE / "urdf/collab_cell_with_scanners.urdf.xacro", resolve).robot
+    assert set(by_argument.links) == set(by_file.links)
+    ends = ("", "_post", "_base_link")
+    new = {name + end for name in SENSORS["scanners"] for end in ends}
+    assert set(by_file.links) - set(robot.links) == new and len(new) == 6
+    for name, sensor in SENSORS["scanners"].items():
+        joint = by_file.joints[f"{name}_mount"]
+        assert np.allclose(joint.parent_T_child_at_zero, rigid(ALL_MOUNTS[name]), atol=1e-12)
+        assert (sensor["frame"], sensor["topic"]) == (name, f"/{name}/scan")
+        # The plane of the scan meets a board in the middle of the cell.
+        world_T_scan = pose(by_file, name)
+        distance = (np.array([0.0, -0.6, 1.0]) - world_T_scan[:3, 3]) @ world_T_scan[:3, 2]
+        assert abs(distance) < 0.1
+
+
 def test_all_frames_of_lenses_are_optical(robot):
     names = [link for link in robot.links if link.endswith("_optical_frame")]
     assert len(names) == 6
@@ -149,6 +169,17 @@ def test_all_frames_of_lenses_are_optical(robot):
 
 
 # ---- agreement with the synthetic cell
+
+
+def test_the_scanners_stand_where_the_synthetic_cell_has_them(monkeypatch):
+    for module, name in ((cell, "_PLACED_M"), (cell, "_PLACED_RAD"), (scanners, "_PLACED")):
+        monkeypatch.setattr(module, name, (0.0, 0.0) if module is scanners else 0.0)
+    rig, robot = scanners.cell_with_scanners_rig(0), description(scanners="true").robot
+    for edge in rig.transforms:
+        assert np.allclose(pose(robot, edge.child), rig.pose(edge.child), atol=2e-6), edge
+    assert {s.name: s.edge for s in rig.sensors.values()} == {
+        name: Edge(mount["parent"], mount["child"]) for name, mount in ALL_MOUNTS.items()
+    }
 
 
 def test_frames_stand_where_the_synthetic_cell_has_them(robot, monkeypatch):
@@ -338,6 +369,18 @@ def test_config_is_read_without_a_remark_and_fits_the_description(robot):
         assert sensor.modality == SENSORS["sensors"][name]["modality"]
         chain = FrameGraph(robot.transforms()).chain("world", sensor.link)
         assert joint.edge in [step.edge for step in chain]
+
+
+def test_the_configuration_with_scanners_adds_them_and_nothing_else():
+    config, more = read_config(CONFIG), read_config(CONFIG.with_name("config_with_scanners.yml"))
+    assert more.warnings == () and list(more.sensors) == list(ALL_MOUNTS)
+    assert {name: more.sensors[name] for name in config.sensors} == config.sensors
+    assert more.calibration_patterns == config.calibration_patterns
+    for name, sensor in SENSORS["scanners"].items():
+        entry, mount = more.sensors[name], ALL_MOUNTS[name]
+        assert (entry.parent_link, entry.child_link) == (mount["parent"], mount["child"])
+        assert (entry.link, entry.topic_name) == (sensor["frame"], sensor["topic"])
+        assert entry.modality == sensor["modality"]
 
 
 def test_config_names_files_that_exist():

@@ -23,6 +23,7 @@ PROGRAM = "demo"
 EXAMPLE = "rosrun atom_examples demo --output demo_output --overwrite"
 DONE, NOT_ACCEPTABLE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 _SETS = ("train", "test")
+_CONFIGS = {False: "config.yml", True: "config_with_scanners.yml"}
 
 
 class StepError(AtomError):
@@ -62,6 +63,7 @@ def build_parser() -> argparse.ArgumentParser:
         default=tuple(SCENARIOS[name].collections for name in _SETS),
         help="number of stops of the board in each recording (default: 23 17)",
     )
+    add_option(parser, "scanners", action="store_true", help="with two 2D LiDARs beside the cell")
     return parser
 
 
@@ -76,14 +78,15 @@ def run(args: argparse.Namespace) -> int:
     stops = " and ".join(str(count) for count in counts.values())
     _title(
         1,
-        f"simulate: seven sensors see a board at {stops} stops; every mount but one is 0.1 m "
-        "and 0.1 rad off (some two minutes at first, kept for the next run)",
+        f"simulate: {'nine' if args.scanners else 'seven'} sensors see a board at {stops} stops; "
+        "every mount but one is 0.1 m and 0.1 rad off (some two minutes at first, kept for the "
+        "next run)",
     )
     for name in _SETS:
-        _simulate(folder, name, counts[name], args.seed)
+        _simulate(folder, name, counts[name], args)
     _title(2, "collect: label images, depth images and clouds; one collection for each stop")
     for name in _SETS:
-        _collect(folder, name)
+        _collect(folder, name, args.scanners)
     _title(3, "check: who sees what, is it enough?")
     _core("check", "--dataset", folder / "train" / DATASET_FILE)
     _title(4, "calibrate")
@@ -94,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
     return DONE if acceptable and measured else NOT_ACCEPTABLE
 
 
-def _simulate(folder: Path, name: str, collections: int, seed: int) -> None:
+def _simulate(folder: Path, name: str, collections: int, args: argparse.Namespace) -> None:
     _refusing(
         cell_simulator.main,
         "--bag",
@@ -104,20 +107,21 @@ def _simulate(folder: Path, name: str, collections: int, seed: int) -> None:
         "--collections",
         collections,
         "--seed",
-        seed,
+        args.seed,
         "--compressed",
         "--reuse",
         "--overwrite",
+        *["--scanners"] * args.scanners,
     )
 
 
-def _collect(folder: Path, name: str) -> None:
+def _collect(folder: Path, name: str, scanners: bool) -> None:
     """Label a recording.
 
     What was not seen or refused, exit code 1, has been told; whether what remains is enough, the
     check and the calibration say.
     """
-    config = package_folder("atom_examples") / "collab_cell" / "config" / "config.yml"
+    config = package_folder("atom_examples") / "collab_cell" / "config" / _CONFIGS[scanners]
     _refusing(
         collect_from_bag.main,
         "--config",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -13,14 +13,29 @@ from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.errors import LabelingError
 from atom_core.io.seeds import Seed
 from atom_core.labeling.base import Labeled, Labeler, labeler_for, nothing
-from atom_core.labeling.stillness import PlaneSighting
+from atom_core.labeling.stillness import SurfaceSighting
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import Sensor
 
 _SEARCH_EVERY_S = 0.35  # of each range sensor that lost the board
 
+_REACH_M = (0.25, 0.7)  # from a predicted seed to what is found; least, most
+_REACH_SIGMAS = 2.0
+
 Key = Tuple[str, str]  # sensor, pattern
+
+
+class _Attempt(NamedTuple):
+    """Where to look for the board.
+
+    Attributes:
+        seed: None stands for a search.
+        reach_m: how far from a seed that was predicted the board may be; None: it was not.
+    """
+
+    seed: Optional[np.ndarray]
+    reach_m: Optional[float] = None
 
 
 class FrameLabeler:
@@ -122,11 +137,11 @@ class FrameLabeler:
         by_hand = self._manual.of(frame)
         prediction = self._prediction(frame, pattern, tree)
         labeled = nothing(frame.sensor.modality, _why_no_seed(by_hand, frame))
-        for seed in self._seeds(frame, pattern, prediction):
-            labeled, begun = self._begun(frame, pattern, seed)
+        for attempt in self._attempts(frame, pattern, prediction):
+            labeled, begun = self._begun(frame, pattern, attempt)
             frame.set_label(pattern, labeled)
             sighting = frame.sightings.get(pattern)
-            if labeled.detected and tree is not None and isinstance(sighting, PlaneSighting):
+            if labeled.detected and tree is not None and isinstance(sighting, SurfaceSighting):
                 self._boards.learn(
                     frame.sensor, self._patterns[pattern], frame.stamp_s, sighting, tree
                 )
@@ -143,12 +158,12 @@ class FrameLabeler:
         frame.set_seed(pattern, begun)
 
     def _begun(
-        self, frame: Frame, pattern: str, seed: Optional[np.ndarray]
+        self, frame: Frame, pattern: str, attempt: _Attempt
     ) -> Tuple[Labeled, Optional[np.ndarray]]:
-        """Return the label from a seed, or with None of a search, and a seed that repeats it."""
-        labeled = self._label(frame, pattern, seed)
-        if seed is not None or labeled.next_seed is None:
-            return labeled, seed
+        """Return the label of an attempt, and a seed that repeats it."""
+        labeled = self._label(frame, pattern, *attempt)
+        if attempt.seed is not None or labeled.next_seed is None:
+            return labeled, attempt.seed
         again = self._label(frame, pattern, labeled.next_seed)
         return again if again.detected else labeled, labeled.next_seed
 
@@ -157,7 +172,7 @@ class FrameLabeler:
     ) -> Labeled:
         """Return the label, or an empty one if a camera sees the board somewhere else."""
         sighting = frame.sightings.get(pattern)
-        if prediction is None or not isinstance(sighting, PlaneSighting):
+        if prediction is None or not isinstance(sighting, SurfaceSighting):
             return labeled
         if prediction.agrees(sighting):
             return labeled
@@ -169,33 +184,30 @@ class FrameLabeler:
             labeled.quality,
         )
 
-    def _seeds(
-        self, frame: Frame, pattern: str, prediction: Optional[Guess]
-    ) -> List[Optional[np.ndarray]]:
-        """Return the seeds to try, the most trusted first; None stands for a search."""
-        seeds: List[Optional[np.ndarray]] = []
+    def _attempts(self, frame: Frame, pattern: str, prediction: Optional[Guess]) -> List[_Attempt]:
+        """Return where to look, the most trusted place first."""
+        attempts: List[_Attempt] = []
         of_this = self._manual.at(frame)
         if of_this is not None:
-            return [of_this]
+            return [_Attempt(of_this)]
         key = (frame.sensor.name, pattern)
         stamp, tracked = self._tracked.get(key, (-np.inf, np.zeros(0)))
         if frame.stamp_s - stamp <= FRESH_S:
-            seeds.append(tracked)
+            attempts.append(_Attempt(tracked))
         for_all = self._manual.for_all(frame.sensor.name)
         if for_all is not None:
-            return seeds if _is_useless(for_all, frame) else [*seeds, for_all]
+            return attempts if _is_useless(for_all, frame) else [*attempts, _Attempt(for_all)]
         if self._automatic:
-            predicted = None if prediction is None else _in_data(frame, prediction.middle)
-            seeds += [] if predicted is None else [predicted]
+            attempts += [] if prediction is None else _where_predicted(frame, prediction)
             if frame.stamp_s - self._searched_s.get(key, -np.inf) >= _SEARCH_EVERY_S:
                 self._searched_s[key] = frame.stamp_s
-                seeds.append(None)
-        return seeds
+                attempts.append(_Attempt(None))
+        return attempts
 
     def _prediction(
         self, frame: Frame, pattern: str, tree: Optional[TransformTree]
     ) -> Optional[Guess]:
-        if tree is None or not (self._automatic and frame.ros.is_predicted):
+        if tree is None or not self._automatic:
             return None
         return self._boards.predict(frame.sensor, self._patterns[pattern], frame.stamp_s, tree)
 
@@ -207,17 +219,29 @@ class FrameLabeler:
             if pose is not None:
                 self.see_board(frame.sensor.frame, name, frame.stamp_s, pose, tree)
 
-    def _label(self, frame: Frame, pattern: str, seed: Optional[np.ndarray]) -> Labeled:
+    def _label(
+        self,
+        frame: Frame,
+        pattern: str,
+        seed: Optional[np.ndarray],
+        reach_m: Optional[float] = None,
+    ) -> Labeled:
+        labeler, label_near = self._labelers[(frame.sensor.name, pattern)], frame.ros.label_near
         try:
-            return self._labelers[(frame.sensor.name, pattern)].label(frame.data, seed)
+            if label_near is None or seed is None or reach_m is None:
+                return labeler.label(frame.data, seed)
+            return label_near(labeler, frame.data, seed, reach_m)
         except LabelingError as error:
             raise LabelingError(f"{frame.place}: {error}") from None
 
 
-def _in_data(frame: Frame, point: np.ndarray) -> Optional[np.ndarray]:
-    """Return the seed of a point (3,) in the sensor's frame; None if the data do not hold it."""
+def _where_predicted(frame: Frame, guess: Guess) -> List[_Attempt]:
+    """Return the attempt where the board should be; none if the data do not hold that place."""
     assert frame.ros.seeds is not None
-    return frame.ros.seeds.of_point(frame.sensor, point)
+    known_m = _REACH_SIGMAS * guess.sigma_m
+    reach_m = guess.half_diagonal_m + known_m
+    seed = frame.ros.seeds.of_board(frame.sensor, guess.middle, guess.normal, reach_m)
+    return [] if seed is None else [_Attempt(seed, float(np.clip(known_m, *_REACH_M)))]
 
 
 def _is_useless(by_hand: Optional[np.ndarray], frame: Frame) -> bool:

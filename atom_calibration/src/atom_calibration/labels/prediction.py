@@ -1,9 +1,10 @@
 """Where a range sensor should see the board, from a camera's sight of it and the first estimate.
 
 The first estimate may be off by decimetres and degrees. Every label tells by how much: its plane
-to a degree and centimetres, its middle roughly, since part of the board may be hidden or out of
-view. So for each camera and range sensor one rigid motion is estimated, with its covariance. It
-makes the next prediction better, and says how far from it something may be and still be the board.
+to a degree and centimetres (a 2D LiDAR's: a line in it), its middle roughly, since part of the
+board may be hidden or out of view. So for each camera and range sensor one rigid motion is
+estimated, with its covariance. It makes the next prediction better, and says how far from it
+something may be and still be the board.
 """
 
 from __future__ import annotations
@@ -17,8 +18,7 @@ import numpy as np
 from atom_calibration.errors import TransformError
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.geometry import se3
-from atom_core.geometry.plane import plane_basis
-from atom_core.labeling.stillness import PlaneSighting
+from atom_core.labeling.stillness import SurfaceSighting
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import Sensor
 
@@ -57,16 +57,16 @@ class Guess(NamedTuple):
         variance = np.trace(jacobian @ self.covariance @ jacobian.T) / 3.0
         return float(np.sqrt(variance + self.drift_m**2))
 
-    def agrees(self, found: PlaneSighting) -> bool:
+    def agrees(self, found: SurfaceSighting) -> bool:
         """Tell whether what was found may be the board."""
-        misfit, jacobian = _misfit(self.middle, self.normal, found)
-        variance = np.einsum("ij,jk,ik->i", jacobian, self.covariance, jacobian)
+        misfit = _misfit(self.middle, self.normal, found)
+        variance = np.einsum("ij,jk,ik->i", misfit.jacobian, self.covariance, misfit.jacobian)
         turned = self.drift_m / self.half_diagonal_m
-        variance += [turned**2] * 2 + [self.drift_m**2] * 3
-        variance += [_NORMAL_RAD**2] * 2 + [_OFF_PLANE_M**2] * 3
+        variance += misfit.by_kind(turned, self.drift_m, self.drift_m) ** 2
+        variance += misfit.by_kind(_NORMAL_RAD, _OFF_PLANE_M, _OFF_PLANE_M) ** 2
         limit = _GATE_SIGMAS * np.sqrt(variance)
-        limit[3:] += self.half_diagonal_m  # the labeled part may be any
-        return bool(np.all(np.abs(misfit) <= limit))
+        limit += misfit.by_kind(0.0, 0.0, self.half_diagonal_m)  # the labeled part may be any
+        return bool(np.all(np.abs(misfit.numbers) <= limit))
 
 
 class BoardPredictor:
@@ -118,10 +118,10 @@ class BoardPredictor:
         sensor: Sensor,
         pattern: Pattern,
         stamp_s: float,
-        found: PlaneSighting,
+        found: SurfaceSighting,
         tree: TransformTree,
     ) -> None:
-        """Improve predictions by what a label says of the board's plane and middle.
+        """Improve predictions by what a label says of the board's surface and middle.
 
         Also by labels that are not plausible by what was learnt so far: it may have been wrong.
         What would be out of the question even at the beginning is passed over.
@@ -169,7 +169,7 @@ _PRIOR = np.diag([_PRIOR_RAD**2] * 3 + [_PRIOR_M**2] * 3)
 class _Correction:
     """The rigid motion from predicted to found, by all places seen so far."""
 
-    places: Deque[Tuple[Guess, PlaneSighting]] = field(
+    places: Deque[Tuple[Guess, SurfaceSighting]] = field(
         default_factory=lambda: deque(maxlen=_MOST_PLACES)
     )
     found_T_predicted: np.ndarray = field(default_factory=lambda: np.eye(4))
@@ -181,7 +181,7 @@ class _Correction:
         normal = self.found_T_predicted[:3, :3] @ raw.normal
         return raw._replace(middle=middle, normal=normal, covariance=self.covariance)
 
-    def add(self, raw: Guess, found: PlaneSighting) -> None:
+    def add(self, raw: Guess, found: SurfaceSighting) -> None:
         """Learn from a place, unless board or thing found stand where they stood."""
         if self.places:
             before = np.array([[g.middle, g.normal, seen.centre] for g, seen in self.places])
@@ -203,41 +203,53 @@ class _Correction:
             gradient = information @ np.concatenate([turn, pose[:3, 3]])
             for raw, found in self.places:
                 middle, normal = se3.apply(pose, raw.middle[None])[0], pose[:3, :3] @ raw.normal
-                misfit, jacobian = _misfit(middle, normal, found)
-                beside = 0.5 * raw.half_diagonal_m
-                sigma = np.array([_NORMAL_RAD] * 2 + [_OFF_PLANE_M] + [beside] * 2)
-                square = float(np.sum((misfit / sigma) ** 2))
+                misfit = _misfit(middle, normal, found)
+                sigma = misfit.by_kind(_NORMAL_RAD, _OFF_PLANE_M, 0.5 * raw.half_diagonal_m)
+                square = float(np.sum((misfit.numbers / sigma) ** 2))
                 weight = 1.0 / (1.0 + max(square - _USUAL_SQUARE, 0.0) / _TAIL_SQUARE)
-                rows = jacobian / sigma[:, None]
+                rows = misfit.jacobian / sigma[:, None]
                 information += weight * rows.T @ rows
-                gradient += weight * rows.T @ (misfit / sigma)
+                gradient += weight * rows.T @ (misfit.numbers / sigma)
             step = -np.linalg.solve(information, gradient)
             turned = se3.rotation_from_rotation_vector(step[:3])
             pose = se3.transform(turned, step[3:]) @ pose
         self.found_T_predicted, self.covariance = pose, np.linalg.inv(information)
 
 
-def _misfit(
-    middle: np.ndarray, normal: np.ndarray, found: PlaneSighting
-) -> Tuple[np.ndarray, np.ndarray]:
-    """Compare a predicted board with a plane.
+class _Misfit(NamedTuple):
+    """How a predicted board differs from what was found.
 
-    Returns:
-        (5,): the normal's direction, two numbers [rad]; off the plane [m]; beside, two numbers [m].
-        And (5, 6) its derivative by a rotation of the prediction about the sensor's axes and by
-        a shift.
+    Attributes:
+        numbers: (n,) the normal's direction [rad], off the surface [m], beside, two numbers [m].
+        jacobian: (n, 6) by a rotation of the prediction about the sensor's axes and by a shift.
+        directions: how many of the numbers are directions: two by a plane, one by a line.
     """
-    axes = plane_basis(found.normal)
+
+    numbers: np.ndarray
+    jacobian: np.ndarray
+    directions: int
+
+    def by_kind(self, direction: float, off: float, beside: float) -> np.ndarray:
+        """Return (n,) with a figure for each kind of number."""
+        return np.array([direction] * self.directions + [off] + [beside] * 2)
+
+
+def _misfit(middle: np.ndarray, normal: np.ndarray, found: SurfaceSighting) -> _Misfit:
+    """Compare a predicted board, its middle (3,) [m] and its normal (3,), with what was found."""
+    axes, known = found.board_axes(normal), found.known_axes
     beside, off = axes[:, :2].T, axes[:, 2]
     normal = normal if normal @ off >= 0 else -normal
     away = middle - found.centre
-    misfit = np.concatenate([beside @ normal, [off @ away], beside @ away])
-    jacobian = np.zeros((5, 6))
-    jacobian[:2, :3] = -beside @ se3.skew(normal)
+    numbers = np.concatenate([beside[:known] @ normal, [off @ away], beside @ away])
+    jacobian = np.zeros((known + 3, 6))
+    jacobian[:known, :3] = -beside[:known] @ se3.skew(normal)
     moved = np.vstack([off, beside])
-    jacobian[2:, :3] = -moved @ se3.skew(middle)
-    jacobian[2:, 3:] = moved
-    return misfit, jacobian
+    jacobian[known:, :3] = -moved @ se3.skew(middle)
+    jacobian[known:, 3:] = moved
+    # The nearest normal turns with the prediction about the axes that are known.
+    free = beside[known:]
+    jacobian[known, :3] -= (free @ away) @ free @ se3.skew(normal)
+    return _Misfit(numbers, jacobian, known)
 
 
 def _middle(frame_T_pattern: np.ndarray, pattern: Pattern) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Optional
+from typing import TYPE_CHECKING, Any, Optional
 
 import numpy as np
 from sensor_msgs.msg import LaserScan as ScanMessage
@@ -14,8 +14,10 @@ from atom_calibration.modalities.range_labels import (
     read_range_label,
     write_range_label,
 )
-from atom_calibration.modalities.seeds import PointSeeds
+from atom_calibration.modalities.seeds import ScanSeeds
 from atom_calibration.modalities.table import RosModality
+from atom_core.labeling.base import Labeled, Labeler
+from atom_core.labeling.lidar2d import Lidar2dLabeler
 from atom_core.labeling.line_sighting import LineSighting, line_sighting
 from atom_core.model.labels import Label, RangeLabel
 from atom_core.model.laser_scan import LaserScan
@@ -42,6 +44,11 @@ def _sighting(frame: Frame, label: Label) -> Optional[LineSighting]:
     return line_sighting(points[np.all(np.isfinite(points), axis=1)])
 
 
+def _label_near(labeler: Labeler, scan: Any, seed: np.ndarray, reach_m: float) -> Labeled:
+    assert isinstance(labeler, Lidar2dLabeler)
+    return labeler.label(scan, seed, reach_m=reach_m)
+
+
 def _encode(scan: Optional[LaserScan]) -> ScanMessage:
     return ScanMessage() if scan is None else scan_message(scan)
 
@@ -66,7 +73,7 @@ LIDAR_2D = RosModality(
     draw=_draw,
     display="scan",
     points=_points,
-    seeds=PointSeeds(_positions),
-    is_predicted=False,
+    seeds=ScanSeeds(_positions),
+    label_near=_label_near,
     cloud=_positions,
 )

@@ -15,6 +15,7 @@ _OUTSIDE_M = 1.0  # a seed so far from every point is a mistake
 _NOWHERE_PX = -1.0  # both numbers of a pixel that no image has
 _AROUND_PX = 3  # half of the window that tells the depth at a pixel
 _SAME_PX = 0.5
+_LEAST_STEEPNESS = 0.2  # sine between a board and a scan's plane; what lies flatter is not cut
 
 
 class SeedInput(Protocol):
@@ -36,6 +37,18 @@ class SeedInput(Protocol):
 
     def of_point(self, sensor: Sensor, point: np.ndarray) -> Optional[np.ndarray]:
         """Return the seed at a point (3,) [m] of the sensor's frame; None outside the data."""
+
+    def of_board(
+        self, sensor: Sensor, middle: np.ndarray, normal: np.ndarray, reach_m: float
+    ) -> Optional[np.ndarray]:
+        """Return the seed for a board that is expected somewhere; None outside the data.
+
+        Args:
+            sensor: which looks at it.
+            middle: (3,) of the board in the sensor's frame [m].
+            normal: (3,) of the board.
+            reach_m: from the middle to where the board may end.
+        """
 
     def point(self, frame: Frame, seed: np.ndarray, distance_m: float) -> Optional[np.ndarray]:
         """Return the point (3,) [m] of a seed; None where the data have no such place.
@@ -63,6 +76,12 @@ class PixelSeeds:
         assert sensor.camera is not None
         inside = sensor.camera.in_image(point[None])[0]
         return sensor.camera.project(point[None])[0] if inside else None
+
+    def of_board(
+        self, sensor: Sensor, middle: np.ndarray, normal: np.ndarray, reach_m: float
+    ) -> Optional[np.ndarray]:
+        """Return the pixel of the board's middle."""
+        return self.of_point(sensor, middle)
 
     def point(self, frame: Frame, seed: np.ndarray, distance_m: float) -> Optional[np.ndarray]:
         """Return the point at the median depth around the pixel."""
@@ -101,6 +120,12 @@ class PointSeeds:
         """Return the point itself."""
         return point.copy()
 
+    def of_board(
+        self, sensor: Sensor, middle: np.ndarray, normal: np.ndarray, reach_m: float
+    ) -> Optional[np.ndarray]:
+        """Return the board's middle."""
+        return self.of_point(sensor, middle)
+
     def point(self, frame: Frame, seed: np.ndarray, distance_m: float) -> Optional[np.ndarray]:
         """Return the point itself."""
         return seed
@@ -110,3 +135,17 @@ class PointSeeds:
         away = np.linalg.norm(self._positions(frame.data) - seed, axis=1)
         nearest = float(np.nanmin(away)) if np.any(np.isfinite(away)) else np.inf
         return f"the nearest point is {nearest:.2f} m away" if nearest > _OUTSIDE_M else ""
+
+
+class ScanSeeds(PointSeeds):
+    """Seeds are points (3,) [m] near a scan's plane, z = 0 of the sensor's frame."""
+
+    def of_board(
+        self, sensor: Sensor, middle: np.ndarray, normal: np.ndarray, reach_m: float
+    ) -> Optional[np.ndarray]:
+        """Return the place of the board's cut by the scan's plane that is nearest to its middle."""
+        level = normal[:2]
+        steepness = float(np.linalg.norm(level))
+        if abs(middle[2]) > reach_m * steepness or steepness < _LEAST_STEEPNESS:
+            return None
+        return np.append(middle[:2] + level * normal[2] * middle[2] / steepness**2, 0.0)

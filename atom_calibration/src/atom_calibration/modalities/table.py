@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from atom_calibration.modalities.frames import Frame
     from atom_calibration.modalities.seeds import SeedInput
     from atom_core.editing.label_corrections import LabelCorrections
+    from atom_core.labeling.base import Labeled, Labeler
 
 
 class Outlook(Protocol):
@@ -49,8 +50,9 @@ class RosModality:
         board_pose: ``sensor_T_pattern`` (4, 4) by one label alone; None where a label of this
             modality does not tell it.
         seeds: how a person says where the board is; None where nobody has to.
-        is_predicted: the board is looked for where other sensors see it; its sightings must then
-            tell a plane, since what is found there is judged by that.
+        label_near: labels the board about a seed (3,) that was predicted, at most so far [m] from
+            it; None: as about any other seed. Its sightings must be a `SurfaceSighting`, since
+            what is found is judged by that.
         cloud: data of a dataset as points (n, 3) [m]; None where they are an image.
         background: data of a dataset as a picture (height, width, 3) to draw labels on.
         outlook: data to what the sensor can be expected to see; raises ValueError.
@@ -77,7 +79,7 @@ class RosModality:
     points: Optional[Callable[[Frame, np.ndarray], np.ndarray]] = None
     board_pose: Optional[Callable[[Sensor, Pattern, Label], Optional[np.ndarray]]] = None
     seeds: Optional[SeedInput] = None
-    is_predicted: bool = True
+    label_near: Optional[Callable[[Labeler, Any, np.ndarray, float], Labeled]] = None
     cloud: Optional[Callable[[Any], np.ndarray]] = None
     background: Optional[Callable[[Any], np.ndarray]] = None
     outlook: Optional[Callable[[Any], Outlook]] = None

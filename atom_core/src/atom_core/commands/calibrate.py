@@ -52,7 +52,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     common.add_dataset_options(parser)
     common.add_output_options(parser)
     _add_solver_options(parser)
+    _add_start_options(parser)
     _add_freedom_options(parser)
+    _add_joint_options(parser)
     _add_keep_options(parser)
     _add_intrinsics_option(parser)
     _add_range_offset_option(parser)
@@ -103,6 +105,19 @@ def _add_solver_options(parser: argparse.ArgumentParser) -> None:
     )
     add(
         parser,
+        "undetermined_limit",
+        nargs=2,
+        type=float,
+        default=(0.05, 0.05),
+        metavar=("M", "RAD"),
+        help="a larger predicted sigma counts as undetermined",
+    )
+
+
+def _add_start_options(parser: argparse.ArgumentParser) -> None:
+    add = common.add_option
+    add(
+        parser,
         "initial_guess",
         choices=[DESCRIPTION, NO_GUESS],
         default=DESCRIPTION,
@@ -127,15 +142,6 @@ def _add_solver_options(parser: argparse.ArgumentParser) -> None:
         default=0,
         metavar="N",
         help="seed of that disturbance (default: 0)",
-    )
-    add(
-        parser,
-        "undetermined_limit",
-        nargs=2,
-        type=float,
-        default=(0.05, 0.05),
-        metavar=("M", "RAD"),
-        help="a larger predicted sigma counts as undetermined",
     )
 
 
@@ -180,6 +186,34 @@ def _add_keep_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _add_joint_options(parser: argparse.ArgumentParser) -> None:
+    add = common.add_option
+    add(
+        parser,
+        "joint_selection_function",
+        "-jsf",
+        nargs="+",
+        metavar="SELECTION",
+        help="joints to calibrate (names, globs, lambda; default: those of the configuration)",
+    )
+    add(
+        parser,
+        "joint_parameter_selection_function",
+        "-jpsf",
+        nargs="+",
+        metavar="SELECTION",
+        help=f"which of their parameters: {', '.join(JOINT_PARAMETERS)} (default: those of the "
+        f"configuration)",
+    )
+    add(
+        parser,
+        "all_joints_fixed",
+        "-ajf",
+        action="store_true",
+        help="hold all joints, also those of the configuration",
+    )
+
+
 def _add_freedom_options(parser: argparse.ArgumentParser) -> None:
     add = common.add_option
     add(parser, "anchor_sensors", "-as", nargs="+", metavar="S", help="further sensors to hold")
@@ -204,30 +238,6 @@ def _add_freedom_options(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         metavar="SELECTION",
         help="additional tfs of the configuration to estimate (default: all)",
-    )
-    add(
-        parser,
-        "joint_selection_function",
-        "-jsf",
-        nargs="+",
-        metavar="SELECTION",
-        help="joints to calibrate (names, globs, lambda; default: those of the configuration)",
-    )
-    add(
-        parser,
-        "joint_parameter_selection_function",
-        "-jpsf",
-        nargs="+",
-        metavar="SELECTION",
-        help=f"which of their parameters: {', '.join(JOINT_PARAMETERS)} (default: those of the "
-        f"configuration)",
-    )
-    add(
-        parser,
-        "all_joints_fixed",
-        "-ajf",
-        action="store_true",
-        help="hold all joints, also those of the configuration",
     )
     add(
         parser,

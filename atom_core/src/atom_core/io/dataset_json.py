@@ -16,16 +16,22 @@ from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Seque
 import numpy as np
 
 from atom_core.errors import AtomError, DatasetError
-from atom_core.geometry import se3
-from atom_core.geometry.camera import Camera
 from atom_core.io.atomic import write_text_atomically
 from atom_core.io.data_files import FileDataSource
+from atom_core.io.dataset_entries import (
+    camera_of_entry,
+    joint_document,
+    joint_of_entry,
+    lay_over,
+    modality_of_entry,
+    pose_of_entry,
+    with_camera,
+)
 from atom_core.io.label_json import is_old_layout, with_label
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.dataset import Collection, Dataset
-from atom_core.model.joints import ORIGIN_PARAMETERS, POSITION_BIAS, JointState
+from atom_core.model.joints import JointState
 from atom_core.model.labels import DetectionKey, Label
-from atom_core.model.modality import Modality, modality_named, modality_of_message
 from atom_core.model.pattern import (
     Pattern,
     border_from_document,
@@ -190,8 +196,8 @@ class _Reader:
     def sensor(self, name: str) -> Sensor:
         entry = self.document["sensors"][name]
         try:
-            kind = _modality(entry)
-            camera = _camera(entry["camera_info"]) if kind.has_camera_info else None
+            kind = modality_of_entry(entry)
+            camera = camera_of_entry(entry["camera_info"]) if kind.has_camera_info else None
             return Sensor(
                 name=name,
                 modality=kind.name,
@@ -249,7 +255,7 @@ class _Reader:
         joints = {}
         for name, value in (entry.get("joints") or {}).items():
             try:
-                joints[name] = _joint(value)
+                joints[name] = joint_of_entry(value)
             except KeyError as error:
                 raise self.fail(f"collection {key}, joint '{name}' lacks {error}") from None
             except (ValueError, TypeError) as error:
@@ -260,7 +266,7 @@ class _Reader:
         transforms = {}
         for name, value in (entry.get("transforms") or {}).items():
             try:
-                transforms[Edge(value["parent"], value["child"])] = _pose(value)
+                transforms[Edge(value["parent"], value["child"])] = pose_of_entry(value)
             except (KeyError, ValueError, TypeError) as error:
                 raise self.fail(f"collection {key}, transform '{name}': {error}") from None
         return transforms
@@ -315,32 +321,6 @@ class _Reader:
         return types
 
 
-def _modality(entry: Mapping[str, Any]) -> Modality:
-    """Return the modality of a sensor's entry, where need be by the type of its messages."""
-    if not entry.get("modality"):
-        by_message = modality_of_message(str(entry.get("msg_type", "")))
-        if by_message is not None:
-            return by_message
-    return modality_named(entry.get("modality") or "")
-
-
-def _camera(info: Mapping[str, Any]) -> Camera:
-    return Camera(
-        width=int(info["width"]),
-        height=int(info["height"]),
-        K=np.array(info["K"], dtype=float),
-        D=np.array(info["D"], dtype=float),
-        model=info.get("distortion_model") or "plumb_bob",
-    )
-
-
-def _pose(entry: Mapping[str, Any]) -> np.ndarray:
-    translation = np.array(entry["trans"], dtype=float).reshape(3)
-    if not np.all(np.isfinite(translation)):
-        raise ValueError("the translation is not finite")
-    return se3.from_quaternion(translation, np.array(entry["quat"], dtype=float).reshape(4))
-
-
 def document_of(dataset: Dataset, relabeled: Iterable[DetectionKey] = ()) -> Dict[str, Any]:
     """Return the JSON document of a dataset: what was read, with its transforms of now.
 
@@ -353,9 +333,7 @@ def document_of(dataset: Dataset, relabeled: Iterable[DetectionKey] = ()) -> Dic
     """
     document = dict(dataset.document)
     document["sensors"] = {
-        name: _with_camera(entry, dataset.sensors[name].camera)
-        if name in dataset.sensors
-        else entry
+        name: with_camera(entry, dataset.sensors[name].camera) if name in dataset.sensors else entry
         for name, entry in document["sensors"].items()
     }
     kept = {k: dict(v) for k, v in document["collections"].items() if k in dataset.collections}
@@ -363,13 +341,13 @@ def document_of(dataset: Dataset, relabeled: Iterable[DetectionKey] = ()) -> Dic
         stored = dict(kept[key].get("transforms") or {})
         names = {Edge(value["parent"], value["child"]): name for name, value in stored.items()}
         for edge, matrix in collection.transforms.items():
-            _lay_over(stored, names.get(edge, str(edge)), edge, matrix)
+            lay_over(stored, names.get(edge, str(edge)), edge, matrix)
         kept[key]["transforms"] = stored
         if collection.joints:
             joints = dict(kept[key].get("joints") or {})
             for name, joint in collection.joints.items():
                 old = joints.get(name)
-                if old is None or _joint(old).parameters != joint.parameters:
+                if old is None or joint_of_entry(old).parameters != joint.parameters:
                     joints[name] = {**(old or {}), **joint_document(joint)}
             kept[key]["joints"] = joints
     for detection in relabeled:
@@ -377,67 +355,6 @@ def document_of(dataset: Dataset, relabeled: Iterable[DetectionKey] = ()) -> Dic
         entry["labels"] = with_label(entry.get("labels") or {}, dataset, detection)
     document["collections"] = kept
     return document
-
-
-def _with_camera(entry: Mapping[str, Any], camera: Optional[Camera]) -> Mapping[str, Any]:
-    """Return a sensor's entry with other intrinsics, where they have changed."""
-    info = entry.get("camera_info")
-    if camera is None or not info:
-        return entry
-    before = _camera(info)
-    if np.array_equal(before.K, camera.K) and np.array_equal(before.D, camera.D):
-        return entry
-    coefficients = [float(v) for v in camera.D]
-    longer = [float(v) for v in info["D"][len(coefficients) :]]  # zeros of a longer layout
-    changed = {**info, "K": [float(v) for v in camera.K.ravel()], "D": coefficients + longer}
-    P = np.array(info.get("P") or [], dtype=float)
-    if P.size == 12 and np.allclose(P.reshape(3, 4)[:, :3], before.K):  # of the raw image
-        P = P.reshape(3, 4)
-        P[:, :3] = camera.K
-        changed["P"] = [float(v) for v in P.ravel()]
-    return {**entry, "camera_info": changed}
-
-
-def transform_document(edge: Edge, parent_T_child: np.ndarray) -> Dict[str, Any]:
-    """Return an edge as it stands in a collection's transforms."""
-    return {
-        "parent": edge.parent,
-        "child": edge.child,
-        "trans": [float(v) for v in parent_T_child[:3, 3]],
-        "quat": [float(v) for v in se3.quaternion_from_rotation(parent_T_child[:3, :3])],
-    }
-
-
-def joint_document(joint: JointState) -> Dict[str, Any]:
-    """Return a joint as it stands in a collection."""
-    return {
-        "transform_key": str(joint.edge),
-        "parent_link": joint.edge.parent,
-        "child_link": joint.edge.child,
-        "joint_type": joint.type,
-        "position": joint.position,
-        **joint.parameters,
-        **{f"axis_{axis}": float(v) for axis, v in zip("xyz", joint.axis)},
-    }
-
-
-def _joint(value: Mapping[str, Any]) -> JointState:
-    parameters = {name: float(value[name]) for name in ORIGIN_PARAMETERS}
-    parameters[POSITION_BIAS] = float(value.get(POSITION_BIAS, 0.0))
-    return JointState(
-        edge=Edge(value["parent_link"], value["child_link"]),
-        type=value["joint_type"],
-        axis=np.array([value[f"axis_{axis}"] for axis in "xyz"], dtype=float),
-        position=float(value["position"]),
-        parameters=parameters,
-    )
-
-
-def _lay_over(stored: Dict[str, Any], name: str, edge: Edge, matrix: np.ndarray) -> None:
-    """Write an edge unless the file already says the same, whose digits are then kept."""
-    if name in stored and np.array_equal(_pose(stored[name]), matrix):
-        return
-    stored[name] = {**stored.get(name, {}), **transform_document(edge, matrix)}
 
 
 def dumps(document: Mapping[str, Any]) -> str:

@@ -7,7 +7,7 @@ exactly; along the cut there are only the two ends, known to the distance of two
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Optional
+from typing import ClassVar, Optional
 
 import numpy as np
 
@@ -24,26 +24,33 @@ class LineSighting:
     """The cut of the board.
 
     Attributes:
-        middle: (3,) mean of the labeled points [m].
+        centre: (3,) mean of the labeled points [m].
         direction: (3,) unit vector along the cut, either way.
-        ends: (2,) places of the first and the last point along it, from the middle [m].
-        extent_m: root of the mean squared distance from the middle, along the cut.
+        ends: (2,) places of the first and the last point along it, from the centre [m].
+        extent_m: root of the mean squared distance from the centre, along the cut.
         step_m: between two beams on the board.
         sigma_m: of one range.
         count: of points.
     """
 
-    middle: np.ndarray
+    centre: np.ndarray
     direction: np.ndarray
     ends: np.ndarray
     extent_m: float
     step_m: float
     sigma_m: float
     count: int
+    known_axes: ClassVar[int] = 1
+
+    def board_axes(self, normal: np.ndarray) -> np.ndarray:
+        """Return the cut's direction, the one across it in the board, and the nearest normal."""
+        nearest = normal - (normal @ self.direction) * self.direction
+        nearest /= np.linalg.norm(nearest)
+        return np.column_stack([self.direction, np.cross(nearest, self.direction), nearest])
 
     def motion(self, other: LineSighting) -> float:
         """Return by how many sigmas the board moved to another sighting."""
-        shift = other.middle - self.middle
+        shift = other.centre - self.centre
         along = float(self.direction @ shift)
         across = float(np.linalg.norm(shift - along * self.direction))
         turned = float(np.linalg.norm(np.cross(self.direction, other.direction))) * self.extent_m
@@ -64,7 +71,7 @@ def line_sighting(points: np.ndarray) -> Optional[LineSighting]:
         return None
     along = np.sort((points - line.centroid) @ line.direction)
     return LineSighting(
-        middle=line.centroid,
+        centre=line.centroid,
         direction=line.direction,
         ends=along[[0, -1]],
         extent_m=float(np.sqrt(np.mean(along**2))),

@@ -186,8 +186,10 @@ def beams_of(scan: LaserScan, middle: Optional[int] = None) -> Beams:
     """Return the beams that say something, by growing angle.
 
     Where the scan goes all the way round, its seam is put opposite to the beam ``middle`` (an index
-    into the ranges); None keeps it. Lost beams are left out; a wide gap of them counts as nothing
-    within reach, unless it is at the end of the field of view.
+    into the ranges); None keeps it. Lost beams are left out, and a narrow gap without returns counts
+    as lost, since many drivers report a beam that got no answer like one with nothing within reach.
+    A wide gap of lost beams counts as nothing within reach, unless it is at the end of the field of
+    view.
     """
     count = len(scan.ranges)
     index = np.arange(count) if scan.angle_increment > 0 else np.arange(count)[::-1]
@@ -199,13 +201,17 @@ def beams_of(scan: LaserScan, middle: Optional[int] = None) -> Beams:
     angle = np.where(angle < angle[0] - 1e-9, angle + 2.0 * np.pi, angle)
     ranges = np.where(scan.valid, scan.ranges, np.where(scan.beyond, np.inf, np.nan))[index]
     step = abs(scan.angle_increment)
-    lost = np.isnan(ranges)
-    borders = np.flatnonzero(np.diff(lost.astype(int), prepend=0, append=0))
+    silent = ~np.isfinite(ranges)
+    borders = np.flatnonzero(np.diff(silent.astype(int), prepend=0, append=0))
     for first, beyond in zip(borders[::2].tolist(), borders[1::2].tolist()):
-        if first > 0 and beyond < count:
-            nearer = min(ranges[first - 1], ranges[beyond])
-            if nearer * step * (beyond - first + 1) > _GAP_M:
-                ranges[first + (beyond - first) // 2] = np.inf
+        if first == 0 or beyond == count:
+            continue
+        gap = ranges[first:beyond]
+        nearer = min(ranges[first - 1], ranges[beyond])
+        if nearer * step * (beyond - first + 1) <= _GAP_M:
+            gap[:] = np.nan
+        elif np.all(np.isnan(gap)):
+            gap[(beyond - first) // 2] = np.inf
     kept = np.flatnonzero(~np.isnan(ranges))
     between = np.diff(kept, prepend=kept[0] - 1) - 1
     return Beams(index[kept], angle[kept], ranges[kept], between, step, scan.is_closed)

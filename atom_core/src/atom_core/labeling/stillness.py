@@ -8,12 +8,12 @@ the image for a camera, the plane and its centre for a range sensor, the cut for
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, NamedTuple, Optional, Protocol
+from typing import Any, Callable, ClassVar, Dict, NamedTuple, Optional, Protocol, runtime_checkable
 
 import numpy as np
 
 from atom_core.geometry.depth_noise import depth_sigma_m
-from atom_core.geometry.plane import fit_plane
+from atom_core.geometry.plane import fit_plane, plane_basis
 
 CORNER_SIGMA_PX = 0.3
 LIDAR_SIGMA_M = 0.010
@@ -68,6 +68,11 @@ class PlaneSighting:
     sigma_m: float
     count: int
     beside_sigmas: float
+    known_axes: ClassVar[int] = 2
+
+    def board_axes(self, _: np.ndarray) -> np.ndarray:
+        """Return the plane's basis (3, 3), its normal last; no expectation is needed."""
+        return plane_basis(self.normal)
 
     def motion(self, other: PlaneSighting) -> float:
         """Return by how many sigmas the board moved to another sighting."""
@@ -86,6 +91,30 @@ class Sighting(Protocol):
 
     def motion(self, other: Any) -> float:
         """Return by how many sigmas the board moved to another sighting of the same kind."""
+
+
+@runtime_checkable
+class SurfaceSighting(Sighting, Protocol):
+    """What labeled points say of the board's surface.
+
+    Attributes:
+        centre: (3,) mean of the points [m].
+        known_axes: how many directions in the board they tell: two a plane, one a line.
+    """
+
+    centre: np.ndarray
+    known_axes: ClassVar[int]
+
+    def board_axes(self, normal: np.ndarray) -> np.ndarray:
+        """Return axes of the board.
+
+        Args:
+            normal: (3,) the one expected.
+
+        Returns:
+            (3, 3), unit vectors as columns: two in the board, those that are known first; and the
+            normal, as near to the expected one as the points allow, either way.
+        """
 
 
 class PointNoise(NamedTuple):

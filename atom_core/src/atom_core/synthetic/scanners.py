@@ -24,6 +24,7 @@ _PLACES = {  # where they stand, and the heights that they look to in the middle
     "scanner_1": ((-2.3, 1.1, 0.95), 1.05),
     "scanner_2": ((2.3, 0.9, 1.2), 1.0),
 }
+_PLACED = 0.05, 0.03  # how far a real mount is from the drawing [m, rad]
 _RIG, _POSES, _NOISE, _DISTURBANCE = 31, 32, 33, 34  # streams of random numbers of one seed
 
 
@@ -35,8 +36,8 @@ def cell_with_scanners_rig(seed: int) -> Rig:
     assert simulation is not None
     structure: Dict[Edge, np.ndarray] = dict(cell.transforms)
     for name, (place, height) in _PLACES.items():
-        world_T_base = jittered(looking_at(place, (*_CENTRE, height)), 0.05, 0.03, rng)
-        world_T_post = jittered(world_T_base, 0.1, 0.1, rng)
+        world_T_base = jittered(looking_at(place, (*_CENTRE, height)), *_PLACED, rng)
+        world_T_post = se3.transform(np.eye(3), np.array([place[0], place[1], 0.0]))
         structure[Edge("world", f"{name}_post")] = world_T_post
         post_T_base = se3.inverse(world_T_post) @ world_T_base
         mounts.append(simulation.mount(name, f"{name}_post", post_T_base, None))

@@ -72,7 +72,11 @@ def inputs_of(world: World, recording: Recording) -> str:
             "program": {name: _hash_file(path) for name, path in program_files().items()},
             "description": dict(_description(world)),
             "robots": {kind: _robot_document(world, kind) for kind in (EXACT, DISTURBED)},
-            "recording": {"seed": world.seed, **asdict(recording)},
+            "recording": {
+                "seed": world.seed,
+                "scanners": world.scanners,
+                **asdict(recording),
+            },
             "versions": {
                 "python": sys.version,
                 "numpy": np.__version__,

@@ -1,4 +1,4 @@
-"""A spinning LiDAR: ranges along its beams, with noise, lost returns and mixed ones at edges."""
+"""LiDARs: ranges along their beams, with noise, lost returns and mixed ones at edges."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import Iterator, NamedTuple, Optional, Tuple, Union
 
 import numpy as np
 
+from atom_core.synthetic.lidar2d import Lidar2dModel
 from atom_core.synthetic.rig import LidarModel
 from atom_examples.cell_simulator.scene import Scene
 
@@ -59,7 +60,9 @@ class Scan(NamedTuple):
 class Lidar:
     """Scans a scene. What stands still is cast once and kept."""
 
-    def __init__(self, name: str, frame: str, model: LidarModel, noise: LidarNoise):
+    def __init__(
+        self, name: str, frame: str, model: Union[LidarModel, Lidar2dModel], noise: LidarNoise
+    ):
         """Prepare the beams, and four lines around each to find edges."""
         self.name, self.frame, self.model, self.noise = name, frame, model, noise
         self._beams = np.stack(
@@ -68,7 +71,8 @@ class Lidar:
         self._still: Optional[Tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = None
 
     def ring(self, beam: np.ndarray) -> np.ndarray:
-        """Return the scan layer of beams, 0 the lowest."""
+        """Return the scan layer of beams of a 3D LiDAR, 0 the lowest."""
+        assert isinstance(self.model, LidarModel)
         return (beam // self.model.azimuth_steps).astype(np.uint16)
 
     def exact(self, scene: Scene) -> Returns:

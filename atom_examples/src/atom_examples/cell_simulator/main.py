@@ -23,7 +23,7 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     parser = argparse.ArgumentParser(
         prog=PROGRAM,
-        description="Simulate the collaborative cell: images, depth images and clouds of a board.",
+        description="Simulate the collaborative cell: what its sensors see of a board.",
         epilog=f"example: {EXAMPLE}",
     )
     what = parser.add_mutually_exclusive_group(required=True)
@@ -49,6 +49,7 @@ def build_parser() -> argparse.ArgumentParser:
         default="16UC1",
         help="depth in millimetres or in metres",
     )
+    _add(parser, "scanners", action="store_true", help="with two 2D LiDARs beside the cell")
     _add(parser, "no_noise", action="store_true", help="exact sensors")
     _add(parser, "overwrite", action="store_true", help="replace an existing bag")
     _add(
@@ -112,7 +113,7 @@ def _bag(args: argparse.Namespace) -> int:
         depth_encoding=args.depth_encoding,
         noise=not args.no_noise,
     )
-    world = World(_checked_seed(args.seed))
+    world = World(_checked_seed(args.seed), scanners=args.scanners)
     try:
         print(f"{args.bag}: {_recorded(world, recording, args)}")
     finally:
@@ -143,7 +144,8 @@ def _live(args: argparse.Namespace) -> int:
         raise OutputError(f"--rtf is {args.rtf}; give a number above 0")
     from atom_examples.cell_simulator.node import run
 
-    return run(_checked_seed(args.seed), args.initial_estimate, args.depth_encoding, args.rtf)
+    seed = _checked_seed(args.seed)
+    return run(seed, args.initial_estimate, args.depth_encoding, args.rtf, args.scanners)
 
 
 def _checked_seed(seed: int) -> int:

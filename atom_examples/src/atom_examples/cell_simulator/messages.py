@@ -13,6 +13,7 @@ from sensor_msgs.msg import (
     CompressedImage,
     Image,
     JointState,
+    LaserScan,
     PointCloud2,
     PointField,
 )
@@ -23,6 +24,7 @@ from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.model.robot import FIXED, RobotDescription
 from atom_core.model.transforms import Edge
+from atom_core.synthetic.lidar2d import Lidar2dModel
 from atom_examples.cell_simulator.depth import millimetres
 from atom_examples.cell_simulator.lidar import Scan
 
@@ -124,6 +126,25 @@ def point_cloud(scan: Scan, ring: np.ndarray, head: Header) -> PointCloud2:
         row_step=_POINT.itemsize * len(points),
         data=points.tobytes(),
         is_dense=True,
+    )
+
+
+def laser_scan(scan: Scan, model: Lidar2dModel, scan_time_s: float, head: Header) -> LaserScan:
+    """Return a scan with a range for each beam: infinite where nothing came back (REP 117)."""
+    ranges, intensities = np.full(model.beams, np.inf), np.zeros(model.beams)
+    ranges[scan.beam] = np.linalg.norm(scan.points, axis=1)
+    intensities[scan.beam] = scan.intensity
+    return LaserScan(
+        header=head,
+        angle_min=model.angle_min,
+        angle_max=model.angle_min + (model.beams - 1) * model.angle_increment,
+        angle_increment=model.angle_increment,
+        time_increment=0.0,  # all of it is one instant here
+        scan_time=scan_time_s,
+        range_min=model.range_m[0],
+        range_max=model.range_m[1],
+        ranges=ranges.tolist(),
+        intensities=intensities.tolist(),
     )
 
 

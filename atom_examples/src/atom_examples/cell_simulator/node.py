@@ -11,7 +11,7 @@ import rospy
 from geometry_msgs.msg import PoseStamped
 from interactive_markers.interactive_marker_server import InteractiveMarkerServer
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import CameraInfo, Image, JointState, PointCloud2
+from sensor_msgs.msg import CameraInfo, JointState
 from std_srvs.srv import (
     SetBool,
     SetBoolRequest,
@@ -30,9 +30,9 @@ from visualization_msgs.msg import (
 
 from atom_core.geometry import se3
 from atom_examples.cell_simulator import messages
+from atom_examples.cell_simulator.devices import CameraDevice, Device, Packing, devices_of
 from atom_examples.cell_simulator.errors import SimulatorError
 from atom_examples.cell_simulator.scene import Person
-from atom_examples.cell_simulator.settings import AnySettings, ColourSettings, DepthSettings
 from atom_examples.cell_simulator.trajectory import TICK_S
 from atom_examples.cell_simulator.world import World
 
@@ -45,15 +45,18 @@ _EYE_M = np.array([0.0, 1.3, 2.0])  # what it faces
 _PERSON_M = np.array([0.9, -0.2])  # from the middle of the board
 
 
-def run(seed: int, initial_estimate: str, depth_encoding: str, rtf: float) -> int:
-    """Run the node until it is shut down."""
+def run(
+    seed: int, initial_estimate: str, depth_encoding: str, rtf: float, scanners: bool = False
+) -> int:
+    """Run the node until it is shut down; arguments as of `World` and `LiveCell`."""
     try:
         rospy.set_param("/use_sim_time", True)
     except OSError:
         raise SimulatorError(
             "no ROS master answers; start one with roscore, or use collab_cell_simulation.launch"
         ) from None
-    world = World(seed)  # takes seconds; only as long as this is no node does Ctrl-C end it at once
+    # Takes seconds; only as long as this is no node does Ctrl-C end it at once.
+    world = World(seed, scanners=scanners)
     try:
         rospy.init_node(NODE)
         LiveCell(world, initial_estimate, depth_encoding, rtf).spin()
@@ -63,9 +66,9 @@ def run(seed: int, initial_estimate: str, depth_encoding: str, rtf: float) -> in
 
 
 class _Output(NamedTuple):
-    """A sensor with its publishers; it is due every so many ticks."""
+    """A device with its publishers; it is due every so many ticks."""
 
-    sensor: AnySettings
+    device: Device
     period: int
     publish: rospy.Publisher
     publish_info: Optional[rospy.Publisher]
@@ -83,14 +86,14 @@ class LiveCell:
             depth_encoding: 16UC1 or 32FC1.
             rtf: seconds simulated in a second, at most.
         """
-        self.world, self._encoding, self._rtf = world, depth_encoding, rtf
+        self.world, self._packing, self._rtf = world, Packing(depth_encoding), rtf
         self._lock = threading.Lock()
         self._steps = threading.Semaphore(0)
         self._tick, self._paused = 0, False
         description = world.description(initial_estimate)
         rospy.set_param("/robot_description", description.urdf)
         self._still, self._joints = messages.split_edges(description.robot, world.home)
-        self._outputs = [self._advertise(sensor) for sensor in world.settings.all]
+        self._outputs = [_advertised(device, self._packing) for device in devices_of(world)]
         self._clock = _publisher("/clock", Clock, 10)
         self._tf = _publisher("/tf", TFMessage, 10)
         self._tf_static = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
@@ -138,33 +141,18 @@ class LiveCell:
                 self._publish_sensor(number, output, stamp)
 
     def _publish_sensor(self, number: int, output: _Output, stamp: rospy.Time) -> None:
-        sensor, world = output.sensor, self.world
+        device, world = output.device, self.world
+        frame = device.settings.frame
         if output.publish.get_num_connections() > 0:
             rng = np.random.default_rng([world.seed, _LIVE, number, self._tick])
-            head = messages.header(sensor.frame, stamp)
-            if isinstance(sensor, ColourSettings):
-                picture = world.colours[sensor.name].capture(world.scene, rng)
-                output.publish.publish(messages.colour_image(picture, head))
-            elif isinstance(sensor, DepthSettings):
-                depth_m = world.depths[sensor.name].capture(world.scene, rng)
-                output.publish.publish(messages.depth_image(depth_m, self._encoding, head))
-            else:
-                lidar = world.lidars[sensor.name]
-                scan = lidar.capture(world.scene, rng)
-                output.publish.publish(messages.point_cloud(scan, lidar.ring(scan.beam), head))
-        if output.publish_info is not None and isinstance(sensor, (ColourSettings, DepthSettings)):
-            head = messages.header(sensor.frame, stamp)
-            output.publish_info.publish(messages.camera_info(sensor.camera, head))
+            seen = device.capture(world.scene, rng)
+            message = device.pack(seen, messages.header(frame, stamp), self._packing)
+            output.publish.publish(message)
+        if output.publish_info is not None and isinstance(device, CameraDevice):
+            output.publish_info.publish(device.info(messages.header(frame, stamp)))
 
     def _stamp(self) -> rospy.Time:
         return rospy.Time(0, int(START_S * 1e9) + self._tick * int(TICK_S * 1e9))
-
-    def _advertise(self, sensor: AnySettings) -> _Output:
-        period = max(int(round(1.0 / (sensor.rate_hz * TICK_S))), 1)
-        if isinstance(sensor, (ColourSettings, DepthSettings)):
-            info = _publisher(sensor.info_topic, CameraInfo, 2)
-            return _Output(sensor, period, _publisher(sensor.topic, Image, 2), info)
-        return _Output(sensor, period, _publisher(sensor.topic, PointCloud2, 2), None)
 
     def _move_board(self, world_T_pattern: np.ndarray) -> None:
         with self._lock:
@@ -247,6 +235,12 @@ def _controls(size_m: np.ndarray) -> List[InteractiveMarkerControl]:
             control.orientation.x, control.orientation.y, control.orientation.z = axis
             controls.append(control)
     return controls
+
+
+def _advertised(device: Device, packing: Packing) -> _Output:
+    period = max(int(round(1.0 / (device.settings.rate_hz * TICK_S))), 1)
+    info = device.info_topic and _publisher(device.info_topic, CameraInfo, 2)
+    return _Output(device, period, _publisher(device.topic(packing), device.message, 2), info)
 
 
 def _publisher(topic: str, kind: type, queue: int) -> rospy.Publisher:

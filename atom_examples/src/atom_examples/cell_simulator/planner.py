@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Dict, Iterator, List, NamedTuple, Optional, Sequence
+from dataclasses import replace
+from typing import Collection, Dict, Iterator, List, NamedTuple, Optional, Sequence
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from atom_core.synthetic.rig import camera_of
 from atom_examples.cell_simulator.errors import SimulatorError
 from atom_examples.cell_simulator.scene import Person
 from atom_examples.cell_simulator.scene_model import PERSON_M
+from atom_examples.cell_simulator.settings import ScannerSettings
 from atom_examples.cell_simulator.trajectory import ordered
 from atom_examples.cell_simulator.world import World
 
@@ -22,6 +24,7 @@ _PERSON = 4  # stream of random numbers of one seed and scenario
 _BEHIND_M = 0.005  # a ray that ends nearer to its goal has met something else
 _CLAMP_M = (0.4, 1.65)  # heights that the tripod reaches
 _FLOOR_M = 0.02
+LEAST_CUT_M = 0.25  # of the board, for a label of a 2D LiDAR
 _AWAY = Person(50.0, 50.0, 0.0)
 _PERSON_DISTANCE_M = (0.8, 1.05)  # from the middle of the board
 _PERSON_PLACES = 16
@@ -37,6 +40,9 @@ class Stop(NamedTuple):
 def plan_stops(world: World, scenario: str, collections: int) -> List[Stop]:
     """Return the stops of a recording, in an order with short ways.
 
+    The scenario's statistics are those of the paper's seven sensors. Where there are 2D LiDARs, one
+    of them sees the board at each stop.
+
     Args:
         world: the cell; its seed and the scenario decide everything.
         scenario: "train" or "test".
@@ -50,10 +56,12 @@ def plan_stops(world: World, scenario: str, collections: int) -> List[Stop]:
     if scenario not in SCENARIOS:
         raise SimulatorError(f"scenario '{scenario}' is unknown; use {' or '.join(SCENARIOS)}")
     wanted = SCENARIOS[scenario].of_size(collections)
-    free = _FreePoses(world, np.random.default_rng([world.seed, wanted.stream, _PERSON]))
+    scanners = {s.name for s in world.settings.all if isinstance(s, ScannerSettings)}
+    sensors = {name: s for name, s in world.rig.sensors.items() if name not in scanners}
+    free = _FreePoses(world, scanners, np.random.default_rng([world.seed, wanted.stream, _PERSON]))
     rng = np.random.default_rng([world.seed, wanted.stream])
     try:
-        poses = plan_board_poses(world.rig, wanted, rng, free.accept)
+        poses = plan_board_poses(replace(world.rig, sensors=sensors), wanted, rng, free.accept)
     except ValueError as error:
         raise SimulatorError(f"no board poses for seed {world.seed}: {error}") from None
     stops = [Stop(pose, free.persons[pose.tobytes()]) for pose in poses]
@@ -100,11 +108,23 @@ def is_open(world: World, line: Sight) -> np.ndarray:
     return met > distance - _BEHIND_M
 
 
+def cut_length_m(world: World, name: str) -> float:
+    """Return the length [m] of the scene's board that the beams of a 2D LiDAR meet; 0: nothing."""
+    lidar = world.lidars[name]
+    returns = lidar.exact(world.scene)
+    on_plate = lidar.model.directions[returns.beam] * returns.range[:, None]
+    points = on_plate[returns.on_plate]
+    if len(points) < 2:
+        return 0.0
+    along = points[np.argmax(np.linalg.norm(points - points[0], axis=1))] - points[0]
+    return float(np.ptp(points @ along / np.linalg.norm(along)))
+
+
 class _FreePoses:
     """Accepts board poses, and keeps where the person stands for each."""
 
-    def __init__(self, world: World, rng: np.random.Generator):
-        self.world, self.scene, self.rng = world, world.scene, rng
+    def __init__(self, world: World, scanners: Collection[str], rng: np.random.Generator):
+        self.world, self.scene, self.scanners, self.rng = world, world.scene, scanners, rng
         self.pattern = world.scene.board.pattern
         self.persons: Dict[bytes, Person] = {}
 
@@ -118,10 +138,16 @@ class _FreePoses:
         if not all(np.all(is_open(self.world, line)) for line in lines):
             return False
         person = self._place_person(world_T_pattern, lines)
-        if person is None:
+        if person is None or not self._is_scanned():
             return False
         self.persons[world_T_pattern.tobytes()] = person
         return True
+
+    def _is_scanned(self) -> bool:
+        """Tell whether a 2D LiDAR sees the scene's board, if there are any."""
+        return not self.scanners or any(
+            cut_length_m(self.world, name) >= LEAST_CUT_M for name in self.scanners
+        )
 
     def _has_room(self, world_T_pattern: np.ndarray) -> bool:
         border, scene = self.pattern.border, self.scene

@@ -15,9 +15,9 @@ from tqdm import tqdm
 
 from atom_core.synthetic.cell import SCENARIOS
 from atom_examples.cell_simulator import messages
+from atom_examples.cell_simulator.devices import CameraDevice, Device, Packing, devices_of
 from atom_examples.cell_simulator.errors import SimulatorError
 from atom_examples.cell_simulator.planner import plan_stops
-from atom_examples.cell_simulator.settings import AnySettings, ColourSettings, DepthSettings
 from atom_examples.cell_simulator.trajectory import TICK_S, State, Trajectory
 from atom_examples.cell_simulator.truth import Labels, write_recording_truth
 from atom_examples.cell_simulator.world import DISTURBED, World
@@ -38,7 +38,7 @@ class Recording:
         depth_encoding: 16UC1 or 32FC1.
         noise: False for exact sensors.
         stop_s: how long the board stands still.
-        image_hz, cloud_hz: rates while it stands; clouds and depth images go together.
+        image_hz, cloud_hz: rates while it stands, of colour images and of all else.
         moving_image_hz, moving_cloud_hz: rates while it moves.
     """
 
@@ -134,6 +134,8 @@ class _Writer:
         self.world, self.recording, self.bag, self.labels = world, recording, bag, labels
         robot = world.description(recording.initial_estimate).robot
         self._still, self._joints = messages.split_edges(robot, world.home)
+        self._devices = devices_of(world)
+        self._packing = Packing(recording.depth_encoding, recording.compressed)
         self._seq: Dict[str, int] = {}
         self._stream = SCENARIOS[recording.scenario].stream
 
@@ -149,59 +151,44 @@ class _Writer:
         if due:
             world.scene.place_board(state.world_T_pattern)
             world.scene.place_person(state.person)
-        for number, sensor in due:
-            self._write_sensor(sensor, state, stamp, self._rng(number, tick))
+        for number, device in due:
+            self._write_device(device, state, stamp, self._rng(number, tick))
         if state.stop is not None and state.tick_of_stop == 0:
             self.labels.add_stop(state.stop)
 
-    def _due(self, tick: int, state: State) -> Iterator[Tuple[int, AnySettings]]:
+    def _due(self, tick: int, state: State) -> Iterator[Tuple[int, Device]]:
         wanted, still = self.recording, state.stop is not None
-        for number, sensor in enumerate(self.world.settings.all):
-            if isinstance(sensor, ColourSettings):
+        for number, device in enumerate(self._devices):
+            if device.draws_pictures:
                 rate = wanted.image_hz if still else wanted.moving_image_hz
             else:
                 rate = wanted.cloud_hz if still else wanted.moving_cloud_hz
             period = max(int(round(1.0 / (rate * TICK_S))), 1)
             if (state.tick_of_stop if still else tick) % period == 0:
-                yield number, sensor
+                yield number, device
 
     def _rng(self, sensor: int, tick: int) -> Optional[np.random.Generator]:
         if not self.recording.noise:
             return None
         return np.random.default_rng([self.world.seed, self._stream, _NOISE, sensor, tick])
 
-    def _write_sensor(
+    def _write_device(
         self,
-        sensor: AnySettings,
+        device: Device,
         state: State,
         stamp: rospy.Time,
         rng: Optional[np.random.Generator],
     ) -> None:
-        scene, world = self.world.scene, self.world
+        sensor = device.settings
         head = messages.header(sensor.frame, stamp, self._next_seq(sensor.topic))
-        topic, packed = sensor.topic, self.recording.compressed
-        message: Any
-        if isinstance(sensor, ColourSettings):
-            picture = world.colours[sensor.name].capture(scene, rng)
-            pack = messages.jpeg_image if packed else messages.colour_image
-            message, topic = pack(picture, head), topic + "/compressed" * packed
-        elif isinstance(sensor, DepthSettings):
-            depth_m = world.depths[sensor.name].capture(scene, rng)
-            packed = packed and self.recording.depth_encoding == "16UC1"
-            topic += "/compressed" * packed
-            if packed:
-                message = messages.png_depth_image(depth_m, head)
-            else:
-                message = messages.depth_image(depth_m, self.recording.depth_encoding, head)
-        else:
-            lidar = world.lidars[sensor.name]
-            scan = lidar.capture(scene, rng)
-            message = messages.point_cloud(scan, lidar.ring(scan.beam), head)
-            if state.stop is not None:
-                self.labels.add_scan(state.stop, sensor.name, stamp.to_sec(), scan)
-        self.bag.write(topic, message, stamp)
-        if isinstance(sensor, (ColourSettings, DepthSettings)):
-            self.bag.write(sensor.info_topic, messages.camera_info(sensor.camera, head), stamp)
+        seen = device.capture(self.world.scene, rng)
+        message = device.pack(seen, head, self._packing)
+        self.bag.write(device.topic(self._packing), message, stamp)
+        if isinstance(device, CameraDevice):
+            self.bag.write(device.info_topic, device.info(head), stamp)
+        on_plate = device.on_plate(seen)
+        if state.stop is not None and on_plate is not None:
+            self.labels.add_scan(state.stop, sensor.name, stamp.to_sec(), on_plate)
 
     def _write_latched(self, topic: str, message: Any, stamp: rospy.Time) -> None:
         connection = {

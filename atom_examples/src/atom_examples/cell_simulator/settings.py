@@ -11,7 +11,8 @@ import yaml
 
 from atom_core.geometry.camera import Camera
 from atom_core.model.config import PatternConfig
-from atom_core.model.sensor import DEPTH, LIDAR3D, RGB
+from atom_core.model.sensor import DEPTH, LIDAR2D, LIDAR3D, RGB
+from atom_core.synthetic.lidar2d import Lidar2dModel
 from atom_core.synthetic.rig import LidarModel
 from atom_examples.cell_simulator.depth import DepthNoise
 from atom_examples.cell_simulator.errors import SimulatorError
@@ -57,7 +58,15 @@ class LidarSettings(SensorSettings):
     noise: LidarNoise
 
 
-AnySettings = Union[ColourSettings, DepthSettings, LidarSettings]
+@dataclass(frozen=True)
+class ScannerSettings(SensorSettings):
+    """A 2D LiDAR."""
+
+    model: Lidar2dModel
+    noise: LidarNoise
+
+
+AnySettings = Union[ColourSettings, DepthSettings, LidarSettings, ScannerSettings]
 
 
 @dataclass(frozen=True)
@@ -80,8 +89,12 @@ class Settings:
         return [*self.sensors.values(), *self.others.values()]
 
 
-def read_settings(path: Path) -> Settings:
+def read_settings(path: Path, scanners: bool = False) -> Settings:
     """Read the file.
+
+    Args:
+        path: of the file.
+        scanners: the 2D LiDARs are there.
 
     Raises:
         SimulatorError: it is absent or malformed; names the sensor and the key.
@@ -93,8 +106,9 @@ def read_settings(path: Path) -> Settings:
     except yaml.YAMLError as error:
         raise SimulatorError(f"{path}: no YAML ({error}); mend it") from None
     entry = _Entry(str(path), document)
+    sensors = _sensors(entry.part("sensors"))
     return Settings(
-        sensors=_sensors(entry.part("sensors")),
+        sensors={**sensors, **_sensors(entry.part("scanners"))} if scanners else sensors,
         others=_sensors(entry.part("other_sensors")) if "other_sensors" in document else {},
         board=_pattern(entry.part("pattern")),
     )
@@ -127,7 +141,7 @@ class _Entry:
 
 def _sensors(entries: _Entry) -> Dict[str, AnySettings]:
     readers: Mapping[str, Callable[[_Entry, Dict[str, Any]], AnySettings]]
-    readers = {RGB: _colour, DEPTH: _depth, LIDAR3D: _lidar}
+    readers = {RGB: _colour, DEPTH: _depth, LIDAR3D: _lidar, LIDAR2D: _scanner}
     sensors: Dict[str, AnySettings] = {}
     for name in entries.values:
         entry = entries.part(name)
@@ -173,7 +187,6 @@ def _depth(entry: _Entry, common: Dict[str, Any]) -> DepthSettings:
 
 
 def _lidar(entry: _Entry, common: Dict[str, Any]) -> LidarSettings:
-    noise = entry.part("noise")
     return LidarSettings(
         **common,
         model=LidarModel(
@@ -182,12 +195,25 @@ def _lidar(entry: _Entry, common: Dict[str, Any]) -> LidarSettings:
             azimuth_steps=entry.get("azimuth_steps", _count),
             range_m=entry.get("range_m", _pair),
         ),
-        noise=LidarNoise(
-            sigma_m=noise.get("sigma_m", _not_negative),
-            dropout=noise.get("dropout", _share),
-            mixed_within_rad=entry.get("beam_divergence_rad", _not_negative)
-            * noise.get("mixed_within_beams", _not_negative),
-        ),
+        noise=_lidar_noise(entry),
+    )
+
+
+def _scanner(entry: _Entry, common: Dict[str, Any]) -> ScannerSettings:
+    beams = entry.get("beams", _count)
+    model = Lidar2dModel(
+        angle_increment=2.0 * np.pi / beams, beams=beams, range_m=entry.get("range_m", _pair)
+    )
+    return ScannerSettings(**common, model=model, noise=_lidar_noise(entry))
+
+
+def _lidar_noise(entry: _Entry) -> LidarNoise:
+    noise = entry.part("noise")
+    return LidarNoise(
+        sigma_m=noise.get("sigma_m", _not_negative),
+        dropout=noise.get("dropout", _share),
+        mixed_within_rad=entry.get("beam_divergence_rad", _not_negative)
+        * noise.get("mixed_within_beams", _not_negative),
     )
 
 

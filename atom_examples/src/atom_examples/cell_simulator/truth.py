@@ -11,7 +11,6 @@ from atom_core.geometry import se3
 from atom_core.io.atomic import write_bytes_atomically
 from atom_core.io.truth_json import write_truth
 from atom_core.model.truth import Truth
-from atom_examples.cell_simulator.lidar import Scan
 from atom_examples.cell_simulator.planner import is_open, sight
 from atom_examples.cell_simulator.world import EXACT, World
 
@@ -26,7 +25,8 @@ class Labels:
     * ``.../corner_ids`` (n,), ``.../corners_px`` (n, 2): corners that a camera sees, exact;
     * ``.../pixels`` (n,): pixels of a depth image, row by row, whose rays hit the plate;
     * ``.../stamps`` (m,) [s] and ``.../returns_0`` to ``..._m-1`` (n,): for each cloud of the
-      stop, the indices of the points whose beam's centre line hits the plate.
+      stop, the indices of the points whose beam's centre line hits the plate; for each scan of a
+      2D LiDAR likewise, of its ranges.
     """
 
     def __init__(self, world: World):
@@ -54,12 +54,11 @@ class Labels:
         for name, depth in world.depths.items():
             self._arrays[f"{stop:03d}/{name}/pixels"] = depth.plate_pixels(world.scene)
 
-    def add_scan(self, stop: int, name: str, stamp_s: float, scan: Scan) -> None:
-        """Add a cloud of a stop."""
+    def add_scan(self, stop: int, name: str, stamp_s: float, on_plate: np.ndarray) -> None:
+        """Add which points of a cloud, or ranges of a scan, are on the plate (n,)."""
         place = f"{stop:03d}/{name}"
         stamps = self._stamps.setdefault(place, [])
-        returns = np.flatnonzero(scan.on_plate).astype(np.int32)
-        self._arrays[f"{place}/returns_{len(stamps)}"] = returns
+        self._arrays[f"{place}/returns_{len(stamps)}"] = on_plate.astype(np.int32)
         stamps.append(stamp_s)
 
     def write(self, path: Path) -> None:

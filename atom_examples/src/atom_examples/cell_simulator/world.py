@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections import defaultdict
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Dict, List, Mapping, Optional
@@ -17,6 +18,7 @@ from atom_core.model.pattern import pattern_from_config
 from atom_core.model.transforms import Edge
 from atom_core.synthetic.cell import cell_rig, initial_edges
 from atom_core.synthetic.rig import Rig
+from atom_core.synthetic.scanners import cell_with_scanners_rig
 from atom_examples.cell_simulator.camera import FINER, ColourCamera, pinhole_view
 from atom_examples.cell_simulator.depth import DepthCamera
 from atom_examples.cell_simulator.errors import SimulatorError
@@ -28,6 +30,7 @@ from atom_examples.cell_simulator.settings import (
     ColourSettings,
     DepthSettings,
     LidarSettings,
+    ScannerSettings,
     Settings,
     read_settings,
 )
@@ -64,11 +67,12 @@ class World:
 
     Attributes:
         seed: from which everything was drawn.
+        scanners: the two 2D LiDARs are there.
         settings: of the sensors.
         rig: the true sensors, as ``atom_core.synthetic`` sees them.
         home: positions of the manipulator's joints [rad].
         scene: what there is to be seen.
-        colours, depths, lidars: the sensors by name.
+        colours, depths, lidars: the sensors by name; 2D LiDARs are among the last.
     """
 
     def __init__(
@@ -76,24 +80,32 @@ class World:
         seed: int,
         files: Optional[Files] = None,
         resolve_package: Optional[PackageResolver] = None,
+        scanners: bool = False,
     ):
         """Build the cell.
+
+        Args:
+            seed: decides everything.
+            files: of the description; those of its package when None.
+            resolve_package: finds packages.
+            scanners: with the two 2D LiDARs.
 
         Raises:
             AtomError: a description or a setting is malformed, a link or a mesh is absent.
         """
-        self.seed, self._resolve = seed, resolve_package
+        self.seed, self.scanners, self._resolve = seed, scanners, resolve_package
         self._files = files or cell_files(resolve_package)
-        self.settings = read_settings(self._files.sensors)
-        self.rig = _as_set(cell_rig(seed), self.settings)
+        self.settings = read_settings(self._files.sensors, scanners)
+        rig = cell_with_scanners_rig(seed) if scanners else cell_rig(seed)
+        self.rig = _as_set(rig, self.settings)
         self.home = _joint_positions(self._files.home)
         self._check_links(self.description(EXACT))
         self.rig = clear_of(self.rig, self._structure())
         truth = self.description(EXACT)
         self.scene = self._scene(truth)
-        by_kind: Dict[type, List] = {}
+        by_kind: Dict[type, List] = defaultdict(list)
         for sensor in self.settings.all:
-            by_kind.setdefault(type(sensor), []).append(sensor)
+            by_kind[type(sensor)].append(sensor)
         self.colours = {
             s.name: ColourCamera(s.name, s.camera, s.noise_grey) for s in by_kind[ColourSettings]
         }
@@ -102,7 +114,8 @@ class World:
             for s in by_kind[DepthSettings]
         }
         self.lidars = {
-            s.name: Lidar(s.name, s.frame, s.model, s.noise) for s in by_kind[LidarSettings]
+            s.name: Lidar(s.name, s.frame, s.model, s.noise)
+            for s in [*by_kind[LidarSettings], *by_kind[ScannerSettings]]
         }
 
     @property
@@ -119,7 +132,8 @@ class World:
         with tempfile.NamedTemporaryFile("w", suffix=".yaml", encoding="utf-8") as file:
             yaml.safe_dump(self._mounts(self.edges(estimate)), file)
             file.flush()
-            return read_description(self._files.cell, self._resolve, {"mounts": file.name})
+            arguments = {"mounts": file.name, "scanners": str(self.scanners).lower()}
+            return read_description(self._files.cell, self._resolve, arguments)
 
     def _mounts(self, edges: Mapping[Edge, np.ndarray]) -> Dict[str, Dict]:
         return {
@@ -161,7 +175,7 @@ class World:
             if isinstance(s, ColourSettings)
             else View(s.name, s.frame, s.camera)
             for s in settings.all
-            if not isinstance(s, LidarSettings)
+            if isinstance(s, (ColourSettings, DepthSettings))
         ]
         return Scene(
             truth.robot,
@@ -186,7 +200,7 @@ def _as_set(rig: Rig, settings: Settings) -> Rig:
     sensors, lidars = {}, {}
     for name, sensor in rig.sensors.items():
         entry = settings.sensors[name]
-        if isinstance(entry, LidarSettings):
+        if isinstance(entry, (LidarSettings, ScannerSettings)):
             lidars[name] = entry.model
             sensors[name] = replace(sensor, frame=entry.frame, topic=entry.topic)
         else:

@@ -1,0 +1,107 @@
+"""The entries of a dataset's JSON, one by one: sensors, transforms, joints."""
+
+from __future__ import annotations
+
+from typing import Any, Dict, Mapping, Optional
+
+import numpy as np
+
+from atom_core.geometry import se3
+from atom_core.geometry.camera import Camera
+from atom_core.model.joints import ORIGIN_PARAMETERS, POSITION_BIAS, JointState
+from atom_core.model.modality import Modality, modality_named, modality_of_message
+from atom_core.model.transforms import Edge
+
+
+def modality_of_entry(entry: Mapping[str, Any]) -> Modality:
+    """Return the modality of a sensor's entry, where need be by the type of its messages."""
+    if not entry.get("modality"):
+        by_message = modality_of_message(str(entry.get("msg_type", "")))
+        if by_message is not None:
+            return by_message
+    return modality_named(entry.get("modality") or "")
+
+
+def camera_of_entry(info: Mapping[str, Any]) -> Camera:
+    """Return the camera of a `camera_info`.
+
+    Raises:
+        KeyError, ValueError, TypeError: something is absent or malformed; so do those below.
+    """
+    return Camera(
+        width=int(info["width"]),
+        height=int(info["height"]),
+        K=np.array(info["K"], dtype=float),
+        D=np.array(info["D"], dtype=float),
+        model=info.get("distortion_model") or "plumb_bob",
+    )
+
+
+def with_camera(entry: Mapping[str, Any], camera: Optional[Camera]) -> Mapping[str, Any]:
+    """Return a sensor's entry with other intrinsics, where they have changed."""
+    info = entry.get("camera_info")
+    if camera is None or not info:
+        return entry
+    before = camera_of_entry(info)
+    if np.array_equal(before.K, camera.K) and np.array_equal(before.D, camera.D):
+        return entry
+    coefficients = [float(v) for v in camera.D]
+    longer = [float(v) for v in info["D"][len(coefficients) :]]  # zeros of a longer layout
+    changed = {**info, "K": [float(v) for v in camera.K.ravel()], "D": coefficients + longer}
+    P = np.array(info.get("P") or [], dtype=float)
+    if P.size == 12 and np.allclose(P.reshape(3, 4)[:, :3], before.K):  # of the raw image
+        P = P.reshape(3, 4)
+        P[:, :3] = camera.K
+        changed["P"] = [float(v) for v in P.ravel()]
+    return {**entry, "camera_info": changed}
+
+
+def pose_of_entry(entry: Mapping[str, Any]) -> np.ndarray:
+    """Return the ``parent_T_child`` (4, 4) of a transform."""
+    translation = np.array(entry["trans"], dtype=float).reshape(3)
+    if not np.all(np.isfinite(translation)):
+        raise ValueError("the translation is not finite")
+    return se3.from_quaternion(translation, np.array(entry["quat"], dtype=float).reshape(4))
+
+
+def transform_document(edge: Edge, parent_T_child: np.ndarray) -> Dict[str, Any]:
+    """Return an edge as it stands in a collection's transforms."""
+    return {
+        "parent": edge.parent,
+        "child": edge.child,
+        "trans": [float(v) for v in parent_T_child[:3, 3]],
+        "quat": [float(v) for v in se3.quaternion_from_rotation(parent_T_child[:3, :3])],
+    }
+
+
+def lay_over(stored: Dict[str, Any], name: str, edge: Edge, matrix: np.ndarray) -> None:
+    """Write an edge unless the file already says the same, whose digits are then kept."""
+    if name in stored and np.array_equal(pose_of_entry(stored[name]), matrix):
+        return
+    stored[name] = {**stored.get(name, {}), **transform_document(edge, matrix)}
+
+
+def joint_of_entry(value: Mapping[str, Any]) -> JointState:
+    """Return the joint of a collection's entry."""
+    parameters = {name: float(value[name]) for name in ORIGIN_PARAMETERS}
+    parameters[POSITION_BIAS] = float(value.get(POSITION_BIAS, 0.0))
+    return JointState(
+        edge=Edge(value["parent_link"], value["child_link"]),
+        type=value["joint_type"],
+        axis=np.array([value[f"axis_{axis}"] for axis in "xyz"], dtype=float),
+        position=float(value["position"]),
+        parameters=parameters,
+    )
+
+
+def joint_document(joint: JointState) -> Dict[str, Any]:
+    """Return a joint as it stands in a collection."""
+    return {
+        "transform_key": str(joint.edge),
+        "parent_link": joint.edge.parent,
+        "child_link": joint.edge.child,
+        "joint_type": joint.type,
+        "position": joint.position,
+        **joint.parameters,
+        **{f"axis_{axis}": float(v) for axis, v in zip("xyz", joint.axis)},
+    }
