@@ -16,13 +16,12 @@ import numpy as np
 from atom_core.errors import LabelingError
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.labeling.base import Labeled, nothing
+from atom_core.labeling.scan_beams import Beams, beams_of
 from atom_core.labeling.scan_line import (
     EDGE,
-    Beams,
     Cut,
     Line,
     along_line,
-    beams_of,
     behind_line,
     cut_along,
     fit_line,

@@ -9,7 +9,7 @@ from typing import List, NamedTuple, Tuple
 
 import numpy as np
 
-from atom_core.labeling.scan_line import Beams
+from atom_core.labeling.scan_beams import Beams
 
 _FAR_M = 30.0  # nothing is looked for beyond
 
