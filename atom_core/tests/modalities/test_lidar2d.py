@@ -1,6 +1,7 @@
 """2D LiDARs in a calibration: the paper's cell with two of them, and what they leave open."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -248,7 +249,10 @@ def test_upright_boards_alone_are_no_calibration():
     exact = make_dataset(rig, {"pattern_1": upright}, Noise(), rng)
     assert sum(key.sensor == "scanner_1" for key, _ in exact.dataset.detections()) > 5
     result = calibrate(disturbed(exact, (0.02, 0.02), rng).dataset)
-    assert result.status != "converged"  # and so the exit code is 1
+    assert result.status == "rank_deficient"  # and so the exit code is 1
+    why = " ".join(direction.why for direction in result.weak_directions)
+    assert re.search(r"scanner_[12] shifts along \(\S+, \S+, 1\.00\) of world", why)
+    assert re.search(r"scanner_[12] turns about \(\S+, \S+, -?0\.0\d\) of world", why)
 
 
 # ----------------------------------------------------------------------------- bad input

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Dict, Mapping, Optional, Sequence, Tuple
+from dataclasses import dataclass, replace
+from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from atom_core.calibration.judge.weak_directions import (
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.refine.refinement import Refined
 from atom_core.calibration.start.boards import solved_dataset
-from atom_core.calibration.start.starts import ChosenStart
+from atom_core.calibration.start.starts import ChosenStart, InitialProblem
 from atom_core.model.dataset import Dataset
 from atom_core.model.pattern import BoardKey
 from atom_core.problem.problem import Problem
@@ -63,8 +63,27 @@ def judge(chosen: ChosenStart, refined: Refined, options: CalibrationOptions) ->
     solution = Solution(dataset, problem, summary.x)
     weak += weak_directions(solution, covariance, *options.undetermined_limit)
     weak += weak_range_offsets(covariance, options.undetermined_limit[0])
+    if not weak and summary.status != CONVERGED:
+        weak = _weak_at_the_start(start, refined, options)
     status, message = _verdict(summary, weak, refined.failure)
     return Judgement(dataset, covariance, tuple(weak), status, message)
+
+
+def _weak_at_the_start(
+    start: InitialProblem, refined: Refined, options: CalibrationOptions
+) -> List[WeakDirection]:
+    """Return what was undetermined where the solver began.
+
+    A solver that finds no rest may have drifted along such a direction until something stopped it,
+    as the corner of a board does with an end of a 2D LiDAR's cut; there it looks determined.
+    """
+    problem = refined.solver.problem
+    x = np.zeros_like(refined.summary.x)
+    summary = replace(refined.summary, x=x)
+    covariance = covariance_of(refined.solver, summary, options.solver_options)
+    boards = _of_use(start.initial, start.boards, problem)
+    solution = Solution(solved_dataset(start.initial, problem, x, boards), problem, x)
+    return weak_directions(solution, covariance, *options.undetermined_limit)
 
 
 def _of_use(
