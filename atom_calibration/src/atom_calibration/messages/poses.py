@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Iterable
+from typing import Any, Iterable, Mapping
 
 import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion, TransformStamped, Vector3
+from tf2_msgs.msg import TFMessage
 
 from atom_calibration.errors import MessageError
 from atom_calibration.messages.headers import frame_name
@@ -50,6 +51,11 @@ def transform_message(edge: Edge, parent_T_child: np.ndarray, stamp: Any) -> Tra
     message.transform.translation = Vector3(pose.position.x, pose.position.y, pose.position.z)
     message.transform.rotation = pose.orientation
     return message
+
+
+def transforms_message(transforms: Mapping[Edge, np.ndarray], stamp: Any) -> TFMessage:
+    """Return transforms ``parent_T_child`` (4, 4) [m] by edge, all of one stamp, as tf has them."""
+    return TFMessage([transform_message(edge, m, stamp) for edge, m in transforms.items()])
 
 
 def point_message(position: Iterable[float]) -> Point:

@@ -1,4 +1,4 @@
-"""How every node starts and ends: arguments, signals, exit codes."""
+"""How every node starts and ends: signals, the master, exit codes."""
 
 from __future__ import annotations
 
@@ -6,18 +6,14 @@ import argparse
 import signal
 import sys
 import threading
-from dataclasses import replace
-from pathlib import Path
 from typing import Callable, List, Optional, Tuple
 
 import rospy
 
 from atom_calibration.runtime.master_watch import GONE, MasterWatch
-from atom_core.commands.common import add_option
 from atom_core.errors import AtomError, ConfigError
-from atom_core.io.config_yaml import read_config
-from atom_core.model.config import CalibrationConfig
 
+Work = Callable[[argparse.Namespace], int]
 UNACCEPTABLE, BAD_INPUT = 1, 2
 _stop = threading.Event()
 _watches: List[MasterWatch] = []
@@ -82,6 +78,12 @@ def _master_pid() -> Optional[int]:
         return None
 
 
+def run(name: str, parser: argparse.ArgumentParser, work: Work) -> int:
+    """Run a node with the arguments of the command line; return its exit code."""
+    args = parser.parse_args(rospy.myargv(sys.argv)[1:])
+    return guarded(name, lambda: work(args))
+
+
 def guarded(name: str, run: Callable[[], int]) -> int:
     """Run a node; return its exit code. A refusal is one line, and so is the loss of the master."""
     try:
@@ -104,63 +106,3 @@ def _outcome(run: Callable[[], int]) -> Tuple[int, str]:
             raise
         return UNACCEPTABLE, GONE
     return (max(code, UNACCEPTABLE), lost()) if lost() else (code, "")
-
-
-def positive(text: str) -> float:
-    """Return a number above 0 of the command line."""
-    value = float(text)
-    if not 0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"'{text}' is no number above 0")
-    return value
-
-
-def add_config_option(parser: argparse.ArgumentParser) -> None:
-    """Add the option that names the calibration's configuration."""
-    add_option(
-        parser,
-        "config",
-        "-cfg",
-        "--config_file",
-        required=True,
-        type=Path,
-        metavar="FILE",
-        help="the calibration's config.yml",
-    )
-
-
-def add_labeling_options(parser: argparse.ArgumentParser) -> None:
-    """Add what one labeler, and the program that starts them all, can be told."""
-    add_option(
-        parser,
-        "automatic_seeds",
-        choices=("on", "off"),
-        default="on",
-        help="predict seeds from the cameras and search the board (default: on)",
-    )
-    add_option(parser, "seeds", type=_optional_path, metavar="FILE", help="seeds given by hand")
-    add_option(
-        parser,
-        "rate",
-        type=positive,
-        default=5.0,
-        metavar="HZ",
-        help="most labels a second and sensor (default: 5)",
-    )
-
-
-def _optional_path(text: str) -> Optional[Path]:
-    return Path(text) if text else None
-
-
-def config_of_sensor(path: Path, name: str) -> CalibrationConfig:
-    """Read a configuration and leave only one of its sensors in it.
-
-    Raises:
-        ConfigError: it cannot be read, or has no such sensor.
-    """
-    config = read_config(path)
-    if name not in config.sensors:
-        raise ConfigError(
-            f"{path}: there is no sensor '{name}'; use one of {', '.join(config.sensors)}"
-        )
-    return replace(config, sensors={name: config.sensors[name]}, anchored_sensor=None)

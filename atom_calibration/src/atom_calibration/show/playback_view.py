@@ -9,11 +9,9 @@ import cv2
 import numpy as np
 import rospy
 from sensor_msgs.msg import CameraInfo, Image
-from tf2_msgs.msg import TFMessage
 
 from atom_calibration.labels.label_messages import header_message
 from atom_calibration.messages.cameras import camera_info_message
-from atom_calibration.messages.poses import transform_message
 from atom_calibration.modalities.frames import Frame
 from atom_calibration.modalities.table import ros_modality
 from atom_calibration.msg import CollectionState, CollectionStates, LabelState, SensorDetection
@@ -131,13 +129,6 @@ def labeled_image(frame: Frame, chosen: Any = None) -> Image:
             centre = (int(round(16 * x)), int(round(16 * y)))
             cv2.circle(picture, centre, 9 * 16, _CHOSEN_BGR, 2, cv2.LINE_AA, 4)
     return picture_message(frame, picture)
-
-
-def transforms_message(dataset: Dataset, key: str) -> TFMessage:
-    """Return all transforms of a collection, for /tf_static."""
-    now = rospy.Time.now()
-    transforms = dataset.collections[key].transforms
-    return TFMessage([transform_message(edge, m, now) for edge, m in transforms.items()])
 
 
 # --- figures ----------------------------------------------------------------------------------

@@ -60,7 +60,7 @@ class Moved:
     dropped: bool
 
 
-MenuEntries = Sequence[Tuple[str, Callable[[], None]]]
+MenuEntries = Sequence[Tuple[str, Callable[[], object]]]
 OnMoved = Callable[[Moved], None]
 
 

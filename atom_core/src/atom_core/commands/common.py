@@ -42,6 +42,12 @@ def add_option(parser: Any, name: str, *short: str, **settings: Any) -> None:
 
 def add_dataset_options(parser: argparse.ArgumentParser) -> None:
     """Add the dataset and the selections."""
+    add_dataset_option(parser)
+    add_selection_options(parser)
+
+
+def add_dataset_option(parser: argparse.ArgumentParser) -> None:
+    """Add the dataset."""
     add_option(
         parser,
         "dataset",
@@ -52,7 +58,6 @@ def add_dataset_options(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="the dataset's JSON (ATOM v3)",
     )
-    add_selection_options(parser)
 
 
 def add_selection_options(parser: argparse.ArgumentParser) -> None:

@@ -47,8 +47,7 @@ def main() -> int:
     """Run the node; return its exit code."""
     made = argparse.ArgumentParser(prog="decompress_images", description=__doc__)
     made.add_argument("topics", nargs="+", metavar="TOPIC", help="ends in /compressed[Depth]")
-    args = made.parse_args(rospy.myargv()[1:])
-    return running.guarded("decompress_images", lambda: _run(args.topics))
+    return running.run("decompress_images", made, lambda args: _run(args.topics))
 
 
 def _run(topics: Any) -> int:

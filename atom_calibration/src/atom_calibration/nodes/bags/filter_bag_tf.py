@@ -73,8 +73,7 @@ def _publish(topic: Any, transforms: List[Any]) -> None:
 
 def main() -> int:
     """Run the node; return its exit code."""
-    args = _parser().parse_args(rospy.myargv()[1:])
-    return running.guarded("filter_bag_tf", lambda: _run(args.moving_joints))
+    return running.run("filter_bag_tf", _parser(), lambda args: _run(args.moving_joints))
 
 
 def _run(moving_joints: bool) -> int:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import time
-from typing import Optional, Sequence
 
 import rospy
 from std_srvs.srv import SetBool
 
 from atom_calibration.errors import CollectionError
-from atom_calibration.runtime import running
+from atom_calibration.runtime import options, running
 from atom_calibration.sources.live_topics import NotYetError, wait_for
 from atom_calibration.sources.rig import candidate_topics
 from atom_core.commands.common import add_option
@@ -23,10 +21,9 @@ COLLECTOR = "/collect_data"
 _SETTLE_S = 0.5  # who has subscribed is not yet connected
 
 
-def main(argv: Optional[Sequence[str]] = None) -> int:
+def main() -> int:
     """Run the node; return its exit code."""
-    args = _parser().parse_args(rospy.myargv(sys.argv)[1:] if argv is None else argv)
-    return running.guarded("start_bag", lambda: _run(args))
+    return running.run("start_bag", _parser(), _run)
 
 
 def _run(args: argparse.Namespace) -> int:
@@ -69,6 +66,6 @@ def _parser() -> argparse.ArgumentParser:
         description=__doc__,
         epilog="example: rosrun atom_calibration start_bag -cfg config.yml --player /play_bag",
     )
-    running.add_config_option(parser)
+    options.add_config_option(parser)
     add_option(parser, "player", required=True, metavar="NODE", help="name of `rosbag play`")
     return parser

@@ -9,10 +9,9 @@ The dataset is assembled when the node ends, and DIR/status.json says how it end
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from pathlib import Path
-from typing import Callable, Optional, Sequence
+from typing import Callable
 
 import rospy
 
@@ -23,6 +22,7 @@ from atom_calibration.errors import CollectionError
 from atom_calibration.nodes.collecting.collector_state import StateBoard
 from atom_calibration.nodes.collecting.live_collector import LabelSubscribers, LiveCollector
 from atom_calibration.runtime import running
+from atom_calibration.runtime.options import add_marker_size_option
 from atom_calibration.sources.live_topics import LiveTopics, wait_for
 from atom_calibration.sources.live_transforms import LiveTransforms
 from atom_calibration.sources.rig import Rig, check_frames, rig_from_bag
@@ -40,10 +40,9 @@ EXAMPLE = "roslaunch atom_calibration collect_data.launch config:=config.yml out
 _POLL_S = 0.1
 
 
-def main(argv: Optional[Sequence[str]] = None) -> int:
+def main() -> int:
     """Run the node; return its exit code."""
-    args = _parser().parse_args(rospy.myargv(sys.argv)[1:] if argv is None else argv)
-    return running.guarded(NAME, lambda: _run(args))
+    return running.run(NAME, _parser(), _run)
 
 
 def _run(args: argparse.Namespace) -> int:
@@ -189,15 +188,7 @@ def _parser() -> argparse.ArgumentParser:
     add_option(
         parser, "pictures", action="store_true", help="write pictures of the labels to look at"
     )
-    add_option(
-        parser,
-        "marker_size",
-        "-s",
-        type=float,
-        default=0.5,
-        metavar="M",
-        help="size of the sphere with the menu [m] (default: 0.5)",
-    )
+    add_marker_size_option(parser, 0.5)
     _add_limits(parser)
     return parser
 

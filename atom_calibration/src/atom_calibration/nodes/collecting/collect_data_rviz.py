@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Optional, Sequence
 
 from atom_calibration.configure.render import collecting_view
-from atom_calibration.runtime import running
+from atom_calibration.runtime import options, running
 from atom_calibration.runtime.rviz_window import become_rviz, written_layout
 from atom_calibration.sources.sensor_modality import modality_of_sensor
 from atom_core.io.config_yaml import read_config
@@ -48,5 +48,5 @@ def _parser() -> argparse.ArgumentParser:
         description=__doc__,
         epilog=f"example: rosrun atom_calibration {NAME} -cfg config.yml",
     )
-    running.add_config_option(parser)
+    options.add_config_option(parser)
     return parser

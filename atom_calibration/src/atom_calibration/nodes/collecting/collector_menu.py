@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from typing import Callable
 
-import numpy as np
+from atom_calibration.show.menu_sphere import BLUE, GREEN, MenuSphere
+from atom_calibration.show.pose_marker import MarkerServer
 
-from atom_calibration.show import markers
-from atom_calibration.show.pose_marker import STILL, MarkerServer, PoseMarker
-from atom_core.geometry import se3
-
-SERVER, MARKER = "data_labeler", "menu"
-_PLACE_M = np.array([0.0, 0.0, 1.0])
-_OFF, _ON = (0.4, 0.4, 0.9), (0.2, 0.8, 0.3)
+SERVER = "data_labeler"
+_PLACE_M = (0.0, 0.0, 1.0)
 
 
 class CollectorMenu:
@@ -35,28 +31,23 @@ class CollectorMenu:
             toggle: automatic collection on or off.
             delete_last: of the collections.
         """
-        self._world, self._size_m = world, size_m
-        self._server = MarkerServer(SERVER)
-        self._marker = PoseMarker(
-            self._server,
-            MARKER,
+        menu = [
+            ("Save collection", save),
+            ("Automatic data collection on/off", toggle),
+            ("Delete last collection", delete_last),
+        ]
+        self._sphere = MenuSphere(
+            MarkerServer(SERVER),
             world,
-            se3.transform(np.eye(3), _PLACE_M),
-            moves=STILL,
+            _PLACE_M,
+            menu,
             scale=size_m,
-            shapes=[self._sphere(False)],
-            description="collect data",
-            menu=[
-                ("Save collection", save),
-                ("Automatic data collection on/off", toggle),
-                ("Delete last collection", delete_last),
-            ],
+            diameter_m=size_m,
+            colour=BLUE,
+            words="collect data",
         )
 
     def show(self, collections: int, automatic: bool) -> None:
         """Say how many collections there are; green: they are taken by themselves."""
         words = f"{collections} collections" + (", automatic" if automatic else "")
-        self._marker.redraw([self._sphere(automatic)], words)
-
-    def _sphere(self, automatic: bool) -> markers.Marker:
-        return markers.sphere(self._world, self._size_m, _ON if automatic else _OFF)
+        self._sphere.show(words, GREEN if automatic else BLUE)

@@ -8,15 +8,14 @@ sensors have an interactive marker for the seed (/SENSOR/data_labeler) and the s
 from __future__ import annotations
 
 import argparse
-import sys
-from typing import Mapping, Optional, Sequence
+from typing import Mapping
 
 import cv2
 import rospy
 
 from atom_calibration.modalities.table import ros_modality
 from atom_calibration.nodes.collecting.labeler_node import LabelerNode, LabelLinks
-from atom_calibration.runtime import running
+from atom_calibration.runtime import options, running
 from atom_calibration.sources.live_topics import LiveTopics, wait_for
 from atom_calibration.sources.rig import Rig, rig_from_bag
 from atom_core.commands.common import add_option
@@ -26,15 +25,14 @@ from atom_core.io.seeds import read_seeds
 from atom_core.model.config import CalibrationConfig, SensorConfig
 
 
-def main(modality: str, argv: Optional[Sequence[str]] = None) -> int:
+def main(modality: str) -> int:
     """Run the labeler of a modality; return its exit code."""
     name = f"{modality}_labeler"
-    args = _parser(name).parse_args(rospy.myargv(sys.argv)[1:] if argv is None else argv)
-    return running.guarded(name, lambda: _run(name, modality, args))
+    return running.run(name, _parser(name), lambda args: _run(name, modality, args))
 
 
 def _run(name: str, modality: str, args: argparse.Namespace) -> int:
-    config = running.config_of_sensor(args.config, args.sensor)
+    config = options.config_of_sensor(args.config, args.sensor)
     everyone = read_config(args.config).sensors
     cameras = {n: entry.link for n, entry in everyone.items() if _may_tell_pose(entry)}
     running.start(f"{args.sensor}_labeler")
@@ -88,9 +86,9 @@ def _parser(name: str) -> argparse.ArgumentParser:
         epilog=f"example: rosrun atom_calibration {name} -cfg config.yml -sn SENSOR",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    running.add_config_option(parser)
+    options.add_config_option(parser)
     add_option(
         parser, "sensor", "-sn", "--sensor_name", required=True, metavar="NAME", help="which one"
     )
-    running.add_labeling_options(parser)
+    options.add_labeling_options(parser)
     return parser

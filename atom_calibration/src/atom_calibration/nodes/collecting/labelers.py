@@ -6,14 +6,14 @@ import argparse
 import subprocess
 import sys
 import time
-from typing import Dict, List, Optional, Sequence
+from typing import Dict, List, Sequence
 
 import roslib.packages
 import rospy
 
 from atom_calibration.errors import CollectionError
 from atom_calibration.modalities.table import is_labeled
-from atom_calibration.runtime import running
+from atom_calibration.runtime import options, running
 from atom_calibration.sources.sensor_modality import modality_of_sensor
 from atom_core.io.config_yaml import read_config
 
@@ -21,10 +21,9 @@ _END_WITHIN_S, _ASK_EVERY_S = 8.0, 1.0
 _POLL_S = 0.1
 
 
-def main(argv: Optional[Sequence[str]] = None) -> int:
+def main() -> int:
     """Run until the node is asked to end; return the exit code."""
-    args = _parser().parse_args(rospy.myargv(sys.argv)[1:] if argv is None else argv)
-    return running.guarded("labelers", lambda: _run(args))
+    return running.run("labelers", _parser(), _run)
 
 
 def _run(args: argparse.Namespace) -> int:
@@ -107,6 +106,6 @@ def _parser() -> argparse.ArgumentParser:
         description=__doc__,
         epilog="example: rosrun atom_calibration labelers -cfg config.yml",
     )
-    running.add_config_option(parser)
-    running.add_labeling_options(parser)
+    options.add_config_option(parser)
+    options.add_labeling_options(parser)
     return parser

@@ -26,10 +26,11 @@ from atom_calibration.nodes.correcting.playback_input import (
     pixels_of,
     sensor_of,
 )
-from atom_calibration.nodes.correcting.playback_menu import PlaybackMenu
 from atom_calibration.nodes.correcting.playback_topics import CollectionTopics
-from atom_calibration.runtime import running
+from atom_calibration.runtime import options, running
 from atom_calibration.show import playback_view as view
+from atom_calibration.show.menu_sphere import BLUE, ORANGE, MenuSphere
+from atom_calibration.show.pose_marker import MarkerServer, MenuEntries
 from atom_calibration.srv import (
     DeleteLabel,
     DeleteLabelResponse,
@@ -38,14 +39,13 @@ from atom_calibration.srv import (
     ShowCollection,
     ShowCollectionResponse,
 )
-from atom_core.commands.common import add_option
+from atom_core.commands.common import add_dataset_option, add_option
 from atom_core.editing.label_corrections import LabelCorrections
 from atom_core.errors import AtomError, OutputError
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset
 
 NODE = "dataset_playback"
-OUTPUT = "dataset_corrected.json"
 EXAMPLE = "rosrun atom_calibration dataset_playback -json dataset.json"
 _POINT_TOPICS = {
     "add": "/rviz/selected_points",
@@ -53,23 +53,18 @@ _POINT_TOPICS = {
     "remove": "/rviz/selected_remove_points",
     "clear": "/rviz/selected_clear_all_points",
 }
+_MENU_PLACE_M = (0.0, 0.0, 1.0)  # above the world's origin; orange: something is not saved
 _BUFFER_BYTES = 2**25
 
 
 def main() -> int:
     """Run the node; return its exit code."""
-    args = parser().parse_args(rospy.myargv()[1:])
-    return running.guarded(NODE, lambda: _run(args))
+    return running.run(NODE, parser(), _run)
 
 
 def _run(args: argparse.Namespace) -> int:
     dataset = read_dataset(args.dataset)
-    output = args.output or args.dataset.with_name(OUTPUT)
-    if output.exists() and not args.overwrite:
-        raise OutputError(
-            f"{output}: exists already; add --overwrite to replace it, or go on with it by "
-            f"--dataset {output} --overwrite"
-        )
+    output = options.corrected_file(args)
     corrections = LabelCorrections(dataset)
     if args.collection:
         corrections.show(args.collection)
@@ -98,18 +93,13 @@ class DatasetPlayback:
         self._topics = CollectionTopics(corrections)
         self._state = rospy.Publisher("~state", PlaybackState, queue_size=10, latch=True)
         self._matrix = rospy.Publisher("~collections", CollectionStates, queue_size=2, latch=True)
-        self._menu = PlaybackMenu(
+        self._menu = MenuSphere(
+            MarkerServer(NODE),
             corrections.dataset.world,
-            marker_size_m,
-            {
-                "Next collection": self._from_menu(self.next),
-                "Previous collection": self._from_menu(self.previous),
-                "Undo": self._from_menu(self.undo),
-                "Redo": self._from_menu(self.redo),
-                "Reset collection": self._from_menu(self.reset),
-                "Polygons remove border on/off": self._from_menu(self._toggle_polygons),
-                "Save": self._from_menu(self.save),
-            },
+            _MENU_PLACE_M,
+            self._entries(),
+            scale=marker_size_m,
+            diameter_m=marker_size_m,
         )
         with self._lock:
             self._show_collection()
@@ -215,6 +205,20 @@ class DatasetPlayback:
             lambda r: SetBoolResponse(*self._do(lambda: self._set_polygons(bool(r.data)))),
         )
 
+    def _entries(self) -> MenuEntries:
+        return [
+            (title, partial(self._do, act))
+            for title, act in (
+                ("Next collection", self.next),
+                ("Previous collection", self.previous),
+                ("Undo", self.undo),
+                ("Redo", self.redo),
+                ("Reset collection", self.reset),
+                ("Polygons remove border on/off", self._toggle_polygons),
+                ("Save", self.save),
+            )
+        ]
+
     def _listen(self) -> None:
         for kind, topic in _POINT_TOPICS.items():
             rospy.Subscriber(
@@ -241,12 +245,6 @@ class DatasetPlayback:
             self._do(lambda: act(message))
 
         return hear
-
-    def _from_menu(self, act: Callable[[], str]) -> Callable[[], None]:
-        def chosen() -> None:
-            self._do(act)
-
-        return chosen
 
     def _do(self, act: Callable[[], str]) -> Tuple[bool, str]:
         """Do something; tell what came of it. Nothing that goes wrong here ends the node."""
@@ -330,7 +328,7 @@ class DatasetPlayback:
             )
         )
         self._matrix.publish(view.collection_states(corrections.dataset))
-        self._menu.show(self._corrections.place, corrections.unsaved)
+        self._menu.show(corrections.place, ORANGE if corrections.unsaved else BLUE)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -341,25 +339,8 @@ def parser() -> argparse.ArgumentParser:
         epilog=f"example: {EXAMPLE}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add_option(
-        made,
-        "dataset",
-        "-json",
-        "--json_file",
-        required=True,
-        type=Path,
-        metavar="FILE",
-        help="the dataset's JSON",
-    )
-    add_option(
-        made,
-        "output",
-        "-o",
-        type=Path,
-        metavar="FILE",
-        help=f"what is saved (default: {OUTPUT} beside the dataset)",
-    )
-    add_option(made, "overwrite", "-ow", action="store_true", help="replace an existing file")
+    add_dataset_option(made)
+    options.add_corrected_options(made)
     add_option(
         made,
         "collection",
@@ -368,13 +349,5 @@ def parser() -> argparse.ArgumentParser:
         metavar="KEY",
         help="collection to begin with (default: the first)",
     )
-    add_option(
-        made,
-        "marker_size",
-        "-s",
-        type=running.positive,
-        default=0.3,
-        metavar="M",
-        help="size of the sphere with the menu [m] (default: 0.3)",
-    )
+    options.add_marker_size_option(made, 0.3)
     return made

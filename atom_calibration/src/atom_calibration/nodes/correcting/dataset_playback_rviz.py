@@ -13,7 +13,7 @@ from typing import Optional, Sequence
 from atom_calibration.configure.render import correcting_view
 from atom_calibration.runtime import running
 from atom_calibration.runtime.rviz_window import become_rviz, written_layout
-from atom_core.commands.common import add_option
+from atom_core.commands.common import add_dataset_option
 from atom_core.io.dataset_json import read_dataset
 
 NAME = "dataset_playback_rviz"
@@ -36,14 +36,5 @@ def _parser() -> argparse.ArgumentParser:
         description=__doc__,
         epilog=f"example: rosrun atom_calibration {NAME} -json dataset.json",
     )
-    add_option(
-        parser,
-        "dataset",
-        "-json",
-        "--json_file",
-        required=True,
-        type=Path,
-        metavar="FILE",
-        help="the dataset's JSON",
-    )
+    add_dataset_option(parser)
     return parser

@@ -8,6 +8,7 @@ import rospy
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from tf2_msgs.msg import TFMessage
 
+from atom_calibration.messages.poses import transforms_message
 from atom_calibration.modalities.table import is_labeled, ros_modality
 from atom_calibration.show import playback_view as view
 from atom_calibration.show.annotation import labeled_cloud
@@ -44,7 +45,8 @@ class CollectionTopics:
     def show_collection(self) -> None:
         """Publish transforms, data and labels of the collection that is chosen."""
         dataset, key = self._corrections.dataset, self._corrections.collection
-        self._tf.publish(view.transforms_message(dataset, key))  # first: data are placed by it
+        transforms = dataset.collections[key].transforms
+        self._tf.publish(transforms_message(transforms, rospy.Time.now()))  # data are placed by it
         for name, publishers in self._publishers.items():
             self.shown[name] = view.shown(self._corrections, name)
             frame = self.shown[name].frame

@@ -7,24 +7,31 @@ collection in grey. Topics: ~data (MarkerArray), /tf_static.
 from __future__ import annotations
 
 import argparse
-import threading
 from pathlib import Path
 from typing import Any, Dict, List, Optional
 
 import numpy as np
 import rospy
-from std_srvs.srv import Trigger, TriggerResponse
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
-from atom_calibration.messages.poses import transform_message
+from atom_calibration.messages.poses import transforms_message
 from atom_calibration.modalities.table import ros_modality
-from atom_calibration.runtime import running
+from atom_calibration.runtime import options, running
+from atom_calibration.runtime.actions import Actions
 from atom_calibration.show import markers
-from atom_calibration.show.pose_marker import FULL, PLANAR, STILL, MarkerServer, Moved, PoseMarker
-from atom_core.commands.common import add_option
+from atom_calibration.show.menu_sphere import MenuSphere
+from atom_calibration.show.pose_marker import (
+    FULL,
+    PLANAR,
+    MarkerServer,
+    MenuEntries,
+    Moved,
+    PoseMarker,
+)
+from atom_core.commands.common import add_dataset_option, add_option
 from atom_core.editing.transform_corrections import TransformCorrections, chosen_edges
-from atom_core.errors import AtomError, OutputError, SelectionError
+from atom_core.errors import SelectionError
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset, board_edge, pose, range_points
@@ -35,21 +42,19 @@ NODE = "transform_corrector"
 EXAMPLE = (
     "rosrun atom_calibration transform_corrector -json dataset.json -pll odom -cll base_footprint"
 )
-_MENU_PLACE = (1.0, 0.0, 1.0)  # in the world [m]
+_MENU_PLACE_M = (1.0, 0.0, 1.0)  # in the world
+_BODY_IN_SCALE = 0.25  # size of the ball in the middle of a marker
 _MOST_POINTS = 6000  # of a cloud that are drawn
-_GREY, _WHITE = (0.6, 0.6, 0.6), (0.9, 0.9, 0.9)
+_GREY = (0.6, 0.6, 0.6)
 
 
 def main() -> int:
     """Run the node; return its exit code."""
-    args = parser().parse_args(rospy.myargv()[1:])
-    return running.guarded(NODE, lambda: _run(args))
+    return running.run(NODE, parser(), _run)
 
 
 def _run(args: argparse.Namespace) -> int:
-    output = args.output or args.dataset.with_name("dataset_corrected.json")
-    if output.exists() and not args.overwrite:
-        raise OutputError(f"{output}: exists already; add --overwrite, or give another --output")
+    output = options.corrected_file(args)
     dataset = read_dataset(args.dataset)
     edges = chosen_edges(args.parent_link_list, args.child_link_list)
     corrections = TransformCorrections(dataset, edges, args.patterns)
@@ -80,7 +85,7 @@ class TransformCorrector:
             reference: key of the collection that is shown in grey; empty: none.
         """
         self._corrections, self._output = corrections, output
-        self._lock = threading.RLock()
+        self._actions = Actions(lambda words: self._menu.show(words))
         self._fixed = rospy.Publisher("/tf_static", TFMessage, queue_size=10, latch=True)
         self._data = rospy.Publisher("~data", MarkerArray, queue_size=2, latch=True)
         self._server = MarkerServer(NODE)
@@ -88,21 +93,16 @@ class TransformCorrector:
         self._markers: Dict[Edge, PoseMarker] = {}
         for number, edge in enumerate(corrections.edges):
             self._markers[edge] = self._marker_of(edge, markers.colour_of(number), moves, scale)
-        place = np.eye(4)
-        place[:3, 3] = _MENU_PLACE
-        self._menu = PoseMarker(
+        self._menu = MenuSphere(
             self._server,
-            "menu",
             corrections.dataset.world,
-            place,
-            moves=STILL,
+            _MENU_PLACE_M,
+            self._entries(),
             scale=scale,
-            shapes=[markers.sphere("", 0.25 * scale, _WHITE)],
-            menu=self._entries(),
+            diameter_m=_BODY_IN_SCALE * scale,
         )
         for name in ("save", "undo", "next", "previous"):
-            action = getattr(self, name)
-            rospy.Service(f"~{name}", Trigger, lambda _, a=action: self._answer(a))
+            self._actions.serve(name, getattr(self, name))
         self._show()
 
     def _marker_of(
@@ -118,8 +118,11 @@ class TransformCorrector:
             moves=moves,
             scale=scale,
             description=str(edge),
-            shapes=[markers.sphere("", 0.25 * scale, colour)],
-            menu=[(f"Reset {edge}", self._act(lambda: self.reset(edge))), *self._entries()],
+            shapes=[markers.sphere("", _BODY_IN_SCALE * scale, colour)],
+            menu=[
+                self._actions.entry(f"Reset {edge}", lambda: self.reset(edge)),
+                *self._entries(),
+            ],
         )
 
     def save(self) -> str:
@@ -151,29 +154,17 @@ class TransformCorrector:
         self._show()
         return self._corrections.place
 
-    def _entries(self) -> List[Any]:
-        named = [("Next collection", self.next), ("Previous collection", self.previous)]
-        named += [("Undo", self.undo), ("Save", self.save)]
-        return [(title, self._act(action)) for title, action in named]
-
-    def _act(self, action: Any) -> Any:
-        def act() -> None:
-            answer = self._answer(action)
-            self._menu.redraw([markers.sphere("", 0.25 * self._menu.scale, _WHITE)], answer.message)
-            (rospy.loginfo if answer.success else rospy.logerr)(answer.message)
-
-        return act
-
-    def _answer(self, action: Any) -> TriggerResponse:
-        with self._lock:
-            try:
-                return TriggerResponse(True, action())
-            except AtomError as error:
-                return TriggerResponse(False, str(error))
+    def _entries(self) -> MenuEntries:
+        return [
+            self._actions.entry("Next collection", self.next),
+            self._actions.entry("Previous collection", self.previous),
+            self._actions.entry("Undo", self.undo),
+            self._actions.entry("Save", self.save),
+        ]
 
     def _moved(self, edge: Edge) -> Any:
         def moved(move: Moved) -> None:
-            with self._lock:
+            with self._actions.lock:
                 self._corrections.set(edge, move.frame_T_marker, move.dropped)
                 self._publish_transforms()
 
@@ -186,9 +177,7 @@ class TransformCorrector:
             if value is not None:
                 marker.move(value)
             marker.show(value is not None)
-        self._menu.redraw(
-            [markers.sphere("", 0.25 * self._menu.scale, _WHITE)], self._corrections.place
-        )
+        self._menu.show(self._corrections.place)
         self._publish_transforms()
         shapes = _in_sensor_frames(self._corrections.dataset, self._corrections.collection)
         clear = Marker(action=Marker.DELETEALL)
@@ -197,9 +186,7 @@ class TransformCorrector:
     def _publish_transforms(self) -> None:
         stamp = rospy.Time.now()
         transforms = self._corrections.dataset.collections[self._corrections.collection].transforms
-        self._fixed.publish(
-            TFMessage([transform_message(e, m, stamp) for e, m in transforms.items()])
-        )
+        self._fixed.publish(transforms_message(transforms, stamp))
 
 
 def _in_sensor_frames(dataset: Dataset, key: str) -> List[Marker]:
@@ -259,38 +246,13 @@ def parser() -> argparse.ArgumentParser:
     made = argparse.ArgumentParser(
         prog=NODE, description=__doc__.split("\n")[0], epilog=f"example: {EXAMPLE}"
     )
-    add_option(
-        made,
-        "dataset",
-        "-json",
-        "--json_file",
-        required=True,
-        type=Path,
-        metavar="FILE",
-        help="the dataset's JSON",
-    )
+    add_dataset_option(made)
     _add_choice(made)
     add_option(
         made, "two_dimensional", "-2d", action="store_true", help="move in x, y and yaw only"
     )
-    add_option(
-        made,
-        "marker_scale",
-        "-s",
-        type=running.positive,
-        default=0.6,
-        metavar="M",
-        help="size of the markers in metres (default: 0.6)",
-    )
-    add_option(
-        made,
-        "output",
-        "-o",
-        type=Path,
-        metavar="FILE",
-        help="what is saved (default: dataset_corrected.json beside the dataset)",
-    )
-    add_option(made, "overwrite", "-ow", action="store_true", help="replace an existing file")
+    options.add_marker_scale_option(made)
+    options.add_corrected_options(made)
     return made
 
 

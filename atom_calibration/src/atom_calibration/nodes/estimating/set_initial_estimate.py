@@ -9,23 +9,23 @@ competes, and what RViz shows follows the drag.
 from __future__ import annotations
 
 import argparse
-import threading
 from pathlib import Path
-from typing import Any, Dict, List, Tuple
+from typing import Any, Dict, List
 
 import numpy as np
 import rospy
 from sensor_msgs.msg import CameraInfo
-from std_srvs.srv import Trigger, TriggerResponse
 from tf2_msgs.msg import TFMessage
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import MarkerArray
 
 from atom_calibration.errors import MessageError
 from atom_calibration.messages.cameras import camera_from_info
-from atom_calibration.messages.poses import transform_message
-from atom_calibration.runtime import running
+from atom_calibration.messages.poses import transforms_message
+from atom_calibration.runtime import options, running
+from atom_calibration.runtime.actions import Actions
 from atom_calibration.show import markers
-from atom_calibration.show.pose_marker import STILL, MarkerServer, Moved, PoseMarker
+from atom_calibration.show.menu_sphere import MenuSphere
+from atom_calibration.show.pose_marker import MarkerServer, MenuEntries, Moved, PoseMarker
 from atom_calibration.srv import (
     GetSensorInteractiveMarker,
     GetSensorInteractiveMarkerResponse,
@@ -34,7 +34,6 @@ from atom_calibration.srv import (
 )
 from atom_core.commands.common import add_option
 from atom_core.editing.first_guess import FirstGuess, values_from_dataset
-from atom_core.errors import AtomError
 from atom_core.io.config_yaml import read_config
 from atom_core.io.urdf import read_description
 from atom_core.model.config import CalibrationConfig
@@ -42,16 +41,13 @@ from atom_core.model.modality import modality_named
 
 NODE = "set_initial_estimate"
 EXAMPLE = "rosrun atom_calibration set_initial_estimate -c config.yml -d cell.urdf.xacro"
-MENU = "menu"
-_MENU_PLACE = (1.0, 0.0, 1.0)  # in the world, as ATOM has it [m]
-_MENU_COLOUR = (0.9, 0.9, 0.9)
+_MENU_PLACE_M = (1.0, 0.0, 1.0)  # in the world, as ATOM has it
 _BODY_IN_SCALE = 0.25  # size of the ball in the middle of a marker
 
 
 def main() -> int:
     """Run the node; return its exit code."""
-    args = parser().parse_args(rospy.myargv()[1:])
-    return running.guarded(NODE, lambda: _run(args))
+    return running.run(NODE, parser(), _run)
 
 
 def _run(args: argparse.Namespace) -> int:
@@ -84,11 +80,19 @@ class SetInitialEstimate:
             scale: size of the markers [m].
         """
         self._guess, self._output = guess, output
-        self._lock = threading.RLock()  # feedback, services and menus come in different threads
+        self._actions = Actions(lambda words: self._menu.show(words))
         self._fixed = rospy.Publisher("/tf_static", TFMessage, queue_size=10, latch=True)
         self._server = MarkerServer(NODE)
         self._markers = self._sensor_markers(config, scale)
-        self._menu = self._menu_marker(config.world_link, scale)
+        self._menu = MenuSphere(
+            self._server,
+            config.world_link,
+            _MENU_PLACE_M,
+            self._common_entries(),
+            scale=scale,
+            diameter_m=_BODY_IN_SCALE * scale,
+            words="save, reset: right mouse button",
+        )
         self._frustums = [
             _Frustum(name, entry.topic_name, entry.link, markers.colour_of(index))
             for index, (name, entry) in enumerate(config.sensors.items())
@@ -96,8 +100,8 @@ class SetInitialEstimate:
         ]
         for name in guess.edges:
             self._serve(name)
-        rospy.Service("~save", Trigger, lambda _: self._answer(self.save))
-        rospy.Service("~reset_all", Trigger, lambda _: self._answer(self.reset_all))
+        self._actions.serve("save", self.save)
+        self._actions.serve("reset_all", self.reset_all)
         self._publish()
 
     def save(self) -> str:
@@ -106,24 +110,19 @@ class SetInitialEstimate:
         Raises:
             AtomError: it cannot be written.
         """
-        with self._lock:
-            sentence = self._guess.save(self._output).sentence
-        rospy.loginfo(sentence)
-        return sentence
+        return self._guess.save(self._output).sentence
 
     def reset(self, name: str) -> str:
         """Put one sensor back to where it was at the start."""
-        with self._lock:
-            self._guess.reset(name)
-            self._follow()
+        self._guess.reset(name)
+        self._follow()
         return f"'{name}' is where it was at the start"
 
     def reset_all(self) -> str:
         """Put everything back."""
-        with self._lock:
-            for name in self._guess.edges:
-                self._guess.reset(name)
-            self._follow()
+        for name in self._guess.edges:
+            self._guess.reset(name)
+        self._follow()
         return "everything is where it was at the start"
 
     def _sensor_markers(self, config: CalibrationConfig, scale: float) -> Dict[str, PoseMarker]:
@@ -143,55 +142,25 @@ class SetInitialEstimate:
                 self._moved(first),
                 scale=scale,
                 description=", ".join(names),
-                shapes=[_ball(scale, markers.colour_of(number))],
+                shapes=[markers.sphere("", _BODY_IN_SCALE * scale, markers.colour_of(number))],
                 menu=self._entries(first),
             )
             made.update(dict.fromkeys(names, marker))
         return made
 
-    def _menu_marker(self, world: str, scale: float) -> PoseMarker:
-        place = np.eye(4)
-        place[:3, 3] = _MENU_PLACE
-        entries = [("Save", self._act(self.save)), ("Reset all", self._act(self.reset_all))]
-        return PoseMarker(
-            self._server,
-            MENU,
-            world,
-            place,
-            moves=STILL,
-            scale=scale,
-            menu=entries,
-            shapes=[_ball(scale, _MENU_COLOUR)],
-            description="save, reset: right mouse button",
-        )
+    def _entries(self, name: str) -> MenuEntries:
+        save, reset_all = self._common_entries()
+        return [save, self._actions.entry(f"Reset {name}", lambda: self.reset(name)), reset_all]
 
-    def _entries(self, name: str) -> List[Tuple[str, Any]]:
+    def _common_entries(self) -> MenuEntries:
         return [
-            ("Save", self._act(self.save)),
-            (f"Reset {name}", self._act(lambda: self.reset(name))),
-            ("Reset all", self._act(self.reset_all)),
+            self._actions.entry("Save", self.save),
+            self._actions.entry("Reset all", self.reset_all),
         ]
-
-    def _act(self, action: Any) -> Any:
-        """Return a function for a menu: it does something and says how it went."""
-
-        def act() -> None:
-            answer = self._answer(action)
-            self._menu.redraw([_ball(self._menu.scale, _MENU_COLOUR)], answer.message[:80])
-            if not answer.success:
-                rospy.logerr(answer.message)
-
-        return act
-
-    def _answer(self, action: Any) -> TriggerResponse:
-        try:
-            return TriggerResponse(True, action())
-        except AtomError as error:
-            return TriggerResponse(False, str(error))
 
     def _moved(self, name: str) -> Any:
         def moved(move: Moved) -> None:
-            with self._lock:
+            with self._actions.lock:
                 self._guess.set(name, move.frame_T_marker)
                 self._publish()
 
@@ -204,11 +173,8 @@ class SetInitialEstimate:
         self._publish()
 
     def _publish(self) -> None:
-        stamp = rospy.Time.now()
         transforms = self._guess.fixed_transforms()
-        self._fixed.publish(
-            TFMessage([transform_message(e, m, stamp) for e, m in transforms.items()])
-        )
+        self._fixed.publish(transforms_message(transforms, rospy.Time.now()))
 
     def _serve(self, name: str) -> None:
         marker = self._markers[name]
@@ -216,7 +182,7 @@ class SetInitialEstimate:
         def show(request: Any) -> SetSensorInteractiveMarkerResponse:
             if not (0 <= request.scale < np.inf):
                 return SetSensorInteractiveMarkerResponse(False, "scale is a size in metres")
-            with self._lock:
+            with self._actions.lock:
                 marker.show(request.visible, request.scale or None)
             return SetSensorInteractiveMarkerResponse(True, "")
 
@@ -225,7 +191,7 @@ class SetInitialEstimate:
 
         rospy.Service(f"~{name}/set_sensor_interactive_marker", SetSensorInteractiveMarker, show)
         rospy.Service(f"~{name}/get_sensor_interactive_marker", GetSensorInteractiveMarker, tell)
-        rospy.Service(f"~{name}/reset", Trigger, lambda _: self._answer(lambda: self.reset(name)))
+        self._actions.serve(f"{name}/reset", lambda: self.reset(name))
 
 
 class _Frustum:
@@ -252,10 +218,6 @@ class _Frustum:
     def _publish(self, _event: Any = None) -> None:
         if self._markers.markers:
             self._publisher.publish(self._markers)
-
-
-def _ball(scale: float, colour: markers.Colour) -> Marker:
-    return markers.sphere("", _BODY_IN_SCALE * scale, colour)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -290,15 +252,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="FILE",
         help="what is saved (default: the description_file)",
     )
-    add_option(
-        made,
-        "marker_scale",
-        "-s",
-        type=running.positive,
-        default=0.6,
-        metavar="M",
-        help="size of the markers in metres (default: 0.6)",
-    )
+    options.add_marker_scale_option(made)
     add_option(
         made,
         "from_dataset",

@@ -1,0 +1,66 @@
+"""The sphere in RViz that stays where it is, with a menu and a line of text."""
+
+from __future__ import annotations
+
+from typing import Optional, Tuple
+
+import numpy as np
+from interactive_markers.interactive_marker_server import InteractiveMarkerServer
+
+from atom_calibration.show import markers
+from atom_calibration.show.pose_marker import STILL, MenuEntries, PoseMarker
+from atom_core.geometry import se3
+
+NAME = "menu"  # on its server
+GREY, BLUE = (0.9, 0.9, 0.9), (0.4, 0.4, 0.9)
+ORANGE, GREEN = (0.95, 0.6, 0.1), (0.2, 0.8, 0.3)
+_MOST_LETTERS = 80
+
+
+class MenuSphere:
+    """One sphere on a server of markers."""
+
+    def __init__(
+        self,
+        server: InteractiveMarkerServer,
+        world: str,
+        place_m: Tuple[float, float, float],
+        menu: MenuEntries,
+        *,
+        scale: float,
+        diameter_m: float,
+        colour: markers.Colour = GREY,
+        words: str = "",
+    ):
+        """Show it.
+
+        Args:
+            server: to which it belongs.
+            world: frame.
+            place_m: where its middle is, in the world.
+            menu: (title, function) of the entries; called in a thread of ROS.
+            scale: size of the marker [m], by which the text stands above it.
+            diameter_m: of the sphere.
+            colour: of the sphere.
+            words: the text.
+        """
+        self._diameter_m, self._colour = diameter_m, colour
+        self._marker = PoseMarker(
+            server,
+            NAME,
+            world,
+            se3.transform(np.eye(3), np.array(place_m)),
+            moves=STILL,
+            scale=scale,
+            shapes=[self._sphere()],
+            menu=menu,
+            description=words,
+        )
+
+    def show(self, words: str, colour: Optional[markers.Colour] = None) -> None:
+        """Say something else, of which 80 characters are shown; None: in the same colour."""
+        self._colour = self._colour if colour is None else colour
+        self._marker.redraw([self._sphere()], words[:_MOST_LETTERS])
+
+    def _sphere(self) -> markers.Marker:
+        return markers.sphere("", self._diameter_m, self._colour)
