@@ -13,6 +13,7 @@ from atom_calibration.modalities.table import ros_modality
 from atom_calibration.nodes.collecting.collect_from_bag import main
 from atom_calibration.show.annotation import POINT, annotated
 from atom_core.cli import main as core_main
+from atom_core.editing.label_corrections import LabelCorrections
 from atom_core.geometry import se3
 from atom_core.io.config_yaml import write_config
 from atom_core.io.dataset_json import read_dataset
@@ -214,6 +215,27 @@ def test_the_labeled_points_are_a_cloud(scene):
     np.testing.assert_array_equal(points["idx"], labeled.label.indices)
     np.testing.assert_allclose(points["x"], frame.data.points[labeled.label.indices, 0], atol=1e-6)
     assert ros_modality(LIDAR2D).draw(frame).any() and pattern.name in frame.sightings
+
+
+def test_a_label_is_corrected_by_hand(scene):
+    session = LabelCorrections(scene.dataset)
+    (pattern,), scan = scene.dataset.patterns, scene.dataset.data.read("000", "scanner")
+    before = session.labels("scanner")[pattern]
+    session.remove_points("scanner", before.indices[:5])
+    after = session.labels("scanner")[pattern]
+    np.testing.assert_array_equal(after.indices, before.indices[5:])
+    np.testing.assert_array_equal(after.limit_indices, before.limit_indices[1:])
+    beside = np.setdiff1d(np.flatnonzero(scan.valid), before.indices)[:3]
+    lost = np.flatnonzero(~scan.valid)[:4]
+    session.add_points("scanner", np.concatenate([beside, lost]), border=True)
+    after = session.labels("scanner")[pattern]
+    assert set(beside) <= set(after.indices) & set(after.limit_indices)
+    assert not set(lost) & set(after.indices)
+    session.delete_label("scanner")
+    assert not session.labels("scanner")
+    while session.undo_steps:
+        session.undo()
+    assert session.labels("scanner")[pattern] is before
 
 
 def test_a_recording_without_a_valid_range_is_refused(scene, make, tmp_path, capsys):

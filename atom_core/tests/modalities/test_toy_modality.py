@@ -99,6 +99,7 @@ TOY = Modality(
     labels=range_label_format("idxs_limit_points"),
     seed=SeedFormat("xyz_m", 3, "m"),
     points=cloud_points,
+    measured=lambda echoes: np.all(np.isfinite(echoes), axis=1),
     labeler=FirstEchoes,
     measure=measured_in_cloud,
     residual_blocks=range_blocks,
@@ -191,6 +192,7 @@ def test_each_modality_is_whole():
         assert modality.message_types and set(modality.is_default_of) <= set(modality.message_types)
         assert not modality.labels.empty.detected
         assert bool(modality.points) == modality.measures_range
+        assert bool(modality.measured) == modality.measures_range
         assert bool(modality.data.ending) == (modality.data.write is not None)
         assert all(kind.source == modality.name for kind in modality.pairs)
         if not modality.has_camera_info:

@@ -129,6 +129,7 @@ LIDAR_2D = Modality(
     labels=range_label_format("edge_idxs"),
     seed=SeedFormat("xyz_m", 3, "m"),
     points=_points,
+    measured=lambda scan: scan.valid,
     labeler=Lidar2dLabeler,
     measure=measured_in_scan,
     residual_blocks=range_blocks,
