@@ -25,6 +25,12 @@ from scene import (  # noqa: E402
     LEFT,
     RIGHT,
     RIGHT_M,
+    SCAN,
+    SCAN_BEAMS,
+    SCAN_LOST,
+    SCAN_MIDDLE_M,
+    SCAN_RANGE_M,
+    SCAN_STEP_RAD,
     SIDE,
     SPACING_M,
     Scene,
@@ -209,6 +215,22 @@ class RvizTest(unittest.TestCase):
         self.screen.click(self.left[0] - 60, self.left[1] - 60)
         time.sleep(1.0)
         self.assertEqual(self.scene.calls, [])
+
+    def test_25_points_of_a_scan_are_the_places_of_their_beams(self):
+        self.take_tool("l")
+        self.drag_around(self.screen.wait_for(SCAN))
+        self.screen.key("b")
+        cloud = self.labels["border"].next()
+        self.assertEqual(self.indices(cloud), set(range(SCAN_LOST, SCAN_BEAMS)))
+        self.assertEqual(cloud.header.frame_id, "scanner")
+
+    def test_26_a_click_on_a_scan_is_a_seed(self):
+        self.take_tool("d")
+        self.screen.click(*middle(self.screen.wait_for(SCAN)))
+        self.comes_within(PATIENCE_S)
+        self.assertEqual([call[0] for call in self.scene.calls], ["seed"])
+        error_m = np.abs(np.subtract(self.scene.calls[0][1], SCAN_MIDDLE_M))
+        self.assertLess(error_m.max(), 1.01 * SCAN_RANGE_M * SCAN_STEP_RAD)
 
     # ---- the picture
 

@@ -1,4 +1,4 @@
-"""What the plugins are tried on: two patches of points, a picture, services of a collector."""
+"""What the plugins are tried on: patches of points, a scan, a picture, services of a collector."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import threading
 import numpy as np
 import rospy
 from geometry_msgs.msg import TransformStamped
-from sensor_msgs.msg import Image, PointCloud2, PointField
+from sensor_msgs.msg import Image, LaserScan, PointCloud2, PointField
 from std_srvs.srv import SetBool, SetBoolResponse
 from tf2_msgs.msg import TFMessage
 
@@ -31,12 +31,15 @@ from atom_calibration.srv import (
 )
 
 LEFT, RIGHT = (255, 0, 0), (0, 0, 255)  # colours of the patches of points
+SCAN = (0, 255, 0)  # colour of the scan
 BLOCK = (255, 0, 255)  # colour of the block in the picture
 BLOCK_PX = (200, 120, 40, 30)  # its left column, top row, width, height
 IMAGE_SIZE = (480, 640)
 SIDE = 20  # points along a patch
 SPACING_M = 0.02
 LEFT_M, RIGHT_M = (2.0, 0.5, 0.3), (2.0, -0.5, 0.3)  # middles of the patches in the cloud's frame
+SCAN_BEAMS, SCAN_LOST, SCAN_RANGE_M, SCAN_STEP_RAD = 24, 4, 1.0, 0.02  # the first ones are lost
+SCAN_MIDDLE_M = (0.0, SCAN_RANGE_M, 0.0)  # of the returns, in the scan's frame
 
 
 def cloud_message(stamp):
@@ -59,6 +62,18 @@ def cloud_message(stamp):
     return message
 
 
+def scan_message(stamp):
+    """A scan: beams that are lost, then an arc about the y axis."""
+    arc_rad = (SCAN_BEAMS - SCAN_LOST - 1) * SCAN_STEP_RAD
+    first_rad = np.pi / 2 - arc_rad / 2 - SCAN_LOST * SCAN_STEP_RAD
+    message = LaserScan(angle_min=first_rad, angle_increment=SCAN_STEP_RAD)
+    message.header.frame_id, message.header.stamp = "scanner", stamp
+    message.angle_max = first_rad + (SCAN_BEAMS - 1) * SCAN_STEP_RAD
+    message.range_min, message.range_max = 0.1, 10.0
+    message.ranges = [np.inf] * SCAN_LOST + [SCAN_RANGE_M] * (SCAN_BEAMS - SCAN_LOST)
+    return message
+
+
 def image_message(stamp):
     """A grey picture with a block in it."""
     pixels = np.full((*IMAGE_SIZE, 3), 90, np.uint8)
@@ -71,14 +86,18 @@ def image_message(stamp):
     return message
 
 
-def transform_message():
-    """world to lidar: a quarter turn about z, and moved."""
-    transform = TransformStamped()
-    transform.header.frame_id, transform.child_frame_id = "world", "lidar"
-    transform.transform.translation.x = 0.5
-    transform.transform.translation.y = -2.0
-    transform.transform.rotation.z = transform.transform.rotation.w = np.sqrt(0.5)
-    return TFMessage([transform])
+def transforms_message():
+    """world to lidar: a quarter turn about z, and moved; world to scanner: moved."""
+    lidar, scanner = TransformStamped(), TransformStamped()
+    lidar.header.frame_id, lidar.child_frame_id = "world", "lidar"
+    lidar.transform.translation.x = 0.5
+    lidar.transform.translation.y = -2.0
+    lidar.transform.rotation.z = lidar.transform.rotation.w = np.sqrt(0.5)
+    scanner.header.frame_id, scanner.child_frame_id = "world", "scanner"
+    scanner.transform.translation.x = 0.5
+    scanner.transform.translation.y = -1.6
+    scanner.transform.rotation.w = 1.0
+    return TFMessage([lidar, scanner])
 
 
 class Scene:
@@ -92,6 +111,7 @@ class Scene:
         self._lock = threading.Lock()
         self._publishers = {
             "cloud": rospy.Publisher("/lidar/points", PointCloud2, queue_size=1),
+            "scan": rospy.Publisher("/scanner/scan", LaserScan, queue_size=1),
             "image": rospy.Publisher("/camera/labeled", Image, queue_size=1),
             "tf": rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True),
             "state": rospy.Publisher(
@@ -104,7 +124,7 @@ class Scene:
                 "/calibrate/state", CalibrationState, queue_size=1, latch=True
             ),
         }
-        self._publishers["tf"].publish(transform_message())
+        self._publishers["tf"].publish(transforms_message())
         self._publish_collections()
         self._publish_calibration()
         self._timer = rospy.Timer(rospy.Duration(0.2), self._publish)
@@ -116,6 +136,7 @@ class Scene:
             rospy.Service("/collect_data/delete_collection", DeleteCollection, self._delete),
             rospy.Service("/collect_data/toggle_automatic_data_collector", SetBool, self._toggle),
             rospy.Service("/my_lidar/set_seed", SetSeed, self._seed),
+            rospy.Service("/my_scanner/set_seed", SetSeed, self._seed),
         ]
 
     def withdraw_services(self):
@@ -128,6 +149,7 @@ class Scene:
     def _publish(self, _):
         now = rospy.Time.now()
         self._publishers["cloud"].publish(cloud_message(now))
+        self._publishers["scan"].publish(scan_message(now))
         self._publishers["image"].publish(image_message(now))
         state = CollectorState(dataset_folder="data/first", automatic=self._automatic)
         state.header.stamp = now
@@ -136,7 +158,8 @@ class Scene:
         lidar.patterns = [PatternState("board", False, "fewer than 10 points near the seed", 0)]
         camera = SensorState("camera", "rgb", "/camera", "camera", now, [], [])
         camera.patterns = [PatternState("board", True, "", 48)]
-        state.sensors = [camera, lidar]
+        scanner = SensorState("my_scanner", "lidar2d", "/scanner/scan", "scanner", now, [], [])
+        state.sensors = [camera, scanner, lidar]
         state.message = "Ready."
         self._publishers["state"].publish(state)
 

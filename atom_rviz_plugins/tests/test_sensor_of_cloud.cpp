@@ -36,6 +36,15 @@ TEST(SensorOfCloud, ElseTheOnlyLidarWithTheFrame) {
   EXPECT_EQ(sensor_of_cloud(state, "/filtered", "l"), "") << "two sensors share the frame";
 }
 
+TEST(SensorOfCloud, AScanIsACloudTooAndADepthCamerasPointsAreNot) {
+  const auto state =
+      state_of({{"scanner", "lidar2d", "/scan", "s"}, {"depth", "depth", "/depth/image_raw", "d"}});
+  EXPECT_EQ(sensor_of_cloud(state, "/scan", "s"), "scanner");
+  EXPECT_EQ(sensor_of_cloud(state, "/scan/labeled", "s"), "scanner");
+  EXPECT_EQ(sensor_of_cloud(state, "/filtered", "s"), "scanner");
+  EXPECT_EQ(sensor_of_cloud(state, "/depth/image_raw/labeled3d", "d"), "");
+}
+
 TEST(SensorOfCloud, NothingIsKnownBeforeTheCollectorSpeaks) {
   EXPECT_EQ(sensor_of_cloud({}, "/left/points", "l"), "");
 }

@@ -8,6 +8,11 @@ bool shows(const std::string& topic, const std::string& data_topic) {
   return topic == data_topic || topic.compare(0, data_topic.size() + 1, data_topic + "/") == 0;
 }
 
+/// Cameras show images; a seed in a depth image is a pixel.
+bool has_image(const atom_calibration::SensorState& sensor) {
+  return sensor.modality == "rgb" || sensor.modality == "depth";
+}
+
 }  // namespace
 
 std::string sensor_of_cloud(const atom_calibration::CollectorState& state, const std::string& topic,
@@ -15,7 +20,7 @@ std::string sensor_of_cloud(const atom_calibration::CollectorState& state, const
   std::string by_frame;
   int of_frame = 0;
   for (const auto& sensor : state.sensors) {
-    if (sensor.modality != "lidar3d") continue;
+    if (has_image(sensor)) continue;
     if (shows(topic, sensor.topic)) return sensor.name;
     if (sensor.frame_id == frame_id) {
       by_frame = sensor.name;

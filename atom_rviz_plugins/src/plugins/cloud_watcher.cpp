@@ -3,23 +3,30 @@
 #include <rviz/display_context.h>
 #include <rviz/display_group.h>
 
-#include <set>
+#include <boost/make_shared.hpp>
+
+#include "logic/scan_points.h"
 
 namespace atom_rviz {
 namespace {
 
 constexpr int kPeriod_ms = 500;
 
-void add_topics(rviz::DisplayGroup* group, std::set<std::string>& topics) {
+/// Topic to whether its messages are scans.
+using Topics = std::map<std::string, bool>;
+
+void add_topics(rviz::DisplayGroup* group, Topics& topics) {
   for (int i = 0; i < group->numDisplays(); ++i) {
     rviz::Display* display = group->getDisplayAt(i);
     if (!display->isEnabled()) continue;
     if (rviz::DisplayGroup* inner = group->getGroupAt(i)) {
       add_topics(inner, topics);
-    } else if (display->getClassId() == "rviz/PointCloud2") {
-      const std::string topic = display->subProp("Topic")->getValue().toString().toStdString();
-      if (!topic.empty()) topics.insert(topic);
+      continue;
     }
+    const bool is_scan = display->getClassId() == "rviz/LaserScan";
+    if (!is_scan && display->getClassId() != "rviz/PointCloud2") continue;
+    const std::string topic = display->subProp("Topic")->getValue().toString().toStdString();
+    if (!topic.empty()) topics[topic] = is_scan;
   }
 }
 
@@ -46,7 +53,7 @@ CloudWatcher::~CloudWatcher() {
 }
 
 void CloudWatcher::look() {
-  std::set<std::string> topics;
+  Topics topics;
   if (rviz::DisplayGroup* root = context_->getRootDisplayGroup()) add_topics(root, topics);
   std::vector<ros::Subscriber> unused;
   {
@@ -61,20 +68,31 @@ void CloudWatcher::look() {
     }
   }
   for (ros::Subscriber& subscriber : unused) subscriber.shutdown();
-  for (const std::string& topic : topics) {
-    const auto take = [this, topic](const sensor_msgs::PointCloud2ConstPtr& cloud) {
-      const std::lock_guard<std::mutex> guard(lock_);
-      const auto source = sources_.find(topic);
-      if (source != sources_.end()) source->second.newest = cloud;
-    };
-    {
-      const std::lock_guard<std::mutex> guard(lock_);
-      sources_[topic];
-    }
-    const ros::Subscriber subscriber = node_.subscribe<sensor_msgs::PointCloud2>(topic, 1, take);
+  for (const auto& [topic, is_scan] : topics) listen(topic, is_scan);
+}
+
+void CloudWatcher::listen(const std::string& topic, bool is_scan) {
+  {
     const std::lock_guard<std::mutex> guard(lock_);
-    sources_[topic].subscriber = subscriber;
+    sources_[topic];
   }
+  const auto take_cloud = [this, topic](const sensor_msgs::PointCloud2ConstPtr& cloud) {
+    keep(topic, cloud);
+  };
+  const auto take_scan = [this, topic](const sensor_msgs::LaserScanConstPtr& scan) {
+    keep(topic, boost::make_shared<sensor_msgs::PointCloud2>(cloud_of_scan(*scan)));
+  };
+  const ros::Subscriber subscriber =
+      is_scan ? node_.subscribe<sensor_msgs::LaserScan>(topic, 1, take_scan)
+              : node_.subscribe<sensor_msgs::PointCloud2>(topic, 1, take_cloud);
+  const std::lock_guard<std::mutex> guard(lock_);
+  sources_[topic].subscriber = subscriber;
+}
+
+void CloudWatcher::keep(const std::string& topic, const sensor_msgs::PointCloud2ConstPtr& cloud) {
+  const std::lock_guard<std::mutex> guard(lock_);
+  const auto source = sources_.find(topic);
+  if (source != sources_.end()) source->second.newest = cloud;
 }
 
 std::vector<ShownCloud> CloudWatcher::clouds(const std::string& topic) const {

@@ -10,6 +10,7 @@
 
 #ifndef Q_MOC_RUN
 #include <ros/ros.h>
+#include <sensor_msgs/LaserScan.h>
 #include <sensor_msgs/PointCloud2.h>
 #endif
 
@@ -26,7 +27,8 @@ struct ShownCloud {
   sensor_msgs::PointCloud2ConstPtr cloud;
 };
 
-/// Listens to the topics of all PointCloud2 displays that are switched on.
+/// Listens to the topics of all PointCloud2 and LaserScan displays that are switched on; a scan is
+/// a cloud of all its beams.
 ///
 /// RViz gives no access to what a display holds, and its own selection gives positions without an
 /// index. A second subscriber within the same program gets the same message and costs no copy.
@@ -48,6 +50,8 @@ class CloudWatcher : public QObject {
   };
 
   void look();
+  void listen(const std::string& topic, bool is_scan);
+  void keep(const std::string& topic, const sensor_msgs::PointCloud2ConstPtr& cloud);
 
   rviz::DisplayContext* context_;
   ros::NodeHandle node_;

@@ -180,7 +180,7 @@ void PointLabelTool::publish(Label label) {
 
 void PointLabelTool::say_what_is_chosen() {
   if (chosen_.empty()) {
-    setStatus(clouds().empty() ? "No cloud is shown: add a PointCloud2 display."
+    setStatus(clouds().empty() ? "No cloud is shown: add a PointCloud2 or LaserScan display."
                                : "There are no points in the rectangle.");
     return;
   }
