@@ -208,13 +208,13 @@ def _errors(seed: int, gross_fraction: float) -> list:
     scene = paper_cell(seed, "train", Noise(gross_fraction=gross_fraction), DISTURBANCE)
     result = calibrate(scene.dataset)
     errors = ground_truth_errors(result.dataset, scene.truth)
-    sensors = [v for name, v in errors.items() if name != "mean"]
+    sensors = errors.sensors.values()
     return [
         result.status,
-        1e3 * errors["mean"]["translation_error_m"],
-        errors["mean"]["rotation_error_deg"],
-        1e3 * max(v["translation_error_m"] for v in sensors),
-        max(v["rotation_error_deg"] for v in sensors),
+        1e3 * errors.mean.translation_m,
+        errors.mean.rotation_deg,
+        1e3 * max(error.translation_m for error in sensors),
+        max(error.rotation_deg for error in sensors),
     ]
 
 

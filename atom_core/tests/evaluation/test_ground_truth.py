@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from atom_core.evaluation.ground_truth import MEAN, ground_truth_errors
+from atom_core.evaluation.ground_truth import ground_truth_errors
 from atom_core.geometry import se3
 from atom_core.model.dataset import pose
 from atom_core.synthetic import Noise, paper_cell
@@ -24,8 +24,9 @@ def moved(dataset, edge, change):
 
 
 def test_the_truth_has_no_error(cell):
-    for value in ground_truth_errors(cell.dataset, cell.truth).values():
-        assert max(value.values()) == pytest.approx(0.0, abs=1e-6)
+    errors = ground_truth_errors(cell.dataset, cell.truth)
+    for error in (errors.mean, *errors.sensors.values()):
+        assert max(error) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_planted_translation_is_found_in_its_sensor_alone(cell):
@@ -34,11 +35,11 @@ def test_a_planted_translation_is_found_in_its_sensor_alone(cell):
         moved(cell.dataset, edge, se3.transform(np.eye(3), np.array([0.003, -0.004, 0.012]))),
         cell.truth,
     )
-    assert errors["rgb_1"]["translation_error_m"] == pytest.approx(0.013, abs=1e-12)
-    assert errors["rgb_1"]["world_translation_error_m"] == pytest.approx(0.013, abs=1e-12)
-    assert errors["rgb_1"]["rotation_error_deg"] == pytest.approx(0.0, abs=1e-6)
-    assert errors["rgb_2"]["translation_error_m"] == pytest.approx(0.0, abs=1e-12)
-    assert errors[MEAN]["translation_error_m"] == pytest.approx(0.013 / 6, abs=1e-12)
+    assert errors.sensors["rgb_1"].translation_m == pytest.approx(0.013, abs=1e-12)
+    assert errors.sensors["rgb_1"].world_translation_m == pytest.approx(0.013, abs=1e-12)
+    assert errors.sensors["rgb_1"].rotation_deg == pytest.approx(0.0, abs=1e-6)
+    assert errors.sensors["rgb_2"].translation_m == pytest.approx(0.0, abs=1e-12)
+    assert errors.mean.translation_m == pytest.approx(0.013 / 6, abs=1e-12)
 
 
 def test_a_planted_rotation_about_the_data_frame_is_a_pure_rotation(cell):
@@ -48,9 +49,9 @@ def test_a_planted_rotation_about_the_data_frame_is_a_pure_rotation(cell):
     rotation = se3.random_rotation(0.02, np.random.default_rng(1))
     change = parent_T_data @ se3.transform(rotation, np.zeros(3)) @ se3.inverse(parent_T_data)
     errors = ground_truth_errors(moved(cell.dataset, sensor.edge, change), cell.truth)
-    assert errors["lidar_2"]["rotation_error_deg"] == pytest.approx(np.degrees(0.02), abs=1e-9)
-    assert errors["lidar_2"]["translation_error_m"] == pytest.approx(0.0, abs=1e-12)
-    assert errors[MEAN]["rotation_error_deg"] == pytest.approx(np.degrees(0.02) / 6, abs=1e-6)
+    assert errors.sensors["lidar_2"].rotation_deg == pytest.approx(np.degrees(0.02), abs=1e-9)
+    assert errors.sensors["lidar_2"].translation_m == pytest.approx(0.0, abs=1e-12)
+    assert errors.mean.rotation_deg == pytest.approx(np.degrees(0.02) / 6, abs=1e-6)
 
 
 def test_an_error_of_the_anchor_shows_in_all_others_and_in_the_world(cell):
@@ -58,12 +59,12 @@ def test_an_error_of_the_anchor_shows_in_all_others_and_in_the_world(cell):
     errors = ground_truth_errors(
         moved(cell.dataset, edge, se3.transform(np.eye(3), np.array([0.0, 0.0, 0.1]))), cell.truth
     )
-    assert errors["rgb_3"]["translation_error_m"] == pytest.approx(0.0, abs=1e-12)
-    assert errors["rgb_3"]["world_translation_error_m"] == pytest.approx(0.1, abs=1e-12)
+    assert errors.sensors["rgb_3"].translation_m == pytest.approx(0.0, abs=1e-12)
+    assert errors.sensors["rgb_3"].world_translation_m == pytest.approx(0.1, abs=1e-12)
     for name in ("rgb_1", "lidar_1", "depth_1"):
-        assert errors[name]["translation_error_m"] == pytest.approx(0.1, abs=1e-12)
-        assert errors[name]["world_translation_error_m"] == pytest.approx(0.0, abs=1e-12)
-    assert errors[MEAN]["translation_error_m"] == pytest.approx(0.1, abs=1e-12)
+        assert errors.sensors[name].translation_m == pytest.approx(0.1, abs=1e-12)
+        assert errors.sensors[name].world_translation_m == pytest.approx(0.0, abs=1e-12)
+    assert errors.mean.translation_m == pytest.approx(0.1, abs=1e-12)
 
 
 def test_without_the_anchor_the_first_sensor_serves(cell):
@@ -73,8 +74,8 @@ def test_without_the_anchor_the_first_sensor_serves(cell):
     errors = ground_truth_errors(
         moved(dataset, edge, se3.transform(np.eye(3), np.array([0.02, 0, 0]))), cell.truth
     )
-    assert errors[names[0]]["translation_error_m"] == pytest.approx(0.0, abs=1e-12)
-    assert errors[names[1]]["translation_error_m"] == pytest.approx(0.02, abs=1e-12)
+    assert errors.sensors[names[0]].translation_m == pytest.approx(0.0, abs=1e-12)
+    assert errors.sensors[names[1]].translation_m == pytest.approx(0.02, abs=1e-12)
 
 
 def test_sensors_on_one_edge_share_its_error():
@@ -83,4 +84,4 @@ def test_sensors_on_one_edge_share_its_error():
     change = se3.transform(np.eye(3), np.array([0.0, 0.007, 0.0]))
     errors = ground_truth_errors(moved(scene.dataset, edge, change), scene.truth)
     for name in ("rgb_2", "depth_1"):
-        assert errors[name]["translation_error_m"] == pytest.approx(0.007, abs=1e-12)
+        assert errors.sensors[name].translation_m == pytest.approx(0.007, abs=1e-12)

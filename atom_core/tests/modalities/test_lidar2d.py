@@ -157,8 +157,8 @@ def test_the_cell_with_scanners_is_calibrated(scene, result):
     assert result.status == "converged"
     errors = ground_truth_errors(result.dataset, scene.truth)
     for name in SCANNERS:
-        assert errors[name]["translation_error_m"] < 0.008
-        assert errors[name]["rotation_error_deg"] < 0.25
+        assert errors.sensors[name].translation_m < 0.008
+        assert errors.sensors[name].rotation_deg < 0.25
 
 
 def test_both_solvers_agree(scene, result):
@@ -193,8 +193,8 @@ def test_twenty_cells_with_scanners():
         result = calibrate(scene.dataset)
         assert result.status == "converged"
         errors = ground_truth_errors(result.dataset, scene.truth)
-        metres += [errors[name]["translation_error_m"] for name in SCANNERS]
-        degrees += [errors[name]["rotation_error_deg"] for name in SCANNERS]
+        metres += [errors.sensors[name].translation_m for name in SCANNERS]
+        degrees += [errors.sensors[name].rotation_deg for name in SCANNERS]
         for row in calibration_results(result, "ceres").edges:
             if set(row.sensors) & set(SCANNERS):
                 true = scene.truth.edges[row.edge]

@@ -158,7 +158,7 @@ def test_it_is_calibrated_and_evaluated(scene, path):
     result = calibrate(read_dataset(path))
     assert result.status == "converged"
     errors = ground_truth_errors(result.dataset, scene.truth)
-    assert errors["sonar_1"]["translation_error_m"] < 0.005
+    assert errors.sensors["sonar_1"].translation_m < 0.005
     pairs = {p.pair.kind.name for p in evaluate(result.dataset, scene.dataset).pairs if p.measured}
     assert "sonar-rgb" in pairs
 

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
-from atom_core.evaluation.ground_truth import ground_truth_errors
+from atom_core.evaluation.ground_truth import GroundTruth, ground_truth_errors
 from atom_core.evaluation.mixed import mixed_dataset
 from atom_core.evaluation.observed import Borders, NotMeasurableError, Observed
 from atom_core.evaluation.pairs import Pair, pairs_of
@@ -86,14 +86,14 @@ class Evaluation:
         train, test: the files.
         pairs: in the order of kinds and configuration.
         averages: by kind.
-        ground_truth: errors of the sensors, see `ground_truth_errors`; None without a truth.
+        ground_truth: errors of the sensors; None without a truth.
     """
 
     train: str
     test: str
     pairs: Tuple[PairResult, ...]
     averages: Mapping[str, Average]
-    ground_truth: Optional[Mapping[str, Mapping[str, float]]] = None
+    ground_truth: Optional[GroundTruth] = None
 
     @property
     def measured(self) -> bool:

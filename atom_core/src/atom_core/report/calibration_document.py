@@ -18,6 +18,7 @@ from atom_core.report.calibration_results import (
     Residuals,
     SensorResult,
 )
+from atom_core.report.ground_truth_document import ground_truth_document
 
 VERSION = "1.0"
 
@@ -67,7 +68,7 @@ def calibration_document(results: CalibrationResults, options: Mapping[str, Any]
         "warnings": list(results.warnings),
     }
     if results.ground_truth is not None:
-        document["ground_truth"] = results.ground_truth
+        document["ground_truth"] = ground_truth_document(results.ground_truth)
     return document
 
 

@@ -23,7 +23,7 @@ from atom_core.calibration.judge.statistics import (
 )
 from atom_core.calibration.judge.weak_directions import edge_covariance
 from atom_core.calibration.prepare.preparation import camera_of
-from atom_core.evaluation.ground_truth import ground_truth_errors
+from atom_core.evaluation.ground_truth import GroundTruth, ground_truth_errors
 from atom_core.geometry.intrinsics import intrinsics_names, intrinsics_values
 from atom_core.model.transforms import Edge
 from atom_core.model.truth import Truth
@@ -34,7 +34,6 @@ from atom_core.problem.residuals import UNITS
 _LARGEST_VARIANCE, _LARGEST_SIGMA, _LARGEST_SIGMA_M = 1e12, 1e12, 1e6
 
 Residuals = Mapping[str, ResidualStatistics]  # by kind
-GroundTruth = Mapping[str, Mapping[str, float]]
 
 
 @dataclass(frozen=True)
@@ -145,7 +144,7 @@ class CalibrationResults:
         sensors, collections: by name and by key.
         propagation: for every ordered pair of sensors.
         outliers: single corners and points.
-        ground_truth: errors of the sensors, see ``ground_truth_errors``; None without a truth.
+        ground_truth: errors of the sensors; None without a truth.
         warnings: what the user should know.
         seconds: time by step.
     """

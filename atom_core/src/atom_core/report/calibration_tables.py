@@ -173,10 +173,10 @@ def _collections_table(results: CalibrationResults) -> str:
 
 
 def _truth_table(ground_truth: GroundTruth) -> str:
-    rows = [
-        [name, 1e3 * value["translation_error_m"], value["rotation_error_deg"]]
-        for name, value in ground_truth.items()
-    ]
+    mean = ground_truth.mean
+    rows: List[List[Any]] = [["mean", 1e3 * mean.translation_m, mean.rotation_deg]]
+    for name, error in ground_truth.sensors.items():
+        rows.append([name, 1e3 * error.translation_m, error.rotation_deg])
     return text_table(
         ["Sensor", "Translation [mm]", "Rotation [deg]"], rows, "Errors against truth", 3
     )

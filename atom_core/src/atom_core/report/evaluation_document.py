@@ -7,6 +7,7 @@ from typing import Any, Dict, Optional
 
 from atom_core.evaluation.evaluate import Average, Evaluation, PairFigures, PairResult
 from atom_core.evaluation.statistics import Figures
+from atom_core.report.ground_truth_document import ground_truth_document
 
 VERSION = "1.0"
 
@@ -36,7 +37,7 @@ def _results(evaluation: Evaluation) -> Dict[str, Any]:
     return {
         "pairs": [pair_document(result) for result in evaluation.pairs],
         "averages": {kind: _average(value) for kind, value in evaluation.averages.items()},
-        "ground_truth": evaluation.ground_truth,
+        "ground_truth": ground_truth_document(evaluation.ground_truth),
     }
 
 

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, List, Mapping, Optional, Sequence
+from typing import Any, List, Optional, Sequence, Union
 
 from atom_core.evaluation.evaluate import Evaluation, PairResult
-from atom_core.evaluation.ground_truth import MEAN
+from atom_core.evaluation.ground_truth import GroundTruth, MeanError, SensorError
 from atom_core.evaluation.pairs import Pair
 from atom_core.report.tables import text_table
 
 MM_PER_M = 1000.0
-
-GroundTruth = Mapping[str, Mapping[str, float]]
 
 
 def evaluation_report(
@@ -109,16 +107,17 @@ def ground_truth_table(ground_truth: GroundTruth, compared: Optional[GroundTruth
     """Return the sensors' errors against the truth.
 
     Args:
-        ground_truth: as `ground_truth_errors` returns it.
+        ground_truth: the errors.
         compared: the same of another calibration, or None.
     """
     headers = ["sensor", "translation [mm]", "rotation [deg]", "in the world [mm]"]
     headers += [] if compared is None else ["other: translation [mm]", "other: rotation [deg]"]
-    rows = []
-    for name in [*(n for n in ground_truth if n != MEAN), MEAN]:
-        entry = ground_truth[name]
-        other = [] if compared is None else _errors(compared[name])
-        rows.append([name, *_errors(entry), _mm(entry, "world_translation_error_m"), *other])
+    rows: List[List[Any]] = []
+    for name, error in ground_truth.sensors.items():
+        other = [] if compared is None else _errors(compared.sensors[name])
+        rows.append([name, *_errors(error), MM_PER_M * error.world_translation_m, *other])
+    other = [] if compared is None else _errors(compared.mean)
+    rows.append(["mean", *_errors(ground_truth.mean), None, *other])
     return text_table(headers, rows, "Errors against the truth")
 
 
@@ -154,12 +153,8 @@ def _counts(result: PairResult) -> List[int]:
     return [len(result.measured.per_collection), result.measured.pooled.points]
 
 
-def _errors(entry: Mapping[str, float]) -> List[Optional[float]]:
-    return [_mm(entry, "translation_error_m"), entry["rotation_error_deg"]]
-
-
-def _mm(entry: Mapping[str, float], figure: str) -> Optional[float]:
-    return MM_PER_M * entry[figure] if figure in entry else None
+def _errors(error: Union[MeanError, SensorError]) -> List[float]:
+    return [MM_PER_M * error.translation_m, error.rotation_deg]
 
 
 def _name(pair: Pair) -> str:
