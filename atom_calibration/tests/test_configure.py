@@ -18,7 +18,7 @@ from small_rig import CAMERA_IN_BAG, CONFIG, XACRO, write_package
 from atom_calibration.configure import configure_package, create_package
 from atom_calibration.configure.check import BagFacts
 from atom_calibration.configure.package import find_package, launch_text
-from atom_calibration.configure.render import collecting_view, rendered_files
+from atom_calibration.configure.render import RVIZ_FILES, collecting_view, rendered_files
 from atom_core.errors import OutputError
 from atom_core.io.config_yaml import read_config
 from atom_core.io.urdf import read_description
@@ -170,17 +170,12 @@ def test_a_2d_lidar_is_shown_as_a_scan_with_labels_and_a_seed(package, make):
     scan.header, scan.angle_max = make.header("lamp", 12.0), 1.0
     make.bag(package / "calibration" / "rig.bag", [*_messages(package), ("/scan", scan, 12.0)])
     assert configure(package) == 0
-    shown = {name: _displays(package, name) for name in ("collect_data", "dataset_playback")}
-    for name, labels in (
-        ("collect_data", "/scan/labeled"),
-        ("dataset_playback", "/scan/labeled3d"),
-    ):
-        assert shown[name]["/scan"] == "rviz/LaserScan", name
-        assert shown[name][labels] == "rviz/PointCloud2", name
+    shown = {name: _displays(package, name) for name in RVIZ_FILES}
+    assert {displays["/scan"] for displays in shown.values()} == {"rviz/LaserScan"}
+    labels = {"collect_data": "labeled", "dataset_playback": "labeled3d", "calibrate": "labeled3d"}
+    for name, topic in labels.items():
+        assert shown[name][f"/scan/{topic}"] == "rviz/PointCloud2", name
     assert shown["collect_data"]["/scanner/data_labeler/update"] == "rviz/InteractiveMarkers"
-    for name in ("playbag", "set_initial_estimate", "calibrate"):
-        assert _displays(package, name)["/scan"] == "rviz/LaserScan", name
-    assert _displays(package, "calibrate")["/scan/labeled3d"] == "rviz/PointCloud2"
     words = {x.text for x in ElementTree.parse(str(package / "calibration/summary.svg")).iter()}
     assert "scanner (lidar2d)" in words
 
