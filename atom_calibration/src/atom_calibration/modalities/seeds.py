@@ -138,7 +138,7 @@ class PointSeeds:
 
 
 class ScanSeeds(PointSeeds):
-    """Seeds are points (3,) [m] near a scan's plane, z = 0 of the sensor's frame."""
+    """Seeds are points (3,) [m] in the sensor's frame; height over the scan only widens the search."""
 
     def of_board(
         self, sensor: Sensor, middle: np.ndarray, normal: np.ndarray, reach_m: float
@@ -149,3 +149,7 @@ class ScanSeeds(PointSeeds):
         if abs(middle[2]) > reach_m * steepness or steepness < _LEAST_STEEPNESS:
             return None
         return np.append(middle[:2] + level * normal[2] * middle[2] / steepness**2, 0.0)
+
+    def problem(self, frame: Frame, seed: np.ndarray) -> str:
+        """Return why no measured point is near a seed in the scan's plane, z = 0."""
+        return super().problem(frame, seed * np.array([1.0, 1.0, 0.0]))
