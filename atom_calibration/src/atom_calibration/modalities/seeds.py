@@ -138,7 +138,7 @@ class PointSeeds:
 
 
 class ScanSeeds(PointSeeds):
-    """Seeds are points (3,) [m] in the sensor's frame; height over the scan only widens the search."""
+    """Seeds are points (3,) [m] in the sensor's frame; height only widens the search."""
 
     def of_board(
         self, sensor: Sensor, middle: np.ndarray, normal: np.ndarray, reach_m: float
