@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Collection, Dict, Iterator, List, NamedTuple, Optional, Sequence
+from typing import Any, Callable, Collection, Dict, Iterator, List, NamedTuple, Optional, Sequence
 
 import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.model.pattern import Pattern
-from atom_core.model.sensor import LIDAR3D, RGB
 from atom_core.synthetic import lidar, rgb
 from atom_core.synthetic.cell import SCENARIOS, plan_board_poses
-from atom_core.synthetic.rig import camera_of
 from atom_examples.cell_simulator.errors import SimulatorError
 from atom_examples.cell_simulator.scene import Person
 from atom_examples.cell_simulator.scene_model import PERSON_M
-from atom_examples.cell_simulator.settings import ScannerSettings
+from atom_examples.cell_simulator.settings import (
+    ColourSettings,
+    DepthSettings,
+    LidarSettings,
+    ScannerSettings,
+)
 from atom_examples.cell_simulator.trajectory import ordered
 from atom_examples.cell_simulator.world import World
 
@@ -78,26 +81,41 @@ class Sight(NamedTuple):
 def sight(world: World, name: str, world_T_pattern: np.ndarray, pattern: Pattern) -> Sight:
     """Return the lines by which a sensor would detect a board, were it alone in the world.
 
-    For a camera the goals are the visible corners, for a LiDAR the returns, else a grid.
+    A 2D LiDAR has none: what it sees of the scene's board says `cut_length_m`.
     """
-    sensor = world.rig.sensors[name]
-    world_T_sensor = world.scene.pose(sensor.frame)
+    settings = world.settings.sensors[name]
+    world_T_sensor = world.scene.pose(settings.frame)
     sensor_T_pattern = se3.inverse(world_T_sensor) @ world_T_pattern
-    if sensor.modality == LIDAR3D:
-        model = world.rig.lidars[name]
-        beams, ranges = lidar.beams_on_board(model, sensor_T_pattern, pattern)
-        goals = se3.apply(world_T_sensor, model.directions[beams] * ranges[:, None])
-        return Sight(world_T_sensor[:3, 3], goals)
-    if sensor.modality == RGB:
-        ids = rgb.visible_corners(camera_of(sensor), sensor_T_pattern, pattern)
-        points = pattern.corners_of(ids)
-    else:
-        steps = np.linspace(-0.98, 0.98, 11)
-        grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-        on_board = pattern.border.centre + grid * pattern.border.half_size
-        points = np.column_stack([on_board, np.zeros(len(on_board))])
-        points = points[camera_of(sensor).in_image(se3.apply(sensor_T_pattern, points))]
+    points = _POINTS_SEEN[type(settings)](settings, sensor_T_pattern, pattern)
     return Sight(world_T_sensor[:3, 3], se3.apply(world_T_pattern, points))
+
+
+def _corners(settings: ColourSettings, sensor_T_pattern: np.ndarray, on: Pattern) -> np.ndarray:
+    """Return the corners (n, 3) that a camera sees, in the board's frame."""
+    return on.corners_of(rgb.visible_corners(settings.camera, sensor_T_pattern, on))
+
+
+def _grid(settings: DepthSettings, sensor_T_pattern: np.ndarray, on: Pattern) -> np.ndarray:
+    """Return the points (n, 3) of a grid on the board that are in the depth image."""
+    steps = np.linspace(-0.98, 0.98, 11)
+    grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    on_board = on.border.centre + grid * on.border.half_size
+    points = np.column_stack([on_board, np.zeros(len(on_board))])
+    return points[settings.camera.in_image(se3.apply(sensor_T_pattern, points))]
+
+
+def _returns(settings: LidarSettings, sensor_T_pattern: np.ndarray, on: Pattern) -> np.ndarray:
+    """Return where the beams of a LiDAR hit the board (n, 3), in the board's frame."""
+    beams, ranges = lidar.beams_on_board(settings.model, sensor_T_pattern, on)
+    hit = settings.model.directions[beams] * ranges[:, None]
+    return se3.apply(se3.inverse(sensor_T_pattern), hit)
+
+
+_POINTS_SEEN: Dict[type, Callable[[Any, np.ndarray, Pattern], np.ndarray]] = {
+    ColourSettings: _corners,
+    DepthSettings: _grid,
+    LidarSettings: _returns,
+}
 
 
 def is_open(world: World, line: Sight) -> np.ndarray:
