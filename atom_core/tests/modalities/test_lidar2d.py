@@ -290,3 +290,33 @@ def test_a_sensor_whose_labels_are_of_another_modality_is_refused(path, tmp_path
 
     line = refused(capsys, edited(path, tmp_path, swap))
     assert "sensor 'scanner_1'" in line and "lidar2d" in line
+
+
+@pytest.mark.parametrize(
+    ("sensor", "modality", "message"),
+    [
+        ("scanner_1", "rgb", "LaserScan"),
+        ("scanner_1", "depth", "LaserScan"),
+        ("scanner_1", "lidar3d", "LaserScan"),
+        ("lidar_1", "lidar2d", "PointCloud2"),
+        ("depth_1", "lidar2d", "Image"),
+    ],
+)
+def test_a_modality_that_is_not_that_of_the_messages_is_refused(
+    path, tmp_path, capsys, sensor, modality, message
+):
+    def rename(document):
+        document["sensors"][sensor]["modality"] = modality
+
+    copy = edited(path, tmp_path, rename)
+    words = {
+        "check": ["--dataset", copy],
+        "calibrate": ["--dataset", copy, "--output", tmp_path / "out"],
+        "evaluate": ["--train", path, "--test", copy, "--output", tmp_path / "out"],
+    }
+    for command, options in words.items():
+        assert main([command, *map(str, options)]) == 2
+        told = capsys.readouterr().err.strip().splitlines()
+        assert len(told) == 1, told
+        assert f"sensor '{sensor}': its modality is {modality}" in told[0] and message in told[0]
+        assert str(copy) in told[0]

@@ -14,12 +14,22 @@ from atom_core.model.transforms import Edge
 
 
 def modality_of_entry(entry: Mapping[str, Any]) -> Modality:
-    """Return the modality of a sensor's entry, where need be by the type of its messages."""
-    if not entry.get("modality"):
-        by_message = modality_of_message(str(entry.get("msg_type", "")))
-        if by_message is not None:
-            return by_message
-    return modality_named(entry.get("modality") or "")
+    """Return the modality of a sensor's entry, where need be by the type of its messages.
+
+    Raises:
+        ValueError: it is unknown, or its messages are those of another modality.
+    """
+    message = str(entry.get("msg_type") or "")
+    by_message = modality_of_message(message)
+    if not entry.get("modality") and by_message is not None:
+        return by_message
+    kind = modality_named(entry.get("modality") or "")
+    if by_message is not None and not kind.has_messages(message):
+        raise ValueError(
+            f"its modality is {kind.name}, but its msg_type is {message}, which is of "
+            f"{by_message.name}; correct one of them"
+        )
+    return kind
 
 
 def camera_of_entry(info: Mapping[str, Any]) -> Camera:

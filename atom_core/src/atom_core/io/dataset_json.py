@@ -207,7 +207,11 @@ class _Reader:
                 topic=entry.get("topic", ""),
             )
         except KeyError as error:
-            raise self.fail(f"sensor '{name}' lacks {error}") from None
+            modality = entry.get("modality") or "unknown"
+            raise self.fail(
+                f"sensor '{name}' (modality {modality}) lacks {error}; add it, or correct the "
+                f"modality"
+            ) from None
         except (ValueError, TypeError) as error:
             raise self.fail(f"sensor '{name}': {error}") from None
 

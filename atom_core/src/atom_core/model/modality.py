@@ -142,6 +142,10 @@ class Modality:
     pairs: Sequence[PairKind] = field(default_factory=tuple)
     synthetic: Optional[SyntheticSensor] = None
 
+    def has_messages(self, message_type: str) -> bool:
+        """Tell whether messages of a type, with its package or without, can be of this modality."""
+        return _bare(message_type) in {_bare(known) for known in self.message_types}
+
 
 _REGISTERED: Dict[str, Modality] = {}
 
@@ -187,8 +191,12 @@ def modality_of_message(message_type: str) -> Optional[Modality]:
     Args:
         message_type: with its package ("sensor_msgs/Image") or without.
     """
-    bare = message_type.split("/")[-1]
     for modality in modalities():
-        if any(bare == known.split("/")[-1] for known in modality.is_default_of):
+        if _bare(message_type) in {_bare(known) for known in modality.is_default_of}:
             return modality
     return None
+
+
+def _bare(message_type: str) -> str:
+    """Return a type of messages without its package."""
+    return message_type.split("/")[-1]
