@@ -167,6 +167,10 @@ ResidualBlock AsResidualBlock(const py::dict& item) {
   } else {
     Expect(kind == "orthogonal", "kind must be reprojection, orthogonal or border");
     block.kind = ResidualKind::kOrthogonal;
+    if (item.contains("deviation")) {
+      block.deviation = item["deviation"].cast<Eigen::VectorXd>();
+      Expect(block.deviation.size() == block.points.rows(), "deviation must have the shape (n,)");
+    }
   }
   return block;
 }
@@ -351,7 +355,7 @@ Args:
     intrinsics: (d, c) blocks of the detections' cameras, -1 for none.
     residual_blocks: list of dict with kind, detection (n,), points (n, 3), and
         camera (dict), pixels (n, 2) for reprojection, centre, half_size (n, 2), steps (2 n, 3),
-        inset (n, 2) for border.
+        inset (n, 2) for border; for orthogonal perhaps deviation (n,), added to the heights.
     parts: list of dict, for blocks that are no poses: block (index), kind (origin, bias or
         camera), free (6,) 1 or 0; values (6,) of the first two, and for a bias axis (3,) and
         is_prismatic; for a camera first (0 or 6), and the dict camera of its residual blocks has

@@ -197,7 +197,7 @@ Weighting CalibrationProblem::MakeWeighting(Loss loss, std::vector<Eigen::Vector
       throw std::invalid_argument("one sigma is needed for each item of a residual block");
     }
     if (compress && loss.kind == LossKind::kNone &&
-        residuals_[b].kind == ResidualKind::kOrthogonal) {
+        residuals_[b].kind == ResidualKind::kOrthogonal && residuals_[b].deviation.size() == 0) {
       weighting.compressed[b] =
           CompressPlanarSegments(residuals_[b].points, sigma[b].cwiseInverse(), segment_starts_[b]);
     }

@@ -189,11 +189,34 @@ double SumHeights(const ResidualBlock& block, const Segment& segment,
   return lanes.Total() + robust.Total();
 }
 
+/// Points that were moved onto a line, whose noise is added to their heights.
+void ReduceDeviating(const ResidualBlock& block, const Segment& segment,
+                     const VectorXd& inverse_variance, const Loss& loss,
+                     const Eigen::Vector4d& plane, bool with_derivatives, Reduction* sum) {
+  const Vector3d normal = plane.head<3>();
+  RobustSum robust(loss);
+  for (auto i = segment.begin; i < segment.end; ++i) {
+    const Vector3d point = block.points.row(i).transpose();
+    const double height = normal.dot(point) + plane[3] + block.deviation[i];
+    const double inverse = inverse_variance[i];
+    const double weight = robust.Add(height * height * inverse);
+    if (!with_derivatives) continue;
+    Vector6d row;
+    row << -point.cross(normal), -normal;
+    AddRow(row, height, weight * inverse, sum);
+  }
+  sum->cost += robust.Total();
+}
+
 void ReduceOrthogonal(const ResidualBlock& block, const Segment& segment,
                       const VectorXd& inverse_variance, const Loss& loss,
                       const Eigen::Matrix4d* compressed, const Isometry3d& pose,
                       bool with_derivatives, Reduction* sum) {
   const Eigen::Vector4d plane = PlaneOf(pose);
+  if (block.deviation.size() > 0) {
+    ReduceDeviating(block, segment, inverse_variance, loss, plane, with_derivatives, sum);
+    return;
+  }
   Eigen::Matrix4d moments = Eigen::Matrix4d::Zero();
   if (loss.kind == LossKind::kNone && compressed != nullptr) {
     sum->cost += 0.5 * (*compressed * plane).squaredNorm();
@@ -337,7 +360,8 @@ void SquaredNorms(const ResidualBlock& block, const Segment& segment,
       const Vector3d point = sensor_T_pattern * block.points.row(i).transpose();
       square = (camera.Project(point, nullptr) - block.pixels.row(i).transpose()).squaredNorm();
     } else if (block.kind == ResidualKind::kOrthogonal) {
-      const double height = plane.head<3>().dot(block.points.row(i)) + plane[3];
+      const double added = block.deviation.size() > 0 ? block.deviation[i] : 0.0;
+      const double height = plane.head<3>().dot(block.points.row(i)) + plane[3] + added;
       square = height * height;
     } else {
       const double distance = border.Distance(i, &gradient);

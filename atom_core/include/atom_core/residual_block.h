@@ -43,6 +43,8 @@ struct ResidualBlock {
   std::vector<std::int64_t> detection;
   /// (n, 3) corners in the pattern's frame, or points in the sensor's frame, metres.
   PointRows points;
+  /// (n,) what is added to the heights of points, metres; orthogonal only, empty for nothing.
+  Eigen::VectorXd deviation;
   /// (n, 2) detected pixels; reprojection only.
   PixelRows pixels;
   /// (n, 2) of the board in its plane, metres; border only.

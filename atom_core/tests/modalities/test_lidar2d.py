@@ -21,7 +21,9 @@ from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.model.dataset import pose
 from atom_core.model.pattern import pattern_from_config
 from atom_core.problem.measurements import read_measurements
+from atom_core.problem.residuals import OrthogonalBlock
 from atom_core.report.calibration_results import calibration_results
+from atom_core.solvers.choice import SOLVERS
 from atom_core.synthetic import Noise, make_dataset
 from atom_core.synthetic.board import charuco
 from atom_core.synthetic.dataset import disturbed
@@ -166,6 +168,33 @@ def test_both_solvers_agree(scene, result):
     for edge in scene.truth.edges:
         one, two = result.dataset.first_value(edge), other.dataset.first_value(edge)
         np.testing.assert_allclose(one, two, atol=1e-6)
+
+
+@pytest.mark.parametrize("solver_name", ["ceres", "scipy"])
+def test_noise_off_the_cut_says_nothing_about_a_turn_about_it(scene, result, solver_name):
+    """It turned whole boards away: points move off a plane by a turn as they lie off their line."""
+    problem = result.problem
+    solver = SOLVERS[solver_name](problem)
+    sigmas = [block.sigma for block in problem.residual_blocks]
+    equations = solver.equations(result.summary.x, sigmas, "none")
+    (place, block), *_ = (
+        (i, b)
+        for i, b in enumerate(problem.residual_blocks)
+        if isinstance(b, OrthogonalBlock) and b.sensor in SCANNERS
+    )
+    part = equations.parts[place]
+    assert np.std(block.deviation_m) > 0.004
+    for number, detection in enumerate(np.unique(block.detection)):
+        points = block.points[block.detection == detection]
+        direction = fit_line(points).direction
+        turn = np.concatenate([direction, np.cross(points.mean(axis=0), direction)])
+        scale = turn @ np.diag(np.diag(part.information[number])) @ turn
+        assert turn @ part.information[number] @ turn < 1e-9 * scale
+        assert abs(turn @ part.gradient[number]) < 1e-6 * np.sqrt(scale)
+
+
+def test_no_good_detection_is_left_out(result):
+    assert result.rejected == ()
 
 
 def test_scanners_change_nothing_for_the_others_without_them(scene):

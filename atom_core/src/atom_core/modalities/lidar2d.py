@@ -27,8 +27,7 @@ from atom_core.model.pattern import Pattern
 from atom_core.model.range_points import points_of_cloud
 from atom_core.model.sensor import DEPTH, LIDAR2D, LIDAR3D, RGB, Sensor
 from atom_core.model.transforms import Edge
-from atom_core.problem.range_measurement import range_blocks
-from atom_core.problem.scan_measurement import measured_in_scan
+from atom_core.problem.scan_measurement import measured_in_scan, scan_blocks
 from atom_core.synthetic.lidar2d import Lidar2dModel, scan
 from atom_core.synthetic.noise import Noise
 from atom_core.synthetic.rig import LIDAR_HEIGHT_M, Mount, Rig
@@ -132,7 +131,7 @@ LIDAR_2D = Modality(
     measured=lambda scan: scan.valid,
     labeler=Lidar2dLabeler,
     measure=measured_in_scan,
-    residual_blocks=range_blocks,
+    residual_blocks=scan_blocks,
     rays=lambda sensor: spinning_rays((0.0,)),
     quality=_quality,
     pairs=_PAIRS,

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, replace
-from typing import Tuple
+from typing import Optional, Tuple
 
 import numpy as np
 
@@ -146,7 +146,14 @@ class RangeBlock(ResidualBlock):
 
 @dataclass(frozen=True)
 class OrthogonalBlock(RangeBlock):
-    """How far points lie before or behind the boards."""
+    """How far points lie before or behind the boards.
+
+    Attributes:
+        deviation_m: (n,) added to the heights [m]: the noise of points that were moved onto a line
+            (`scan_measurement`); None: nothing.
+    """
+
+    deviation_m: Optional[np.ndarray] = None
 
     kind = ORTHOGONAL
 
@@ -155,6 +162,8 @@ class OrthogonalBlock(RangeBlock):
         normal = sensor_T_pattern[:, :3, 2]
         offset = np.einsum("di,di->d", normal, sensor_T_pattern[:, :3, 3])
         height = np.einsum("ni,ni->n", normal[self.detection], self.points)
+        if self.deviation_m is not None:
+            height = height + self.deviation_m
         return (height - offset[self.detection])[:, None]
 
     def linearise(self, sensor_T_pattern: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:

@@ -1,21 +1,30 @@
-"""The cut of a board in a scan: points on a line and up to two ends (docs/lidar2d.md)."""
+"""The cut of a board in a scan: points on a line and up to two ends (docs/lidar2d.md).
+
+A turn of the board about its cut moves no point of the cut. Measured points lie off it by their
+noise, though, and a turn moves them by just as much as they lie off: a plane fitted to them prefers
+any turn that lays the board along their noise. So the points are moved onto their line along their
+beams; what they deviated by, which neither shifts nor turns the line, is added to their heights.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import List, Optional, Tuple
+from dataclasses import dataclass, replace
+from typing import List, Optional, Sequence, Tuple
 
 import numpy as np
 
-from atom_core.geometry.line import fit_line
+from atom_core.geometry.line import LineFit, fit_line
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import DetectionKey, RangePoints
+from atom_core.model.sensor import Sensor
 from atom_core.problem.range_measurement import (
     LIDAR_SIGMA_M,
     RangeMeasurement,
+    range_blocks,
     range_measurement,
     usable_points,
 )
+from atom_core.problem.residuals import OrthogonalBlock, ResidualBlock
 
 _LINE_LIMIT_M = 0.05
 _GRAZING = 0.05  # sine of the angle between beam and cut below which the cut is hit nowhere
@@ -23,7 +32,15 @@ _GRAZING = 0.05  # sine of the angle between beam and cut below which the cut is
 
 @dataclass(frozen=True)
 class ScanMeasurement(RangeMeasurement):
-    """Points of a 2D LiDAR on one board: a line, which leaves the board's pose open."""
+    """Points of a 2D LiDAR on one board: a line, which leaves the board's pose open.
+
+    Attributes:
+        on_line: (n, 3) where the beams of the points on the board meet their line [m].
+        deviation_m: (n,) of the points from it, across it in the scan's plane [m].
+    """
+
+    on_line: np.ndarray
+    deviation_m: np.ndarray
 
     def candidates(self) -> List[np.ndarray]:
         """Return none: a line in the board tells two of the six numbers of its pose."""
@@ -49,16 +66,42 @@ def measured_in_scan(
     if points is None:
         return None, remarks
     scan = dataset.data.read(key.collection, key.sensor)
+    on_line, deviation_m = points.inside, np.zeros(len(points.inside))
     try:
-        direction = fit_line(points.inside).direction
+        line = fit_line(points.inside)
     except ValueError:
         count = len(points.inside)
         sigmas = np.full(count, LIDAR_SIGMA_M), np.full(len(points.limit), LIDAR_SIGMA_M)
         steps = np.zeros((len(points.limit), 2, 3))
     else:
-        sigmas, steps = _sigmas_and_steps(points, direction, abs(scan.angle_increment))
+        sigmas, steps = _sigmas_and_steps(points, line.direction, abs(scan.angle_increment))
+        on_line, deviation_m = _moved_onto(line, points.inside)
     plain = range_measurement(dataset, key, points, *sigmas, steps)
-    return ScanMeasurement(**plain.__dict__), remarks
+    return ScanMeasurement(**plain.__dict__, on_line=on_line, deviation_m=deviation_m), remarks
+
+
+def scan_blocks(
+    sensor: Sensor, items: Sequence[Tuple[int, ScanMeasurement]]
+) -> List[ResidualBlock]:
+    """Return the residuals of a 2D LiDAR, from its measurements and detections' indices."""
+    heights, *ends = range_blocks(sensor, items)
+    assert isinstance(heights, OrthogonalBlock)
+    on_line = np.concatenate([m.on_line for _, m in items])
+    deviation_m = np.concatenate([m.deviation_m for _, m in items])
+    return [replace(heights, points=on_line, deviation_m=deviation_m), *ends]
+
+
+def _moved_onto(line: LineFit, points: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+    """Return where the beams of points (n, 3) of a scan meet a line (n, 3) [m].
+
+    And (n,) by how much the points lie beyond it, at right angles [m].
+    """
+    across = np.cross(line.direction, (0.0, 0.0, 1.0))
+    away = float(across @ line.centroid)
+    reached = points.astype(float) @ across
+    if abs(away) < _GRAZING * np.linalg.norm(line.centroid):  # seen from its end
+        return points, np.zeros(len(points))
+    return points * (away / reached)[:, None], reached - away
 
 
 def _sigmas_and_steps(

@@ -235,4 +235,6 @@ def _residual_block(block: ResidualBlock, movable: bool) -> Dict[str, Any]:
     if isinstance(block, BorderBlock):
         item["centre"], item["half_size"] = block.centre, block.half_size
         item["steps"], item["inset"] = block.steps.reshape(-1, 3), block.inset
+    elif block.deviation_m is not None:
+        item["deviation"] = block.deviation_m
     return item

@@ -51,6 +51,9 @@ from atom_core.solvers.scalars import better_scalars, joint_scalars
 
 # Relative change of a factor below which the rounds become finer, and below which they end.
 _NEARLY_STILL, _STILL = 0.05, 3e-4
+# When the rounds are used up, it is enough that a factor changes by so much of its own deviation,
+# and an inset by so many steps: few residuals have a median that never stands quite still.
+_OF_DEVIATION, _STILL_STEPS = 0.1, 3e-3
 _SMALLEST_SIGMA = {REPROJECTION: 0.01, ORTHOGONAL: 1e-5, BORDER: 1e-4}  # px, m, m
 _SMALLEST_NORMALISER = 1e-9  # a perfect guess must not divide by zero
 # Median of |r| / sigma of a Gaussian in one and in two dimensions.
@@ -176,6 +179,7 @@ def _reweighted(
     initial = _initial_sigmas(solver.problem)
     sigmas = tuple(s * scale for s, scale in zip(initial, scales))
     count, settled = len(sigmas), False
+    change = np.full(2 * count + len(offsets), np.inf)
     sensors = options.range_offsets
     state = AndersonAcceleration(np.concatenate([np.log(scales), insets, offsets]))
     for _ in range(options.reweighting_rounds):
@@ -203,12 +207,22 @@ def _reweighted(
         end = _minimise(solver, end.x, sigmas, options, end.iterations, tolerance)
     if not end.interrupted:
         end = _minimise(solver, end.x, sigmas, options, end.iterations, EXACT)
+    settled = settled or _stands_still(solver.problem, change)
     if not settled and not end.interrupted:
         why = f"the sigmas do not settle in {end.iterations} iterations"
         end = replace(end, converged=False, message=why)
     _, insets, offsets = np.split(state.value, [count, 2 * count])
     summary = _summary(solver, options, end, sigmas, insets)
     return replace(summary, range_offsets_m=in_metres(sensors, offsets))
+
+
+def _stands_still(problem: Problem, change: np.ndarray) -> bool:
+    """Tell whether the last change of factors, insets and offsets is far below their deviation."""
+    rows = np.array([block.count * block.dimension for block in problem.residual_blocks])
+    factors = np.maximum(_OF_DEVIATION / np.sqrt(2.0 * rows), _STILL)
+    allowed = np.full(len(change), _STILL)
+    allowed[: len(rows)], allowed[len(rows) : 2 * len(rows)] = factors, _STILL_STEPS
+    return bool(np.all(np.abs(change) < allowed))
 
 
 def _initial_sigmas(problem: Problem) -> Tuple[np.ndarray, ...]:
