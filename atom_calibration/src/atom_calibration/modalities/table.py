@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Callable, Dict, Optional, Protocol
+from typing import TYPE_CHECKING, Any, Callable, Optional, Protocol
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from atom_core.model.config import SensorConfig
 from atom_core.model.labels import Label
 from atom_core.model.modality import modality_named, modality_of_message
 from atom_core.model.pattern import Pattern
+from atom_core.model.registry import Registry
 from atom_core.model.sensor import Sensor
 
 if TYPE_CHECKING:
@@ -89,30 +90,15 @@ class RosModality:
     polygon_first: bool = False
 
 
-_TABLE: Dict[str, RosModality] = {}
-
-
-def register(modality: RosModality) -> None:
-    """Add a modality to the table.
-
-    Raises:
-        ValueError: there is one of this name.
-    """
-    if modality.name in _TABLE:
-        raise ValueError(f"modality '{modality.name}' is registered already")
-    _TABLE[modality.name] = modality
-
-
-def unregister(name: str) -> None:
-    """Take a modality away again."""
-    del _TABLE[name]
+_TABLE: Registry[RosModality] = Registry("modality in ROS")
+register, unregister = _TABLE.register, _TABLE.unregister
 
 
 def ros_modality(name: str) -> RosModality:
     """Return the modality of a name.
 
     Raises:
-        KeyError: the table has none; see `is_labeled`.
+        ValueError: the table has none; see `is_labeled`.
     """
     return _TABLE[name]
 

@@ -26,6 +26,7 @@ from typing import (
 import numpy as np
 
 from atom_core.model.labels import DetectionKey, Label, RangePoints
+from atom_core.model.registry import Registry
 
 if TYPE_CHECKING:  # types of the layers above, which a modality's functions take and return
     from atom_core.evaluation.label_quality import LabelQuality
@@ -147,29 +148,14 @@ class Modality:
         return _bare(message_type) in {_bare(known) for known in self.message_types}
 
 
-_REGISTERED: Dict[str, Modality] = {}
-
-
-def register(modality: Modality) -> None:
-    """Add a modality to those that there are.
-
-    Raises:
-        ValueError: there is one of this name.
-    """
-    if modality.name in _REGISTERED:
-        raise ValueError(f"modality '{modality.name}' is registered already")
-    _REGISTERED[modality.name] = modality
-
-
-def unregister(name: str) -> None:
-    """Take a modality away again."""
-    del _REGISTERED[name]
+_REGISTERED: Registry[Modality] = Registry("modality")
+register, unregister = _REGISTERED.register, _REGISTERED.unregister
 
 
 def modalities() -> Tuple[Modality, ...]:
     """Return all modalities in the order in which they were registered."""
     importlib.import_module(_ROOMS)
-    return tuple(_REGISTERED.values())
+    return tuple(_REGISTERED)
 
 
 def modality_named(name: object) -> Modality:
@@ -179,10 +165,8 @@ def modality_named(name: object) -> Modality:
         ValueError: naming those that there are.
     """
     if name not in _REGISTERED:
-        known = ", ".join(modality.name for modality in modalities())
-        if name not in _REGISTERED:
-            raise ValueError(f"modality '{name}' is unknown; use {known}")
-    return _REGISTERED[str(name)]
+        importlib.import_module(_ROOMS)
+    return _REGISTERED[name]
 
 
 def modality_of_message(message_type: str) -> Optional[Modality]:
