@@ -131,6 +131,7 @@ Camera AsCamera(const py::dict& item) {
   camera.focal_px = item["focal_px"].cast<Eigen::Vector2d>();
   camera.centre_px = item["centre_px"].cast<Eigen::Vector2d>();
   camera.limit_square = item["limit_square"].cast<double>();
+  camera.near_m = item["near_m"].cast<double>();
   const auto values = item["coefficients"].cast<std::vector<double>>();
   Expect(values.size() <= camera.coefficients.size(), "a camera has at most 8 coefficients");
   std::copy(values.begin(), values.end(), camera.coefficients.begin());
@@ -148,7 +149,8 @@ ResidualBlock AsResidualBlock(const py::dict& item) {
     block.camera = AsCamera(camera);
     if (camera.contains("number_scale")) {
       block.movable = {block.camera, camera["width"].cast<double>(),
-                       camera["height"].cast<double>(), camera["number_scale"].cast<Intrinsics>()};
+                       camera["height"].cast<double>(), camera["number_scale"].cast<Intrinsics>(),
+                       camera["most_log"].cast<double>()};
     }
     block.pixels = item["pixels"].cast<PixelRows>();
     Expect(block.pixels.rows() == block.points.rows(), "pixels must have the shape (n, 2)");
@@ -161,6 +163,7 @@ ResidualBlock AsResidualBlock(const py::dict& item) {
         "centre and half_size must have the shape (n, 2)");
     block.steps = item["steps"].cast<PointRows>();
     block.inset = item["inset"].cast<PixelRows>();
+    block.blend = item["blend"].cast<double>();
     Expect(
         block.steps.rows() == 2 * block.points.rows() && block.inset.rows() == block.points.rows(),
         "steps must have the shape (2 n, 3) and inset (n, 2)");
@@ -355,11 +358,11 @@ Args:
     intrinsics: (d, c) blocks of the detections' cameras, -1 for none.
     residual_blocks: list of dict with kind, detection (n,), points (n, 3), and
         camera (dict), pixels (n, 2) for reprojection, centre, half_size (n, 2), steps (2 n, 3),
-        inset (n, 2) for border; for orthogonal perhaps deviation (n,), added to the heights.
+        inset (n, 2), blend for border; for orthogonal perhaps deviation (n,), added to the heights.
     parts: list of dict, for blocks that are no poses: block (index), kind (origin, bias or
         camera), free (6,) 1 or 0; values (6,) of the first two, and for a bias axis (3,) and
         is_prismatic; for a camera first (0 or 6), and the dict camera of its residual blocks has
-        number_scale (12,), width and height.
+        number_scale (12,), most_log, width and height.
 
 Raises:
     ValueError: shapes or indices do not fit together.

@@ -12,7 +12,10 @@ using Matrix23d = Eigen::Matrix<double, 2, 3>;
 using Vector2d = Eigen::Vector2d;
 using Vector3d = Eigen::Vector3d;
 
-constexpr double kNear = 0.05;  // metres; nearer and behind, 1/z goes on along its tangent
+/// 1 / z; nearer than near_m and behind the camera, along its tangent there.
+double InverseDepth(double z, double near_m) {
+  return z >= near_m ? 1.0 / z : (2 * near_m - z) / (near_m * near_m);
+}
 
 /// Radial factor and its derivative by the squared radius.
 void RadialFactor(const Camera& camera, double square, double* factor, double* slope) {
@@ -54,9 +57,8 @@ Vector2d Distort(const Camera& camera, const Vector2d& ideal, Matrix2d* jacobian
 }
 
 Vector2d ProjectPinhole(const Camera& camera, const Vector3d& point, Matrix23d* by_point) {
-  const bool front = point.z() >= kNear;
-  const double inverse_z = front ? 1.0 / point.z() : (2 * kNear - point.z()) / (kNear * kNear);
-  const double slope = front ? -inverse_z * inverse_z : -1.0 / (kNear * kNear);
+  const double near_m = camera.near_m, inverse_z = InverseDepth(point.z(), near_m);
+  const double slope = point.z() >= near_m ? -inverse_z * inverse_z : -1.0 / (near_m * near_m);
   const Vector2d ideal = point.head<2>() * inverse_z;
   if (by_point != nullptr) {
     *by_point << inverse_z, 0.0, point.x() * slope, 0.0, inverse_z, point.y() * slope;
@@ -132,9 +134,7 @@ ByCoefficient ByCoefficients(const Camera& camera, const Vector3d& point) {
     }
     return result;
   }
-  const double inverse_z =
-      point.z() >= kNear ? 1.0 / point.z() : (2 * kNear - point.z()) / (kNear * kNear);
-  const Vector2d ideal = point.head<2>() * inverse_z;
+  const Vector2d ideal = point.head<2>() * InverseDepth(point.z(), camera.near_m);
   const double square = ideal.squaredNorm();
   if (square <= camera.limit_square) return PolynomialByCoefficient(camera, ideal);
   const double shrink = std::sqrt(camera.limit_square / square);
@@ -176,10 +176,9 @@ double RadiusLimitSquare(const Camera& camera, double width_px, double height_px
 }  // namespace
 
 Camera MovableCamera::At(const Intrinsics& numbers) const {
-  constexpr double kMostLog = 20.0;  // a focal length stays positive and finite
   Camera camera = start;
   for (int i = 0; i < 2; ++i) {
-    camera.focal_px[i] *= std::exp(std::clamp(numbers[i], -kMostLog, kMostLog));
+    camera.focal_px[i] *= std::exp(std::clamp(numbers[i], -most_log, most_log));
   }
   camera.centre_px += start.focal_px.cwiseProduct(numbers.segment<2>(2));
   for (int i = 0; i < 8; ++i) camera.coefficients[i] += scale[4 + i] * numbers[4 + i];

@@ -229,12 +229,10 @@ void ReduceOrthogonal(const ResidualBlock& block, const Segment& segment,
   if (with_derivatives) AddPlane(moments, plane, sum);
 }
 
-constexpr double kBlend = 0.5;  // geometry/rectangle.py
-
 /// Signed distance to a rectangle's border, negative inside, and its gradient; blended where two
 /// sides are about equally far (blended_distance_to_rectangles in geometry/rectangle.py).
 double DistanceToRectangle(const Vector2d& point, const Vector2d& centre, const Vector2d& half_size,
-                           Vector2d* gradient) {
+                           double blend, Vector2d* gradient) {
   const Vector2d offset = point - centre, beyond = offset.cwiseAbs() - half_size;
   const Vector2d outward(offset.x() < 0 ? -1 : 1, offset.y() < 0 ? -1 : 1);
   const Vector2d positive = beyond.cwiseMax(0.0);
@@ -244,13 +242,13 @@ double DistanceToRectangle(const Vector2d& point, const Vector2d& centre, const 
     return outside;
   }
   const int nearest = beyond.y() > beyond.x() ? 1 : 0;
-  const double width = -kBlend * beyond.sum(), apart = beyond[nearest] - beyond[1 - nearest];
+  const double width = -blend * beyond.sum(), apart = beyond[nearest] - beyond[1 - nearest];
   if (apart >= width) {  // on the border itself, too
     gradient->setZero();
     (*gradient)[nearest] = outward[nearest];
     return beyond[nearest];
   }
-  const double share = 1.0 - apart / width, by_width = kBlend * share * (2.0 - share) / 4.0;
+  const double share = 1.0 - apart / width, by_width = blend * share * (2.0 - share) / 4.0;
   (*gradient)[nearest] = outward[nearest] * (1.0 - share / 2.0 - by_width);
   (*gradient)[1 - nearest] = outward[1 - nearest] * (share / 2.0 - by_width);
   return beyond[nearest] + width * share * share / 4.0;
@@ -266,7 +264,8 @@ class Border {
   double Distance(std::int64_t i, Vector2d* gradient) const {
     const Vector2d in_plane = axes_.transpose() * (block_.points.row(i).transpose() - origin_);
     const Vector2d half_size = (block_.half_size.row(i) - block_.inset.row(i)).transpose();
-    return DistanceToRectangle(in_plane, block_.centre.row(i).transpose(), half_size, gradient);
+    return DistanceToRectangle(in_plane, block_.centre.row(i).transpose(), half_size, block_.blend,
+                               gradient);
   }
 
   /// The lengths of the steps across the sides of x and of y.

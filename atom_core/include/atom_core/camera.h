@@ -22,6 +22,8 @@ struct Camera {
   std::array<double, 8> coefficients{};
   /// Square of the normalised radius from which on the distortion stops growing.
   double limit_square = 0.0;
+  /// Depth, metres, below which and behind the camera 1/z goes on along its tangent.
+  double near_m = 0.0;
 
   /// Projects a point.
   ///
@@ -41,6 +43,8 @@ struct MovableCamera {
   double width_px = 0.0, height_px = 0.0;
   /// By how much a value changes with its number; of fx and fy, their value at the start.
   Intrinsics scale = Intrinsics::Zero();
+  /// Largest logarithm by which a focal length changes.
+  double most_log = 0.0;
 
   /// The camera at the numbers (12,).
   Camera At(const Intrinsics& numbers) const;

@@ -53,6 +53,8 @@ struct ResidualBlock {
   PointRows steps;
   /// (n, 2) how far inside the sides of x and of y the points are expected, metres; border only.
   PixelRows inset;
+  /// Share of the way to a corner's ridge on which the two sides are blended; border only.
+  double blend = 0.0;
   /// Reprojection only.
   Camera camera;
   /// Reprojection only, where the camera's intrinsics are estimated.

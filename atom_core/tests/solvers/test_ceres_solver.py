@@ -10,6 +10,8 @@ from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.preparation import free_edges
 from atom_core.calibration.start.boards import initial_boards
 from atom_core.calibration.start.disturb import disturbed
+from atom_core.geometry import camera as camera_models
+from atom_core.geometry import intrinsics, rectangle
 from atom_core.geometry.camera import Camera
 from atom_core.problem.builder import build_problem
 from atom_core.problem.measurements import read_measurements
@@ -266,3 +268,21 @@ def test_the_width_of_a_loss_is_said_once(loss, monkeypatch):
     scale = np.max(np.abs(theirs))
     np.testing.assert_allclose(ours / scale, theirs / scale, atol=1e-10)
     assert np.max(np.abs(ours - before)) > 1e-3 * scale
+
+
+@pytest.mark.parametrize(
+    "module, name, value",
+    [(rectangle, "BLEND", 0.1), (camera_models, "NEAR_M", 2.0), (intrinsics, "MOST_LOG", 0.01)],
+)
+def test_a_constant_of_the_residuals_goes_over(module, name, value, monkeypatch):
+    scene = "range sensors and intrinsics of plumb_bob"
+    problem = problem_of(SCENES[scene]().dataset, scene=scene)
+    x = 0.05 * np.random.default_rng(1).standard_normal(problem.parameters.size)
+    sigmas = sigmas_of(problem)
+    before = CeresSolver(problem).squares(x, sigmas)
+    for place in (module, ceres_solver):
+        monkeypatch.setattr(place, name, value)
+    ours, theirs = (s(problem).squares(x, sigmas) for s in (CeresSolver, LevenbergMarquardt))
+    for a, b in zip(ours, theirs):
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-12)
+    assert any(not np.allclose(a, b) for a, b in zip(ours, before))

@@ -21,7 +21,7 @@ from atom_core.geometry.camera import Camera, inverse_depth, radial_factor
 
 COUNT = 12
 _FIRST_COEFFICIENT = 4
-_MOST_LOG = 20.0  # a focal length stays positive and finite
+MOST_LOG = 20.0  # a focal length stays positive and finite
 _POLYNOMIAL = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 _EQUIDISTANT = ("k1", "k2", "k3", "k4")
 _POWERS = {"k1": 3, "k2": 5, "k3": 7, "p1": 2, "p2": 2, "k4": 3, "k5": 5, "k6": 7}
@@ -58,7 +58,7 @@ def _corner_square(camera: Camera) -> float:
 def moved_camera(start: Camera, numbers: np.ndarray) -> Camera:
     """Return the camera at the numbers (12,)."""
     scales, K = number_scales(start), start.K.copy()
-    logarithms = np.clip(numbers[:2], -_MOST_LOG, _MOST_LOG)
+    logarithms = np.clip(numbers[:2], -MOST_LOG, MOST_LOG)
     K[[0, 1], [0, 1]] = start.focal_px * np.exp(logarithms)
     K[:2, 2] = start.centre_px + start.focal_px * numbers[2:4]
     count = start.D.size

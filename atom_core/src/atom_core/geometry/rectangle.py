@@ -92,7 +92,7 @@ def signed_distance_to_rectangles(
 # Share of the way to the corner's ridge on which the two sides are blended. The blend is the
 # narrower, the nearer the border; on the border itself nothing changes. With a half, a point on
 # the ridge bends the sum of squares down by 0.75 of what a point at a side bends it up.
-_BLEND = 0.5
+BLEND = 0.5
 
 
 def blended_distance_to_rectangles(
@@ -114,13 +114,13 @@ def blended_distance_to_rectangles(
     distance, gradient = signed_distance_to_rectangles(points, centre, half_size)
     offset = np.asarray(points, dtype=float) - centre
     beyond = np.abs(offset) - half_size
-    width = -_BLEND * np.sum(beyond, axis=1)
+    width = -BLEND * np.sum(beyond, axis=1)
     apart = beyond[:, 0] - beyond[:, 1]
     share = np.maximum(width - np.abs(apart), 0.0) / np.where(width > 0.0, width, 1.0)
     share = np.where(np.max(beyond, axis=1) < 0.0, share, 0.0)
     near = np.stack([apart >= 0.0, apart < 0.0], axis=1)
     # distance = max + (width - |apart|)^2 / (4 width), by parts
-    by_width = _BLEND * share * (2.0 - share) / 4.0
+    by_width = BLEND * share * (2.0 - share) / 4.0
     by_beyond = near * (1.0 - share[:, None]) + share[:, None] / 2.0 - by_width[:, None]
     outward = np.where(offset < 0, -1.0, 1.0)
     blended = share[:, None] > 0.0

@@ -11,8 +11,9 @@ from typing import Any, Dict, List, Optional, Sequence
 import numpy as np
 
 from atom_core import native
-from atom_core.geometry.camera import Camera
-from atom_core.geometry.intrinsics import COUNT, number_scales
+from atom_core.geometry.camera import NEAR_M, Camera
+from atom_core.geometry.intrinsics import COUNT, MOST_LOG, number_scales
+from atom_core.geometry.rectangle import BLEND
 from atom_core.problem.blocks import ParameterBlock, PoseBlock
 from atom_core.problem.camera_blocks import CameraBlock
 from atom_core.problem.joint_blocks import JointBiasBlock, JointOriginBlock
@@ -213,7 +214,12 @@ def _part(block: ParameterBlock) -> Dict[str, Any]:
 def _movable(camera: Camera) -> Dict[str, Any]:
     scale = np.zeros(COUNT)
     scale[: 4 + camera.D.size] = number_scales(camera)
-    return {"number_scale": scale, "width": camera.width, "height": camera.height}
+    return {
+        "number_scale": scale,
+        "most_log": MOST_LOG,
+        "width": camera.width,
+        "height": camera.height,
+    }
 
 
 def _residual_block(block: ResidualBlock, movable: bool) -> Dict[str, Any]:
@@ -227,6 +233,7 @@ def _residual_block(block: ResidualBlock, movable: bool) -> Dict[str, Any]:
             "centre_px": camera.centre_px,
             "coefficients": list(camera.D),
             "limit_square": camera.limit_square,
+            "near_m": NEAR_M,
             **({} if not movable else _movable(camera)),
         }
         return item
@@ -234,6 +241,7 @@ def _residual_block(block: ResidualBlock, movable: bool) -> Dict[str, Any]:
     item["points"] = block.points
     if isinstance(block, BorderBlock):
         item["centre"], item["half_size"] = block.centre, block.half_size
+        item["blend"] = BLEND
         item["steps"], item["inset"] = block.steps.reshape(-1, 3), block.inset
     elif block.deviation_m is not None:
         item["deviation"] = block.deviation_m
