@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from roslaunch.config import load_config_default
 
 from atom_calibration.nodes.collecting import collect_from_bag
 from atom_core import cli
@@ -198,3 +199,12 @@ def test_a_whole_bag_with_automatic_seeds_gives_exact_poses(tmp_path, seed):
     assert result.expected >= 23 and result.found >= 0.9 and result.false == 0
     for error in result.errors.values():
         assert error.translation_m <= 0.006 and error.rotation_deg <= 0.2
+
+
+@pytest.mark.parametrize("scanners", ["true", "false"])
+def test_the_launch_file_of_the_simulation_starts_with_and_without_them(scanners):
+    path = package_folder("atom_examples") / "launch" / "collab_cell_simulation.launch"
+    words = [f"scanners:={scanners}", "rviz:=false"]
+    launch = load_config_default([(str(path), words)], None, verbose=False)
+    (simulator,) = launch.nodes
+    assert ("--scanners" in simulator.args.split()) is (scanners == "true")
