@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 import rospkg
 import yaml
-from sensor_msgs.msg import LaserScan
 from small_rig import CAMERA_IN_BAG, CONFIG, XACRO, write_package
 
 from atom_calibration.configure import configure_package, create_package
 from atom_calibration.configure.check import BagFacts
 from atom_calibration.configure.package import find_package, launch_text
-from atom_calibration.configure.render import RVIZ_FILES, collecting_view, rendered_files
+from atom_calibration.configure.render import collecting_view, rendered_files
 from atom_core.errors import OutputError
 from atom_core.io.config_yaml import read_config
 from atom_core.io.urdf import read_description
@@ -152,39 +151,6 @@ def test_collecting_shows_labels_seeds_and_the_panel_without_a_package_too(made_
             "atom_rviz_plugins/SeedTool",
         }
         assert our_plugins() >= {c for c in classes if not c.startswith("rviz/")}
-
-
-SCANNER = """  scanner:
-    link: "lamp"
-    parent_link: "base"
-    child_link: "lamp"
-    topic_name: "/scan"
-    modality:
-    throttle:
-additional_tfs"""
-
-
-def test_a_2d_lidar_is_shown_as_a_scan_with_labels_and_a_seed(package, make):
-    edit_config(package, "additional_tfs", SCANNER)
-    scan = LaserScan(angle_increment=0.5, range_min=0.1, range_max=9.0, ranges=[2.0, 3.0, 4.0])
-    scan.header, scan.angle_max = make.header("lamp", 12.0), 1.0
-    make.bag(package / "calibration" / "rig.bag", [*_messages(package), ("/scan", scan, 12.0)])
-    assert configure(package) == 0
-    shown = {name: _displays(package, name) for name in RVIZ_FILES}
-    assert {displays["/scan"] for displays in shown.values()} == {"rviz/LaserScan"}
-    labels = {"collect_data": "labeled", "dataset_playback": "labeled3d", "calibrate": "labeled3d"}
-    for name, topic in labels.items():
-        assert shown[name][f"/scan/{topic}"] == "rviz/PointCloud2", name
-    assert shown["collect_data"]["/scanner/data_labeler/update"] == "rviz/InteractiveMarkers"
-    words = {x.text for x in ElementTree.parse(str(package / "calibration/summary.svg")).iter()}
-    assert "scanner (lidar2d)" in words
-
-
-def _displays(package, name):
-    """Return the classes of the displays of a layout by their topic."""
-    view = yaml.safe_load((package / "rviz" / f"{name}.rviz").read_text("utf-8"))
-    displays = view["Visualization Manager"]["Displays"]
-    return {d.get("Topic") or d.get("Update Topic"): d["Class"] for d in displays}
 
 
 def test_the_graph_says_what_is_estimated_and_where_it_is_from(made_once):

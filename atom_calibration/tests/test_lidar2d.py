@@ -1,12 +1,18 @@
 """2D LiDARs: their messages, and the way from a bag to a calibration."""
 
 import json
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import rosbag
+import yaml
 from scan_scene import STOPS, make_scene, messages, seed, stamps
 from sensor_msgs.msg import LaserScan
+from small_rig import CONFIG, write_package
 
+from atom_calibration.configure import configure_package
+from atom_calibration.configure.render import RVIZ_FILES
 from atom_calibration.errors import MessageError
 from atom_calibration.messages.scans import laser_scan, scan_message
 from atom_calibration.modalities.frames import Frame, decode
@@ -199,3 +205,58 @@ def test_a_recording_without_a_valid_range_is_refused(scene, make, tmp_path, cap
     assert main([*words, "--output", str(tmp_path / "out")]) == 2
     lines = [x for x in capsys.readouterr().err.split("\n") if x.startswith("collect_from_bag:")]
     assert len(lines) == 1 and "'scanner'" in lines[0] and "no valid range" in lines[0]
+
+
+# ------------------------------------------------------------------------------ configure
+
+SCANNER = """  scanner:
+    link: "lamp"
+    parent_link: "base"
+    child_link: "lamp"
+    topic_name: "/scan"
+    modality:
+    throttle:
+additional_tfs"""
+
+
+@pytest.fixture(scope="module")
+def package(make, tmp_path_factory):
+    """Configure the small rig with a 2D LiDAR, whose modality its messages tell."""
+    folder = write_package(tmp_path_factory.mktemp("package"), make, seconds=1.0)
+    config = CONFIG.replace("additional_tfs", SCANNER)
+    (folder / "calibration" / "config.yml").write_text(config, encoding="utf-8")
+    sent = message(header=make.header("lamp", 10.5))
+    with rosbag.Bag(str(folder / "calibration" / "rig.bag"), "a") as bag:
+        bag.write("/scan", sent, sent.header.stamp)
+    assert configure_package.main(["-n", str(folder)]) == 0
+    return folder
+
+
+def displays(package, name):
+    """Return the classes of the displays of a layout by their topic."""
+    view = yaml.safe_load((package / "rviz" / f"{name}.rviz").read_text("utf-8"))
+    shown = view["Visualization Manager"]["Displays"]
+    return {d.get("Topic") or d.get("Update Topic"): d["Class"] for d in shown}
+
+
+@pytest.mark.parametrize("name", RVIZ_FILES)
+def test_every_layout_shows_the_scan(package, name):
+    assert displays(package, name)["/scan"] == "rviz/LaserScan"
+
+
+@pytest.mark.parametrize(
+    ("name", "topic", "kind"),
+    [
+        ("collect_data", "/scan/labeled", "rviz/PointCloud2"),
+        ("collect_data", "/scanner/data_labeler/update", "rviz/InteractiveMarkers"),
+        ("dataset_playback", "/scan/labeled3d", "rviz/PointCloud2"),
+        ("calibrate", "/scan/labeled3d", "rviz/PointCloud2"),
+    ],
+)
+def test_labels_and_seed_are_shown(package, name, topic, kind):
+    assert displays(package, name)[topic] == kind
+
+
+def test_the_summary_names_it(package):
+    svg = ElementTree.parse(str(package / "calibration" / "summary.svg"))
+    assert "scanner (lidar2d)" in {element.text for element in svg.iter()}
