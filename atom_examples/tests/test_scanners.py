@@ -196,3 +196,12 @@ def test_a_whole_bag_with_automatic_seeds_gives_exact_poses(tmp_path, seed):
     for error in errors(tmp_path).values():
         assert error.translation_m <= 0.006 and error.rotation_deg <= 0.2
         assert error.translation_m <= 3.5 * error.sigma_m
+
+
+@pytest.mark.parametrize("scanners", ["true", "false"])
+def test_the_launch_file_of_the_simulation_starts_with_and_without_them(scanners):
+    path = package_folder("atom_examples") / "launch" / "collab_cell_simulation.launch"
+    words = [f"scanners:={scanners}", "rviz:=false"]
+    launch = load_config_default([(str(path), words)], None, verbose=False)
+    (simulator,) = launch.nodes
+    assert ("--scanners" in simulator.args.split()) is (scanners == "true")
