@@ -11,8 +11,6 @@ REPEAT := 1
 # algebra in each process: more of them would only take the processors from one another.
 PYTEST = OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python3 -m pytest -n $(JOBS) --dist loadfile \
 	--no-loadscope-reorder --durations 20
-# Tests with a master wait for their nodes most of the time.
-TESTS_AT_ONCE := $(shell echo $$((2 * $$(nproc))))
 # Every recipe that runs Python, ROS or a tool of the virtual environment starts with this.
 ENV := source ./env.bash;
 PYTHON_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicate \
@@ -48,7 +46,7 @@ test: build ## lint and every test: pytest, gtest, rostest
 	$(PYTEST) || failed+=(pytest); \
 	bash tests/noetic_versions.bash || failed+=("Noetic's versions"); \
 	$(COMPILE) --target tests || failed+=("tests' build"); \
-	(cd build && ROS_HOME="$$PWD/ros_home" ctest -j $(TESTS_AT_ONCE) --output-on-failure) || failed+=(ctest); \
+	(cd build && ROS_HOME="$$PWD/ros_home" ctest -j $(JOBS) --output-on-failure) || failed+=(ctest); \
 	if [ "$${#failed[@]}" -gt 0 ]; then echo "make test: failed: $${failed[*]}" >&2; exit 1; fi
 
 test-regression: build ## does calibration still work? rostests on recordings of the simulated cell

@@ -1,10 +1,12 @@
-"""`make bench`: speed, growth and accuracy of the solvers; frames of RViz; labels after a seed.
+"""`make bench`: speed, growth and accuracy of the solvers; frames of RViz; labels after a seed;
+what a calibration says of planted faults.
 
 Prints tables and writes bench_output/*.csv (speed, scaling, accuracy, starts, convergence,
-gross_errors, rviz, seeds) and scaling.png; docs/benchmarks/README.md tells how to read them. Times
-depend on the machine and its load: compare the rows of one run with each other. The references
-beside our solvers, on the same rows from the same start: plain_ceres.cpp (a straightforward Ceres
-program, one thread) and scipy.optimize.least_squares (trf, sparse analytic Jacobian, lsmr).
+gross_errors, rviz, seeds, trust) and scaling.png; docs/benchmarks/README.md tells how to read them.
+Times depend on the machine and its load: compare the rows of one run with each other. The
+references beside our solvers, on the same rows from the same start: plain_ceres.cpp (a
+straightforward Ceres program, one thread) and scipy.optimize.least_squares (trf, sparse analytic
+Jacobian, lsmr).
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from rviz_rate import rviz_rates
 from scaling import command_seconds, comparable, find, scaling
 from scipy.optimize import least_squares
 from tqdm import tqdm
+from trust import trust
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
@@ -331,6 +334,7 @@ PARTS: Dict[str, Callable[[argparse.Namespace], None]] = {
     "gross_errors": lambda args: gross_errors(args.output, 1 if args.quick else min(args.seeds, 5)),
     "rviz": lambda args: rviz(args.output, args.quick),
     "seeds": lambda args: seeds(args.output, args.quick),
+    "trust": lambda args: trust(args.output, 1 if args.quick else min(args.seeds, 3)),
 }
 
 if __name__ == "__main__":

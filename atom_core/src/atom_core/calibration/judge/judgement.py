@@ -21,7 +21,7 @@ from atom_core.calibration.start.starts import ChosenStart, InitialProblem
 from atom_core.model.dataset import Dataset
 from atom_core.model.pattern import BoardKey
 from atom_core.problem.problem import Problem
-from atom_core.solvers.base import CONVERGED, FAILED, SolverSummary
+from atom_core.solvers.base import CONVERGED, FAILED, NOT_CONVERGED, SolverSummary
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.reweighting import covariance_of
 
@@ -63,7 +63,7 @@ def judge(chosen: ChosenStart, refined: Refined, options: CalibrationOptions) ->
     solution = Solution(dataset, problem, summary.x)
     weak += weak_directions(solution, covariance, *options.undetermined_limit)
     weak += weak_range_offsets(covariance, options.undetermined_limit[0])
-    if not weak and summary.status != CONVERGED:
+    if not weak and summary.status == NOT_CONVERGED and not summary.interrupted:
         weak = _weak_at_the_start(start, refined, options)
     status, message = _verdict(summary, weak, refined.failure)
     return Judgement(dataset, covariance, tuple(weak), status, message)
