@@ -305,11 +305,13 @@ def test_a_test_set_is_evaluated_with_the_calibrated_joints(calibrated):
 def test_options_select_and_hold_joints(calibrated, tmp_path, capsys):
     _, path, _ = calibrated
     common = ["calibrate", "-json", str(path)]
-    assert main([*common, "--output", str(tmp_path / "a"), "-jsf", "elbow"]) == 0
+    # What is held is wrong, too, and says so.
+    assert main([*common, "--output", str(tmp_path / "a"), "-jsf", "elbow"]) == 1
     document = json.loads((tmp_path / "a" / "calibration.json").read_text())
+    assert document["status"] == "inconsistent"
     assert list(document["joints"]) == ["elbow"]
     assert "Calibrated joints" in capsys.readouterr().out
-    assert main([*common, "--output", str(tmp_path / "b"), "-jpsf", "origin_z", "origin_yaw"]) == 0
+    assert main([*common, "--output", str(tmp_path / "b"), "-jpsf", "origin_z", "origin_yaw"]) == 1
     document = json.loads((tmp_path / "b" / "calibration.json").read_text())
     assert {n: set(p) for n, p in document["joints"].items()} == {
         "wrist_2": {"origin_z", "origin_yaw"}

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Dict, Mapping, Optional, Tuple
 
 from atom_core.calibration.judge.judgement import judge
+from atom_core.calibration.judge.misfit import Misfit
 from atom_core.calibration.judge.weak_directions import WeakDirection
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.preparation import prepare
@@ -31,9 +32,10 @@ class Calibration:
         initial: the dataset that the solver started from (after any disturbance).
         free: what was estimated and what was held.
         problem, summary, covariance: of the solver.
-        status: converged, not_converged, rank_deficient or failed.
+        status: converged, not_converged, rank_deficient, inconsistent or failed.
         message: one sentence.
         weak_directions: what the data leave open.
+        misfits: sensors that the joint solution fits far worse than they fit by themselves.
         unused: why a collection was not used, by key.
         rejected: detections that were left out since they contradict the others.
         warnings: what the user should know.
@@ -50,6 +52,7 @@ class Calibration:
     status: str
     message: str
     weak_directions: Tuple[WeakDirection, ...]
+    misfits: Tuple[Misfit, ...]
     unused: Mapping[str, str]
     rejected: Tuple[Rejected, ...]
     warnings: Tuple[str, ...]
@@ -78,7 +81,7 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
         chosen = choose_start(starts, prepared, options, setup)
         refined = refine(chosen.solution, prepared.free, options, setup)
     clock.lap("solve")
-    judgement = judge(chosen, refined, options)
+    judgement = judge(chosen, refined, options, setup.make)
     clock.lap("covariance")
     remarks = (prepared.remarks, starts.remarks, chosen.remarks, refined.remarks)
     return Calibration(
@@ -91,6 +94,7 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
         status=judgement.status,
         message=judgement.message,
         weak_directions=judgement.weak_directions,
+        misfits=judgement.misfits,
         unused=refined.unused,
         rejected=refined.rejected,
         warnings=(*prepared.dataset.warnings, *(r for of_step in remarks for r in of_step)),

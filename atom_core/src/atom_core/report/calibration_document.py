@@ -65,6 +65,7 @@ def calibration_document(results: CalibrationResults, options: Mapping[str, Any]
             {**asdict(weak), "parameters": list(weak.parameters)}
             for weak in calibration.weak_directions
         ],
+        "misfits": [misfit._asdict() for misfit in calibration.misfits],
         "warnings": list(results.warnings),
     }
     if results.ground_truth is not None:

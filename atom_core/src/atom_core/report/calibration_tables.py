@@ -47,6 +47,7 @@ def calibration_report(results: CalibrationResults, verbose: bool = False) -> st
             f"undetermined: {', '.join(weak.parameters)} (sigma {weak.sigma:.3g} {weak.unit}): "
             f"{weak.why}"
         )
+    parts += [f"inconsistent: {misfit.why}" for misfit in calibration.misfits]
     problem = calibration.problem
     parts.append(
         f"{calibration.status}: {calibration.message} ({calibration.summary.iterations} "

@@ -66,6 +66,9 @@ def _relay(publisher: Any) -> Callable[[Any], None]:
             publisher.publish(raw_image(message))
         except MessageError as error:
             rospy.logwarn_throttle(10.0, f"{publisher.name}: {error}")
+        except rospy.ROSException:
+            if not rospy.is_shutdown():  # then the topics are closed before the last image
+                raise
 
     return relay
 

@@ -8,6 +8,7 @@ from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 import numpy as np
 
 from atom_core.calibration.judge.ambiguity import ambiguity
+from atom_core.calibration.judge.misfit import Misfit, misfits
 from atom_core.calibration.judge.reasons import Solution
 from atom_core.calibration.judge.weak_directions import (
     WeakDirection,
@@ -21,11 +22,17 @@ from atom_core.calibration.start.starts import ChosenStart, InitialProblem
 from atom_core.model.dataset import Dataset
 from atom_core.model.pattern import BoardKey
 from atom_core.problem.problem import Problem
-from atom_core.solvers.base import CONVERGED, FAILED, NOT_CONVERGED, SolverSummary
+from atom_core.solvers.base import (
+    CONVERGED,
+    FAILED,
+    NOT_CONVERGED,
+    SolverFactory,
+    SolverSummary,
+)
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.reweighting import covariance_of
 
-RANK_DEFICIENT = "rank_deficient"
+RANK_DEFICIENT, INCONSISTENT = "rank_deficient", "inconsistent"
 
 
 @dataclass(frozen=True)
@@ -36,24 +43,29 @@ class Judgement:
         dataset: with the calibrated edges and board poses in its transforms.
         covariance: of the parameters.
         weak_directions: what the data leave open.
-        status: converged, not_converged, rank_deficient or failed.
+        misfits: sensors that the joint solution fits far worse than they fit by themselves.
+        status: converged, not_converged, rank_deficient, inconsistent or failed.
         message: one sentence.
     """
 
     dataset: Dataset
     covariance: Covariance
     weak_directions: Tuple[WeakDirection, ...]
+    misfits: Tuple[Misfit, ...]
     status: str
     message: str
 
 
-def judge(chosen: ChosenStart, refined: Refined, options: CalibrationOptions) -> Judgement:
+def judge(
+    chosen: ChosenStart, refined: Refined, options: CalibrationOptions, make_solver: SolverFactory
+) -> Judgement:
     """Judge a solution.
 
     Args:
         chosen: the start that it goes back to, with its rivals.
         refined: the solution.
         options: what counts as undetermined.
+        make_solver: which solver.
     """
     start, summary, problem = chosen.solution.start, refined.summary, refined.solver.problem
     covariance = covariance_of(refined.solver, summary, options.solver_options)
@@ -65,8 +77,12 @@ def judge(chosen: ChosenStart, refined: Refined, options: CalibrationOptions) ->
     weak += weak_range_offsets(covariance, options.undetermined_limit[0])
     if not weak and summary.status == NOT_CONVERGED and not summary.interrupted:
         weak = _weak_at_the_start(start, refined, options)
-    status, message = _verdict(summary, weak, refined.failure)
-    return Judgement(dataset, covariance, tuple(weak), status, message)
+    unfit: List[Misfit] = []
+    if summary.status == CONVERGED:
+        loss = options.solver_options.loss
+        unfit = misfits(refined.solver, summary.x, summary.sigmas, loss, make_solver)
+    status, message = _verdict(summary, weak, unfit, refined.failure)
+    return Judgement(dataset, covariance, tuple(weak), tuple(unfit), status, message)
 
 
 def _weak_at_the_start(
@@ -95,11 +111,16 @@ def _of_use(
 
 
 def _verdict(
-    summary: SolverSummary, weak: Sequence[WeakDirection], failure: Optional[str]
+    summary: SolverSummary,
+    weak: Sequence[WeakDirection],
+    unfit: Sequence[Misfit],
+    failure: Optional[str],
 ) -> Tuple[str, str]:
     if failure is not None:
         return FAILED, failure
     if weak and summary.status != FAILED:
         restless = "" if summary.status == CONVERGED else f"; the solver: {summary.message}"
         return RANK_DEFICIENT, f"{len(weak)} undetermined direction(s): {weak[0].why}{restless}"
+    if unfit and summary.status == CONVERGED:
+        return INCONSISTENT, unfit[0].why
     return summary.status, summary.message

@@ -1,0 +1,146 @@
+"""Whether the sensors fit the joint solution as well as each of their detections fits by itself.
+
+Every detection is fitted alone, to a pose of the board of its own, from where the joint solution
+has it. What is then left is the noise of its corners or points, and what is wrong within one
+detection. Where the joint solution leaves far more, no noise explains it: something that all
+detections are assumed to share does not hold. The estimated weights cannot tell; they grow with
+the residuals.
+"""
+
+from __future__ import annotations
+
+from typing import List, NamedTuple, Sequence, Tuple
+
+import numpy as np
+
+from atom_core.model.transforms import Edge
+from atom_core.problem.blocks import PATTERN, PoseBlock
+from atom_core.problem.parameters import Parameters
+from atom_core.problem.problem import PoseChains, Problem
+from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION
+from atom_core.solvers.base import Solver, SolverFactory
+from atom_core.solvers.criteria import ROUGH
+
+_ITERATIONS = 20
+# By which factor the joint fit must be worse than the fit alone, and by how much [px, m, m].
+_FACTOR = {REPROJECTION: 1.5, ORTHOGONAL: 1.5, BORDER: 2.0}
+_EXCESS = {REPROJECTION: 0.5, ORTHOGONAL: 0.01, BORDER: 0.01}
+_BOARD = "the board's squares, layout and border"
+_WORDS = {
+    REPROJECTION: (
+        *("corners", 1.0, "px"),
+        f"its intrinsics, {_BOARD}, and the poses of links that move",
+    ),
+    ORTHOGONAL: (
+        "points on the board",
+        1e3,
+        "mm",
+        f"the unit and axes of its points, and {_BOARD}",
+    ),
+    BORDER: ("border points", 1e3, "mm", f"{_BOARD}, and the unit and axes of its points"),
+}
+_FEWEST = 2  # detections, to speak of a sensor
+
+
+class Misfit(NamedTuple):
+    """One kind of residual of one sensor, in the middle of its detections.
+
+    Attributes:
+        sensor, kind: of which residuals.
+        alone: distance of a corner or point [px or m] where each detection has its own pose.
+        joint: likewise in the joint solution.
+        collections: in which the joint fit is much worse, the worst first.
+    """
+
+    sensor: str
+    kind: str
+    alone: float
+    joint: float
+    collections: Tuple[str, ...]
+
+    @property
+    def why(self) -> str:
+        """One clause for the user: how much, where, and what is likely."""
+        what, scale, unit, likely = _WORDS[self.kind]
+        worst = ", ".join(self.collections[:3])
+        return (
+            f"{what} of {self.sensor} are {scale * self.joint:.3g} {unit} off, but "
+            f"{scale * self.alone:.3g} {unit} where each board may stand as this sensor alone has "
+            f"it (worst in {worst}): noise does not explain it; look at {likely}"
+        )
+
+
+def misfits(
+    solver: Solver,
+    x: np.ndarray,
+    sigmas: Sequence[np.ndarray],
+    loss: str,
+    make_solver: SolverFactory,
+) -> List[Misfit]:
+    """Return the sensors that the joint solution does not fit, the worst first.
+
+    Args:
+        solver: of the problem that was solved.
+        x: its solution.
+        sigmas: for each residual block, (n,) in its unit.
+        loss: robust loss.
+        make_solver: which solver.
+    """
+    problem, found = solver.problem, []
+    joint = _distances(solver, x, sigmas)
+    alone = _distances_alone(problem, x, sigmas, loss, make_solver)
+    for block, together, own in zip(problem.residual_blocks, joint, alone):
+        detections, joint_px_or_m = _medians(block.detection, together)
+        _, alone_px_or_m = _medians(block.detection, own)
+        is_bad = _is_worse(block.kind, joint_px_or_m, alone_px_or_m)
+        middle = float(np.median(joint_px_or_m)), float(np.median(alone_px_or_m))
+        if len(detections) < _FEWEST or not _is_worse(block.kind, *np.array(middle)[:, None])[0]:
+            continue
+        order = np.argsort(-joint_px_or_m)
+        names = [problem.detections[d].collection for d in detections[order[is_bad[order]]]]
+        found.append(Misfit(block.sensor, block.kind, middle[1], middle[0], tuple(names)))
+    return sorted(found, key=lambda m: -m.joint / max(m.alone, 1e-12))
+
+
+def _is_worse(kind: str, joint: np.ndarray, alone: np.ndarray) -> np.ndarray:
+    """Tell (n,) where the joint fit is worse than noise explains."""
+    excess = np.sqrt(np.maximum(joint**2 - alone**2, 0.0))
+    return (excess > _EXCESS[kind]) & (joint > _FACTOR[kind] * alone)
+
+
+def _distances_alone(
+    problem: Problem,
+    x: np.ndarray,
+    sigmas: Sequence[np.ndarray],
+    loss: str,
+    make_solver: SolverFactory,
+) -> List[np.ndarray]:
+    """Return for each residual block the distances (n,) where each detection has its own pose."""
+    now = problem.with_cameras(x)
+    poses, count = problem.poses(x), len(problem.detections)
+    blocks = [
+        PoseBlock(Edge(key.sensor, f"{key.pattern}_{i}"), PATTERN, str(i), (key.pattern,), pose)
+        for i, (key, pose) in enumerate(zip(problem.detections, poses))
+    ]
+    chains = PoseChains(
+        np.tile(np.eye(4), (count, 2, 1, 1)),
+        np.arange(count)[:, None],
+        np.zeros((count, 1), dtype=bool),
+    )
+    free = Problem(Parameters(blocks), problem.detections, chains, now.residual_blocks)
+    solver = make_solver(free)
+    end = solver.minimise(np.zeros(free.parameters.size), sigmas, loss, _ITERATIONS, ROUGH)
+    return _distances(solver, end.x, sigmas)
+
+
+def _distances(solver: Solver, x: np.ndarray, sigmas: Sequence[np.ndarray]) -> List[np.ndarray]:
+    """Return for each residual block the norms (n,) of its residuals [px or m]."""
+    return [np.sqrt(square) * s for square, s in zip(solver.squares(x, sigmas), sigmas)]
+
+
+def _medians(detection: np.ndarray, distances: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+    """Return the detections (m,) of some rows, and the median distance of each (m,)."""
+    order = np.argsort(detection, kind="stable")
+    present, starts = np.unique(detection[order], return_index=True)
+    parts = np.split(distances[order], starts[1:])
+    return present, np.array([np.median(part) for part in parts])
