@@ -19,7 +19,6 @@ from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import Sensor
 
 _SEARCH_EVERY_S = 0.35  # of each range sensor that lost the board
-
 _REACH_M = (0.25, 0.7)  # from a predicted seed to what is found; least, most
 _REACH_SIGMAS = 2.0
 

@@ -6,7 +6,7 @@ import argparse
 import signal
 import sys
 import threading
-from typing import Callable, List, Optional, Tuple
+from typing import Any, Callable, List, Optional, Tuple
 
 import rospy
 
@@ -22,6 +22,20 @@ _watches: List[MasterWatch] = []
 def stopped() -> bool:
     """Tell whether the node was asked to end, by a signal or by the master."""
     return _stop.is_set() or rospy.is_shutdown()
+
+
+def is_ending() -> bool:
+    """Tell whether the node ends; rospy closes topics already while it only prepares to."""
+    return bool(rospy.is_shutdown() or rospy.core.is_shutdown_requested())
+
+
+def publish(topic: rospy.Publisher, message: Any) -> None:
+    """Publish a message, unless the topic is closed since the node ends."""
+    try:
+        topic.publish(message)
+    except rospy.ROSException:
+        if not is_ending():
+            raise
 
 
 def pause(seconds: float) -> None:

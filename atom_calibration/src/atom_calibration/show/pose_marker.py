@@ -25,6 +25,7 @@ from visualization_msgs.msg import (
 from atom_calibration.errors import MessageError
 from atom_calibration.messages.headers import frame_name
 from atom_calibration.messages.poses import pose_matrix, pose_message
+from atom_calibration.runtime import running
 
 FULL, POSITION, PLANAR, STILL = "full", "position", "planar", "still"
 _MOVES = {
@@ -88,8 +89,7 @@ class MarkerServer(InteractiveMarkerServer):
         try:
             super().publish(update)
         except rospy.ROSException:
-            # rospy closes topics already while it only prepares to end
-            if not (rospy.is_shutdown() or rospy.core.is_shutdown_requested()):
+            if not running.is_ending():
                 raise
 
 

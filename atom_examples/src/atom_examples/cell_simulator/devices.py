@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Dict, List, NamedTuple, Optional
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, Dict, List, NamedTuple, Optional, Type
 
 import numpy as np
 from sensor_msgs.msg import CameraInfo, Image, LaserScan, PointCloud2
@@ -34,7 +35,7 @@ class Packing(NamedTuple):
     compressed: bool = False
 
 
-class Device:
+class Device(ABC):
     """A sensor of the cell.
 
     Attributes:
@@ -60,9 +61,9 @@ class Device:
         """Return what it sees; without rng exactly."""
         return self.sensor.capture(scene, rng)
 
+    @abstractmethod
     def pack(self, seen: Any, head: Header, packing: Packing) -> Any:
         """Return the message of what it saw."""
-        raise NotImplementedError
 
     def on_plate(self, seen: Any) -> Optional[np.ndarray]:
         """Return the indices (n,) into the message's data that truly hit the board.
@@ -151,7 +152,7 @@ class ScannerDevice(Device):
         return seen.beam[seen.on_plate]
 
 
-_KINDS = {
+_KINDS: Dict[type, Type[Device]] = {
     ColourSettings: ColourDevice,
     DepthSettings: DepthDevice,
     LidarSettings: LidarDevice,

@@ -63,12 +63,9 @@ def _relay(publisher: Any) -> Callable[[Any], None]:
         if not publisher.get_num_connections():
             return
         try:
-            publisher.publish(raw_image(message))
+            running.publish(publisher, raw_image(message))
         except MessageError as error:
             rospy.logwarn_throttle(10.0, f"{publisher.name}: {error}")
-        except rospy.ROSException:
-            if not rospy.is_shutdown():  # then the topics are closed before the last image
-                raise
 
     return relay
 

@@ -62,13 +62,7 @@ class TransformFilter:
 
 
 def _publish(topic: Any, transforms: List[Any]) -> None:
-    try:
-        topic.publish(TFMessage(transforms))
-    except rospy.ROSException:
-        if (
-            not rospy.is_shutdown()
-        ):  # then the topics are closed before the last message is passed on
-            raise
+    running.publish(topic, TFMessage(transforms))
 
 
 def main() -> int:

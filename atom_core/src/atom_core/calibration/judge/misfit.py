@@ -90,20 +90,21 @@ def misfits(
     joint = _distances(solver, x, sigmas)
     alone = _distances_alone(problem, x, sigmas, loss, make_solver)
     for block, together, own in zip(problem.residual_blocks, joint, alone):
-        detections, joint_px_or_m = _medians(block.detection, together)
-        _, alone_px_or_m = _medians(block.detection, own)
-        is_bad = _is_worse(block.kind, joint_px_or_m, alone_px_or_m)
-        middle = float(np.median(joint_px_or_m)), float(np.median(alone_px_or_m))
-        if len(detections) < _FEWEST or not _is_worse(block.kind, *np.array(middle)[:, None])[0]:
+        detections, by_joint = _medians(block.detection, together)
+        _, by_itself = _medians(block.detection, own)
+        joint_middle, alone_middle = np.median(by_joint), np.median(by_itself)
+        if len(detections) < _FEWEST or not _is_worse(block.kind, joint_middle, alone_middle):
             continue
-        order = np.argsort(-joint_px_or_m)
-        names = [problem.detections[d].collection for d in detections[order[is_bad[order]]]]
-        found.append(Misfit(block.sensor, block.kind, middle[1], middle[0], tuple(names)))
+        order = np.argsort(-by_joint)
+        worse = order[_is_worse(block.kind, by_joint, by_itself)[order]]
+        names = tuple(problem.detections[d].collection for d in detections[worse])
+        middles = float(alone_middle), float(joint_middle)
+        found.append(Misfit(block.sensor, block.kind, *middles, names))
     return sorted(found, key=lambda m: -m.joint / max(m.alone, 1e-12))
 
 
 def _is_worse(kind: str, joint: np.ndarray, alone: np.ndarray) -> np.ndarray:
-    """Tell (n,) where the joint fit is worse than noise explains."""
+    """Tell (n,) where the joint fit is worse than noise explains; also of single figures."""
     excess = np.sqrt(np.maximum(joint**2 - alone**2, 0.0))
     return (excess > _EXCESS[kind]) & (joint > _FACTOR[kind] * alone)
 
