@@ -46,7 +46,9 @@ test: build ## lint and every test: pytest, gtest, rostest
 	$(PYTEST) || failed+=(pytest); \
 	bash tests/noetic_versions.bash || failed+=("Noetic's versions"); \
 	$(COMPILE) --target tests || failed+=("tests' build"); \
-	(cd build && ROS_HOME="$$PWD/ros_home" ctest -j $(JOBS) --output-on-failure) || failed+=(ctest); \
+	rm -rf build/test_results; \
+	(cd build && ROS_HOME="$$PWD/ros_home" ctest -j $(JOBS) --output-on-failure) \
+	|| { python3 tests/failed_cases.py build/test_results; failed+=(ctest); }; \
 	if [ "$${#failed[@]}" -gt 0 ]; then echo "make test: failed: $${failed[*]}" >&2; exit 1; fi
 
 test-regression: build ## does calibration still work? rostests on recordings of the simulated cell

@@ -108,12 +108,12 @@ class SetInitialEstimateTest(unittest.TestCase):
             return None
         return transform_matrix(found)
 
-    def wait_for_transform(self, edge, expected, what):
-        def there():
-            found = self.transform(*edge)
-            return found is not None and np.allclose(found, expected, atol=1e-6)
+    def is_at(self, edge, expected):
+        found = self.transform(*edge)
+        return found is not None and np.allclose(found, expected, atol=1e-6)
 
-        until(there, what)
+    def wait_for_transform(self, edge, expected, what):
+        until(lambda: self.is_at(edge, expected), what)
 
     def described(self):
         return read_description(self.estimate).robot.transforms({"shoulder": SHOULDER_RAD})
@@ -212,8 +212,12 @@ class SetInitialEstimateTest(unittest.TestCase):
             lambda: any(b < a for a, b in zip(self.clocks[seen:], self.clocks[seen + 1 :])), "loop"
         )
         other = se3.inverse(MOVED)
-        self.feed("camera", other, client="second")
-        self.wait_for_transform(CAMERA, other, "the second client's drag")
+
+        def drag():
+            self.feed("camera", other, client="second")
+            return self.is_at(CAMERA, other)
+
+        until(drag, "the second client's drag")
         time.sleep(1.2)  # so long the server listens to the second alone
 
 

@@ -7,8 +7,9 @@ from no RViz and is refused.
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
-from typing import Any, Callable, List, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 import rospy
@@ -66,22 +67,32 @@ OnMoved = Callable[[Moved], None]
 
 
 class MarkerServer(InteractiveMarkerServer):
-    """A server that listens to RViz whatever the clock does.
+    """A server that listens to RViz whatever ROS's clock does.
 
-    The original refuses whoever speaks within a second after another, by ROS's clock. To it, the
-    making of a marker is speech too: nobody is heard while the clock stands still before a
-    recording begins, nor after it has begun anew, when the past was in the future.
+    The original refuses whoever speaks within a second after another, by ROS's clock, and to it
+    the making of a marker is speech, too: nobody would be heard while that clock stands still
+    before a recording begins, nor when the recording has begun anew. Here it is a second of the
+    wall's clock after somebody's feedback.
     """
 
+    _TURN_S = 1.0  # so long a marker belongs to the client that moved it last
+
+    def __init__(self, *arguments: Any, **options: Any):
+        """Take what the original takes."""
+        self._heard: Dict[str, float] = {}  # of a marker: when feedback was accepted [s]
+        super().__init__(*arguments, **options)
+
     def processFeedback(self, feedback: Any) -> None:  # noqa: N802  (the server's name for it)
-        """Take feedback from anyone if nobody moved the marker, or did so in a time to come."""
+        """Take feedback from anyone if nobody else moved the marker just now."""
         with self.mutex:
             context = self.marker_contexts.get(feedback.marker_name)
             if context is not None:
-                if not context.last_client_id:
-                    context.last_client_id = feedback.client_id
-                if context.last_feedback > rospy.Time.now():
-                    context.last_feedback = rospy.Time()
+                now = time.monotonic()
+                last = self._heard.get(feedback.marker_name, -np.inf)
+                if context.last_client_id != feedback.client_id and now - last < self._TURN_S:
+                    return
+                self._heard[feedback.marker_name] = now
+                context.last_client_id = feedback.client_id
         super().processFeedback(feedback)
 
     def publish(self, update: Any) -> None:
