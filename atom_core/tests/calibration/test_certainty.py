@@ -79,7 +79,8 @@ def sigma_ratios(result):
                 depth = block.points[:, 2]
                 stretch = np.linalg.norm(block.points, axis=1) / depth
                 along_ray = noise.depth_scale * depth_sigma_m(depth) * stretch
-            planted = along_ray * np.abs(block.by_range_offset(poses))
+            outward = block.linearise(poses)[1][:, 0, 3:]
+            planted = along_ray * np.abs(np.einsum("ni,ni->n", outward, block.rays))
         else:
             continue  # how far limit points lie inside the border is the sampling's doing
         relative = planted / block.sigma

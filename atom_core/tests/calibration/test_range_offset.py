@@ -9,16 +9,19 @@ from atom_core.calibration.prepare.preparation import free_edges
 from atom_core.calibration.start.boards import initial_boards
 from atom_core.errors import CalibrationError
 from atom_core.problem.builder import build_problem
+from atom_core.problem.corrections import corrected
 from atom_core.problem.measurements import read_measurements
+from atom_core.problem.model_errors import RangeOffset, rows_of
 from atom_core.problem.residuals import BorderBlock, RangeBlock
 from atom_core.solvers.base import SolverOptions
 from atom_core.solvers.choice import SOLVERS
-from atom_core.solvers.range_offsets import UNIT_M, offset_columns
+from atom_core.solvers.error_columns import error_columns
 from atom_core.solvers.reweighting import covariance_of, solve
 from atom_core.synthetic import paper_cell, scenes
 from atom_core.synthetic.mistakes import with_long_ranges
 
 PLANTED_M = 0.03
+OFFSET = RangeOffset("lidar_1")
 
 
 @pytest.fixture(scope="module")
@@ -38,18 +41,22 @@ def problem():
 def test_derivatives_by_the_offset_against_central_differences(problem):
     x = 0.02 * np.random.default_rng(0).standard_normal(problem.parameters.size)
     poses, h = problem.poses(x), 1e-6
-    ahead, behind = (
-        problem.with_range_offsets({"lidar_1": sign * h}).residuals(x) for sign in (1, -1)
-    )
+    ahead, behind = (corrected(problem, {OFFSET: sign * h}, x).residuals(x) for sign in (1, -1))
+    now = problem.linearise(x)
     checked = 0
-    for block, more, less in zip(problem.residual_blocks, ahead, behind):
+    for block, by_state, more, less in zip(problem.residual_blocks, now.by_state, ahead, behind):
         if block.sensor != "lidar_1":
             np.testing.assert_array_equal(more, less)
             continue
         numeric = (more - less)[:, 0] / (2 * h)
-        np.testing.assert_allclose(block.by_range_offset(poses), numeric, atol=1e-6)
+        found = OFFSET.derivatives(rows_of(block, poses, problem.patterns, by_state))
+        np.testing.assert_allclose(found[:, 0], numeric, atol=1e-6)
         checked += block.count
     assert checked > 100
+
+
+def by_range_offset(block, poses):
+    return -np.einsum("ni,ni->n", block.linearise(poses)[1][:, 0, 3:], block.rays)
 
 
 def lengths(points):
@@ -57,8 +64,9 @@ def lengths(points):
 
 
 def test_an_offset_is_taken_back_exactly(problem):
-    there = problem.with_range_offsets({"lidar_1": 0.07})
-    back = there.with_range_offsets({"lidar_1": 0.0})
+    zero = np.zeros(problem.parameters.size)
+    there = corrected(problem, {OFFSET: 0.07}, zero)
+    back = corrected(there, {}, zero)
     for one, moved, other in zip(
         problem.residual_blocks, there.residual_blocks, back.residual_blocks
     ):
@@ -74,7 +82,7 @@ def test_both_solvers_see_the_same_rows_after_an_offset(problem):
     squares, gradients = [], []
     for make in SOLVERS.values():
         solver = make(problem)
-        solver.take_range_offsets(problem.with_range_offsets({"lidar_1": 0.04}))
+        solver.take_rows(corrected(problem, {OFFSET: 0.04}, x))
         squares.append(np.concatenate(solver.squares(x, sigmas)))
         gradients.append(solver.equations(x, sigmas, "cauchy").gradient_shared)
     np.testing.assert_allclose(squares[0], squares[1], rtol=1e-8, atol=1e-10)
@@ -84,14 +92,14 @@ def test_both_solvers_see_the_same_rows_after_an_offset(problem):
 def test_the_column_is_the_derivative_of_the_cost(problem):
     sigmas = [block.sigma for block in problem.residual_blocks]
     x, h = np.zeros(problem.parameters.size), 1e-6
-    (column,) = offset_columns(problem, x, sigmas, "none", ["lidar_1"])
+    (column,) = error_columns(problem, x, sigmas, "none", [OFFSET])
 
     def cost(offset_m):
-        residuals = problem.with_range_offsets({"lidar_1": offset_m}).residuals(x)
+        residuals = corrected(problem, {OFFSET: offset_m}, x).residuals(x)
         return sum(0.5 * np.sum((r / s[:, None]) ** 2) for r, s in zip(residuals, sigmas))
 
     slope = (cost(h) - cost(-h)) / (2 * h)
-    assert column.slope / UNIT_M == pytest.approx(slope, rel=1e-5)
+    assert column.slope / OFFSET.step == pytest.approx(slope, rel=1e-5)
 
 
 @pytest.mark.parametrize("solver_name", list(SOLVERS))
@@ -100,8 +108,8 @@ def test_a_planted_offset_is_found(scene, solver_name):
     options = CalibrationOptions(range_offset=("lidar_2",), solver_name=solver_name)
     result = calibrate(dataset, options)
     assert result.status == "converged" and not result.rejected
-    found = result.summary.range_offsets_m["lidar_2"]
-    sigma = result.covariance.range_offset_sigmas_m["lidar_2"]
+    found = result.summary.model_errors[RangeOffset("lidar_2")]
+    sigma = result.covariance.error_sigmas[RangeOffset("lidar_2")]
     assert 0.0 < sigma < 0.002
     assert found == pytest.approx(-PLANTED_M, abs=min(4.0 * sigma, 0.002))
 
@@ -110,13 +118,13 @@ def test_without_an_offset_it_is_nothing(scene):
     names = ("lidar_1", "lidar_2", "lidar_3")
     result = calibrate(scene.dataset, CalibrationOptions(range_offset=names))
     for name in names:
-        sigma = result.covariance.range_offset_sigmas_m[name]
-        assert abs(result.summary.range_offsets_m[name]) < 4.0 * sigma
-    assert calibrate(scene.dataset).summary.range_offsets_m == {}
+        sigma = result.covariance.error_sigmas[RangeOffset(name)]
+        assert abs(result.summary.model_errors[RangeOffset(name)]) < 4.0 * sigma
+    assert calibrate(scene.dataset).summary.model_errors == {}
 
 
 def test_the_joint_covariance_is_the_inverse_of_the_bordered_equations(problem):
-    options = SolverOptions(loss="none", range_offsets=("lidar_1",))
+    options = SolverOptions(loss="none", model_errors=(OFFSET,))
     solver = SOLVERS["scipy"](problem)
     summary = solve(solver, options)
     x, sigmas, now = summary.x, summary.sigmas, solver.problem
@@ -125,7 +133,7 @@ def test_the_joint_covariance_is_the_inverse_of_the_bordered_equations(problem):
     for i, (block, sigma) in enumerate(zip(now.residual_blocks, sigmas)):
         rows = block.count * block.dimension
         mine = block.sensor == "lidar_1" and isinstance(block, RangeBlock)
-        offset.append(block.by_range_offset(poses) / sigma if mine else np.zeros(rows))
+        offset.append(by_range_offset(block, poses) / sigma if mine else np.zeros(rows))
         if isinstance(block, BorderBlock):
             insets.append((i, block.by_inset_steps(poses) / sigma))
     starts = np.cumsum([0] + [b.count * b.dimension for b in now.residual_blocks])
@@ -138,7 +146,7 @@ def test_the_joint_covariance_is_the_inverse_of_the_bordered_equations(problem):
     scale = np.linalg.norm(full, axis=0)
     inverse = np.linalg.inv((full / scale).T @ (full / scale)) / scale[:, None] / scale
     covariance = covariance_of(solver, summary, options)
-    sigma = covariance.range_offset_sigmas_m["lidar_1"]
+    sigma = covariance.error_sigmas[OFFSET]
     assert sigma == pytest.approx(np.sqrt(inverse[-1, -1]), rel=1e-4)
     for i in range(len(now.parameters.blocks)):
         at = now.parameters.slice_of(i)
@@ -173,8 +181,8 @@ def test_the_sigma_of_the_offset_is_that_of_its_errors(rigs, least, most):
         scene = paper_cell(seed, disturbance=(0.02, 0.02))
         dataset = with_long_ranges(scene.dataset, "lidar_1", PLANTED_M)
         result = calibrate(dataset, CalibrationOptions(range_offset=("lidar_1",)))
-        error = result.summary.range_offsets_m["lidar_1"] + PLANTED_M
+        error = result.summary.model_errors[OFFSET] + PLANTED_M
         errors.append(error)
-        normalised.append(error / result.covariance.range_offset_sigmas_m["lidar_1"])
+        normalised.append(error / result.covariance.error_sigmas[OFFSET])
     assert np.sqrt(np.mean(np.square(errors))) < 0.001
     assert least < np.mean(np.square(normalised)) < most

@@ -11,6 +11,7 @@ from atom_core.calibration.judge.misfit import Misfit
 from atom_core.calibration.judge.weak_directions import WeakDirection
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.preparation import prepare
+from atom_core.calibration.refine.model_checks import ModelCheck
 from atom_core.calibration.refine.refinement import refine
 from atom_core.calibration.refine.rejection import Rejected
 from atom_core.calibration.start.starts import choose_start, find_starts
@@ -36,6 +37,7 @@ class Calibration:
         message: one sentence.
         weak_directions: what the data leave open.
         misfits: sensors that the joint solution fits far worse than they fit by themselves.
+        checks: errors of the model that the data show, and that were not estimated.
         unused: why a collection was not used, by key.
         rejected: detections that were left out since they contradict the others.
         warnings: what the user should know.
@@ -53,6 +55,7 @@ class Calibration:
     message: str
     weak_directions: Tuple[WeakDirection, ...]
     misfits: Tuple[Misfit, ...]
+    checks: Tuple[ModelCheck, ...]
     unused: Mapping[str, str]
     rejected: Tuple[Rejected, ...]
     warnings: Tuple[str, ...]
@@ -95,6 +98,7 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
         message=judgement.message,
         weak_directions=judgement.weak_directions,
         misfits=judgement.misfits,
+        checks=judgement.checks,
         unused=refined.unused,
         rejected=refined.rejected,
         warnings=(*prepared.dataset.warnings, *(r for of_step in remarks for r in of_step)),

@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Optional, Tuple
+from typing import List, Optional, Tuple
 
 from atom_core.model.joints import JointSelection
+from atom_core.problem.model_errors import (
+    AXES,
+    BoardSize,
+    BorderShift,
+    BorderSize,
+    DepthScale,
+    ModelError,
+    RangeOffset,
+    RangeScale,
+)
 from atom_core.solvers.base import SolverOptions
 
 DESCRIPTION, NO_GUESS = "description", "none"
+SUGGEST, AUTO, OFF = "suggest", "auto", "off"
 
 
 @dataclass(frozen=True)
@@ -29,7 +40,13 @@ class CalibrationOptions:
             where that cannot be right), ``none`` places the sensors from the data alone.
         noisy_initial_guess: metres and radians by which each free edge is moved at the start.
         seed: of that disturbance.
-        range_offset: lidar3d sensors whose range offset is estimated.
+        range_offset: LiDARs whose range offset is estimated.
+        range_scale: LiDARs whose range scale is estimated.
+        depth_scale: depth cameras whose scale is estimated.
+        board_size: patterns whose size is estimated.
+        board_border: patterns of which shift and size of the border are estimated.
+        model_errors: whether errors of the model are looked for (``suggest``), estimated until
+            none is left (``auto``), or left alone (``off``).
         keep_collections: keys of collections that are used even if they contradict the others.
         keep_detections: (collection, sensor) of detections that are.
         undetermined_limit: metres and radians; a larger predicted sigma is undetermined.
@@ -48,18 +65,36 @@ class CalibrationOptions:
     noisy_initial_guess: Tuple[float, float] = (0.0, 0.0)
     seed: int = 0
     range_offset: Tuple[str, ...] = ()
+    range_scale: Tuple[str, ...] = ()
+    depth_scale: Tuple[str, ...] = ()
+    board_size: Tuple[str, ...] = ()
+    board_border: Tuple[str, ...] = ()
+    model_errors: str = SUGGEST
     keep_collections: Tuple[str, ...] = ()
     keep_detections: Tuple[Tuple[str, str], ...] = ()
     undetermined_limit: Tuple[float, float] = (0.05, 0.05)
 
     @property
     def solver_options(self) -> SolverOptions:
-        """The solver's, with the range offsets to be estimated."""
-        return replace(self.solver, range_offsets=self.range_offset)
+        """The solver's, with the model errors to be estimated."""
+        return replace(self.solver, model_errors=self.estimated_errors)
+
+    @property
+    def estimated_errors(self) -> Tuple[ModelError, ...]:
+        """The model errors that the user wants to have estimated."""
+        errors: List[ModelError] = [RangeOffset(name) for name in self.range_offset]
+        errors += [RangeScale(name) for name in self.range_scale]
+        errors += [DepthScale(name) for name in self.depth_scale]
+        errors += [BoardSize(name) for name in self.board_size]
+        for kind in (BorderShift, BorderSize):
+            errors += [kind(name, axis) for name in self.board_border for axis in range(len(AXES))]
+        return tuple(errors)
 
     def __post_init__(self) -> None:
         if self.initial_guess not in (DESCRIPTION, NO_GUESS):
             raise ValueError(f"initial_guess must be {DESCRIPTION} or {NO_GUESS}")
+        if self.model_errors not in (SUGGEST, AUTO, OFF):
+            raise ValueError(f"model_errors must be {SUGGEST}, {AUTO} or {OFF}")
         if min(self.noisy_initial_guess) < 0:
             raise ValueError("noisy_initial_guess needs two numbers >= 0: metres and radians")
         if min(self.undetermined_limit) <= 0:

@@ -6,12 +6,17 @@ import argparse
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Callable, List, Optional, Protocol, Sequence, Tuple
+from typing import Any, Dict, List, Optional, Protocol, Tuple
 
 from atom_core.calibration.calibrate import Calibration, calibrate
 from atom_core.calibration.options import DESCRIPTION, NO_GUESS, CalibrationOptions
 from atom_core.calibration.prepare.joints import select_joints
 from atom_core.commands import common
+from atom_core.commands.model_error_options import (
+    add_model_error_options,
+    selected_model_errors,
+    sensors_of,
+)
 from atom_core.errors import CalibrationError, DescriptionError
 from atom_core.io.atomic import prepare_output_folder, write_json_atomically
 from atom_core.io.dataset_json import write_dataset
@@ -20,7 +25,6 @@ from atom_core.io.truth_json import read_truth
 from atom_core.io.urdf import Description, read_description, write_calibrated_description
 from atom_core.model.dataset import Dataset
 from atom_core.model.joints import JOINT_PARAMETERS, JointSelection
-from atom_core.model.modality import Modality, modalities
 from atom_core.model.selection import select_names
 from atom_core.report.calibration_document import calibration_document
 from atom_core.report.calibration_results import CalibrationResults, calibration_results
@@ -57,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_joint_options(parser)
     _add_keep_options(parser)
     _add_intrinsics_option(parser)
-    _add_range_offset_option(parser)
+    add_model_error_options(parser)
     common.add_option(
         parser,
         "description",
@@ -154,17 +158,6 @@ def _add_intrinsics_option(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="estimate focal lengths, centre and distortion of these rgb cameras too (names, "
         "globs; all without a name)",
-    )
-
-
-def _add_range_offset_option(parser: argparse.ArgumentParser) -> None:
-    common.add_option(
-        parser,
-        "range_offset",
-        nargs="*",
-        metavar="S",
-        help="estimate what must be added to all distances of these LiDARs (names, globs; all "
-        "without a name)",
     )
 
 
@@ -308,20 +301,16 @@ def _with_selections(
             dataset.config.additional_tfs, args.additional_tf_selection_function, "additional tf"
         )
         options = replace(options, additional_tfs=tuple(names))
+    selected: Dict[str, Any] = dict(selected_model_errors(args, dataset))
     return replace(
         options,
+        **selected,
         joints=_joints(args, dataset),
-        intrinsics=_sensors_of(
+        intrinsics=sensors_of(
             dataset,
             "--optimize_intrinsics",
             args.optimize_intrinsics,
             lambda kind: kind.can_estimate_intrinsics,
-        ),
-        range_offset=_sensors_of(
-            dataset,
-            "--range_offset",
-            args.range_offset,
-            lambda kind: kind.can_estimate_range_offset,
         ),
         keep_collections=_kept_collections(args, dataset),
         keep_detections=_kept_detections(args, dataset),
@@ -343,25 +332,10 @@ def _options(args: argparse.Namespace) -> CalibrationOptions:
             noisy_initial_guess=tuple(args.noisy_initial_guess),
             seed=args.sample_seed,
             undetermined_limit=tuple(args.undetermined_limit),
+            model_errors=args.model_errors,
         )
     except ValueError as error:
         raise CalibrationError(str(error)) from None
-
-
-def _sensors_of(
-    dataset: Dataset,
-    option: str,
-    selection: Optional[Sequence[str]],
-    suits: Callable[[Modality], bool],
-) -> Tuple[str, ...]:
-    """Return the sensors that an option selects of those that it suits; None: it is not given."""
-    if selection is None:
-        return ()
-    nouns = " or ".join(kind.noun for kind in modalities() if suits(kind))
-    names = [s.name for s in dataset.sensors.values() if suits(s.kind)]
-    if not names:
-        raise CalibrationError(f"{option}: there is no {nouns}")
-    return tuple(select_names(names, selection, nouns))
 
 
 def _joints(args: argparse.Namespace, dataset: Dataset) -> Optional[JointSelection]:

@@ -7,7 +7,7 @@ inverted. All detections are evaluated at once, as arrays.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, List, Mapping, NamedTuple, Sequence, Tuple
 
@@ -17,10 +17,10 @@ from atom_core.geometry import se3
 from atom_core.model.labels import DetectionKey
 from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.camera_blocks import STATE_SIZE, TWIST_SIZE
+from atom_core.problem.model_errors import ModelError
 from atom_core.problem.parameters import Parameters
 from atom_core.problem.residuals import (
     BorderBlock,
-    RangeBlock,
     ReprojectionBlock,
     ResidualBlock,
 )
@@ -128,13 +128,20 @@ class Problem:
         parameters: what is estimated.
         detections: which detection each chain belongs to.
         chains: how the detections' poses follow from the parameters.
-        residual_blocks: the rows.
+        residual_blocks: the rows, corrected by the model errors.
+        model_errors: what they are corrected by (`corrections.py`).
     """
 
     parameters: Parameters
     detections: Tuple[DetectionKey, ...]
     chains: PoseChains
     residual_blocks: Tuple[ResidualBlock, ...]
+    model_errors: Mapping[ModelError, float] = field(default_factory=dict)
+
+    @cached_property
+    def patterns(self) -> np.ndarray:
+        """(d,) names of the detections' patterns."""
+        return np.array([key.pattern for key in self.detections])
 
     @cached_property
     def intrinsics_blocks(self) -> np.ndarray:
@@ -175,16 +182,6 @@ class Problem:
             block = blocks[i]
             assert isinstance(block, BorderBlock), "only limit points have an inset"
             blocks[i] = replace(block, inset=inset)
-        return replace(self, residual_blocks=tuple(blocks))
-
-    def with_range_offsets(self, offsets_m: Mapping[str, float]) -> Problem:
-        """Return the problem with the points of some range sensors moved along their rays."""
-        blocks = [
-            block.with_range_offset(offsets_m[block.sensor])
-            if isinstance(block, RangeBlock) and block.sensor in offsets_m
-            else block
-            for block in self.residual_blocks
-        ]
         return replace(self, residual_blocks=tuple(blocks))
 
     def with_cameras(self, x: np.ndarray) -> Problem:

@@ -193,6 +193,7 @@ def _orthogonal(sensor: Sensor, items: Sequence[Tuple[int, RangeMeasurement]]) -
         ids=np.concatenate([m.inside_indices for _, m in items]),
         points=np.concatenate([m.inside for _, m in items]),
         range_offset_m=0.0,
+        range_scale=0.0,
     )
 
 
@@ -206,6 +207,7 @@ def _border(sensor: Sensor, items: Sequence[Tuple[int, RangeMeasurement]]) -> Bo
         ids=np.concatenate([m.limit_indices for _, m in items]),
         points=np.concatenate([m.limit for _, m in items]),
         range_offset_m=0.0,
+        range_scale=0.0,
         centre=np.repeat([m.border.centre for _, m in items], counts, axis=0),
         half_size=np.repeat([m.border.half_size for _, m in items], counts, axis=0),
         steps=np.concatenate([m.limit_steps for _, m in items]),

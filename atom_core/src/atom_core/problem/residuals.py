@@ -120,28 +120,32 @@ class RangeBlock(ResidualBlock):
     """Points of one range sensor.
 
     Attributes:
-        points: (n, 3) in its frame [m], already moved by the range offset.
+        points: (n, 3) in its frame [m], already corrected by range scale and range offset.
         range_offset_m: by how much they are moved away from the sensor, along their rays.
+        range_scale: by which part of its distance each was moved before.
     """
 
     points: np.ndarray
     range_offset_m: float
+    range_scale: float
 
     @property
     def rays(self) -> np.ndarray:
         """(n, 3) unit vectors from the sensor to the points."""
-        return self.points / np.linalg.norm(self.points, axis=1, keepdims=True)
-
-    def with_range_offset(self, offset_m: float) -> RangeBlock:
-        """Return the block with its points moved by another offset."""
         points = self.points.astype(float)  # clouds have single precision
-        rays = points / np.linalg.norm(points, axis=1, keepdims=True)
-        moved = points + (offset_m - self.range_offset_m) * rays
-        return replace(self, points=moved, range_offset_m=offset_m)
+        return points / np.linalg.norm(points, axis=1, keepdims=True)
 
-    @abstractmethod
-    def by_range_offset(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
-        """Return the derivatives (n,) of the residuals by the range offset."""
+    @property
+    def measured_points(self) -> np.ndarray:
+        """(n, 3) as the sensor has them [m]."""
+        return (self.points - self.range_offset_m * self.rays) / (1.0 + self.range_scale)
+
+    def with_range_errors(self, offset_m: float, scale: float) -> RangeBlock:
+        """Return the block with its points corrected by another offset and scale."""
+        if (offset_m, scale) == (self.range_offset_m, self.range_scale):
+            return self
+        points = (1.0 + scale) * self.measured_points + offset_m * self.rays
+        return replace(self, points=points, range_offset_m=offset_m, range_scale=scale)
 
 
 @dataclass(frozen=True)
@@ -151,19 +155,28 @@ class OrthogonalBlock(RangeBlock):
     Attributes:
         deviation_m: (n,) added to the heights [m]: the noise of points that were moved onto a line
             (`scan_measurement`); None: nothing.
+        surface_m: (n,) how high the board's surface is estimated to be there [m]; None: flat.
     """
 
     deviation_m: Optional[np.ndarray] = None
+    surface_m: Optional[np.ndarray] = None
 
     kind = ORTHOGONAL
+
+    @property
+    def added_m(self) -> Optional[np.ndarray]:
+        """(n,) what is added to the heights of the points [m]; None: nothing."""
+        if self.surface_m is None:
+            return self.deviation_m
+        return -self.surface_m if self.deviation_m is None else self.deviation_m - self.surface_m
 
     def residuals(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
         """Return heights (n, 1) over the board [m]."""
         normal = sensor_T_pattern[:, :3, 2]
         offset = np.einsum("di,di->d", normal, sensor_T_pattern[:, :3, 3])
         height = np.einsum("ni,ni->n", normal[self.detection], self.points)
-        if self.deviation_m is not None:
-            height = height + self.deviation_m
+        if self.added_m is not None:
+            height = height + self.added_m
         return (height - offset[self.detection])[:, None]
 
     def linearise(self, sensor_T_pattern: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
@@ -171,10 +184,6 @@ class OrthogonalBlock(RangeBlock):
         normal = sensor_T_pattern[self.detection, :3, 2]
         jacobian = -np.concatenate([np.cross(self.points, normal), normal], axis=1)
         return self.residuals(sensor_T_pattern), jacobian[:, None, :]
-
-    def by_range_offset(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
-        """Return the derivatives (n,) of the heights by the range offset."""
-        return np.einsum("ni,ni->n", sensor_T_pattern[self.detection, :3, 2], self.rays)
 
 
 @dataclass(frozen=True)
@@ -210,11 +219,6 @@ class BorderBlock(RangeBlock):
         outward = self._in_sensor(sensor_T_pattern, gradient)
         jacobian = -np.concatenate([np.cross(self.points, outward), outward], axis=1)
         return distance[:, None], jacobian[:, None, :]
-
-    def by_range_offset(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
-        """Return the derivatives (n,) of the distances by the range offset."""
-        _, gradient = self._distance(sensor_T_pattern)
-        return np.einsum("ni,ni->n", self._in_sensor(sensor_T_pattern, gradient), self.rays)
 
     def steps_across(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
         """Return the lengths (n, 2) of the steps across the sides of x and of y [m]."""

@@ -10,6 +10,7 @@ import numpy as np
 from atom_core.calibration.judge.outliers import OUTLIER_SIGMAS
 from atom_core.calibration.judge.propagation import PropagatedPoint
 from atom_core.geometry import se3
+from atom_core.problem.blocks import ROTATION, TRANSLATION
 from atom_core.report.calibration_results import (
     CalibrationResults,
     CollectionResult,
@@ -65,6 +66,9 @@ def calibration_document(results: CalibrationResults, options: Mapping[str, Any]
             {**asdict(weak), "parameters": list(weak.parameters)}
             for weak in calibration.weak_directions
         ],
+        "model_errors": [
+            {**asdict(error), "rivals": list(error.rivals)} for error in results.model_errors
+        ],
         "misfits": [misfit._asdict() for misfit in calibration.misfits],
         "warnings": list(results.warnings),
     }
@@ -101,6 +105,8 @@ def _edge(edge: EdgeResult) -> Dict[str, Any]:
         "quaternion_xyzw": se3.quaternion_from_rotation(matrix[:3, :3]).tolist(),
         "sigma_translation_m": edge.sigma_translation_m.tolist(),
         "sigma_rotation_rad": edge.sigma_rotation_rad.tolist(),
+        "model_sigma_translation_m": edge.model_sigma[TRANSLATION].tolist(),
+        "model_sigma_rotation_rad": edge.model_sigma[ROTATION].tolist(),
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
@@ -23,12 +23,15 @@ from atom_core.calibration.judge.statistics import (
 )
 from atom_core.calibration.judge.weak_directions import edge_covariance
 from atom_core.calibration.prepare.preparation import camera_of
+from atom_core.calibration.refine.error_words import described
 from atom_core.evaluation.ground_truth import GroundTruth, ground_truth_errors
 from atom_core.geometry.intrinsics import intrinsics_names, intrinsics_values
 from atom_core.model.transforms import Edge
 from atom_core.model.truth import Truth
 from atom_core.problem.blocks import BLOCK_SIZE, ROTATION, TRANSLATION
+from atom_core.problem.model_errors import ModelError, RangeOffset
 from atom_core.problem.residuals import UNITS
+from atom_core.solvers.covariance import Covariance
 
 # What is not seen at all gets these instead of infinity, which JSON does not have.
 _LARGEST_VARIANCE, _LARGEST_SIGMA, _LARGEST_SIGMA_M = 1e12, 1e12, 1e6
@@ -46,6 +49,7 @@ class EdgeResult:
         anchored: whether it was held.
         parent_T_child: (4, 4); of an edge with a value for each collection, the first.
         sigma: (6,) of turns [rad] and shifts [m] about and along the parent's axes.
+        model_sigma: (6,) likewise, as the assumed noise has it.
     """
 
     edge: Edge
@@ -53,6 +57,7 @@ class EdgeResult:
     anchored: bool
     parent_T_child: np.ndarray
     sigma: np.ndarray
+    model_sigma: np.ndarray
 
     @property
     def sigma_rotation_rad(self) -> np.ndarray:
@@ -82,6 +87,30 @@ class RangeOffsetResult:
 
     offset_m: float
     sigma_m: float
+
+
+@dataclass(frozen=True)
+class ModelErrorResult:
+    """An error of the model: estimated, or seen in the data and left.
+
+    Attributes:
+        name, target: what it is, and of which sensor or board.
+        value, sigma, unit: what must be added, in m, or by which part to grow.
+        estimated: the calibration includes it.
+        option: what estimates it.
+        sentence: what it means.
+        rivals: what the data cannot tell it from.
+    """
+
+    name: str
+    target: str
+    value: float
+    sigma: float
+    unit: str
+    estimated: bool
+    option: str
+    sentence: str
+    rivals: Tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -142,6 +171,7 @@ class CalibrationResults:
         edges: selected ones.
         joints: estimated parameters by joint.
         sensors, collections: by name and by key.
+        model_errors: those estimated, then those that the data show and that were left.
         propagation: for every ordered pair of sensors.
         outliers: single corners and points.
         ground_truth: errors of the sensors; None without a truth.
@@ -155,6 +185,7 @@ class CalibrationResults:
     joints: Mapping[str, Tuple[ParameterResult, ...]]
     sensors: Mapping[str, SensorResult]
     collections: Mapping[str, CollectionResult]
+    model_errors: Tuple[ModelErrorResult, ...]
     propagation: Tuple[PropagationResult, ...]
     outliers: Outliers
     ground_truth: Optional[GroundTruth]
@@ -185,6 +216,7 @@ def calibration_results(
         joints=_joints(calibration),
         sensors={n: _sensor(calibration, n, table, outliers) for n in calibration.dataset.sensors},
         collections=_collections(calibration, table),
+        model_errors=_model_errors(calibration),
         propagation=_propagation(calibration),
         outliers=outliers,
         ground_truth=None if truth is None else ground_truth_errors(calibration.dataset, truth),
@@ -204,13 +236,22 @@ def selected_edges(calibration: Calibration) -> Dict[Edge, np.ndarray]:
     return {edge: dataset.first_value(edge) for edge in edges}
 
 
-def edge_variance(calibration: Calibration, edge: Edge) -> Optional[np.ndarray]:
-    """Return (6,) variances of rotation and translation in the parent's axes; None if held."""
+def edge_variance(
+    calibration: Calibration, edge: Edge, covariance: Optional[Covariance] = None
+) -> Optional[np.ndarray]:
+    """Return (6,) variances of rotation and translation in the parent's axes; None if held.
+
+    Args:
+        calibration: whose edge.
+        edge: which.
+        covariance: another one than the calibration's.
+    """
     parameters = calibration.problem.parameters
+    covariance = covariance or calibration.covariance
     for i, block in parameters.pose_blocks():
         if block.edge == edge:
             x = calibration.summary.x[parameters.slice_of(i)]
-            return np.diagonal(edge_covariance(block, x, calibration.covariance.block(i)))
+            return np.diagonal(edge_covariance(block, x, covariance.block(i)))
     return None
 
 
@@ -221,16 +262,21 @@ def pairs_of(calibration: Calibration) -> List[SensorPair]:
 
 
 def _edge(calibration: Calibration, edge: Edge) -> EdgeResult:
-    dataset, variance = calibration.dataset, edge_variance(calibration, edge)
-    sigma = np.zeros(BLOCK_SIZE)
-    if variance is not None:
-        sigma = np.sqrt(np.minimum(variance, _LARGEST_VARIANCE))
+    dataset = calibration.dataset
+
+    def sigma(covariance: Covariance) -> np.ndarray:
+        variance = edge_variance(calibration, edge, covariance)
+        if variance is None:
+            return np.zeros(BLOCK_SIZE)
+        return np.sqrt(np.minimum(variance, _LARGEST_VARIANCE))
+
     return EdgeResult(
         edge,
         tuple(s.name for s in dataset.sensors.values() if s.edge == edge),
         edge in calibration.free.held_edges(dataset),
         dataset.first_value(edge),
-        sigma,
+        sigma(calibration.covariance),
+        sigma(calibration.covariance.of_model),
     )
 
 
@@ -269,11 +315,33 @@ def _intrinsics(calibration: Calibration, sensor: str) -> Tuple[ParameterResult,
 
 
 def _range_offset(calibration: Calibration, sensor: str) -> Optional[RangeOffsetResult]:
-    offsets = calibration.summary.range_offsets_m
-    if sensor not in offsets:
+    error, values = RangeOffset(sensor), calibration.summary.model_errors
+    if error not in values:
         return None
-    sigma = calibration.covariance.range_offset_sigmas_m.get(sensor, 0.0)
-    return RangeOffsetResult(offsets[sensor], min(sigma, _LARGEST_SIGMA_M))
+    sigma = calibration.covariance.error_sigmas.get(error, 0.0)
+    return RangeOffsetResult(values[error], min(sigma, _LARGEST_SIGMA_M))
+
+
+def _model_errors(calibration: Calibration) -> Tuple[ModelErrorResult, ...]:
+    sigmas = calibration.covariance.error_sigmas
+    found = [
+        _model_error(error, value, sigmas.get(error, 0.0), True)
+        for error, value in calibration.summary.model_errors.items()
+    ]
+    for check in calibration.checks:
+        result = _model_error(check.error, check.value, check.sigma, False)
+        found.append(replace(result, rivals=tuple(rival.title for rival in check.rivals)))
+    return tuple(found)
+
+
+def _model_error(
+    error: ModelError, value: float, sigma: float, estimated: bool
+) -> ModelErrorResult:
+    sigma = min(sigma, _LARGEST_SIGMA)
+    sentence = described(error, value, sigma)
+    return ModelErrorResult(
+        error.name, error.target, value, sigma, error.unit, estimated, error.option, sentence, ()
+    )
 
 
 def _sensor(calibration: Calibration, name: str, table: Table, outliers: Outliers) -> SensorResult:

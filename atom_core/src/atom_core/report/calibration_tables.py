@@ -27,7 +27,7 @@ def calibration_report(results: CalibrationResults, verbose: bool = False) -> st
     """Return what ``calibrate`` prints."""
     calibration = results.calibration
     parts = [_edges_table(results), *_joints_table(results), _sensors_table(results)]
-    parts += _intrinsics_table(results) + _range_offset_lines(results)
+    parts += _intrinsics_table(results) + _model_error_lines(results)
     parts += _propagation_table(results) + _outliers_line(results)
     if verbose:
         parts.append(_collections_table(results))
@@ -111,14 +111,20 @@ def _intrinsics_table(results: CalibrationResults) -> List[str]:
     return [text_table(headers, rows, "Calibrated intrinsics")] if rows else []
 
 
-def _range_offset_lines(results: CalibrationResults) -> List[str]:
-    offsets = {name: sensor.range_offset for name, sensor in results.sensors.items()}
-    found = [
-        f"{name} {1e3 * offset.offset_m:+.2f} mm (sigma {1e3 * offset.sigma_m:.2g})"
-        for name, offset in offsets.items()
-        if offset is not None
-    ]
-    return [f"Added to all distances: {', '.join(found)}"] if found else []
+def _model_error_lines(results: CalibrationResults) -> List[str]:
+    """Return what was estimated of the model's errors, and what the data show beside it."""
+    lines = []
+    for error in results.model_errors:
+        if error.estimated:
+            lines.append(f"estimated: {error.sentence}")
+        elif error.rivals:
+            others = ", ".join(error.rivals)
+            lines.append(
+                f"the data show: {error.sentence}; these boards cannot tell it from: {others}"
+            )
+        else:
+            lines.append(f"the data show: {error.sentence} ({error.option} estimates it)")
+    return lines
 
 
 def _propagation_table(results: CalibrationResults) -> List[str]:

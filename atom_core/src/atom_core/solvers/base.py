@@ -8,6 +8,7 @@ from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Protocol
 import numpy as np
 
 from atom_core.model.transforms import Edge
+from atom_core.problem.model_errors import ModelError
 from atom_core.problem.problem import Problem
 from atom_core.solvers.assessment import Assessment
 from atom_core.solvers.criteria import EXACT, Tolerance
@@ -56,7 +57,7 @@ class SolverOptions:
         loss: none, huber or cauchy, its width in units of sigma.
         max_iterations: over all rounds of reweighting.
         reweighting_rounds: at most so many estimates of the sigmas.
-        range_offsets: names of the range sensors whose range offset is estimated.
+        model_errors: those that are estimated.
         progress: told of every iteration.
     """
 
@@ -64,7 +65,7 @@ class SolverOptions:
     loss: str = CAUCHY
     max_iterations: int = 200
     reweighting_rounds: int = 10
-    range_offsets: Tuple[str, ...] = ()
+    model_errors: Tuple[ModelError, ...] = ()
     progress: Optional[Progress] = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -115,8 +116,8 @@ class Solver(Protocol):
         """Go on with a problem that differs from the present one in its insets only."""
         ...
 
-    def take_range_offsets(self, problem: Problem) -> None:
-        """Go on with a problem that differs from the present one in its range offsets only."""
+    def take_rows(self, problem: Problem) -> None:
+        """Go on with a problem that differs from the present one in its model errors only."""
         ...
 
     def minimise(
@@ -180,7 +181,7 @@ class SolverSummary:
         inset_steps: for each residual block, how many steps of sampling the limit points are
             expected inside the border; 0 for other kinds.
         interrupted: True when it was stopped from outside.
-        range_offsets_m: by sensor, how far its points are moved along their rays; estimated.
+        model_errors: those estimated, in their units; the problem is corrected by them.
     """
 
     x: np.ndarray
@@ -194,4 +195,4 @@ class SolverSummary:
     robust_weights: Tuple[np.ndarray, ...]
     inset_steps: Tuple[float, ...]
     interrupted: bool = False
-    range_offsets_m: Mapping[str, float] = field(default_factory=dict)
+    model_errors: Mapping[ModelError, float] = field(default_factory=dict)

@@ -17,6 +17,7 @@ from atom_core.geometry.rectangle import BLEND
 from atom_core.problem.blocks import ParameterBlock, PoseBlock
 from atom_core.problem.camera_blocks import CameraBlock
 from atom_core.problem.joint_blocks import JointBiasBlock, JointOriginBlock
+from atom_core.problem.model_errors import RangeOffset, RangeScale
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import (
     BorderBlock,
@@ -69,9 +70,13 @@ class CeresSolver:
             if isinstance(block, BorderBlock):
                 self._native.set_inset(i, block.inset)
 
-    def take_range_offsets(self, problem: Problem) -> None:
-        """Go on with a problem that differs from the present one in its range offsets only."""
+    def take_rows(self, problem: Problem) -> None:
+        """Go on with a problem that differs from the present one in its model errors only."""
         before, self.problem = self.problem, problem
+        errors = {*before.model_errors, *problem.model_errors}
+        if any(not isinstance(error, (RangeOffset, RangeScale)) for error in errors):
+            self._native = _native_problem(problem)
+            return
         for i, (old, block) in enumerate(zip(before.residual_blocks, problem.residual_blocks)):
             if isinstance(block, RangeBlock) and block is not old:
                 self._native.set_points(i, block.points)
@@ -243,6 +248,6 @@ def _residual_block(block: ResidualBlock, movable: bool) -> Dict[str, Any]:
         item["centre"], item["half_size"] = block.centre, block.half_size
         item["blend"] = BLEND
         item["steps"], item["inset"] = block.steps.reshape(-1, 3), block.inset
-    elif block.deviation_m is not None:
-        item["deviation"] = block.deviation_m
+    elif block.added_m is not None:
+        item["deviation"] = block.added_m
     return item

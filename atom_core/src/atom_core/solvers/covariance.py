@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import copy
-from typing import Dict
+from typing import Dict, Mapping
 
 import numpy as np
 
 from atom_core.problem.blocks import BLOCK_SIZE
+from atom_core.problem.model_errors import ModelError
 from atom_core.problem.problem import Problem
+from atom_core.solvers.error_columns import ErrorColumn
 from atom_core.solvers.normal_equations import NormalEquations
-from atom_core.solvers.range_offsets import UNIT_M, OffsetColumn
 from atom_core.solvers.scalars import JointScalars
 
 _SMALLEST = 1e-13  # relative eigenvalue below which a direction counts as not seen at all
@@ -36,7 +37,8 @@ class Covariance:
         size = equations.shared.shape[0]
         reduced = equations.shared - np.tensordot(equations.cross, coupling, axes=((0, 1), (0, 1)))
         self._scale = scale
-        self.range_offset_sigmas_m: Dict[str, float] = {}  # by sensor, of those estimated
+        self.error_sigmas: Dict[ModelError, float] = {}  # in their units, of those estimated
+        self.of_model: Covariance = self  # as the assumed noise has it
         # What elimination leaves of an unseen direction is rounding: measure it against before.
         diagonal = np.diagonal(equations.shared)[None]
         self._shared = _pseudo_inverse(reduced[None], diagonal)[0] if size else reduced
@@ -56,11 +58,25 @@ class Covariance:
         result._cross = self._cross + local @ (variance @ shared.T)
         result._local = self._local + (local @ variance) @ np.swapaxes(local, 1, 2)
         sigmas = np.sqrt(np.diagonal(variance) * self._scale)
-        result.range_offset_sigmas_m = {
-            column.sensor: float(UNIT_M * sigma)
+        result.error_sigmas = {
+            column.error: float(column.error.step * sigma)
             for column, sigma in zip(joint.columns, sigmas)
-            if isinstance(column, OffsetColumn)
+            if isinstance(column, ErrorColumn)
         }
+        return result
+
+    def robust(self, factors: np.ndarray, by_error: Mapping[ModelError, float]) -> Covariance:
+        """Return the covariance with larger standard deviations, and this one as its model's.
+
+        Args:
+            factors: (6 s,) on those of the shared blocks' numbers.
+            by_error: on those of the model errors.
+        """
+        result = copy.copy(self)
+        result.of_model = self
+        result._shared = self._shared * factors[:, None] * factors
+        result._cross = self._cross * factors
+        result.error_sigmas = {e: by_error.get(e, 1.0) * s for e, s in self.error_sigmas.items()}
         return result
 
     @property

@@ -43,8 +43,8 @@ class LevenbergMarquardt:
         """Go on with a problem that differs from the present one in its insets only."""
         self.problem = problem
 
-    def take_range_offsets(self, problem: Problem) -> None:
-        """Go on with a problem that differs from the present one in its range offsets only."""
+    def take_rows(self, problem: Problem) -> None:
+        """Go on with a problem that differs from the present one in its model errors only."""
         self.problem = problem
 
     def equations(self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str) -> NormalEquations:

@@ -40,13 +40,8 @@ from atom_core.solvers.base import (
 )
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.criteria import EXACT, ROUGH, SETTLING, Tolerance
+from atom_core.solvers.error_columns import apply_errors, error_columns, in_steps, in_units
 from atom_core.solvers.insets import apply_insets
-from atom_core.solvers.range_offsets import (
-    UNIT_M,
-    apply_range_offsets,
-    in_metres,
-    offset_columns,
-)
 from atom_core.solvers.scalars import better_scalars, joint_scalars
 
 # Relative change of a factor below which the rounds become finer, and below which they end.
@@ -122,7 +117,7 @@ def solve(
             end = _minimise(solver, rough.x, sigmas, options, rough.iterations, EXACT)
         return _summary(solver, options, end, sigmas, np.zeros(len(sigmas)))
     count = len(solver.problem.residual_blocks)
-    none = np.zeros(len(options.range_offsets))
+    none = np.zeros(len(options.model_errors))
     return _reweighted(solver, options, rough, np.ones(count), np.zeros(count), none)
 
 
@@ -147,9 +142,8 @@ def solve_again(
     kept = [place[(b.sensor, b.kind)] for b in problem.residual_blocks]
     scales, insets = (np.array(v)[kept] for v in (summary.scales, summary.inset_steps))
     start = np.zeros(problem.parameters.size) if start is None else start
-    offsets_m = [summary.range_offsets_m.get(name, 0.0) for name in options.range_offsets]
-    offsets = np.array(offsets_m) / UNIT_M
-    apply_range_offsets(solver, options.range_offsets, offsets)
+    values = in_steps(options.model_errors, summary.model_errors)
+    apply_errors(solver, start, options.model_errors, values)
     problem = solver.problem
     poses = problem.poses(start)
     expected = {
@@ -162,7 +156,7 @@ def solve_again(
     # What was left out may have used the iterations up: it is another problem now.
     fresh = replace(options, max_iterations=summary.iterations + options.max_iterations)
     rough = _minimise(solver, start, sigmas, fresh, summary.iterations, ROUGH)
-    again = _reweighted(solver, fresh, rough, scales, insets, offsets)
+    again = _reweighted(solver, fresh, rough, scales, insets, values)
     return replace(again, cost_initial=summary.cost_initial)
 
 
@@ -172,34 +166,33 @@ def _reweighted(
     rough: Minimum,
     scales: np.ndarray,
     insets: np.ndarray,
-    offsets: np.ndarray,
+    values: np.ndarray,
 ) -> SolverSummary:
-    """Solve in rounds, from a rough answer for some scales (b,), insets (b,) and offsets (s,)."""
+    """Solve in rounds, from a rough answer for some scales (b,), insets (b,) and errors (e,)."""
     end, tolerance = rough, ROUGH
     initial = _initial_sigmas(solver.problem)
     sigmas = tuple(s * scale for s, scale in zip(initial, scales))
-    count, settled = len(sigmas), False
-    change = np.full(2 * count + len(offsets), np.inf)
-    sensors = options.range_offsets
-    state = AndersonAcceleration(np.concatenate([np.log(scales), insets, offsets]))
+    count, settled, errors = len(sigmas), False, options.model_errors
+    change = np.full(2 * count + len(values), np.inf)
+    state = AndersonAcceleration(np.concatenate([np.log(scales), insets, values]))
     for _ in range(options.reweighting_rounds):
         if end.interrupted:
             break
         assessment = solver.assess(end.x, sigmas, options.loss)
-        _, insets, offsets = np.split(state.value, [count, 2 * count])
-        columns = offset_columns(solver.problem, end.x, sigmas, options.loss, sensors)
-        now, offsets_now = better_scalars(
-            solver.problem, assessment, columns, options.loss, insets, offsets
+        _, insets, values = np.split(state.value, [count, 2 * count])
+        columns = error_columns(solver.problem, end.x, sigmas, options.loss, errors)
+        now, values_now = better_scalars(
+            solver.problem, assessment, columns, options.loss, insets, values
         )
         apply_insets(solver, assessment.columns, now)
-        apply_range_offsets(solver, sensors, offsets_now)
+        apply_errors(solver, end.x, errors, values_now)
         squares = solver.squares(end.x, sigmas)
         factors = _sigma_factors(solver.problem, assessment, squares, sigmas, options.loss)
-        change = np.concatenate([np.log(factors), now - insets, offsets_now - offsets])
-        scales, insets, offsets = np.split(state.advance(change), [count, 2 * count])
+        change = np.concatenate([np.log(factors), now - insets, values_now - values])
+        scales, insets, values = np.split(state.advance(change), [count, 2 * count])
         sigmas = tuple(s * np.exp(scale) for s, scale in zip(initial, scales))
         apply_insets(solver, assessment.columns, insets)
-        apply_range_offsets(solver, sensors, offsets)
+        apply_errors(solver, end.x, errors, values)
         settled = bool(np.max(np.abs(change)) < _STILL)
         if settled or end.iterations >= options.max_iterations:
             break
@@ -211,13 +204,13 @@ def _reweighted(
     if not settled and not end.interrupted:
         why = f"the sigmas do not settle in {end.iterations} iterations"
         end = replace(end, converged=False, message=why)
-    _, insets, offsets = np.split(state.value, [count, 2 * count])
+    _, insets, values = np.split(state.value, [count, 2 * count])
     summary = _summary(solver, options, end, sigmas, insets)
-    return replace(summary, range_offsets_m=in_metres(sensors, offsets))
+    return replace(summary, model_errors=in_units(errors, values))
 
 
 def _stands_still(problem: Problem, change: np.ndarray) -> bool:
-    """Tell whether the last change of factors, insets and offsets is far below their deviation."""
+    """Tell whether the last change of all scalars is far below their deviation."""
     rows = np.array([block.count * block.dimension for block in problem.residual_blocks])
     factors = np.maximum(_OF_DEVIATION / np.sqrt(2.0 * rows), _STILL)
     allowed = np.full(len(change), _STILL)
@@ -321,10 +314,10 @@ def covariance_of(solver: Solver, summary: SolverSummary, options: SolverOptions
         redundancy = max(solver.problem.row_count - solver.problem.parameters.free_count, 1)
         scale = 2.0 * summary.cost_final / redundancy
     covariance = Covariance(equations, scale)
-    if not summary.range_offsets_m:
+    if not summary.model_errors:
         return covariance
     assessment = solver.assess(summary.x, summary.sigmas, options.loss)
-    sensors = list(summary.range_offsets_m)
-    columns = offset_columns(solver.problem, summary.x, summary.sigmas, options.loss, sensors)
+    errors = list(summary.model_errors)
+    columns = error_columns(solver.problem, summary.x, summary.sigmas, options.loss, errors)
     joint = joint_scalars(solver.problem, equations, assessment.columns, columns)
     return covariance.bordered(joint)

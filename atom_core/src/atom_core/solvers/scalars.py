@@ -1,4 +1,4 @@
-"""Scalars that are estimated beside the poses: border insets and range offsets.
+"""Scalars that are estimated beside the poses: border insets and model errors.
 
 Together with the poses they make one joint problem. Its normal equations are those of the poses,
 bordered by one column for each scalar; the poses are eliminated from them (Schur complement).
@@ -14,11 +14,11 @@ import numpy as np
 from atom_core.problem.problem import Problem
 from atom_core.solvers import losses
 from atom_core.solvers.assessment import Assessment, InsetColumn
+from atom_core.solvers.error_columns import ErrorColumn, within_reason
 from atom_core.solvers.insets import MOST_STEPS
 from atom_core.solvers.normal_equations import Factor, NormalEquations, pulled_back
-from atom_core.solvers.range_offsets import OffsetColumn, within_reason
 
-Column = Union[InsetColumn, OffsetColumn]
+Column = Union[InsetColumn, ErrorColumn]
 
 
 @dataclass(frozen=True)
@@ -58,13 +58,19 @@ def joint_scalars(
     problem: Problem,
     equations: NormalEquations,
     insets: Sequence[InsetColumn],
-    offsets: Sequence[OffsetColumn],
+    errors: Sequence[ErrorColumn],
 ) -> JointScalars:
     """Return the reduced equations of all scalars, insets first."""
-    columns: Tuple[Column, ...] = (*insets, *offsets)
+    columns: Tuple[Column, ...] = (*insets, *errors)
     join = equations.layout.join
     vectors = [
-        pulled_back(problem, equations.layout, equations.state_jacobians, c.detection, c.by_twist)
+        pulled_back(
+            problem,
+            equations.layout,
+            equations.state_jacobians,
+            c.detection,
+            c.by_twist if isinstance(c, InsetColumn) else c.by_state,
+        )
         for c in columns
     ]
     flat = np.array([join(*v) for v in vectors])
@@ -73,41 +79,50 @@ def joint_scalars(
         gains = np.array([join(*factor.solve(*v)) for v in vectors])
     gradient = join(equations.gradient_shared, equations.gradient_local)
     alone = np.diag([c.curvature for c in columns])
-    for j, offset in enumerate(offsets, len(insets)):
-        for i, inset in enumerate(insets):  # they share rows
-            if inset.block in offset.weighted:
-                alone[i, j] = alone[j, i] = offset.weighted[inset.block] @ inset.by_steps
+    for j, error in enumerate(errors, len(insets)):
+        for i, column in enumerate(columns[:j]):
+            alone[i, j] = alone[j, i] = _common(column, error)
     slope = np.array([c.slope for c in columns]) - gains @ gradient
     scale = np.sqrt(np.diagonal(alone))
     return JointScalars(columns, alone - flat @ gains.T, slope, gains, scale)
 
 
+def _common(column: Column, error: ErrorColumn) -> float:
+    """Return the sum of weight times both derivatives over the rows that they share."""
+    if isinstance(column, InsetColumn):
+        mine = error.weighted.get(column.block)
+        return 0.0 if mine is None else float(mine[:, 0] @ column.by_steps)
+    shared = column.derivative.keys() & error.weighted.keys()
+    return float(sum(np.sum(error.weighted[i] * column.derivative[i]) for i in shared))
+
+
 def better_scalars(
     problem: Problem,
     assessment: Assessment,
-    offset_columns: Sequence[OffsetColumn],
+    error_columns: Sequence[ErrorColumn],
     loss: str,
     insets: np.ndarray,
-    offsets: np.ndarray,
+    errors: np.ndarray,
 ) -> Tuple[np.ndarray, np.ndarray]:
-    """Return insets and range offsets after one Newton step of the joint problem.
+    """Return insets and model errors after one Newton step of the joint problem.
 
     Args:
         problem: with the present ones.
         assessment: of the problem at or near the minimum for them.
-        offset_columns: of the range offsets.
+        error_columns: of the model errors.
         loss: of the rounds.
         insets: (b,) by residual block, in steps of the sampling; 0 for blocks of other kinds.
-        offsets: (s,) of the columns' sensors, in units of UNIT_M.
+        errors: (e,) of the columns' errors, in units of their steps.
     """
     inset_columns = assessment.columns
-    if not inset_columns and not offset_columns:
-        return insets, offsets
-    joint = joint_scalars(problem, assessment.equations, inset_columns, offset_columns)
+    if not inset_columns and not error_columns:
+        return insets, errors
+    joint = joint_scalars(problem, assessment.equations, inset_columns, error_columns)
     step = losses.step_length(loss) * joint.newton_step()
     chosen, new = [c.block for c in inset_columns], insets.copy()
     new[chosen] = np.clip(insets[chosen] + step[: len(chosen)], 0.0, MOST_STEPS)
-    return new, within_reason(offsets + step[len(chosen) :])
+    of_columns = [column.error for column in error_columns]
+    return new, within_reason(of_columns, errors + step[len(chosen) :])
 
 
 def _factor(equations: NormalEquations) -> Optional[Factor]:

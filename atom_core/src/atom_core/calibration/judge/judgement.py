@@ -13,25 +13,31 @@ from atom_core.calibration.judge.reasons import Solution
 from atom_core.calibration.judge.weak_directions import (
     WeakDirection,
     weak_directions,
-    weak_range_offsets,
+    weak_model_errors,
 )
-from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.options import OFF, CalibrationOptions
+from atom_core.calibration.refine.model_checks import ModelCheck, model_checks
+from atom_core.calibration.refine.model_errors import checked_equations, suggestion
 from atom_core.calibration.refine.refinement import Refined
 from atom_core.calibration.start.boards import solved_dataset
 from atom_core.calibration.start.starts import ChosenStart, InitialProblem
 from atom_core.model.dataset import Dataset
 from atom_core.model.pattern import BoardKey
+from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.problem import Problem
 from atom_core.solvers.base import (
     CONVERGED,
     FAILED,
     NOT_CONVERGED,
+    SIGMA,
     SolverFactory,
     SolverSummary,
 )
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.reweighting import covariance_of
+from atom_core.solvers.robust_covariance import sigma_factors
 
+_STRONG = 3.0  # sigmas by which what is not estimated may move an edge
 RANK_DEFICIENT, INCONSISTENT = "rank_deficient", "inconsistent"
 
 
@@ -44,6 +50,7 @@ class Judgement:
         covariance: of the parameters.
         weak_directions: what the data leave open.
         misfits: sensors that the joint solution fits far worse than they fit by themselves.
+        checks: errors of the model that the data show.
         status: converged, not_converged, rank_deficient, inconsistent or failed.
         message: one sentence.
     """
@@ -52,6 +59,7 @@ class Judgement:
     covariance: Covariance
     weak_directions: Tuple[WeakDirection, ...]
     misfits: Tuple[Misfit, ...]
+    checks: Tuple[ModelCheck, ...]
     status: str
     message: str
 
@@ -74,15 +82,38 @@ def judge(
     weak = ambiguity(chosen.solution, chosen.rivals)
     solution = Solution(dataset, problem, summary.x)
     weak += weak_directions(solution, covariance, *options.undetermined_limit)
-    weak += weak_range_offsets(covariance, options.undetermined_limit[0])
+    weak += weak_model_errors(covariance, options.undetermined_limit[0])
     if not weak and summary.status == NOT_CONVERGED and not summary.interrupted:
         weak = _weak_at_the_start(start, refined, options)
     unfit: List[Misfit] = []
+    checks: List[ModelCheck] = []
     if summary.status == CONVERGED:
         loss = options.solver_options.loss
         unfit = misfits(refined.solver, summary.x, summary.sigmas, loss, make_solver)
-    status, message = _verdict(summary, weak, unfit, refined.failure)
-    return Judgement(dataset, covariance, tuple(weak), tuple(unfit), status, message)
+        if options.solver.weights == SIGMA:
+            covariance, checks = _checked(start.initial, refined, options, covariance)
+    status, message = _verdict(summary, weak, unfit, strong(checks, covariance), refined.failure)
+    return Judgement(dataset, covariance, tuple(weak), tuple(unfit), tuple(checks), status, message)
+
+
+def _checked(
+    initial: Dataset, refined: Refined, options: CalibrationOptions, covariance: Covariance
+) -> Tuple[Covariance, List[ModelCheck]]:
+    """Return the covariance as the differences of the collections have it; and the model checks."""
+    loss, estimated = options.solver_options.loss, tuple(refined.summary.model_errors)
+    equations = checked_equations(initial, refined.solver, refined.summary, loss)
+    factors = sigma_factors(equations, estimated)
+    of_errors = dict(zip(estimated, factors[equations.shared :]))
+    covariance = covariance.robust(factors[: BLOCK_SIZE * equations.blocks], of_errors)
+    if options.model_errors == OFF:
+        return covariance, []
+    return covariance, model_checks(equations, estimated, loss)
+
+
+def strong(checks: Sequence[ModelCheck], covariance: Covariance) -> List[ModelCheck]:
+    """Return the checks that would move any edge by more than three of its sigmas."""
+    sigmas = np.sqrt(np.maximum(np.diagonal(covariance.shared), 1e-30))
+    return [c for c in checks if np.any(np.abs(c.moves[: len(sigmas)]) > _STRONG * sigmas)]
 
 
 def _weak_at_the_start(
@@ -114,6 +145,7 @@ def _verdict(
     summary: SolverSummary,
     weak: Sequence[WeakDirection],
     unfit: Sequence[Misfit],
+    checks: Sequence[ModelCheck],
     failure: Optional[str],
 ) -> Tuple[str, str]:
     if failure is not None:
@@ -121,6 +153,8 @@ def _verdict(
     if weak and summary.status != FAILED:
         restless = "" if summary.status == CONVERGED else f"; the solver: {summary.message}"
         return RANK_DEFICIENT, f"{len(weak)} undetermined direction(s): {weak[0].why}{restless}"
-    if unfit and summary.status == CONVERGED:
+    if checks:
+        return INCONSISTENT, suggestion(checks[0])
+    if unfit:
         return INCONSISTENT, unfit[0].why
     return summary.status, summary.message

@@ -56,18 +56,18 @@ def edge_covariance(block: PoseBlock, x: np.ndarray, covariance: np.ndarray) -> 
     return to_parent @ covariance @ to_parent.T
 
 
-def weak_range_offsets(covariance: Covariance, limit_m: float) -> List[WeakDirection]:
-    """Return the range offsets whose predicted sigma exceeds the limit."""
+def weak_model_errors(covariance: Covariance, limit: float) -> List[WeakDirection]:
+    """Return the model errors whose predicted sigma exceeds the limit, in m or as a part."""
     return [
         WeakDirection(
-            (f"{sensor} range offset",),
+            (error.name,),
             min(sigma, _LARGEST_SIGMA),
-            "m",
-            f"the data hardly tell an offset of the ranges of {sensor} from a shift of the sensor; "
-            f"collect boards at other distances and angles, or leave it out of --range_offset",
+            error.unit,
+            f"the data hardly tell the {error.title} from other poses; collect boards at other "
+            f"distances and angles, or leave it out of {error.option}",
         )
-        for sensor, sigma in covariance.range_offset_sigmas_m.items()
-        if sigma > limit_m
+        for error, sigma in covariance.error_sigmas.items()
+        if sigma > limit
     ]
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Mapping, Optional, Tuple
 
-from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.options import AUTO, CalibrationOptions
 from atom_core.calibration.refine.deeper_minima import with_boards_in_deepest_minima
 from atom_core.calibration.refine.intrinsics import with_intrinsics
+from atom_core.calibration.refine.model_errors import remarks_on, with_model_errors
 from atom_core.calibration.refine.rejection import (
     Rejected,
     reject_bad_detections,
@@ -55,19 +56,25 @@ def refine(
     """
     joined = with_intrinsics(rough, free, options.undetermined_limit[1], setup)
     summary = solve(joined.solver, setup.options, joined.minimum, guess=rough.first)
-    measurements = rough.start.measurements
+    initial, measurements = rough.start.initial, rough.start.measurements
     solver, summary = with_boards_in_deepest_minima(
         joined.solver, summary, measurements, setup.options, setup.make
     )
+    is_auto = options.model_errors == AUTO
+    if is_auto:  # first, since what contradicts the others may do so for that reason
+        summary, setup = with_model_errors(initial, solver, summary, setup)
     rejection = reject_bad_detections(rough.start, solver, summary, joined.free, options, setup)
-    rejected = rejection.rejected
-    left = {key.collection for key in rejection.solver.problem.detections}
+    solver, summary, rejected = rejection.solver, rejection.summary, rejection.rejected
+    if is_auto and rejected:
+        summary, setup = with_model_errors(initial, solver, summary, setup)
+    left = {key.collection for key in solver.problem.detections}
+    remarks = remarks_on(options.estimated_errors, summary)
     return Refined(
-        rejection.solver,
-        rejection.summary,
+        solver,
+        summary,
         joined.free,
         {**rough.start.unused, **whole_collections(rejected, left)},
         rejected,
         rejection.failure,
-        (*joined.remarks, *rejection_warnings(rejected, left)),
+        (*joined.remarks, *remarks, *rejection_warnings(rejected, left)),
     )

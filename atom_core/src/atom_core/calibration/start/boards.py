@@ -13,6 +13,7 @@ from atom_core.model.pattern import BoardKey
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import ROTATION
 from atom_core.problem.builder import FreeEdges, with_boards
+from atom_core.problem.corrections import corrected_cameras
 from atom_core.problem.initial_boards import (
     Placement,
     better_boards,
@@ -204,9 +205,10 @@ def solved_dataset(
     # the boards first: held ones keep their value, the others are among the changes
     solved = with_boards(dataset, boards).with_transforms(changes)
     solved = solved.with_joint_parameters(problem.parameters.joints_at(x))
-    cameras = problem.parameters.cameras_at(x)
+    cameras = {name: pair[1] for name, pair in problem.parameters.cameras_at(x).items()}
+    cameras.update(corrected_cameras(problem))
     sensors = {
-        name: replace(sensor, camera=cameras[name][1]) if name in cameras else sensor
+        name: replace(sensor, camera=cameras[name]) if name in cameras else sensor
         for name, sensor in solved.sensors.items()
     }
     return replace(solved, sensors=sensors) if cameras else solved

@@ -1,0 +1,54 @@
+"""Which model errors are looked for: those that real sensors and boards usually have."""
+
+from __future__ import annotations
+
+from typing import List
+
+from atom_core.geometry.intrinsics import intrinsics_names
+from atom_core.model.dataset import Dataset
+from atom_core.problem.model_errors import (
+    AXES,
+    Bend,
+    BoardSize,
+    BorderShift,
+    BorderSize,
+    CameraError,
+    DepthScale,
+    ModelError,
+    RangeOffset,
+    RangeScale,
+)
+from atom_core.problem.problem import Problem
+
+_NUMBERS = {"focal_length": (0, 1), "centre_x": (2,), "centre_y": (3,), "k1": (4,)}
+
+
+def candidates(dataset: Dataset, problem: Problem) -> List[ModelError]:
+    """Return the errors that a problem's sensors and boards may have.
+
+    Args:
+        dataset: with the sensors' intrinsics as given.
+        problem: whose rows are to depend on them; cameras whose intrinsics are estimated have none.
+    """
+    found: List[ModelError] = []
+    for name in dict.fromkeys(block.sensor for block in problem.residual_blocks):
+        sensor = dataset.sensors[name]
+        if sensor.kind.can_estimate_range_offset:
+            found += [RangeOffset(name), RangeScale(name)]
+        elif sensor.kind.measures_range:
+            found.append(DepthScale(name))
+        camera = sensor.camera if sensor.kind.can_estimate_intrinsics else None
+        if camera is not None and name not in problem.parameters.cameras:
+            found += [
+                CameraError(name, label, numbers, camera)
+                for label, numbers in _NUMBERS.items()
+                if max(numbers) < len(intrinsics_names(camera))
+            ]
+    for name in dict.fromkeys(key.pattern for key in problem.detections):
+        border = dataset.patterns[name].border
+        found.append(BoardSize(name))
+        for axis in range(len(AXES)):
+            middle, half_m = float(border.centre[axis]), float(border.half_size[axis])
+            found += [BorderShift(name, axis), BorderSize(name, axis)]
+            found.append(Bend(name, axis, middle, half_m))
+    return found

@@ -1,0 +1,107 @@
+"""What a model error means, in a sentence for the user."""
+
+from __future__ import annotations
+
+import math
+from typing import Callable, Dict, Type
+
+from atom_core.problem.model_errors import (
+    AXES,
+    Bend,
+    BoardSize,
+    BorderShift,
+    BorderSize,
+    CameraError,
+    DepthScale,
+    ModelError,
+    RangeOffset,
+    RangeScale,
+)
+
+
+def described(error: ModelError, value: float, sigma: float) -> str:
+    """Return what is wrong, by how much and how sure, as ``lidar_1 reads 29.8 +- 0.4 mm long``.
+
+    Args:
+        error: which.
+        value: its value in its unit: what must be added, or by which part to grow.
+        sigma: its standard deviation.
+    """
+    return _WORDS[type(error)](error, value, sigma)
+
+
+def _about(value: float, sigma: float, factor: float, unit: str) -> str:
+    return f"{factor * abs(value):.3g} +- {factor * sigma:.2g} {unit}"
+
+
+def _range_offset(error: ModelError, value: float, sigma: float) -> str:
+    length = "short" if value > 0 else "long"
+    return f"{error.target} reads {_about(value, sigma, 1e3, 'mm')} {length}"
+
+
+def _range_scale(error: ModelError, value: float, sigma: float) -> str:
+    where = "near" if value > 0 else "far"
+    return f"{error.target} reads {_about(value, sigma, 100.0, '%')} too {where}"
+
+
+def _board_size(error: ModelError, value: float, sigma: float) -> str:
+    size = "larger" if value > 0 else "smaller"
+    return f"board {error.target} is {_about(value, sigma, 100.0, '%')} {size} than described"
+
+
+def _border_shift(error: ModelError, value: float, sigma: float) -> str:
+    assert isinstance(error, BorderShift)
+    sign = "+" if value > 0 else "-"
+    return (
+        f"the border of {error.target} lies {_about(value, sigma, 1e3, 'mm')} in "
+        f"{sign}{AXES[error.axis]} of where it is described, seen from the print"
+    )
+
+
+def _border_size(error: ModelError, value: float, sigma: float) -> str:
+    assert isinstance(error, BorderSize)
+    size = "longer" if value > 0 else "shorter"
+    return (
+        f"the border of {error.target} is {_about(2.0 * value, 2.0 * sigma, 1e3, 'mm')} {size} "
+        f"in {AXES[error.axis]} than described"
+    )
+
+
+def _bend(error: ModelError, value: float, sigma: float) -> str:
+    assert isinstance(error, Bend)
+    return (
+        f"board {error.target} is bent by {_about(value, sigma, 1e3, 'mm')} along "
+        f"{AXES[error.axis]}; put it on something stiff"
+    )
+
+
+def _camera(error: ModelError, value: float, sigma: float) -> str:
+    assert isinstance(error, CameraError)
+    focal_px = float(error.camera.focal_px[0])
+    if error.label == "focal_length":
+        length = "long" if value < 0 else "short"
+        return (
+            f"the focal length of {error.target} is given "
+            f"{_about(math.expm1(-value), sigma, 100.0, '%')} too {length}"
+        )
+    if error.label.startswith("centre"):
+        return (
+            f"the image centre of {error.target} is given "
+            f"{_about(value, sigma, focal_px, 'px')} off in {error.label[-1]}"
+        )
+    return (
+        f"{error.label} of {error.target} is given {_about(value, sigma, focal_px, 'px')} off, "
+        f"measured at the farthest corner of the image"
+    )
+
+
+_WORDS: Dict[Type[ModelError], Callable[[ModelError, float, float], str]] = {
+    RangeOffset: _range_offset,
+    RangeScale: _range_scale,
+    DepthScale: _range_scale,
+    BoardSize: _board_size,
+    BorderShift: _border_shift,
+    BorderSize: _border_size,
+    Bend: _bend,
+    CameraError: _camera,
+}

@@ -1,0 +1,150 @@
+"""Which error of the model would explain the residuals: score tests, without another solve.
+
+For every candidate (a range offset, a board's size, a focal length, ...) the solution is taken one
+Gauss-Newton step farther with that number free beside all others. How exactly the number is known
+is seen from how much the collections differ about it, not from the assumed noise, which model
+errors make wrong (the cluster-robust or sandwich covariance: Liang and Zeger 1986; with a
+correction for leverage: Bell and McCaffrey 2002). What explains most is taken first, and the rest
+is tested beside it, until nothing significant is left.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import List, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
+from scipy import special
+
+from atom_core.problem.model_errors import ModelError
+from atom_core.solvers import losses
+from atom_core.solvers.shared_equations import SharedEquations, inverse
+
+_CHANCE = 0.01  # of naming anything where the model is right, for all candidates together
+_LEVERAGE = 0.9  # no collection counts as deciding more than this of a number
+_DETERMINED = 1e-6  # part of its information that other numbers must leave a candidate
+_SAME = 0.9  # two candidates whose effects are so much alike cannot be told apart ...
+_RIVAL = 0.8  # ... where the second one explains this part of what the first one does
+_MOST = 12
+
+
+@dataclass(frozen=True)
+class ModelCheck:
+    """A model error that the data show.
+
+    Attributes:
+        error: which.
+        value: estimated, in its unit; one step from the solution.
+        sigma: its standard deviation, seen from how the collections differ.
+        gain: by how much the cost (twice the negative logarithm of the likelihood) would fall.
+        moves: (m,) by how much the shared numbers would change.
+        rivals: other errors that would explain it nearly as well.
+    """
+
+    error: ModelError
+    value: float
+    sigma: float
+    gain: float
+    moves: np.ndarray
+    rivals: Tuple[ModelError, ...]
+
+
+def model_checks(
+    equations: SharedEquations, estimated: Sequence[ModelError], loss: str
+) -> List[ModelCheck]:
+    """Return what the data show, what explains most first.
+
+    Args:
+        equations: at the solution; its model errors are the estimated ones and the candidates.
+        estimated: those that the solution has estimated.
+        loss: robust loss of the equations.
+    """
+    known = [e for e in equations.errors if e in estimated]
+    found: List[ModelCheck] = []
+    while len(found) < _MOST:
+        step = _Step(equations, [*known, *(check.error for check in found)], loss)
+        best = step.best()
+        if best is None:
+            break
+        found.append(best)
+    return found
+
+
+class _Tested(NamedTuple):
+    value: np.ndarray
+    sigma: np.ndarray
+    gain: np.ndarray
+    significant: np.ndarray
+    determined: np.ndarray
+
+
+class _Step:
+    """All candidates, each tested beside the base: shared numbers and errors already taken."""
+
+    def __init__(self, equations: SharedEquations, taken: Sequence[ModelError], loss: str):
+        self._equations, self._length = equations, losses.step_length(loss)
+        place = {e: equations.shared + i for i, e in enumerate(equations.errors)}
+        base = [*range(equations.shared), *(place[e] for e in taken)]
+        self._candidates = [e for e in equations.errors if e not in taken]
+        rest = [place[e] for e in self._candidates]
+        by_collection, gradients = equations.information, equations.gradient
+        total, gradient = by_collection.sum(axis=0) + equations.held, gradients.sum(axis=0)
+        cross = total[np.ix_(base, rest)]
+        self._gains = inverse(total[np.ix_(base, base)]) @ cross  # (b, c)
+        of_all = total[np.ix_(rest, rest)] - cross.T @ self._gains
+        self._alone, self._curvature = np.diagonal(total)[rest], np.diagonal(of_all)
+        scale = np.sqrt(np.maximum(self._curvature, 1e-30))
+        self._alike = of_all / scale[:, None] / scale
+        self._slope = gradient[rest] - self._gains.T @ gradient[base]
+        # (g, c) likewise of each collection
+        self._slopes = gradients[:, rest] - gradients[:, base] @ self._gains
+        mixed = np.einsum("gbc,bc->gc", by_collection[:, base][:, :, rest], self._gains)
+        inner = np.einsum(
+            "bc,gbd,dc->gc", self._gains, by_collection[:, base][:, :, base], self._gains
+        )
+        own = np.diagonal(by_collection, axis1=1, axis2=2)[:, rest]
+        self._curvatures = np.maximum(own - 2.0 * mixed + inner, 0.0)
+
+    def best(self) -> Optional[ModelCheck]:
+        """Return the candidate that explains most, if it is significant."""
+        if not self._candidates:
+            return None
+        tested = self._tested()
+        gains = np.where(tested.significant, tested.gain, -1.0)
+        i = int(np.argmax(gains))
+        if gains[i] < 0.0:
+            return None
+        rivals = [
+            j
+            for j in range(len(gains))
+            if j != i
+            and tested.determined[j]
+            and abs(self._alike[i, j]) > _SAME
+            and tested.gain[j] > _RIVAL * tested.gain[i]
+        ]
+        error = self._candidates[i]
+        return ModelCheck(
+            error,
+            float(error.step * tested.value[i]),
+            float(error.step * tested.sigma[i]),
+            float(gains[i]),
+            -self._gains[: self._equations.shared, i] * tested.value[i],
+            tuple(self._candidates[j] for j in rivals),
+        )
+
+    def _tested(self) -> _Tested:
+        determined = self._curvature > _DETERMINED * np.maximum(self._alone, 1e-30)
+        curvature = np.where(determined, self._curvature, 1.0)
+        value = np.where(determined, -self._slope / curvature, 0.0)
+        left = self._slopes + self._curvatures * value
+        leverage = np.minimum(self._curvatures / curvature, _LEVERAGE)
+        variance = np.sum((left / (1.0 - leverage)) ** 2, axis=0) / curvature**2
+        sigma = np.sqrt(np.maximum(variance, 1.0 / curvature))
+        effective = 1.0 / np.maximum(np.sum(leverage**2, axis=0), 1e-30)
+        freedom = np.maximum(effective - 1.0, 1.0)
+        chance = 2.0 * special.stdtr(freedom, -np.abs(value) / sigma)
+        significant = determined & (chance < _CHANCE / max(len(value), 1))
+        gain = value**2 * curvature * self._length
+        # What is far off counts less in the equations: the step falls short, and so does its sigma.
+        value, sigma = self._length * value, self._length * sigma
+        return _Tested(value, sigma, gain, significant, determined)

@@ -1,0 +1,88 @@
+"""Model errors that the data show: looked for, and estimated in turn where that is asked for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import List, Sequence, Tuple
+
+from atom_core.calibration.refine.candidates import candidates
+from atom_core.calibration.refine.error_words import described
+from atom_core.calibration.refine.model_checks import ModelCheck, model_checks
+from atom_core.model.dataset import Dataset
+from atom_core.problem.model_errors import ModelError
+from atom_core.solvers.base import CONVERGED, SIGMA, Solver, SolverSetup, SolverSummary
+from atom_core.solvers.reweighting import solve_again
+from atom_core.solvers.shared_equations import SharedEquations, shared_equations
+
+_MOST = 12
+
+
+def checked_equations(
+    dataset: Dataset, solver: Solver, summary: SolverSummary, loss: str
+) -> SharedEquations:
+    """Return the equations of a solution, with all model errors that it may have."""
+    problem, x, sigmas = solver.problem, summary.x, summary.sigmas
+    errors: List[ModelError] = [*summary.model_errors]
+    errors += [e for e in candidates(dataset, problem) if e not in summary.model_errors]
+    equations = solver.equations(x, sigmas, loss)
+    return shared_equations(problem, equations, x, sigmas, loss, errors)
+
+
+def checks_of(
+    dataset: Dataset, solver: Solver, summary: SolverSummary, setup: SolverSetup
+) -> List[ModelCheck]:
+    """Return the model errors that a solution shows, what explains most first.
+
+    None where the solver did not converge, or the weights are no variances.
+    """
+    if summary.status != CONVERGED or setup.options.weights != SIGMA:
+        return []
+    loss = setup.options.loss
+    equations = checked_equations(dataset, solver, summary, loss)
+    return model_checks(equations, tuple(summary.model_errors), loss)
+
+
+def with_model_errors(
+    dataset: Dataset, solver: Solver, summary: SolverSummary, setup: SolverSetup
+) -> Tuple[SolverSummary, SolverSetup]:
+    """Estimate the model errors that the data show, one after the other, until none is left.
+
+    What cannot be told from another error is left alone.
+
+    Args:
+        dataset: with the intrinsics as given.
+        solver: of the problem; it goes on from there.
+        summary: its solution.
+        setup: with the model errors that are estimated already.
+    """
+    for _ in range(_MOST):
+        found = [c for c in checks_of(dataset, solver, summary, setup) if not c.rivals]
+        if not found:
+            break
+        errors = (*setup.options.model_errors, found[0].error)
+        more = replace(setup, options=replace(setup.options, model_errors=errors))
+        before, problem = summary, solver.problem
+        summary = solve_again(solver, more.options, problem, before, before.x)
+        if summary.status != CONVERGED:
+            solver.take_rows(problem)
+            return solve_again(solver, setup.options, problem, before, before.x), setup
+        setup = more
+    return summary, setup
+
+
+def remarks_on(estimated: Sequence[ModelError], summary: SolverSummary) -> List[str]:
+    """Return a sentence for each model error that was estimated without being asked for."""
+    return [
+        f"estimated, since the data show it: {error.title}"
+        for error in summary.model_errors
+        if error not in estimated
+    ]
+
+
+def suggestion(check: ModelCheck) -> str:
+    """Return one sentence: what the data show, and which option estimates it."""
+    sentence = described(check.error, check.value, check.sigma)
+    if check.rivals:
+        others = ", ".join(rival.title for rival in check.rivals)
+        return f"{sentence}; these boards cannot tell it from: {others}"
+    return f"{sentence}: {check.error.option} estimates it"

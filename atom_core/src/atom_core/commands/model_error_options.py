@@ -1,0 +1,93 @@
+"""Options of ``calibrate`` about errors of the model: sensors and boards are not as described."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Callable, Dict, Optional, Sequence, Tuple
+
+from atom_core.calibration.options import AUTO, OFF, SUGGEST
+from atom_core.commands import common
+from atom_core.errors import CalibrationError
+from atom_core.model.dataset import Dataset
+from atom_core.model.modality import Modality, modalities
+from atom_core.model.selection import select_names
+
+_OF_SENSORS: Dict[str, Tuple[Callable[[Modality], bool], str]] = {
+    "range_offset": (
+        lambda kind: kind.can_estimate_range_offset,
+        "what must be added to all distances of these LiDARs",
+    ),
+    "range_scale": (
+        lambda kind: kind.can_estimate_range_offset,
+        "by which part all distances of these LiDARs must grow",
+    ),
+    "depth_scale": (
+        lambda kind: kind.measures_range and not kind.can_estimate_range_offset,
+        "by which part all depths of these cameras must grow",
+    ),
+}
+_OF_BOARDS = {
+    "board_size": "by which part these boards are larger than described",
+    "board_border": "where the four sides of these boards are, seen from the print",
+}
+
+
+def add_model_error_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    for option, (_, what) in _OF_SENSORS.items():
+        common.add_option(
+            parser,
+            option,
+            nargs="*",
+            metavar="S",
+            help=f"estimate {what} (names, globs; all without a name)",
+        )
+    for option, what in _OF_BOARDS.items():
+        common.add_option(
+            parser,
+            option,
+            nargs="*",
+            metavar="P",
+            help=f"estimate {what} (names, globs; all without a name)",
+        )
+    common.add_option(
+        parser,
+        "model_errors",
+        choices=[SUGGEST, AUTO, OFF],
+        default=SUGGEST,
+        help="errors of sensors and boards that the data show: name them, estimate them in turn "
+        "until none is left, or do not look for them",
+    )
+
+
+def selected_model_errors(args: argparse.Namespace, dataset: Dataset) -> Dict[str, Tuple[str, ...]]:
+    """Return, by option, the sensors or boards that the arguments select.
+
+    Raises:
+        CalibrationError: there is none that an option suits.
+    """
+    selected = {
+        option: sensors_of(dataset, f"--{option}", getattr(args, option), suits)
+        for option, (suits, _) in _OF_SENSORS.items()
+    }
+    for option in _OF_BOARDS:
+        names = getattr(args, option)
+        chosen = () if names is None else tuple(select_names(dataset.patterns, names, "pattern"))
+        selected[option] = chosen
+    return selected
+
+
+def sensors_of(
+    dataset: Dataset,
+    option: str,
+    selection: Optional[Sequence[str]],
+    suits: Callable[[Modality], bool],
+) -> Tuple[str, ...]:
+    """Return the sensors that an option selects of those that it suits; None: it is not given."""
+    if selection is None:
+        return ()
+    nouns = " or ".join(kind.noun for kind in modalities() if suits(kind))
+    names = [s.name for s in dataset.sensors.values() if suits(s.kind)]
+    if not names:
+        raise CalibrationError(f"{option}: there is no {nouns}")
+    return tuple(select_names(names, selection, nouns))

@@ -1,0 +1,160 @@
+"""A problem corrected by model errors: its points, corners, borders and cameras as they then are.
+
+What a block was corrected by before is taken back first, so that any values can follow any others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Dict, List, Mapping, Type, TypeVar
+
+import numpy as np
+
+from atom_core.geometry.camera import Camera
+from atom_core.geometry.intrinsics import COUNT, moved_camera
+from atom_core.problem.model_errors import (
+    AlongAxis,
+    Bend,
+    BoardError,
+    BoardSize,
+    BorderShift,
+    BorderSize,
+    CameraError,
+    ModelError,
+    RangeOffset,
+    RangeScale,
+    rows_of,
+)
+from atom_core.problem.problem import Problem
+from atom_core.problem.residuals import (
+    BorderBlock,
+    OrthogonalBlock,
+    RangeBlock,
+    ReprojectionBlock,
+    ResidualBlock,
+)
+
+Values = Mapping[ModelError, float]
+_Error = TypeVar("_Error", bound=ModelError)
+
+
+def corrected(problem: Problem, values: Values, x: np.ndarray) -> Problem:
+    """Return the problem with its rows corrected by these values instead of those before.
+
+    Args:
+        problem: any.
+        values: of the model errors, in their units; those that are not named are zero.
+        x: the vector; where points lie on bent boards is taken from it.
+    """
+    patterns, poses = problem.patterns, problem.poses(x)
+    blocks = []
+    for block in problem.residual_blocks:
+        before, after = (
+            _Correction(of_all, block.sensor, patterns[block.detection])
+            for of_all in (problem.model_errors, values)
+        )
+        if isinstance(block, ReprojectionBlock):
+            block = _corrected_corners(block, before, after)
+        elif isinstance(block, RangeBlock):
+            offset_m, scale = after.of_sensor(RangeOffset), after.of_sensor(RangeScale)
+            block = block.with_range_errors(offset_m, scale)
+        if isinstance(block, BorderBlock):
+            block = _corrected_border(block, before, after)
+        elif isinstance(block, OrthogonalBlock):
+            block = _on_surface(block, after, poses, patterns)
+        blocks.append(block)
+    return replace(problem, residual_blocks=tuple(blocks), model_errors=dict(values))
+
+
+def corrected_cameras(problem: Problem) -> Dict[str, Camera]:
+    """Return the cameras, by sensor, that model errors have moved."""
+    moved = {error.target for error in problem.model_errors if isinstance(error, CameraError)}
+    return {
+        block.sensor: block.camera
+        for block in problem.residual_blocks
+        if isinstance(block, ReprojectionBlock) and block.sensor in moved
+    }
+
+
+class _Correction:
+    """The values that concern one block."""
+
+    def __init__(self, values: Values, sensor: str, patterns: np.ndarray):
+        self._sensor, self._patterns = sensor, patterns
+        self._values = {
+            error: value
+            for error, value in values.items()
+            if error.target == sensor or isinstance(error, BoardError)
+        }
+
+    def of_sensor(self, kind: Type[ModelError]) -> float:
+        """Return the value of one kind of error of the block's sensor."""
+        return sum(v for e, v in self.of_kind(kind).items() if e.target == self._sensor)
+
+    def of_kind(self, kind: Type[_Error]) -> Dict[_Error, float]:
+        """Return the values of a kind."""
+        return {e: v for e, v in self._values.items() if isinstance(e, kind)}
+
+    def per_item(self, error: ModelError, value: float) -> np.ndarray:
+        """Return (n,): the value where an item's board is the error's, zero elsewhere."""
+        return np.where(self._patterns == error.target, value, 0.0)
+
+    @property
+    def size(self) -> np.ndarray:
+        """(n, 1) factor on what stands on the boards."""
+        grown = np.ones(len(self._patterns))
+        for error, value in self.of_kind(BoardSize).items():
+            grown = grown + self.per_item(error, value)
+        return grown[:, None]
+
+    def along_axes(self, kind: Type[AlongAxis]) -> np.ndarray:
+        """Return (n, 2) of a kind that has a value for each axis."""
+        result = np.zeros((len(self._patterns), 2))
+        for error, value in self.of_kind(kind).items():
+            result[:, error.axis] += self.per_item(error, value)
+        return result
+
+    def surface_m(self, in_pattern: np.ndarray) -> np.ndarray:
+        """Return (n,): how high the bent boards are at points (n, 2 or 3) [m]."""
+        height = np.zeros(len(self._patterns))
+        for error, value in self.of_kind(Bend).items():
+            height += self.per_item(error, value) * error.height(in_pattern)
+        return height
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """(12,) by which the block's camera is moved."""
+        result = np.zeros(COUNT)
+        for error, value in self.of_kind(CameraError).items():
+            result[list(error.numbers)] += value
+        return result
+
+
+def _corrected_corners(
+    block: ReprojectionBlock, before: _Correction, after: _Correction
+) -> ReprojectionBlock:
+    flat = block.corners_in_pattern[:, :2] / before.size
+    level = block.corners_in_pattern[:, 2] - before.surface_m(flat)
+    corners = np.concatenate([after.size * flat, (level + after.surface_m(flat))[:, None]], axis=1)
+    errors: List[CameraError] = [*before.of_kind(CameraError), *after.of_kind(CameraError)]
+    camera = moved_camera(errors[0].camera, after.numbers) if errors else block.camera
+    return replace(block, corners_in_pattern=corners, camera=camera)
+
+
+def _corrected_border(block: BorderBlock, before: _Correction, after: _Correction) -> BorderBlock:
+    centre = (block.centre - before.along_axes(BorderShift)) / before.size
+    half_size = (block.half_size - before.along_axes(BorderSize)) / before.size
+    return replace(
+        block,
+        centre=after.size * centre + after.along_axes(BorderShift),
+        half_size=after.size * half_size + after.along_axes(BorderSize),
+    )
+
+
+def _on_surface(
+    block: OrthogonalBlock, after: _Correction, poses: np.ndarray, patterns: np.ndarray
+) -> ResidualBlock:
+    if not after.of_kind(Bend):
+        return block if block.surface_m is None else replace(block, surface_m=None)
+    rows = rows_of(block, poses, patterns, block.linearise(poses)[1])
+    return replace(block, surface_m=after.surface_m(rows.in_pattern))

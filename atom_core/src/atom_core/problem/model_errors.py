@@ -1,0 +1,305 @@
+"""Model errors: what all detections of a sensor or a board share, and the model takes for granted.
+
+A LiDAR reads long, a board was printed too large, a camera's focal length is off. Each such error
+is one number; rows depend on it beside their detection's pose. The derivatives by it follow from
+those by the pose (`Linearisation.by_state`): a pattern that moves by v moves a row as its points do
+that move by -v.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import ClassVar, NamedTuple, Optional, Tuple
+
+import numpy as np
+
+from atom_core.geometry import se3
+from atom_core.geometry.camera import Camera
+from atom_core.geometry.intrinsics import project_with_derivatives
+from atom_core.problem.camera_blocks import TWIST_SIZE
+from atom_core.problem.residuals import (
+    BorderBlock,
+    OrthogonalBlock,
+    RangeBlock,
+    ReprojectionBlock,
+    ResidualBlock,
+)
+
+METRE, RATIO = "m", "1"
+AXES = ("x", "y")
+
+
+class Rows(NamedTuple):
+    """The rows of one residual block at one vector.
+
+    Attributes:
+        block: whose rows.
+        poses: (d, 4, 4) ``sensor_T_pattern`` of all detections.
+        pattern: (n,) name of the pattern of each item.
+        by_twist: (n, dimension, 6) derivatives by the left twist of the item's pose.
+    """
+
+    block: ResidualBlock
+    poses: np.ndarray
+    pattern: np.ndarray
+    by_twist: np.ndarray
+
+    def by_pattern_point(self, moved: np.ndarray) -> np.ndarray:
+        """Return (n, dimension): the rows' change as the pattern moves by (n, 3) in its frame."""
+        in_sensor = np.einsum("nij,nj->ni", self.axes, moved)
+        return np.einsum("nri,ni->nr", self.by_twist[:, :, 3:], in_sensor)
+
+    def by_sensor_point(self, moved: np.ndarray) -> np.ndarray:
+        """Return (n, dimension): the rows' change as the points move by (n, 3) in the sensor."""
+        return -np.einsum("nri,ni->nr", self.by_twist[:, :, 3:], moved)
+
+    @property
+    def axes(self) -> np.ndarray:
+        """(n, 3, 3) the pattern's axes in the sensor."""
+        return self.poses[self.block.detection, :3, :3]
+
+    @property
+    def outward(self) -> np.ndarray:
+        """(n, 2) of limit points: the gradient of their distance in the pattern's plane."""
+        return -np.einsum("nij,ni->nj", self.axes[:, :, :2], self.by_twist[:, 0, 3:])
+
+    @property
+    def in_pattern(self) -> np.ndarray:
+        """(n, 3) range points in the pattern's frame [m]."""
+        assert isinstance(self.block, RangeBlock)
+        return se3.apply(se3.inverse(self.poses)[self.block.detection], self.block.points)
+
+
+@dataclass(frozen=True)
+class ModelError(ABC):
+    """One number, zero where the model is right.
+
+    Attributes:
+        target: the sensor or the pattern.
+    """
+
+    target: str
+
+    kind: ClassVar[str] = ""
+    unit: ClassVar[str] = METRE
+    step: ClassVar[float] = 0.01  # in which it counts, beside insets in steps of the sampling
+    most: ClassVar[float] = 0.5  # beyond it an estimate is cut off
+
+    @abstractmethod
+    def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
+        """Return (n, dimension): the rows' change by the number; None where they do not depend."""
+
+    @property
+    def name(self) -> str:
+        """What it is, without whose."""
+        return self.kind
+
+    @property
+    def title(self) -> str:
+        """As it stands in messages."""
+        return f"{self.name.replace('_', ' ')} of {self.target}"
+
+    @property
+    def option(self) -> str:
+        """What estimates it, on the command line."""
+        return f"--{self.kind} {self.target}"
+
+
+@dataclass(frozen=True)
+class RangeOffset(ModelError):
+    """What must be added to all distances of a range sensor [m]."""
+
+    kind = "range_offset"
+
+    def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
+        """Return the rows' change as points move along their rays."""
+        if not isinstance(rows.block, RangeBlock) or rows.block.sensor != self.target:
+            return None
+        return rows.by_sensor_point(rows.block.rays)
+
+
+@dataclass(frozen=True)
+class RangeScale(ModelError):
+    """By which part all distances of a range sensor must grow."""
+
+    kind = "range_scale"
+    unit = RATIO
+
+    def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
+        """Return the rows' change as points move away in proportion to their distance."""
+        if not isinstance(rows.block, RangeBlock) or rows.block.sensor != self.target:
+            return None
+        return rows.by_sensor_point(rows.block.measured_points)
+
+
+@dataclass(frozen=True)
+class DepthScale(RangeScale):
+    """By which part all depths of a camera must grow."""
+
+    kind = "depth_scale"
+
+
+@dataclass(frozen=True)
+class BoardError(ModelError):
+    """An error of a board, seen by all sensors."""
+
+    def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
+        """Return the rows' change; zero for those of other patterns."""
+        mine = rows.pattern == self.target
+        if not np.any(mine):
+            return None
+        change = self._of_block(rows)
+        return None if change is None else change * mine[:, None]
+
+    @abstractmethod
+    def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
+        """Return (n, dimension), as if all rows were of this board."""
+
+
+@dataclass(frozen=True)
+class BoardSize(BoardError):
+    """By which part a board, its squares and its border, is larger than described."""
+
+    kind = "board_size"
+    unit = RATIO
+
+    def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
+        block = rows.block
+        if isinstance(block, ReprojectionBlock):
+            return rows.by_pattern_point(block.corners_in_pattern)
+        if isinstance(block, BorderBlock):
+            return rows.by_pattern_point(_flat(block.centre)) + _grown(rows, block.half_size)
+        return None
+
+
+@dataclass(frozen=True)
+class AlongAxis(BoardError):
+    """An error of a board along one of its axes.
+
+    Attributes:
+        axis: 0 for x, 1 for y.
+    """
+
+    axis: int
+
+    kind = "board_border"
+    what: ClassVar[str] = ""
+
+    @property
+    def name(self) -> str:
+        """What it is, without whose."""
+        return f"{self.what}_{AXES[self.axis]}"
+
+
+@dataclass(frozen=True)
+class BorderShift(AlongAxis):
+    """How far a board's border lies beside where it is described, seen from its print [m]."""
+
+    what = "border_shift"
+
+    def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
+        if not isinstance(rows.block, BorderBlock):
+            return None
+        return rows.by_pattern_point(np.eye(3)[[self.axis] * rows.block.count])
+
+
+@dataclass(frozen=True)
+class BorderSize(AlongAxis):
+    """How much half the border is longer than described, while the print is right [m]."""
+
+    what = "border_half_size"
+
+    def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
+        if not isinstance(rows.block, BorderBlock):
+            return None
+        return _grown(rows, np.eye(2)[[self.axis] * rows.block.count])
+
+
+@dataclass(frozen=True)
+class Bend(AlongAxis):
+    """By how much a board's two edges across an axis lie above its middle, in the pattern's z [m].
+
+    The surface is a parabola over the axis, from the middle of the border to its edges.
+    """
+
+    middle: float
+    half_m: float
+
+    kind = "board_bend"
+    what = "bend"
+    step = 0.001
+
+    def height(self, in_pattern: np.ndarray) -> np.ndarray:
+        """Return (n,): the height of the surface at points (n, 2 or 3), at a bend of one."""
+        return ((in_pattern[:, self.axis] - self.middle) / self.half_m) ** 2
+
+    def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
+        block = rows.block
+        if isinstance(block, ReprojectionBlock):
+            up = np.zeros((block.count, 3))
+            up[:, 2] = self.height(block.corners_in_pattern)
+            return rows.by_pattern_point(up)
+        if isinstance(block, OrthogonalBlock):
+            return -self.height(rows.in_pattern)[:, None]
+        return None
+
+
+@dataclass(frozen=True)
+class CameraError(ModelError):
+    """One of a camera's numbers (`geometry/intrinsics.py`), or two that change together.
+
+    Attributes:
+        label: what it is, without whose.
+        numbers: which of the twelve.
+        camera: with the given intrinsics.
+    """
+
+    label: str
+    numbers: Tuple[int, ...]
+    camera: Camera = field(compare=False)
+
+    kind = "intrinsics"
+    unit = RATIO
+
+    @property
+    def name(self) -> str:
+        """What it is, without whose."""
+        return self.label
+
+    @property
+    def option(self) -> str:
+        """What estimates it, on the command line."""
+        return f"--optimize_intrinsics {self.target}"
+
+    def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
+        """Return the rows' change by the number."""
+        block = rows.block
+        if not isinstance(block, ReprojectionBlock) or block.sensor != self.target:
+            return None
+        points = se3.apply(rows.poses[block.detection], block.corners_in_pattern)
+        by_number = project_with_derivatives(self.camera, block.camera, points)[2]
+        return by_number[:, :, list(self.numbers)].sum(axis=2)
+
+
+def _flat(points: np.ndarray) -> np.ndarray:
+    return np.concatenate([points, np.zeros((len(points), 1))], axis=1)
+
+
+def _grown(rows: Rows, half_size: np.ndarray) -> np.ndarray:
+    """Return (n, 1): the change of distances as half sides grow by (n, 2)."""
+    return -np.sum(np.abs(rows.outward) * half_size, axis=1, keepdims=True)
+
+
+def rows_of(
+    block: ResidualBlock, poses: np.ndarray, patterns: np.ndarray, by_state: np.ndarray
+) -> Rows:
+    """Return the rows of a block.
+
+    Args:
+        block: whose rows.
+        poses: (d, 4, 4) of the detections.
+        patterns: (d,) names of the detections' patterns.
+        by_state: (n, dimension, 6 or 18), see ``Linearisation``.
+    """
+    return Rows(block, poses, patterns[block.detection], by_state[:, :, :TWIST_SIZE])

@@ -1,0 +1,118 @@
+"""Model errors as columns of the joint problem: how the rows depend on them, reduced.
+
+Like the insets, a model error is not one of the solver's parameters: where it is estimated, it
+takes the Newton step of the joint problem in each round of reweighting (`scalars.py`). It is off
+unless asked for, since it weakens the poses: where all boards are equally far and look the same
+way, a range offset and a shift of the sensor can hardly be told apart.
+"""
+
+from __future__ import annotations
+
+from typing import Dict, List, Mapping, NamedTuple, Sequence
+
+import numpy as np
+
+from atom_core.problem.corrections import corrected
+from atom_core.problem.model_errors import ModelError, rows_of
+from atom_core.problem.problem import Linearisation, Problem
+from atom_core.problem.residuals import squared_norms
+from atom_core.solvers import losses
+from atom_core.solvers.base import Solver
+
+
+class ErrorColumn(NamedTuple):
+    """The derivatives of the rows by a model error in units of its step, reduced.
+
+    Attributes:
+        error: which.
+        curvature: sum of weight times derivative squared.
+        slope: sum of weight times derivative times residual.
+        detection: (d,) all detections.
+        by_state: (d, 6 or 18) what the error and the detections' states have in common.
+        derivative: by index of the residual block, (n, dimension).
+        weighted: likewise, weight times derivative.
+    """
+
+    error: ModelError
+    curvature: float
+    slope: float
+    detection: np.ndarray
+    by_state: np.ndarray
+    derivative: Mapping[int, np.ndarray]
+    weighted: Mapping[int, np.ndarray]
+
+
+def error_columns(
+    problem: Problem,
+    x: np.ndarray,
+    sigmas: Sequence[np.ndarray],
+    loss: str,
+    errors: Sequence[ModelError],
+) -> List[ErrorColumn]:
+    """Return the columns of some model errors at the vector x; of those that have rows."""
+    if not errors:
+        return []
+    linearisation, poses = problem.linearise(x), problem.poses(x)
+    weights = row_weights(linearisation, sigmas, loss)
+    columns = [_column(problem, e, linearisation, poses, weights) for e in errors]
+    return [column for column in columns if column.curvature > 0]
+
+
+def row_weights(
+    linearisation: Linearisation, sigmas: Sequence[np.ndarray], loss: str
+) -> List[np.ndarray]:
+    """Return for each residual block (n,): robust weight over sigma squared."""
+    return [
+        losses.weight(loss, squared_norms(r, s)) / s**2
+        for r, s in zip(linearisation.residuals, sigmas)
+    ]
+
+
+def _column(
+    problem: Problem,
+    error: ModelError,
+    linearisation: Linearisation,
+    poses: np.ndarray,
+    weights: Sequence[np.ndarray],
+) -> ErrorColumn:
+    curvature, slope = 0.0, 0.0
+    by_state = np.zeros((len(poses), linearisation.state_jacobians.shape[2]))
+    derivatives: Dict[int, np.ndarray] = {}
+    weighted: Dict[int, np.ndarray] = {}
+    parts = zip(problem.residual_blocks, linearisation.residuals, linearisation.by_state)
+    for i, (block, residual, by_block_state) in enumerate(parts):
+        by_error = error.derivatives(rows_of(block, poses, problem.patterns, by_block_state))
+        if by_error is None:
+            continue
+        derivatives[i] = error.step * by_error
+        weighted[i] = weights[i][:, None] * derivatives[i]
+        curvature += float(np.sum(weighted[i] * derivatives[i]))
+        slope += float(np.sum(weighted[i] * residual))
+        common = np.einsum("nr,nrs->ns", weighted[i], by_block_state)
+        np.add.at(by_state[:, : common.shape[1]], block.detection, common)
+    detection = np.arange(len(poses))
+    return ErrorColumn(error, curvature, slope, detection, by_state, derivatives, weighted)
+
+
+def apply_errors(
+    solver: Solver, x: np.ndarray, errors: Sequence[ModelError], steps: np.ndarray
+) -> None:
+    """Let a solver go on with other values (e,) of model errors, in units of their steps."""
+    if errors:
+        solver.take_rows(corrected(solver.problem, in_units(errors, steps), x))
+
+
+def in_units(errors: Sequence[ModelError], steps: np.ndarray) -> Dict[ModelError, float]:
+    """Return values (e,) in units of their steps by error, in the units of the errors."""
+    return {error: float(error.step * value) for error, value in zip(errors, steps)}
+
+
+def in_steps(errors: Sequence[ModelError], values: Mapping[ModelError, float]) -> np.ndarray:
+    """Return (e,) values in units of their steps; zero where there is none."""
+    return np.array([values.get(error, 0.0) / error.step for error in errors])
+
+
+def within_reason(errors: Sequence[ModelError], steps: np.ndarray) -> np.ndarray:
+    """Return values (e,), in units of their steps, cut off where they cannot be meant."""
+    most = np.array([error.most / error.step for error in errors])
+    return np.clip(steps, -most, most)

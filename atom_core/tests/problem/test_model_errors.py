@@ -1,0 +1,104 @@
+"""Model errors: what a row changes by, and that a correction is taken back exactly."""
+
+import numpy as np
+import pytest
+
+from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.prepare.preparation import free_edges
+from atom_core.calibration.start.boards import initial_boards
+from atom_core.problem.builder import build_problem
+from atom_core.problem.corrections import corrected
+from atom_core.problem.measurements import read_measurements
+from atom_core.problem.model_errors import (
+    Bend,
+    BoardSize,
+    BorderShift,
+    BorderSize,
+    CameraError,
+    RangeOffset,
+    RangeScale,
+    rows_of,
+)
+from atom_core.solvers.choice import SOLVERS
+from atom_core.synthetic import scenes
+
+
+@pytest.fixture(scope="module")
+def dataset():
+    return scenes.random_scene(1, collections=5).dataset
+
+
+@pytest.fixture(scope="module")
+def problem(dataset):
+    measurements, _ = read_measurements(dataset)
+    free = free_edges(dataset, CalibrationOptions())
+    boards = initial_boards(dataset, measurements, free)
+    return build_problem(dataset, measurements, boards, free)
+
+
+@pytest.fixture(scope="module")
+def errors(dataset):
+    (pattern,) = dataset.patterns.values()
+    camera = dataset.sensors["rgb_1"].camera
+    middle, half = pattern.border.centre, pattern.border.half_size
+    return {
+        "range offset": RangeOffset("lidar_1"),
+        "range scale": RangeScale("lidar_1"),
+        "board size": BoardSize(pattern.name),
+        "shift in x": BorderShift(pattern.name, 0),
+        "shift in y": BorderShift(pattern.name, 1),
+        "size in x": BorderSize(pattern.name, 0),
+        "bend over y": Bend(pattern.name, 1, middle[1], half[1]),
+        "focal length": CameraError("rgb_1", "focal_length", (0, 1), camera),
+        "first coefficient": CameraError("rgb_1", "k1", (4,), camera),
+    }
+
+
+NAMES = [
+    *("range offset", "range scale", "board size", "shift in x", "shift in y", "size in x"),
+    *("bend over y", "focal length", "first coefficient"),
+]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_derivatives_against_central_differences(problem, errors, name):
+    error, h = errors[name], 1e-6
+    x = 0.02 * np.random.default_rng(0).standard_normal(problem.parameters.size)
+    poses, now = problem.poses(x), problem.linearise(x)
+    ahead, behind = (corrected(problem, {error: s * h}, x).residuals(x) for s in (1, -1))
+    checked = 0
+    for block, by_state, more, less in zip(problem.residual_blocks, now.by_state, ahead, behind):
+        found = error.derivatives(rows_of(block, poses, problem.patterns, by_state))
+        if found is None:
+            np.testing.assert_array_equal(more, less)
+            continue
+        np.testing.assert_allclose(found, (more - less) / (2 * h), rtol=1e-5, atol=1e-5)
+        checked += np.count_nonzero(found)
+    assert checked > 20
+
+
+def test_all_corrections_are_taken_back_exactly(problem, errors):
+    x = np.zeros(problem.parameters.size)
+    there = corrected(problem, {error: 2.0 * error.step for error in errors.values()}, x)
+    again = corrected(there, {error: -error.step for error in errors.values()}, x)
+    back = corrected(again, {}, x)
+    moved = 0
+    for one, two, three in zip(*(p.residuals(x) for p in (problem, there, back))):
+        moved += np.count_nonzero(np.abs(two - one) > 1e-6)
+        np.testing.assert_allclose(three, one, atol=1e-9)
+    assert moved > 1000 and back.model_errors == {}
+
+
+def test_both_solvers_see_the_same_corrected_rows(problem, errors):
+    sigmas = [block.sigma for block in problem.residual_blocks]
+    x = 0.01 * np.random.default_rng(1).standard_normal(problem.parameters.size)
+    there = corrected(problem, {error: error.step for error in errors.values()}, x)
+    squares = []
+    for make in SOLVERS.values():
+        solver = make(problem)
+        solver.take_rows(there)
+        squares.append(np.concatenate(solver.squares(x, sigmas)))
+        solver.take_rows(corrected(there, {}, x))
+        squares.append(np.concatenate(solver.squares(x, sigmas)))
+    np.testing.assert_allclose(squares[0], squares[2], rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(squares[1], squares[3], rtol=1e-8, atol=1e-10)
