@@ -6,6 +6,7 @@ import time
 from dataclasses import dataclass, replace
 from typing import Dict, Mapping, Optional, Tuple
 
+from atom_core.calibration.judge.exclusion import Exclusion
 from atom_core.calibration.judge.judgement import judge
 from atom_core.calibration.judge.misfit import Misfit
 from atom_core.calibration.judge.weak_directions import WeakDirection
@@ -37,6 +38,7 @@ class Calibration:
         message: one sentence.
         weak_directions: what the data leave open.
         misfits: sensors that the joint solution fits far worse than they fit by themselves.
+        exclusions: sensors of which too much was left out, or all of one sort.
         checks: errors of the model that the data show, and that were not estimated.
         unused: why a collection was not used, by key.
         rejected: detections that were left out since they contradict the others.
@@ -55,6 +57,7 @@ class Calibration:
     message: str
     weak_directions: Tuple[WeakDirection, ...]
     misfits: Tuple[Misfit, ...]
+    exclusions: Tuple[Exclusion, ...]
     checks: Tuple[ModelCheck, ...]
     unused: Mapping[str, str]
     rejected: Tuple[Rejected, ...]
@@ -98,6 +101,7 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
         message=judgement.message,
         weak_directions=judgement.weak_directions,
         misfits=judgement.misfits,
+        exclusions=judgement.exclusions,
         checks=judgement.checks,
         unused=refined.unused,
         rejected=refined.rejected,

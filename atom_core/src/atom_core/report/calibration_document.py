@@ -7,6 +7,7 @@ from typing import Any, Dict, Mapping
 
 import numpy as np
 
+from atom_core.calibration.judge.exclusion import Exclusion
 from atom_core.calibration.judge.outliers import OUTLIER_SIGMAS
 from atom_core.calibration.judge.propagation import PropagatedPoint
 from atom_core.geometry import se3
@@ -70,11 +71,17 @@ def calibration_document(results: CalibrationResults, options: Mapping[str, Any]
             {**asdict(error), "rivals": list(error.rivals)} for error in results.model_errors
         ],
         "misfits": [misfit._asdict() for misfit in calibration.misfits],
+        "exclusions": [_exclusion(exclusion) for exclusion in calibration.exclusions],
         "warnings": list(results.warnings),
     }
     if results.ground_truth is not None:
         document["ground_truth"] = ground_truth_document(results.ground_truth)
     return document
+
+
+def _exclusion(exclusion: Exclusion) -> Dict[str, Any]:
+    shared = exclusion.shared
+    return {**exclusion._asdict(), "shared": None if shared is None else shared._asdict()}
 
 
 def _solver(results: CalibrationResults) -> Dict[str, Any]:

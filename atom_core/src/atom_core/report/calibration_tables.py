@@ -48,6 +48,7 @@ def calibration_report(results: CalibrationResults, verbose: bool = False) -> st
             f"{weak.why}"
         )
     parts += [f"inconsistent: {misfit.why}" for misfit in calibration.misfits]
+    parts += [f"inconsistent: {exclusion.why}" for exclusion in calibration.exclusions]
     problem = calibration.problem
     parts.append(
         f"{calibration.status}: {calibration.message} ({calibration.summary.iterations} "

@@ -8,6 +8,7 @@ from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 import numpy as np
 
 from atom_core.calibration.judge.ambiguity import ambiguity
+from atom_core.calibration.judge.exclusion import Exclusion, exclusions
 from atom_core.calibration.judge.misfit import Misfit, misfits
 from atom_core.calibration.judge.reasons import Solution
 from atom_core.calibration.judge.weak_directions import (
@@ -50,6 +51,7 @@ class Judgement:
         covariance: of the parameters.
         weak_directions: what the data leave open.
         misfits: sensors that the joint solution fits far worse than they fit by themselves.
+        exclusions: sensors of which too much was left out, or all of one sort.
         checks: errors of the model that the data show.
         status: converged, not_converged, rank_deficient, inconsistent or failed.
         message: one sentence.
@@ -59,6 +61,7 @@ class Judgement:
     covariance: Covariance
     weak_directions: Tuple[WeakDirection, ...]
     misfits: Tuple[Misfit, ...]
+    exclusions: Tuple[Exclusion, ...]
     checks: Tuple[ModelCheck, ...]
     status: str
     message: str
@@ -92,8 +95,12 @@ def judge(
         unfit = misfits(refined.solver, summary.x, summary.sigmas, loss, make_solver)
         if options.solver.weights == SIGMA:
             covariance, checks = _checked(start.initial, refined, options, covariance)
-    status, message = _verdict(summary, weak, unfit, strong(checks, covariance), refined.failure)
-    return Judgement(dataset, covariance, tuple(weak), tuple(unfit), tuple(checks), status, message)
+    out = exclusions(start.initial, start.measurements, refined.rejected)
+    reasons = [suggestion(c) for c in strong(checks, covariance)]
+    reasons += [m.why for m in unfit] + [e.why for e in out]
+    status, message = _verdict(summary, weak, reasons, refined.failure)
+    verdicts = tuple(unfit), tuple(out), tuple(checks)
+    return Judgement(dataset, covariance, tuple(weak), *verdicts, status, message)
 
 
 def _checked(
@@ -144,8 +151,7 @@ def _of_use(
 def _verdict(
     summary: SolverSummary,
     weak: Sequence[WeakDirection],
-    unfit: Sequence[Misfit],
-    checks: Sequence[ModelCheck],
+    inconsistent: Sequence[str],
     failure: Optional[str],
 ) -> Tuple[str, str]:
     if failure is not None:
@@ -153,8 +159,6 @@ def _verdict(
     if weak and summary.status != FAILED:
         restless = "" if summary.status == CONVERGED else f"; the solver: {summary.message}"
         return RANK_DEFICIENT, f"{len(weak)} undetermined direction(s): {weak[0].why}{restless}"
-    if checks:
-        return INCONSISTENT, suggestion(checks[0])
-    if unfit:
-        return INCONSISTENT, unfit[0].why
+    if inconsistent and summary.status == CONVERGED:
+        return INCONSISTENT, inconsistent[0]
     return summary.status, summary.message

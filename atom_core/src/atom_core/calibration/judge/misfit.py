@@ -39,6 +39,14 @@ _WORDS = {
     ),
     BORDER: ("border points", 1e3, "mm", f"{_BOARD}, and the unit and axes of its points"),
 }
+# So far off is no size of a board and no lens: other boards, or axes that point elsewhere.
+_GROSS = {REPROJECTION: 50.0, ORTHOGONAL: 0.15, BORDER: 0.15}
+_GROSS_LIKELY = {
+    REPROJECTION: "whether its labels belong to these collections, and how corners are numbered",
+    ORTHOGONAL: "whether its labels and data belong to these collections, and the unit and axes of "
+    "its points",
+}
+_GROSS_LIKELY[BORDER] = _GROSS_LIKELY[ORTHOGONAL]
 _FEWEST = 2  # detections, to speak of a sensor
 
 
@@ -62,6 +70,8 @@ class Misfit(NamedTuple):
     def why(self) -> str:
         """One clause for the user: how much, where, and what is likely."""
         what, scale, unit, likely = _WORDS[self.kind]
+        if self.joint > _GROSS[self.kind]:
+            likely = _GROSS_LIKELY[self.kind]
         worst = ", ".join(self.collections[:3])
         return (
             f"{what} of {self.sensor} are {scale * self.joint:.3g} {unit} off, but "
