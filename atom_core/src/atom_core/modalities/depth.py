@@ -48,5 +48,5 @@ DEPTH_CAMERA = Modality(
             "depth-depth", DEPTH, DEPTH, "border_reprojection", "px", True, border_in_depth_image
         ),
     ),
-    synthetic=SyntheticSensor(_mount, simulated.observe, simulated.outlook),
+    synthetic=SyntheticSensor(_mount, simulated.observe, simulated.outlook, simulated.errors),
 )

@@ -30,6 +30,8 @@ from atom_core.model.transforms import Edge
 from atom_core.problem.scan_measurement import measured_in_scan, scan_blocks
 from atom_core.synthetic.lidar2d import Lidar2dModel, scan
 from atom_core.synthetic.noise import Noise
+from atom_core.synthetic.planted import RangeErrors
+from atom_core.synthetic.realism import Realism
 from atom_core.synthetic.rig import LIDAR_HEIGHT_M, Mount, Rig
 from atom_core.synthetic.sensing import Outlook, SyntheticSensor, View
 
@@ -77,6 +79,8 @@ def _observe(view: View) -> Dict[str, RangeLabel]:
         view.rig.room,
         view.noise,
         view.rng,
+        errors=view.errors if isinstance(view.errors, RangeErrors) else RangeErrors(),
+        errors_rng=view.errors_rng,
     )
     view.data.add(view.collection, view.sensor.name, data)
     return labels
@@ -97,6 +101,10 @@ def _outlook(rig: Rig, sensor: Sensor, lidar_T_pattern: np.ndarray, pattern: Pat
     )
     label = labels.get(pattern.name)
     return Outlook(label is not None, False, 0 if label is None else label.rows)
+
+
+def _errors(realism: Realism, _: Sensor, __: Any, rng: np.random.Generator) -> RangeErrors:
+    return RangeErrors.drawn(realism, 0, rng)
 
 
 _PAIRS = (
@@ -135,5 +143,5 @@ LIDAR_2D = Modality(
     rays=lambda sensor: spinning_rays((0.0,)),
     quality=_quality,
     pairs=_PAIRS,
-    synthetic=SyntheticSensor(_mount, _observe, _outlook),
+    synthetic=SyntheticSensor(_mount, _observe, _outlook, _errors),
 )

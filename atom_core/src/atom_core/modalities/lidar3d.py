@@ -73,5 +73,5 @@ LIDAR_3D = Modality(
     rays=lambda sensor: spinning_rays(_ELEVATIONS_DEG),
     quality=quality_of_points,
     pairs=_PAIRS,
-    synthetic=SyntheticSensor(lidar_mount, simulated.observe, simulated.outlook),
+    synthetic=SyntheticSensor(lidar_mount, simulated.observe, simulated.outlook, simulated.errors),
 )

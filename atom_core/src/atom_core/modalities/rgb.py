@@ -39,5 +39,5 @@ RGB_CAMERA = Modality(
     rays=lambda sensor: camera_rays(camera_of(sensor)),
     quality=quality_of_corners,
     pairs=(PairKind("rgb-rgb", RGB, RGB, "corner_transfer", "px", True, rgb_rgb),),
-    synthetic=SyntheticSensor(_mount, simulated.observe, simulated.outlook),
+    synthetic=SyntheticSensor(_mount, simulated.observe, simulated.outlook, simulated.errors),
 )

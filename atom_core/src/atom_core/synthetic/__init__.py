@@ -1,7 +1,8 @@
 """Simulated rigs, boards, measurements and their truth; seeded, in memory, fast.
 
 Everything goes ``rig -> board poses -> make_dataset -> disturbed``; ``cell`` holds the paper's
-cell, ``scenes`` small ones for tests, ``degenerate`` such that leave something open.
+cell, ``scenes`` small ones for tests, ``degenerate`` such that leave something open, ``realism``
+what goes wrong beyond noise.
 """
 
 from atom_core.synthetic.board import charuco, chessboard
@@ -9,6 +10,8 @@ from atom_core.synthetic.cell import paper_cell, statistics
 from atom_core.synthetic.dataset import SyntheticDataset, disturbed, make_dataset
 from atom_core.synthetic.memory import Sampling
 from atom_core.synthetic.noise import Noise
+from atom_core.synthetic.planted import Planted
+from atom_core.synthetic.realism import PLAIN, ROUGH, Realism
 from atom_core.synthetic.rig import LidarModel, Rig, Room
 from atom_core.synthetic.scenes import (
     board_on_arm,
@@ -23,8 +26,12 @@ from atom_core.synthetic.scenes import (
 )
 
 __all__ = [
+    "PLAIN",
+    "ROUGH",
     "LidarModel",
     "Noise",
+    "Planted",
+    "Realism",
     "Rig",
     "Room",
     "Sampling",

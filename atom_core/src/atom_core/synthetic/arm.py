@@ -2,7 +2,8 @@
 
 It carries a camera before a board that stands still, or a board before a camera that stands still.
 The dataset holds the positions that the robot reports, and the transforms that follow from the
-description; the measurements are those of the true arm.
+description; the measurements are those of the true arm. Of a `Realism` the errors of moving
+transforms do not apply: here they follow from the joints.
 """
 
 from __future__ import annotations
@@ -32,9 +33,11 @@ from atom_core.synthetic.rig import (
     looking_at,
 )
 from atom_core.synthetic.scenes import SceneOptions
+from atom_core.synthetic.sensing import planted_in
 
 FLANGE = "flange"
 _BASE, _ROOM = "arm_base", Room((-7.0, -7.0, 0.0), (7.0, 7.0, 3.5))
+_ERRORS = 310  # stream of random numbers of one seed
 _CORNERS_SEEN, _TRIES = 0.6, 5000
 _SPREAD = (0.5, 0.5, 0.1, 0.5, 0.5, 0.5, 0.5)  # rad, m
 
@@ -75,7 +78,7 @@ def camera_on_arm(seed: int = 0, *, errors: Errors, **options: Any) -> Synthetic
             configuration asks for.
         options: of ``SceneOptions``.
     """
-    rng, chosen = np.random.default_rng([seed, 300]), SceneOptions(**options)
+    rng, chosen = np.random.default_rng([seed, 300]), SceneOptions(seed=seed, **options)
     flange_T_link = jittered(se3.from_rpy(np.array([0.05, 0.0, 0.06]), np.zeros(3)), 0.02, 0.1, rng)
     mount = camera_mount("rgb_1", RGB, FLANGE, flange_T_link, COLOUR_CAMERA)
     rig = _rig([mount], rng)
@@ -92,7 +95,7 @@ def board_on_arm(seed: int = 0, *, errors: Errors, **options: Any) -> SyntheticD
     Open by nature: the bias of the first joint, which the camera's pose imitates, and that of
     the last, which the board's does. Arguments as in ``camera_on_arm``.
     """
-    rng, chosen = np.random.default_rng([seed, 301]), SceneOptions(**options)
+    rng, chosen = np.random.default_rng([seed, 301]), SceneOptions(seed=seed, **options)
     structure_T_link = se3.transform(np.eye(3), np.zeros(3))
     mount = camera_mount("rgb_1", RGB, "post", structure_T_link, COLOUR_CAMERA)
     rig = _rig([mount], rng)
@@ -155,6 +158,7 @@ def _simulated(
         motion=[_edges(_states(q, errors)) for q in positions],
         sampling=options.sampling,
         name=name,
+        planted=planted_in(rig, ["pattern_1"], options.realism, [options.seed, _ERRORS]),
     )
     dataset = exact.dataset
     joints = {joint: JointConfig(tuple(wrong)) for joint, wrong in errors.items() if wrong}

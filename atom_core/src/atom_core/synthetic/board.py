@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Tuple
 
 import numpy as np
@@ -10,6 +11,30 @@ from atom_core.geometry import se3
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.model.config import PatternConfig
 from atom_core.model.pattern import CHARUCO, CHESSBOARD, Pattern
+
+_BEND_ROUNDS = 4  # each leaves a thousandth of the way along the ray
+
+
+@dataclass(frozen=True)
+class BentPattern(Pattern):
+    """A board bent about the y axis: z = sagitta_m (u^2 - 1/3), u = -1 to 1 from left to right.
+
+    Attributes:
+        sagitta_m: how much deeper its left and right sides lie than its middle.
+    """
+
+    sagitta_m: float = 0.0
+
+    def height_m(self, in_plane: np.ndarray) -> np.ndarray:
+        """Return z (n,) of places (n, 2) on the board [m]; its mean over the board is 0."""
+        u = (in_plane[:, 0] - self.border.centre[0]) / self.border.half_size[0]
+        return self.sagitta_m * (u**2 - 1.0 / 3.0)
+
+    def corners_of(self, ids: np.ndarray) -> np.ndarray:
+        """Return the corners (n, 3) of ids (n,) [m]."""
+        corners = super().corners_of(ids)
+        corners[:, 2] = self.height_m(corners[:, :2])
+        return corners
 
 
 def charuco(
@@ -80,6 +105,34 @@ def hits(
         in_plane = origin[:2] + t[:, None] * turned[:, :2]
     on_board = np.all(np.abs(in_plane - border.centre) <= border.half_size, axis=1) & (t > 0)
     return np.where(on_board, t, np.inf), in_plane
+
+
+def board_hits(
+    sensor_T_pattern: np.ndarray, pattern: Pattern, directions: np.ndarray
+) -> Tuple[np.ndarray, np.ndarray]:
+    """Intersect rays with a board that may be bent; arguments and result as of `hits`."""
+    if not isinstance(pattern, BentPattern):
+        return hits(sensor_T_pattern, pattern.border, directions)
+    origin = se3.inverse(sensor_T_pattern)[:3, 3]
+    turned = directions @ sensor_T_pattern[:3, :3]
+    height, border = np.zeros(len(directions)), pattern.border
+    reach = 2.0 * border.half_size  # far beside the board its bend does not go on
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for _ in range(_BEND_ROUNDS):
+            t = (height - origin[2]) / turned[:, 2]
+            in_plane = origin[:2] + t[:, None] * turned[:, :2]
+            near = np.clip(in_plane, border.centre - reach, border.centre + reach)
+            height = pattern.height_m(near)
+    on_board = np.all(np.abs(in_plane - border.centre) <= border.half_size, axis=1) & (t > 0)
+    return np.where(on_board, t, np.inf), in_plane
+
+
+def is_dark(pattern: Pattern, in_plane: np.ndarray) -> np.ndarray:
+    """Tell which places (n, 2) on a board [m] are on its dark squares."""
+    start = 0.0 if pattern.kind == CHARUCO else -pattern.square_m
+    square = np.floor((in_plane - start) / pattern.square_m)
+    printed = np.all((square >= 0) & (square <= [pattern.columns, pattern.rows]), axis=1)
+    return printed & (np.sum(square, axis=1) % 2 == 0)
 
 
 def facing(sensor_T_pattern: np.ndarray, border: Rectangle) -> float:

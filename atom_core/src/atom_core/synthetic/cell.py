@@ -26,6 +26,7 @@ from atom_core.synthetic.dataset import (
 )
 from atom_core.synthetic.memory import Sampling
 from atom_core.synthetic.noise import Noise
+from atom_core.synthetic.realism import PLAIN, Realism
 from atom_core.synthetic.rig import (
     Rig,
     Room,
@@ -35,7 +36,7 @@ from atom_core.synthetic.rig import (
     lidar_mount,
     pinhole,
 )
-from atom_core.synthetic.sensing import simulation_of
+from atom_core.synthetic.sensing import planted_in, simulation_of
 
 BIG, SMALL_1, SMALL_2 = (
     "bigbeam1_gantry",
@@ -44,7 +45,7 @@ BIG, SMALL_1, SMALL_2 = (
 )
 _RECTANGULAR = "rectangularbeam{}_gantry"
 _PLACED_M, _PLACED_RAD = 0.02, 0.02  # how far a real mount is from the drawing
-_RIG, _DISTURBANCE, _NOISE = 1, 2, 3  # streams of random numbers of one seed
+_RIG, _DISTURBANCE, _NOISE, _ERRORS = 1, 2, 3, 4  # streams of random numbers of one seed
 _CANDIDATES = 240
 
 
@@ -150,6 +151,7 @@ def paper_cell(
     disturbance: Disturbance = (0.0, 0.0),
     *,
     sampling: Sampling = Sampling(),  # noqa: B008 (frozen)
+    realism: Realism = PLAIN,
 ) -> SyntheticDataset:
     """Simulate the paper's cell.
 
@@ -160,6 +162,7 @@ def paper_cell(
         noise: how wrong the measurements are.
         disturbance: metres and radians by which each free edge of the dataset is wrong.
         sampling: density of clouds and labels.
+        realism: systematic errors; what is drawn depends on the seed alone, as the rig does.
 
     Raises:
         ValueError: the scenario is unknown.
@@ -175,6 +178,7 @@ def paper_cell(
         np.random.default_rng([seed, wanted.stream, _NOISE]),
         sampling=sampling,
         name=f"paper_cell_{scenario}_{seed}",
+        planted=planted_in(rig, ["pattern_1"], realism, [seed, _ERRORS]),
     )
     return disturbed(exact, disturbance, np.random.default_rng([seed, _DISTURBANCE]))
 

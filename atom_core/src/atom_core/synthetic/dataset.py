@@ -12,14 +12,15 @@ from atom_core.geometry import se3
 from atom_core.model.config import CalibrationConfig, PatternConfig, SensorConfig
 from atom_core.model.dataset import MULTIPLE, Collection, Dataset
 from atom_core.model.labels import Label
-from atom_core.model.pattern import Pattern, pattern_from_config
+from atom_core.model.pattern import pattern_from_config
 from atom_core.model.sensor import Sensor
 from atom_core.model.transforms import Edge, Transforms
 from atom_core.model.truth import Truth
 from atom_core.synthetic.board import charuco
 from atom_core.synthetic.memory import MemoryDataSource, Sampling
 from atom_core.synthetic.noise import Noise
-from atom_core.synthetic.rig import Rig
+from atom_core.synthetic.planted import Planted
+from atom_core.synthetic.rig import Rig, jittered
 from atom_core.synthetic.sensing import View, simulation_of
 
 Disturbance = Tuple[float, float]
@@ -30,10 +31,14 @@ BoardPoses = Mapping[str, Sequence[Optional[np.ndarray]]]
 
 @dataclass(frozen=True)
 class SyntheticDataset:
-    """A dataset and what a calibration of it must find."""
+    """A dataset and what a calibration of it must find.
+
+    ``planted`` holds the systematic errors that the dataset does not know of.
+    """
 
     dataset: Dataset
     truth: Truth
+    planted: Planted = Planted()
 
 
 def make_dataset(
@@ -46,6 +51,7 @@ def make_dataset(
     motion: Motion = (),
     sampling: Optional[Sampling] = None,
     name: str = "synthetic",
+    planted: Planted = Planted(),  # noqa: B008 (frozen)
 ) -> SyntheticDataset:
     """Simulate all sensors of a rig in one collection for each pose of the boards.
 
@@ -59,45 +65,66 @@ def make_dataset(
         motion: for each collection, edges that move; empty for a rig that stands still.
         sampling: density of clouds and labels.
         name: the dataset's name.
+        planted: systematic errors of the sensors, boards and moving transforms (`planted_in`).
 
     Returns:
         The dataset with the true transforms (``disturbed`` moves them), and the truth.
+        Intrinsics, patterns and moving transforms are those that a user has.
     """
     config = _config(rig, patterns or {"pattern_1": charuco()}, name)
-    typed = {n: pattern_from_config(n, c) for n, c in config.calibration_patterns.items()}
-    data = MemoryDataSource({n: (typed[n], c) for n, c in config.calibration_patterns.items()})
-    observer = _Observer(rig, typed, noise, rng, sampling or Sampling(), data)
+    observer = _Observer(rig, config, noise, rng, sampling or Sampling(), planted)
     count = len(next(iter(board_poses.values())))
-    collections, boards = {}, {}
+    collections, boards, true_moving = {}, {}, {}
     for index in range(count):
         key, moving = f"{index:03d}", (motion[index] if motion else {})
         present = {n: pose for n, p in board_poses.items() if (pose := p[index]) is not None}
         labels = observer.observe(key, present, moving)
-        collections[key] = Collection(key, labels, {**rig.transforms, **moving})
+        told = observer.as_told(moving)
+        collections[key] = Collection(key, labels, {**rig.transforms, **told})
         boards.update({(pattern, key): pose for pattern, pose in present.items()})
+        true_moving.update({(edge, key): moving[edge] for edge in moving})
     types = dict.fromkeys(rig.transforms, "fixed")
     types.update({edge: MULTIPLE for moving in motion for edge in moving})
-    dataset = Dataset(Path(name), config, rig.sensors, typed, collections, types, data)
-    return SyntheticDataset(
-        dataset, Truth({edge: rig.transforms[edge] for edge in rig.calibrated_edges}, boards)
-    )
+    typed = {n: pattern_from_config(n, c) for n, c in config.calibration_patterns.items()}
+    dataset = Dataset(Path(name), config, rig.sensors, typed, collections, types, observer.data)
+    truth = Truth({edge: rig.transforms[edge] for edge in rig.calibrated_edges}, boards)
+    return SyntheticDataset(dataset, truth, replace(planted, moving=true_moving))
 
 
 class _Observer:
-    """Lets every sensor of a rig look at the boards of a collection."""
+    """Lets every sensor of a rig, as it truly is, look at the boards of a collection."""
 
     def __init__(
         self,
         rig: Rig,
-        patterns: Mapping[str, Pattern],
+        config: CalibrationConfig,
         noise: Noise,
         rng: np.random.Generator,
         sampling: Sampling,
-        data: MemoryDataSource,
+        planted: Planted,
     ):
-        self.rig, self.patterns, self.noise, self.rng = rig, patterns, noise, rng
-        self.sampling, self.data = sampling, data
+        sensors = {name: planted.of(name).true_sensor(s) for name, s in rig.sensors.items()}
+        self.rig, self.planted = replace(rig, sensors=sensors), planted
+        made = {
+            name: (
+                planted.of_board(name).true_pattern(name, c),
+                planted.of_board(name).true_config(c),
+            )
+            for name, c in config.calibration_patterns.items()
+        }
+        self.patterns = {name: pattern for name, (pattern, _) in made.items()}
+        self.noise, self.rng, self.sampling = noise, rng, sampling
+        bits: Any = rng.bit_generator
+        self.errors_rng = np.random.Generator(bits.jumped())  # what rng draws stays the same
+        self.data = MemoryDataSource(made)
         self.prepared: Dict[str, Any] = {}
+
+    def as_told(self, moving: Transforms) -> Dict[Edge, np.ndarray]:
+        """Return moving edges as the dataset has them."""
+        sigmas = (self.planted.moving_edge_sigma_m, self.planted.moving_edge_sigma_rad)
+        if sigmas == (0.0, 0.0):
+            return dict(moving)
+        return {e: jittered(pose, *sigmas, self.errors_rng) for e, pose in moving.items()}
 
     def observe(self, key: str, present: Poses, moving: Transforms) -> Dict[Tuple[str, str], Label]:
         """Return the labels of a collection and keep its data."""
@@ -123,7 +150,9 @@ class _Observer:
             rig=self.rig,
             patterns=self.patterns,
             noise=self.noise.of(sensor.name),
+            errors=self.planted.of(sensor.name),
             rng=self.rng,
+            errors_rng=self.errors_rng,
             sampling=self.sampling,
             data=self.data,
             prepared=self.prepared,

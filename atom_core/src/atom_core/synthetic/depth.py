@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Dict, Mapping, Tuple
+from typing import Any, Dict, Mapping, Tuple, Union
 
+import cv2
 import numpy as np
 
 from atom_core.geometry import se3
@@ -12,14 +13,17 @@ from atom_core.geometry.camera import Camera
 from atom_core.model.labels import RangeLabel
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import Sensor
-from atom_core.synthetic.board import border_points, facing, hits
+from atom_core.synthetic.board import board_hits, border_points, facing
 from atom_core.synthetic.memory import Sampling
 from atom_core.synthetic.noise import Noise
+from atom_core.synthetic.planted import DepthErrors
+from atom_core.synthetic.realism import Realism
 from atom_core.synthetic.rig import Rig, Room, camera_of
 from atom_core.synthetic.sensing import Outlook, View
 
 LARGEST_ANGLE_DEG = 75.0  # between the ray and the board's normal
 LEAST_SHARE = 0.4  # of the board that must lie in the image
+_JUMP_M, _JUMP_SHARE = 0.03, 0.02  # neighbours that differ more, by a share of z, jump
 RANGE_M = (0.3, 6.5)  # z-depths; ATOM's files hold up to 6.5535 m
 
 
@@ -48,7 +52,7 @@ class DepthCamera:
     ) -> Tuple[np.ndarray, np.ndarray]:
         """Return the pixels (n,) that a board covers and their z-depths (n,) [m]."""
         window = self._window(camera_T_pattern, pattern)
-        z, _ = hits(camera_T_pattern, pattern.border, self.rays[window])
+        z, _ = board_hits(camera_T_pattern, pattern, self.rays[window])
         good = (z >= RANGE_M[0]) & (z <= RANGE_M[1])
         return window[good], z[good]
 
@@ -85,6 +89,7 @@ def capture(
     noise: Noise,
     rng: np.random.Generator,
     grid_step: int,
+    errors: DepthErrors = DepthErrors(),  # noqa: B008 (frozen)
 ) -> Tuple[np.ndarray, Dict[str, RangeLabel]]:
     """Return the depth image (height, width) [m], NaN where there is none, and the labels.
 
@@ -99,6 +104,11 @@ def capture(
         before = depth < z[pixels]
         z[pixels[before]], owner[pixels[before]] = depth[before], number
     lost = (owner >= 0) & (rng.random(len(owner)) < noise.dropout)
+    error_m: Union[float, np.ndarray] = 0.0
+    if errors != DepthErrors():
+        halo = near_jumps(z.reshape(shape), errors.halo_px).ravel()
+        owner[halo], error_m = -1, errors.error_m(z.reshape(shape)).ravel()
+        lost |= halo
     labels: Dict[str, RangeLabel] = {}
     for number, (name, camera_T_pattern) in enumerate(camera_T_patterns.items()):
         if is_detected(device.camera, camera_T_pattern, patterns[name]):
@@ -107,12 +117,28 @@ def capture(
                 labels[name] = label
     if noise.depth_scale > 0:
         z += noise.depth_sigma_m(z) * rng.standard_normal(len(z))
+    z += error_m
     for label in labels.values():
         labeled = np.union1d(label.indices, label.limit_indices)
         along_ray = np.linalg.norm(device.rays[labeled], axis=1)
         z[labeled] += noise.gross_range_errors(len(labeled), rng) / along_ray
     z[lost | (z < RANGE_M[0]) | (z > RANGE_M[1])] = np.nan
     return noise.round(z.reshape(shape)), labels
+
+
+def near_jumps(z: np.ndarray, within_px: int) -> np.ndarray:
+    """Return (height, width) bool: pixels this near to a jump of the depth, on either side.
+
+    Args:
+        z: (height, width) depths [m].
+        within_px: how near; 0: none are.
+    """
+    if within_px == 0:
+        return np.zeros(z.shape, dtype=bool)
+    beside = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+    jump = (cv2.dilate(z, beside) - cv2.erode(z, beside)) > _JUMP_M + _JUMP_SHARE * z
+    wider = np.ones((2 * within_px - 1, 2 * within_px - 1), dtype=np.uint8)
+    return cv2.dilate(jump.astype(np.uint8), wider) > 0
 
 
 def outermost(mask: np.ndarray) -> np.ndarray:
@@ -143,6 +169,7 @@ def observe(view: View) -> Dict[str, RangeLabel]:
         view.noise,
         view.rng,
         sampling.depth_step,
+        view.errors if isinstance(view.errors, DepthErrors) else DepthErrors(),
     )
     if sampling.labeled_only:
         labeled = [i for label in labels.values() for i in (label.indices, label.limit_indices)]
@@ -172,3 +199,8 @@ def _rows(camera: Camera, camera_T_pattern: np.ndarray, pattern: Pattern) -> flo
     sides = np.hypot(next_x - x, next_y - y)
     area = abs(np.sum(x * next_y - next_x * y)) / 2
     return float(area / Sampling().depth_step ** 2 + sides.sum())
+
+
+def errors(realism: Realism, sensor: Sensor, _: Any, rng: np.random.Generator) -> DepthErrors:
+    """Draw the systematic errors of a camera."""
+    return DepthErrors.drawn(realism, sensor, rng)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Dict, List, Mapping, Tuple
+from typing import Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -10,14 +10,17 @@ from atom_core.geometry import se3
 from atom_core.model.labels import RangeLabel
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import Sensor
-from atom_core.synthetic.board import centre_in_sensor, facing, hits
+from atom_core.synthetic.board import board_hits, centre_in_sensor, facing, is_dark
 from atom_core.synthetic.noise import Noise
+from atom_core.synthetic.planted import RangeErrors
+from atom_core.synthetic.realism import Realism
 from atom_core.synthetic.rig import LidarModel, Rig, Room
 from atom_core.synthetic.sensing import Outlook, View
 
 LARGEST_ANGLE_DEG = 80.0  # between the beam and the board's normal
 LEAST_RINGS = 3
 LEAST_POINTS = 30
+MIXED_LABELED_M = 0.03  # a return farther from a board, for the sake of what is behind, is not it
 
 
 def beams_on_board(
@@ -30,7 +33,7 @@ def beams_on_board(
     if distance > radius:  # only beams in the cone around the board can hit it
         cosine = np.sqrt(1.0 - (radius / distance) ** 2)
         candidates = np.flatnonzero(model.directions @ (centre / distance) >= cosine)
-    ranges, _ = hits(lidar_T_pattern, pattern.border, model.directions[candidates])
+    ranges, _ = board_hits(lidar_T_pattern, pattern, model.directions[candidates])
     good = (ranges >= model.range_m[0]) & (ranges <= model.range_m[1])
     return candidates[good], ranges[good]
 
@@ -74,11 +77,14 @@ def scan(
     rng: np.random.Generator,
     background_step: int,
     exact_border: bool,
+    errors: RangeErrors = RangeErrors(),  # noqa: B008 (frozen)
+    errors_rng: Optional[np.random.Generator] = None,
 ) -> Tuple[np.ndarray, Dict[str, RangeLabel]]:
     """Return the cloud (n, 3) [m] in the LiDAR's frame and the labels of the boards in it.
 
     The cloud is in the order of the beams; of the room it holds every ``background_step``-th
     return. With ``exact_border`` the limit points are moved onto the board's true border.
+    ``errors_rng`` draws which returns from dark squares are lost.
     """
     nearest = np.full(len(model.directions), np.inf)
     walls = room.distance(
@@ -93,6 +99,11 @@ def scan(
         nearest[beams[kept]] = ranges[kept]
         seen = {other: np.setdiff1d(ids, beams[kept]) for other, ids in seen.items()}
         seen[name] = beams[kept]
+    error_m = np.zeros(len(nearest))
+    if errors != RangeErrors():
+        boards = {n: (pose, patterns[n]) for n, pose in lidar_T_patterns.items()}
+        behind = _Behind(model, world_T_lidar, room)
+        seen = _spoil(seen, boards, nearest, error_m, behind, errors, errors_rng)
     returned = np.flatnonzero(np.isfinite(nearest))
     points = model.directions[returned] * nearest[returned, None]
     labels: Dict[str, RangeLabel] = {}
@@ -104,7 +115,77 @@ def scan(
             labels[name] = RangeLabel(np.searchsorted(returned, beams), limit)
             if exact_border:
                 points[limit] = _moved_to_border(points[limit], lidar_T_pattern, pattern)
-    return noise.round(_with_noise(points, list(labels.values()), noise, rng)), labels
+    spoiled = _with_noise(points, list(labels.values()), noise, rng, error_m[returned])
+    return noise.round(spoiled), labels
+
+
+class _Behind(NamedTuple):
+    """What lies behind the boards."""
+
+    model: LidarModel
+    world_T_lidar: np.ndarray
+    room: Room
+
+    def ranges(self, beams: np.ndarray) -> np.ndarray:
+        """Return the ranges (n,) of the room along beams (n,) [m]."""
+        in_world = self.model.directions[beams] @ self.world_T_lidar[:3, :3].T
+        return self.room.distance(self.world_T_lidar[:3, 3], in_world)
+
+
+def _spoil(
+    seen: Mapping[str, np.ndarray],
+    boards: Mapping[str, Tuple[np.ndarray, Pattern]],
+    nearest: np.ndarray,
+    error_m: np.ndarray,
+    behind: _Behind,
+    errors: RangeErrors,
+    rng: Optional[np.random.Generator],
+) -> Dict[str, np.ndarray]:
+    """Return the beams that a labeler takes for those on each board.
+
+    Args:
+        seen: beams on each board.
+        boards: pose ``lidar_T_pattern`` (4, 4) and pattern, by name.
+        nearest: (beams,) true ranges [m]; those of lost returns become infinite.
+        error_m: (beams,) becomes by how much they read long.
+        behind: what is behind the boards.
+        errors: what is planted.
+        rng: draws the lost returns.
+    """
+    labeled = {}
+    returned = np.flatnonzero(np.isfinite(nearest))
+    rings = returned // behind.model.azimuth_steps
+    error_m[returned] = errors.error_m(nearest[returned], rings)
+    for name, beams in seen.items():
+        lidar_T_pattern, pattern = boards[name]
+        points = behind.model.directions[beams] * nearest[beams, None]
+        in_pattern = se3.apply(se3.inverse(lidar_T_pattern), points)
+        dark = is_dark(pattern, in_pattern[:, :2])
+        error_m[beams] += errors.dark_offset_m * dark
+        lost = np.zeros(len(beams), dtype=bool)
+        if errors.dark_lost > 0:
+            lost = dark & ((rng or np.random.default_rng(0)).random(len(beams)) < errors.dark_lost)
+        missing = _share_beside(lidar_T_pattern, pattern, points, errors.divergence_rad)
+        mixed_m = missing * (behind.ranges(beams) - nearest[beams])
+        error_m[beams] += mixed_m
+        nearest[beams[lost]] = np.inf
+        labeled[name] = beams[~lost & (np.abs(mixed_m) < MIXED_LABELED_M)]
+    return labeled
+
+
+def _share_beside(
+    lidar_T_pattern: np.ndarray, pattern: Pattern, points: np.ndarray, divergence_rad: float
+) -> np.ndarray:
+    """Return which share (n,) of beams that hit a board at ``points`` (n, 3) falls beside it."""
+    if divergence_rad == 0.0:
+        return np.zeros(len(points))
+    in_pattern = se3.apply(se3.inverse(lidar_T_pattern), points)
+    depth, outward = pattern.border.signed_distance(in_pattern[:, :2])
+    in_pattern[:, :2] -= depth[:, None] * outward
+    on_border = se3.apply(lidar_T_pattern, in_pattern)
+    ranges = np.linalg.norm(points, axis=1)
+    beside = np.linalg.norm(np.cross(points / ranges[:, None], on_border), axis=1)
+    return np.clip(0.5 - beside / (divergence_rad * ranges), 0.0, 1.0)
 
 
 def _moved_to_border(
@@ -117,10 +198,17 @@ def _moved_to_border(
 
 
 def _with_noise(
-    points: np.ndarray, labels: List[RangeLabel], noise: Noise, rng: np.random.Generator
+    points: np.ndarray,
+    labels: List[RangeLabel],
+    noise: Noise,
+    rng: np.random.Generator,
+    error_m: np.ndarray,
 ) -> np.ndarray:
-    """Return the points with noise along their beams, gross errors only on labeled ones."""
-    error = noise.lidar_m * rng.standard_normal(len(points))
+    """Return the points with noise along their beams, gross errors only on labeled ones.
+
+    ``error_m`` (n,) is by how much they read long beside that.
+    """
+    error = error_m + noise.lidar_m * rng.standard_normal(len(points))
     for label in labels:
         error[label.indices] += noise.gross_range_errors(len(label.indices), rng)
     ranges = np.linalg.norm(points, axis=1)
@@ -139,6 +227,8 @@ def observe(view: View) -> Dict[str, RangeLabel]:
         view.rng,
         view.sampling.background_step,
         view.sampling.exact_border,
+        view.errors if isinstance(view.errors, RangeErrors) else RangeErrors(),
+        view.errors_rng,
     )
     view.data.add(view.collection, view.sensor.name, cloud)
     return labels
@@ -150,3 +240,8 @@ def outlook(rig: Rig, sensor: Sensor, lidar_T_pattern: np.ndarray, pattern: Patt
     beams, _ = beams_on_board(model, lidar_T_pattern, pattern)
     seen = is_detected(model, beams, lidar_T_pattern, pattern)
     return Outlook(seen, False, len(beams) if seen else 0)
+
+
+def errors(realism: Realism, _: Sensor, model: LidarModel, rng: np.random.Generator) -> RangeErrors:
+    """Draw the systematic errors of a LiDAR."""
+    return RangeErrors.drawn(realism, model.rings, rng)

@@ -7,11 +7,13 @@ from typing import Dict, List, Mapping, Optional, Tuple
 
 import numpy as np
 
+from atom_core.geometry import se3
 from atom_core.model.labels import RangeLabel
 from atom_core.model.laser_scan import LaserScan
 from atom_core.model.pattern import Pattern
-from atom_core.synthetic.board import hits
+from atom_core.synthetic.board import board_hits, is_dark
 from atom_core.synthetic.noise import Noise
+from atom_core.synthetic.planted import RangeErrors
 from atom_core.synthetic.rig import Room
 
 LARGEST_ANGLE_DEG = 80.0  # between the beams and the cut's normal, in the scan's plane
@@ -70,6 +72,8 @@ def scan(
     noise: Noise,
     rng: np.random.Generator,
     others: Optional[np.ndarray] = None,
+    errors: RangeErrors = RangeErrors(),  # noqa: B008 (frozen)
+    errors_rng: Optional[np.random.Generator] = None,
 ) -> Tuple[LaserScan, Dict[str, RangeLabel]]:
     """Return the scan and the labels of the boards in it.
 
@@ -84,17 +88,16 @@ def scan(
         room: what is behind the boards.
         noise: of ranges (``lidar_m``), with gross errors on labeled ones, and dropouts on boards.
         rng: draws it.
-        others: (beams,) distances [m] of further things that hide what is behind them; infinite
-            where there is nothing.
+        others: (beams,) distances [m] of what hides things behind it; infinite: nothing does.
+        errors: the systematic ones; layers and divergence are those of 3D LiDARs.
+        errors_rng: draws which returns from dark squares are lost.
     """
     poses = [(lidar_T_patterns[name], patterns[name]) for name in lidar_T_patterns]
-    on_board = [hits(pose, p.border, model.directions)[0] for pose, p in poses]
-    walls = room.distance(world_T_lidar[:3, 3], model.directions @ world_T_lidar[:3, :3].T)
-    surfaces = np.vstack([*on_board, walls if others is None else np.minimum(walls, others)])
-    owner, nearest = np.argmin(surfaces, axis=0), np.min(surfaces, axis=0)
+    on_board, owner, nearest = _met(model, poses, world_T_lidar, room, others)
     mixed = _mixed(model, poses, owner, nearest, rng)
     ranges = np.where(np.isnan(mixed), nearest, mixed)
-    lost = (owner < len(poses)) & (rng.random(model.beams) < noise.dropout)
+    error_m, lost = _spoiled(model, poses, owner, nearest, errors, errors_rng or rng)
+    lost |= (owner < len(poses)) & (rng.random(model.beams) < noise.dropout)
     in_reach = (ranges >= model.range_m[0]) & (ranges <= model.range_m[1])
     usable = in_reach & ~lost & np.isnan(mixed)
     labels: Dict[str, RangeLabel] = {}
@@ -102,7 +105,7 @@ def scan(
         label = _label(model, usable & (owner == number), on_board[number], nearest)
         if is_detected(model, label, ranges, patterns[name]):
             labels[name] = label
-    ranges = ranges + noise.lidar_m * rng.standard_normal(model.beams)
+    ranges = ranges + (error_m + noise.lidar_m * rng.standard_normal(model.beams))
     for label in labels.values():
         ranges[label.indices] += noise.gross_range_errors(len(label.indices), rng)
     ranges = np.clip(ranges, model.range_m[0], model.range_m[1] * (1.0 - 1e-6))
@@ -175,6 +178,40 @@ def _label(
     return RangeLabel(indices, np.unique(np.array(limit, dtype=int)))
 
 
+def _met(
+    model: Lidar2dModel,
+    poses: List[Tuple[np.ndarray, Pattern]],
+    world_T_lidar: np.ndarray,
+    room: Room,
+    others: Optional[np.ndarray],
+) -> Tuple[List[np.ndarray], np.ndarray, np.ndarray]:
+    """Return distances of each board, which thing beams (beams,) meet, and its distance [m]."""
+    on_board = [board_hits(pose, p, model.directions)[0] for pose, p in poses]
+    walls = room.distance(world_T_lidar[:3, 3], model.directions @ world_T_lidar[:3, :3].T)
+    surfaces = np.vstack([*on_board, walls if others is None else np.minimum(walls, others)])
+    return on_board, np.argmin(surfaces, axis=0), np.min(surfaces, axis=0)
+
+
+def _spoiled(
+    model: Lidar2dModel,
+    poses: List[Tuple[np.ndarray, Pattern]],
+    owner: np.ndarray,
+    nearest: np.ndarray,
+    errors: RangeErrors,
+    rng: np.random.Generator,
+) -> Tuple[np.ndarray, np.ndarray]:
+    """Return by how much beams (beams,) read long [m], and which are lost on dark squares."""
+    dark = np.zeros(model.beams, dtype=bool)
+    if errors == RangeErrors():
+        return np.zeros(model.beams), dark
+    for number, (lidar_T_pattern, pattern) in enumerate(poses):
+        mine = (owner == number) & np.isfinite(nearest)
+        points = model.directions[mine] * nearest[mine, None]
+        dark[mine] = is_dark(pattern, se3.apply(se3.inverse(lidar_T_pattern), points)[:, :2])
+    error_m = errors.error_m(nearest, np.zeros(model.beams, dtype=int))
+    return error_m + errors.dark_offset_m * dark, dark & (rng.random(len(dark)) < errors.dark_lost)
+
+
 def _mixed(
     model: Lidar2dModel,
     poses: List[Tuple[np.ndarray, Pattern]],
@@ -188,7 +225,7 @@ def _mixed(
         return mixed
     for number, (lidar_T_pattern, pattern) in enumerate(poses):
         sides = [
-            hits(lidar_T_pattern, pattern.border, directions(model.angles + half))[0]
+            board_hits(lidar_T_pattern, pattern, directions(model.angles + half))[0]
             for half in (-0.5 * model.beam_width_rad, 0.5 * model.beam_width_rad)
         ]
         cut = np.flatnonzero(np.isfinite(sides[0]) != np.isfinite(sides[1]))

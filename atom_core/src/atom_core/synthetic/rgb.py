@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Dict, Optional
+from typing import Any, Dict, Optional
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import Sensor
 from atom_core.synthetic.board import facing
 from atom_core.synthetic.noise import Noise
+from atom_core.synthetic.planted import CameraErrors
+from atom_core.synthetic.realism import Realism
 from atom_core.synthetic.rig import Rig, camera_of
 from atom_core.synthetic.sensing import Outlook, View
 
@@ -75,3 +77,8 @@ def outlook(_: Rig, sensor: Sensor, camera_T_pattern: np.ndarray, pattern: Patte
     """Tell what a camera would make of a board."""
     count = len(visible_corners(camera_of(sensor), camera_T_pattern, pattern))
     return Outlook(count > 0, 0 < count < pattern.corner_count, 2 * count)
+
+
+def errors(realism: Realism, sensor: Sensor, _: Any, rng: np.random.Generator) -> CameraErrors:
+    """Draw the systematic errors of a camera."""
+    return CameraErrors.drawn(realism, sensor, rng)

@@ -16,8 +16,9 @@ from atom_core.synthetic.cell import SCENARIOS, Accept, cell_rig, plan_board_pos
 from atom_core.synthetic.dataset import Disturbance, SyntheticDataset, disturbed, make_dataset
 from atom_core.synthetic.memory import Sampling
 from atom_core.synthetic.noise import Noise
+from atom_core.synthetic.realism import PLAIN, Realism
 from atom_core.synthetic.rig import Mount, Rig, assemble, jittered, looking_at
-from atom_core.synthetic.sensing import simulation_of
+from atom_core.synthetic.sensing import planted_in, simulation_of
 
 _CENTRE = (0.0, -0.6)
 _PLACES = {  # where they stand, and the heights that they look to in the middle of the cell
@@ -25,7 +26,13 @@ _PLACES = {  # where they stand, and the heights that they look to in the middle
     "scanner_2": ((2.3, 0.9, 1.2), 1.0),
 }
 _PLACED = 0.05, 0.03  # how far a real mount is from the drawing [m, rad]
-_RIG, _POSES, _NOISE, _DISTURBANCE = 31, 32, 33, 34  # streams of random numbers of one seed
+_RIG, _POSES, _NOISE, _DISTURBANCE, _ERRORS = (
+    31,
+    32,
+    33,
+    34,
+    35,
+)  # streams of random numbers of one seed
 
 
 def cell_with_scanners_rig(seed: int) -> Rig:
@@ -53,6 +60,7 @@ def cell_with_scanners(
     disturbance: Disturbance = (0.0, 0.0),
     *,
     sampling: Sampling = Sampling(),  # noqa: B008 (frozen)
+    realism: Realism = PLAIN,
 ) -> SyntheticDataset:
     """Simulate the paper's cell with two 2D LiDARs; arguments as of `paper_cell`.
 
@@ -69,6 +77,7 @@ def cell_with_scanners(
         np.random.default_rng([seed, wanted.stream, _NOISE]),
         sampling=sampling,
         name=f"cell_with_scanners_{scenario}_{seed}",
+        planted=planted_in(rig, ["pattern_1"], realism, [seed, _ERRORS]),
     )
     return disturbed(exact, disturbance, np.random.default_rng([seed, _DISTURBANCE]))
 

@@ -1,7 +1,7 @@
 """Small simulated scenes, each with one property that a test needs; a second or less each.
 
 Every scene takes the seed and, by keyword, the number of collections, the noise, the disturbance
-of the free edges (metres, radians) and the density of labels.
+of the free edges (metres, radians), the density of labels and the systematic errors.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from atom_core.synthetic.dataset import (
 )
 from atom_core.synthetic.memory import Sampling
 from atom_core.synthetic.noise import Noise
+from atom_core.synthetic.realism import PLAIN, Realism
 from atom_core.synthetic.rig import (
     COLOUR_CAMERA,
     DEPTH_CAMERA,
@@ -42,19 +43,23 @@ from atom_core.synthetic.rig import (
     jittered,
     looking_at,
 )
+from atom_core.synthetic.sensing import planted_in
 
 _BASE, _ROOM = "rig_base", Room((-7.0, -7.0, 0.0), (7.0, 7.0, 3.5))
 _FLANGE = "flange"
+_ERRORS = 110  # stream of random numbers of one seed
 
 
 @dataclass(frozen=True)
 class SceneOptions:
-    """What every scene has in common."""
+    """What every scene has in common; the systematic errors are drawn from the seed."""
 
     collections: int = 10
     noise: Noise = Noise()
     disturbance: Disturbance = (0.0, 0.0)
     sampling: Sampling = Sampling()
+    realism: Realism = PLAIN
+    seed: int = 0
 
 
 # ---------------------------------------------------------------------------------- rigs
@@ -139,7 +144,7 @@ def random_scene(
     """Simulate a random rig of the given sensors, one ChArUco, the first sensor anchored."""
     rng = np.random.default_rng([seed, 100])
     rig = random_rig(rng, rgb, depth, lidar3d)
-    return _simulate("random_scene", rig, rng, SceneOptions(**options))
+    return _simulate("random_scene", rig, rng, SceneOptions(seed=seed, **options))
 
 
 def two_cameras(
@@ -148,14 +153,14 @@ def two_cameras(
     """Simulate two cameras of any model, the first one anchored."""
     rng = np.random.default_rng([seed, 101])
     rig = random_rig(rng, 2, 0, 0, colour_camera=camera)
-    return _simulate("two_cameras", rig, rng, SceneOptions(**options))
+    return _simulate("two_cameras", rig, rng, SceneOptions(seed=seed, **options))
 
 
 def lidar_only(seed: int = 0, *, lidar3d: int = 3, **options: Any) -> SyntheticDataset:
     """Simulate LiDARs without any camera, the first one anchored."""
     rng = np.random.default_rng([seed, 102])
     rig = random_rig(rng, 0, 0, lidar3d)
-    return _simulate("lidar_only", rig, rng, SceneOptions(**options))
+    return _simulate("lidar_only", rig, rng, SceneOptions(seed=seed, **options))
 
 
 def shared_edge(seed: int = 0, **options: Any) -> SyntheticDataset:
@@ -172,7 +177,7 @@ def shared_edge(seed: int = 0, **options: Any) -> SyntheticDataset:
     depth = Sensor("depth_1", DEPTH, lens.sensor.frame, edge, DEPTH_CAMERA, lens.sensor.topic)
     mounts = [first, device, Mount(depth, edges)]
     rig = assemble("world", structure, mounts, anchored="rgb_1", room=_ROOM, centre=centre)
-    return _simulate("shared_edge", rig, rng, SceneOptions(**options))
+    return _simulate("shared_edge", rig, rng, SceneOptions(seed=seed, **options))
 
 
 def disconnected(seed: int = 0, **options: Any) -> SyntheticDataset:
@@ -180,7 +185,7 @@ def disconnected(seed: int = 0, **options: Any) -> SyntheticDataset:
 
     rgb_1 (anchored) and rgb_2 see it in even collections, rgb_3 and lidar_1 in odd ones.
     """
-    rng, chosen = np.random.default_rng([seed, 104]), SceneOptions(**options)
+    rng, chosen = np.random.default_rng([seed, 104]), SceneOptions(seed=seed, **options)
     structure, mounts = _base(rng), []
     short = LidarModel(range_m=(0.3, 4.0))  # it looks all around, but not as far
     groups: Dict[Tuple[float, float, float], List[Tuple[str, str, Any]]] = {
@@ -202,7 +207,7 @@ def two_patterns(seed: int = 0, **options: Any) -> SyntheticDataset:
 
     rgb_1 sees only "left", a ChArUco, and depth_1 only "right", a chessboard.
     """
-    rng, chosen = np.random.default_rng([seed, 105]), SceneOptions(**options)
+    rng, chosen = np.random.default_rng([seed, 105]), SceneOptions(seed=seed, **options)
     left, right, structure = (-0.75, 0.0, 1.0), (0.75, 0.0, 1.0), _base(rng)
     mounts = [
         _mounted("rgb_1", RGB, np.array([-1.2, 1.5, 1.3]), (-0.9, 0.0, 1.0), structure, rng),
@@ -228,7 +233,7 @@ def two_patterns(seed: int = 0, **options: Any) -> SyntheticDataset:
 
 def hand_eye(seed: int = 0, **options: Any) -> SyntheticDataset:
     """Simulate a camera on a moving flange before a board that stands still; nothing anchored."""
-    rng, chosen = np.random.default_rng([seed, 106]), SceneOptions(**options)
+    rng, chosen = np.random.default_rng([seed, 106]), SceneOptions(seed=seed, **options)
     flange_T_link = jittered(se3.from_rpy(np.array([0.05, 0.0, 0.08]), np.zeros(3)), 0.02, 0.2, rng)
     mount = camera_mount("rgb_1", RGB, _FLANGE, flange_T_link, COLOUR_CAMERA)
     rig = assemble("world", _base(rng), [mount], room=_ROOM)
@@ -247,7 +252,7 @@ def hand_eye(seed: int = 0, **options: Any) -> SyntheticDataset:
 
 def board_on_arm(seed: int = 0, **options: Any) -> SyntheticDataset:
     """Simulate a board on a moving flange before a camera that stands still; nothing anchored."""
-    rng, chosen = np.random.default_rng([seed, 107]), SceneOptions(**options)
+    rng, chosen = np.random.default_rng([seed, 107]), SceneOptions(seed=seed, **options)
     centre, structure = (0.0, 0.0, 1.0), _base(rng)
     mount = _mounted("rgb_1", RGB, _around(centre, 0.0, rng), centre, structure, rng)
     rig = assemble("world", structure, [mount], room=_ROOM)
@@ -314,5 +319,6 @@ def _finish(
         motion=motion,
         sampling=options.sampling,
         name=name,
+        planted=planted_in(rig, poses, options.realism, [options.seed, _ERRORS]),
     )
     return disturbed(exact, options.disturbance, rng)
