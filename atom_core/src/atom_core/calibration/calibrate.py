@@ -15,8 +15,10 @@ from atom_core.calibration.prepare.preparation import prepare
 from atom_core.calibration.refine.model_checks import ModelCheck
 from atom_core.calibration.refine.refinement import refine
 from atom_core.calibration.refine.rejection import Rejected
+from atom_core.calibration.start.half_turns import with_half_turns
 from atom_core.calibration.start.starts import choose_start, find_starts
 from atom_core.model.dataset import Dataset
+from atom_core.model.labels import DetectionKey
 from atom_core.problem.builder import FreeEdges
 from atom_core.problem.problem import Problem
 from atom_core.solvers.base import SolverSetup, SolverSummary
@@ -42,6 +44,7 @@ class Calibration:
         checks: errors of the model that the data show, and that were not estimated.
         unused: why a collection was not used, by key.
         rejected: detections that were left out since they contradict the others.
+        relabeled: detections whose corners were renumbered; ``dataset`` has them so.
         warnings: what the user should know.
         seconds: time by step.
         seed: of the disturbance.
@@ -61,6 +64,7 @@ class Calibration:
     checks: Tuple[ModelCheck, ...]
     unused: Mapping[str, str]
     rejected: Tuple[Rejected, ...]
+    relabeled: Tuple[DetectionKey, ...]
     warnings: Tuple[str, ...]
     seconds: Mapping[str, float]
     seed: int
@@ -85,6 +89,7 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
     with Interrupt() as interrupt:
         setup = _setup(options, interrupt)
         chosen = choose_start(starts, prepared, options, setup)
+        chosen = with_half_turns(chosen, starts, prepared, setup)
         refined = refine(chosen.solution, prepared.free, options, setup)
     clock.lap("solve")
     judgement = judge(chosen, refined, options, setup.make)
@@ -105,10 +110,15 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
         checks=judgement.checks,
         unused=refined.unused,
         rejected=refined.rejected,
+        relabeled=_relabeled(dataset, judgement.dataset),
         warnings=(*prepared.dataset.warnings, *(r for of_step in remarks for r in of_step)),
         seconds=clock.laps,
         seed=options.seed,
     )
+
+
+def _relabeled(before: Dataset, after: Dataset) -> Tuple[DetectionKey, ...]:
+    return tuple(key for key, label in after.detections() if label is not before.label(key))
 
 
 def _setup(options: CalibrationOptions, interrupt: Interrupt) -> SolverSetup:

@@ -386,7 +386,7 @@ def _write_files(
 ) -> List[str]:
     """Write dataset, parameters and description; return what the user should know."""
     calibration = results.calibration
-    write_dataset(calibration.dataset, folder / DATASET_FILE)
+    write_dataset(calibration.dataset, folder / DATASET_FILE, calibration.relabeled)
     write_parameters_yaml(
         folder / PARAMETERS_FILE,
         calibration.dataset,

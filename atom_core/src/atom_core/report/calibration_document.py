@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Any, Dict, Mapping
+from typing import Any, Dict, List, Mapping
 
 import numpy as np
 
-from atom_core.calibration.judge.exclusion import Exclusion
+from atom_core.calibration.calibrate import Calibration
 from atom_core.calibration.judge.outliers import OUTLIER_SIGMAS
 from atom_core.calibration.judge.propagation import PropagatedPoint
 from atom_core.geometry import se3
@@ -48,14 +48,7 @@ def calibration_document(results: CalibrationResults, options: Mapping[str, Any]
         },
         "sensors": {name: _sensor(sensor) for name, sensor in results.sensors.items()},
         "collections": {key: _collection(value) for key, value in results.collections.items()},
-        "propagation": [
-            {
-                "source": pair.source,
-                "target": pair.target,
-                "points": [_point(point) for point in pair.points],
-            }
-            for pair in results.propagation
-        ],
+        "propagation": _propagation(results),
         "outlier_limit_sigmas": OUTLIER_SIGMAS,
         "outlier_count": outliers.count,
         "outliers": [outlier._asdict() for outlier in outliers.largest],
@@ -70,8 +63,7 @@ def calibration_document(results: CalibrationResults, options: Mapping[str, Any]
         "model_errors": [
             {**asdict(error), "rivals": list(error.rivals)} for error in results.model_errors
         ],
-        "misfits": [misfit._asdict() for misfit in calibration.misfits],
-        "exclusions": [_exclusion(exclusion) for exclusion in calibration.exclusions],
+        **_inconsistencies(calibration),
         "warnings": list(results.warnings),
     }
     if results.ground_truth is not None:
@@ -79,9 +71,26 @@ def calibration_document(results: CalibrationResults, options: Mapping[str, Any]
     return document
 
 
-def _exclusion(exclusion: Exclusion) -> Dict[str, Any]:
-    shared = exclusion.shared
-    return {**exclusion._asdict(), "shared": None if shared is None else shared._asdict()}
+def _propagation(results: CalibrationResults) -> List[Dict[str, Any]]:
+    return [
+        {
+            "source": pair.source,
+            "target": pair.target,
+            "points": [_point(point) for point in pair.points],
+        }
+        for pair in results.propagation
+    ]
+
+
+def _inconsistencies(calibration: Calibration) -> Dict[str, Any]:
+    shared = [e.shared and e.shared._asdict() for e in calibration.exclusions]
+    return {
+        "misfits": [misfit._asdict() for misfit in calibration.misfits],
+        "exclusions": [
+            {**exclusion._asdict(), "shared": sort}
+            for exclusion, sort in zip(calibration.exclusions, shared)
+        ],
+    }
 
 
 def _solver(results: CalibrationResults) -> Dict[str, Any]:

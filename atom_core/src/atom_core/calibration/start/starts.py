@@ -32,8 +32,8 @@ from atom_core.solvers.base import Minimum, Solver, SolverSetup
 # A residual, in units of its expected sigma, that no noise explains, and the share of a sensor's
 # residuals that wrong labels do not explain either.
 _IMPLAUSIBLE, _TOO_MANY = 10.0, 0.25
-_AS_GOOD, _ELSEWHERE_M = 1.02, 0.2  # outcomes that nothing but chance decides between
-_CLEARLY_LOWER = 0.9  # the other start must lower the cost by this factor
+AS_GOOD, _ELSEWHERE_M = 1.02, 0.2  # outcomes that nothing but chance decides between
+CLEARLY_LOWER = 0.9  # the other start must lower the cost by this factor
 
 
 @dataclass(frozen=True)
@@ -219,7 +219,7 @@ def best_rough_solution(
         return solutions[0], []
     costs = [s.robust_cost() for s in solutions]
     best = solutions[int(np.argmin(costs))]
-    rivals = [s for s, cost in zip(solutions, costs) if cost <= _AS_GOOD * min(costs)]
+    rivals = [s for s, cost in zip(solutions, costs) if cost <= AS_GOOD * min(costs)]
     return best, [s for s in rivals if s is not best and moved_sensors(best, s)]
 
 
@@ -254,7 +254,7 @@ def restarted_from_data(
         for guess in (estimate.dataset, *estimate.others)
     ]
     other, _ = best_rough_solution(starts, setup)
-    enough = _AS_GOOD if lost and other.minimum.converged else _CLEARLY_LOWER
+    enough = AS_GOOD if lost and other.minimum.converged else CLEARLY_LOWER
     if not other.robust_cost() < enough * solution.robust_cost():
         return solution, ()
     remark = (
