@@ -30,6 +30,7 @@ CALIBRATION_KEYS = {
     "outlier_limit_sigmas",
     "rejected_detections",
     "weak_directions",
+    "model_errors",
     "misfits",
     "exclusions",
     "warnings",

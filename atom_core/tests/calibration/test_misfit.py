@@ -49,8 +49,9 @@ def test_a_wrong_focal_length_is_inconsistent_and_the_camera_named(factor):
     scene = paper_cell(1, disturbance=(0.1, 0.1))
     result = calibrate(with_focal_length(scene, "rgb_1", factor))
     assert result.status == "inconsistent"
-    assert result.message.startswith("corners of rgb_1 are ") and "intrinsics" in result.message
+    assert result.message.startswith("the focal length of rgb_1 is given ")
     worst = result.misfits[0]
+    assert worst.why.startswith("corners of rgb_1 are ") and "intrinsics" in worst.why
     assert worst.joint > 1.5 * worst.alone and len(worst.collections) > 3
 
 

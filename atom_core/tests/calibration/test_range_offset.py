@@ -160,7 +160,7 @@ def test_an_offset_that_nothing_tells_is_named():
     options = CalibrationOptions(range_offset=("lidar_1",), undetermined_limit=(1e-4, 0.05))
     result = calibrate(scene.dataset, options)
     assert result.status == "rank_deficient"
-    weak = [w for w in result.weak_directions if w.parameters == ("lidar_1 range offset",)]
+    weak = [w for w in result.weak_directions if w.parameters == ("range offset of lidar_1",)]
     assert len(weak) == 1 and weak[0].unit == "m" and weak[0].sigma > 1e-4
 
 

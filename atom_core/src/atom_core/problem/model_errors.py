@@ -217,6 +217,22 @@ class BorderSize(AlongAxis):
 
 
 @dataclass(frozen=True)
+class SeenBorder(AlongAxis):
+    """How much longer half the border is for one sensor: what its labels add or leave out [m]."""
+
+    what = "seen_border"
+
+    def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
+        """Return the rows' change; None of other sensors."""
+        return self._of_block(rows) if rows.block.sensor == self.target else None
+
+    def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
+        if not isinstance(rows.block, BorderBlock):
+            return None
+        return _grown(rows, np.eye(2)[[self.axis] * rows.block.count])
+
+
+@dataclass(frozen=True)
 class Bend(AlongAxis):
     """By how much a board's two edges across an axis lie above its middle, in the pattern's z [m].
 

@@ -8,7 +8,8 @@ wrong within one: how much they differ tells how sure the answer is without any 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import List, NamedTuple, Sequence, Tuple
+from types import MappingProxyType
+from typing import Dict, List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
@@ -17,7 +18,12 @@ from atom_core.problem.model_errors import ModelError, rows_of
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import BorderBlock
 from atom_core.solvers.error_columns import row_weights
-from atom_core.solvers.normal_equations import NormalEquations, summed
+from atom_core.solvers.normal_equations import (
+    DetectionParts,
+    NormalEquations,
+    assembled,
+    summed,
+)
 
 _FLOOR = 1e-12  # of a matrix scaled to a unit diagonal: what is below is rounding
 
@@ -64,6 +70,7 @@ def shared_equations(
     sigmas: Sequence[np.ndarray],
     loss: str,
     errors: Sequence[ModelError],
+    common: Mapping[str, float] = MappingProxyType({}),
 ) -> SharedEquations:
     """Return the reduced equations at the vector x.
 
@@ -75,34 +82,44 @@ def shared_equations(
         loss: robust loss.
         errors: model errors to have as further numbers, estimated or not; of those that no row
             depends on there is no number.
+        common: by kind, standard deviation of what all rows of a detection have in common, in the
+            kind's unit; for it a detection counts less than the number of its rows.
     """
-    scalars = _scalars(problem, x, sigmas, loss, errors)
-    count = len(problem.detections)
-    state = equations.state_jacobians.shape[2]
-    information, gradient = summed(equations.parts, count, state)
-    names, of_detection = np.unique(
-        [key.collection for key in problem.detections], return_inverse=True
-    )
-    reduced: List[Tuple[np.ndarray, np.ndarray]] = []
+    shares = _shares(problem, sigmas, common)
+    scalars = _scalars(problem, x, sigmas, loss, errors, shares)
+    if common:
+        equations = _tempered(problem, equations, shares)
+    parts, seen = _by_collection(problem, equations, scalars)
     size = equations.layout.shared * BLOCK_SIZE
-    seen = np.zeros((size, size))
-    for c in range(len(names)):
-        mine = np.flatnonzero(of_detection == c)
-        own = _of_collection(problem, equations, information, gradient, scalars, mine)
-        seen += own.seen
-        reduced.append((own.information, own.gradient))
     m = size + scalars.gradient.shape[1]
     held = np.zeros((m, m))
     held[:size, :size] = equations.shared - seen
     return SharedEquations(
-        tuple(str(name) for name in names),
+        tuple(parts),
         scalars.errors,
         equations.layout.shared,
         m - len(scalars.errors),
-        np.array([pair[0] for pair in reduced]).reshape(-1, m, m),
-        np.array([pair[1] for pair in reduced]).reshape(-1, m),
+        np.array([part.information for part in parts.values()]).reshape(-1, m, m),
+        np.array([part.gradient for part in parts.values()]).reshape(-1, m),
         held,
     )
+
+
+def _by_collection(
+    problem: Problem, equations: NormalEquations, scalars: _Scalars
+) -> Tuple[Dict[str, _Reduced], np.ndarray]:
+    """Return what each collection says; and what all say of the shared numbers, boards held."""
+    states = equations.state_jacobians.shape[2]
+    information, gradient = summed(equations.parts, len(problem.detections), states)
+    names, of_detection = np.unique(
+        [key.collection for key in problem.detections], return_inverse=True
+    )
+    parts = {}
+    for c, name in enumerate(names):
+        mine = np.flatnonzero(of_detection == c)
+        part = _of_collection(problem, equations, information, gradient, scalars, mine)
+        parts[str(name)] = part
+    return parts, sum((part.seen for part in parts.values()), np.zeros_like(equations.shared))
 
 
 class _Reduced(NamedTuple):
@@ -154,15 +171,48 @@ def _of_collection(
     return _Reduced(head, own, every[:size, :size])
 
 
+def _shares(
+    problem: Problem, sigmas: Sequence[np.ndarray], common: Mapping[str, float]
+) -> List[np.ndarray]:
+    """Return for each residual block (n,): the part of its weight that an item has.
+
+    The mean of n rows with noise sigma and a common part c has the variance sigma^2 / n + c^2.
+    """
+    shares = []
+    for block, sigma in zip(problem.residual_blocks, sigmas):
+        count = np.bincount(block.detection, minlength=len(problem.detections))[block.detection]
+        shares.append(1.0 / (1.0 + count * (common.get(block.kind, 0.0) / sigma) ** 2))
+    return shares
+
+
+def _tempered(
+    problem: Problem, equations: NormalEquations, shares: Sequence[np.ndarray]
+) -> NormalEquations:
+    """Return the equations with the detections of each block weighted by their mean share."""
+    parts = []
+    for block, part, share in zip(problem.residual_blocks, equations.parts, shares):
+        _, starts, counts = np.unique(block.detection, return_index=True, return_counts=True)
+        mean = np.add.reduceat(share, starts) / counts
+        parts.append(
+            DetectionParts(
+                part.detection,
+                part.information * mean[:, None, None],
+                part.gradient * mean[:, None],
+            )
+        )
+    return assembled(problem, equations.layout, equations.state_jacobians, parts)
+
+
 def _scalars(
     problem: Problem,
     x: np.ndarray,
     sigmas: Sequence[np.ndarray],
     loss: str,
     errors: Sequence[ModelError],
+    shares: Sequence[np.ndarray],
 ) -> _Scalars:
     linearisation, poses = problem.linearise(x), problem.poses(x)
-    weights = row_weights(linearisation, sigmas, loss)
+    weights = [w * s for w, s in zip(row_weights(linearisation, sigmas, loss), shares)]
     borders = [i for i, b in enumerate(problem.residual_blocks) if isinstance(b, BorderBlock)]
     states, d, k = linearisation.state_jacobians.shape[2], len(poses), len(borders) + len(errors)
     information, gradient = np.zeros((d, k, k)), np.zeros((d, k))

@@ -17,8 +17,12 @@ from atom_core.calibration.judge.weak_directions import (
     weak_model_errors,
 )
 from atom_core.calibration.options import OFF, CalibrationOptions
-from atom_core.calibration.refine.model_checks import ModelCheck, model_checks
-from atom_core.calibration.refine.model_errors import checked_equations, suggestion
+from atom_core.calibration.refine.model_checks import ModelCheck
+from atom_core.calibration.refine.model_errors import (
+    checked_equations,
+    checks_beside,
+    suggestion,
+)
 from atom_core.calibration.refine.refinement import Refined
 from atom_core.calibration.start.boards import solved_dataset
 from atom_core.calibration.start.starts import ChosenStart, InitialProblem
@@ -114,7 +118,7 @@ def _checked(
     covariance = covariance.robust(factors[: BLOCK_SIZE * equations.blocks], of_errors)
     if options.model_errors == OFF:
         return covariance, []
-    return covariance, model_checks(equations, estimated, loss)
+    return covariance, checks_beside(equations, initial, refined.solver, refined.summary, loss)
 
 
 def strong(checks: Sequence[ModelCheck], covariance: Covariance) -> List[ModelCheck]:

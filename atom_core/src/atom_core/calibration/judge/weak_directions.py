@@ -60,7 +60,7 @@ def weak_model_errors(covariance: Covariance, limit: float) -> List[WeakDirectio
     """Return the model errors whose predicted sigma exceeds the limit, in m or as a part."""
     return [
         WeakDirection(
-            (error.name,),
+            (error.title,),
             min(sigma, _LARGEST_SIGMA),
             error.unit,
             f"the data hardly tell the {error.title} from other poses; collect boards at other "

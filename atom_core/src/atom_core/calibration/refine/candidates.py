@@ -11,14 +11,15 @@ from atom_core.problem.model_errors import (
     Bend,
     BoardSize,
     BorderShift,
-    BorderSize,
     CameraError,
     DepthScale,
     ModelError,
     RangeOffset,
     RangeScale,
+    SeenBorder,
 )
 from atom_core.problem.problem import Problem
+from atom_core.problem.residuals import BorderBlock
 
 _NUMBERS = {"focal_length": (0, 1), "centre_x": (2,), "centre_y": (3,), "k1": (4,)}
 
@@ -49,6 +50,15 @@ def candidates(dataset: Dataset, problem: Problem) -> List[ModelError]:
         found.append(BoardSize(name))
         for axis in range(len(AXES)):
             middle, half_m = float(border.centre[axis]), float(border.half_size[axis])
-            found += [BorderShift(name, axis), BorderSize(name, axis)]
-            found.append(Bend(name, axis, middle, half_m))
+            found += [BorderShift(name, axis), Bend(name, axis, middle, half_m)]
     return found
+
+
+def nuisances(problem: Problem) -> List[ModelError]:
+    """Return what every sensor's labels may do to the border, to be free in all tests.
+
+    A labeled border is the sampling's and the labeler's as much as the board's: its size says
+    nothing of the scale of ranges.
+    """
+    borders = [b.sensor for b in problem.residual_blocks if isinstance(b, BorderBlock)]
+    return [SeenBorder(name, axis) for name in borders for axis in range(len(AXES))]

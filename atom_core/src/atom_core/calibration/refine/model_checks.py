@@ -16,7 +16,7 @@ from typing import List, NamedTuple, Optional, Sequence, Tuple
 import numpy as np
 from scipy import special
 
-from atom_core.problem.model_errors import ModelError
+from atom_core.problem.model_errors import ModelError, SeenBorder
 from atom_core.solvers import losses
 from atom_core.solvers.shared_equations import SharedEquations, inverse
 
@@ -25,6 +25,7 @@ _LEVERAGE = 0.9  # no collection counts as deciding more than this of a number
 _DETERMINED = 1e-6  # part of its information that other numbers must leave a candidate
 _SAME = 0.9  # two candidates whose effects are so much alike cannot be told apart ...
 _RIVAL = 0.8  # ... where the second one explains this part of what the first one does
+_CAUTIOUS = 16.0  # gain that is left when a detection counts for little more than one row
 _MOST = 12
 
 
@@ -50,24 +51,54 @@ class ModelCheck:
 
 
 def model_checks(
-    equations: SharedEquations, estimated: Sequence[ModelError], loss: str
+    equations: SharedEquations,
+    cautious: SharedEquations,
+    estimated: Sequence[ModelError],
+    loss: str,
 ) -> List[ModelCheck]:
     """Return what the data show, what explains most first.
 
     Args:
-        equations: at the solution; its model errors are the estimated ones and the candidates.
+        equations: at the solution; the model errors are the estimated ones, the candidates, and
+            the borders as the sensors see them, which are free in every test.
+        cautious: likewise, with what the rows of a detection may have in common; an error that is
+            to be named must show in them, too.
         estimated: those that the solution has estimated.
         loss: robust loss of the equations.
     """
-    known = [e for e in equations.errors if e in estimated]
+    known = [e for e in equations.errors if e in estimated or isinstance(e, SeenBorder)]
     found: List[ModelCheck] = []
     while len(found) < _MOST:
-        step = _Step(equations, [*known, *(check.error for check in found)], loss)
-        best = step.best()
+        taken = [*known, *(check.error for check in found)]
+        best = _best(_Step(equations, taken, loss), _Step(cautious, taken, loss))
         if best is None:
             break
         found.append(best)
     return found
+
+
+def _best(step: _Step, cautious: _Step) -> Optional[ModelCheck]:
+    """Return the significant candidate that explains most, if there is one."""
+    if not step.candidates:
+        return None
+    tested, careful = step.tested(), cautious.tested()
+    both = tested.significant & (careful.gain > _CAUTIOUS) & (tested.value * careful.value > 0.0)
+    gains = np.where(both, tested.gain, -1.0)
+    i = int(np.argmax(gains))
+    if gains[i] < 0.0:
+        return None
+    rivals = tested.determined & (np.abs(step.alike[i]) > _SAME)
+    rivals &= tested.gain > _RIVAL * tested.gain[i]
+    rivals[i] = False
+    error = step.candidates[i]
+    return ModelCheck(
+        error,
+        float(error.step * tested.value[i]),
+        float(error.step * tested.sigma[i]),
+        float(gains[i]),
+        step.moves(i, tested.value[i]),
+        tuple(step.candidates[j] for j in np.flatnonzero(rivals)),
+    )
 
 
 class _Tested(NamedTuple):
@@ -85,8 +116,9 @@ class _Step:
         self._equations, self._length = equations, losses.step_length(loss)
         place = {e: equations.shared + i for i, e in enumerate(equations.errors)}
         base = [*range(equations.shared), *(place[e] for e in taken)]
-        self._candidates = [e for e in equations.errors if e not in taken]
-        rest = [place[e] for e in self._candidates]
+        self.candidates = [e for e in equations.errors if e not in taken]
+        rest = [place[e] for e in self.candidates]
+        self._most = np.array([e.most / e.step for e in self.candidates])
         by_collection, gradients = equations.information, equations.gradient
         total, gradient = by_collection.sum(axis=0) + equations.held, gradients.sum(axis=0)
         cross = total[np.ix_(base, rest)]
@@ -94,7 +126,7 @@ class _Step:
         of_all = total[np.ix_(rest, rest)] - cross.T @ self._gains
         self._alone, self._curvature = np.diagonal(total)[rest], np.diagonal(of_all)
         scale = np.sqrt(np.maximum(self._curvature, 1e-30))
-        self._alike = of_all / scale[:, None] / scale
+        self.alike = of_all / scale[:, None] / scale
         self._slope = gradient[rest] - self._gains.T @ gradient[base]
         # (g, c) likewise of each collection
         self._slopes = gradients[:, rest] - gradients[:, base] @ self._gains
@@ -105,37 +137,17 @@ class _Step:
         own = np.diagonal(by_collection, axis1=1, axis2=2)[:, rest]
         self._curvatures = np.maximum(own - 2.0 * mixed + inner, 0.0)
 
-    def best(self) -> Optional[ModelCheck]:
-        """Return the candidate that explains most, if it is significant."""
-        if not self._candidates:
-            return None
-        tested = self._tested()
-        gains = np.where(tested.significant, tested.gain, -1.0)
-        i = int(np.argmax(gains))
-        if gains[i] < 0.0:
-            return None
-        rivals = [
-            j
-            for j in range(len(gains))
-            if j != i
-            and tested.determined[j]
-            and abs(self._alike[i, j]) > _SAME
-            and tested.gain[j] > _RIVAL * tested.gain[i]
-        ]
-        error = self._candidates[i]
-        return ModelCheck(
-            error,
-            float(error.step * tested.value[i]),
-            float(error.step * tested.sigma[i]),
-            float(gains[i]),
-            -self._gains[: self._equations.shared, i] * tested.value[i],
-            tuple(self._candidates[j] for j in rivals),
-        )
+    def moves(self, candidate: int, value: float) -> np.ndarray:
+        """Return (m,) by how much the shared numbers change with a candidate's value in steps."""
+        return -self._gains[: self._equations.shared, candidate] * value
 
-    def _tested(self) -> _Tested:
+    def tested(self) -> _Tested:
+        """Return the candidates' values and how sure they are."""
         determined = self._curvature > _DETERMINED * np.maximum(self._alone, 1e-30)
         curvature = np.where(determined, self._curvature, 1.0)
-        value = np.where(determined, -self._slope / curvature, 0.0)
+        value = -self._slope / curvature
+        determined &= np.abs(value) < self._most
+        value = np.where(determined, value, 0.0)
         left = self._slopes + self._curvatures * value
         leverage = np.minimum(self._curvatures / curvature, _LEVERAGE)
         variance = np.sum((left / (1.0 - leverage)) ** 2, axis=0) / curvature**2

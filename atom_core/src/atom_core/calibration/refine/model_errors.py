@@ -3,29 +3,39 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import List, Sequence, Tuple
+from types import MappingProxyType
+from typing import List, Mapping, Sequence, Tuple
 
-from atom_core.calibration.refine.candidates import candidates
+from atom_core.calibration.refine.candidates import candidates, nuisances
 from atom_core.calibration.refine.error_words import described
 from atom_core.calibration.refine.model_checks import ModelCheck, model_checks
 from atom_core.model.dataset import Dataset
 from atom_core.problem.model_errors import ModelError
+from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION
 from atom_core.solvers.base import CONVERGED, SIGMA, Solver, SolverSetup, SolverSummary
 from atom_core.solvers.reweighting import solve_again
 from atom_core.solvers.shared_equations import SharedEquations, shared_equations
 
 _MOST = 12
+# What the rows of a detection may have in common, be the sensor and the labels ever so good: what
+# is less than that is called no error of the model [px, m, m].
+COMMON = {REPROJECTION: 0.05, ORTHOGONAL: 0.001, BORDER: 0.002}
 
 
 def checked_equations(
-    dataset: Dataset, solver: Solver, summary: SolverSummary, loss: str
+    dataset: Dataset,
+    solver: Solver,
+    summary: SolverSummary,
+    loss: str,
+    common: Mapping[str, float] = MappingProxyType({}),
 ) -> SharedEquations:
     """Return the equations of a solution, with all model errors that it may have."""
     problem, x, sigmas = solver.problem, summary.x, summary.sigmas
     errors: List[ModelError] = [*summary.model_errors]
     errors += [e for e in candidates(dataset, problem) if e not in summary.model_errors]
+    errors += nuisances(problem)
     equations = solver.equations(x, sigmas, loss)
-    return shared_equations(problem, equations, x, sigmas, loss, errors)
+    return shared_equations(problem, equations, x, sigmas, loss, errors, common)
 
 
 def checks_of(
@@ -39,7 +49,15 @@ def checks_of(
         return []
     loss = setup.options.loss
     equations = checked_equations(dataset, solver, summary, loss)
-    return model_checks(equations, tuple(summary.model_errors), loss)
+    return checks_beside(equations, dataset, solver, summary, loss)
+
+
+def checks_beside(
+    equations: SharedEquations, dataset: Dataset, solver: Solver, summary: SolverSummary, loss: str
+) -> List[ModelCheck]:
+    """Return the model errors that a solution shows, of its equations at hand."""
+    cautious = checked_equations(dataset, solver, summary, loss, COMMON)
+    return model_checks(equations, cautious, tuple(summary.model_errors), loss)
 
 
 def with_model_errors(
