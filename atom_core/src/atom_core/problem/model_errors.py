@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple, Optional, Tuple
+from functools import cached_property
+from typing import ClassVar, Optional, Tuple
 
 import numpy as np
 
@@ -30,7 +31,8 @@ METRE, RATIO = "m", "1"
 AXES = ("x", "y")
 
 
-class Rows(NamedTuple):
+@dataclass(frozen=True)
+class Rows:
     """The rows of one residual block at one vector.
 
     Attributes:
@@ -54,17 +56,17 @@ class Rows(NamedTuple):
         """Return (n, dimension): the rows' change as the points move by (n, 3) in the sensor."""
         return -np.einsum("nri,ni->nr", self.by_twist[:, :, 3:], moved)
 
-    @property
+    @cached_property
     def axes(self) -> np.ndarray:
         """(n, 3, 3) the pattern's axes in the sensor."""
         return self.poses[self.block.detection, :3, :3]
 
-    @property
+    @cached_property
     def outward(self) -> np.ndarray:
         """(n, 2) of limit points: the gradient of their distance in the pattern's plane."""
         return -np.einsum("nij,ni->nj", self.axes[:, :, :2], self.by_twist[:, 0, 3:])
 
-    @property
+    @cached_property
     def in_pattern(self) -> np.ndarray:
         """(n, 3) range points in the pattern's frame [m]."""
         assert isinstance(self.block, RangeBlock)

@@ -9,14 +9,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Dict, List, Mapping, NamedTuple, Sequence, Tuple
+from typing import Dict, List, Mapping, NamedTuple, Sequence, Set, Tuple, Union
 
 import numpy as np
 
 from atom_core.problem.blocks import BLOCK_SIZE
+from atom_core.problem.camera_blocks import STATE_SIZE, TWIST_SIZE
 from atom_core.problem.model_errors import ModelError, rows_of
-from atom_core.problem.problem import Problem
-from atom_core.problem.residuals import BorderBlock
+from atom_core.problem.problem import Linearisation, Problem
+from atom_core.problem.residuals import BorderBlock, ResidualBlock
 from atom_core.solvers.error_columns import row_weights
 from atom_core.solvers.normal_equations import (
     DetectionParts,
@@ -54,44 +55,140 @@ class SharedEquations:
     held: np.ndarray
 
 
-class _Scalars(NamedTuple):
-    """Columns beside the poses, by detection: (d, k, k), (d, k) and, with the states, (d, c, k)."""
+class ScalarPart(NamedTuple):
+    """The columns beside the poses that one residual block has, summed by detection.
 
+    Attributes:
+        block: index of the residual block.
+        detection: (m,) detections that have rows in it.
+        columns: (k,) which of all scalars.
+        information: (m, k, k).
+        gradient: (m, k).
+        by_state: (m, c, k) what they and the detections' states have in common.
+    """
+
+    block: int
+    detection: np.ndarray
+    columns: np.ndarray
     information: np.ndarray
     gradient: np.ndarray
     by_state: np.ndarray
+
+
+@dataclass(frozen=True)
+class Scalars:
+    """Insets of all border blocks and model errors, as columns at one vector.
+
+    Attributes:
+        insets: how many are insets; they come first.
+        errors: the model errors that some row depends on.
+        parts: of every residual block that depends on any.
+    """
+
+    insets: int
     errors: Tuple[ModelError, ...]
+    parts: Tuple[ScalarPart, ...]
+
+    @property
+    def count(self) -> int:
+        """How many scalars there are."""
+        return self.insets + len(self.errors)
+
+
+def scalars_of(
+    problem: Problem,
+    x: np.ndarray,
+    sigmas: Sequence[np.ndarray],
+    loss: str,
+    errors: Sequence[ModelError],
+) -> Scalars:
+    """Return the columns at the vector x.
+
+    Args:
+        problem: whose rows.
+        x: the vector.
+        sigmas: for each residual block, (n,).
+        loss: robust loss.
+        errors: model errors to have as scalars, estimated or not; those that no row depends on are
+            dropped.
+    """
+    linearisation, poses = problem.linearise(x), problem.poses(x)
+    weights = row_weights(linearisation, sigmas, loss)
+    borders = [i for i, b in enumerate(problem.residual_blocks) if isinstance(b, BorderBlock)]
+    used: Set[ModelError] = set()
+    by_block: List[List[Tuple[Union[int, ModelError], np.ndarray]]] = []
+    for i, block in enumerate(problem.residual_blocks):
+        rows = rows_of(block, poses, problem.patterns, linearisation.by_state[i])
+        changes = [(error, error.derivatives(rows)) for error in errors]
+        own = [(e, e.step * by) for e, by in changes if by is not None and np.any(by)]
+        used.update(error for error, _ in own)
+        inset: List[Tuple[Union[int, ModelError], np.ndarray]] = []
+        if isinstance(block, BorderBlock):
+            inset.append((i, block.by_inset_steps(poses)[:, None]))
+        by_block.append([*inset, *own])
+    kept = [error for error in errors if error in used]
+    numbered: List[Union[int, ModelError]] = [*borders, *kept]
+    place = {key: number for number, key in enumerate(numbered)}
+    parts = [
+        _part(problem.residual_blocks[i], i, columns, place, linearisation, weights[i])
+        for i, columns in enumerate(by_block)
+        if columns
+    ]
+    return Scalars(len(borders), tuple(kept), tuple(parts))
+
+
+def _part(
+    block: ResidualBlock,
+    index: int,
+    columns: Sequence[Tuple[Union[int, ModelError], np.ndarray]],
+    place: Mapping[Union[int, ModelError], int],
+    linearisation: Linearisation,
+    weight: np.ndarray,
+) -> ScalarPart:
+    by_state, k = linearisation.by_state[index], len(columns)
+    rows = np.concatenate([np.stack([by for _, by in columns], axis=2), by_state], axis=2)
+    root = np.sqrt(weight)[:, None]
+    flat = (rows * root[:, :, None]).reshape(-1, rows.shape[2])
+    residual = (linearisation.residuals[index] * root).ravel()
+    detection, starts = np.unique(block.detection, return_index=True)
+    ends = block.dimension * np.append(starts[1:], block.count)
+    both = np.empty((len(detection), k, rows.shape[2]))
+    gradient = np.empty((len(detection), k))
+    for d, (start, end) in enumerate(zip(block.dimension * starts, ends)):
+        own = flat[start:end]
+        both[d] = own[:, :k].T @ own
+        gradient[d] = own[:, :k].T @ residual[start:end]
+    at = np.array([place[key] for key, _ in columns])
+    common = np.swapaxes(both[:, :, k:], 1, 2)
+    return ScalarPart(index, detection, at, both[:, :, :k], gradient, common)
 
 
 def shared_equations(
     problem: Problem,
     equations: NormalEquations,
-    x: np.ndarray,
+    scalars: Scalars,
     sigmas: Sequence[np.ndarray],
-    loss: str,
-    errors: Sequence[ModelError],
     common: Mapping[str, float] = MappingProxyType({}),
 ) -> SharedEquations:
-    """Return the reduced equations at the vector x.
+    """Return the reduced equations.
 
     Args:
         problem: whose rows.
-        equations: of the problem at x, weighted as below.
-        x: the vector.
+        equations: of the problem at the scalars' vector, with the same weights.
+        scalars: beside the poses.
         sigmas: for each residual block, (n,).
-        loss: robust loss.
-        errors: model errors to have as further numbers, estimated or not; of those that no row
-            depends on there is no number.
         common: by kind, standard deviation of what all rows of a detection have in common, in the
             kind's unit; for it a detection counts less than the number of its rows.
     """
-    shares = _shares(problem, sigmas, common)
-    scalars = _scalars(problem, x, sigmas, loss, errors, shares)
+    shares = [
+        _shares(block, sigma, common.get(block.kind, 0.0))
+        for block, sigma in zip(problem.residual_blocks, sigmas)
+    ]
     if common:
         equations = _tempered(problem, equations, shares)
-    parts, seen = _by_collection(problem, equations, scalars)
+    parts, seen = _by_collection(problem, equations, _of_detections(problem, scalars, shares))
     size = equations.layout.shared * BLOCK_SIZE
-    m = size + scalars.gradient.shape[1]
+    m = size + scalars.count
     held = np.zeros((m, m))
     held[:size, :size] = equations.shared - seen
     return SharedEquations(
@@ -105,8 +202,54 @@ def shared_equations(
     )
 
 
+def _shares(block: ResidualBlock, sigma: np.ndarray, common: float) -> np.ndarray:
+    """Return (m,): the part of its weight that each of a block's detections has.
+
+    The mean of n rows with noise sigma and a common part c has the variance sigma^2 / n + c^2.
+    """
+    _, starts, counts = np.unique(block.detection, return_index=True, return_counts=True)
+    ratio = np.add.reduceat((common / sigma) ** 2, starts)
+    return 1.0 / (1.0 + ratio) if len(counts) else ratio
+
+
+def _tempered(
+    problem: Problem, equations: NormalEquations, shares: Sequence[np.ndarray]
+) -> NormalEquations:
+    """Return the equations with less weight of each block's detections."""
+    parts = [
+        DetectionParts(
+            part.detection,
+            part.information * share[:, None, None],
+            part.gradient * share[:, None],
+        )
+        for part, share in zip(equations.parts, shares)
+    ]
+    return assembled(problem, equations.layout, equations.state_jacobians, parts)
+
+
+class _Columns(NamedTuple):
+    """Columns beside the poses, by detection: (d, k, k), (d, k) and, with the states, (d, c, k)."""
+
+    information: np.ndarray
+    gradient: np.ndarray
+    by_state: np.ndarray
+
+
+def _of_detections(problem: Problem, scalars: Scalars, shares: Sequence[np.ndarray]) -> _Columns:
+    d, k = len(problem.detections), scalars.count
+    states = STATE_SIZE if problem.parameters.cameras else TWIST_SIZE
+    result = _Columns(np.zeros((d, k, k)), np.zeros((d, k)), np.zeros((d, states, k)))
+    for part in scalars.parts:
+        share, at, own = shares[part.block], part.columns, np.arange(part.by_state.shape[1])
+        rows, columns = part.detection[:, None, None], at[:, None]
+        result.information[rows, columns, at] += part.information * share[:, None, None]
+        result.gradient[part.detection[:, None], at] += part.gradient * share[:, None]
+        result.by_state[rows, own[:, None], at] += part.by_state * share[:, None, None]
+    return result
+
+
 def _by_collection(
-    problem: Problem, equations: NormalEquations, scalars: _Scalars
+    problem: Problem, equations: NormalEquations, columns: _Columns
 ) -> Tuple[Dict[str, _Reduced], np.ndarray]:
     """Return what each collection says; and what all say of the shared numbers, boards held."""
     states = equations.state_jacobians.shape[2]
@@ -117,7 +260,7 @@ def _by_collection(
     parts = {}
     for c, name in enumerate(names):
         mine = np.flatnonzero(of_detection == c)
-        part = _of_collection(problem, equations, information, gradient, scalars, mine)
+        part = _of_collection(problem, equations, information, gradient, columns, mine)
         parts[str(name)] = part
     return parts, sum((part.seen for part in parts.values()), np.zeros_like(equations.shared))
 
@@ -133,7 +276,7 @@ def _of_collection(
     equations: NormalEquations,
     information: np.ndarray,
     gradient: np.ndarray,
-    scalars: _Scalars,
+    columns: _Columns,
     mine: np.ndarray,
 ) -> _Reduced:
     """Return what one collection says, its own blocks eliminated; and its part of the shared."""
@@ -153,14 +296,14 @@ def _of_collection(
     weighted = (information[mine] @ jacobian).reshape(-1, size + width)
     flat = jacobian.reshape(-1, size + width)
     every, slope = flat.T @ weighted, flat.T @ gradient[mine].ravel()
-    crossed = flat.T @ scalars.by_state[mine].reshape(len(flat), -1)
+    crossed = flat.T @ columns.by_state[mine].reshape(len(flat), -1)
     head = np.block(
         [
             [every[:size, :size], crossed[:size]],
-            [crossed[:size].T, scalars.information[mine].sum(axis=0)],
+            [crossed[:size].T, columns.information[mine].sum(axis=0)],
         ]
     )
-    own = np.concatenate([slope[:size], scalars.gradient[mine].sum(axis=0)])
+    own = np.concatenate([slope[:size], columns.gradient[mine].sum(axis=0)])
     if group >= 0:
         cross = np.concatenate([every[size:, :size], crossed[size:]], axis=1)
         solved = np.linalg.lstsq(
@@ -169,81 +312,6 @@ def _of_collection(
         head = head - cross.T @ solved[:, :-1]
         own = own - cross.T @ solved[:, -1]
     return _Reduced(head, own, every[:size, :size])
-
-
-def _shares(
-    problem: Problem, sigmas: Sequence[np.ndarray], common: Mapping[str, float]
-) -> List[np.ndarray]:
-    """Return for each residual block (n,): the part of its weight that an item has.
-
-    The mean of n rows with noise sigma and a common part c has the variance sigma^2 / n + c^2.
-    """
-    shares = []
-    for block, sigma in zip(problem.residual_blocks, sigmas):
-        count = np.bincount(block.detection, minlength=len(problem.detections))[block.detection]
-        shares.append(1.0 / (1.0 + count * (common.get(block.kind, 0.0) / sigma) ** 2))
-    return shares
-
-
-def _tempered(
-    problem: Problem, equations: NormalEquations, shares: Sequence[np.ndarray]
-) -> NormalEquations:
-    """Return the equations with the detections of each block weighted by their mean share."""
-    parts = []
-    for block, part, share in zip(problem.residual_blocks, equations.parts, shares):
-        _, starts, counts = np.unique(block.detection, return_index=True, return_counts=True)
-        mean = np.add.reduceat(share, starts) / counts
-        parts.append(
-            DetectionParts(
-                part.detection,
-                part.information * mean[:, None, None],
-                part.gradient * mean[:, None],
-            )
-        )
-    return assembled(problem, equations.layout, equations.state_jacobians, parts)
-
-
-def _scalars(
-    problem: Problem,
-    x: np.ndarray,
-    sigmas: Sequence[np.ndarray],
-    loss: str,
-    errors: Sequence[ModelError],
-    shares: Sequence[np.ndarray],
-) -> _Scalars:
-    linearisation, poses = problem.linearise(x), problem.poses(x)
-    weights = [w * s for w, s in zip(row_weights(linearisation, sigmas, loss), shares)]
-    borders = [i for i, b in enumerate(problem.residual_blocks) if isinstance(b, BorderBlock)]
-    states, d, k = linearisation.state_jacobians.shape[2], len(poses), len(borders) + len(errors)
-    information, gradient = np.zeros((d, k, k)), np.zeros((d, k))
-    by_state, used = np.zeros((d, states, k)), np.zeros(len(errors), dtype=bool)
-    for i, block in enumerate(problem.residual_blocks):
-        rows = rows_of(block, poses, problem.patterns, linearisation.by_state[i])
-        columns = [(len(borders) + j, e, e.derivatives(rows)) for j, e in enumerate(errors)]
-        chosen = [(j, e.step * by) for j, e, by in columns if by is not None and np.any(by)]
-        used[[j - len(borders) for j, _ in chosen]] = True
-        if isinstance(block, BorderBlock):
-            chosen.append((borders.index(i), block.by_inset_steps(poses)[:, None]))
-        if not chosen:
-            continue
-        at = np.array([j for j, _ in chosen])
-        derivative = np.stack([by for _, by in chosen], axis=2)  # (n, dimension, k of the block)
-        weighted = derivative * weights[i][:, None, None]
-        present, starts = np.unique(block.detection, return_index=True)
-        both = np.einsum("nrk,nrl->nkl", weighted, derivative)
-        information[present[:, None, None], at[:, None], at] += np.add.reduceat(both, starts)
-        slope = np.einsum("nrk,nr->nk", weighted, linearisation.residuals[i])
-        gradient[present[:, None], at] += np.add.reduceat(slope, starts)
-        common = np.einsum("nrs,nrk->nsk", linearisation.by_state[i], weighted)
-        own = np.arange(common.shape[1])
-        by_state[present[:, None, None], own[:, None], at] += np.add.reduceat(common, starts)
-    kept = np.concatenate([np.arange(len(borders)), len(borders) + np.flatnonzero(used)])
-    return _Scalars(
-        information[:, kept[:, None], kept],
-        gradient[:, kept],
-        by_state[:, :, kept],
-        tuple(e for e, is_used in zip(errors, used) if is_used),
-    )
 
 
 def inverse(matrix: np.ndarray) -> np.ndarray:

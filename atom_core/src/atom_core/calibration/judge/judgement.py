@@ -18,11 +18,7 @@ from atom_core.calibration.judge.weak_directions import (
 )
 from atom_core.calibration.options import OFF, CalibrationOptions
 from atom_core.calibration.refine.model_checks import ModelCheck
-from atom_core.calibration.refine.model_errors import (
-    checked_equations,
-    checks_beside,
-    suggestion,
-)
+from atom_core.calibration.refine.model_errors import checked, suggestion
 from atom_core.calibration.refine.refinement import Refined
 from atom_core.calibration.start.boards import solved_dataset
 from atom_core.calibration.start.starts import ChosenStart, InitialProblem
@@ -112,13 +108,14 @@ def _checked(
 ) -> Tuple[Covariance, List[ModelCheck]]:
     """Return the covariance as the differences of the collections have it; and the model checks."""
     loss, estimated = options.solver_options.loss, tuple(refined.summary.model_errors)
-    equations = checked_equations(initial, refined.solver, refined.summary, loss)
+    solution = checked(initial, refined.solver, refined.summary, loss)
+    equations = solution.equations
     factors = sigma_factors(equations, estimated)
     of_errors = dict(zip(estimated, factors[equations.shared :]))
     covariance = covariance.robust(factors[: BLOCK_SIZE * equations.blocks], of_errors)
     if options.model_errors == OFF:
         return covariance, []
-    return covariance, checks_beside(equations, initial, refined.solver, refined.summary, loss)
+    return covariance, solution.checks(refined.summary, loss)
 
 
 def strong(checks: Sequence[ModelCheck], covariance: Covariance) -> List[ModelCheck]:

@@ -150,8 +150,7 @@ def _distances(solver: Solver, x: np.ndarray, sigmas: Sequence[np.ndarray]) -> L
 
 
 def _medians(detection: np.ndarray, distances: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-    """Return the detections (m,) of some rows, and the median distance of each (m,)."""
-    order = np.argsort(detection, kind="stable")
-    present, starts = np.unique(detection[order], return_index=True)
-    parts = np.split(distances[order], starts[1:])
-    return present, np.array([np.median(part) for part in parts])
+    """Return the detections (m,) of rows in their order, and the median distance of each (m,)."""
+    present, starts = np.unique(detection, return_index=True)
+    ends = np.append(starts[1:], len(detection))
+    return present, np.array([np.median(distances[a:b]) for a, b in zip(starts, ends)])

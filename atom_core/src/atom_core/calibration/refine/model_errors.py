@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from types import MappingProxyType
-from typing import List, Mapping, Sequence, Tuple
+from dataclasses import dataclass, replace
+from typing import List, Sequence, Tuple
 
 from atom_core.calibration.refine.candidates import candidates, nuisances
 from atom_core.calibration.refine.error_words import described
@@ -14,7 +13,7 @@ from atom_core.problem.model_errors import ModelError
 from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION
 from atom_core.solvers.base import CONVERGED, SIGMA, Solver, SolverSetup, SolverSummary
 from atom_core.solvers.reweighting import solve_again
-from atom_core.solvers.shared_equations import SharedEquations, shared_equations
+from atom_core.solvers.shared_equations import SharedEquations, scalars_of, shared_equations
 
 _MOST = 12
 # What the rows of a detection may have in common, be the sensor and the labels ever so good: what
@@ -22,20 +21,41 @@ _MOST = 12
 COMMON = {REPROJECTION: 0.05, ORTHOGONAL: 0.001, BORDER: 0.002}
 
 
-def checked_equations(
-    dataset: Dataset,
-    solver: Solver,
-    summary: SolverSummary,
-    loss: str,
-    common: Mapping[str, float] = MappingProxyType({}),
-) -> SharedEquations:
-    """Return the equations of a solution, with all model errors that it may have."""
+@dataclass(frozen=True)
+class CheckedSolution:
+    """The equations of a solution, with all model errors that it may have.
+
+    Attributes:
+        equations: as it was weighted.
+        cautious: with what the rows of a detection may have in common.
+    """
+
+    equations: SharedEquations
+    cautious: SharedEquations
+
+    def checks(self, summary: SolverSummary, loss: str) -> List[ModelCheck]:
+        """Return the model errors that the data show, what explains most first."""
+        return model_checks(self.equations, self.cautious, tuple(summary.model_errors), loss)
+
+
+def checked(dataset: Dataset, solver: Solver, summary: SolverSummary, loss: str) -> CheckedSolution:
+    """Return the equations of a solution.
+
+    Args:
+        dataset: with the intrinsics as given.
+        solver: of the problem.
+        summary: its solution.
+        loss: robust loss.
+    """
     problem, x, sigmas = solver.problem, summary.x, summary.sigmas
     errors: List[ModelError] = [*summary.model_errors]
     errors += [e for e in candidates(dataset, problem) if e not in summary.model_errors]
-    errors += nuisances(problem)
+    scalars = scalars_of(problem, x, sigmas, loss, [*errors, *nuisances(problem)])
     equations = solver.equations(x, sigmas, loss)
-    return shared_equations(problem, equations, x, sigmas, loss, errors, common)
+    return CheckedSolution(
+        shared_equations(problem, equations, scalars, sigmas),
+        shared_equations(problem, equations, scalars, sigmas, COMMON),
+    )
 
 
 def checks_of(
@@ -48,16 +68,7 @@ def checks_of(
     if summary.status != CONVERGED or setup.options.weights != SIGMA:
         return []
     loss = setup.options.loss
-    equations = checked_equations(dataset, solver, summary, loss)
-    return checks_beside(equations, dataset, solver, summary, loss)
-
-
-def checks_beside(
-    equations: SharedEquations, dataset: Dataset, solver: Solver, summary: SolverSummary, loss: str
-) -> List[ModelCheck]:
-    """Return the model errors that a solution shows, of its equations at hand."""
-    cautious = checked_equations(dataset, solver, summary, loss, COMMON)
-    return model_checks(equations, cautious, tuple(summary.model_errors), loss)
+    return checked(dataset, solver, summary, loss).checks(summary, loss)
 
 
 def with_model_errors(
