@@ -11,7 +11,7 @@ from atom_core.errors import CalibrationError
 from atom_core.problem.builder import build_problem
 from atom_core.problem.corrections import corrected
 from atom_core.problem.measurements import read_measurements
-from atom_core.problem.model_errors import RangeOffset, rows_of
+from atom_core.problem.model_errors import RangeOffset
 from atom_core.problem.residuals import BorderBlock, RangeBlock
 from atom_core.solvers.base import SolverOptions
 from atom_core.solvers.choice import SOLVERS
@@ -36,23 +36,6 @@ def problem():
     free = free_edges(dataset, CalibrationOptions())
     boards = initial_boards(dataset, measurements, free)
     return build_problem(dataset, measurements, boards, free)
-
-
-def test_derivatives_by_the_offset_against_central_differences(problem):
-    x = 0.02 * np.random.default_rng(0).standard_normal(problem.parameters.size)
-    poses, h = problem.poses(x), 1e-6
-    ahead, behind = (corrected(problem, {OFFSET: sign * h}, x).residuals(x) for sign in (1, -1))
-    now = problem.linearise(x)
-    checked = 0
-    for block, by_state, more, less in zip(problem.residual_blocks, now.by_state, ahead, behind):
-        if block.sensor != "lidar_1":
-            np.testing.assert_array_equal(more, less)
-            continue
-        numeric = (more - less)[:, 0] / (2 * h)
-        found = OFFSET.derivatives(rows_of(block, poses, problem.patterns, by_state))
-        np.testing.assert_allclose(found[:, 0], numeric, atol=1e-6)
-        checked += block.count
-    assert checked > 100
 
 
 def by_range_offset(block, poses):

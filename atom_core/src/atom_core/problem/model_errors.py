@@ -39,12 +39,14 @@ class Rows:
         block: whose rows.
         poses: (d, 4, 4) ``sensor_T_pattern`` of all detections.
         pattern: (n,) name of the pattern of each item.
+        residual: (n, dimension).
         by_twist: (n, dimension, 6) derivatives by the left twist of the item's pose.
     """
 
     block: ResidualBlock
     poses: np.ndarray
     pattern: np.ndarray
+    residual: np.ndarray
     by_twist: np.ndarray
 
     def by_pattern_point(self, moved: np.ndarray) -> np.ndarray:
@@ -87,6 +89,7 @@ class ModelError(ABC):
     unit: ClassVar[str] = METRE
     step: ClassVar[float] = 0.01  # in which it counts, beside insets in steps of the sampling
     most: ClassVar[float] = 0.5  # beyond it an estimate is cut off
+    usual: ClassVar[float] = 0.02  # standard deviation among real sensors and boards, in its unit
 
     @abstractmethod
     def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
@@ -127,12 +130,18 @@ class RangeScale(ModelError):
 
     kind = "range_scale"
     unit = RATIO
+    usual = 0.003
 
     def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
-        """Return the rows' change as points move away in proportion to their distance."""
+        """Return the rows' change as points move away in proportion to their distance.
+
+        In units of the noise, which grows in the same proportion: else all ranges would be made
+        small, and with them all residuals.
+        """
         if not isinstance(rows.block, RangeBlock) or rows.block.sensor != self.target:
             return None
-        return rows.by_sensor_point(rows.block.measured_points)
+        away = rows.by_sensor_point(rows.block.measured_points)
+        return away - rows.residual / (1.0 + rows.block.range_scale)
 
 
 @dataclass(frozen=True)
@@ -140,6 +149,7 @@ class DepthScale(RangeScale):
     """By which part all depths of a camera must grow."""
 
     kind = "depth_scale"
+    usual = 0.01
 
 
 @dataclass(frozen=True)
@@ -165,6 +175,7 @@ class BoardSize(BoardError):
 
     kind = "board_size"
     unit = RATIO
+    usual = 0.003
 
     def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
         block = rows.block
@@ -186,6 +197,7 @@ class AlongAxis(BoardError):
     axis: int
 
     kind = "board_border"
+    usual = 0.003
     what: ClassVar[str] = ""
 
     @property
@@ -247,6 +259,7 @@ class Bend(AlongAxis):
     kind = "board_bend"
     what = "bend"
     step = 0.001
+    usual = 0.002
 
     def height(self, in_pattern: np.ndarray) -> np.ndarray:
         """Return (n,): the height of the surface at points (n, 2 or 3), at a bend of one."""
@@ -279,6 +292,7 @@ class CameraError(ModelError):
 
     kind = "intrinsics"
     unit = RATIO
+    usual = 0.005
 
     @property
     def name(self) -> str:
@@ -310,7 +324,11 @@ def _grown(rows: Rows, half_size: np.ndarray) -> np.ndarray:
 
 
 def rows_of(
-    block: ResidualBlock, poses: np.ndarray, patterns: np.ndarray, by_state: np.ndarray
+    block: ResidualBlock,
+    poses: np.ndarray,
+    patterns: np.ndarray,
+    residual: np.ndarray,
+    by_state: np.ndarray,
 ) -> Rows:
     """Return the rows of a block.
 
@@ -318,6 +336,7 @@ def rows_of(
         block: whose rows.
         poses: (d, 4, 4) of the detections.
         patterns: (d,) names of the detections' patterns.
+        residual: (n, dimension).
         by_state: (n, dimension, 6 or 18), see ``Linearisation``.
     """
-    return Rows(block, poses, patterns[block.detection], by_state[:, :, :TWIST_SIZE])
+    return Rows(block, poses, patterns[block.detection], residual, by_state[:, :, :TWIST_SIZE])

@@ -58,6 +58,8 @@ class SolverOptions:
         max_iterations: over all rounds of reweighting.
         reweighting_rounds: at most so many estimates of the sigmas.
         model_errors: those that are estimated.
+        error_priors: of some of them, the standard deviation about zero that is assumed, in their
+            units; the others are free.
         progress: told of every iteration.
     """
 
@@ -66,6 +68,7 @@ class SolverOptions:
     max_iterations: int = 200
     reweighting_rounds: int = 10
     model_errors: Tuple[ModelError, ...] = ()
+    error_priors: Mapping[ModelError, float] = field(default_factory=dict)
     progress: Optional[Progress] = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:

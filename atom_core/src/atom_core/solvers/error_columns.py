@@ -81,7 +81,9 @@ def _column(
     weighted: Dict[int, np.ndarray] = {}
     parts = zip(problem.residual_blocks, linearisation.residuals, linearisation.by_state)
     for i, (block, residual, by_block_state) in enumerate(parts):
-        by_error = error.derivatives(rows_of(block, poses, problem.patterns, by_block_state))
+        by_error = error.derivatives(
+            rows_of(block, poses, problem.patterns, residual, by_block_state)
+        )
         if by_error is None:
             continue
         derivatives[i] = error.step * by_error
@@ -116,3 +118,8 @@ def within_reason(errors: Sequence[ModelError], steps: np.ndarray) -> np.ndarray
     """Return values (e,), in units of their steps, cut off where they cannot be meant."""
     most = np.array([error.most / error.step for error in errors])
     return np.clip(steps, -most, most)
+
+
+def prior_information(error: ModelError, priors: Mapping[ModelError, float]) -> float:
+    """Return one over the variance of an error's prior, in units of its step; zero for none."""
+    return (error.step / priors[error]) ** 2 if error in priors else 0.0

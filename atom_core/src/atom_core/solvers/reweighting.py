@@ -182,7 +182,7 @@ def _reweighted(
         _, insets, values = np.split(state.value, [count, 2 * count])
         columns = error_columns(solver.problem, end.x, sigmas, options.loss, errors)
         now, values_now = better_scalars(
-            solver.problem, assessment, columns, options.loss, insets, values
+            solver.problem, assessment, columns, options.loss, insets, values, options.error_priors
         )
         apply_insets(solver, assessment.columns, now)
         apply_errors(solver, end.x, errors, values_now)
@@ -319,5 +319,7 @@ def covariance_of(solver: Solver, summary: SolverSummary, options: SolverOptions
     assessment = solver.assess(summary.x, summary.sigmas, options.loss)
     errors = list(summary.model_errors)
     columns = error_columns(solver.problem, summary.x, summary.sigmas, options.loss, errors)
-    joint = joint_scalars(solver.problem, equations, assessment.columns, columns)
+    joint = joint_scalars(
+        solver.problem, equations, assessment.columns, columns, options.error_priors
+    )
     return covariance.bordered(joint)

@@ -7,14 +7,15 @@ bordered by one column for each scalar; the poses are eliminated from them (Schu
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Optional, Sequence, Tuple, Union
+from typing import Mapping, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
+from atom_core.problem.model_errors import ModelError
 from atom_core.problem.problem import Problem
 from atom_core.solvers import losses
 from atom_core.solvers.assessment import Assessment, InsetColumn
-from atom_core.solvers.error_columns import ErrorColumn, within_reason
+from atom_core.solvers.error_columns import ErrorColumn, prior_information, within_reason
 from atom_core.solvers.insets import MOST_STEPS
 from atom_core.solvers.normal_equations import Factor, NormalEquations, pulled_back
 
@@ -59,8 +60,17 @@ def joint_scalars(
     equations: NormalEquations,
     insets: Sequence[InsetColumn],
     errors: Sequence[ErrorColumn],
+    priors: Mapping[ModelError, float],
 ) -> JointScalars:
-    """Return the reduced equations of all scalars, insets first."""
+    """Return the reduced equations of all scalars, insets first.
+
+    Args:
+        problem: with the present values of the model errors.
+        equations: of the poses.
+        insets: the columns of the insets.
+        errors: those of the model errors.
+        priors: standard deviations of some errors about zero, in their units.
+    """
     columns: Tuple[Column, ...] = (*insets, *errors)
     join = equations.layout.join
     vectors = [
@@ -83,6 +93,10 @@ def joint_scalars(
         for i, column in enumerate(columns[:j]):
             alone[i, j] = alone[j, i] = _common(column, error)
     slope = np.array([c.slope for c in columns]) - gains @ gradient
+    for j, error in enumerate(errors, len(insets)):
+        information = prior_information(error.error, priors)
+        alone[j, j] += information
+        slope[j] += information * problem.model_errors.get(error.error, 0.0) / error.error.step
     scale = np.sqrt(np.diagonal(alone))
     return JointScalars(columns, alone - flat @ gains.T, slope, gains, scale)
 
@@ -103,6 +117,7 @@ def better_scalars(
     loss: str,
     insets: np.ndarray,
     errors: np.ndarray,
+    priors: Mapping[ModelError, float],
 ) -> Tuple[np.ndarray, np.ndarray]:
     """Return insets and model errors after one Newton step of the joint problem.
 
@@ -113,11 +128,12 @@ def better_scalars(
         loss: of the rounds.
         insets: (b,) by residual block, in steps of the sampling; 0 for blocks of other kinds.
         errors: (e,) of the columns' errors, in units of their steps.
+        priors: standard deviations of some errors about zero, in their units.
     """
     inset_columns = assessment.columns
     if not inset_columns and not error_columns:
         return insets, errors
-    joint = joint_scalars(problem, assessment.equations, inset_columns, error_columns)
+    joint = joint_scalars(problem, assessment.equations, inset_columns, error_columns, priors)
     step = losses.step_length(loss) * joint.newton_step()
     chosen, new = [c.block for c in inset_columns], insets.copy()
     new[chosen] = np.clip(insets[chosen] + step[: len(chosen)], 0.0, MOST_STEPS)

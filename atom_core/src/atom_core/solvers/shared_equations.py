@@ -18,7 +18,7 @@ from atom_core.problem.camera_blocks import STATE_SIZE, TWIST_SIZE
 from atom_core.problem.model_errors import ModelError, rows_of
 from atom_core.problem.problem import Linearisation, Problem
 from atom_core.problem.residuals import BorderBlock, ResidualBlock
-from atom_core.solvers.error_columns import row_weights
+from atom_core.solvers.error_columns import prior_information, row_weights
 from atom_core.solvers.normal_equations import (
     DetectionParts,
     NormalEquations,
@@ -118,7 +118,8 @@ def scalars_of(
     used: Set[ModelError] = set()
     by_block: List[List[Tuple[Union[int, ModelError], np.ndarray]]] = []
     for i, block in enumerate(problem.residual_blocks):
-        rows = rows_of(block, poses, problem.patterns, linearisation.by_state[i])
+        residual, by_state = linearisation.residuals[i], linearisation.by_state[i]
+        rows = rows_of(block, poses, problem.patterns, residual, by_state)
         changes = [(error, error.derivatives(rows)) for error in errors]
         own = [(e, e.step * by) for e, by in changes if by is not None and np.any(by)]
         used.update(error for error, _ in own)
@@ -168,6 +169,7 @@ def shared_equations(
     equations: NormalEquations,
     scalars: Scalars,
     sigmas: Sequence[np.ndarray],
+    priors: Mapping[ModelError, float],
     common: Mapping[str, float] = MappingProxyType({}),
 ) -> SharedEquations:
     """Return the reduced equations.
@@ -177,6 +179,7 @@ def shared_equations(
         equations: of the problem at the scalars' vector, with the same weights.
         scalars: beside the poses.
         sigmas: for each residual block, (n,).
+        priors: standard deviations of some model errors about zero, in their units.
         common: by kind, standard deviation of what all rows of a detection have in common, in the
             kind's unit; for it a detection counts less than the number of its rows.
     """
@@ -191,6 +194,8 @@ def shared_equations(
     m = size + scalars.count
     held = np.zeros((m, m))
     held[:size, :size] = equations.shared - seen
+    for j, error in enumerate(scalars.errors, m - len(scalars.errors)):
+        held[j, j] = prior_information(error, priors)
     return SharedEquations(
         tuple(parts),
         scalars.errors,

@@ -79,7 +79,7 @@ def judge(
         make_solver: which solver.
     """
     start, summary, problem = chosen.solution.start, refined.summary, refined.solver.problem
-    covariance = covariance_of(refined.solver, summary, options.solver_options)
+    covariance = covariance_of(refined.solver, summary, refined.options)
     boards = _of_use(start.initial, start.boards, problem)
     dataset = solved_dataset(start.initial, problem, summary.x, boards)
     weak = ambiguity(chosen.solution, chosen.rivals)
@@ -107,8 +107,8 @@ def _checked(
     initial: Dataset, refined: Refined, options: CalibrationOptions, covariance: Covariance
 ) -> Tuple[Covariance, List[ModelCheck]]:
     """Return the covariance as the differences of the collections have it; and the model checks."""
-    loss, estimated = options.solver_options.loss, tuple(refined.summary.model_errors)
-    solution = checked(initial, refined.solver, refined.summary, loss)
+    loss, estimated = refined.options.loss, tuple(refined.summary.model_errors)
+    solution = checked(initial, refined.solver, refined.summary, refined.options)
     equations = solution.equations
     factors = sigma_factors(equations, estimated)
     of_errors = dict(zip(estimated, factors[equations.shared :]))
@@ -135,7 +135,7 @@ def _weak_at_the_start(
     problem = refined.solver.problem
     x = np.zeros_like(refined.summary.x)
     summary = replace(refined.summary, x=x)
-    covariance = covariance_of(refined.solver, summary, options.solver_options)
+    covariance = covariance_of(refined.solver, summary, refined.options)
     boards = _of_use(start.initial, start.boards, problem)
     solution = Solution(solved_dataset(start.initial, problem, x, boards), problem, x)
     return weak_directions(solution, covariance, *options.undetermined_limit)

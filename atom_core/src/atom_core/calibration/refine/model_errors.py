@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import List, Sequence, Tuple
+from typing import List, Mapping, Sequence, Tuple
 
 from atom_core.calibration.refine.candidates import candidates, nuisances
 from atom_core.calibration.refine.error_words import described
 from atom_core.calibration.refine.model_checks import ModelCheck, model_checks
 from atom_core.model.dataset import Dataset
-from atom_core.problem.model_errors import ModelError
+from atom_core.problem.model_errors import ModelError, SeenBorder
 from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION
-from atom_core.solvers.base import CONVERGED, SIGMA, Solver, SolverSetup, SolverSummary
+from atom_core.solvers.base import (
+    CONVERGED,
+    SIGMA,
+    Solver,
+    SolverOptions,
+    SolverSetup,
+    SolverSummary,
+)
 from atom_core.solvers.reweighting import solve_again
 from atom_core.solvers.shared_equations import SharedEquations, scalars_of, shared_equations
 
@@ -38,37 +45,27 @@ class CheckedSolution:
         return model_checks(self.equations, self.cautious, tuple(summary.model_errors), loss)
 
 
-def checked(dataset: Dataset, solver: Solver, summary: SolverSummary, loss: str) -> CheckedSolution:
+def checked(
+    dataset: Dataset, solver: Solver, summary: SolverSummary, options: SolverOptions
+) -> CheckedSolution:
     """Return the equations of a solution.
 
     Args:
         dataset: with the intrinsics as given.
         solver: of the problem.
         summary: its solution.
-        loss: robust loss.
+        options: robust loss, and priors of the model errors that it has estimated.
     """
-    problem, x, sigmas = solver.problem, summary.x, summary.sigmas
+    problem, x, sigmas, loss = solver.problem, summary.x, summary.sigmas, options.loss
     errors: List[ModelError] = [*summary.model_errors]
     errors += [e for e in candidates(dataset, problem) if e not in summary.model_errors]
     scalars = scalars_of(problem, x, sigmas, loss, [*errors, *nuisances(problem)])
     equations = solver.equations(x, sigmas, loss)
+    priors = options.error_priors
     return CheckedSolution(
-        shared_equations(problem, equations, scalars, sigmas),
-        shared_equations(problem, equations, scalars, sigmas, COMMON),
+        shared_equations(problem, equations, scalars, sigmas, priors),
+        shared_equations(problem, equations, scalars, sigmas, priors, COMMON),
     )
-
-
-def checks_of(
-    dataset: Dataset, solver: Solver, summary: SolverSummary, setup: SolverSetup
-) -> List[ModelCheck]:
-    """Return the model errors that a solution shows, what explains most first.
-
-    None where the solver did not converge, or the weights are no variances.
-    """
-    if summary.status != CONVERGED or setup.options.weights != SIGMA:
-        return []
-    loss = setup.options.loss
-    return checked(dataset, solver, summary, loss).checks(summary, loss)
 
 
 def with_model_errors(
@@ -76,7 +73,8 @@ def with_model_errors(
 ) -> Tuple[SolverSummary, SolverSetup]:
     """Estimate the model errors that the data show, one after the other, until none is left.
 
-    What cannot be told from another error is left alone.
+    What they do not show may be there all the same: it is estimated in the end together with all
+    else, held to what is usual by a prior, so that the sigmas know of it.
 
     Args:
         dataset: with the intrinsics as given.
@@ -84,19 +82,47 @@ def with_model_errors(
         summary: its solution.
         setup: with the model errors that are estimated already.
     """
+    if setup.options.weights != SIGMA:
+        return summary, setup
     for _ in range(_MOST):
-        found = [c for c in checks_of(dataset, solver, summary, setup) if not c.rivals]
+        if summary.status != CONVERGED:
+            return summary, setup
+        solution = checked(dataset, solver, summary, setup.options)
+        found = [c for c in solution.checks(summary, setup.options.loss) if not c.rivals]
         if not found:
             break
-        errors = (*setup.options.model_errors, found[0].error)
-        more = replace(setup, options=replace(setup.options, model_errors=errors))
-        before, problem = summary, solver.problem
-        summary = solve_again(solver, more.options, problem, before, before.x)
-        if summary.status != CONVERGED:
-            solver.take_rows(problem)
-            return solve_again(solver, setup.options, problem, before, before.x), setup
-        setup = more
+        summary, setup, is_better = _with_more(solver, summary, setup, [found[0].error], {})
+        if not is_better:
+            break
+    rest = [
+        error
+        for error in solution.equations.errors
+        if error not in summary.model_errors and not isinstance(error, SeenBorder)
+    ]
+    priors = {error: error.usual for error in rest}
+    summary, setup, _ = _with_more(solver, summary, setup, rest, priors)
     return summary, setup
+
+
+def _with_more(
+    solver: Solver,
+    summary: SolverSummary,
+    setup: SolverSetup,
+    errors: Sequence[ModelError],
+    priors: Mapping[ModelError, float],
+) -> Tuple[SolverSummary, SolverSetup, bool]:
+    """Return the solution with further model errors; the one before where there is none."""
+    options, before, problem = setup.options, summary, solver.problem
+    more = replace(
+        options,
+        model_errors=(*options.model_errors, *errors),
+        error_priors={**options.error_priors, **priors},
+    )
+    after = solve_again(solver, more, problem, before, before.x)
+    if after.status == CONVERGED:
+        return after, replace(setup, options=more), True
+    solver.take_rows(problem)
+    return before, setup, False
 
 
 def remarks_on(estimated: Sequence[ModelError], summary: SolverSummary) -> List[str]:

@@ -17,7 +17,7 @@ from atom_core.calibration.refine.rejection import (
 )
 from atom_core.calibration.start.starts import RoughSolution
 from atom_core.problem.builder import FreeEdges
-from atom_core.solvers.base import Solver, SolverSetup, SolverSummary
+from atom_core.solvers.base import Solver, SolverOptions, SolverSetup, SolverSummary
 from atom_core.solvers.reweighting import solve
 
 
@@ -32,6 +32,7 @@ class Refined:
         rejected: detections that were left out since they contradict the others.
         failure: why what is left cannot be calibrated, or None.
         remarks: what the user should know.
+        options: of the solution, with the model errors that it has estimated.
     """
 
     solver: Solver
@@ -41,6 +42,7 @@ class Refined:
     rejected: Tuple[Rejected, ...]
     failure: Optional[str]
     remarks: Tuple[str, ...]
+    options: SolverOptions
 
 
 def refine(
@@ -77,4 +79,5 @@ def refine(
         rejected,
         rejection.failure,
         (*joined.remarks, *remarks, *rejection_warnings(rejected, left)),
+        setup.options,
     )
