@@ -58,6 +58,7 @@ class SolverOptions:
         max_iterations: over all rounds of reweighting.
         reweighting_rounds: at most so many estimates of the sigmas.
         model_errors: those that are estimated.
+        hold_sigmas: do not estimate them any more; only insets and model errors are.
         error_priors: of some of them, the standard deviation about zero that is assumed, in their
             units; the others are free.
         progress: told of every iteration.
@@ -69,6 +70,7 @@ class SolverOptions:
     reweighting_rounds: int = 10
     model_errors: Tuple[ModelError, ...] = ()
     error_priors: Mapping[ModelError, float] = field(default_factory=dict)
+    hold_sigmas: bool = False
     progress: Optional[Progress] = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -184,6 +186,8 @@ class SolverSummary:
         inset_steps: for each residual block, how many steps of sampling the limit points are
             expected inside the border; 0 for other kinds.
         interrupted: True when it was stopped from outside.
+        common: for each residual block, standard deviation of what its rows of a detection have in
+            common, in its unit; empty where it was not estimated.
         model_errors: those estimated, in their units; the problem is corrected by them.
     """
 
@@ -198,4 +202,5 @@ class SolverSummary:
     robust_weights: Tuple[np.ndarray, ...]
     inset_steps: Tuple[float, ...]
     interrupted: bool = False
+    common: Tuple[float, ...] = ()
     model_errors: Mapping[ModelError, float] = field(default_factory=dict)

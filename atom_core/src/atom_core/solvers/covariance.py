@@ -10,7 +10,6 @@ import numpy as np
 from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.model_errors import ModelError
 from atom_core.problem.problem import Problem
-from atom_core.solvers.error_columns import ErrorColumn
 from atom_core.solvers.normal_equations import NormalEquations
 from atom_core.solvers.scalars import JointScalars
 
@@ -59,9 +58,9 @@ class Covariance:
         result._local = self._local + (local @ variance) @ np.swapaxes(local, 1, 2)
         sigmas = np.sqrt(np.diagonal(variance) * self._scale)
         result.error_sigmas = {
-            column.error: float(column.error.step * sigma)
-            for column, sigma in zip(joint.columns, sigmas)
-            if isinstance(column, ErrorColumn)
+            error: float(error.step * sigma)
+            for error, sigma in zip(joint.errors, sigmas)
+            if error is not None
         }
         return result
 

@@ -40,6 +40,7 @@ from atom_core.solvers.base import (
 )
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.criteria import EXACT, ROUGH, SETTLING, Tolerance
+from atom_core.solvers.detection_noise import covariance_by_detections
 from atom_core.solvers.error_columns import apply_errors, error_columns, in_steps, in_units
 from atom_core.solvers.insets import apply_insets
 from atom_core.solvers.scalars import better_scalars, joint_scalars
@@ -187,7 +188,9 @@ def _reweighted(
         apply_insets(solver, assessment.columns, now)
         apply_errors(solver, end.x, errors, values_now)
         squares = solver.squares(end.x, sigmas)
-        factors = _sigma_factors(solver.problem, assessment, squares, sigmas, options.loss)
+        factors = np.ones(count)
+        if not options.hold_sigmas:
+            factors = _sigma_factors(solver.problem, assessment, squares, sigmas, options.loss)
         change = np.concatenate([np.log(factors), now - insets, values_now - values])
         scales, insets, values = np.split(state.advance(change), [count, 2 * count])
         sigmas = tuple(s * np.exp(scale) for s, scale in zip(initial, scales))
@@ -308,6 +311,8 @@ def _message(end: Minimum) -> str:
 
 def covariance_of(solver: Solver, summary: SolverSummary, options: SolverOptions) -> Covariance:
     """Return the covariance of the parameters at the solution."""
+    if summary.common:
+        return covariance_by_detections(solver, summary, options)
     equations = solver.equations(summary.x, summary.sigmas, options.loss)
     scale = 1.0
     if options.weights == ATOM:  # its weights are no variances: scale by the residuals

@@ -18,6 +18,7 @@ from atom_core.solvers.assessment import Assessment, InsetColumn
 from atom_core.solvers.error_columns import ErrorColumn, prior_information, within_reason
 from atom_core.solvers.insets import MOST_STEPS
 from atom_core.solvers.normal_equations import Factor, NormalEquations, pulled_back
+from atom_core.solvers.shared_equations import Scalars, of_detections
 
 Column = Union[InsetColumn, ErrorColumn]
 
@@ -27,14 +28,14 @@ class JointScalars:
     """The bordered normal equations, reduced to k scalars.
 
     Attributes:
-        columns: of the scalars.
+        errors: which model error each scalar is, None for an inset.
         curvature: (k, k) when the poses follow.
         slope: (k,) when the poses follow.
         gains: (k, p) how the poses follow: minus their change by a scalar.
         scale: (k,) root of the curvature when the poses stay.
     """
 
-    columns: Tuple[Column, ...]
+    errors: Tuple[Optional[ModelError], ...]
     curvature: np.ndarray
     slope: np.ndarray
     gains: np.ndarray
@@ -46,6 +47,15 @@ class JointScalars:
         # Where the poses can imitate a scalar entirely, least squares leaves it as it is.
         step, *_ = np.linalg.lstsq(scaled, self.slope / self.scale, rcond=1e-6)
         return -step / self.scale
+
+    def step_of_poses(self, equations: NormalEquations, scalar_step: np.ndarray) -> np.ndarray:
+        """Return the change (p,) of the poses beside a change (k,) of the scalars."""
+        layout, step = equations.layout, np.zeros(self.gains.shape[1])
+        factor = _factor(equations)
+        if factor is not None:
+            right = -equations.gradient_shared, -equations.gradient_local
+            step = layout.join(*factor.solve(*right))
+        return step - scalar_step @ self.gains
 
     def covariance(self) -> np.ndarray:
         """Return (k, k); what the poses can imitate entirely gets a huge, finite variance."""
@@ -98,7 +108,46 @@ def joint_scalars(
         alone[j, j] += information
         slope[j] += information * problem.model_errors.get(error.error, 0.0) / error.error.step
     scale = np.sqrt(np.diagonal(alone))
-    return JointScalars(columns, alone - flat @ gains.T, slope, gains, scale)
+    which = (*(None for _ in insets), *(column.error for column in errors))
+    return JointScalars(which, alone - flat @ gains.T, slope, gains, scale)
+
+
+def joint_of(
+    problem: Problem,
+    equations: NormalEquations,
+    scalars: Scalars,
+    shares: Sequence[np.ndarray],
+    priors: Mapping[ModelError, float],
+) -> JointScalars:
+    """Return the reduced equations of scalars that are at hand detection by detection.
+
+    Args:
+        problem: with the present values of the model errors.
+        equations: of the poses, weighted by the shares.
+        scalars: the columns.
+        shares: for each residual block, (m,) the part of its weight that a detection has.
+        priors: standard deviations of some errors about zero, in their units.
+    """
+    columns, join = of_detections(problem, scalars, shares), equations.layout.join
+    every = np.arange(len(problem.detections))
+    vectors = [
+        pulled_back(problem, equations.layout, equations.state_jacobians, every, by_state)
+        for by_state in np.moveaxis(columns.by_state, 2, 0)
+    ]
+    size = problem.parameters.size
+    flat = np.array([join(*v) for v in vectors]).reshape(-1, size)
+    factor, gains = _factor(equations), np.zeros_like(flat)
+    if factor is not None:
+        gains = np.array([join(*factor.solve(*v)) for v in vectors]).reshape(-1, size)
+    gradient = join(equations.gradient_shared, equations.gradient_local)
+    alone, slope = columns.information.sum(axis=0), columns.gradient.sum(axis=0) - gains @ gradient
+    for j, error in enumerate(scalars.errors, scalars.insets):
+        information = prior_information(error, priors)
+        alone[j, j] += information
+        slope[j] += information * problem.model_errors.get(error, 0.0) / error.step
+    scale = np.sqrt(np.maximum(np.diagonal(alone), 1e-30))
+    which = (*(None for _ in range(scalars.insets)), *scalars.errors)
+    return JointScalars(which, alone - flat @ gains.T, slope, gains, scale)
 
 
 def _common(column: Column, error: ErrorColumn) -> float:

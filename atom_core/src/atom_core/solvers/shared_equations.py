@@ -8,8 +8,7 @@ wrong within one: how much they differ tells how sure the answer is without any 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Dict, List, Mapping, NamedTuple, Sequence, Set, Tuple, Union
+from typing import Dict, Iterable, List, Mapping, NamedTuple, Sequence, Set, Tuple, Union
 
 import numpy as np
 
@@ -170,7 +169,7 @@ def shared_equations(
     scalars: Scalars,
     sigmas: Sequence[np.ndarray],
     priors: Mapping[ModelError, float],
-    common: Mapping[str, float] = MappingProxyType({}),
+    common: Sequence[float],
 ) -> SharedEquations:
     """Return the reduced equations.
 
@@ -180,16 +179,13 @@ def shared_equations(
         scalars: beside the poses.
         sigmas: for each residual block, (n,).
         priors: standard deviations of some model errors about zero, in their units.
-        common: by kind, standard deviation of what all rows of a detection have in common, in the
-            kind's unit; for it a detection counts less than the number of its rows.
+        common: for each residual block, standard deviation of what all its rows of a detection
+            have in common, in its unit; for it a detection counts less than the number of its rows.
     """
-    shares = [
-        _shares(block, sigma, common.get(block.kind, 0.0))
-        for block, sigma in zip(problem.residual_blocks, sigmas)
-    ]
-    if common:
-        equations = _tempered(problem, equations, shares)
-    parts, seen = _by_collection(problem, equations, _of_detections(problem, scalars, shares))
+    shares = shares_of(problem, sigmas, common)
+    if any(common):
+        equations = tempered(problem, equations, shares)
+    parts, seen = _by_collection(problem, equations, of_detections(problem, scalars, shares))
     size = equations.layout.shared * BLOCK_SIZE
     m = size + scalars.count
     held = np.zeros((m, m))
@@ -207,20 +203,24 @@ def shared_equations(
     )
 
 
-def _shares(block: ResidualBlock, sigma: np.ndarray, common: float) -> np.ndarray:
-    """Return (m,): the part of its weight that each of a block's detections has.
+def shares_of(
+    problem: Problem, sigmas: Sequence[np.ndarray], common: Iterable[float]
+) -> List[np.ndarray]:
+    """Return for each residual block (m,): the part of its weight that each detection has.
 
     The mean of n rows with noise sigma and a common part c has the variance sigma^2 / n + c^2.
     """
-    _, starts, counts = np.unique(block.detection, return_index=True, return_counts=True)
-    ratio = np.add.reduceat((common / sigma) ** 2, starts)
-    return 1.0 / (1.0 + ratio) if len(counts) else ratio
+    shares = []
+    for block, sigma, part in zip(problem.residual_blocks, sigmas, common):
+        starts = np.unique(block.detection, return_index=True)[1]
+        shares.append(1.0 / (1.0 + np.add.reduceat((part / sigma) ** 2, starts)))
+    return shares
 
 
-def _tempered(
+def tempered(
     problem: Problem, equations: NormalEquations, shares: Sequence[np.ndarray]
 ) -> NormalEquations:
-    """Return the equations with less weight of each block's detections."""
+    """Return the equations with the detections of each block weighted by their shares."""
     parts = [
         DetectionParts(
             part.detection,
@@ -232,7 +232,7 @@ def _tempered(
     return assembled(problem, equations.layout, equations.state_jacobians, parts)
 
 
-class _Columns(NamedTuple):
+class Columns(NamedTuple):
     """Columns beside the poses, by detection: (d, k, k), (d, k) and, with the states, (d, c, k)."""
 
     information: np.ndarray
@@ -240,10 +240,11 @@ class _Columns(NamedTuple):
     by_state: np.ndarray
 
 
-def _of_detections(problem: Problem, scalars: Scalars, shares: Sequence[np.ndarray]) -> _Columns:
+def of_detections(problem: Problem, scalars: Scalars, shares: Sequence[np.ndarray]) -> Columns:
+    """Return the columns, those of a block's detections weighted by their shares."""
     d, k = len(problem.detections), scalars.count
     states = STATE_SIZE if problem.parameters.cameras else TWIST_SIZE
-    result = _Columns(np.zeros((d, k, k)), np.zeros((d, k)), np.zeros((d, states, k)))
+    result = Columns(np.zeros((d, k, k)), np.zeros((d, k)), np.zeros((d, states, k)))
     for part in scalars.parts:
         share, at, own = shares[part.block], part.columns, np.arange(part.by_state.shape[1])
         rows, columns = part.detection[:, None, None], at[:, None]
@@ -254,7 +255,7 @@ def _of_detections(problem: Problem, scalars: Scalars, shares: Sequence[np.ndarr
 
 
 def _by_collection(
-    problem: Problem, equations: NormalEquations, columns: _Columns
+    problem: Problem, equations: NormalEquations, columns: Columns
 ) -> Tuple[Dict[str, _Reduced], np.ndarray]:
     """Return what each collection says; and what all say of the shared numbers, boards held."""
     states = equations.state_jacobians.shape[2]
@@ -281,7 +282,7 @@ def _of_collection(
     equations: NormalEquations,
     information: np.ndarray,
     gradient: np.ndarray,
-    columns: _Columns,
+    columns: Columns,
     mine: np.ndarray,
 ) -> _Reduced:
     """Return what one collection says, its own blocks eliminated; and its part of the shared."""

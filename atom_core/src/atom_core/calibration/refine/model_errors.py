@@ -19,6 +19,7 @@ from atom_core.solvers.base import (
     SolverSetup,
     SolverSummary,
 )
+from atom_core.solvers.detection_noise import weighted_by_detections
 from atom_core.solvers.reweighting import solve_again
 from atom_core.solvers.shared_equations import SharedEquations, scalars_of, shared_equations
 
@@ -61,20 +62,21 @@ def checked(
     errors += [e for e in candidates(dataset, problem) if e not in summary.model_errors]
     scalars = scalars_of(problem, x, sigmas, loss, [*errors, *nuisances(problem)])
     equations = solver.equations(x, sigmas, loss)
-    priors = options.error_priors
+    blocks, priors = problem.residual_blocks, options.error_priors
+    common = summary.common or [0.0] * len(blocks)
+    at_least = [max(part, COMMON[block.kind]) for part, block in zip(common, blocks)]
     return CheckedSolution(
-        shared_equations(problem, equations, scalars, sigmas, priors),
-        shared_equations(problem, equations, scalars, sigmas, priors, COMMON),
+        shared_equations(problem, equations, scalars, sigmas, priors, common),
+        shared_equations(problem, equations, scalars, sigmas, priors, at_least),
     )
 
 
-def with_model_errors(
+def with_shown_errors(
     dataset: Dataset, solver: Solver, summary: SolverSummary, setup: SolverSetup
 ) -> Tuple[SolverSummary, SolverSetup]:
     """Estimate the model errors that the data show, one after the other, until none is left.
 
-    What they do not show may be there all the same: it is estimated in the end together with all
-    else, held to what is usual by a prior, so that the sigmas know of it.
+    What cannot be told from another error is left alone.
 
     Args:
         dataset: with the intrinsics as given.
@@ -82,26 +84,36 @@ def with_model_errors(
         summary: its solution.
         setup: with the model errors that are estimated already.
     """
-    if setup.options.weights != SIGMA:
-        return summary, setup
     for _ in range(_MOST):
-        if summary.status != CONVERGED:
-            return summary, setup
+        if summary.status != CONVERGED or setup.options.weights != SIGMA:
+            break
         solution = checked(dataset, solver, summary, setup.options)
         found = [c for c in solution.checks(summary, setup.options.loss) if not c.rivals]
         if not found:
             break
-        summary, setup, is_better = _with_more(solver, summary, setup, [found[0].error], {})
-        if not is_better:
+        before = setup
+        summary, setup = _with_more(solver, summary, setup, [found[0].error], {})
+        if setup is before:
             break
-    rest = [
-        error
-        for error in solution.equations.errors
-        if error not in summary.model_errors and not isinstance(error, SeenBorder)
-    ]
-    priors = {error: error.usual for error in rest}
-    summary, setup, _ = _with_more(solver, summary, setup, rest, priors)
     return summary, setup
+
+
+def with_usual_errors(
+    dataset: Dataset, solver: Solver, summary: SolverSummary, setup: SolverSetup
+) -> Tuple[SolverSummary, SolverSetup]:
+    """Estimate what the data do not show, too, and what detections have in common.
+
+    It may be there all the same: it is held to what is usual by a prior, so that the sigmas know
+    of it. The arguments are those of `with_shown_errors`.
+    """
+    if summary.status != CONVERGED or setup.options.weights != SIGMA:
+        return summary, setup
+    known = checked(dataset, solver, summary, setup.options).equations.errors
+    rest = [e for e in known if e not in summary.model_errors and not isinstance(e, SeenBorder)]
+    held = replace(setup, options=replace(setup.options, hold_sigmas=True))
+    priors = {error: error.usual for error in rest}
+    summary, setup = _with_more(solver, summary, held, rest, priors)
+    return weighted_by_detections(solver, summary, setup.options), setup
 
 
 def _with_more(
@@ -110,7 +122,7 @@ def _with_more(
     setup: SolverSetup,
     errors: Sequence[ModelError],
     priors: Mapping[ModelError, float],
-) -> Tuple[SolverSummary, SolverSetup, bool]:
+) -> Tuple[SolverSummary, SolverSetup]:
     """Return the solution with further model errors; the one before where there is none."""
     options, before, problem = setup.options, summary, solver.problem
     more = replace(
@@ -120,9 +132,9 @@ def _with_more(
     )
     after = solve_again(solver, more, problem, before, before.x)
     if after.status == CONVERGED:
-        return after, replace(setup, options=more), True
+        return after, replace(setup, options=more)
     solver.take_rows(problem)
-    return before, setup, False
+    return before, setup
 
 
 def remarks_on(estimated: Sequence[ModelError], summary: SolverSummary) -> List[str]:

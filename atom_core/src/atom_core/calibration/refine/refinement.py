@@ -8,7 +8,11 @@ from typing import Mapping, Optional, Tuple
 from atom_core.calibration.options import AUTO, CalibrationOptions
 from atom_core.calibration.refine.deeper_minima import with_boards_in_deepest_minima
 from atom_core.calibration.refine.intrinsics import with_intrinsics
-from atom_core.calibration.refine.model_errors import remarks_on, with_model_errors
+from atom_core.calibration.refine.model_errors import (
+    remarks_on,
+    with_shown_errors,
+    with_usual_errors,
+)
 from atom_core.calibration.refine.rejection import (
     Rejected,
     reject_bad_detections,
@@ -64,11 +68,12 @@ def refine(
     )
     is_auto = options.model_errors == AUTO
     if is_auto:  # first, since what contradicts the others may do so for that reason
-        summary, setup = with_model_errors(initial, solver, summary, setup)
+        summary, setup = with_shown_errors(initial, solver, summary, setup)
     rejection = reject_bad_detections(rough.start, solver, summary, joined.free, options, setup)
     solver, summary, rejected = rejection.solver, rejection.summary, rejection.rejected
-    if is_auto and rejected:
-        summary, setup = with_model_errors(initial, solver, summary, setup)
+    if is_auto:
+        summary, setup = with_shown_errors(initial, solver, summary, setup)
+        summary, setup = with_usual_errors(initial, solver, summary, setup)
     left = {key.collection for key in solver.problem.detections}
     remarks = remarks_on(options.estimated_errors, summary)
     return Refined(
