@@ -63,7 +63,7 @@ def range_errors(synthetic, modality=LIDAR3D):
         along = points / ranges[:, None]
         true, in_plane = board_hits(sensor_T_pattern, pattern, along)
         rings = np.rint((np.degrees(np.arcsin(along[:, 2])) + 15.0) / 2.0).astype(int)
-        dark = is_dark(pattern, in_plane)
+        dark = is_dark(sensor_T_pattern, pattern, in_plane)
         names = np.full(len(points), sensor.name)
         rows.append((names, ranges - true, true, rings, dark))
     return [np.concatenate(column) for column in zip(*rows)]

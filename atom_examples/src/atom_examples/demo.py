@@ -18,6 +18,7 @@ from atom_core.io.dataset_writer import DATASET_FILE
 from atom_core.io.paths import package_folder
 from atom_core.synthetic.cell import SCENARIOS
 from atom_examples.cell_simulator import main as cell_simulator
+from atom_examples.cell_simulator.profiles import PLAIN_PROFILE, ROUGH_PROFILE
 
 PROGRAM = "demo"
 EXAMPLE = "rosrun atom_examples demo --output demo_output --overwrite"
@@ -64,6 +65,13 @@ def build_parser() -> argparse.ArgumentParser:
         help="number of stops of the board in each recording (default: 23 17)",
     )
     add_option(parser, "scanners", action="store_true", help="with two 2D LiDARs beside the cell")
+    add_option(
+        parser,
+        "realism",
+        choices=(PLAIN_PROFILE, ROUGH_PROFILE),
+        default=PLAIN_PROFILE,
+        help="rough: sensors, board and robot have the systematic errors of real ones",
+    )
     return parser
 
 
@@ -111,6 +119,8 @@ def _simulate(folder: Path, name: str, collections: int, args: argparse.Namespac
         "--compressed",
         "--reuse",
         "--overwrite",
+        "--realism",
+        args.realism,
         *["--scanners"] * args.scanners,
     )
 

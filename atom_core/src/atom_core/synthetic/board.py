@@ -127,8 +127,16 @@ def board_hits(
     return np.where(on_board, t, np.inf), in_plane
 
 
-def is_dark(pattern: Pattern, in_plane: np.ndarray) -> np.ndarray:
-    """Tell which places (n, 2) on a board [m] are on its dark squares."""
+def is_dark(sensor_T_pattern: np.ndarray, pattern: Pattern, in_plane: np.ndarray) -> np.ndarray:
+    """Tell where a sensor sees dark squares; the back of a board has none.
+
+    Args:
+        sensor_T_pattern: (4, 4) pose of the board.
+        pattern: the board.
+        in_plane: places (n, 2) on it [m].
+    """
+    if facing(sensor_T_pattern, pattern.border) <= 0.0:
+        return np.zeros(len(in_plane), dtype=bool)
     start = 0.0 if pattern.kind == CHARUCO else -pattern.square_m
     square = np.floor((in_plane - start) / pattern.square_m)
     printed = np.all((square >= 0) & (square <= [pattern.columns, pattern.rows]), axis=1)

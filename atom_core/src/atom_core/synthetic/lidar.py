@@ -160,7 +160,7 @@ def _spoil(
         lidar_T_pattern, pattern = boards[name]
         points = behind.model.directions[beams] * nearest[beams, None]
         in_pattern = se3.apply(se3.inverse(lidar_T_pattern), points)
-        dark = is_dark(pattern, in_pattern[:, :2])
+        dark = is_dark(lidar_T_pattern, pattern, in_pattern[:, :2])
         error_m[beams] += errors.dark_offset_m * dark
         lost = np.zeros(len(beams), dtype=bool)
         if errors.dark_lost > 0:

@@ -207,7 +207,8 @@ def _spoiled(
     for number, (lidar_T_pattern, pattern) in enumerate(poses):
         mine = (owner == number) & np.isfinite(nearest)
         points = model.directions[mine] * nearest[mine, None]
-        dark[mine] = is_dark(pattern, se3.apply(se3.inverse(lidar_T_pattern), points)[:, :2])
+        in_plane = se3.apply(se3.inverse(lidar_T_pattern), points)[:, :2]
+        dark[mine] = is_dark(lidar_T_pattern, pattern, in_plane)
     error_m = errors.error_m(nearest, np.zeros(model.beams, dtype=int))
     return error_m + errors.dark_offset_m * dark, dark & (rng.random(len(dark)) < errors.dark_lost)
 

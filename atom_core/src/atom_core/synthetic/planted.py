@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Mapping, Tuple
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Dict, Mapping, Tuple
 
 import numpy as np
 
@@ -209,6 +209,15 @@ class Planted:
     moving_edge_sigma_m: float = 0.0
     moving_edge_sigma_rad: float = 0.0
     moving: Mapping[Tuple[Edge, str], np.ndarray] = field(default_factory=dict)
+
+    def document(self) -> Dict[str, Any]:
+        """Return all but the moving edges as JSON has it; names and units as of the attributes."""
+        return {
+            "sensors": {name: asdict(errors) for name, errors in self.sensors.items()},
+            "boards": {name: asdict(errors) for name, errors in self.boards.items()},
+            "moving_edge_sigma_m": self.moving_edge_sigma_m,
+            "moving_edge_sigma_rad": self.moving_edge_sigma_rad,
+        }
 
     def of(self, sensor: str) -> SensorErrors:
         """Return the errors of a sensor."""

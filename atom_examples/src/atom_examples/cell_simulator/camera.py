@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from atom_core.geometry.camera import Camera
+from atom_core.synthetic.planted import CameraErrors
 from atom_examples.cell_simulator.errors import SimulatorError
 from atom_examples.cell_simulator.scene import Scene
 from atom_examples.cell_simulator.scene_model import View
@@ -48,15 +49,23 @@ def _pinhole(name: str, camera: Camera) -> Tuple[Camera, np.ndarray]:
 class ColourCamera:
     """Takes pictures of a scene with one camera."""
 
-    def __init__(self, name: str, camera: Camera, noise_grey: float):
+    def __init__(
+        self,
+        name: str,
+        camera: Camera,
+        noise_grey: float,
+        errors: CameraErrors = CameraErrors(),  # noqa: B008 (frozen)
+    ):
         """Prepare the way of each fine pixel through the lens.
 
         Args:
             name: of the view in the scene.
-            camera: intrinsics, distortion included.
+            camera: true intrinsics, distortion included.
             noise_grey: standard deviation of the grey levels.
+            errors: blur, vignetting and exposure of its pictures; its intrinsics have theirs.
         """
         self.name, self.camera, self.noise_grey = name, camera, noise_grey
+        self.errors, self._shade = errors, _shade(camera, errors.vignetting)
         pinhole, first = _pinhole(name, camera)
         columns, to_columns = _knots(camera.width)
         rows, to_rows = _knots(camera.height)
@@ -72,12 +81,38 @@ class ColourCamera:
         through_lens = cv2.remap(scene.colours(self.name), *self._maps, cv2.INTER_LINEAR)
         size = (self.camera.width, self.camera.height)
         picture = cv2.resize(through_lens, size, interpolation=cv2.INTER_AREA)
+        if self.errors.blur_px or self.errors.vignetting or self.errors.exposure_step:
+            picture = self._spoiled(picture, rng)
         if rng is None or self.noise_grey == 0:
-            return picture
+            return _rounded(picture)
         noise = rng.standard_normal(picture.shape, dtype=np.float32)
         noise *= self.noise_grey
         noise += picture
-        return np.clip(np.rint(noise, out=noise), 0, 255, out=noise).astype(np.uint8)
+        return _rounded(noise)
+
+    def _spoiled(self, picture: np.ndarray, rng: Optional[np.random.Generator]) -> np.ndarray:
+        """Return a picture float32 with blur, darker corners, and an exposure of its own."""
+        spoiled = picture.astype(np.float32)
+        if self.errors.blur_px > 0:
+            spoiled = cv2.GaussianBlur(spoiled, (0, 0), self.errors.blur_px)
+        gain = 1.0
+        if rng is not None and self.errors.exposure_step > 0:
+            gain = float(np.exp(self.errors.exposure_step * rng.standard_normal()))
+        return np.clip(spoiled * (gain * self._shade), 0, 255)
+
+
+def _rounded(picture: np.ndarray) -> np.ndarray:
+    if picture.dtype == np.uint8:
+        return picture
+    return np.clip(np.rint(picture, out=picture), 0, 255, out=picture).astype(np.uint8)
+
+
+def _shade(camera: Camera, vignetting: float) -> np.ndarray:
+    """Return (height, width, 1) float32 the share of light that arrives: 1 in the middle."""
+    width, height = camera.width, camera.height
+    column, row = np.arange(width) - (width - 1) / 2, np.arange(height) - (height - 1) / 2
+    to_corner = 4.0 * (row[:, None] ** 2 + column**2) / (width**2 + height**2)
+    return (1.0 - vignetting * to_corner).astype(np.float32)[..., None]
 
 
 def _knots(count: int) -> Tuple[np.ndarray, np.ndarray]:

@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 
 from atom_core.geometry.camera import Camera
+from atom_core.synthetic.depth import near_jumps
+from atom_core.synthetic.planted import DepthErrors
 from atom_examples.cell_simulator.scene import Hits, Scene
 
 _STEP_M, _STEP_SHARE = 0.03, 0.02  # a larger jump between neighbours is an edge
@@ -33,7 +35,13 @@ class DepthCamera:
     """Takes depth images of a scene. With lens distortion it casts rays, without it draws."""
 
     def __init__(
-        self, name: str, frame: str, camera: Camera, range_m: Tuple[float, float], noise: DepthNoise
+        self,
+        name: str,
+        frame: str,
+        camera: Camera,
+        range_m: Tuple[float, float],
+        noise: DepthNoise,
+        errors: DepthErrors = DepthErrors(),  # noqa: B008 (frozen)
     ):
         """Prepare the rays of all pixels.
 
@@ -43,7 +51,9 @@ class DepthCamera:
             camera: intrinsics.
             range_m: nearest and farthest z-depth.
             noise: how wrong depths are.
+            errors: what is wrong with them always.
         """
+        self.errors = errors
         self.name, self.frame, self.camera = name, frame, camera
         self.range_m, self.noise = range_m, noise
         row, column = np.mgrid[0 : camera.height, 0 : camera.width]
@@ -69,9 +79,10 @@ class DepthCamera:
     def capture(self, scene: Scene, rng: Optional[np.random.Generator] = None) -> np.ndarray:
         """Return depths (height, width) [m] float32, NaN where there is none.
 
-        Without rng depths are exact.
+        Without rng there is no noise.
         """
         z = self.exact(scene)
+        halo, error_m = self._spoiled(z)
         if rng is not None:
             noise = self.noise
             for _ in range(noise.bleeding_px):
@@ -79,9 +90,18 @@ class DepthCamera:
             sigma = noise.sigma_m + noise.sigma_per_square_m * (z - noise.sigma_from_m) ** 2
             z = z + sigma * rng.standard_normal(z.shape, dtype=np.float32)
             z[rng.random(z.shape, dtype=np.float32) < noise.dropout] = np.nan
+        if halo is not None:
+            z = z + error_m
+            z[halo] = np.nan
         with np.errstate(invalid="ignore"):
             z[(z < self.range_m[0]) | (z > self.range_m[1])] = np.nan
         return z
+
+    def _spoiled(self, z: np.ndarray) -> Tuple[Optional[np.ndarray], Optional[np.ndarray]]:
+        """Return which pixels have no depth, and by how much all read far [m] (height, width)."""
+        if self.errors == DepthErrors():
+            return None, None
+        return near_jumps(z, self.errors.halo_px), self.errors.error_m(z).astype(np.float32)
 
     def _cast(self, scene: Scene) -> Hits:
         world_T_optical = scene.pose(self.frame)

@@ -75,6 +75,7 @@ def inputs_of(world: World, recording: Recording) -> str:
             "recording": {
                 "seed": world.seed,
                 "scanners": world.scanners,
+                "realism": world.profile,
                 **asdict(recording),
             },
             "versions": {

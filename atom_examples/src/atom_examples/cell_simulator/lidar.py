@@ -6,7 +6,10 @@ from typing import Iterator, NamedTuple, Optional, Tuple, Union
 
 import numpy as np
 
+from atom_core.geometry import se3
+from atom_core.synthetic.board import is_dark
 from atom_core.synthetic.lidar2d import Lidar2dModel
+from atom_core.synthetic.planted import RangeErrors
 from atom_core.synthetic.rig import LidarModel
 from atom_examples.cell_simulator.scene import Scene
 
@@ -61,9 +64,18 @@ class Lidar:
     """Scans a scene. What stands still is cast once and kept."""
 
     def __init__(
-        self, name: str, frame: str, model: Union[LidarModel, Lidar2dModel], noise: LidarNoise
+        self,
+        name: str,
+        frame: str,
+        model: Union[LidarModel, Lidar2dModel],
+        noise: LidarNoise,
+        errors: RangeErrors = RangeErrors(),  # noqa: B008 (frozen)
     ):
-        """Prepare the beams, and four lines around each to find edges."""
+        """Prepare the beams, and four lines around each to find edges.
+
+        Beams are as wide as ``noise`` says; ``errors`` has what is wrong with ranges always.
+        """
+        self.errors = errors
         self.name, self.frame, self.model, self.noise = name, frame, model, noise
         self._beams = np.stack(
             [model.directions, *_around(model.directions, noise.mixed_within_rad)]
@@ -94,18 +106,43 @@ class Lidar:
         )
 
     def capture(self, scene: Scene, rng: Optional[np.random.Generator] = None) -> Scan:
-        """Return a scan; without rng, exact and complete."""
-        beam, distance, other, intensity, on_plate = self.exact(scene)
+        """Return a scan; without rng, complete and without noise."""
+        returns = self.exact(scene)
+        error_m = np.zeros(0)
+        if self.errors != RangeErrors():
+            error_m, lost = self._spoiled(scene, returns, rng)
+            returns, error_m = Returns(*(array[~lost] for array in returns)), error_m[~lost]
+        beam, distance, other, intensity, on_plate = returns
         if rng is not None:
             kept = rng.random(len(beam)) >= self.noise.dropout
             beam, distance, other = beam[kept], distance[kept], other[kept]
             intensity, on_plate = intensity[kept], on_plate[kept]
+            error_m = error_m[kept] if len(error_m) else error_m
             mixed = np.flatnonzero(other != distance)
             share = rng.random(len(mixed))
             distance[mixed] += share * (other[mixed] - distance[mixed])
             distance += self.noise.sigma_m * rng.standard_normal(len(distance))
+        if len(error_m):
+            distance = distance + error_m
         points = (self.model.directions[beam] * distance[:, None]).astype(np.float32)
         return Scan(points, intensity, beam, on_plate)
+
+    def _spoiled(
+        self, scene: Scene, returns: Returns, rng: Optional[np.random.Generator]
+    ) -> Tuple[np.ndarray, np.ndarray]:
+        """Return by how much returns read long (n,) [m], and which are lost on dark squares."""
+        lidar_T_pattern = se3.inverse(scene.pose(self.frame)) @ scene.world_T_pattern
+        points = self.model.directions[returns.beam] * returns.range[:, None]
+        in_plane = se3.apply(se3.inverse(lidar_T_pattern), points)[:, :2]
+        dark = returns.on_plate & is_dark(lidar_T_pattern, scene.board.pattern, in_plane)
+        rings = np.zeros(len(returns.beam), dtype=int)
+        if isinstance(self.model, LidarModel):
+            rings = self.ring(returns.beam).astype(int)
+        error_m = self.errors.error_m(returns.range, rings) + self.errors.dark_offset_m * dark
+        lost = np.zeros(len(dark), dtype=bool)
+        if rng is not None and self.errors.dark_lost > 0:
+            lost = dark & (rng.random(len(dark)) < self.errors.dark_lost)
+        return error_m, lost
 
     def _moving_over_still(
         self, scene: Scene, world_T_lidar: np.ndarray

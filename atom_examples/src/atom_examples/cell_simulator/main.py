@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, List, Optional
 
 from atom_core.errors import AtomError, OutputError
 from atom_core.synthetic.cell import SCENARIOS
+from atom_examples.cell_simulator.profiles import PLAIN_PROFILE, ROUGH_PROFILE
 
 if TYPE_CHECKING:  # both need MuJoCo, which takes its time
     from atom_examples.cell_simulator.recorder import Recording
@@ -49,8 +50,7 @@ def build_parser() -> argparse.ArgumentParser:
         default="16UC1",
         help="depth in millimetres or in metres",
     )
-    _add(parser, "scanners", action="store_true", help="with two 2D LiDARs beside the cell")
-    _add(parser, "no_noise", action="store_true", help="exact sensors")
+    _add_sensor_options(parser)
     _add(parser, "overwrite", action="store_true", help="replace an existing bag")
     _add(
         parser,
@@ -67,6 +67,19 @@ def build_parser() -> argparse.ArgumentParser:
         help="live: seconds simulated in a second, at most",
     )
     return parser
+
+
+def _add_sensor_options(parser: argparse.ArgumentParser) -> None:
+    """Add which sensors there are, and how they err."""
+    _add(parser, "scanners", action="store_true", help="with two 2D LiDARs beside the cell")
+    _add(
+        parser,
+        "realism",
+        choices=(PLAIN_PROFILE, ROUGH_PROFILE),
+        default=PLAIN_PROFILE,
+        help="rough: with the systematic errors of real sensors; their sizes are in sensors.yaml",
+    )
+    _add(parser, "no_noise", action="store_true", help="sensors without noise")
 
 
 def _add(parser: argparse.ArgumentParser, name: str, **settings: Any) -> None:
@@ -113,7 +126,7 @@ def _bag(args: argparse.Namespace) -> int:
         depth_encoding=args.depth_encoding,
         noise=not args.no_noise,
     )
-    world = World(_checked_seed(args.seed), scanners=args.scanners)
+    world = World(_checked_seed(args.seed), scanners=args.scanners, profile=args.realism)
     try:
         print(f"{args.bag}: {_recorded(world, recording, args)}")
     finally:
@@ -145,7 +158,8 @@ def _live(args: argparse.Namespace) -> int:
     from atom_examples.cell_simulator.node import run
 
     seed = _checked_seed(args.seed)
-    return run(seed, args.initial_estimate, args.depth_encoding, args.rtf, args.scanners)
+    world = {"scanners": args.scanners, "profile": args.realism}
+    return run(seed, args.initial_estimate, args.depth_encoding, args.rtf, **world)
 
 
 def _checked_seed(seed: int) -> int:

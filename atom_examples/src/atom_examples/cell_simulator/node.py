@@ -46,7 +46,7 @@ _PERSON_M = np.array([0.9, -0.2])  # from the middle of the board
 
 
 def run(
-    seed: int, initial_estimate: str, depth_encoding: str, rtf: float, scanners: bool = False
+    seed: int, initial_estimate: str, depth_encoding: str, rtf: float, scanners: bool, profile: str
 ) -> int:
     """Run the node until it is shut down; arguments as of `World` and `LiveCell`."""
     try:
@@ -56,7 +56,7 @@ def run(
             "no ROS master answers; start one with roscore, or use collab_cell_simulation.launch"
         ) from None
     # Takes seconds; only as long as this is no node does Ctrl-C end it at once.
-    world = World(seed, scanners=scanners)
+    world = World(seed, scanners=scanners, profile=profile)
     try:
         rospy.init_node(NODE)
         LiveCell(world, initial_estimate, depth_encoding, rtf).spin()
@@ -130,7 +130,8 @@ class LiveCell:
         self.world.scene.place_board(board)
         self.world.scene.place_person(_person_beside(self.world, board))
         self._clock.publish(Clock(stamp))
-        self._tf.publish(messages.transforms(self._joints, stamp))
+        told = self.world.as_told(self._joints, _LIVE, self._tick)
+        self._tf.publish(messages.transforms(told, stamp))
         self._joint_states.publish(messages.joint_state(self.world.home, stamp))
         head = messages.header(self.world.rig.world, stamp)
         self._truth.publish(PoseStamped(head, messages.pose(board)))
@@ -142,14 +143,15 @@ class LiveCell:
 
     def _publish_sensor(self, number: int, output: _Output, stamp: rospy.Time) -> None:
         device, world = output.device, self.world
-        frame = device.settings.frame
+        off = rospy.Duration(world.stamp_error_s(_LIVE, number, self._tick))
+        head = messages.header(device.settings.frame, stamp + off)
         if output.publish.get_num_connections() > 0:
             rng = np.random.default_rng([world.seed, _LIVE, number, self._tick])
             seen = device.capture(world.scene, rng)
-            message = device.pack(seen, messages.header(frame, stamp), self._packing)
+            message = device.pack(seen, head, self._packing)
             output.publish.publish(message)
         if output.publish_info is not None and isinstance(device, CameraDevice):
-            output.publish_info.publish(device.info(messages.header(frame, stamp)))
+            output.publish_info.publish(device.info(head))
 
     def _stamp(self) -> rospy.Time:
         return rospy.Time(0, int(START_S * 1e9) + self._tick * int(TICK_S * 1e9))

@@ -144,7 +144,8 @@ class _Writer:
         world, stamp = self.world, stamp_of(tick)
         if tick == 0:
             self._write_latched("/tf_static", messages.transforms(self._still, stamp), stamp)
-        self.bag.write("/tf", messages.transforms(self._joints, stamp), stamp)
+        told = world.as_told(self._joints, self._stream, tick)
+        self.bag.write("/tf", messages.transforms(told, stamp), stamp)
         joints = messages.joint_state(world.home, stamp, self._next_seq("/joint_states"))
         self.bag.write("/joint_states", joints, stamp)
         due = list(self._due(tick, state))
@@ -152,7 +153,8 @@ class _Writer:
             world.scene.place_board(state.world_T_pattern)
             world.scene.place_person(state.person)
         for number, device in due:
-            self._write_device(device, state, stamp, self._rng(number, tick))
+            off = rospy.Duration(world.stamp_error_s(self._stream, number, tick))
+            self._write_device(device, state, stamp, stamp + off, self._rng(number, tick))
         if state.stop is not None and state.tick_of_stop == 0:
             self.labels.add_stop(state.stop)
 
@@ -177,10 +179,12 @@ class _Writer:
         device: Device,
         state: State,
         stamp: rospy.Time,
+        told: rospy.Time,
         rng: Optional[np.random.Generator],
     ) -> None:
+        """Write what a device sees at a time, and says that it saw at another one."""
         sensor = device.settings
-        head = messages.header(sensor.frame, stamp, self._next_seq(sensor.topic))
+        head = messages.header(sensor.frame, told, self._next_seq(sensor.topic))
         seen = device.capture(self.world.scene, rng)
         message = device.pack(seen, head, self._packing)
         self.bag.write(device.topic(self._packing), message, stamp)
@@ -188,7 +192,7 @@ class _Writer:
             self.bag.write(device.info_topic, device.info(head), stamp)
         on_plate = device.on_plate(seen)
         if state.stop is not None and on_plate is not None:
-            self.labels.add_scan(state.stop, sensor.name, stamp.to_sec(), on_plate)
+            self.labels.add_scan(state.stop, sensor.name, told.to_sec(), on_plate)
 
     def _write_latched(self, topic: str, message: Any, stamp: rospy.Time) -> None:
         connection = {

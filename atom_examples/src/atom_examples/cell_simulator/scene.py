@@ -9,6 +9,7 @@ import numpy as np
 from atom_core.geometry import se3
 from atom_core.model.robot import RobotDescription
 from atom_core.model.transforms import FrameGraph, chain_transform
+from atom_core.synthetic.board import BentPattern
 from atom_core.synthetic.rig import Room
 from atom_examples.cell_simulator.errors import SimulatorError
 from atom_examples.cell_simulator.graphics import Renderer, import_mujoco
@@ -160,7 +161,10 @@ class Scene:
         )
         height, width = self._print.texture.shape
         texel = self._print.texture[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
-        front = in_pattern[:, 2] < self.board.thickness_m / 2
+        away = in_pattern[:, 2]
+        if isinstance(self.board.pattern, BentPattern):
+            away = away - self.board.pattern.height_m(in_pattern[:, :2])
+        front = away < self.board.thickness_m / 2
         return np.where(front, _INK + (1.0 - _INK) * texel / 255.0, 1.0)
 
     # ---- rays

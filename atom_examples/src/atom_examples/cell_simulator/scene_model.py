@@ -12,6 +12,7 @@ from atom_core.geometry.camera import Camera
 from atom_core.model.config import PatternConfig
 from atom_core.model.pattern import CHARUCO, Pattern
 from atom_core.model.robot import FIXED, Joint, RobotDescription
+from atom_core.synthetic.board import BentPattern
 from atom_core.synthetic.board_image import printed
 from atom_core.synthetic.rig import Room
 from atom_examples.cell_simulator.visuals import BOX, CYLINDER, MESH, SPHERE, Visual
@@ -22,6 +23,7 @@ _Rgba = Tuple[float, ...]  # four numbers
 STILL, ARM, MOVING, HOUSINGS, PRINT, PLATE = range(6)
 
 _TEXTURE_PX = 56  # of a square; a marker of 45/60 then has 6 pixels for each of its 7 cells
+_STRIPS = 32  # of a bent plate; flat ones, a thousandth of the sagitta off
 _NEAR_M, _FAR_M = 0.1, 40.0
 PERSON_M = (0.45, 0.28, 1.72)  # a box
 _GREYS = {"wall": (0.80, 0.81, 0.80, 1.0), "floor": (0.52, 0.52, 0.51, 1.0)}
@@ -153,15 +155,29 @@ class ModelBuilder:
                 self._shape(bodies[visual.link], visual, visual.link_T_visual, MOVING)
         plate = bodies[board.pattern.frame]
         self._printed_plate(plate, board)
+        if isinstance(board.pattern, BentPattern):
+            self._bent_plate(plate, board)
+            return
         border, thickness = board.pattern.border, board.thickness_m
         middle = np.array([*border.centre, thickness / 2])
         size = np.array([*(2 * border.half_size), thickness])
         white = (1.0, 1.0, 1.0, 1.0)
         self._box(plate, size, se3.transform(np.eye(3), middle), white, PLATE, name="plate")
 
+    def _bent_plate(self, body: Any, board: Board) -> None:
+        """Add what rays meet of a bent plate."""
+        vertices, _, faces = plate_mesh(board)
+        mesh = self.spec.add_mesh(
+            name="bent_plate", uservert=vertices.ravel().tolist(), userface=faces.ravel().tolist()
+        )
+        mesh.inertia = self.mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+        kind, white = self.mujoco.mjtGeom.mjGEOM_MESH, (1.0, 1.0, 1.0, 1.0)
+        more = {"meshname": mesh.name, "name": "plate"}
+        self._add(body, kind, np.zeros(3), np.eye(4), white, PLATE, **more)
+
     def _printed_plate(self, body: Any, board: Board) -> None:
         mujoco, spec = self.mujoco, self.spec
-        vertices, coordinates, faces = _plate_mesh(board)
+        vertices, coordinates, faces = plate_mesh(board)
         mesh = spec.add_mesh(
             name="plate_with_print",
             uservert=vertices.ravel().tolist(),
@@ -289,22 +305,44 @@ def print_of(board: Board) -> Print:
     return Print(texture, scale, np.array([[margin - start * scale]]))
 
 
-def _plate_mesh(board: Board) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return vertices, texture coordinates and faces of the plate.
+def plate_mesh(board: Board) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return vertices (n, 3) [m], texture coordinates (n, 2) and faces (m, 3) of the plate.
 
-    The print is on the side of negative z, at z = 0; the other sides are white.
+    The print is on the side of negative z, at z = 0; the other sides are white. A bent plate is
+    cut into flat strips.
     """
     texture, scale, margin = print_of(board)
-    corners = board.pattern.border.corners
-    front = np.column_stack([corners, np.zeros(4)])
+    outline = _outline(board)
+    count, heights = len(outline), np.zeros(len(outline))
+    if isinstance(board.pattern, BentPattern):
+        heights = board.pattern.height_m(outline)
+    front = np.column_stack([outline, heights])
     back = front + [0.0, 0.0, board.thickness_m]
-    on_print = (corners * scale + margin) / texture.shape[::-1]
-    white = np.full((4, 2), 0.5 / max(texture.shape))
-    faces = [[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7]]
-    for i, j in ((0, 1), (1, 2), (2, 3), (3, 0)):
-        faces += [[8 + i, 8 + j, 12 + j], [8 + i, 12 + j, 12 + i]]
+    on_print = (outline * scale + margin) / texture.shape[::-1]
+    white = np.full((count, 2), 0.5 / max(texture.shape))
+    faces = []
+    for i in range(count // 2 - 1):  # along the upper side; below it, backwards
+        a, b, c, d = i, i + 1, count - 2 - i, count - 1 - i
+        faces += [[a, c, b], [a, d, c]]
+        a, b, c, d = (count + corner for corner in (a, b, c, d))
+        faces += [[a, b, c], [a, c, d]]
+    for i in range(count):
+        j = (i + 1) % count
+        faces += [[2 * count + i, 2 * count + j, 3 * count + j]]
+        faces += [[2 * count + i, 3 * count + j, 3 * count + i]]
     vertices = np.vstack([front, back, front, back])
     return vertices, np.vstack([on_print, white, white, white]), np.array(faces)
+
+
+def _outline(board: Board) -> np.ndarray:
+    """Return the plate's outline (n, 2) [m], clockwise from the top left; n is even."""
+    if not isinstance(board.pattern, BentPattern):
+        return board.pattern.border.corners
+    border = board.pattern.border
+    x = np.linspace(border.x_min, border.x_max, _STRIPS + 1)
+    upper = np.column_stack([x, np.full(len(x), border.y_min)])
+    lower = np.column_stack([x, np.full(len(x), border.y_max)])
+    return np.vstack([upper, lower[::-1]])
 
 
 def _joints_above(robot: RobotDescription, link: str) -> Iterator[Joint]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Callable, Dict, List, Mapping, Tuple, Union
 
@@ -13,12 +13,15 @@ from atom_core.geometry.camera import Camera
 from atom_core.model.config import PatternConfig
 from atom_core.model.sensor import DEPTH, LIDAR2D, LIDAR3D, RGB
 from atom_core.synthetic.lidar2d import Lidar2dModel
+from atom_core.synthetic.realism import PLAIN, Realism
 from atom_core.synthetic.rig import LidarModel
 from atom_examples.cell_simulator.depth import DepthNoise
 from atom_examples.cell_simulator.errors import SimulatorError
 from atom_examples.cell_simulator.lidar import LidarNoise
+from atom_examples.cell_simulator.profiles import PLAIN_PROFILE
 
 ENCODINGS = ("16UC1", "32FC1")
+_NO_PROFILES = {PLAIN_PROFILE: PLAIN}
 
 
 @dataclass(frozen=True)
@@ -77,11 +80,13 @@ class Settings:
         sensors: the calibrated ones, by name, in order.
         others: further ones.
         board: the calibration pattern.
+        profiles: sizes of the systematic errors by name; `PLAIN_PROFILE` has none.
     """
 
     sensors: Mapping[str, AnySettings]
     others: Mapping[str, AnySettings]
     board: PatternConfig
+    profiles: Mapping[str, Realism]
 
     @property
     def all(self) -> List[AnySettings]:
@@ -111,6 +116,7 @@ def read_settings(path: Path, scanners: bool = False) -> Settings:
         sensors={**sensors, **_sensors(entry.part("scanners"))} if scanners else sensors,
         others=_sensors(entry.part("other_sensors")) if "other_sensors" in document else {},
         board=_pattern(entry.part("pattern")),
+        profiles=_profiles(entry.part("realism")) if "realism" in document else _NO_PROFILES,
     )
 
 
@@ -243,6 +249,29 @@ def _pattern(entry: _Entry) -> PatternConfig:
         inner_size=entry.get("marker_m", _positive),
         dictionary=entry.get("dictionary", str),
     )
+
+
+def _profiles(entries: _Entry) -> Dict[str, Realism]:
+    profiles = dict(_NO_PROFILES)
+    known = {field.name for field in fields(Realism)}
+    for name in entries.values:
+        entry = entries.part(name)
+        for key in entry.values:
+            if key not in known:
+                raise SimulatorError(f"{entry.place}: '{key}' is unknown; remove or mend it")
+        try:
+            profiles[str(name)] = Realism(**{key: entry.get(key, _size) for key in entry.values})
+        except ValueError as error:
+            raise SimulatorError(f"{entry.place}: {error}; mend it") from None
+    return profiles
+
+
+def _size(value: Any) -> Any:
+    if isinstance(value, list):
+        return tuple(_size(v) for v in value)
+    if isinstance(value, (bool, str)) or not np.isfinite(value):
+        raise ValueError(f"{value} is no number")
+    return value
 
 
 def _positive(value: Any) -> float:

@@ -12,9 +12,8 @@ from atom_core.io.atomic import write_bytes_atomically
 from atom_core.io.truth_json import write_truth
 from atom_core.model.truth import Truth
 from atom_examples.cell_simulator.planner import is_open, sight
-from atom_examples.cell_simulator.world import EXACT, World
-
-PATTERN = "pattern_1"
+from atom_examples.cell_simulator.profiles import PLAIN_PROFILE
+from atom_examples.cell_simulator.world import EXACT, PATTERN, World
 
 
 class Labels:
@@ -74,7 +73,7 @@ class Labels:
 def write_recording_truth(
     path: Path, world: World, boards: List[np.ndarray], stops: Dict[str, Any], more: Dict[str, Any]
 ) -> None:
-    """Write ``OUT.truth.json``.
+    """Write ``OUT.truth.json``, with the systematic errors of a profile that is not plain.
 
     Args:
         path: the file.
@@ -87,7 +86,11 @@ def write_recording_truth(
         world.edges(EXACT),
         {(PATTERN, f"{stop:03d}"): pose for stop, pose in enumerate(boards)},
     )
-    write_truth(truth, path, {**more, "stops": stops})
+    rough: Dict[str, Any] = {}
+    if world.profile != PLAIN_PROFILE:
+        rough = {"realism": {"profile": world.profile, **world.planted.document()}}
+        rough["realism"]["stamp_sigma_s"] = world.realism.stamp_sigma_s
+    write_truth(truth, path, {**more, **rough, "stops": stops})
 
 
 def _nearest_corners(corners: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -3,30 +3,39 @@
 from __future__ import annotations
 
 import tempfile
-from collections import defaultdict
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Dict, List, Mapping, Optional
+from typing import Any, Dict, List, Mapping, Optional, Type, TypeVar, Union
 
 import numpy as np
 import yaml
 
 from atom_core.geometry import se3
+from atom_core.geometry.camera import Camera
 from atom_core.io.paths import PackageResolver, package_folder
 from atom_core.io.urdf import Description, read_description
-from atom_core.model.pattern import pattern_from_config
 from atom_core.model.transforms import Edge
 from atom_core.synthetic.cell import cell_rig, initial_edges
-from atom_core.synthetic.rig import Rig
+from atom_core.synthetic.planted import (
+    CameraErrors,
+    DepthErrors,
+    RangeErrors,
+    SensorErrors,
+)
+from atom_core.synthetic.realism import Realism
+from atom_core.synthetic.rig import Rig, camera_of, jittered
 from atom_core.synthetic.scanners import cell_with_scanners_rig
+from atom_core.synthetic.sensing import planted_in
 from atom_examples.cell_simulator.camera import FINER, ColourCamera, pinhole_view
 from atom_examples.cell_simulator.depth import DepthCamera
 from atom_examples.cell_simulator.errors import SimulatorError
 from atom_examples.cell_simulator.lidar import Lidar
 from atom_examples.cell_simulator.mounts import Box, boxes_of, clear_of
+from atom_examples.cell_simulator.profiles import PLAIN_PROFILE
 from atom_examples.cell_simulator.scene import Scene
 from atom_examples.cell_simulator.scene_model import Board, View
 from atom_examples.cell_simulator.settings import (
+    AnySettings,
     ColourSettings,
     DepthSettings,
     LidarSettings,
@@ -38,6 +47,10 @@ from atom_examples.cell_simulator.visuals import read_visuals
 
 PACKAGE = "collab_cell_description"
 EXACT, DISTURBED = "exact", "disturbed"
+PATTERN = "pattern_1"
+_ERRORS, _STAMPS, _MOVING = 41, 42, 43  # streams of random numbers of one seed
+
+_Errors = TypeVar("_Errors", bound=SensorErrors)
 _DISTURBANCES = {EXACT: (0.0, 0.0), DISTURBED: (0.1, 0.1)}  # m, rad on each free edge
 
 
@@ -70,6 +83,8 @@ class World:
         scanners: the two 2D LiDARs are there.
         settings: of the sensors.
         rig: the true sensors, as ``atom_core.synthetic`` sees them.
+        profile: of the systematic errors, a name of ``sensors.yaml``.
+        realism, planted: their sizes, and what was drawn of them.
         home: positions of the manipulator's joints [rad].
         scene: what there is to be seen.
         colours, depths, lidars: the sensors by name; 2D LiDARs are among the last.
@@ -81,6 +96,7 @@ class World:
         files: Optional[Files] = None,
         resolve_package: Optional[PackageResolver] = None,
         scanners: bool = False,
+        profile: str = PLAIN_PROFILE,
     ):
         """Build the cell.
 
@@ -89,6 +105,7 @@ class World:
             files: of the description; those of its package when None.
             resolve_package: finds packages.
             scanners: with the two 2D LiDARs.
+            profile: of the systematic errors.
 
         Raises:
             AtomError: a description or a setting is malformed, a link or a mesh is absent.
@@ -98,25 +115,59 @@ class World:
         self.settings = read_settings(self._files.sensors, scanners)
         rig = cell_with_scanners_rig(seed) if scanners else cell_rig(seed)
         self.rig = _as_set(rig, self.settings)
+        self.profile, self.realism = profile, _realism(self.settings, profile, self._files)
+        self.planted = planted_in(self.rig, [PATTERN], self.realism, [seed, _ERRORS])
         self.home = _joint_positions(self._files.home)
         self._check_links(self.description(EXACT))
         self.rig = clear_of(self.rig, self._structure())
         truth = self.description(EXACT)
         self.scene = self._scene(truth)
-        by_kind: Dict[type, List] = defaultdict(list)
-        for sensor in self.settings.all:
-            by_kind[type(sensor)].append(sensor)
         self.colours = {
-            s.name: ColourCamera(s.name, s.camera, s.noise_grey) for s in by_kind[ColourSettings]
+            s.name: ColourCamera(
+                s.name, self._camera(s), s.noise_grey, self._errors(s, CameraErrors)
+            )
+            for s in self._all_of(ColourSettings)
         }
         self.depths = {
-            s.name: DepthCamera(s.name, s.frame, s.camera, s.range_m, s.noise)
-            for s in by_kind[DepthSettings]
+            s.name: DepthCamera(
+                s.name, s.frame, self._camera(s), s.range_m, s.noise, self._errors(s, DepthErrors)
+            )
+            for s in self._all_of(DepthSettings)
         }
         self.lidars = {
-            s.name: Lidar(s.name, s.frame, s.model, s.noise)
-            for s in [*by_kind[LidarSettings], *by_kind[ScannerSettings]]
+            s.name: Lidar(s.name, s.frame, s.model, s.noise, self._errors(s, RangeErrors))
+            for s in [*self._all_of(LidarSettings), *self._all_of(ScannerSettings)]
         }
+
+    def _all_of(self, kind: type) -> List[Any]:
+        return [sensor for sensor in self.settings.all if isinstance(sensor, kind)]
+
+    def _errors(self, settings: AnySettings, kind: Type[_Errors]) -> _Errors:
+        """Return the errors planted in a sensor; all zero where there are none."""
+        planted = self.planted.of(settings.name)
+        return planted if isinstance(planted, kind) else kind()
+
+    def _camera(self, settings: Union[ColourSettings, DepthSettings]) -> Camera:
+        """Return the true intrinsics of a camera."""
+        if settings.name not in self.rig.sensors:
+            return settings.camera
+        sensor = self.rig.sensors[settings.name]
+        return camera_of(self.planted.of(settings.name).true_sensor(sensor))
+
+    def stamp_error_s(self, *stream: int) -> float:
+        """Return by how much a stamp is off, drawn by the seed and further integers."""
+        sigma_s = self.realism.stamp_sigma_s
+        if sigma_s == 0.0:
+            return 0.0
+        return float(sigma_s * np.random.default_rng([self.seed, _STAMPS, *stream]).normal())
+
+    def as_told(self, moving: Mapping[Edge, np.ndarray], *stream: int) -> Dict[Edge, np.ndarray]:
+        """Return moving edges as the robot tells them, off by what the seed and integers draw."""
+        sigmas = (self.realism.moving_edge_sigma_m, self.realism.moving_edge_sigma_rad)
+        if sigmas == (0.0, 0.0):
+            return dict(moving)
+        rng = np.random.default_rng([self.seed, _MOVING, *stream])
+        return {edge: jittered(pose, *sigmas, rng) for edge, pose in moving.items()}
 
     @property
     def folder(self) -> Path:
@@ -164,16 +215,17 @@ class World:
     def _scene(self, truth: Description) -> Scene:
         settings = self.settings
         stand = read_description(self._files.pattern, self._resolve)
+        made = self.planted.of_board(PATTERN)
         board = Board(
-            pattern_from_config("pattern_1", settings.board),
-            settings.board,
+            made.true_pattern(PATTERN, settings.board),
+            made.true_config(settings.board),
             stand.robot,
             read_visuals(stand.urdf, self._resolve),
         )
         views = [
-            pinhole_view(s.name, s.frame, s.camera)
+            pinhole_view(s.name, s.frame, self._camera(s))
             if isinstance(s, ColourSettings)
-            else View(s.name, s.frame, s.camera)
+            else View(s.name, s.frame, self._camera(s))
             for s in settings.all
             if isinstance(s, (ColourSettings, DepthSettings))
         ]
@@ -208,6 +260,15 @@ def _as_set(rig: Rig, settings: Settings) -> Rig:
                 sensor, frame=entry.frame, topic=entry.topic, camera=entry.camera
             )
     return replace(rig, sensors=sensors, lidars=lidars)
+
+
+def _realism(settings: Settings, profile: str, files: Files) -> Realism:
+    if profile not in settings.profiles:
+        known = ", ".join(settings.profiles)
+        raise SimulatorError(
+            f"{files.sensors}: realism has no profile '{profile}'; use {known}, or add it"
+        )
+    return settings.profiles[profile]
 
 
 def _joint_positions(path: Path) -> Dict[str, float]:
