@@ -9,6 +9,7 @@ from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.judge.misfit import misfits
 from atom_core.geometry import se3
 from atom_core.solvers.choice import SOLVERS
+from atom_core.solvers.free_fit import distances, distances_alone
 from atom_core.synthetic import paper_cell, scenes
 
 
@@ -63,6 +64,16 @@ def test_an_arm_that_is_not_where_it_says_is_inconsistent():
     assert result.status == "inconsistent" and "poses of links that move" in result.message
     # By itself each picture fits as well as corners are exact.
     assert 0.2 < result.misfits[0].alone < 0.5
+
+
+def test_a_detection_alone_fits_better_than_with_all_others():
+    result = calibrate(paper_cell(0, disturbance=(0.1, 0.1)).dataset)
+    make = SOLVERS["ceres"]
+    solver, x, sigmas = make(result.problem), result.summary.x, result.summary.sigmas
+    joint = distances(solver, x, sigmas)
+    alone = distances_alone(result.problem, x, sigmas, "cauchy", make)
+    for block, together, own in zip(result.problem.residual_blocks, joint, alone):
+        assert 0.7 < np.median(own) / np.median(together) < 1.02, (block.sensor, block.kind)
 
 
 def test_both_solvers_find_the_same():

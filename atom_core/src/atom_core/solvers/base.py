@@ -189,6 +189,7 @@ class SolverSummary:
         common: for each residual block, standard deviation of what its rows of a detection have in
             common, in its unit; empty where it was not estimated.
         model_errors: those estimated, in their units; the problem is corrected by them.
+        settled: False when the rounds of reweighting ended before the sigmas stood still.
     """
 
     x: np.ndarray
@@ -204,3 +205,4 @@ class SolverSummary:
     interrupted: bool = False
     common: Tuple[float, ...] = ()
     model_errors: Mapping[ModelError, float] = field(default_factory=dict)
+    settled: bool = True

@@ -50,10 +50,10 @@ _NEARLY_STILL, _STILL = 0.05, 3e-4
 # When the rounds are used up, it is enough that a factor changes by so much of its own deviation,
 # and an inset by so many steps: few residuals have a median that never stands quite still.
 _OF_DEVIATION, _STILL_STEPS = 0.1, 3e-3
-_SMALLEST_SIGMA = {REPROJECTION: 0.01, ORTHOGONAL: 1e-5, BORDER: 1e-4}  # px, m, m
+SMALLEST_SIGMA = {REPROJECTION: 0.01, ORTHOGONAL: 1e-5, BORDER: 1e-4}  # px, m, m
 _SMALLEST_NORMALISER = 1e-9  # a perfect guess must not divide by zero
 # Median of |r| / sigma of a Gaussian in one and in two dimensions.
-_MEDIAN_OF_NORM = {1: 0.67449, 2: 1.17741}
+MEDIAN_OF_NORM = {1: 0.67449, 2: 1.17741}
 
 
 def rough_minimum(
@@ -161,6 +161,23 @@ def solve_again(
     return replace(again, cost_initial=summary.cost_initial)
 
 
+def solve_with_sigmas(
+    solver: Solver, options: SolverOptions, summary: SolverSummary, sigmas: Sequence[np.ndarray]
+) -> SolverSummary:
+    """Go on from a solution with given sigmas, which stay; insets and model errors stay too.
+
+    Args:
+        solver: of the problem.
+        options: loss, limits.
+        summary: its solution; the iterations go on counting, but their limit begins anew.
+        sigmas: for each residual block, (n,) in its unit.
+    """
+    fresh = replace(options, max_iterations=summary.iterations + options.max_iterations)
+    end = _minimise(solver, summary.x, sigmas, fresh, summary.iterations, EXACT)
+    again = _summary(solver, options, end, tuple(sigmas), np.array(summary.inset_steps))
+    return replace(again, model_errors=summary.model_errors)
+
+
 def _reweighted(
     solver: Solver,
     options: SolverOptions,
@@ -209,7 +226,8 @@ def _reweighted(
         end = replace(end, converged=False, message=why)
     _, insets, values = np.split(state.value, [count, 2 * count])
     summary = _summary(solver, options, end, sigmas, insets)
-    return replace(summary, model_errors=in_units(errors, values))
+    settled = settled or end.iterations >= options.max_iterations  # that is another reason
+    return replace(summary, model_errors=in_units(errors, values), settled=settled)
 
 
 def _stands_still(problem: Problem, change: np.ndarray) -> bool:
@@ -256,9 +274,9 @@ def _sigma_factors(
         if loss == losses.NONE:
             factor = np.sqrt(np.sum(square) / redundancy)
         else:
-            median = np.sqrt(np.median(square)) / _MEDIAN_OF_NORM[block.dimension]
+            median = np.sqrt(np.median(square)) / MEDIAN_OF_NORM[block.dimension]
             factor = median * np.sqrt(rows / redundancy)
-        smallest = _SMALLEST_SIGMA[block.kind] / float(np.median(sigma))
+        smallest = SMALLEST_SIGMA[block.kind] / float(np.median(sigma))
         factors.append(float(max(factor, smallest)))
     return np.array(factors)
 

@@ -13,15 +13,10 @@ from typing import List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
-from atom_core.model.transforms import Edge
-from atom_core.problem.blocks import PATTERN, PoseBlock
-from atom_core.problem.parameters import Parameters
-from atom_core.problem.problem import PoseChains, Problem
 from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION
 from atom_core.solvers.base import Solver, SolverFactory
-from atom_core.solvers.criteria import ROUGH
+from atom_core.solvers.free_fit import distances, distances_alone, medians
 
-_ITERATIONS = 20
 # By which factor the joint fit must be worse than the fit alone, and by how much [px, m, m].
 _FACTOR = {REPROJECTION: 1.5, ORTHOGONAL: 1.5, BORDER: 2.0}
 _EXCESS = {REPROJECTION: 0.5, ORTHOGONAL: 0.01, BORDER: 0.01}
@@ -97,11 +92,11 @@ def misfits(
         make_solver: which solver.
     """
     problem, found = solver.problem, []
-    joint = _distances(solver, x, sigmas)
-    alone = _distances_alone(problem, x, sigmas, loss, make_solver)
+    joint = distances(solver, x, sigmas)
+    alone = distances_alone(problem, x, sigmas, loss, make_solver)
     for block, together, own in zip(problem.residual_blocks, joint, alone):
-        detections, by_joint = _medians(block.detection, together)
-        _, by_itself = _medians(block.detection, own)
+        detections, by_joint = medians(block.detection, together)
+        _, by_itself = medians(block.detection, own)
         joint_middle, alone_middle = np.median(by_joint), np.median(by_itself)
         if len(detections) < _FEWEST or not _is_worse(block.kind, joint_middle, alone_middle):
             continue
@@ -117,40 +112,3 @@ def _is_worse(kind: str, joint: np.ndarray, alone: np.ndarray) -> np.ndarray:
     """Tell (n,) where the joint fit is worse than noise explains; also of single figures."""
     excess = np.sqrt(np.maximum(joint**2 - alone**2, 0.0))
     return (excess > _EXCESS[kind]) & (joint > _FACTOR[kind] * alone)
-
-
-def _distances_alone(
-    problem: Problem,
-    x: np.ndarray,
-    sigmas: Sequence[np.ndarray],
-    loss: str,
-    make_solver: SolverFactory,
-) -> List[np.ndarray]:
-    """Return for each residual block the distances (n,) where each detection has its own pose."""
-    now = problem.with_cameras(x)
-    poses, count = problem.poses(x), len(problem.detections)
-    blocks = [
-        PoseBlock(Edge(key.sensor, f"{key.pattern}_{i}"), PATTERN, str(i), (key.pattern,), pose)
-        for i, (key, pose) in enumerate(zip(problem.detections, poses))
-    ]
-    chains = PoseChains(
-        np.tile(np.eye(4), (count, 2, 1, 1)),
-        np.arange(count)[:, None],
-        np.zeros((count, 1), dtype=bool),
-    )
-    free = Problem(Parameters(blocks), problem.detections, chains, now.residual_blocks)
-    solver = make_solver(free)
-    end = solver.minimise(np.zeros(free.parameters.size), sigmas, loss, _ITERATIONS, ROUGH)
-    return _distances(solver, end.x, sigmas)
-
-
-def _distances(solver: Solver, x: np.ndarray, sigmas: Sequence[np.ndarray]) -> List[np.ndarray]:
-    """Return for each residual block the norms (n,) of its residuals [px or m]."""
-    return [np.sqrt(square) * s for square, s in zip(solver.squares(x, sigmas), sigmas)]
-
-
-def _medians(detection: np.ndarray, distances: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-    """Return the detections (m,) of rows in their order, and the median distance of each (m,)."""
-    present, starts = np.unique(detection, return_index=True)
-    ends = np.append(starts[1:], len(detection))
-    return present, np.array([np.median(distances[a:b]) for a, b in zip(starts, ends)])

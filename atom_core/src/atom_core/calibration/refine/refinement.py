@@ -19,6 +19,7 @@ from atom_core.calibration.refine.rejection import (
     rejection_warnings,
     whole_collections,
 )
+from atom_core.calibration.refine.settling import settled
 from atom_core.calibration.start.starts import RoughSolution
 from atom_core.problem.builder import FreeEdges
 from atom_core.solvers.base import Solver, SolverOptions, SolverSetup, SolverSummary
@@ -66,6 +67,7 @@ def refine(
     solver, summary = with_boards_in_deepest_minima(
         joined.solver, summary, measurements, setup.options, setup.make
     )
+    summary, unsettled = settled(solver, summary, setup)
     is_auto = options.model_errors == AUTO
     if is_auto:  # first, since what contradicts the others may do so for that reason
         summary, setup = with_shown_errors(initial, solver, summary, setup)
@@ -73,6 +75,9 @@ def refine(
     solver, summary, rejected = rejection.solver, rejection.summary, rejection.rejected
     if is_auto:
         summary, setup = with_shown_errors(initial, solver, summary, setup)
+    if rejected or is_auto:
+        summary, unsettled = settled(solver, summary, setup)
+    if is_auto:
         summary, setup = with_usual_errors(initial, solver, summary, setup)
     left = {key.collection for key in solver.problem.detections}
     remarks = remarks_on(options.estimated_errors, summary)
@@ -83,6 +88,6 @@ def refine(
         {**rough.start.unused, **whole_collections(rejected, left)},
         rejected,
         rejection.failure,
-        (*joined.remarks, *remarks, *rejection_warnings(rejected, left)),
+        (*joined.remarks, *remarks, *unsettled, *rejection_warnings(rejected, left)),
         setup.options,
     )
