@@ -70,6 +70,8 @@ void SetParts(const py::list& parts, std::vector<ParameterBlock>* blocks) {
       block.kind = BlockKind::kCamera;
       block.first = item["first"].cast<int>();
       Expect(block.first == 0 || block.first == 6, "a camera's first number is 0 or 6");
+      block.prior_mean = item["prior_mean"].cast<Vector6d>();
+      block.prior_weight = item["prior_weight"].cast<Vector6d>();
       continue;
     }
     block.kind = kind == "origin" ? BlockKind::kOrigin : BlockKind::kBias;
@@ -361,8 +363,8 @@ Args:
         inset (n, 2), blend for border; for orthogonal perhaps deviation (n,), added to the heights.
     parts: list of dict, for blocks that are no poses: block (index), kind (origin, bias or
         camera), free (6,) 1 or 0; values (6,) of the first two, and for a bias axis (3,) and
-        is_prismatic; for a camera first (0 or 6), and the dict camera of its residual blocks has
-        number_scale (12,), most_log, width and height.
+        is_prismatic; for a camera first (0 or 6), prior_mean, prior_weight (6,), and the dict
+        camera of its residual blocks has number_scale (12,), most_log, width and height.
 
 Raises:
     ValueError: shapes or indices do not fit together.

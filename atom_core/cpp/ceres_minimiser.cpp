@@ -13,6 +13,28 @@
 namespace atom_core {
 namespace {
 
+/// What is expected of the six numbers of a parameter block, as six rows.
+class PriorCost : public ceres::SizedCostFunction<6, 6> {
+ public:
+  explicit PriorCost(const ParameterBlock& block)
+      : mean_(block.prior_mean), root_(block.prior_weight.cwiseSqrt()) {}
+
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
+    const Eigen::Map<const Vector6d> numbers(parameters[0]);
+    Eigen::Map<Vector6d> rows(residuals);
+    rows = root_.cwiseProduct(numbers - mean_);
+    if (jacobians != nullptr && jacobians[0] != nullptr) {
+      Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>> jacobian(jacobians[0]);
+      jacobian = root_.asDiagonal();
+    }
+    return true;
+  }
+
+ private:
+  const Vector6d mean_, root_;
+};
+
 /// One detection as seven rows, or as 19 where its camera's intrinsics are estimated.
 ///
 /// \tparam Sum Reduction or CameraReduction.
@@ -312,6 +334,19 @@ ceres::Solver::Options SolverOptions(const CalibrationProblem& problem,
   return solver;
 }
 
+/// The six numbers of each parameter block, and what is expected of them.
+void AddParameters(const CalibrationProblem& problem, const Criteria& criteria, double* x,
+                   ceres::Problem* ceres_problem) {
+  for (std::size_t i = 0; i < problem.parameters().size(); ++i) {
+    const ParameterBlock& block = problem.parameters()[i];
+    CutStep* cut = block.eliminated ? new CutStep(criteria) : nullptr;
+    ceres_problem->AddParameterBlock(x + 6 * i, 6, cut);
+    if (!block.prior_weight.isZero(0.0)) {
+      ceres_problem->AddResidualBlock(new PriorCost(block), nullptr, x + 6 * i);
+    }
+  }
+}
+
 }  // namespace
 
 MinimiserResult Minimise(const CalibrationProblem& problem, const Weighting& weighting,
@@ -322,10 +357,7 @@ MinimiserResult Minimise(const CalibrationProblem& problem, const Weighting& wei
   MinimiserResult result;
   result.x = x;
   ceres::Problem ceres_problem;
-  for (std::size_t i = 0; i < problem.parameters().size(); ++i) {
-    CutStep* cut = problem.parameters()[i].eliminated ? new CutStep(options.criteria) : nullptr;
-    ceres_problem.AddParameterBlock(result.x.data() + 6 * i, 6, cut);
-  }
+  AddParameters(problem, options.criteria, result.x.data(), &ceres_problem);
   for (std::size_t d = 0; d < problem.chains().size(); ++d) {
     std::vector<double*> blocks;
     for (const auto index : problem.chains()[d].Dependencies()) {

@@ -136,11 +136,14 @@ def test_planted_errors_are_found_and_the_extrinsics_are_right_again(model):
     assert 0.6 < np.sqrt(np.mean(pooled**2)) < 1.5
 
 
-def test_sigmas_cover_the_truth():
+@pytest.mark.parametrize("expected", [None, 0.01])
+def test_sigmas_cover_the_truth(expected):
     covered, squares = [], []
     for seed in range(12):
         scene, true = two_cameras(100 + seed, "none", collections=15)
-        result = calibrate(scene.dataset, CalibrationOptions(intrinsics=CAMERAS))
+        # The planted error is twice what is expected by default.
+        options = CalibrationOptions(intrinsics=CAMERAS, intrinsics_sigma=expected)
+        result = calibrate(scene.dataset, options)
         truth = dict(zip(intrinsics_names(true), intrinsics_values(true)))
         for name in CAMERAS:
             for parameter, entry in found_intrinsics(result, name).items():
@@ -155,7 +158,8 @@ def test_sigmas_cover_the_truth():
 def test_exact_measurements_give_the_exact_cameras(model):
     scene, true = two_cameras(1, model, noise=Noise.none())
     # what is held must be right for this, so only what is told may be wrong
-    solved = calibrate(scene.dataset, CalibrationOptions(intrinsics=CAMERAS)).dataset
+    options = CalibrationOptions(intrinsics=CAMERAS, intrinsics_sigma=None)
+    solved = calibrate(scene.dataset, options).dataset
     for name in CAMERAS:
         values = intrinsics_values(solved.sensors[name].camera)
         np.testing.assert_allclose(values, intrinsics_values(true), rtol=1e-5, atol=1e-6)
@@ -289,11 +293,36 @@ def test_boards_looked_at_squarely_leave_the_focal_length_open():
     )
     flat = replace(dataset, collections=collections, patterns={"pattern_1": loose}, config=config)
     twin = with_twin(flat)
-    result = calibrate(twin, CalibrationOptions(intrinsics=("rgb_1",)))
+    options = CalibrationOptions(intrinsics=("rgb_1",), intrinsics_sigma=None)
+    result = calibrate(twin, options)
     assert result.status == "rank_deficient"
     named = {name for weak in result.weak_directions for name in weak.parameters}
     assert {"rgb_1 fx", "rgb_1 fy"} <= named
     assert any("rgb_1 looks squarely at all boards" in w.why for w in result.weak_directions)
+    bounded = calibrate(twin, replace(options, intrinsics_sigma=0.005))
+    assert any("rgb_1': fx, fy, cx, cy stay near what is given" in w for w in bounded.warnings)
+    given = sensor.camera.focal_px[0]
+    focal = found_intrinsics(bounded, "rgb_1")["fx"]
+    assert abs(focal["value"] - given) < 0.005 * given
+    assert focal["sigma"] == pytest.approx(0.005 * given, rel=0.5)
+
+
+@pytest.mark.parametrize("solver", ["ceres", "scipy"])
+def test_what_is_expected_is_weighed_with_what_the_corners_tell(solver):
+    """Between the two, by their variances; about the given cameras, also when solved again."""
+    scene, _ = two_cameras(100, "none", collections=15)
+    found = {}
+    for sigma in (None, 0.01, 0.001, 1e-6):
+        options = CalibrationOptions(solver_name=solver, intrinsics=CAMERAS)
+        result = calibrate(scene.dataset, replace(options, intrinsics_sigma=sigma))
+        found[sigma] = found_intrinsics(result, "rgb_1")["fx"]
+    given = scene.dataset.sensors["rgb_1"].camera.focal_px[0]
+    assert abs(found[1e-6]["value"] - given) < 0.01
+    assert found[1e-6]["sigma"] == pytest.approx(1e-6 * given, rel=0.05)
+    away = [abs(found[sigma]["value"] - given) for sigma in (None, 0.01, 0.001, 1e-6)]
+    assert away == sorted(away, reverse=True)
+    free, weak = found[None], found[0.01]
+    assert weak["sigma"] < free["sigma"]
 
 
 def test_open_intrinsics_are_told_in_their_unit():

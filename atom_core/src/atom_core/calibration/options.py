@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import List, Optional, Tuple
 
+import numpy as np
+
 from atom_core.model.joints import JointSelection
 from atom_core.problem.model_errors import (
     AXES,
@@ -35,6 +37,8 @@ class CalibrationOptions:
         additional_tfs: names of the configuration's additional tfs to estimate; None for all.
         joints: parameters to estimate, by joint; None for those of the configuration.
         intrinsics: cameras whose intrinsics are estimated.
+        intrinsics_sigma: how far their focal lengths and centre are expected from those given, in
+            parts of the focal length; None: anywhere.
         complete_only: use only collections in which every sensor sees every pattern.
         initial_guess: ``description`` starts from the transforms of the dataset (and leaves them
             where that cannot be right), ``none`` places the sensors from the data alone.
@@ -60,6 +64,7 @@ class CalibrationOptions:
     additional_tfs: Optional[Tuple[str, ...]] = None
     joints: Optional[JointSelection] = None
     intrinsics: Tuple[str, ...] = ()
+    intrinsics_sigma: Optional[float] = 0.005
     complete_only: bool = False
     initial_guess: str = DESCRIPTION
     noisy_initial_guess: Tuple[float, float] = (0.0, 0.0)
@@ -97,5 +102,7 @@ class CalibrationOptions:
             raise ValueError(f"model_errors must be {SUGGEST}, {AUTO} or {OFF}")
         if min(self.noisy_initial_guess) < 0:
             raise ValueError("noisy_initial_guess needs two numbers >= 0: metres and radians")
+        if self.intrinsics_sigma is not None and not 0 < self.intrinsics_sigma < np.inf:
+            raise ValueError("intrinsics_sigma needs a number > 0, or none for no expectation")
         if min(self.undetermined_limit) <= 0:
             raise ValueError("undetermined_limit needs two numbers > 0: metres and radians")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -159,6 +160,24 @@ def _add_intrinsics_option(parser: argparse.ArgumentParser) -> None:
         help="estimate focal lengths, centre and distortion of these rgb cameras too (names, "
         "globs; all without a name)",
     )
+    common.add_option(
+        parser,
+        "intrinsics_sigma",
+        type=_sigma_or_none,
+        default=0.005,
+        metavar="PERCENT",
+        help="how far their focal lengths and centre are expected from those given, in per cent "
+        "of the focal length (0.5; none: anywhere)",
+    )
+
+
+def _sigma_or_none(text: str) -> Optional[float]:
+    if text.lower() == "none":
+        return None
+    value = float(text)
+    if not 0.0 < value < math.inf:
+        raise ValueError(text)
+    return value / 100.0
 
 
 def _add_keep_options(parser: argparse.ArgumentParser) -> None:
@@ -332,6 +351,7 @@ def _options(args: argparse.Namespace) -> CalibrationOptions:
             noisy_initial_guess=tuple(args.noisy_initial_guess),
             seed=args.sample_seed,
             undetermined_limit=tuple(args.undetermined_limit),
+            intrinsics_sigma=args.intrinsics_sigma,
             model_errors=args.model_errors,
         )
     except ValueError as error:

@@ -66,6 +66,16 @@ def moved_camera(start: Camera, numbers: np.ndarray) -> Camera:
     return Camera(start.width, start.height, K, start.D + change, start.model)
 
 
+def numbers_between(start: Camera, camera: Camera) -> np.ndarray:
+    """Return the numbers (12,) that move one camera to another of the same model."""
+    numbers, scales = np.zeros(COUNT), number_scales(start)
+    numbers[:2] = np.log(camera.focal_px / start.focal_px)
+    numbers[2:4] = (camera.centre_px - start.centre_px) / start.focal_px
+    end = _FIRST_COEFFICIENT + start.D.size
+    numbers[_FIRST_COEFFICIENT:end] = (camera.D - start.D) / scales[_FIRST_COEFFICIENT:]
+    return numbers
+
+
 def project_with_derivatives(
     start: Camera, camera: Camera, points: np.ndarray
 ) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:

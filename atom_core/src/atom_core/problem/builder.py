@@ -21,7 +21,7 @@ from atom_core.problem.blocks import (
     ParameterBlock,
     PoseBlock,
 )
-from atom_core.problem.camera_blocks import camera_blocks
+from atom_core.problem.camera_blocks import ExpectedCamera, camera_blocks
 from atom_core.problem.joint_blocks import (
     ORIGIN_PARAMETERS,
     JointBiasBlock,
@@ -44,6 +44,7 @@ class FreeEdges:
         anchor_patterns: True to hold every board where it is.
         joints: parameters to estimate, by joint.
         intrinsics: names of the intrinsics to estimate, by camera.
+        expected_cameras: near which they are expected, by camera; none: anywhere.
     """
 
     anchored_sensors: Tuple[str, ...] = ()
@@ -51,6 +52,7 @@ class FreeEdges:
     anchor_patterns: bool = False
     joints: JointSelection = field(default_factory=dict)
     intrinsics: Mapping[str, Tuple[str, ...]] = field(default_factory=dict)
+    expected_cameras: Mapping[str, ExpectedCamera] = field(default_factory=dict)
 
     def without_intrinsics(self) -> FreeEdges:
         """Return the same with all intrinsics held."""
@@ -195,7 +197,8 @@ def _intrinsics_blocks(
     for name, estimated in free.intrinsics.items():
         sensor = dataset.sensors[name]
         if sensor.camera is not None and name in seen:
-            blocks += camera_blocks(name, sensor.edge, sensor.camera, estimated)
+            expected = free.expected_cameras.get(name)
+            blocks += camera_blocks(name, sensor.edge, sensor.camera, estimated, expected)
     return blocks
 
 

@@ -51,6 +51,8 @@ class Parameters:
         free: (b, 6) bool: the numbers that are estimated; the others stay zero.
         initial: (b, 4, 4) the blocks' factors of a chain at zero; the identity for intrinsics.
         cameras: indices of the blocks of each camera's intrinsics, by sensor.
+        prior_mean, prior_weight: (b, 6) the numbers that are expected, and one over their variance
+            about them; 0: anything goes.
         is_transform: (b,) bool: blocks that are factors of chains, all but intrinsics.
         is_board_of_collection: (b,) bool: such blocks never meet in a detection.
     """
@@ -71,6 +73,10 @@ class Parameters:
             elif isinstance(block, TransformBlock):
                 self._add_transform(i, block)
         self.free = np.array([b.free for b in self.blocks], dtype=bool).reshape(-1, BLOCK_SIZE)
+        self.prior_mean = np.zeros((len(self.blocks), BLOCK_SIZE))
+        self.prior_weight = np.zeros((len(self.blocks), BLOCK_SIZE))
+        for i, camera in self.camera_blocks():
+            self.prior_mean[i], self.prior_weight[i] = camera.prior_mean, camera.prior_weight
         self.is_transform = _flags(isinstance(b, TransformBlock) for b in self.blocks)
         self.is_board_of_collection = _flags(b.is_board_of_collection for b in self.blocks)
 
@@ -138,6 +144,16 @@ class Parameters:
         for i, block in enumerate(self.shared_blocks):
             if isinstance(block, CameraBlock):
                 yield i, block
+
+    def prior_cost(self, x: np.ndarray) -> float:
+        """Return half the squared deviation of the vector x from what is expected."""
+        off = self.by_block(x) - self.prior_mean
+        return 0.5 * float(np.sum(self.prior_weight * off**2))
+
+    def prior_gradient(self, x: np.ndarray) -> np.ndarray:
+        """Return the derivative (6 s,) of ``prior_cost`` by the shared numbers."""
+        off = self.by_block(x) - self.prior_mean
+        return (self.prior_weight * off)[: self.shared_count].ravel()
 
     def find(self, edge: Edge, collection: str) -> Sequence[int]:
         """Return the indices of the blocks that hold the edge in the collection, in its order.

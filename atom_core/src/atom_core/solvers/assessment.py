@@ -14,7 +14,12 @@ from atom_core.problem.camera_blocks import TWIST_SIZE
 from atom_core.problem.problem import Linearisation, Problem
 from atom_core.problem.residuals import BorderBlock, squared_norms
 from atom_core.solvers import losses
-from atom_core.solvers.normal_equations import Layout, NormalEquations, normal_equations
+from atom_core.solvers.normal_equations import (
+    Layout,
+    NormalEquations,
+    add_prior,
+    normal_equations,
+)
 
 
 class InsetColumn(NamedTuple):
@@ -62,6 +67,7 @@ def assess(
         for r, s in zip(linearisation.residuals, sigmas)
     ]
     equations = normal_equations(problem, layout, linearisation, weights)
+    add_prior(equations, problem.parameters, x)
     columns = _columns(problem, problem.poses(x), linearisation, weights)
     return Assessment(equations, tuple(columns))
 

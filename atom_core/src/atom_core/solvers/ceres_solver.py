@@ -43,6 +43,7 @@ from atom_core.solvers.normal_equations import (
     DetectionParts,
     Layout,
     NormalEquations,
+    add_prior,
     assembled,
 )
 
@@ -113,6 +114,7 @@ class CeresSolver:
             if b["curvature"] > 0
         ]
         equations = assembled(self.problem, self._layout, jacobians, parts)
+        add_prior(equations, self.problem.parameters, x)
         return Assessment(equations, tuple(columns))
 
     def minimise(
@@ -206,7 +208,8 @@ def _part(block: ParameterBlock) -> Dict[str, Any]:
     if isinstance(block, JointOriginBlock):
         return {"kind": "origin", "values": block.initial}
     if isinstance(block, CameraBlock):
-        return {"kind": "camera", "first": block.first}
+        expected = {"prior_mean": block.prior_mean, "prior_weight": block.prior_weight}
+        return {"kind": "camera", "first": block.first, **expected}
     assert isinstance(block, JointBiasBlock)
     return {
         "kind": "bias",

@@ -123,7 +123,8 @@ class LevenbergMarquardt:
         return bool(np.all(_relative_lengths(moving) < 1.0))
 
     def _cost(self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str) -> float:
-        return losses.total_cost(loss, self.squares(x, sigmas))
+        prior = self.problem.parameters.prior_cost(x)
+        return losses.total_cost(loss, self.squares(x, sigmas)) + prior
 
 
 def _relative_lengths(steps: np.ndarray) -> np.ndarray:

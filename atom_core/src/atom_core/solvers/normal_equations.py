@@ -248,6 +248,13 @@ def assembled(
     )
 
 
+def add_prior(equations: NormalEquations, parameters: Parameters, x: np.ndarray) -> None:
+    """Add what is expected of the parameters, at the vector x, to the equations."""
+    weight = parameters.prior_weight[: parameters.shared_count].ravel()
+    equations.shared[range(len(weight)), range(len(weight))] += weight
+    equations.gradient_shared += parameters.prior_gradient(x)
+
+
 def summed(
     parts: Sequence[DetectionParts], count: int, columns: int
 ) -> Tuple[np.ndarray, np.ndarray]:

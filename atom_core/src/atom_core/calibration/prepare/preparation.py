@@ -19,6 +19,7 @@ from atom_core.geometry.intrinsics import intrinsics_names
 from atom_core.model.dataset import Dataset, is_complete
 from atom_core.model.transforms import Edge
 from atom_core.problem.builder import FreeEdges, check_edges
+from atom_core.problem.camera_blocks import ExpectedCamera
 from atom_core.problem.measurements import Measurement, read_measurements
 from atom_core.solvers.base import SIGMA
 from atom_core.solvers.choice import default_solver
@@ -148,7 +149,16 @@ def free_edges(dataset: Dataset, options: CalibrationOptions) -> FreeEdges:
         options.anchor_patterns,
         joints,
         {name: intrinsics_names(camera_of(dataset, name)) for name in options.intrinsics},
+        _expected_cameras(dataset, options),
     )
+
+
+def _expected_cameras(dataset: Dataset, options: CalibrationOptions) -> Dict[str, ExpectedCamera]:
+    """Return those near which estimated ones are expected; ATOM's weights leave no room for it."""
+    sigma = options.intrinsics_sigma
+    if sigma is None or options.solver.weights != SIGMA:
+        return {}
+    return {name: ExpectedCamera(camera_of(dataset, name), sigma) for name in options.intrinsics}
 
 
 def _usable(

@@ -65,7 +65,8 @@ def with_intrinsics(
     boards = boards_in(base, start.measurements)
     names: Dict[str, Tuple[str, ...]] = dict(free.intrinsics)
     while True:
-        determined = replace(free, intrinsics=names)
+        # Judged by what the corners tell alone, not by what is expected.
+        determined = replace(free, intrinsics=names, expected_cameras={})
         solver = setup.make(build_problem(base, start.measurements, boards, determined))
         undetermined = _next_to_hold(solver, limit_rad)
         if not undetermined:
@@ -74,9 +75,15 @@ def with_intrinsics(
             sensor: tuple(n for n in of_one if n != undetermined.get(sensor))
             for sensor, of_one in names.items()
         }
+    open_ones = _open_pinholes(solver, limit_rad)
+    determined = replace(determined, expected_cameras=free.expected_cameras)
+    solver = setup.make(build_problem(base, start.measurements, boards, determined))
     zero = np.zeros(solver.problem.parameters.size)
     minimum = rough_minimum(solver, zero, setup.options, solution.minimum.iterations)
     remarks = _remarks(base, start.measurements, free.intrinsics, names)
+    for sensor, expected in free.expected_cameras.items():
+        if sensor in open_ones:
+            remarks.append(_held_near(sensor, open_ones[sensor], expected.sigma))
     return WithIntrinsics(solver, minimum, determined, tuple(remarks))
 
 
@@ -100,6 +107,29 @@ def _next_to_hold(solver: Solver, limit_rad: float) -> Dict[str, str]:
         for sensor, names in candidates.items()
         if open_ones[sensor]
     }
+
+
+def _open_pinholes(solver: Solver, limit_rad: float) -> Dict[str, List[str]]:
+    """Return, by camera, what of focal lengths and centre the corners alone do not tell."""
+    problem = solver.problem
+    sigmas = [block.sigma for block in problem.residual_blocks]
+    equations = solver.equations(np.zeros(problem.parameters.size), sigmas, losses.NONE)
+    covariance = Covariance(equations)
+    found: Dict[str, List[str]] = {}
+    for i, block in problem.parameters.camera_blocks():
+        variance = np.diagonal(covariance.block(i))
+        for place, name in block.free_components:
+            if name in PINHOLE and variance[place] > limit_rad**2:
+                found.setdefault(block.sensor, []).append(name)
+    return found
+
+
+def _held_near(sensor: str, names: Sequence[str], sigma: float) -> str:
+    return (
+        f"camera '{sensor}': {', '.join(names)} {'stays' if len(names) == 1 else 'stay'} near what "
+        f"is given (within {100.0 * sigma:g} % of the focal length), since the corners do "
+        f"not tell; tilt the boards by 30 deg and more, and hold them all over the image"
+    )
 
 
 def _remarks(
