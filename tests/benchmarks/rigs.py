@@ -15,8 +15,10 @@ from atom_core.synthetic.board import charuco, held_before
 from atom_core.synthetic.cell import SCENARIOS, cell_rig, paper_cell, plan_board_poses
 from atom_core.synthetic.dataset import disturbed, make_dataset
 from atom_core.synthetic.memory import Sampling
+from atom_core.synthetic.realism import PLAIN, Realism
 from atom_core.synthetic.rig import LidarModel, Rig
 from atom_core.synthetic.scenes import random_rig
+from atom_core.synthetic.sensing import planted_in
 
 DISTURBANCE = (0.1, 0.1)
 PAPER_CELL = 7
@@ -26,18 +28,20 @@ _PLANNED_AT_ONCE = 50
 _ALL_OF_THE_ROOM = 10**9  # step: nothing of it stays in the clouds
 
 
-def rig_dataset(sensors: int, collections: int, seed: int = 0) -> Dataset:
+def rig_dataset(sensors: int, collections: int, seed: int = 0, realism: Realism = PLAIN) -> Dataset:
     """Return a dataset of a rig with so many sensors, its start disturbed by 0.1 m and 0.1 rad.
 
     Args:
         sensors: 7 for the paper's cell with the paper's labels, or 20 or 50, thinner labels.
         collections: how many boards.
         seed: of all randomness.
+        realism: systematic errors.
     """
     rng = np.random.default_rng([seed, sensors, collections])
     if (sensors, collections) == (PAPER_CELL, SCENARIOS["train"].collections):
         sampling = Sampling(_ALL_OF_THE_ROOM, labeled_only=True)
-        return paper_cell(seed, "train", Noise(), DISTURBANCE, sampling=sampling).dataset
+        cell = paper_cell(seed, "train", Noise(), DISTURBANCE, sampling=sampling, realism=realism)
+        return cell.dataset
     if sensors == PAPER_CELL:
         rig, pattern, step = cell_rig(seed), charuco(), 4
         poses = _planned(rig, collections, rng)
@@ -53,6 +57,7 @@ def rig_dataset(sensors: int, collections: int, seed: int = 0) -> Dataset:
         patterns={"pattern_1": pattern},
         sampling=sampling,
         name=f"rig_{sensors}x{collections}",
+        planted=planted_in(rig, ["pattern_1"], realism, [seed, sensors]),
     )
     return disturbed(exact, DISTURBANCE, rng).dataset
 
