@@ -11,12 +11,14 @@ from __future__ import annotations
 from typing import Sequence
 
 import numpy as np
+from scipy import special
 
 from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.model_errors import ModelError
 from atom_core.solvers.shared_equations import SharedEquations, inverse
 
 _FEWEST = 4  # collections; fewer do not tell
+_QUANTILE = 0.975  # of the interval that is to hold the truth in 95 %
 _LEFT_OUT = 0.95  # part of a collection that is left out: some number may hang on it alone
 
 
@@ -49,4 +51,6 @@ def sigma_factors(equations: SharedEquations, estimated: Sequence[ModelError]) -
     numbers = BLOCK_SIZE * equations.blocks
     triples = ratios[:numbers].reshape(-1, BLOCK_SIZE // 2)
     ratios[:numbers] = np.repeat(triples.mean(axis=1), BLOCK_SIZE // 2)
-    return np.sqrt(np.maximum(ratios, 1.0))
+    # A deviation seen in few collections is itself not sure: Student's t has the wider interval.
+    wider = special.stdtrit(max(count / 2.0, 3.0), _QUANTILE) / special.ndtri(_QUANTILE)
+    return np.maximum(wider * np.sqrt(ratios), 1.0)
