@@ -111,3 +111,13 @@ def test_exchanged_labels_are_left_out_and_inconsistent(share):
     assert (one.sensor, one.rejected) == ("lidar_1", len(chosen))
     assert result.message == one.why and set(one.collections) == set(chosen)
     assert "labels and data belong to these collections" in one.likely[0]
+
+
+def test_where_the_exchanged_ones_win_the_labels_are_named():
+    """Four of ten exchanged: what is left may agree on something else, but never quietly."""
+    scene = paper_cell(0, disturbance=(0.1, 0.1))
+    dataset, _ = exchanged(scene.dataset, "lidar_1", 0.4, np.random.default_rng([0, 77]))
+    result = calibrate(dataset)
+    assert result.status == "inconsistent"
+    assert "lidar_1" in result.message
+    assert "labels and data belong to these collections" in result.message

@@ -34,14 +34,15 @@ _WORDS = {
     ),
     BORDER: ("border points", 1e3, "mm", f"{_BOARD}, and the unit and axes of its points"),
 }
-# So far off is no size of a board and no lens: other boards, or axes that point elsewhere.
-_GROSS = {REPROJECTION: 50.0, ORTHOGONAL: 0.15, BORDER: 0.15}
+# So far off, what the sensor itself says of the board comes first.
+_GROSS = {REPROJECTION: 50.0, ORTHOGONAL: 0.03, BORDER: 0.03}
+_POINTS = "its points (unit, axes, whether labels and data belong to these collections)"
 _GROSS_LIKELY = {
-    REPROJECTION: "whether its labels belong to these collections, and how corners are numbered",
-    ORTHOGONAL: "whether its labels and data belong to these collections, and the unit and axes of "
-    "its points",
+    REPROJECTION: "its labels (whether they belong to these collections, how corners are "
+    "numbered), and its intrinsics",
+    ORTHOGONAL: f"{_POINTS}, and {_BOARD}",
+    BORDER: f"{_POINTS}, and {_BOARD}",
 }
-_GROSS_LIKELY[BORDER] = _GROSS_LIKELY[ORTHOGONAL]
 _FEWEST = 2  # detections, to speak of a sensor
 
 
