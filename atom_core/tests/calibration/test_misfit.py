@@ -61,7 +61,9 @@ def test_an_arm_that_is_not_where_it_says_is_inconsistent():
     assert calibrate(scene.dataset).status == "converged"
     off = with_arm_off(scene.dataset, 0.005, 1.0, np.random.default_rng(0))
     result = calibrate(off)
-    assert result.status == "inconsistent" and "poses of links that move" in result.message
+    assert result.status == "inconsistent"
+    assert result.message.startswith("the poses of 'flange' in 'rig_base' do not fit")
+    assert "poses of links that move" in result.misfits[0].why
     # By itself each picture fits as well as corners are exact.
     assert 0.2 < result.misfits[0].alone < 0.5
 

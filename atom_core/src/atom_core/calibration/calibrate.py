@@ -9,6 +9,7 @@ from typing import Dict, Mapping, Optional, Tuple
 from atom_core.calibration.judge.exclusion import Exclusion
 from atom_core.calibration.judge.judgement import judge
 from atom_core.calibration.judge.misfit import Misfit
+from atom_core.calibration.judge.moving_edges import MovingEdge
 from atom_core.calibration.judge.weak_directions import WeakDirection
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.preparation import prepare
@@ -42,6 +43,7 @@ class Calibration:
         misfits: sensors that the joint solution fits far worse than they fit by themselves.
         exclusions: sensors of which too much was left out, or all of one sort.
         checks: errors of the model that the data show, and that were not estimated.
+        moving: transforms of moving parts that do not fit.
         unused: why a collection was not used, by key.
         rejected: detections that were left out since they contradict the others.
         relabeled: detections whose corners were renumbered; ``dataset`` has them so.
@@ -62,6 +64,7 @@ class Calibration:
     misfits: Tuple[Misfit, ...]
     exclusions: Tuple[Exclusion, ...]
     checks: Tuple[ModelCheck, ...]
+    moving: Tuple[MovingEdge, ...]
     unused: Mapping[str, str]
     rejected: Tuple[Rejected, ...]
     relabeled: Tuple[DetectionKey, ...]
@@ -108,6 +111,7 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
         misfits=judgement.misfits,
         exclusions=judgement.exclusions,
         checks=judgement.checks,
+        moving=judgement.moving,
         unused=refined.unused,
         rejected=refined.rejected,
         relabeled=_relabeled(dataset, judgement.dataset),

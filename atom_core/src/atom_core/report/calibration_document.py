@@ -85,6 +85,9 @@ def _propagation(results: CalibrationResults) -> List[Dict[str, Any]]:
 def _inconsistencies(calibration: Calibration) -> Dict[str, Any]:
     shared = [e.shared and e.shared._asdict() for e in calibration.exclusions]
     return {
+        "moving_edges": [
+            {**edge._asdict(), "collections": list(edge.collections)} for edge in calibration.moving
+        ],
         "misfits": [misfit._asdict() for misfit in calibration.misfits],
         "exclusions": [
             {**exclusion._asdict(), "shared": sort}

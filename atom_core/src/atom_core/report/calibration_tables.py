@@ -125,7 +125,7 @@ def _model_error_lines(results: CalibrationResults) -> List[str]:
             )
         else:
             lines.append(f"the data show: {error.sentence} ({error.option} estimates it)")
-    return lines
+    return lines + [f"the data show: {edge.why}" for edge in results.calibration.moving]
 
 
 def _propagation_table(results: CalibrationResults) -> List[str]:

@@ -10,6 +10,7 @@ import numpy as np
 from atom_core.calibration.judge.ambiguity import ambiguity
 from atom_core.calibration.judge.exclusion import Exclusion, exclusions
 from atom_core.calibration.judge.misfit import Misfit, misfits
+from atom_core.calibration.judge.moving_edges import MovingEdge, moving_edges
 from atom_core.calibration.judge.reasons import Solution
 from atom_core.calibration.judge.weak_directions import (
     WeakDirection,
@@ -53,6 +54,7 @@ class Judgement:
         misfits: sensors that the joint solution fits far worse than they fit by themselves.
         exclusions: sensors of which too much was left out, or all of one sort.
         checks: errors of the model that the data show.
+        moving: transforms of moving parts that do not fit.
         status: converged, not_converged, rank_deficient, inconsistent or failed.
         message: one sentence.
     """
@@ -63,6 +65,7 @@ class Judgement:
     misfits: Tuple[Misfit, ...]
     exclusions: Tuple[Exclusion, ...]
     checks: Tuple[ModelCheck, ...]
+    moving: Tuple[MovingEdge, ...]
     status: str
     message: str
 
@@ -90,16 +93,20 @@ def judge(
         weak = _weak_at_the_start(start, refined, options)
     unfit: List[Misfit] = []
     checks: List[ModelCheck] = []
+    moving: List[MovingEdge] = []
     if summary.status == CONVERGED:
         loss = options.solver_options.loss
         unfit = misfits(refined.solver, summary.x, summary.sigmas, loss, make_solver)
         if options.solver.weights == SIGMA:
             covariance, checks = _checked(start.initial, refined, options, covariance)
+            moving = _moving(dataset, refined, options, checks)
     out = exclusions(start.initial, start.measurements, refined.rejected)
     reasons = [suggestion(c) for c in strong(checks, covariance)]
+    if unfit:  # else it is noise that the sigmas know of
+        reasons = [edge.why for edge in moving] + reasons
     reasons += [m.why for m in unfit] + [e.why for e in out]
     status, message = _verdict(summary, weak, reasons, refined.failure)
-    verdicts = tuple(unfit), tuple(out), tuple(checks)
+    verdicts = tuple(unfit), tuple(out), tuple(checks), tuple(moving)
     return Judgement(dataset, covariance, tuple(weak), *verdicts, status, message)
 
 
@@ -116,6 +123,20 @@ def _checked(
     if options.model_errors == OFF:
         return covariance, []
     return covariance, solution.checks(refined.summary, loss)
+
+
+def _moving(
+    dataset: Dataset, refined: Refined, options: CalibrationOptions, checks: Sequence[ModelCheck]
+) -> List[MovingEdge]:
+    """Return the moving transforms that do not fit, where no single error explains as much."""
+    if options.model_errors == OFF:
+        return []
+    solver, summary, loss = refined.solver, refined.summary, refined.options.loss
+    equations = solver.equations(summary.x, summary.sigmas, loss)
+    squares = solver.squares(summary.x, summary.sigmas)
+    explained = max((check.gain for check in checks), default=0.0)
+    found = moving_edges(dataset, solver.problem, equations, squares, loss)
+    return [edge for edge in found if edge.gain > 2.0 * explained]
 
 
 def strong(checks: Sequence[ModelCheck], covariance: Covariance) -> List[ModelCheck]:
