@@ -94,6 +94,10 @@ def misfits(
     """
     problem, found = solver.problem, []
     joint = distances(solver, x, sigmas)
+    blocks = problem.residual_blocks
+    middles = [np.median(medians(block.detection, d)[1]) for block, d in zip(blocks, joint)]
+    if all(middle <= _EXCESS[block.kind] for block, middle in zip(blocks, middles)):
+        return []  # by themselves they could not fit so much better
     alone = distances_alone(problem, x, sigmas, loss, make_solver)
     for block, together, own in zip(problem.residual_blocks, joint, alone):
         detections, by_joint = medians(block.detection, together)
@@ -104,8 +108,8 @@ def misfits(
         order = np.argsort(-by_joint)
         worse = order[_is_worse(block.kind, by_joint, by_itself)[order]]
         names = tuple(problem.detections[d].collection for d in detections[worse])
-        middles = float(alone_middle), float(joint_middle)
-        found.append(Misfit(block.sensor, block.kind, *middles, names))
+        both = float(alone_middle), float(joint_middle)
+        found.append(Misfit(block.sensor, block.kind, *both, names))
     return sorted(found, key=lambda m: -m.joint / max(m.alone, 1e-12))
 
 

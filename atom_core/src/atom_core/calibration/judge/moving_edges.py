@@ -7,13 +7,14 @@ solution. What that explains, and how far it would be off, is told; nothing is s
 
 from __future__ import annotations
 
+from itertools import groupby
 from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset, pose
-from atom_core.model.transforms import Edge, Step
+from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import BLOCK_SIZE, ROTATION, TRANSLATION
 from atom_core.problem.problem import Problem
 from atom_core.solvers import losses
@@ -25,6 +26,7 @@ _MUCH = 4.0  # times what chance allows, over all collections and in the middle 
 _SEEN = 1e-6  # part of its information that boards of a collection must leave a direction
 _LEAST_M, _LEAST_RAD = 3e-4, float(np.radians(0.02))  # less is nobody's concern
 _FIRST_M, _FIRST_RAD, _ROUNDS = 0.005, 0.01, 200
+_MOVED = 1e-9  # entries of a transform that differ by less do not
 _Run = Tuple[Edge, ...]
 
 
@@ -89,32 +91,29 @@ def _runs(dataset: Dataset, problem: Problem) -> Dict[_Run, Dict[int, float]]:
 
     Moving is what changes from collection to collection and is not estimated.
     """
-    estimated = {block.edge for block in problem.parameters.blocks}
+    estimated, graph = {block.edge for block in problem.parameters.blocks}, dataset.graph
     moves: Dict[Edge, bool] = {}
-    runs: Dict[_Run, Dict[int, float]] = {}
+    by_pair: Dict[Tuple[str, str], List[int]] = {}
     for d, key in enumerate(problem.detections):
-        frames = dataset.sensors[key.sensor].frame, dataset.patterns[key.pattern].frame
-        run: List[Step] = []
-        for step in (*dataset.graph.chain(*frames), None):
-            if step is not None and step.edge not in moves:
+        by_pair.setdefault((key.sensor, key.pattern), []).append(d)
+    runs: Dict[_Run, Dict[int, float]] = {}
+    for (sensor, pattern), detections in by_pair.items():
+        chain = graph.chain(dataset.sensors[sensor].frame, dataset.patterns[pattern].frame)
+        for step in chain:
+            if step.edge not in moves:
                 moves[step.edge] = step.edge not in estimated and _moves(dataset, step.edge)
-            if (
-                step is not None
-                and moves[step.edge]
-                and (not run or run[0].inverted == step.inverted)
-            ):
-                run.append(step)
-            elif run:
-                edges = tuple(s.edge for s in run)
-                back = run[0].inverted
-                runs.setdefault(edges[::-1] if back else edges, {})[d] = -1.0 if back else 1.0
-                run = [step] if step is not None and moves[step.edge] else []
+        for back, steps in groupby(chain, lambda s: s.inverted if moves[s.edge] else None):
+            if back is None:
+                continue
+            edges = tuple(step.edge for step in steps)
+            walked = dict.fromkeys(detections, -1.0 if back else 1.0)
+            runs.setdefault(edges[::-1] if back else edges, {}).update(walked)
     return runs
 
 
 def _moves(dataset: Dataset, edge: Edge) -> bool:
     values = [c.transforms[edge] for c in dataset.collections.values() if edge in c.transforms]
-    return any(not np.allclose(value, values[0], atol=1e-9) for value in values[1:])
+    return len(values) > 0 and bool(np.max(np.ptp(np.array(values), axis=0)) > _MOVED)
 
 
 class _Part(NamedTuple):
