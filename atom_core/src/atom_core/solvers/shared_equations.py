@@ -8,14 +8,14 @@ wrong within one: how much they differ tells how sure the answer is without any 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Dict, Iterable, List, Mapping, NamedTuple, Sequence, Set, Tuple, Union
+from typing import Dict, Iterable, List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
 from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.camera_blocks import STATE_SIZE, TWIST_SIZE
 from atom_core.problem.model_errors import ModelError, rows_of
-from atom_core.problem.problem import Linearisation, Problem
+from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import BorderBlock, ResidualBlock
 from atom_core.solvers.error_columns import prior_information, row_weights
 from atom_core.solvers.normal_equations import (
@@ -114,42 +114,39 @@ def scalars_of(
     linearisation, poses = problem.linearise(x), problem.poses(x)
     weights = row_weights(linearisation, sigmas, loss)
     borders = [i for i, b in enumerate(problem.residual_blocks) if isinstance(b, BorderBlock)]
-    used: Set[ModelError] = set()
-    by_block: List[List[Tuple[Union[int, ModelError], np.ndarray]]] = []
+    parts: List[ScalarPart] = []
     for i, block in enumerate(problem.residual_blocks):
         residual, by_state = linearisation.residuals[i], linearisation.by_state[i]
         rows = rows_of(block, poses, problem.patterns, residual, by_state)
-        changes = [(error, error.derivatives(rows)) for error in errors]
-        own = [(e, e.step * by) for e, by in changes if by is not None and np.any(by)]
-        used.update(error for error, _ in own)
-        inset: List[Tuple[Union[int, ModelError], np.ndarray]] = []
+        columns: Dict[int, np.ndarray] = {}
         if isinstance(block, BorderBlock):
-            inset.append((i, block.by_inset_steps(poses)[:, None]))
-        by_block.append([*inset, *own])
-    kept = [error for error in errors if error in used]
-    numbered: List[Union[int, ModelError]] = [*borders, *kept]
-    place = {key: number for number, key in enumerate(numbered)}
-    parts = [
-        _part(problem.residual_blocks[i], i, columns, place, linearisation, weights[i])
-        for i, columns in enumerate(by_block)
-        if columns
-    ]
-    return Scalars(len(borders), tuple(kept), tuple(parts))
+            columns[borders.index(i)] = block.by_inset_steps(poses)[:, None]
+        for number, error in enumerate(errors, len(borders)):
+            change = error.derivatives(rows)
+            if change is not None and np.any(change):
+                columns[number] = error.step * change
+        if columns:
+            parts.append(_part(block, i, columns, residual, by_state, weights[i]))
+    used = sorted({int(n) for part in parts for n in part.columns} | set(range(len(borders))))
+    place = {number: new for new, number in enumerate(used)}
+    parts = [p._replace(columns=np.array([place[int(n)] for n in p.columns])) for p in parts]
+    kept = tuple(errors[n - len(borders)] for n in used[len(borders) :])
+    return Scalars(len(borders), kept, tuple(parts))
 
 
 def _part(
     block: ResidualBlock,
     index: int,
-    columns: Sequence[Tuple[Union[int, ModelError], np.ndarray]],
-    place: Mapping[Union[int, ModelError], int],
-    linearisation: Linearisation,
+    columns: Mapping[int, np.ndarray],
+    residual: np.ndarray,
+    by_state: np.ndarray,
     weight: np.ndarray,
 ) -> ScalarPart:
-    by_state, k = linearisation.by_state[index], len(columns)
-    rows = np.concatenate([np.stack([by for _, by in columns], axis=2), by_state], axis=2)
-    root = np.sqrt(weight)[:, None]
-    flat = (rows * root[:, :, None]).reshape(-1, rows.shape[2])
-    residual = (linearisation.residuals[index] * root).ravel()
+    """Return the columns (n, dimension) of a block, by number, summed by detection."""
+    k, root = len(columns), np.sqrt(weight)[:, None]
+    rows = np.concatenate([np.stack(list(columns.values()), axis=2), by_state], axis=2)
+    rows *= root[:, :, None]
+    flat, values = rows.reshape(-1, rows.shape[2]), (residual * root).ravel()
     detection, starts = np.unique(block.detection, return_index=True)
     ends = block.dimension * np.append(starts[1:], block.count)
     both = np.empty((len(detection), k, rows.shape[2]))
@@ -157,10 +154,9 @@ def _part(
     for d, (start, end) in enumerate(zip(block.dimension * starts, ends)):
         own = flat[start:end]
         both[d] = own[:, :k].T @ own
-        gradient[d] = own[:, :k].T @ residual[start:end]
-    at = np.array([place[key] for key, _ in columns])
+        gradient[d] = own[:, :k].T @ values[start:end]
     common = np.swapaxes(both[:, :, k:], 1, 2)
-    return ScalarPart(index, detection, at, both[:, :, :k], gradient, common)
+    return ScalarPart(index, detection, np.array(list(columns)), both[:, :, :k], gradient, common)
 
 
 def shared_equations(
