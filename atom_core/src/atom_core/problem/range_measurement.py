@@ -107,10 +107,21 @@ class RangeMeasurement(Measurement):
 
     def too_large(self) -> List[str]:
         """Return a phrase where the points reach farther than the board does."""
-        extent, diagonal = _diameter(self.inside), 2.0 * np.linalg.norm(self.border.half_size)
-        if extent <= _SIZE_LIMIT * diagonal:
+        if self.extent_m <= _SIZE_LIMIT * self.diagonal_m:
             return []
-        return [f"the label is {extent:.2f} m across, the board only {diagonal:.2f} m"]
+        return [
+            f"the label is {self.extent_m:.2f} m across, the board only {self.diagonal_m:.2f} m"
+        ]
+
+    @property
+    def extent_m(self) -> float:
+        """How far apart the points are."""
+        return _diameter(self.inside)
+
+    @property
+    def diagonal_m(self) -> float:
+        """From corner to corner of the board."""
+        return 2.0 * float(np.linalg.norm(self.border.half_size))
 
 
 def measured_in_cloud(

@@ -9,10 +9,11 @@ the residuals.
 
 from __future__ import annotations
 
-from typing import List, NamedTuple, Sequence, Tuple
+from typing import Dict, List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
+from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION
 from atom_core.solvers.base import Solver, SolverFactory
 from atom_core.solvers.free_fit import distances, distances_alone, medians
@@ -20,29 +21,30 @@ from atom_core.solvers.free_fit import distances, distances_alone, medians
 # By which factor the joint fit must be worse than the fit alone, and by how much [px, m, m].
 _FACTOR = {REPROJECTION: 1.5, ORTHOGONAL: 1.5, BORDER: 2.0}
 _EXCESS = {REPROJECTION: 0.5, ORTHOGONAL: 0.01, BORDER: 0.01}
+_UNITS = {
+    REPROJECTION: ("corners", 1.0, "px"),
+    ORTHOGONAL: ("points on the board", 1e3, "mm"),
+    BORDER: ("border points", 1e3, "mm"),
+}
 _BOARD = "the board's squares, layout and border"
-_WORDS = {
-    REPROJECTION: (
-        *("corners", 1.0, "px"),
-        f"its intrinsics, {_BOARD}, and the poses of links that move",
-    ),
-    ORTHOGONAL: (
-        "points on the board",
-        1e3,
-        "mm",
-        f"the unit and axes of its points, and {_BOARD}",
-    ),
-    BORDER: ("border points", 1e3, "mm", f"{_BOARD}, and the unit and axes of its points"),
+_LIKELY = {
+    REPROJECTION: ("its intrinsics", _BOARD),
+    ORTHOGONAL: ("the unit and axes of its points", _BOARD),
+    BORDER: (_BOARD, "the unit and axes of its points"),
 }
 # So far off, what the sensor itself says of the board comes first.
 _GROSS = {REPROJECTION: 50.0, ORTHOGONAL: 0.03, BORDER: 0.03}
 _POINTS = "its points (unit, axes, whether labels and data belong to these collections)"
 _GROSS_LIKELY = {
-    REPROJECTION: "its labels (whether they belong to these collections, how corners are "
-    "numbered), and its intrinsics",
-    ORTHOGONAL: f"{_POINTS}, and {_BOARD}",
-    BORDER: f"{_POINTS}, and {_BOARD}",
+    REPROJECTION: (
+        "its labels (whether they belong to these collections, how corners are numbered)",
+        "its intrinsics",
+    ),
+    ORTHOGONAL: (_POINTS, _BOARD),
+    BORDER: (_POINTS, _BOARD),
 }
+_MOVING = "the poses of links that move"
+_STILL = 1e-6  # by which a number of a chain may differ where nothing moves
 _FEWEST = 2  # detections, to speak of a sensor
 
 
@@ -54,6 +56,7 @@ class Misfit(NamedTuple):
         alone: distance of a corner or point [px or m] where each detection has its own pose.
         joint: likewise in the joint solution.
         collections: in which the joint fit is much worse, the worst first.
+        moves: whether links between it and a board stand otherwise in other collections.
     """
 
     sensor: str
@@ -61,14 +64,22 @@ class Misfit(NamedTuple):
     alone: float
     joint: float
     collections: Tuple[str, ...]
+    moves: bool
+
+    @property
+    def likely(self) -> Tuple[str, ...]:
+        """Where to look, the likeliest first."""
+        gross = self.joint > _GROSS[self.kind]
+        found = list(_GROSS_LIKELY[self.kind] if gross else _LIKELY[self.kind])
+        if self.moves:
+            found.insert(1 if gross else 0, _MOVING)
+        return tuple(found)
 
     @property
     def why(self) -> str:
         """One clause for the user: how much, where, and what is likely."""
-        what, scale, unit, likely = _WORDS[self.kind]
-        if self.joint > _GROSS[self.kind]:
-            likely = _GROSS_LIKELY[self.kind]
-        worst = ", ".join(self.collections[:3])
+        what, scale, unit = _UNITS[self.kind]
+        worst, likely = ", ".join(self.collections[:3]), ", then at ".join(self.likely)
         return (
             f"{what} of {self.sensor} are {scale * self.joint:.3g} {unit} off, but "
             f"{scale * self.alone:.3g} {unit} where each board may stand as this sensor alone has "
@@ -109,7 +120,8 @@ def misfits(
         worse = order[_is_worse(block.kind, by_joint, by_itself)[order]]
         names = tuple(problem.detections[d].collection for d in detections[worse])
         both = float(alone_middle), float(joint_middle)
-        found.append(Misfit(block.sensor, block.kind, *both, names))
+        moves = _moves(problem, detections)
+        found.append(Misfit(block.sensor, block.kind, *both, names, moves))
     return sorted(found, key=lambda m: -m.joint / max(m.alone, 1e-12))
 
 
@@ -117,3 +129,12 @@ def _is_worse(kind: str, joint: np.ndarray, alone: np.ndarray) -> np.ndarray:
     """Tell (n,) where the joint fit is worse than noise explains; also of single figures."""
     excess = np.sqrt(np.maximum(joint**2 - alone**2, 0.0))
     return (excess > _EXCESS[kind]) & (joint > _FACTOR[kind] * alone)
+
+
+def _moves(problem: Problem, detections: np.ndarray) -> bool:
+    """Tell whether what is held in the chains of a sensor's detections (n,) differs."""
+    of_pattern: Dict[str, List[int]] = {}
+    for detection in detections:
+        of_pattern.setdefault(problem.detections[detection].pattern, []).append(detection)
+    constants = [problem.chains.constants[chosen] for chosen in of_pattern.values()]
+    return any(float(np.max(np.ptp(held, axis=0))) > _STILL for held in constants)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Dict, List, Mapping, Sequence, Set, Tuple
 
+import numpy as np
+
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.connectivity import check_connected, floats_freely
 from atom_core.calibration.prepare.joints import (
@@ -21,8 +23,12 @@ from atom_core.model.transforms import Edge
 from atom_core.problem.builder import FreeEdges, check_edges
 from atom_core.problem.camera_blocks import ExpectedCamera
 from atom_core.problem.measurements import Measurement, read_measurements
+from atom_core.problem.range_measurement import RangeMeasurement
 from atom_core.solvers.base import SIGMA
 from atom_core.solvers.choice import default_solver
+
+_OTHER_UNIT = 3.0  # labels so many times as large as the board are no bad labels
+_FEW = 2  # detections that may be wrong by themselves
 
 
 @dataclass(frozen=True)
@@ -58,6 +64,7 @@ def prepare(dataset: Dataset, options: CalibrationOptions) -> Prepared:
     dataset, joint_remarks = with_joint_transforms(dataset, free)
     check_memory(dataset, options.solver_name or default_solver())
     measurements, remarks = read_measurements(dataset)
+    check_units(measurements)
     remarks += joint_remarks
     measurements, unused = _usable(dataset, measurements, options)
     check_connected(dataset, measurements, free)
@@ -65,6 +72,22 @@ def prepare(dataset: Dataset, options: CalibrationOptions) -> Prepared:
         free, remark = _anchor_first(dataset, free)
         remarks.append(remark)
     return Prepared(dataset, measurements, free, unused, tuple(remarks))
+
+
+def check_units(measurements: Sequence[Measurement]) -> None:
+    """Refuse a range sensor whose labels are much larger than the board, most of them."""
+    times: Dict[str, List[float]] = {}
+    for m in measurements:
+        if isinstance(m, RangeMeasurement):
+            times.setdefault(m.key.sensor, []).append(m.extent_m / m.diagonal_m)
+    for sensor, values in times.items():
+        middle = float(np.median(values))
+        if len(values) >= _FEW and middle > _OTHER_UNIT:
+            raise CalibrationError(
+                f"the labels of sensor '{sensor}' are {middle:.3g} times as large as the board (in "
+                f"the middle of {len(values)}): its distances are in another unit, or the board's "
+                f"are; mend the data, or calibrate without it: -ssf '!{sensor}'"
+            )
 
 
 def camera_of(dataset: Dataset, sensor: str) -> Camera:
