@@ -12,19 +12,15 @@ from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.preparation import prepare
 from atom_core.calibration.refine.rejection import DISAGREES, GARBAGE, Rejected
 from atom_core.synthetic import paper_cell, scenes
-from atom_core.synthetic.mistakes import Origin, with_detections_from
+from atom_core.synthetic.mistakes import exchange, with_exchanged_data
 
 DISTURBED = (0.05, 0.05)
 
 
 def exchanged(dataset, sensor, share, rng):
     """Return the dataset with a sensor's labels and data exchanged among some collections."""
-    keys = [key.collection for key, _ in dataset.detections() if key.sensor == sensor]
-    chosen = list(rng.choice(keys, int(round(share * len(keys))), replace=False))
-    origins = {
-        (key, sensor): Origin(dataset, other) for key, other in zip(chosen, np.roll(chosen, -1))
-    }
-    return with_detections_from(dataset, origins), chosen
+    taken_from = exchange(dataset, sensor, share, rng)
+    return with_exchanged_data(dataset, sensor, taken_from), list(taken_from)
 
 
 @pytest.fixture(scope="module")

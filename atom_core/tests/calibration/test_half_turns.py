@@ -10,23 +10,12 @@ from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.start.half_turns import renumbered
 from atom_core.io.dataset_json import read_dataset, write_dataset
 from atom_core.io.dataset_writer import write_dataset_folder
-from atom_core.model.pattern import pattern_from_config
-from atom_core.synthetic import Noise, scenes
-from atom_core.synthetic.board import chessboard, held_before
-from atom_core.synthetic.dataset import disturbed, make_dataset
+from atom_core.synthetic import scenes
 
 
-def cameras(seed, rgb=2, lidar3d=0, disturbance=(0.05, 0.05)):
+def cameras(seed, rgb=2, lidar3d=0):
     """Return a scene of cameras (and LiDARs) before an 8 x 6 chessboard."""
-    rng = np.random.default_rng([seed, 500])
-    rig = scenes.random_rig(rng, rgb, 0, lidar3d)
-    config = chessboard(dimension=(8, 6))
-    border = pattern_from_config("pattern_1", config).border
-    middles = rig.centre + rng.uniform(-0.3, 0.3, (14, 3))
-    eye = rig.centre + np.array([0.0, 2.0, 0.5])
-    poses = [held_before(eye, middle, border, rng) for middle in middles]
-    scene = make_dataset(rig, {"pattern_1": poses}, Noise(), rng, patterns={"pattern_1": config})
-    return disturbed(scene, disturbance, rng)
+    return scenes.without_ids(seed, rgb=rgb, lidar3d=lidar3d, disturbance=(0.05, 0.05))
 
 
 def errors_mm(result, scene):

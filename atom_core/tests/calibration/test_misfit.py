@@ -1,35 +1,14 @@
 """Sensors that the joint solution does not fit: named, and no `converged`."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.judge.misfit import misfits
-from atom_core.geometry import se3
 from atom_core.solvers.choice import SOLVERS
 from atom_core.solvers.free_fit import distances, distances_alone
 from atom_core.synthetic import paper_cell, scenes
-
-
-def with_focal_length(scene, sensor, factor):
-    dataset = scene.dataset
-    camera = dataset.sensors[sensor].camera
-    wrong = replace(camera, K=camera.K * [[factor, 1, 1], [1, factor, 1], [1, 1, 1]])
-    sensors = {**dataset.sensors, sensor: replace(dataset.sensors[sensor], camera=wrong)}
-    return replace(dataset, sensors=sensors)
-
-
-def with_arm_off(dataset, metres, degrees, rng):
-    first = next(iter(dataset.collections.values()))
-    edge = next(edge for edge in first.transforms if edge.child == "flange")
-    changes = {}
-    for key, collection in dataset.collections.items():
-        turn, shift = rng.normal(size=(2, 3)) * [[np.radians(degrees)], [metres]] / np.sqrt(3.0)
-        off = se3.transform(se3.rotation_from_rotation_vector(turn), shift)
-        changes[key] = {edge: collection.transforms[edge] @ off}
-    return dataset.with_transforms(changes)
+from atom_core.synthetic.mistakes import with_edge_off, with_scaled_focal_length
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -48,7 +27,7 @@ def test_gross_errors_of_single_corners_and_points_are_no_misfit():
 @pytest.mark.parametrize("factor", [1.02, 1.10])
 def test_a_wrong_focal_length_is_inconsistent_and_the_camera_named(factor):
     scene = paper_cell(1, disturbance=(0.1, 0.1))
-    result = calibrate(with_focal_length(scene, "rgb_1", factor))
+    result = calibrate(with_scaled_focal_length(scene.dataset, "rgb_1", factor))
     assert result.status == "inconsistent"
     assert result.message.startswith("the focal length of rgb_1 is given ")
     worst = result.misfits[0]
@@ -59,7 +38,7 @@ def test_a_wrong_focal_length_is_inconsistent_and_the_camera_named(factor):
 def test_an_arm_that_is_not_where_it_says_is_inconsistent():
     scene = scenes.hand_eye(0, collections=15, disturbance=(0.05, 0.05))
     assert calibrate(scene.dataset).status == "converged"
-    off = with_arm_off(scene.dataset, 0.005, 1.0, np.random.default_rng(0))
+    off = with_edge_off(scene.dataset, "flange", 0.005, 1.0, np.random.default_rng(0))
     result = calibrate(off)
     assert result.status == "inconsistent"
     assert result.message.startswith("the poses of 'flange' in 'rig_base' do not fit")
@@ -80,7 +59,7 @@ def test_a_detection_alone_fits_better_than_with_all_others():
 
 def test_both_solvers_find_the_same():
     scene = paper_cell(1, disturbance=(0.1, 0.1))
-    result = calibrate(with_focal_length(scene, "rgb_1", 1.05))
+    result = calibrate(with_scaled_focal_length(scene.dataset, "rgb_1", 1.05))
     found = []
     for make in SOLVERS.values():
         solver = make(result.problem)

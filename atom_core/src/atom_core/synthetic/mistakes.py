@@ -1,25 +1,28 @@
-"""What goes wrong when people collect: labels on the wrong thing, boards and sensors that move.
+"""What goes wrong when people collect: wrong labels, boards, units, intrinsics, arms.
 
-Single detections of a dataset are replaced by those of another one, in which something is
-otherwise than the dataset says.
+Each function returns a dataset in which something is otherwise than the dataset says.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Dict, Mapping, NamedTuple, Tuple
+from typing import Any, Callable, Dict, Mapping, NamedTuple, Tuple
 
 import numpy as np
 
 from atom_core.geometry import se3
+from atom_core.geometry.rectangle import Rectangle
 from atom_core.model.dataset import Dataset, DataSource
-from atom_core.model.labels import RgbLabel
+from atom_core.model.labels import RangeLabel, RgbLabel
+from atom_core.model.transforms import Edge
 from atom_core.synthetic.dataset import SyntheticDataset, make_dataset
 from atom_core.synthetic.noise import Noise
 from atom_core.synthetic.rig import Rig
 
 TURNED, MIRRORED = "turned", "mirrored"
 _KEY = "000"
+
+Change = Callable[[np.ndarray], np.ndarray]
 
 
 class Origin(NamedTuple):
@@ -67,27 +70,173 @@ class _Spliced(DataSource):
 
 
 @dataclass(frozen=True)
-class _Longer(DataSource):
-    """The same data, but for the ranges of one LiDAR."""
+class _Changed(DataSource):
+    """The same data, but for some sensors'."""
 
     own: DataSource
-    sensor: str
-    offset_m: float
+    changes: Mapping[str, Change]
 
     def read(self, collection: str, sensor: str) -> Any:
         data = self.own.read(collection, sensor)
-        if sensor != self.sensor:
-            return data
-        ranges = np.linalg.norm(data, axis=1, keepdims=True)
-        return data * (1.0 + self.offset_m / ranges)
+        return self.changes[sensor](data) if sensor in self.changes else data
 
     def has_data(self, collection: str, sensor: str) -> bool:
         return self.own.has_data(collection, sensor)
 
 
+# ------------------------------------------------------------------------- data of range sensors
+
+
+def with_changed_data(dataset: Dataset, changes: Mapping[str, Change]) -> Dataset:
+    """Return the dataset in which the data of some sensors, by name, are changed."""
+    return replace(dataset, data=_Changed(dataset.data, changes))
+
+
 def with_long_ranges(dataset: Dataset, sensor: str, offset_m: float) -> Dataset:
     """Return the dataset in which a LiDAR reads all distances too long by an offset."""
-    return replace(dataset, data=_Longer(dataset.data, sensor, offset_m))
+
+    def longer(points: np.ndarray) -> np.ndarray:
+        return points * (1.0 + offset_m / np.linalg.norm(points, axis=1, keepdims=True))
+
+    return with_changed_data(dataset, {sensor: longer})
+
+
+def with_mirrored_points(dataset: Dataset, sensor: str) -> Dataset:
+    """Return the dataset in which the points of a LiDAR are mirrored in y."""
+    return with_changed_data(dataset, {sensor: lambda points: points * [1.0, -1.0, 1.0]})
+
+
+def with_scaled_depths(dataset: Dataset, sensor: str, factor: float) -> Dataset:
+    """Return the dataset in which the depths of a camera are too far by a factor."""
+    return with_changed_data(dataset, {sensor: lambda image: factor * image})
+
+
+def with_depths_in_steps(dataset: Dataset, sensor: str, step_per_m: float) -> Dataset:
+    """Return the dataset in which a depth camera knows 1 / z in steps only [1/m]."""
+
+    def rounded(image: np.ndarray) -> np.ndarray:
+        return 1.0 / (step_per_m * np.maximum(np.round(1.0 / (step_per_m * image)), 1.0))
+
+    return with_changed_data(dataset, {sensor: rounded})
+
+
+# ------------------------------------------------------------- what the configuration has wrong
+
+
+def with_scaled_boards(dataset: Dataset, factor: float) -> Dataset:
+    """Return the dataset whose configuration has the boards too large by a factor."""
+    patterns = {}
+    for name, pattern in dataset.patterns.items():
+        centre, half = factor * pattern.border.centre, factor * pattern.border.half_size
+        patterns[name] = replace(
+            pattern,
+            square_m=factor * pattern.square_m,
+            corners_by_id=factor * pattern.corners_by_id,
+            border=Rectangle(*(centre - half), *(centre + half)),
+        )
+    return replace(dataset, patterns=patterns)
+
+
+def with_shifted_prints(dataset: Dataset, shift_m: Tuple[float, float]) -> Dataset:
+    """Return the dataset whose configuration has the prints beside their place by (x, y)."""
+    patterns = {
+        name: replace(p, corners_by_id=p.corners_by_id + np.array(shift_m))
+        for name, p in dataset.patterns.items()
+    }
+    return replace(dataset, patterns=patterns)
+
+
+def with_scaled_focal_length(dataset: Dataset, sensor: str, factor: float) -> Dataset:
+    """Return the dataset that has the focal lengths of a camera too long by a factor."""
+    return _with_intrinsics(
+        dataset, {sensor: lambda K: K * [[factor, 1.0, 1.0], [1.0, factor, 1.0], [1.0, 1.0, 1.0]]}
+    )
+
+
+def with_shifted_centre(dataset: Dataset, sensor: str, right_px: float) -> Dataset:
+    """Return the dataset that has the image centre of a camera too far right."""
+    return _with_intrinsics(
+        dataset, {sensor: lambda K: K + [[0.0, 0.0, right_px], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]}
+    )
+
+
+def with_swapped_intrinsics(dataset: Dataset, one: str, other: str) -> Dataset:
+    """Return the dataset that has the K of two cameras the wrong way round."""
+    cameras = {name: dataset.sensors[name].camera for name in (one, other)}
+    matrices = {name: camera.K for name, camera in cameras.items() if camera is not None}
+    return _with_intrinsics(
+        dataset, {one: lambda _: matrices[other], other: lambda _: matrices[one]}
+    )
+
+
+def _with_intrinsics(dataset: Dataset, changes: Mapping[str, Change]) -> Dataset:
+    """Return the dataset with the K (3, 3) of some cameras, by sensor, changed."""
+    sensors = dict(dataset.sensors)
+    for name, change in changes.items():
+        camera = sensors[name].camera
+        assert camera is not None
+        sensors[name] = replace(sensors[name], camera=replace(camera, K=change(camera.K)))
+    return replace(dataset, sensors=sensors)
+
+
+def with_edge_off(
+    dataset: Dataset, child: str, metres: float, degrees: float, rng: np.random.Generator
+) -> Dataset:
+    """Return the dataset whose collections have a frame beside its place, each by another amount.
+
+    Args:
+        dataset: in which the frame has one parent.
+        child: the frame, say a flange.
+        metres: root of the mean squared length of the shift.
+        degrees: likewise of the turn.
+        rng: of both.
+    """
+    first = next(iter(dataset.collections.values()))
+    edge = next(edge for edge in first.transforms if edge.child == child)
+    changes: Dict[str, Dict[Edge, np.ndarray]] = {}
+    for key, collection in dataset.collections.items():
+        turn, shift = rng.normal(size=(2, 3)) * [[np.radians(degrees)], [metres]] / np.sqrt(3.0)
+        off = se3.transform(se3.rotation_from_rotation_vector(turn), shift)
+        changes[key] = {edge: collection.transforms[edge] @ off}
+    return dataset.with_transforms(changes)
+
+
+# ------------------------------------------------------------------------- labels of other boards
+
+
+def exchange(
+    dataset: Dataset, sensor: str, share: float, rng: np.random.Generator
+) -> Dict[str, str]:
+    """Draw which of a sensor's collections are exchanged in a ring: from which each one takes."""
+    keys = [key.collection for key, _ in dataset.detections() if key.sensor == sensor]
+    chosen = list(rng.choice(keys, max(int(round(share * len(keys))), 2), replace=False))
+    return dict(zip(chosen, [*chosen[1:], chosen[0]]))
+
+
+def with_exchanged_data(dataset: Dataset, sensor: str, taken_from: Mapping[str, str]) -> Dataset:
+    """Return the dataset in which a sensor's labels and data are those of other collections."""
+    origins = {(key, sensor): Origin(dataset, other) for key, other in taken_from.items()}
+    return with_detections_from(dataset, origins)
+
+
+def with_exchanged_labels(dataset: Dataset, sensor: str, taken_from: Mapping[str, str]) -> Dataset:
+    """Return the dataset in which a LiDAR's labels are of other collections, not its clouds.
+
+    Indices beyond the end of a cloud are left out.
+    """
+    collections = dict(dataset.collections)
+    for key, other in taken_from.items():
+        labels = {k: v for k, v in collections[key].labels.items() if k[0] != sensor}
+        count = len(dataset.data.read(key, sensor))
+        for place, label in dataset.collections[other].labels.items():
+            if place[0] == sensor and isinstance(label, RangeLabel):
+                inside, limit = label.indices, label.limit_indices
+                labels[place] = RangeLabel(inside[inside < count], limit[limit < count])
+        collections[key] = replace(collections[key], labels=labels)
+    return replace(dataset, collections=collections)
+
+
+# ------------------------------------------------------------------ boards that move or are turned
 
 
 def with_moved_board(

@@ -6,7 +6,7 @@ of the free edges (metres, radians), the density of labels and the systematic er
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
@@ -154,6 +154,30 @@ def two_cameras(
     rng = np.random.default_rng([seed, 101])
     rig = random_rig(rng, 2, 0, 0, colour_camera=camera)
     return _simulate("two_cameras", rig, rng, SceneOptions(seed=seed, **options))
+
+
+def without_ids(
+    seed: int = 0, *, rgb: int = 2, lidar3d: int = 0, **options: Any
+) -> SyntheticDataset:
+    """Simulate cameras (and LiDARs) before a chessboard that looks the same after half a turn."""
+    rng = np.random.default_rng([seed, 500])
+    chosen = SceneOptions(seed=seed, **{"collections": 14, **options})
+    rig, config = random_rig(rng, rgb, 0, lidar3d), chessboard(dimension=(8, 6))
+    middles = rig.centre + rng.uniform(-0.3, 0.3, (chosen.collections, 3))
+    eye = rig.centre + np.array([0.0, 2.0, 0.5])
+    poses = {"pattern_1": [held_before(eye, middle, _border(config), rng) for middle in middles]}
+    return _finish("without_ids", rig, poses, rng, chosen, patterns={"pattern_1": config})
+
+
+def other_lens(
+    seed: int = 0, *, lens: Camera, lidar3d: int = 1, **options: Any
+) -> SyntheticDataset:
+    """Simulate two cameras of which the second one has another lens, and LiDARs."""
+    rng = np.random.default_rng([seed, 108])
+    rig = random_rig(rng, 2, 0, lidar3d)
+    second = replace(rig.sensors["rgb_2"], camera=lens)
+    rig = replace(rig, sensors={**rig.sensors, "rgb_2": second})
+    return _simulate("other_lens", rig, rng, SceneOptions(seed=seed, **options))
 
 
 def lidar_only(seed: int = 0, *, lidar3d: int = 3, **options: Any) -> SyntheticDataset:
