@@ -2,9 +2,9 @@
 what a calibration says of planted faults.
 
 Prints tables and writes bench_output/*.csv (speed, scaling, accuracy, starts, convergence,
-gross_errors, rviz, seeds, trust) and scaling.png; docs/benchmarks/README.md tells how to read them.
-Times depend on the machine and its load: compare the rows of one run with each other. The
-references beside our solvers, on the same rows from the same start: plain_ceres.cpp (a
+gross_errors, rviz, seeds, trust, planted, rough) and scaling.png; docs/benchmarks/README.md tells
+how to read them. Times depend on the machine and its load: compare the rows of one run with each
+other. The references beside our solvers, on the same rows from the same start: plain_ceres.cpp (a
 straightforward Ceres program, one thread) and scipy.optimize.least_squares (trf, sparse analytic
 Jacobian, lsmr).
 """
@@ -20,6 +20,7 @@ from typing import Callable, Dict
 
 import numpy as np
 from convergence import convergence
+from model_errors import model_errors
 from plain_ceres import PlainCeres
 from rviz_rate import rviz_rates
 from scaling import command_seconds, comparable, find, scaling
@@ -311,6 +312,13 @@ def seeds(output: Path, quick: bool) -> None:
     print()
 
 
+def _trust(args: argparse.Namespace) -> None:
+    """Plant faults, then model errors, then all that the rough profile has."""
+    trust(args.output, 1 if args.quick else min(args.seeds, 3))
+    print()
+    model_errors(args.output, 2 if args.quick else args.seeds)
+
+
 def _report(path: Path, headers: list, rows: list, title: str, digits: int) -> None:
     with path.open("w", newline="") as stream:
         writer = csv.writer(stream)
@@ -334,7 +342,7 @@ PARTS: Dict[str, Callable[[argparse.Namespace], None]] = {
     "gross_errors": lambda args: gross_errors(args.output, 1 if args.quick else min(args.seeds, 5)),
     "rviz": lambda args: rviz(args.output, args.quick),
     "seeds": lambda args: seeds(args.output, args.quick),
-    "trust": lambda args: trust(args.output, 1 if args.quick else min(args.seeds, 3)),
+    "trust": _trust,
 }
 
 if __name__ == "__main__":

@@ -19,8 +19,8 @@ import numpy as np
 
 from atom_core.calibration.calibrate import Calibration, calibrate
 from atom_core.calibration.options import AUTO, SUGGEST, CalibrationOptions
-from atom_core.geometry import se3
 from atom_core.report.calibration_results import calibration_results
+from atom_core.report.stated_errors import stated_errors
 from atom_core.report.tables import text_table
 from atom_core.solvers.base import CONVERGED
 from atom_core.solvers.choice import default_solver
@@ -139,18 +139,12 @@ def _collect(
     sigmas: Dict[str, List[np.ndarray]],
 ) -> float:
     """Add the errors of all sensors; return the largest in sigmas."""
-    largest = 0.0
-    for edge in calibration_results(result, default_solver()).edges:
-        if edge.anchored:
-            continue
-        true, found = scene.truth.edges[edge.edge], edge.parent_T_child
-        turn = se3.rotation_vector_from_rotation(found[:3, :3] @ true[:3, :3].T)
-        error = np.concatenate([turn, found[:3, 3] - true[:3, 3]])
-        modality = result.dataset.sensors[edge.sensors[0]].modality
-        errors.setdefault(modality, []).append(error)
-        sigmas.setdefault(modality, []).append(edge.sigma)
-        largest = max(largest, float(np.max(np.abs(error) / edge.sigma)))
-    return largest
+    found = stated_errors(calibration_results(result, default_solver()).edges, scene.truth)
+    for one in found:
+        modality = result.dataset.sensors[one.sensors[0]].modality
+        errors.setdefault(modality, []).append(one.error)
+        sigmas.setdefault(modality, []).append(one.sigma)
+    return max(one.in_sigmas for one in found)
 
 
 def model_errors(output: Path, rigs: int) -> None:
