@@ -91,7 +91,8 @@ def _system(
     problem = solver.problem
     scalars = scalars_of(problem, state.x, sigmas, options.loss, options.model_errors)
     shares = shares_of(problem, sigmas, state.common)
-    equations = tempered(problem, solver.equations(state.x, sigmas, options.loss), shares)
+    equations = solver.equations(state.x, sigmas, options.loss)
+    equations = tempered(problem, equations, shares, state.x)
     return _System(
         equations,
         scalars,

@@ -21,6 +21,7 @@ from atom_core.solvers.error_columns import prior_information, row_weights
 from atom_core.solvers.normal_equations import (
     DetectionParts,
     NormalEquations,
+    add_prior,
     assembled,
     summed,
 )
@@ -43,6 +44,7 @@ class SharedEquations:
         information: (g, m, m).
         gradient: (g, m).
         held: (m, m) information that is no collection's, such as a prior's.
+        held_gradient: (m,) likewise.
     """
 
     collections: Tuple[str, ...]
@@ -52,6 +54,7 @@ class SharedEquations:
     information: np.ndarray
     gradient: np.ndarray
     held: np.ndarray
+    held_gradient: np.ndarray
 
 
 class ScalarPart(NamedTuple):
@@ -79,11 +82,13 @@ class Scalars:
     """Insets of all border blocks and model errors, as columns at one vector.
 
     Attributes:
+        x: the vector.
         insets: how many are insets; they come first.
         errors: the model errors that some row depends on.
         parts: of every residual block that depends on any.
     """
 
+    x: np.ndarray
     insets: int
     errors: Tuple[ModelError, ...]
     parts: Tuple[ScalarPart, ...]
@@ -131,7 +136,7 @@ def scalars_of(
     place = {number: new for new, number in enumerate(used)}
     parts = [p._replace(columns=np.array([place[int(n)] for n in p.columns])) for p in parts]
     kept = tuple(errors[n - len(borders)] for n in used[len(borders) :])
-    return Scalars(len(borders), kept, tuple(parts))
+    return Scalars(x, len(borders), kept, tuple(parts))
 
 
 def _part(
@@ -180,14 +185,16 @@ def shared_equations(
     """
     shares = shares_of(problem, sigmas, common)
     if any(common):
-        equations = tempered(problem, equations, shares)
+        equations = tempered(problem, equations, shares, scalars.x)
     parts, seen = _by_collection(problem, equations, of_detections(problem, scalars, shares))
     size = equations.layout.shared * BLOCK_SIZE
     m = size + scalars.count
-    held = np.zeros((m, m))
+    held, held_gradient = np.zeros((m, m)), np.zeros(m)
+    held_gradient[:size] = problem.parameters.prior_gradient(scalars.x)
     held[:size, :size] = equations.shared - seen
     for j, error in enumerate(scalars.errors, m - len(scalars.errors)):
         held[j, j] = prior_information(error, priors)
+        held_gradient[j] = held[j, j] * problem.model_errors.get(error, 0.0) / error.step
     return SharedEquations(
         tuple(parts),
         scalars.errors,
@@ -196,6 +203,7 @@ def shared_equations(
         np.array([part.information for part in parts.values()]).reshape(-1, m, m),
         np.array([part.gradient for part in parts.values()]).reshape(-1, m),
         held,
+        held_gradient,
     )
 
 
@@ -214,9 +222,9 @@ def shares_of(
 
 
 def tempered(
-    problem: Problem, equations: NormalEquations, shares: Sequence[np.ndarray]
+    problem: Problem, equations: NormalEquations, shares: Sequence[np.ndarray], x: np.ndarray
 ) -> NormalEquations:
-    """Return the equations with the detections of each block weighted by their shares."""
+    """Return the equations at the vector x, each block's detections weighted by their shares."""
     parts = [
         DetectionParts(
             part.detection,
@@ -225,7 +233,9 @@ def tempered(
         )
         for part, share in zip(equations.parts, shares)
     ]
-    return assembled(problem, equations.layout, equations.state_jacobians, parts)
+    result = assembled(problem, equations.layout, equations.state_jacobians, parts)
+    add_prior(result, problem.parameters, x)
+    return result
 
 
 class Columns(NamedTuple):

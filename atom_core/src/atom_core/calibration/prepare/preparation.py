@@ -7,7 +7,7 @@ from typing import Dict, List, Mapping, Sequence, Set, Tuple
 
 import numpy as np
 
-from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.options import AUTO, CalibrationOptions
 from atom_core.calibration.prepare.connectivity import check_connected, floats_freely
 from atom_core.calibration.prepare.joints import (
     check_joints,
@@ -56,7 +56,7 @@ def prepare(dataset: Dataset, options: CalibrationOptions) -> Prepared:
     Raises:
         AtomError: the calibration cannot be posed; one sentence says why and what to do.
     """
-    check_range_offsets(dataset, options)
+    check_model_errors(dataset, options)
     check_data_present(dataset)
     free = free_edges(dataset, options)
     check_edges(dataset, free)
@@ -109,18 +109,29 @@ def check_intrinsics(dataset: Dataset, names: Sequence[str]) -> None:
             )
 
 
-def check_range_offsets(dataset: Dataset, options: CalibrationOptions) -> None:
-    """Refuse a range offset of what is no lidar3d sensor, and one that no weights can tell."""
-    for name in options.range_offset:
-        sensor = dataset.sensors.get(name)
-        if sensor is None or not sensor.kind.can_estimate_range_offset:
-            lidars = [s.name for s in dataset.sensors.values() if s.kind.can_estimate_range_offset]
-            raise CalibrationError(
-                f"--range_offset {name}: there is no such lidar3d sensor; there are: "
-                f"{', '.join(lidars) or 'none'}"
-            )
-    if options.range_offset and options.solver.weights != SIGMA:
-        raise CalibrationError("--range_offset needs --weights sigma")
+def check_model_errors(dataset: Dataset, options: CalibrationOptions) -> None:
+    """Refuse model errors of what cannot have them, and those that no weights can tell."""
+    kinds = [(s.name, s.kind) for s in dataset.sensors.values()]
+    lidars = [name for name, kind in kinds if kind.can_estimate_range_offset]
+    others = [name for name, kind in kinds if kind.measures_range and name not in lidars]
+    suited = {
+        "range_offset": (lidars, "LiDAR"),
+        "range_scale": (lidars, "LiDAR"),
+        "depth_scale": (others, "depth camera"),
+        "board_size": (list(dataset.patterns), "pattern"),
+        "board_border": (list(dataset.patterns), "pattern"),
+    }
+    for option, (there, noun) in suited.items():
+        for name in getattr(options, option):
+            if name not in there:
+                raise CalibrationError(
+                    f"--{option} {name}: there is no such {noun}; there are: "
+                    f"{', '.join(there) or 'none'}"
+                )
+        if getattr(options, option) and options.solver.weights != SIGMA:
+            raise CalibrationError(f"--{option} needs --weights sigma")
+    if options.model_errors == AUTO and options.solver.weights != SIGMA:
+        raise CalibrationError("--model_errors auto needs --weights sigma")
 
 
 def absent_data(dataset: Dataset) -> Dict[str, List[str]]:

@@ -120,7 +120,8 @@ class _Step:
         rest = [place[e] for e in self.candidates]
         self._most = np.array([e.most / e.step for e in self.candidates])
         by_collection, gradients = equations.information, equations.gradient
-        total, gradient = by_collection.sum(axis=0) + equations.held, gradients.sum(axis=0)
+        total = by_collection.sum(axis=0) + equations.held
+        gradient = gradients.sum(axis=0) + equations.held_gradient
         cross = total[np.ix_(base, rest)]
         self._gains = inverse(total[np.ix_(base, base)]) @ cross  # (b, c)
         of_all = total[np.ix_(rest, rest)] - cross.T @ self._gains
