@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, List, Mapping, NamedTuple, Sequence, Tuple
+from typing import TYPE_CHECKING, Iterator, List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
@@ -214,14 +214,24 @@ class Problem:
     def linearise(self, x: np.ndarray) -> Linearisation:
         """Return residuals and their derivatives at the vector x."""
         poses, jacobians = self.poses_and_jacobians(x)
-        starts = {name: pair[0] for name, pair in self.parameters.cameras_at(x).items()}
-        pairs = [
-            block.linearise_with_intrinsics(poses, starts[block.sensor])
-            if isinstance(block, ReprojectionBlock) and block.sensor in starts
-            else block.linearise(poses)
-            for block in self._blocks_at(x)
-        ]
+        pairs = list(self.linearised_blocks(x, poses))
         return Linearisation([p[0] for p in pairs], [p[1] for p in pairs], jacobians)
+
+    def linearised_blocks(
+        self, x: np.ndarray, poses: np.ndarray
+    ) -> Iterator[Tuple[np.ndarray, np.ndarray]]:
+        """Yield residuals and ``Linearisation.by_state`` of one block after the other.
+
+        Args:
+            x: the vector.
+            poses: (d, 4, 4) of the detections at it.
+        """
+        starts = {name: pair[0] for name, pair in self.parameters.cameras_at(x).items()}
+        for block in self._blocks_at(x):
+            if isinstance(block, ReprojectionBlock) and block.sensor in starts:
+                yield block.linearise_with_intrinsics(poses, starts[block.sensor])
+            else:
+                yield block.linearise(poses)
 
     def _blocks_at(self, x: np.ndarray) -> Tuple[ResidualBlock, ...]:
         cameras = self.parameters.cameras_at(x)

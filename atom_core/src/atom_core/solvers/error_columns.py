@@ -53,19 +53,14 @@ def error_columns(
     if not errors:
         return []
     linearisation, poses = problem.linearise(x), problem.poses(x)
-    weights = row_weights(linearisation, sigmas, loss)
+    weights = [row_weight(r, s, loss) for r, s in zip(linearisation.residuals, sigmas)]
     columns = [_column(problem, e, linearisation, poses, weights) for e in errors]
     return [column for column in columns if column.curvature > 0]
 
 
-def row_weights(
-    linearisation: Linearisation, sigmas: Sequence[np.ndarray], loss: str
-) -> List[np.ndarray]:
-    """Return for each residual block (n,): robust weight over sigma squared."""
-    return [
-        losses.weight(loss, squared_norms(r, s)) / s**2
-        for r, s in zip(linearisation.residuals, sigmas)
-    ]
+def row_weight(residual: np.ndarray, sigma: np.ndarray, loss: str) -> np.ndarray:
+    """Return (n,): robust weight over sigma squared, of residuals (n, dimension)."""
+    return losses.weight(loss, squared_norms(residual, sigma)) / sigma**2
 
 
 def _column(

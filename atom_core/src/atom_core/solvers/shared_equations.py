@@ -17,7 +17,7 @@ from atom_core.problem.camera_blocks import STATE_SIZE, TWIST_SIZE
 from atom_core.problem.model_errors import ModelError, rows_of
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import BorderBlock, ResidualBlock
-from atom_core.solvers.error_columns import prior_information, row_weights
+from atom_core.solvers.error_columns import prior_information, row_weight
 from atom_core.solvers.normal_equations import (
     DetectionParts,
     NormalEquations,
@@ -116,12 +116,11 @@ def scalars_of(
         errors: model errors to have as scalars, estimated or not; those that no row depends on are
             dropped.
     """
-    linearisation, poses = problem.linearise(x), problem.poses(x)
-    weights = row_weights(linearisation, sigmas, loss)
+    poses = problem.poses(x)
     borders = [i for i, b in enumerate(problem.residual_blocks) if isinstance(b, BorderBlock)]
     parts: List[ScalarPart] = []
-    for i, block in enumerate(problem.residual_blocks):
-        residual, by_state = linearisation.residuals[i], linearisation.by_state[i]
+    linearised = problem.linearised_blocks(x, poses)  # one block at a time is in memory
+    for i, (block, (residual, by_state)) in enumerate(zip(problem.residual_blocks, linearised)):
         rows = rows_of(block, poses, problem.patterns, residual, by_state)
         columns: Dict[int, np.ndarray] = {}
         if isinstance(block, BorderBlock):
@@ -131,7 +130,8 @@ def scalars_of(
             if change is not None and np.any(change):
                 columns[number] = error.step * change
         if columns:
-            parts.append(_part(block, i, columns, residual, by_state, weights[i]))
+            weight = row_weight(residual, sigmas[i], loss)
+            parts.append(_part(block, i, columns, residual, by_state, weight))
     used = sorted({int(n) for part in parts for n in part.columns} | set(range(len(borders))))
     place = {number: new for new, number in enumerate(used)}
     parts = [p._replace(columns=np.array([place[int(n)] for n in p.columns])) for p in parts]
@@ -149,8 +149,10 @@ def _part(
 ) -> ScalarPart:
     """Return the columns (n, dimension) of a block, by number, summed by detection."""
     k, root = len(columns), np.sqrt(weight)[:, None]
-    rows = np.concatenate([np.stack(list(columns.values()), axis=2), by_state], axis=2)
-    rows *= root[:, :, None]
+    rows = np.empty((*residual.shape, k + by_state.shape[2]))
+    for j, change in enumerate(columns.values()):
+        rows[:, :, j] = root * change
+    rows[:, :, k:] = root[:, :, None] * by_state
     flat, values = rows.reshape(-1, rows.shape[2]), (residual * root).ravel()
     detection, starts = np.unique(block.detection, return_index=True)
     ends = block.dimension * np.append(starts[1:], block.count)
