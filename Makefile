@@ -93,7 +93,7 @@ bench-labels: build ## speed and accuracy of the labelers, on synthetic and on r
 	@$(ENV) python3 tests/benchmarks/bench_labeling.py; \
 	python3 tests/benchmarks/bench_lidar_labeling.py; python3 tests/benchmarks/bench_real_data.py
 
-results: build ## the paper's tables and the labels against their truth, docs/results; half an hour, 9 GB
+results: build ## the paper's tables and the labels against their truth, docs/results; three quarters of an hour, 13 GB
 	@$(ENV) python3 tests/benchmarks/results.py
 
 clean: ## remove build products and tool caches (keeps the virtual environments and results)

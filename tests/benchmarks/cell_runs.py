@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Dict, List, NamedTuple, Sequence
 
 CONFIG = Path(__file__).resolve().parents[2] / "atom_examples/collab_cell/config/config.yml"
+PLAIN = "plain"
 STOPS = {"train": 23, "test": 17}  # as the paper's simulated sets
 
 
@@ -30,12 +31,15 @@ class CellRun:
     Attributes:
         seed: of rig, boards and noise.
         folder: for all files of the seed.
+        compressed: whether bags are.
+        realism: the simulator's profile, ``plain`` or ``rough``.
         costs: by step, ``collect_train`` and so on; only what was run.
     """
 
     seed: int
     folder: Path
     compressed: bool = True
+    realism: str = PLAIN
     costs: Dict[str, Cost] = field(default_factory=dict)
 
     def bag(self, scenario: str) -> Path:
@@ -73,11 +77,11 @@ class CellRun:
             "initial_estimate": "disturbed",
             "compressed": self.compressed,
         }
-        if self.bag(scenario).is_file() and _holds(self.truth(scenario), wanted):
+        if self.bag(scenario).is_file() and _holds(self.truth(scenario), wanted, self.realism):
             return
         options: List[Any] = ["--bag", self.bag(scenario), "--scenario", scenario]
         options += ["--collections", stops, "--seed", self.seed, "--overwrite"]
-        options += ["--initial_estimate", "disturbed"]
+        options += ["--initial_estimate", "disturbed", "--realism", self.realism]
         options += ["--compressed"] if self.compressed else []
         self._run("simulate", scenario, "atom_examples", "cell_simulator", options)
 
@@ -87,10 +91,10 @@ class CellRun:
         options += ["--output", self.folder / scenario, "--overwrite"]
         self._run("collect", scenario, "atom_calibration", "collect_from_bag", options)
 
-    def calibrate(self) -> None:
-        """Calibrate the train set from its disturbed start."""
+    def calibrate(self, *more: str) -> None:
+        """Calibrate the train set from its disturbed start, with further options."""
         options = ["--dataset", self.dataset("train"), "--output", self.calibration]
-        options += ["--truth", self.truth("train"), "--overwrite"]
+        options += ["--truth", self.truth("train"), "--overwrite", *more]
         self._run("calibrate", "train", "atom_calibration", "calibrate", options)
 
     def evaluate(self) -> None:
@@ -130,9 +134,10 @@ def measured(call: Sequence[str], log: Path) -> Cost:
     return Cost(time.monotonic() - start, cpu_s, usage.ru_maxrss / 1024.0)
 
 
-def _holds(truth: Path, wanted: Dict[str, Any]) -> bool:
+def _holds(truth: Path, wanted: Dict[str, Any], realism: str) -> bool:
     """Tell whether a recording was made as wanted."""
     if not truth.is_file():
         return False
     document = json.loads(truth.read_text(encoding="utf-8"))
-    return all(document.get(key) == value for key, value in wanted.items())
+    profile = document.get("realism", {}).get("profile", PLAIN)
+    return profile == realism and all(document.get(k) == value for k, value in wanted.items())
