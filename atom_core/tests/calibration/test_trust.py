@@ -11,6 +11,7 @@ from typing import NamedTuple
 import pytest
 
 from atom_core.calibration.calibrate import calibrate
+from atom_core.calibration.options import AUTO, CalibrationOptions
 from atom_core.calibration.refine.model_errors import suggestion
 from atom_core.errors import CalibrationError
 from atom_core.report.calibration_results import calibration_results
@@ -120,6 +121,27 @@ def test_an_arm_that_is_not_where_it_says_is_named(seed):
 def test_depths_in_another_unit_are_refused():
     with pytest.raises(CalibrationError, match="labels of sensor 'depth_1' are .* another unit"):
         calibrate(FAULTS["depth ten times too far"](0).dataset)
+
+
+@pytest.mark.parametrize(
+    ("fault", "cause"),
+    [
+        ("board 3 % large, camera and LiDAR", "board pattern_1 is .* smaller than described; "),
+        ("K of two cameras swapped", r"the focal length of rgb_2 is given .* too long; "),
+    ],
+)
+def test_what_auto_shares_out_by_what_is_usual_is_named(fault, cause):
+    """A size and a range scale are alike: both would be made a little wrong, and `converged`."""
+    scene = FAULTS[fault](0)
+    result = calibrate(scene.dataset, CalibrationOptions(model_errors=AUTO))
+    assert not is_right(result, scene) and result.status == "inconsistent"
+    assert re.match(f"{cause}that is .* times what is usual", result.message)
+
+
+def test_what_auto_finds_by_the_data_is_no_contradiction():
+    scene = FAULTS["every LiDAR reads 30 mm long"](0)
+    result = calibrate(scene.dataset, CalibrationOptions(model_errors=AUTO))
+    assert is_right(result, scene) and result.status == "converged"
 
 
 @pytest.mark.parametrize("share", [0.2, 0.3])

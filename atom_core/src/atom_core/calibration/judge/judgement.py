@@ -18,6 +18,7 @@ from atom_core.calibration.judge.weak_directions import (
     weak_model_errors,
 )
 from atom_core.calibration.options import OFF, CalibrationOptions
+from atom_core.calibration.refine.error_words import unusual
 from atom_core.calibration.refine.model_checks import ModelCheck
 from atom_core.calibration.refine.model_errors import checked, suggestion
 from atom_core.calibration.refine.refinement import Refined
@@ -39,7 +40,7 @@ from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.reweighting import covariance_of
 from atom_core.solvers.robust_covariance import sigma_factors
 
-_STRONG = 3.0  # sigmas by which what is not estimated may move an edge
+_STRONG = 3.0  # sigmas by which what is not estimated may move an edge, and what is be unusual
 RANK_DEFICIENT, INCONSISTENT = "rank_deficient", "inconsistent"
 
 
@@ -101,7 +102,7 @@ def judge(
             covariance, checks = _checked(start.initial, refined, options, covariance)
             moving = _moving(dataset, refined, options, checks)
     out = exclusions(start.initial, start.measurements, refined.rejected)
-    reasons = [suggestion(c) for c in strong(checks, covariance)]
+    reasons = [suggestion(c) for c in strong(checks, covariance)] + _unusual(refined, covariance)
     if unfit:  # else it is noise that the sigmas know of
         reasons = [edge.why for edge in moving] + reasons
     reasons += [m.why for m in unfit] + [e.why for e in out]
@@ -143,6 +144,18 @@ def strong(checks: Sequence[ModelCheck], covariance: Covariance) -> List[ModelCh
     """Return the checks that would move any edge by more than three of its sigmas."""
     sigmas = np.sqrt(np.maximum(np.diagonal(covariance.shared), 1e-30))
     return [c for c in checks if np.any(np.abs(c.moves[: len(sigmas)]) > _STRONG * sigmas)]
+
+
+def _unusual(refined: Refined, covariance: Covariance) -> List[str]:
+    """Return why, where an error that was expected to be usual had to be far more.
+
+    Then what was expected decided how it is shared with others, and not the data.
+    """
+    values, sigmas = refined.summary.model_errors, covariance.error_sigmas
+    priors = {e: sigma for e, sigma in refined.options.error_priors.items() if e in values}
+    far = [e for e, usual in priors.items() if abs(values[e]) > _STRONG * usual]
+    far.sort(key=lambda e: -abs(values[e]) / priors[e])
+    return [unusual(e, values[e], sigmas.get(e, 0.0), priors[e]) for e in far]
 
 
 def _weak_at_the_start(

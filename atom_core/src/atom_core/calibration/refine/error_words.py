@@ -30,6 +30,22 @@ def described(error: ModelError, value: float, sigma: float) -> str:
     return _WORDS[type(error)](error, value, sigma)
 
 
+def unusual(error: ModelError, value: float, sigma: float, usual: float) -> str:
+    """Return the sentence for an error that was expected to be usual, and is far more.
+
+    Args:
+        error: which.
+        value: as estimated.
+        sigma: its standard deviation.
+        usual: the standard deviation that was expected.
+    """
+    return (
+        f"{described(error, value, sigma)}; that is {abs(value) / usual:.2g} times what is usual, "
+        f"and the data hardly tell it from other errors: measure it, or estimate it without "
+        f"expecting anything ({error.option})"
+    )
+
+
 def _about(value: float, sigma: float, factor: float, unit: str) -> str:
     return f"{factor * abs(value):.3g} +- {factor * sigma:.2g} {unit}"
 
