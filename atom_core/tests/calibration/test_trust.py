@@ -99,6 +99,16 @@ def test_what_does_no_harm(row):
     assert is_right(result, scene), result.message
 
 
+@pytest.mark.xfail(
+    strict=True,
+    reason="seed 1: depth_1 7.8 mm and 4.4 of its sigmas off (2.2 to 3.0 with seeds 0 and 2), "
+    "converged, nothing named: no model error has the shape of waves across the image",
+)
+def test_waves_of_a_depth_camera_are_within_its_sigmas_or_named():
+    scene = FAULTS["depth in steps, 5 % holes, waves of 10 mm"](1)
+    assert holds(calibrate(scene.dataset), scene, "depth_1")
+
+
 @pytest.mark.parametrize("row", NAMED, ids=lambda row: row.fault)
 def test_what_does_harm_is_named(row):
     scene = FAULTS[row.fault](0)
