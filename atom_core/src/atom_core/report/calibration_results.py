@@ -97,6 +97,7 @@ class ModelErrorResult:
         name, target: what it is, and of which sensor or board.
         value, sigma, unit: what must be added, in m, or by which part to grow.
         estimated: the calibration includes it.
+        prior_sigma: standard deviation about zero that was assumed, in its unit; None: free.
         option: what estimates it.
         sentence: what it means.
         rivals: what the data cannot tell it from.
@@ -108,6 +109,7 @@ class ModelErrorResult:
     sigma: float
     unit: str
     estimated: bool
+    prior_sigma: Optional[float]
     option: str
     sentence: str
     rivals: Tuple[str, ...]
@@ -323,24 +325,32 @@ def _range_offset(calibration: Calibration, sensor: str) -> Optional[RangeOffset
 
 
 def _model_errors(calibration: Calibration) -> Tuple[ModelErrorResult, ...]:
-    sigmas = calibration.covariance.error_sigmas
+    sigmas, priors = calibration.covariance.error_sigmas, calibration.error_priors
     found = [
-        _model_error(error, value, sigmas.get(error, 0.0), True)
+        _model_error(error, value, sigmas.get(error, 0.0), True, priors.get(error))
         for error, value in calibration.summary.model_errors.items()
     ]
     for check in calibration.checks:
-        result = _model_error(check.error, check.value, check.sigma, False)
+        result = _model_error(check.error, check.value, check.sigma, False, None)
         found.append(replace(result, rivals=tuple(rival.title for rival in check.rivals)))
     return tuple(found)
 
 
 def _model_error(
-    error: ModelError, value: float, sigma: float, estimated: bool
+    error: ModelError, value: float, sigma: float, estimated: bool, prior_sigma: Optional[float]
 ) -> ModelErrorResult:
     sigma = min(sigma, _LARGEST_SIGMA)
-    sentence = described(error, value, sigma)
     return ModelErrorResult(
-        error.name, error.target, value, sigma, error.unit, estimated, error.option, sentence, ()
+        name=error.name,
+        target=error.target,
+        value=value,
+        sigma=sigma,
+        unit=error.unit,
+        estimated=estimated,
+        prior_sigma=prior_sigma,
+        option=error.option,
+        sentence=described(error, value, sigma),
+        rivals=(),
     )
 
 

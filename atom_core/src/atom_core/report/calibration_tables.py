@@ -20,6 +20,7 @@ from atom_core.report.tables import ABSENT, text_table
 _PROPAGATED_M = 2.0  # the distance whose deviations are shown
 _WIDEST_MATRIX = 12  # sensors, that a matrix of them still fits the screen
 _OUTLIERS_NAMED = 3
+_SHOWN_SIGMAS = 2.0  # an expected error of the model that is less is only in the document
 _SHOWN = {"reprojection": ("px", 1.0, 4), "orthogonal": ("mm", 1e3, 2), "border": ("mm", 1e3, 2)}
 
 
@@ -117,7 +118,8 @@ def _model_error_lines(results: CalibrationResults) -> List[str]:
     lines = []
     for error in results.model_errors:
         if error.estimated:
-            lines.append(f"estimated: {error.sentence}")
+            if error.prior_sigma is None or abs(error.value) > _SHOWN_SIGMAS * error.sigma:
+                lines.append(f"estimated: {error.sentence}")
         elif error.rivals:
             others = ", ".join(error.rivals)
             lines.append(

@@ -137,13 +137,28 @@ def _with_more(
     return before, setup
 
 
-def remarks_on(estimated: Sequence[ModelError], summary: SolverSummary) -> List[str]:
-    """Return a sentence for each model error that was estimated without being asked for."""
-    return [
-        f"estimated, since the data show it: {error.title}"
-        for error in summary.model_errors
-        if error not in estimated
-    ]
+def remarks_on(
+    asked: Sequence[ModelError], summary: SolverSummary, options: SolverOptions
+) -> List[str]:
+    """Return what was estimated without being asked for by name, at most two sentences.
+
+    Args:
+        asked: the errors that the user named.
+        summary: the solution.
+        options: of the solution, with the priors of what the data do not show.
+    """
+    priors = options.error_priors
+    shown = [e.title for e in summary.model_errors if e not in asked and e not in priors]
+    remarks = []
+    if shown:
+        remarks.append(f"estimated, since the data show it: {', '.join(shown)}")
+    count = sum(error in priors for error in summary.model_errors)
+    if count:
+        remarks.append(
+            f"{count} more errors of sensors and boards are estimated near zero, as they usually "
+            f"are, so that the sigmas know of them (calibration.json, model_errors)"
+        )
+    return remarks
 
 
 def suggestion(check: ModelCheck) -> str:
@@ -151,5 +166,8 @@ def suggestion(check: ModelCheck) -> str:
     sentence = described(check.error, check.value, check.sigma)
     if check.rivals:
         others = ", ".join(rival.title for rival in check.rivals)
-        return f"{sentence}; these boards cannot tell it from: {others}"
+        return (
+            f"{sentence}; these boards cannot tell it from: {others} (--model_errors auto leaves "
+            f"room for all of them)"
+        )
     return f"{sentence}: {check.error.option} estimates it"
