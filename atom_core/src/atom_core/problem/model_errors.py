@@ -225,25 +225,26 @@ class BorderSize(AlongAxis):
     what = "border_half_size"
 
     def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
-        if not isinstance(rows.block, BorderBlock):
-            return None
-        return _grown(rows, np.eye(2)[[self.axis] * rows.block.count])
+        return _longer_border(rows, self.axis)
 
 
 @dataclass(frozen=True)
-class SeenBorder(AlongAxis):
-    """How much longer half the border is for one sensor: what its labels add or leave out [m]."""
+class SeenBorder(ModelError):
+    """How much longer half the border is for one sensor: what its labels add or leave out [m].
 
-    what = "seen_border"
+    It is free in tests of other errors, and never estimated.
+
+    Attributes:
+        axis: 0 for x, 1 for y.
+    """
+
+    axis: int
+
+    kind = "seen_border"
 
     def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
         """Return the rows' change; None of other sensors."""
-        return self._of_block(rows) if rows.block.sensor == self.target else None
-
-    def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
-        if not isinstance(rows.block, BorderBlock):
-            return None
-        return _grown(rows, np.eye(2)[[self.axis] * rows.block.count])
+        return _longer_border(rows, self.axis) if rows.block.sensor == self.target else None
 
 
 @dataclass(frozen=True)
@@ -316,6 +317,13 @@ class CameraError(ModelError):
 
 def _flat(points: np.ndarray) -> np.ndarray:
     return np.concatenate([points, np.zeros((len(points), 1))], axis=1)
+
+
+def _longer_border(rows: Rows, axis: int) -> Optional[np.ndarray]:
+    """Return (n, 1): the change of distances as half the border grows along an axis."""
+    if not isinstance(rows.block, BorderBlock):
+        return None
+    return _grown(rows, np.eye(2)[[axis] * rows.block.count])
 
 
 def _grown(rows: Rows, half_size: np.ndarray) -> np.ndarray:

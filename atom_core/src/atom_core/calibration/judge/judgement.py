@@ -132,11 +132,9 @@ def _moving(
     """Return the moving transforms that do not fit, where no single error explains as much."""
     if options.model_errors == OFF:
         return []
-    solver, summary, loss = refined.solver, refined.summary, refined.options.loss
-    equations = solver.equations(summary.x, summary.sigmas, loss)
-    squares = solver.squares(summary.x, summary.sigmas)
+    summary, loss = refined.summary, refined.options.loss
     explained = max((check.gain for check in checks), default=0.0)
-    found = moving_edges(dataset, solver.problem, equations, squares, loss)
+    found = moving_edges(dataset, refined.solver, summary.x, summary.sigmas, loss)
     return [edge for edge in found if edge.gain > 2.0 * explained]
 
 

@@ -18,6 +18,7 @@ from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import BLOCK_SIZE, ROTATION, TRANSLATION
 from atom_core.problem.problem import Problem
 from atom_core.solvers import losses
+from atom_core.solvers.base import Solver
 from atom_core.solvers.normal_equations import NormalEquations, summed
 from atom_core.solvers.shared_equations import inverse as inverse_of
 
@@ -60,27 +61,37 @@ class MovingEdge(NamedTuple):
 
 
 def moving_edges(
-    dataset: Dataset,
-    problem: Problem,
-    equations: NormalEquations,
-    squares: Sequence[np.ndarray],
-    loss: str,
+    dataset: Dataset, solver: Solver, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str
 ) -> List[MovingEdge]:
     """Return the transforms that do not fit, what explains most first.
 
     Args:
         dataset: with the solution in its transforms.
-        problem: that was solved.
-        equations: at the solution.
-        squares: for each residual block, (n,) squared norms at the solution in units of sigma.
-        loss: of the equations.
+        solver: of the problem that was solved.
+        x: its solution.
+        sigmas: for each residual block, (n,) in its unit.
+        loss: robust loss.
     """
+    problem = solver.problem
     runs = _runs(dataset, problem)
-    found = []
+    if not runs:
+        return []
+    equations, squares = solver.equations(x, sigmas, loss), solver.squares(x, sigmas)
+    states = equations.state_jacobians.shape[2]
+    sums = summed(equations.parts, len(problem.detections), states)
+    graph, found = dataset.graph, []
     for run, walked in runs.items():
         keys = dict.fromkeys(problem.detections[d].collection for d in walked)
         child = run[-1].child
-        parts = [_part(dataset, problem, equations, child, key, walked) for key in keys]
+        parts = []
+        for key in keys:
+            sensors_T_child = {
+                d: pose(dataset.collections[key], graph, _frame(dataset, problem, d), child)
+                for d in walked
+                if problem.detections[d].collection == key
+            }
+            twists = {d: walked[d] * se3.adjoint(T) for d, T in sensors_T_child.items()}
+            parts.append(_part(problem, equations, sums, key, twists))
         rows = _weighted_squares(problem, squares, loss, walked)
         found.append(_judged(problem, run, parts, rows))
     return sorted((edge for edge in found if edge is not None), key=lambda e: -e.gain)
@@ -198,25 +209,33 @@ def _spread(parts: Sequence[_Part], noise: float) -> Tuple[float, float]:
     return float(np.sqrt(variance[n - 1])), float(np.sqrt(variance[0]))
 
 
+def _frame(dataset: Dataset, problem: Problem, detection: int) -> str:
+    return dataset.sensors[problem.detections[detection].sensor].frame
+
+
 def _part(
-    dataset: Dataset,
     problem: Problem,
     equations: NormalEquations,
-    child: str,
+    sums: Tuple[np.ndarray, np.ndarray],
     key: str,
-    walked: Mapping[int, float],
+    twists: Mapping[int, np.ndarray],
 ) -> _Part:
-    """Return what a collection says of a twist of the child, boards eliminated."""
-    layout, collection, n = equations.layout, dataset.collections[key], BLOCK_SIZE
+    """Return what a collection says of a twist of the moving part, boards eliminated.
+
+    Args:
+        problem: that was solved.
+        equations: at the solution.
+        sums: information and gradient of all detections by their states.
+        key: of the collection.
+        twists: by detection, (6, 6) its twist in the sensor by that of the moving part.
+    """
+    layout, n, (information, gradient) = equations.layout, BLOCK_SIZE, sums
     states, size = equations.state_jacobians.shape[2], BLOCK_SIZE * (1 + layout.shared)
-    information, gradient = summed(equations.parts, len(problem.detections), states)
     mine = [d for d, k in enumerate(problem.detections) if k.collection == key]
     jacobian, group = np.zeros((len(mine), states, size + n * layout.width)), -1
     for row, d in zip(jacobian, mine):
-        if d in walked:
-            frame = dataset.sensors[problem.detections[d].sensor].frame
-            sensor_T_child = pose(collection, dataset.graph, frame, child)
-            row[:n, :n] = walked[d] * se3.adjoint(sensor_T_child)
+        if d in twists:
+            row[:n, :n] = twists[d]
         for k, block in enumerate(problem.dependencies[d]):
             if block < 0:
                 continue
