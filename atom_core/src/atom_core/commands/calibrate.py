@@ -174,9 +174,12 @@ def _add_intrinsics_option(parser: argparse.ArgumentParser) -> None:
 def _sigma_or_none(text: str) -> Optional[float]:
     if text.lower() == "none":
         return None
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
     if not 0.0 < value < math.inf:
-        raise ValueError(text)
+        raise argparse.ArgumentTypeError(f"'{text}' is neither per cent above 0 nor 'none'")
     return value / 100.0
 
 
