@@ -386,7 +386,7 @@ def test_the_steps_one_by_one_are_the_calibration():
     whole = calibrate(dataset, options)
     prepared = prepare(dataset, options)
     starts = find_starts(prepared, options)
-    setup = SolverSetup(options.solver_options, solver_factory(options.solver_name))
+    setup = SolverSetup(options.solver, solver_factory(options.solver_name))
     chosen = choose_start(starts, prepared, options, setup)
     refined = refine(chosen.solution, prepared.free, options, setup)
     judgement = judge(chosen, refined, options, setup.make)

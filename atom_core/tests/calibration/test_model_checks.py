@@ -53,6 +53,41 @@ def test_auto_estimates_it(kind, solver):
         assert edge.anchored or np.all(np.abs(off) < 4.0 * edge.sigma_translation_m), edge.edge
 
 
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_bent_board_is_estimated_when_asked_for(solver):
+    check_bend(rig("bend x"), solver)
+
+
+@pytest.mark.long
+def test_a_bend_is_known_to_a_fifth_in_nine_rigs_of_ten():
+    assert sum(bend_is_right(rig("bend x", seed)) for seed in range(10)) >= 9
+
+
+def bend_is_right(scene):
+    try:
+        check_bend(scene, "ceres")
+    except AssertionError:
+        return False
+    return True
+
+
+def check_bend(scene, solver):
+    options = CalibrationOptions(board_bend=("pattern_1",), solver_name=solver)
+    result = calibrate(scene.dataset, options)
+    assert (result.status, result.checks) == ("converged", ())
+    along_x, along_y = calibration_results(result, solver).model_errors
+    assert (along_x.name, along_y.name) == ("bend_x", "bend_y") and along_x.estimated
+    assert along_x.value == pytest.approx(0.002, rel=0.2)
+    assert abs(along_x.value - 0.002) < 3.0 * along_x.sigma
+    assert abs(along_y.value) < 4.0 * along_y.sigma
+
+
+def test_the_option_that_is_named_for_a_bend_exists():
+    (check,) = calibrate(rig("bend x").dataset).checks
+    assert check.error.option == "--board_bend pattern_1"
+    assert CalibrationOptions(board_bend=("pattern_1",)).board_bend
+
+
 def test_what_cannot_be_told_apart_is_named_with_its_rival():
     """In this rig the LiDAR sees its boards at much the same distance."""
     result = calibrate(rig("range offset", seed=1).dataset)
@@ -99,7 +134,12 @@ def test_in_rough_rigs_auto_is_better_and_its_sigmas_true(seed):
 
 @pytest.mark.parametrize(
     "option, named",
-    [("range_scale", "depth_1"), ("depth_scale", "lidar_1"), ("board_size", "pattern_9")],
+    [
+        ("range_scale", "depth_1"),
+        ("depth_scale", "lidar_1"),
+        ("board_size", "pattern_9"),
+        ("board_bend", "pattern_9"),
+    ],
 )
 def test_options_for_what_is_not_there_are_refused_by_name(option, named):
     scene = paper_cell(0)

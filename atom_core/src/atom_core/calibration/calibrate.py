@@ -94,7 +94,7 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
     starts = find_starts(prepared, options)
     clock.lap("initialise")
     with Interrupt() as interrupt:
-        setup = _setup(options, interrupt)
+        setup = _setup(dataset, options, interrupt)
         chosen = choose_start(starts, prepared, options, setup)
         chosen = with_half_turns(chosen, starts, prepared, setup)
         refined = refine(chosen.solution, prepared.free, options, setup)
@@ -130,8 +130,8 @@ def _relabeled(before: Dataset, after: Dataset) -> Tuple[DetectionKey, ...]:
     return tuple(key for key, label in after.detections() if label is not before.label(key))
 
 
-def _setup(options: CalibrationOptions, interrupt: Interrupt) -> SolverSetup:
-    solver_options = options.solver_options
+def _setup(dataset: Dataset, options: CalibrationOptions, interrupt: Interrupt) -> SolverSetup:
+    solver_options = options.solver_options(dataset)
     progress = interrupt.watching(solver_options.progress)
     return SolverSetup(
         replace(solver_options, progress=progress), solver_factory(options.solver_name)

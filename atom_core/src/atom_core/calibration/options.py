@@ -7,9 +7,11 @@ from typing import List, Optional, Tuple
 
 import numpy as np
 
+from atom_core.model.dataset import Dataset
 from atom_core.model.joints import JointSelection
 from atom_core.problem.model_errors import (
     AXES,
+    Bend,
     BoardSize,
     BorderShift,
     BorderSize,
@@ -49,6 +51,7 @@ class CalibrationOptions:
         depth_scale: depth cameras whose scale is estimated.
         board_size: patterns whose size is estimated.
         board_border: patterns of which shift and size of the border are estimated.
+        board_bend: patterns whose bend along x and along y is estimated.
         model_errors: whether errors of the model are looked for (``suggest``), estimated until
             none is left (``auto``), or left alone (``off``).
         keep_collections: keys of collections that are used even if they contradict the others.
@@ -74,25 +77,26 @@ class CalibrationOptions:
     depth_scale: Tuple[str, ...] = ()
     board_size: Tuple[str, ...] = ()
     board_border: Tuple[str, ...] = ()
+    board_bend: Tuple[str, ...] = ()
     model_errors: str = SUGGEST
     keep_collections: Tuple[str, ...] = ()
     keep_detections: Tuple[Tuple[str, str], ...] = ()
     undetermined_limit: Tuple[float, float] = (0.05, 0.05)
 
-    @property
-    def solver_options(self) -> SolverOptions:
-        """The solver's, with the model errors to be estimated."""
-        return replace(self.solver, model_errors=self.estimated_errors)
+    def solver_options(self, dataset: Dataset) -> SolverOptions:
+        """Return the solver's, with the model errors of a dataset that are to be estimated."""
+        return replace(self.solver, model_errors=self.estimated_errors(dataset))
 
-    @property
-    def estimated_errors(self) -> Tuple[ModelError, ...]:
-        """The model errors that the user wants to have estimated."""
+    def estimated_errors(self, dataset: Dataset) -> Tuple[ModelError, ...]:
+        """Return the model errors that the user wants to have estimated."""
         errors: List[ModelError] = [RangeOffset(name) for name in self.range_offset]
         errors += [RangeScale(name) for name in self.range_scale]
         errors += [DepthScale(name) for name in self.depth_scale]
         errors += [BoardSize(name) for name in self.board_size]
         for kind in (BorderShift, BorderSize):
             errors += [kind(name, axis) for name in self.board_border for axis in range(len(AXES))]
+        for name in self.board_bend:
+            errors += Bend.of_board(name, dataset.patterns[name].border)
         return tuple(errors)
 
     def __post_init__(self) -> None:

@@ -18,6 +18,7 @@ import numpy as np
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics import project_with_derivatives
+from atom_core.geometry.rectangle import Rectangle
 from atom_core.problem.camera_blocks import TWIST_SIZE
 from atom_core.problem.residuals import (
     BorderBlock,
@@ -261,6 +262,12 @@ class Bend(AlongAxis):
     what = "bend"
     step = 0.001
     usual = 0.002
+
+    @classmethod
+    def of_board(cls, target: str, border: Rectangle) -> Tuple[Bend, ...]:
+        """Return the bends of a board along its two axes."""
+        ends = zip(range(len(AXES)), border.centre, border.half_size)
+        return tuple(cls(target, axis, float(middle), float(half)) for axis, middle, half in ends)
 
     def height(self, in_pattern: np.ndarray) -> np.ndarray:
         """Return (n,): the height of the surface at points (n, 2 or 3), at a bend of one."""

@@ -96,7 +96,7 @@ def judge(
     checks: List[ModelCheck] = []
     moving: List[MovingEdge] = []
     if summary.status == CONVERGED:
-        loss = options.solver_options.loss
+        loss = options.solver.loss
         unfit = misfits(refined.solver, summary.x, summary.sigmas, loss, make_solver)
         if options.solver.weights == SIGMA:
             covariance, checks = _checked(start.initial, refined, options, covariance)

@@ -120,6 +120,7 @@ def check_model_errors(dataset: Dataset, options: CalibrationOptions) -> None:
         "depth_scale": (others, "depth camera"),
         "board_size": (list(dataset.patterns), "pattern"),
         "board_border": (list(dataset.patterns), "pattern"),
+        "board_bend": (list(dataset.patterns), "pattern"),
     }
     for option, (there, noun) in suited.items():
         for name in getattr(options, option):

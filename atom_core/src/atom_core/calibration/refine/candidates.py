@@ -46,11 +46,10 @@ def candidates(dataset: Dataset, problem: Problem) -> List[ModelError]:
                 if max(numbers) < len(intrinsics_names(camera))
             ]
     for name in dict.fromkeys(key.pattern for key in problem.detections):
-        border = dataset.patterns[name].border
         found.append(BoardSize(name))
-        for axis in range(len(AXES)):
-            middle, half_m = float(border.centre[axis]), float(border.half_size[axis])
-            found += [BorderShift(name, axis), Bend(name, axis, middle, half_m)]
+        bends = Bend.of_board(name, dataset.patterns[name].border)
+        for axis, bend in enumerate(bends):
+            found += [BorderShift(name, axis), bend]
     return found
 
 

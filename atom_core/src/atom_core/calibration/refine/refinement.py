@@ -80,7 +80,7 @@ def refine(
     if is_auto:
         summary, setup = with_usual_errors(initial, solver, summary, setup)
     left = {key.collection for key in solver.problem.detections}
-    remarks = remarks_on(options.estimated_errors, summary, setup.options)
+    remarks = remarks_on(options.estimated_errors(initial), summary, setup.options)
     return Refined(
         solver,
         summary,
