@@ -40,6 +40,7 @@ build: setup ## compile into build/ and devel/
 demo: build ## the main job on the simulated cell, from bags to evaluation; results in demo_output/
 	@$(ENV) rosrun atom_examples demo --output demo_output --overwrite
 
+# Rostests wait for much of their time: one more of them than there are processors.
 test: build ## lint and every test: pytest, gtest, rostest
 	@$(ENV) failed=(); \
 	$(MAKE) --no-print-directory lint-only || failed+=(lint); \
@@ -47,7 +48,7 @@ test: build ## lint and every test: pytest, gtest, rostest
 	bash tests/noetic_versions.bash || failed+=("Noetic's versions"); \
 	$(COMPILE) --target tests || failed+=("tests' build"); \
 	rm -rf build/test_results; \
-	(cd build && ROS_HOME="$$PWD/ros_home" ctest -j $(JOBS) --output-on-failure) \
+	(cd build && ROS_HOME="$$PWD/ros_home" ctest -j $$(($(JOBS) + 1)) --output-on-failure) \
 	|| { python3 tests/failed_cases.py build/test_results; failed+=(ctest); }; \
 	if [ "$${#failed[@]}" -gt 0 ]; then echo "make test: failed: $${failed[*]}" >&2; exit 1; fi
 

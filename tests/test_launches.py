@@ -1,7 +1,8 @@
 """Every launch file of the suite and of a fresh calibration package starts and stops cleanly.
 
 Launch files are found by name, so that a new one is covered without a word here; only an argument
-that it asks for, and that no other one has, needs its line in `Inputs.arguments`.
+that it asks for, and that no other one has, needs its line in `Inputs.arguments`. Those with RViz
+are started with it by `make test`, and without it, too, by `make test-long`.
 """
 
 from __future__ import annotations
@@ -89,6 +90,11 @@ def both(package: str, file: str, text: str) -> List[Case]:
 
 
 CASES = launch_files()
+WITHOUT_ITS_RVIZ = {case for case in CASES if case._replace(rviz=True) in CASES and not case.rviz}
+CHOSEN = [
+    pytest.param(case, marks=pytest.mark.long) if case in WITHOUT_ITS_RVIZ else case
+    for case in CASES
+]
 
 RVIZ_NODE = re.compile(r'<node[^>]*type="rviz"[^>]*?(?:/>|>.*?</node>)', re.DOTALL)
 WITH_RVIZ = [
@@ -181,7 +187,7 @@ def outcomes(request, inputs):
         yield {case: pool.submit(started_and_stopped, case, inputs) for case in chosen}
 
 
-@pytest.mark.parametrize("case", CASES, ids=str)
+@pytest.mark.parametrize("case", CHOSEN, ids=str)
 def test_it_starts_and_stops_cleanly(case, outcomes):
     outcome = outcomes[case].result()
     assert not outcome.not_started, f"{outcome.not_started} did not start:\n{outcome.said}"

@@ -91,7 +91,7 @@ def test_noise_is_that_of_the_settings(cell, scanner):
 
 
 def test_one_of_them_sees_the_board_at_each_stop(cell):
-    for stop in plan_stops(cell, "test", 6):
+    for stop in plan_stops(cell, "test", 3):
         cell.scene.place_board(stop.world_T_pattern)
         cell.scene.place_person(stop.person)
         assert max(cut_length_m(cell, name) for name in NAMES) >= LEAST_CUT_M
@@ -184,8 +184,8 @@ def assess(folder, seed, collections):
 
 @pytest.mark.slow
 def test_boards_are_found_in_a_bag_with_automatic_seeds(tmp_path):
-    result = assess(tmp_path, seed=0, collections=4)
-    assert result.expected >= 4 and result.found >= 0.8 and result.false == 0
+    result = assess(tmp_path, seed=0, collections=2)
+    assert result.expected >= 2 and result.found == 1.0 and result.false == 0
 
 
 @pytest.mark.long

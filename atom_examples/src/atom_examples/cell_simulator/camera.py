@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Optional, Tuple
 
 import cv2
@@ -56,7 +57,7 @@ class ColourCamera:
         noise_grey: float,
         errors: CameraErrors = CameraErrors(),  # noqa: B008 (frozen)
     ):
-        """Prepare the way of each fine pixel through the lens.
+        """The way of each fine pixel through the lens is prepared by the first picture.
 
         Args:
             name: of the view in the scene.
@@ -66,7 +67,12 @@ class ColourCamera:
         """
         self.name, self.camera, self.noise_grey = name, camera, noise_grey
         self.errors, self._shade = errors, _shade(camera, errors.vignetting)
-        pinhole, first = _pinhole(name, camera)
+
+    @cached_property
+    def _maps(self) -> Tuple[np.ndarray, np.ndarray]:
+        """Where each fine pixel is in the drawn picture, as `cv2.remap` takes it."""
+        camera = self.camera
+        pinhole, first = _pinhole(self.name, camera)
         columns, to_columns = _knots(camera.width)
         rows, to_rows = _knots(camera.height)
         knots = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
@@ -74,7 +80,7 @@ class ColourCamera:
         fine = (undistorted + 0.5) * FINER - 0.5
         x, y = (to_rows @ c.reshape(len(rows), -1) @ to_columns.T for c in fine.T)
         y = FINER * pinhole.height - 1 - y  # drawn pictures start with the bottom row
-        self._maps = cv2.convertMaps(x.astype(np.float32), y.astype(np.float32), cv2.CV_16SC2)
+        return cv2.convertMaps(x.astype(np.float32), y.astype(np.float32), cv2.CV_16SC2)
 
     def capture(self, scene: Scene, rng: Optional[np.random.Generator] = None) -> np.ndarray:
         """Return the picture (height, width, 3) uint8, red green blue; without rng, no noise."""

@@ -118,8 +118,9 @@ class World:
         self.profile, self.realism = profile, _realism(self.settings, profile, self._files)
         self.planted = planted_in(self.rig, [PATTERN], self.realism, [seed, _ERRORS])
         self.home = _joint_positions(self._files.home)
-        self._check_links(self.description(EXACT))
-        self.rig = clear_of(self.rig, self._structure())
+        drawn = self.description(EXACT)
+        self._check_links(drawn)
+        self.rig = clear_of(self.rig, self._structure(drawn))
         truth = self.description(EXACT)
         self.scene = self._scene(truth)
         self.colours = {
@@ -205,9 +206,8 @@ class World:
                     f"'{sensor.frame}'; mend its 'frame' or add the link to {self._files.cell.name}"
                 )
 
-    def _structure(self) -> List[Box]:
+    def _structure(self, truth: Description) -> List[Box]:
         """Return the boxes of the cell, without the sensors' own bodies."""
-        truth = self.description(EXACT)
         bodies = {sensor.edge.child for sensor in self.rig.sensors.values()}
         visuals = [v for v in read_visuals(truth.urdf, self._resolve) if v.link not in bodies]
         return boxes_of(truth.robot, visuals, self.home)
