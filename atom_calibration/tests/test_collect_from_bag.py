@@ -157,11 +157,104 @@ def test_the_skew_is_compared_in_milliseconds(place, make):
         assert len(entry["data"]) == 1
 
 
+def test_a_sensor_whose_stamps_are_too_far_from_the_others_is_named_with_the_remedy(
+    place, make, capsys
+):
+    arguments = place(messages(make, lag_s=0.05))
+    place.config.write_text(CONFIG.replace("msgs: 200", "msgs: 20"))
+    assert main(arguments) == 1
+    said = capsys.readouterr().err
+    assert "sensor 'lidar' saw the board in 3 of 3 collections and is not in them" in said
+    assert "would last 50 ms; raise max_duration_between_msgs" in said
+
+
+def test_a_time_without_data_names_the_nearest_and_the_setting(place, capsys):
+    arguments = [*place(), "--times", "100.575"]
+    place.config.write_text(CONFIG.replace("msgs: 200", "msgs: 20"))
+    line = refusal(arguments, capsys)
+    assert "no sensor has data within 10 ms" in line and "'cam', 25 ms away" in line
+    assert "raise max_duration_between_msgs, which is 20 ms" in line
+
+
+def with_clock(make, ahead_s, stops=STOPS):
+    """The LiDAR's stamps are ahead of the time at which its data are measured and received."""
+    content = list(messages(make, stops=stops))
+    for topic, message, _ in content:
+        if topic == "/lidar/points":
+            message.header.stamp = type(message.header.stamp).from_sec(
+                message.header.stamp.to_sec() + ahead_s
+            )
+    return content
+
+
+@pytest.mark.parametrize("ahead_s", [0.25, -0.4])
+def test_a_clock_that_is_off_is_said_and_receipt_serves(place, make, capsys, ahead_s):
+    arguments = [*place(with_clock(make, ahead_s)), "--overwrite"]
+    main(arguments)
+    said = capsys.readouterr().err
+    assert "warning: sensor 'lidar': " in said and "--use_receive_time lidar" in said
+    assert ("its clock is ahead" if ahead_s > 0 else "its clock is behind") in said
+    assert main([*arguments, "--use_receive_time", "lidar"]) == 0
+    assert "clock" not in capsys.readouterr().err
+    dataset = read_dataset(place.folder / "dataset.json")
+    assert len(dataset.collections) == STOPS
+    data = dataset.document["collections"]["001"]["data"]
+    stamps = [data[n]["header"]["stamp"] for n in ("cam", "lidar")]
+    seconds = [stamp["secs"] + 1e-9 * stamp["nsecs"] for stamp in stamps]
+    assert abs(seconds[0] - seconds[1]) < 0.2
+
+
+def test_a_clock_that_counts_from_elsewhere_is_refused(place, make, capsys):
+    arguments = place(with_clock(make, -90.0))
+    line = refusal(arguments, capsys)
+    assert "'lidar': its stamps are 90.0 s before those of the other sensors" in line
+    assert "--use_receive_time lidar" in line
+    assert main([*arguments, "--use_receive_time", "lidar", "--overwrite"]) == 0
+
+
+def test_a_copy_of_an_older_bag_has_no_wrong_clocks(place, make, capsys):
+    later = [(topic, message, time + 1e6) for topic, message, time in messages(make)]
+    assert main(place(later)) == 0
+    assert "clock" not in capsys.readouterr().err
+    assert list(read_dataset(place.folder / "dataset.json").collections) == ["000", "001", "002"]
+    assert main([*place(later), "--interval", "1.0", "--overwrite"]) in (0, 1)
+
+
+def test_transforms_of_another_clock_are_refused(place, make, capsys):
+    late = [(topic, m, time + 90.0) for topic, m, time in messages(make)]
+    for _, message, time in late:
+        if hasattr(message, "header"):
+            message.header.stamp = type(message.header.stamp).from_sec(time)
+    assert "/tf: its stamps are 90.0 s before" in refusal(place(late), capsys)
+
+
+def test_receipt_of_an_unknown_sensor_is_refused(place, capsys):
+    line = refusal([*place(), "--use_receive_time", "radar"], capsys)
+    assert "there is no sensor 'radar'; there are cam, lidar" in line
+
+
 def test_an_interval_takes_collections_and_leaves_out_what_moves(place, capsys):
     assert main([*place(), "--interval", "0.5"]) == 1
     assert "the board moved by" in capsys.readouterr().err
     dataset = read_dataset(place.folder / "dataset.json")
     assert 3 * STOPS - 2 <= len(dataset.collections) <= 3 * STOPS + 2
+
+
+def test_an_interval_shorter_than_the_data_takes_each_of_them_once(place, capsys):
+    assert main([*place(), "--interval", "0.04"]) == 1
+    said = capsys.readouterr().err
+    assert "had the very data of the collection before" in said
+    document = read_dataset(place.folder / "dataset.json").document
+    stamps = [
+        tuple(
+            sorted(
+                (n, d["header"]["stamp"]["secs"], d["header"]["stamp"]["nsecs"])
+                for n, d in c["data"].items()
+            )
+        )
+        for c in document["collections"].values()
+    ]
+    assert len(stamps) > 5 * STOPS and len(set(stamps)) == len(stamps)
 
 
 def test_times_that_are_given_are_taken(place):

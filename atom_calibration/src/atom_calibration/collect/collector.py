@@ -17,6 +17,7 @@ from atom_calibration.collect.selection import (
     check_still,
     choose_frames,
     same_place,
+    too_far,
 )
 from atom_calibration.errors import CollectionError, TransformError
 from atom_calibration.modalities.frames import Frame
@@ -41,6 +42,7 @@ from atom_core.model.sensor import Sensor
 from atom_core.model.transforms import Edge, FrameGraph, chain_transform
 
 PICTURES_FOLDER = "pictures"
+_LEAST_MEMORY_S = 1.0  # so that a message can say how far away data are
 
 
 class Moments(Protocol):
@@ -89,19 +91,37 @@ class Collector:
     Attributes:
         taken: number of detections by sensor, in the collections taken.
         refused: why moments became no collection.
+        repeated: number of moments whose data are those of the collection before.
+        apart_ms: by sensor that saw the board and is not in a collection, how long all stamps of
+            that collection would last with its own.
     """
 
     def __init__(self, setup: Setup, moments: Moments):
         """Start; nothing is written before the first collection."""
         self._setup, self._moments = setup, moments
         skew = setup.config.max_duration_between_msgs_s
-        self._recent = RecentFrames(moments.memory_s + 2 * skew)
+        self._recent = RecentFrames(max(moments.memory_s + 2 * skew, _LEAST_MEMORY_S))
         self._last: Tuple[str, Mapping[str, Frame]] = ("", {})  # key and frames
         self._seeds: Dict[str, List[Seed]] = {}  # by collection
         self._detected: Dict[str, List[str]] = {}  # sensors by collection
         self.taken: Counter = Counter(dict.fromkeys(setup.sensors, 0))
         self.reasons: Dict[str, Counter] = {name: Counter() for name in setup.sensors}
         self.refused: List[str] = []
+        self.repeated = 0
+        self.apart_ms: Dict[str, List[float]] = {}
+        self._doubtful: List[Tuple[Moment, str]] = []  # looked like a stop to some sensor
+        self._done: List[Moment] = []
+
+    @property
+    def passed(self) -> List[str]:
+        """Why what looked like a stop became no collection, nor others of that time."""
+        return [
+            why
+            for moment, why in self._doubtful
+            if not any(
+                done.start_s <= moment.end_s and moment.start_s <= done.end_s for done in self._done
+            )
+        ]
 
     def add(self, frame: Frame) -> List[str]:
         """Take note of a labeled frame; return the keys of collections that were written."""
@@ -144,18 +164,20 @@ class Collector:
         frames = self._recent.between(moment.start_s, moment.end_s)
         chosen = choose_frames(frames, moment, skew)
         if not any(frame.detections for frame in chosen.values()):
-            raise CollectionError(
-                f"time {moment.start_s:.3f}: no sensor sees the board; choose another time"
-            )
+            raise CollectionError(self._recent.why_nothing(moment, skew))
         try:
             check_still(chosen, self._recent, moment)
-        except CollectionError:
+        except CollectionError as error:
             if setup.at_stops and not asked:  # to some sensor it only looked like a stop
+                self._doubtful.append((moment, str(error)))
                 return None
             raise
-        if setup.at_stops and not asked and same_place(chosen, self._last[1]):
+        if not asked and self._is_known(moment, chosen):
             return None
         key = write_collection(setup, chosen)
+        self._done.append(moment)
+        for name, apart_s in too_far(frames, chosen).items():
+            self.apart_ms.setdefault(name, []).append(1000.0 * apart_s)
         self._last = (key, chosen)
         self._remember(key, chosen)
         return key
@@ -172,6 +194,17 @@ class Collector:
             self._last = ("", {})
         self._seeds.pop(key, None)
         self._write_seeds()
+
+    def _is_known(self, moment: Moment, chosen: Mapping[str, Frame]) -> bool:
+        """Tell whether a moment gives the collection before once more."""
+        before = self._last[1]
+        if self._setup.at_stops:
+            known = same_place(chosen, before)
+            self._done += [moment] * known
+            return known
+        stamps = [{name: f.stamp_s for name, f in of.items()} for of in (chosen, before)]
+        self.repeated += stamps[0] == stamps[1]
+        return stamps[0] == stamps[1]
 
     def _take_or_refuse(self, moment: Moment) -> Iterator[str]:
         try:

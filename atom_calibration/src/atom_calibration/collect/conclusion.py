@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Callable, List
+from typing import Callable, Iterator, List
+
+import numpy as np
 
 from atom_calibration.collect.collector import Collector
 from atom_calibration.errors import CollectionError
@@ -28,7 +30,8 @@ def conclude(
         warn: is told, in one line each, what the user should know.
 
     Returns:
-        The exit code: 1 if a sensor never saw the board, or moments became no collection.
+        The exit code: 1 if a sensor never saw the board, if moments became no collection, or if
+        not even half of what looked like a stop did.
 
     Raises:
         CollectionError: there is no collection.
@@ -40,14 +43,35 @@ def conclude(
             for name, reasons in collector.reasons.items()
             if reasons
         )
-        why = collector.refused[0] if collector.refused else "the board never stood still in view"
+        whys = [*collector.refused, *collector.passed, "the board never stood still in view"]
+        why = whys[0]
         raise CollectionError(f"{store.folder}: no collection was taken: {why} ({never})")
     path, _ = store.assemble()
     say("\n".join([*summary(collector, keys), "", f"{path}: {len(keys)} collections"]))
+    for text in left_out(collector, keys):
+        warn(text)
     unseen = [name for name, count in collector.taken.items() if not count]
     for name in unseen:
         warn(f"sensor '{name}' never saw the board in a collection")
-    return NOT_ACCEPTABLE if unseen or collector.refused else DONE
+    fewer = len(collector.passed) > len(keys)
+    return NOT_ACCEPTABLE if unseen or collector.refused or fewer else DONE
+
+
+def left_out(collector: Collector, keys: List[str]) -> Iterator[str]:
+    """Yield what became no part of a collection, and why."""
+    for why in collector.passed:
+        yield f"a stop is not taken: {why}"
+    if collector.repeated:
+        yield (
+            f"{collector.repeated} moments had the very data of the collection before and are not "
+            f"taken: they follow each other faster than the data"
+        )
+    for name, apart_ms in collector.apart_ms.items():
+        yield (
+            f"sensor '{name}' saw the board in {len(apart_ms)} of {len(keys)} collections and is "
+            f"not in them: with it their stamps would last {np.median(apart_ms):.0f} ms; raise "
+            f"max_duration_between_msgs, or correct its clock (--use_receive_time {name})"
+        )
 
 
 def summary(collector: Collector, keys: List[str]) -> List[str]:

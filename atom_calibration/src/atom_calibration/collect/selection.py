@@ -193,6 +193,24 @@ class RecentFrames:
         low, high = start_s - _EPSILON_S, end_s + _EPSILON_S
         return [f for q in self._frames.values() for f in q if low <= f.stamp_s <= high]
 
+    def why_nothing(self, moment: Moment, max_skew_s: float) -> str:
+        """Return why a moment gives no collection: nobody sees the board, or data are too far."""
+        time_s = 0.5 * (moment.start_s + moment.end_s)
+        nearest_s = {
+            name: min(abs(frame.stamp_s - time_s) for frame in frames)
+            for name, frames in self._frames.items()
+            if frames
+        }
+        near = [name for name, gap_s in nearest_s.items() if gap_s <= 0.5 * max_skew_s + _EPSILON_S]
+        if near or not nearest_s:
+            return f"time {moment.start_s:.3f}: no sensor sees the board; choose another time"
+        name, gap_s = min(nearest_s.items(), key=lambda item: item[1])
+        return (
+            f"time {time_s:.3f}: no sensor has data within {500 * max_skew_s:.0f} ms of it; the "
+            f"nearest are those of sensor '{name}', {1000 * gap_s:.0f} ms away: raise "
+            f"max_duration_between_msgs, which is {1000 * max_skew_s:.0f} ms"
+        )
+
     def speeds(self, start_s: float, end_s: float) -> Dict[Tuple[str, str], float]:
         """Return how fast the board moved [sigmas / s] by (sensor, pattern), where it shows."""
         ends: Dict[Tuple[str, str], List[Tuple[float, Sighting]]] = {}
@@ -238,6 +256,24 @@ def skew_s(frames: Mapping[str, Frame]) -> float:
     """Return the greatest difference of the stamps [s]."""
     stamps = [frame.stamp_s for frame in frames.values()]
     return max(stamps) - min(stamps) if stamps else 0.0
+
+
+def too_far(frames: List[Frame], chosen: Mapping[str, Frame]) -> Dict[str, float]:
+    """Return by sensor that saw the board, and was not chosen, how long the stamps would last [s].
+
+    Args:
+        frames: of the moment, of all sensors.
+        chosen: of them, those that were taken.
+    """
+    stamps = [frame.stamp_s for frame in chosen.values()]
+    lasting_s: Dict[str, float] = {}
+    for frame in frames:
+        name = frame.sensor.name
+        if frame.detections and name not in chosen:
+            with_it = [*stamps, frame.stamp_s]
+            span_s = max(with_it) - min(with_it)
+            lasting_s[name] = min(span_s, lasting_s.get(name, span_s))
+    return lasting_s
 
 
 def check_still(

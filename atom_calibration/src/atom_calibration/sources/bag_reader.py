@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
-from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence
+from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence
 
+import numpy as np
 import rosbag
 import rospy
 
 from atom_calibration.errors import BagError
 
 _LISTED = 12  # topics that a message lists at most
+_TIMED = 20  # messages that tell how stamps lie against the times of receipt
 
 
 class BagMessage(NamedTuple):
@@ -94,6 +97,22 @@ class BagReader:
         for found in self.messages([topic]):
             return found.message
         raise self.absent(topic, (), "nothing")
+
+    def receipt_lag_s(
+        self, topics: Sequence[str], stamp_s: Callable[[Any], float]
+    ) -> Optional[float]:
+        """Return how long after their stamps messages were received [s]: the median of the first.
+
+        Args:
+            topics: whose messages.
+            stamp_s: returns the stamp of a message [s].
+
+        Returns:
+            Negative where stamps are later than the receipt; None where there is no message.
+        """
+        first = islice(self.messages(topics), _TIMED)
+        lags_s = [found.recorded_s - stamp_s(found.message) for found in first]
+        return float(np.median(lags_s)) if lags_s else None
 
     def topics_of(self, types: Sequence[str]) -> List[str]:
         """Return the topics that carry messages of these types."""

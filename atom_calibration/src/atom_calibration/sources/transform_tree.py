@@ -166,7 +166,12 @@ class TransformTree:
 
 
 class BagTransforms:
-    """The transforms of a bag; only a few seconds of /tf are in memory at a time."""
+    """The transforms of a bag; only a few seconds of /tf are in memory at a time.
+
+    Attributes:
+        lag_s: how long after their stamps the messages of /tf were received [s], where that is
+            more than a delay: a bag that was played and recorded anew. Otherwise 0.
+    """
 
     def __init__(self, bag: BagReader, max_gap_s: float = DEFAULT_MAX_GAP_S):
         """Read /tf_static.
@@ -187,6 +192,8 @@ class BagTransforms:
         if self._static_topics:
             for found in bag.messages(self._static_topics):
                 self._static.update({edge_of(m): m for m in found.message.transforms})
+        lag_s = bag.receipt_lag_s(self._moving_topics, _newest_s) if self._moving_topics else None
+        self.lag_s = 0.0 if lag_s is None or abs(lag_s) <= _LATENCY_S else lag_s
         self._window: Tuple[float, float] = (np.inf, -np.inf)
         self._tree = TransformTree()
 
@@ -204,10 +211,11 @@ class BagTransforms:
 
     def _read(self, start_s: float, end_s: float) -> TransformTree:
         margin = self._max_gap_s + _LATENCY_S
+        recorded = start_s - margin + self.lag_s, end_s + margin + self.lag_s
         tree = TransformTree(end_s - start_s + 4 * margin, self._max_gap_s)
         tree.add(self._static.values(), fixed=True)
         if self._moving_topics:
-            for found in self._bag.messages(self._moving_topics, start_s - margin, end_s + margin):
+            for found in self._bag.messages(self._moving_topics, *recorded):
                 tree.add(found.message.transforms, fixed=False)
         return tree
 
@@ -251,6 +259,11 @@ def _copy(edge: Edge, matrix: np.ndarray, message: Any) -> TransformStamped:
     t.x, t.y, t.z = (float(v) for v in matrix[:3, 3])
     q.x, q.y, q.z, q.w = (float(v) for v in se3.quaternion_from_rotation(matrix[:3, :3]))
     return copy
+
+
+def _newest_s(message: Any) -> float:
+    """Return the newest stamp of a message of /tf [s]."""
+    return max((stamp_s(transform) for transform in message.transforms), default=np.nan)
 
 
 def _time_text(time_s: Optional[float]) -> str:

@@ -7,10 +7,11 @@ import sys
 from collections import Counter, deque
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, Deque, Iterator, List, Optional, Sequence
+from typing import Any, Collection, Deque, Iterator, List, Optional, Sequence, Tuple
 
 import cv2
 import numpy as np
+import rospy
 from tqdm import tqdm
 
 from atom_calibration.collect.collector import Collector, Moments, Setup
@@ -18,7 +19,8 @@ from atom_calibration.collect.conclusion import conclude
 from atom_calibration.collect.expectation import PointExpectation
 from atom_calibration.collect.joint_positions import described_joints
 from atom_calibration.collect.selection import StopMoments, TimedMoments
-from atom_calibration.errors import MessageError
+from atom_calibration.collect.stamps import check_clocks, receipt_lags_s
+from atom_calibration.errors import CollectionError, MessageError
 from atom_calibration.labels.frame_labeler import FrameLabeler
 from atom_calibration.modalities.frames import Frame, decode
 from atom_calibration.sources.bag_reader import BagReader
@@ -29,6 +31,7 @@ from atom_core.errors import AtomError
 from atom_core.io.collections import CollectionStore
 from atom_core.io.config_yaml import read_config
 from atom_core.io.seeds import read_seeds
+from atom_core.model.config import CalibrationConfig
 from atom_core.model.pattern import pattern_from_config
 
 EXAMPLE = (
@@ -63,13 +66,14 @@ def collect_from_bag(args: argparse.Namespace) -> int:
     with BagReader(args.bag) as bag:
         rig = rig_from_bag(config, bag)
         transforms = BagTransforms(bag)
-        check_frames(rig, config, transforms.at(bag.start_s))
-        for warning in (*config.warnings, *rig.warnings):
+        check_frames(rig, config, transforms.at(bag.start_s - transforms.lag_s))
+        clocks = _clocks(bag, rig, args.use_receive_time, transforms.lag_s)
+        for warning in (*config.warnings, *rig.warnings, *clocks):
             _warn(warning)
         patterns = {n: pattern_from_config(n, p) for n, p in config.calibration_patterns.items()}
         seeds = read_seeds(args.seeds, rig.sensors) if args.seeds else []
         labeler = FrameLabeler(config, rig.sensors, patterns, seeds, args.automatic_seeds == "on")
-        moments = _moments(args, config.max_duration_between_msgs_s, bag, patterns)
+        moments = _moments(args, config, (bag.start_s, bag.end_s), transforms.lag_s)
         store = CollectionStore.create(args.output, args.overwrite)
         setup = Setup(
             config,
@@ -86,17 +90,35 @@ def collect_from_bag(args: argparse.Namespace) -> int:
         collector = Collector(setup, moments)
         expectation = PointExpectation(setup)
         keys: List[str] = []
-        for frame in labeled_frames(bag, rig, labeler, transforms):
+        for frame in labeled_frames(bag, rig, labeler, transforms, args.use_receive_time):
             expectation.add(frame)
             keys += collector.add(frame)
         keys += collector.finish()
     return conclude(store, collector, keys, print, _warn)
 
 
+def _clocks(bag: BagReader, rig: Rig, received: Collection[str], tf_lag_s: float) -> List[str]:
+    """Return what is to be said of the sensors' clocks, without those whose stamps are not used."""
+    for name in received:
+        if name not in rig.sensors:
+            raise CollectionError(
+                f"--use_receive_time: there is no sensor '{name}'; there are "
+                f"{', '.join(rig.sensors)}"
+            )
+    lags_s = receipt_lags_s(bag, rig.topics)
+    return check_clocks({n: 0.0 if n in received else lag for n, lag in lags_s.items()}, tf_lag_s)
+
+
 def labeled_frames(
-    bag: BagReader, rig: Rig, labeler: FrameLabeler, transforms: BagTransforms
+    bag: BagReader,
+    rig: Rig,
+    labeler: FrameLabeler,
+    transforms: BagTransforms,
+    received: Collection[str] = (),
 ) -> Iterator[Frame]:
     """Yield every frame of the bag, labeled, in the order of recording.
+
+    The stamps of sensors in ``received`` are replaced by the times of receipt.
 
     Images are decoded and labeled by threads a few messages ahead; what needs the result of
     the frame before it, the tracking of range sensors, is done here.
@@ -107,7 +129,7 @@ def labeled_frames(
     total = sum(bag.counts[topic] for topic in rig.topics)
     progress = tqdm(total=total, desc=bag.path.name, unit="msg", mininterval=0.5)
     with ThreadPoolExecutor(_WORKERS) as pool, progress:
-        for future in _ahead(pool, bag, rig, labeler):
+        for future in _ahead(pool, bag, rig, labeler, received):
             progress.update()
             try:
                 frame = future.result()
@@ -123,12 +145,18 @@ def labeled_frames(
 
 
 def _ahead(
-    pool: ThreadPoolExecutor, bag: BagReader, rig: Rig, labeler: FrameLabeler
+    pool: ThreadPoolExecutor,
+    bag: BagReader,
+    rig: Rig,
+    labeler: FrameLabeler,
+    received: Collection[str],
 ) -> Iterator[Future]:
     waiting: Deque[Future] = deque()
     try:
         for found in bag.messages(list(rig.topics)):
             sensor = rig.topics[found.topic]
+            if sensor.name in received:
+                found.message.header.stamp = rospy.Time.from_sec(found.recorded_s)
             waiting.append(pool.submit(_prepared, labeler, sensor, found.message))
             if len(waiting) > _LOOK_AHEAD:
                 yield waiting.popleft()
@@ -144,13 +172,21 @@ def _prepared(labeler: FrameLabeler, sensor: Any, message: Any) -> Frame:
     return labeler.label_unseeded(frame) if frame.ros.seeds is None else frame
 
 
-def _moments(args: argparse.Namespace, skew_s: float, bag: BagReader, patterns: Any) -> Moments:
+def _moments(
+    args: argparse.Namespace,
+    config: CalibrationConfig,
+    recorded_s: Tuple[float, float],
+    lag_s: float,
+) -> Moments:
+    """Return when collections are taken, of a bag that was recorded from when to when [s]."""
+    skew_s = config.max_duration_between_msgs_s
     if args.times:
         return TimedMoments(sorted(args.times), skew_s)
     if args.interval:
-        times = np.arange(bag.start_s + 0.5 * args.interval, bag.end_s, args.interval)
+        first_s, last_s = (time_s - lag_s for time_s in recorded_s)
+        times = np.arange(first_s + 0.5 * args.interval, last_s, args.interval)
         return TimedMoments(times.tolist(), skew_s)
-    return StopMoments(patterns)
+    return StopMoments(config.calibration_patterns)
 
 
 def _warn(text: str) -> None:
@@ -175,6 +211,30 @@ def parser() -> argparse.ArgumentParser:
         metavar="FILE",
         help="where range sensors find the board (YAML); these seeds win over automatic ones",
     )
+    _add_moments(made)
+    add_option(
+        made,
+        "automatic_seeds",
+        choices=("on", "off"),
+        default="on",
+        help="predict seeds from the cameras and search the board (default: on)",
+    )
+    add_option(
+        made,
+        "use_receive_time",
+        nargs="+",
+        default=(),
+        metavar="SENSOR",
+        help="of these sensors the time of receipt is taken instead of the stamps",
+    )
+    add_option(
+        made, "pictures", action="store_true", help="write pictures of the labels to look at"
+    )
+    return made
+
+
+def _add_moments(made: argparse.ArgumentParser) -> None:
+    """Add what says when collections are taken."""
     when = made.add_mutually_exclusive_group()
     add_option(
         when,
@@ -189,17 +249,6 @@ def parser() -> argparse.ArgumentParser:
     add_option(
         when, "times", type=float, nargs="+", metavar="T", help="a collection at each time [s]"
     )
-    add_option(
-        made,
-        "automatic_seeds",
-        choices=("on", "off"),
-        default="on",
-        help="predict seeds from the cameras and search the board (default: on)",
-    )
-    add_option(
-        made, "pictures", action="store_true", help="write pictures of the labels to look at"
-    )
-    return made
 
 
 def _positive(text: str) -> float:

@@ -1,0 +1,72 @@
+"""Do the clocks of the sensors agree? Stamps against the times at which a bag received them."""
+
+from __future__ import annotations
+
+from typing import Dict, List, Mapping
+
+from atom_calibration.errors import CollectionError
+from atom_calibration.messages.headers import stamp_s
+from atom_calibration.sources.bag_reader import BagReader
+from atom_core.model.sensor import Sensor
+
+_OTHER_CLOCK_S = 10.0
+_NOTEWORTHY_S = 0.15  # exposure, a turn of a LiDAR and the way to the recorder take less
+_AHEAD_S = 0.02  # a stamp after its receipt cannot be right; clocks of two computers may differ
+
+
+def receipt_lags_s(bag: BagReader, topics: Mapping[str, Sensor]) -> Dict[str, float]:
+    """Return by sensor how long after their stamps its first messages were received [s].
+
+    Args:
+        bag: the recording.
+        topics: sensors by the topic of their data.
+    """
+    lags = {s.name: bag.receipt_lag_s([topic], stamp_s) for topic, s in topics.items()}
+    return {name: lag for name, lag in lags.items() if lag is not None}
+
+
+def check_clocks(lags_s: Mapping[str, float], tf_lag_s: float) -> List[str]:
+    """Return what a user should know of the sensors' clocks, a sentence for each.
+
+    What all sensors have in common is no fault: a bag may be a copy of an older one. The sensor
+    whose stamps are nearest to the times of receipt is what the others are compared with.
+
+    Args:
+        lags_s: receipt after stamp by sensor [s]; 0 for sensors whose stamps are not used.
+        tf_lag_s: that of the moving transforms.
+
+    Raises:
+        CollectionError: a sensor, or the transforms, have another clock.
+    """
+    usual_s = min(lags_s.values(), key=abs)
+    warnings = []
+    for name, lag_s in lags_s.items():
+        more_s = lag_s - usual_s
+        remedy = f"--use_receive_time {name}"
+        if abs(more_s) > _OTHER_CLOCK_S:
+            side = "before" if more_s > 0 else "after"
+            raise CollectionError(
+                f"sensor '{name}': its stamps are {abs(more_s):.1f} s {side} those of the other "
+                f"sensors, against the times of receipt: it has another clock; {remedy} takes the "
+                f"times of receipt instead"
+            )
+        if more_s > _NOTEWORTHY_S:
+            warnings.append(
+                f"sensor '{name}': its data were received {more_s:.2f} s later after their stamps "
+                f"than those of the other sensors: they came late, or its clock is behind; if its "
+                f"clock is, {remedy}"
+            )
+        elif more_s < -_NOTEWORTHY_S or (lag_s < -_AHEAD_S and more_s < -_AHEAD_S):
+            warnings.append(
+                f"sensor '{name}': against the times of receipt its stamps lie {-more_s:.2f} s "
+                f"after those of the other sensors: its clock is ahead; {remedy} takes the times "
+                f"of receipt instead"
+            )
+    apart_s = tf_lag_s - usual_s
+    if abs(apart_s) > _OTHER_CLOCK_S:
+        side = "before" if apart_s > 0 else "after"
+        raise CollectionError(
+            f"/tf: its stamps are {abs(apart_s):.1f} s {side} those of the sensors, against the "
+            f"times of receipt: it has another clock; record it with the clock of the sensors"
+        )
+    return warnings
