@@ -63,15 +63,16 @@ void SetParts(const py::list& parts, std::vector<ParameterBlock>* blocks) {
     Expect(index < blocks->size(), "a part names a parameter block that does not exist");
     ParameterBlock& block = (*blocks)[index];
     const auto kind = item["kind"].cast<std::string>();
-    Expect(kind == "origin" || kind == "bias" || kind == "camera",
-           "a part's kind must be origin, bias or camera");
+    Expect(kind == "origin" || kind == "bias" || kind == "camera" || kind == "pose",
+           "a part's kind must be origin, bias, camera or pose");
     block.free = item["free"].cast<Vector6d>();
-    if (kind == "camera") {
+    if (kind == "camera" || kind == "pose") {
+      block.prior_mean = item["prior_mean"].cast<Vector6d>();
+      block.prior_weight = item["prior_weight"].cast<Vector6d>();
+      if (kind == "pose") continue;
       block.kind = BlockKind::kCamera;
       block.first = item["first"].cast<int>();
       Expect(block.first == 0 || block.first == 6, "a camera's first number is 0 or 6");
-      block.prior_mean = item["prior_mean"].cast<Vector6d>();
-      block.prior_weight = item["prior_weight"].cast<Vector6d>();
       continue;
     }
     block.kind = kind == "origin" ? BlockKind::kOrigin : BlockKind::kBias;
@@ -361,10 +362,10 @@ Args:
     residual_blocks: list of dict with kind, detection (n,), points (n, 3), and
         camera (dict), pixels (n, 2) for reprojection, centre, half_size (n, 2), steps (2 n, 3),
         inset (n, 2), blend for border; for orthogonal perhaps deviation (n,), added to the heights.
-    parts: list of dict, for blocks that are no poses: block (index), kind (origin, bias or
-        camera), free (6,) 1 or 0; values (6,) of the first two, and for a bias axis (3,) and
-        is_prismatic; for a camera first (0 or 6), prior_mean, prior_weight (6,), and the dict
-        camera of its residual blocks has number_scale (12,), most_log, width and height.
+    parts: list of dict, for blocks that are more than poses: block (index), kind (origin, bias,
+        camera or pose), free (6,) 1 or 0; values (6,) of the first two, and of a bias axis (3,) and
+        is_prismatic; prior_mean, prior_weight (6,) of the last two; of a camera first (0 or 6), and
+        its residual blocks' dict camera has number_scale (12,), most_log, width and height.
 
 Raises:
     ValueError: shapes or indices do not fit together.

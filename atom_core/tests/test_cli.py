@@ -31,6 +31,7 @@ CALIBRATION_KEYS = {
     "rejected_detections",
     "weak_directions",
     "model_errors",
+    "moving_parts",
     "moving_edges",
     "misfits",
     "exclusions",

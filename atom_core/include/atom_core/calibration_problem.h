@@ -48,7 +48,7 @@ struct ParameterBlock {
   bool is_prismatic = false;
   /// Of a camera: which of its twelve numbers is the first, 0 or 6.
   int first = 0;
-  /// Of a camera: the numbers that are expected, and one over their variance about them; 0: any.
+  /// The numbers that are expected, and one over their variance about them; 0: any.
   Vector6d prior_mean = Vector6d::Zero(), prior_weight = Vector6d::Zero();
 
   /// \param numbers r (3,) rad and t (3,) m; or what the kind says.

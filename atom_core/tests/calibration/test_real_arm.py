@@ -74,3 +74,23 @@ def test_the_arm_is_named_and_the_published_answer_within_two_sigmas(dataset, gu
     assert np.degrees(found.sigma_rad) * np.sqrt(3.0) == pytest.approx(0.456, rel=0.3)
     assert np.all(np.abs(off) < 2.0 * edge.sigma_translation_m)
     assert np.all(np.abs(turn) < 2.0 * edge.sigma_rotation_rad)
+
+
+@pytest.mark.parametrize("wanted", ["asked for", "auto"])
+def test_with_room_for_the_arm_the_published_answer_is_within_two_sigmas(dataset, wanted):
+    options = (
+        CalibrationOptions(model_errors="auto")
+        if wanted == "auto"
+        else CalibrationOptions(moving_edge_sigma={"flange": None})
+    )
+    result = calibrate(dataset, options)
+    (edge,) = [e for e in calibration_results(result, "ceres").edges if e.edge == EYE]
+    off = edge.parent_T_child[:3, 3] - PUBLISHED[:3, 3]
+    turn = se3.rotation_vector_from_rotation(edge.parent_T_child[:3, :3] @ PUBLISHED[:3, :3].T)
+    assert (result.status, result.moving) == ("converged", ())
+    part = result.free.moving[HAND]
+    assert part.is_estimated
+    assert part.sigma_m * np.sqrt(3.0) == pytest.approx(0.00541, rel=0.3)
+    assert np.degrees(part.sigma_rad) * np.sqrt(3.0) == pytest.approx(0.456, rel=0.3)
+    assert np.all(np.abs(off) < 2.0 * edge.sigma_translation_m)
+    assert np.all(np.abs(turn) < 2.0 * edge.sigma_rotation_rad)

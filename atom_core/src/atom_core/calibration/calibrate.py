@@ -9,11 +9,11 @@ from typing import Dict, Mapping, Optional, Tuple
 from atom_core.calibration.judge.exclusion import Exclusion
 from atom_core.calibration.judge.judgement import judge
 from atom_core.calibration.judge.misfit import Misfit
-from atom_core.calibration.judge.moving_edges import MovingEdge
 from atom_core.calibration.judge.weak_directions import WeakDirection
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.preparation import prepare
 from atom_core.calibration.refine.model_checks import ModelCheck
+from atom_core.calibration.refine.moving_edges import MovingEdge
 from atom_core.calibration.refine.refinement import refine
 from atom_core.calibration.refine.rejection import Rejected
 from atom_core.calibration.start.half_turns import with_half_turns
@@ -97,7 +97,7 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
         setup = _setup(dataset, options, interrupt)
         chosen = choose_start(starts, prepared, options, setup)
         chosen = with_half_turns(chosen, starts, prepared, setup)
-        refined = refine(chosen.solution, prepared.free, options, setup)
+        refined = refine(chosen.solution, prepared.free, prepared.moving, options, setup)
     clock.lap("solve")
     judgement = judge(chosen, refined, options, setup.make)
     clock.lap("covariance")

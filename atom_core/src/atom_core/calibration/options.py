@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import List, Optional, Tuple
+from typing import List, Mapping, Optional, Tuple
 
 import numpy as np
 
@@ -52,6 +52,8 @@ class CalibrationOptions:
         board_size: patterns whose size is estimated.
         board_border: patterns of which shift and size of the border are estimated.
         board_bend: patterns whose bend along x and along y is estimated.
+        moving_edge_sigma: frames of moving parts (an arm's flange) whose poses in a collection are
+            off: metres and radians along and about each axis, None where that is estimated.
         model_errors: whether errors of the model are looked for (``suggest``), estimated until
             none is left (``auto``), or left alone (``off``).
         keep_collections: keys of collections that are used even if they contradict the others.
@@ -78,6 +80,7 @@ class CalibrationOptions:
     board_size: Tuple[str, ...] = ()
     board_border: Tuple[str, ...] = ()
     board_bend: Tuple[str, ...] = ()
+    moving_edge_sigma: Mapping[str, Optional[Tuple[float, float]]] = field(default_factory=dict)
     model_errors: str = SUGGEST
     keep_collections: Tuple[str, ...] = ()
     keep_detections: Tuple[Tuple[str, str], ...] = ()
@@ -108,5 +111,8 @@ class CalibrationOptions:
             raise ValueError("noisy_initial_guess needs two numbers >= 0: metres and radians")
         if self.intrinsics_sigma is not None and not 0 < self.intrinsics_sigma < np.inf:
             raise ValueError("intrinsics_sigma needs a number > 0, or none for no expectation")
+        for frame, sigmas in self.moving_edge_sigma.items():
+            if sigmas is not None and not all(0 < sigma < np.inf for sigma in sigmas):
+                raise ValueError(f"moving_edge_sigma of {frame} needs two numbers > 0, or none")
         if min(self.undetermined_limit) <= 0:
             raise ValueError("undetermined_limit needs two numbers > 0: metres and radians")

@@ -16,6 +16,7 @@ from atom_core.commands import common
 from atom_core.commands.model_error_options import (
     add_model_error_options,
     selected_model_errors,
+    selected_moving_edges,
     sensors_of,
 )
 from atom_core.errors import CalibrationError, DescriptionError
@@ -327,6 +328,7 @@ def _with_selections(
     return replace(
         options,
         **selected,
+        moving_edge_sigma=selected_moving_edges(args, dataset),
         joints=_joints(args, dataset),
         intrinsics=sensors_of(
             dataset,

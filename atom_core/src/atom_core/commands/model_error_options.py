@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from typing import Callable, Dict, Optional, Sequence, Tuple
+import math
+from typing import Callable, Dict, List, Optional, Sequence, Tuple
 
 from atom_core.calibration.options import AUTO, OFF, SUGGEST
+from atom_core.calibration.prepare.moving_parts import moving_frames
 from atom_core.commands import common
 from atom_core.errors import CalibrationError
 from atom_core.model.dataset import Dataset
@@ -26,6 +28,7 @@ _OF_SENSORS: Dict[str, Tuple[Callable[[Modality], bool], str]] = {
         "by which part all depths of these cameras must grow",
     ),
 }
+_MOVING = "--moving_edge_sigma"
 _OF_BOARDS = {
     "board_size": "by which part these boards are larger than described",
     "board_border": "where the four sides of these boards are, seen from the print",
@@ -53,6 +56,17 @@ def add_model_error_options(parser: argparse.ArgumentParser) -> None:
         )
     common.add_option(
         parser,
+        "moving_edge_sigma",
+        nargs="*",
+        action="append",
+        metavar="F",
+        help="the poses of these frames in their parents (an arm's flange, a pan-tilt, odometry; "
+        "names, globs; all that move without a name) are off, in each collection by its own "
+        "amount: give its standard deviation after the names, in mm and deg along and about each "
+        "axis (flange 1 0.1), or nothing to have it estimated",
+    )
+    common.add_option(
+        parser,
         "model_errors",
         choices=[SUGGEST, AUTO, OFF],
         default=SUGGEST,
@@ -76,6 +90,53 @@ def selected_model_errors(args: argparse.Namespace, dataset: Dataset) -> Dict[st
         chosen = () if names is None else tuple(select_names(dataset.patterns, names, "pattern"))
         selected[option] = chosen
     return selected
+
+
+def selected_moving_edges(
+    args: argparse.Namespace, dataset: Dataset
+) -> Dict[str, Optional[Tuple[float, float]]]:
+    """Return the standard deviations [m, rad] of moving frames, None where they are estimated.
+
+    Raises:
+        CalibrationError: nothing moves, or the figures are not two above zero.
+    """
+    selected: Dict[str, Optional[Tuple[float, float]]] = {}
+    for words in args.moving_edge_sigma or []:
+        frames, sigmas = _frames_and_sigmas(words)
+        there = list(moving_frames(dataset))
+        if not there and not frames:
+            raise CalibrationError(f"{_MOVING}: nothing moves between a sensor and a board")
+        named = [frame for frame in frames if not _is_expression(frame)]
+        chosen = [frame for frame in frames if _is_expression(frame)]
+        if chosen or not named:
+            named += select_names(there, chosen, "moving frame")
+        selected.update(dict.fromkeys(named, sigmas))
+    return selected
+
+
+def _is_expression(frame: str) -> bool:
+    return any(sign in frame for sign in "*?[!") or frame.lstrip().startswith("lambda")
+
+
+def _frames_and_sigmas(words: Sequence[str]) -> Tuple[List[str], Optional[Tuple[float, float]]]:
+    numbers = [_number(word) for word in words]
+    count = sum(number is not None for number in numbers)
+    if count == 0:
+        return list(words), None
+    sigmas = [n for n in numbers[-2:] if n is not None and 0 < n < math.inf]
+    if count == 2 and len(sigmas) == 2:
+        return list(words[:-2]), (1e-3 * sigmas[0], math.radians(sigmas[1]))
+    raise CalibrationError(
+        f"{_MOVING} {' '.join(words)}: after the frames it needs two figures > 0, mm and deg "
+        f"({_MOVING} flange 1 0.1), or none to have them estimated"
+    )
+
+
+def _number(word: str) -> Optional[float]:
+    try:
+        return float(word)
+    except ValueError:
+        return None
 
 
 def sensors_of(

@@ -29,6 +29,7 @@ from atom_core.problem.joint_blocks import (
     JointOriginBlock,
 )
 from atom_core.problem.measurements import Measurement
+from atom_core.problem.moving_blocks import MOVING, MovingBlock, MovingPart
 from atom_core.problem.parameters import Parameters
 from atom_core.problem.problem import PoseChains, Problem
 from atom_core.problem.residuals import ResidualBlock
@@ -45,6 +46,7 @@ class FreeEdges:
         joints: parameters to estimate, by joint.
         intrinsics: names of the intrinsics to estimate, by camera.
         expected_cameras: near which they are expected, by camera; none: anywhere.
+        moving: edges whose pose in a collection is off from what the dataset says.
     """
 
     anchored_sensors: Tuple[str, ...] = ()
@@ -53,6 +55,7 @@ class FreeEdges:
     joints: JointSelection = field(default_factory=dict)
     intrinsics: Mapping[str, Tuple[str, ...]] = field(default_factory=dict)
     expected_cameras: Mapping[str, ExpectedCamera] = field(default_factory=dict)
+    moving: Mapping[Edge, MovingPart] = field(default_factory=dict)
 
     def without_intrinsics(self) -> FreeEdges:
         """Return the same with all intrinsics held."""
@@ -112,6 +115,7 @@ def build_problem(
         + _additional_blocks(placed, free, sorted(used))
         + _joint_blocks(placed, free)
         + _intrinsics_blocks(placed, measurements, free)
+        + _moving_blocks(placed, free, sorted(used))
         + _pattern_blocks(placed, boards, measurements, free)
     )
     ordered = sorted(measurements, key=lambda m: (m.key.sensor, m.key.collection, m.key.pattern))
@@ -199,6 +203,19 @@ def _intrinsics_blocks(
         if sensor.camera is not None and name in seen:
             expected = free.expected_cameras.get(name)
             blocks += camera_blocks(name, sensor.edge, sensor.camera, estimated, expected)
+    return blocks
+
+
+def _moving_blocks(
+    dataset: Dataset, free: FreeEdges, collections: Sequence[str]
+) -> List[ParameterBlock]:
+    blocks: List[ParameterBlock] = []
+    for edge, part in free.moving.items():
+        for key in collections:
+            if key in part.given:
+                owner = (edge, MOVING, key, (edge.child,))
+                value = _value(dataset, key, edge)
+                blocks.append(MovingBlock(*owner, value, part.given[key], *part.sigmas(key)))
     return blocks
 
 

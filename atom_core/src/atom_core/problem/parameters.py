@@ -24,6 +24,7 @@ from atom_core.problem.blocks import (
 )
 from atom_core.problem.camera_blocks import CameraBlock
 from atom_core.problem.joint_blocks import JointBlock
+from atom_core.problem.moving_blocks import MovingBlock
 
 
 class Component(NamedTuple):
@@ -54,7 +55,10 @@ class Parameters:
         prior_mean, prior_weight: (b, 6) the numbers that are expected, and one over their variance
             about them; 0: anything goes.
         is_transform: (b,) bool: blocks that are factors of chains, all but intrinsics.
+        has_prior: whether anything is expected of any number.
         is_board_of_collection: (b,) bool: such blocks never meet in a detection.
+        is_eliminated: (b,) bool: those, and where a collection has none, one of its moving parts:
+            none of them ever meet in a detection.
     """
 
     def __init__(self, blocks: Sequence[ParameterBlock]):
@@ -75,10 +79,13 @@ class Parameters:
         self.free = np.array([b.free for b in self.blocks], dtype=bool).reshape(-1, BLOCK_SIZE)
         self.prior_mean = np.zeros((len(self.blocks), BLOCK_SIZE))
         self.prior_weight = np.zeros((len(self.blocks), BLOCK_SIZE))
-        for i, camera in self.camera_blocks():
-            self.prior_mean[i], self.prior_weight[i] = camera.prior_mean, camera.prior_weight
+        for i, block in enumerate(self.blocks):
+            if isinstance(block, (CameraBlock, MovingBlock)):
+                self.prior_mean[i], self.prior_weight[i] = block.prior_mean, block.prior_weight
+        self.has_prior = bool(np.any(self.prior_weight))
         self.is_transform = _flags(isinstance(b, TransformBlock) for b in self.blocks)
         self.is_board_of_collection = _flags(b.is_board_of_collection for b in self.blocks)
+        self.is_eliminated = self._eliminated()
 
     def _add_transform(self, index: int, block: TransformBlock) -> None:
         holders = self._index.setdefault((block.edge, block.collection), [])
@@ -89,6 +96,15 @@ class Parameters:
         self.initial[index] = block.initial if isinstance(block, PoseBlock) else _at_zero(block)
         if isinstance(block, JointBlock):
             self._joints.append((index, block))
+
+    def _eliminated(self) -> np.ndarray:
+        result = self.is_board_of_collection.copy()
+        taken = {b.collection for b in self.blocks if b.is_board_of_collection}
+        for i, block in enumerate(self.blocks):
+            if isinstance(block, MovingBlock) and block.collection not in taken:
+                result[i] = True
+                taken.add(block.collection)
+        return result
 
     # ------------------------------------------------------------------------- layout
 
@@ -151,9 +167,9 @@ class Parameters:
         return 0.5 * float(np.sum(self.prior_weight * off**2))
 
     def prior_gradient(self, x: np.ndarray) -> np.ndarray:
-        """Return the derivative (6 s,) of ``prior_cost`` by the shared numbers."""
+        """Return the derivative (6 b,) of ``prior_cost`` by all numbers."""
         off = self.by_block(x) - self.prior_mean
-        return (self.prior_weight * off)[: self.shared_count].ravel()
+        return (self.prior_weight * off).ravel()
 
     def find(self, edge: Edge, collection: str) -> Sequence[int]:
         """Return the indices of the blocks that hold the edge in the collection, in its order.

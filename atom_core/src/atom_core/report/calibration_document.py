@@ -85,6 +85,17 @@ def _propagation(results: CalibrationResults) -> List[Dict[str, Any]]:
 def _inconsistencies(calibration: Calibration) -> Dict[str, Any]:
     shared = [e.shared and e.shared._asdict() for e in calibration.exclusions]
     return {
+        "moving_parts": [
+            {
+                "parent": edge.parent,
+                "child": edge.child,
+                "sigma_m": part.sigma_m,
+                "sigma_rad": part.sigma_rad,
+                "estimated": part.is_estimated,
+                "far": sorted(part.far),
+            }
+            for edge, part in calibration.free.moving.items()
+        ],
         "moving_edges": [
             {**edge._asdict(), "collections": list(edge.collections)} for edge in calibration.moving
         ],

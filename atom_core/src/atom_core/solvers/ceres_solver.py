@@ -18,6 +18,7 @@ from atom_core.problem.blocks import ParameterBlock, PoseBlock
 from atom_core.problem.camera_blocks import CameraBlock
 from atom_core.problem.joint_blocks import JointBiasBlock, JointOriginBlock
 from atom_core.problem.model_errors import RangeOffset, RangeScale
+from atom_core.problem.moving_blocks import MovingBlock
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import (
     BorderBlock,
@@ -186,8 +187,7 @@ def _native_problem(problem: Problem) -> Any:
     core, parameters = native.require(FEATURE), problem.parameters
     return core.CalibrationProblem(
         initial=parameters.initial,
-        # Boards of one collection never meet in a detection, so they can be eliminated.
-        eliminated=parameters.is_board_of_collection,
+        eliminated=parameters.is_eliminated,  # they never meet in a detection
         constants=problem.chains.constants,
         block=problem.chains.block,
         inverted=problem.chains.inverted,
@@ -198,17 +198,19 @@ def _native_problem(problem: Problem) -> Any:
         parts=[
             {"block": i, "free": np.asarray(block.free, dtype=float), **_part(block)}
             for i, block in enumerate(parameters.blocks)
-            if not isinstance(block, PoseBlock)
+            if not isinstance(block, PoseBlock) or isinstance(block, MovingBlock)
         ],
     )
 
 
 def _part(block: ParameterBlock) -> Dict[str, Any]:
-    """Return a block that is no pose, as the native problem takes it."""
+    """Return a block that is more than a pose, as the native problem takes it."""
     if isinstance(block, JointOriginBlock):
         return {"kind": "origin", "values": block.initial}
-    if isinstance(block, CameraBlock):
+    if isinstance(block, (CameraBlock, MovingBlock)):
         expected = {"prior_mean": block.prior_mean, "prior_weight": block.prior_weight}
+        if isinstance(block, MovingBlock):
+            return {"kind": "pose", **expected}
         return {"kind": "camera", "first": block.first, **expected}
     assert isinstance(block, JointBiasBlock)
     return {

@@ -5,7 +5,7 @@ Widths give 95 % efficiency for Gaussian residuals (Holland, Welsch 1977).
 
 from __future__ import annotations
 
-from typing import Sequence
+from typing import Sequence, Tuple
 
 import numpy as np
 
@@ -15,11 +15,26 @@ _HUBER_WIDTH, _CAUCHY_WIDTH = 1.345, 2.385
 # Mean curvature over mean weight of Gaussian residuals: the weights alone make the cost look
 # more curved than it is, so that every step would fall short.
 _CURVATURE = {NONE: 1.0, HUBER: 1.0, CAUCHY: 0.8}
+# What Gaussian residuals of one and of two dimensions tell, over what their weights say: of the
+# information E[psi']^2 / E[psi^2] / E[weight], of the gradient E[psi'] / E[psi^2].
+_TOLD = {
+    NONE: ((1.0, 1.0), (1.0, 1.0)),
+    HUBER: ((0.991, 1.158), (1.043, 1.253)),
+    CAUCHY: ((1.084, 1.363), (1.211, 1.495)),
+}
 
 
 def step_length(loss: str) -> float:
     """Return the factor by which a step of the weighted normal equations falls short."""
     return 1.0 / _CURVATURE[loss]
+
+
+def told(loss: str, dimension: int) -> Tuple[float, float]:
+    """Return by how much information and gradient are larger than the weighted equations say.
+
+    So they tell what least squares would, of residuals (n, dimension) that are Gaussian.
+    """
+    return _TOLD[loss][dimension - 1]
 
 
 def width(loss: str) -> float:

@@ -45,7 +45,7 @@ class Layout:
         mine = self.group >= 0
         steps = Parameters.by_block(x)
         local[self.group[mine], self.position[mine]] = steps[mine]
-        return steps[: self.shared].ravel(), local.reshape(self.groups, -1)
+        return steps[: self.shared].ravel(), local.reshape(self.groups, BLOCK_SIZE * self.width)
 
     def join(self, shared: np.ndarray, local: np.ndarray) -> np.ndarray:
         """Return the vector of its two parts."""
@@ -250,9 +250,14 @@ def assembled(
 
 def add_prior(equations: NormalEquations, parameters: Parameters, x: np.ndarray) -> None:
     """Add what is expected of the parameters, at the vector x, to the equations."""
-    weight = parameters.prior_weight[: parameters.shared_count].ravel()
-    equations.shared[range(len(weight)), range(len(weight))] += weight
-    equations.gradient_shared += parameters.prior_gradient(x)
+    if not parameters.has_prior:
+        return
+    shared, local = equations.layout.split(parameters.prior_weight.ravel())
+    slope_shared, slope_local = equations.layout.split(parameters.prior_gradient(x))
+    equations.shared[range(len(shared)), range(len(shared))] += shared
+    equations.gradient_shared += slope_shared
+    equations.local[:, range(local.shape[1]), range(local.shape[1])] += local
+    equations.gradient_local += slope_local
 
 
 def summed(

@@ -288,10 +288,12 @@ def _summary(
     sigmas: Tuple[np.ndarray, ...],
     insets: np.ndarray,
 ) -> SolverSummary:
-    start = np.zeros(solver.problem.parameters.size)
+    parameters = solver.problem.parameters
+    start = np.zeros(parameters.size)
     first, last = (solver.squares(x, sigmas) for x in (start, end.x))
     cost_initial, cost_final = (
-        losses.total_cost(options.loss, squares) for squares in (first, last)
+        losses.total_cost(options.loss, squares) + parameters.prior_cost(x)
+        for squares, x in ((first, start), (last, end.x))
     )
     status = CONVERGED if end.converged else NOT_CONVERGED
     summary = SolverSummary(

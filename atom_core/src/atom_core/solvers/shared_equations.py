@@ -192,7 +192,7 @@ def shared_equations(
     size = equations.layout.shared * BLOCK_SIZE
     m = size + scalars.count
     held, held_gradient = np.zeros((m, m)), np.zeros(m)
-    held_gradient[:size] = problem.parameters.prior_gradient(scalars.x)
+    held_gradient[:size] = problem.parameters.prior_gradient(scalars.x)[:size]
     held[:size, :size] = equations.shared - seen
     for j, error in enumerate(scalars.errors, m - len(scalars.errors)):
         held[j, j] = prior_information(error, priors)
@@ -320,9 +320,9 @@ def _of_collection(
     own = np.concatenate([slope[:size], columns.gradient[mine].sum(axis=0)])
     if group >= 0:
         cross = np.concatenate([every[size:, :size], crossed[size:]], axis=1)
-        solved = np.linalg.lstsq(
-            equations.local[group], np.column_stack([cross, slope[size:]]), rcond=None
-        )[0]
+        # With what is expected of them, which is this collection's, too.
+        right = np.column_stack([cross, equations.gradient_local[group]])
+        solved = np.linalg.lstsq(equations.local[group], right, rcond=None)[0]
         head = head - cross.T @ solved[:, :-1]
         own = own - cross.T @ solved[:, -1]
     return _Reduced(head, own, every[:size, :size])

@@ -10,7 +10,6 @@ import numpy as np
 from atom_core.calibration.judge.ambiguity import ambiguity
 from atom_core.calibration.judge.exclusion import Exclusion, exclusions
 from atom_core.calibration.judge.misfit import Misfit, misfits
-from atom_core.calibration.judge.moving_edges import MovingEdge, moving_edges
 from atom_core.calibration.judge.reasons import Solution
 from atom_core.calibration.judge.weak_directions import (
     WeakDirection,
@@ -21,6 +20,8 @@ from atom_core.calibration.options import OFF, CalibrationOptions
 from atom_core.calibration.refine.error_words import unusual
 from atom_core.calibration.refine.model_checks import ModelCheck
 from atom_core.calibration.refine.model_errors import checked, suggestion
+from atom_core.calibration.refine.moving_edges import MovingEdge, moving_edges
+from atom_core.calibration.refine.moving_parts import unusual_parts
 from atom_core.calibration.refine.refinement import Refined
 from atom_core.calibration.start.boards import solved_dataset
 from atom_core.calibration.start.starts import ChosenStart, InitialProblem
@@ -103,6 +104,7 @@ def judge(
             moving = _moving(dataset, refined, options, checks)
     out = exclusions(start.initial, start.measurements, refined.rejected)
     reasons = [suggestion(c) for c in strong(checks, covariance)] + _unusual(refined, covariance)
+    reasons += unusual_parts(refined.free, options)
     if unfit:  # else it is noise that the sigmas know of
         reasons = [edge.why for edge in moving] + reasons
     reasons += [m.why for m in unfit] + [e.why for e in out]

@@ -15,6 +15,7 @@ from atom_core.calibration.prepare.joints import (
     with_joint_transforms,
 )
 from atom_core.calibration.prepare.memory import check_memory
+from atom_core.calibration.prepare.moving_parts import Sigmas, check_told, moving_parts
 from atom_core.errors import CalibrationError
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics import intrinsics_names
@@ -39,6 +40,7 @@ class Prepared:
         dataset: as it was given, with the edges of free joints as their positions say.
         measurements: the detections that can tie something.
         free: what is estimated and what is held; something is, or motion ties the rig to world.
+        moving: edges of moving parts that are off, with their standard deviations [m, rad].
         unused: why a collection was left out, by key.
         remarks: what the user should know.
     """
@@ -46,6 +48,7 @@ class Prepared:
     dataset: Dataset
     measurements: Sequence[Measurement]
     free: FreeEdges
+    moving: Mapping[Edge, Sigmas]
     unused: Mapping[str, str]
     remarks: Tuple[str, ...]
 
@@ -61,6 +64,7 @@ def prepare(dataset: Dataset, options: CalibrationOptions) -> Prepared:
     free = free_edges(dataset, options)
     check_edges(dataset, free)
     check_joints(dataset, free)
+    moving = moving_parts(dataset, options, free)
     dataset, joint_remarks = with_joint_transforms(dataset, free)
     check_memory(dataset, options.solver_name or default_solver())
     measurements, remarks = read_measurements(dataset)
@@ -71,7 +75,8 @@ def prepare(dataset: Dataset, options: CalibrationOptions) -> Prepared:
     if floats_freely(dataset, measurements, free):
         free, remark = _anchor_first(dataset, free)
         remarks.append(remark)
-    return Prepared(dataset, measurements, free, unused, tuple(remarks))
+    check_told(dataset, measurements, free, moving)
+    return Prepared(dataset, measurements, free, moving, unused, tuple(remarks))
 
 
 def check_units(measurements: Sequence[Measurement]) -> None:

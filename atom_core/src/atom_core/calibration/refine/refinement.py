@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Mapping, Optional, Tuple
 
 from atom_core.calibration.options import AUTO, CalibrationOptions
+from atom_core.calibration.prepare.moving_parts import Sigmas
 from atom_core.calibration.refine.deeper_minima import with_boards_in_deepest_minima
-from atom_core.calibration.refine.intrinsics import with_intrinsics
+from atom_core.calibration.refine.intrinsics import WithIntrinsics, with_intrinsics
 from atom_core.calibration.refine.model_errors import (
     remarks_on,
     with_shown_errors,
     with_usual_errors,
+)
+from atom_core.calibration.refine.moving_parts import (
+    MovingSolution,
+    far_parts,
+    settled_again,
+    with_moving_parts,
+    with_shown_moving_parts,
 )
 from atom_core.calibration.refine.rejection import (
     Rejected,
@@ -21,6 +29,7 @@ from atom_core.calibration.refine.rejection import (
 )
 from atom_core.calibration.refine.settling import settled
 from atom_core.calibration.start.starts import RoughSolution
+from atom_core.model.transforms import Edge
 from atom_core.problem.builder import FreeEdges
 from atom_core.solvers.base import Solver, SolverOptions, SolverSetup, SolverSummary
 from atom_core.solvers.reweighting import solve
@@ -51,43 +60,55 @@ class Refined:
 
 
 def refine(
-    rough: RoughSolution, free: FreeEdges, options: CalibrationOptions, setup: SolverSetup
+    rough: RoughSolution,
+    free: FreeEdges,
+    moving: Mapping[Edge, Sigmas],
+    options: CalibrationOptions,
+    setup: SolverSetup,
 ) -> Refined:
     """Free the intrinsics, solve, move boards to deeper minima, leave bad detections out.
 
     Args:
         rough: where to go on from.
         free: what is to be estimated, intrinsics included.
+        moving: standard deviations [m, rad] of moving parts, None where they are estimated.
         options: what to keep in any case, and what counts as determined.
         setup: which solver.
     """
     joined = with_intrinsics(rough, free, options.undetermined_limit[1], setup)
-    summary = solve(joined.solver, setup.options, joined.minimum, guess=rough.first)
     initial, measurements = rough.start.initial, rough.start.measurements
-    solver, summary = with_boards_in_deepest_minima(
-        joined.solver, summary, measurements, setup.options, setup.make
-    )
-    summary, unsettled = settled(solver, summary, setup)
+    arms = with_moving_parts(initial, measurements, _solved(rough, joined, setup), moving, setup)
+    summary, unsettled = settled(arms.solver, arms.summary, setup)
     is_auto = options.model_errors == AUTO
     if is_auto:  # first, since what contradicts the others may do so for that reason
-        summary, setup = with_shown_errors(initial, solver, summary, setup)
-    rejection = reject_bad_detections(rough.start, solver, summary, joined.free, options, setup)
-    solver, summary, rejected = rejection.solver, rejection.summary, rejection.rejected
+        arms = replace(arms, summary=summary)
+        arms = with_shown_moving_parts(initial, measurements, arms, setup)
+        summary, setup = with_shown_errors(initial, arms.solver, arms.summary, setup)
+    rejection = reject_bad_detections(rough.start, arms.solver, summary, arms.free, options, setup)
+    rejected = rejection.rejected
+    arms = replace(arms, solver=rejection.solver, summary=rejection.summary)
+    if rejected:
+        arms = settled_again(initial, measurements, arms, setup)
+    solver, summary, free = arms.solver, arms.summary, arms.free
     if is_auto:
         summary, setup = with_shown_errors(initial, solver, summary, setup)
     if rejected or is_auto:
         summary, unsettled = settled(solver, summary, setup)
     if is_auto:
         summary, setup = with_usual_errors(initial, solver, summary, setup)
-    left = {key.collection for key in solver.problem.detections}
     remarks = remarks_on(options.estimated_errors(initial), summary, setup.options)
-    return Refined(
-        solver,
-        summary,
-        joined.free,
-        {**rough.start.unused, **whole_collections(rejected, left)},
-        rejected,
-        rejection.failure,
-        (*joined.remarks, *remarks, *unsettled, *rejection_warnings(rejected, left)),
-        setup.options,
+    left = {key.collection for key in solver.problem.detections}
+    unused = {**rough.start.unused, **whole_collections(rejected, left)}
+    told = (*arms.remarks, *remarks, *far_parts(free), *unsettled)
+    told += tuple(rejection_warnings(rejected, left))
+    outcome = rejected, rejection.failure, told
+    return Refined(solver, summary, free, unused, *outcome, setup.options)
+
+
+def _solved(rough: RoughSolution, joined: WithIntrinsics, setup: SolverSetup) -> MovingSolution:
+    """Return the solution in its deepest minimum, moving parts where the dataset has them."""
+    summary = solve(joined.solver, setup.options, joined.minimum, guess=rough.first)
+    solver, summary = with_boards_in_deepest_minima(
+        joined.solver, summary, rough.start.measurements, setup.options, setup.make
     )
+    return MovingSolution(solver, summary, joined.free, joined.remarks)

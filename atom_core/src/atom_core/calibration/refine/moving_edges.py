@@ -12,6 +12,7 @@ from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
+from atom_core.calibration.prepare.moving_parts import moves
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset, pose
 from atom_core.model.transforms import Edge
@@ -27,7 +28,6 @@ _MUCH = 4.0  # times what chance allows, over all collections and in the middle 
 _SEEN = 1e-6  # part of its information that boards of a collection must leave a direction
 _LEAST_M, _LEAST_RAD = 3e-4, float(np.radians(0.02))  # less is nobody's concern
 _FIRST_M, _FIRST_RAD, _ROUNDS = 0.005, 0.01, 200
-_MOVED = 1e-9  # entries of a transform that differ by less do not
 _Run = Tuple[Edge, ...]
 
 
@@ -36,6 +36,7 @@ class MovingEdge(NamedTuple):
 
     Attributes:
         parent, child: between which frames they are.
+        last_parent: of the last edge between them.
         sigma_m, sigma_rad: by how much they are off, along and about each axis of the child.
         gain: by how much the cost (twice the negative logarithm of the likelihood) would fall.
         collections: the worst first.
@@ -47,6 +48,7 @@ class MovingEdge(NamedTuple):
     sigma_rad: float
     gain: float
     collections: Tuple[str, ...]
+    last_parent: str
 
     @property
     def why(self) -> str:
@@ -56,7 +58,8 @@ class MovingEdge(NamedTuple):
             f"the poses of '{self.child}' in '{self.parent}' do not fit: they are off by "
             f"{1e3 * self.sigma_m:.2g} mm and {np.degrees(self.sigma_rad):.2g} deg along and about "
             f"each axis, from collection to collection (worst in {worst}); look at the arm's own "
-            f"calibration, and at whether it stood still"
+            f"calibration, and at whether it stood still; --moving_edge_sigma {self.child} gives "
+            f"it room in the solution"
         )
 
 
@@ -103,7 +106,7 @@ def _runs(dataset: Dataset, problem: Problem) -> Dict[_Run, Dict[int, float]]:
     Moving is what changes from collection to collection and is not estimated.
     """
     estimated, graph = {block.edge for block in problem.parameters.blocks}, dataset.graph
-    moves: Dict[Edge, bool] = {}
+    moving: Dict[Edge, bool] = {}
     by_pair: Dict[Tuple[str, str], List[int]] = {}
     for d, key in enumerate(problem.detections):
         by_pair.setdefault((key.sensor, key.pattern), []).append(d)
@@ -111,20 +114,15 @@ def _runs(dataset: Dataset, problem: Problem) -> Dict[_Run, Dict[int, float]]:
     for (sensor, pattern), detections in by_pair.items():
         chain = graph.chain(dataset.sensors[sensor].frame, dataset.patterns[pattern].frame)
         for step in chain:
-            if step.edge not in moves:
-                moves[step.edge] = step.edge not in estimated and _moves(dataset, step.edge)
-        for back, steps in groupby(chain, lambda s: s.inverted if moves[s.edge] else None):
+            if step.edge not in moving:
+                moving[step.edge] = step.edge not in estimated and moves(dataset, step.edge)
+        for back, steps in groupby(chain, lambda s: s.inverted if moving[s.edge] else None):
             if back is None:
                 continue
             edges = tuple(step.edge for step in steps)
             walked = dict.fromkeys(detections, -1.0 if back else 1.0)
             runs.setdefault(edges[::-1] if back else edges, {}).update(walked)
     return runs
-
-
-def _moves(dataset: Dataset, edge: Edge) -> bool:
-    values = [c.transforms[edge] for c in dataset.collections.values() if edge in c.transforms]
-    return len(values) > 0 and bool(np.max(np.ptp(np.array(values), axis=0)) > _MOVED)
 
 
 class _Part(NamedTuple):
@@ -177,7 +175,9 @@ def _judged(
         return None
     order = np.argsort(-gain)
     worst = tuple(parts[i].collection for i in order)
-    return MovingEdge(run[0].parent, run[-1].child, sigma_m, sigma_rad, float(np.sum(gain)), worst)
+    return MovingEdge(
+        run[0].parent, run[-1].child, sigma_m, sigma_rad, float(np.sum(gain)), worst, run[-1].parent
+    )
 
 
 def _spread(parts: Sequence[_Part], noise: float) -> Tuple[float, float]:
@@ -247,6 +247,7 @@ def _part(
     slope = np.einsum("dsp,ds->p", jacobian, gradient[mine])
     head, own = every[:size, :size], slope[:size]
     if group >= 0:
+        slope[size:] = equations.gradient_local[group]  # with what is expected of them
         head, own = _without_boards(every, slope, equations.local[group], size)
     values, vectors, scale = _directions(head[:n, :n])
     seen = values > _SEEN

@@ -1,0 +1,210 @@
+"""Moving parts that are off from collection to collection, estimated in the solution.
+
+Each has six numbers in each collection, which are expected near zero; how near is given, or
+estimated with them in turns until it stands still (`solvers/moving_spread.py`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Dict, List, Mapping, Sequence, Tuple
+
+import numpy as np
+
+from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.prepare.moving_parts import Sigmas, telling_collections
+from atom_core.calibration.refine.model_errors import checked
+from atom_core.calibration.refine.moving_edges import moving_edges
+from atom_core.calibration.start.boards import boards_in, solved_dataset
+from atom_core.model.dataset import Dataset
+from atom_core.model.transforms import Edge
+from atom_core.problem.builder import FreeEdges, build_problem
+from atom_core.problem.measurements import Measurement
+from atom_core.problem.moving_blocks import MovingPart
+from atom_core.problem.problem import Problem
+from atom_core.solvers.base import CONVERGED, SIGMA, Solver, SolverSetup, SolverSummary
+from atom_core.solvers.moving_spread import estimated_spreads, is_near
+from atom_core.solvers.reweighting import solve_again
+
+FEWEST = 4  # collections that tell; fewer do not tell a spread
+_MOST = 3
+_ROUNDS, _STILL = 12, 0.01
+_UNUSUAL_M, _UNUSUAL_RAD = 0.03, float(np.radians(3.0))
+_FIRST = (0.003, float(np.radians(0.3)))
+
+
+@dataclass(frozen=True)
+class MovingSolution:
+    """A solution with moving parts.
+
+    Attributes:
+        solver, summary: of the problem as it is now.
+        free: what is estimated.
+        remarks: what the user should know.
+    """
+
+    solver: Solver
+    summary: SolverSummary
+    free: FreeEdges
+    remarks: Tuple[str, ...] = ()
+
+
+def with_moving_parts(
+    initial: Dataset,
+    measurements: Sequence[Measurement],
+    solution: MovingSolution,
+    parts: Mapping[Edge, Sigmas],
+    setup: SolverSetup,
+    first: Tuple[float, float] = _FIRST,
+) -> MovingSolution:
+    """Return the solution with further moving parts.
+
+    Where too few collections tell how far a part is off, it is left where the dataset has it, and
+    a remark says so.
+
+    Args:
+        initial: with the parts as the dataset has them.
+        measurements: at least those of the problem's detections.
+        solution: without them.
+        parts: standard deviations [m, rad] by edge; None: to be estimated.
+        setup: which solver.
+        first: where the estimated ones begin.
+    """
+    used = {*solution.solver.problem.detections}
+    measurements = [m for m in measurements if m.key in used]
+    moving, remarks = dict(solution.free.moving), list(solution.remarks)
+    for edge, sigmas in parts.items():
+        told = len(telling_collections(initial, measurements, solution.free, edge))
+        if sigmas is None and told < FEWEST:
+            remarks.append(_too_few(edge, told))
+            continue
+        given = {k: c.transforms[edge] for k, c in initial.collections.items()}
+        moving[edge] = MovingPart(*(sigmas or first), given, is_estimated=sigmas is None)
+    if len(moving) == len(solution.free.moving) or solution.summary.interrupted:
+        return replace(solution, remarks=tuple(remarks))
+    found = _settled(initial, measurements, solution, moving, setup)
+    return replace(found, remarks=tuple(remarks))
+
+
+def with_shown_moving_parts(
+    initial: Dataset,
+    measurements: Sequence[Measurement],
+    solution: MovingSolution,
+    setup: SolverSetup,
+) -> MovingSolution:
+    """Return the solution with those moving parts that the data show to be off, one after another.
+
+    One is taken where no single error of a sensor or a board explains half as much.
+    """
+    for _ in range(_MOST):
+        solver, summary, loss = solution.solver, solution.summary, setup.options.loss
+        if summary.status != CONVERGED or setup.options.weights != SIGMA:
+            break
+        dataset = solved_dataset(initial, solver.problem, summary.x, {})
+        found = moving_edges(dataset, solver, summary.x, summary.sigmas, loss)
+        if not found:
+            break
+        best = found[0]
+        checks = checked(initial, solver, summary, setup.options).checks(summary, loss)
+        if best.gain < 2.0 * max((check.gain for check in checks), default=0.0):
+            break
+        first = max(best.sigma_m, _FIRST[0]), max(best.sigma_rad, _FIRST[1])
+        edge = Edge(best.last_parent, best.child)
+        more = with_moving_parts(initial, measurements, solution, {edge: None}, setup, first)
+        if more.solver is solver or more.summary.status != CONVERGED:
+            break
+        solution = more
+    return solution
+
+
+def settled_again(
+    initial: Dataset,
+    measurements: Sequence[Measurement],
+    solution: MovingSolution,
+    setup: SolverSetup,
+) -> MovingSolution:
+    """Return the solution with spreads estimated anew, when detections were left out."""
+    if not any(part.is_estimated for part in solution.free.moving.values()):
+        return solution
+    used = {*solution.solver.problem.detections}
+    measurements = [m for m in measurements if m.key in used]
+    moving = dict(solution.free.moving)
+    found = _settled(initial, measurements, solution, moving, setup)
+    return replace(found, remarks=solution.remarks)
+
+
+def _settled(
+    initial: Dataset,
+    measurements: Sequence[Measurement],
+    solution: MovingSolution,
+    moving: Dict[Edge, MovingPart],
+    setup: SolverSetup,
+) -> MovingSolution:
+    """Solve, estimate the spreads, and solve again until they stand still."""
+    solver, summary = solution.solver, solution.summary
+    for _ in range(_ROUNDS):
+        free = replace(solution.free, moving=dict(moving))
+        before = solver.problem
+        solver = setup.make(_rebuilt(initial, measurements, before, summary.x, free))
+        summary = solve_again(solver, setup.options, before, summary)
+        estimated = {edge: part for edge, part in moving.items() if part.is_estimated}
+        if not estimated or summary.status != CONVERGED:
+            break
+        loss = setup.options.loss
+        found = estimated_spreads(solver, summary.x, summary.sigmas, loss, estimated)
+        if all(is_near(part, moving[edge], _STILL) for edge, part in found.items()):
+            break
+        moving.update(found)
+    return MovingSolution(solver, summary, free)
+
+
+def _rebuilt(
+    initial: Dataset,
+    measurements: Sequence[Measurement],
+    before: Problem,
+    x: np.ndarray,
+    free: FreeEdges,
+) -> Problem:
+    base = solved_dataset(initial, before, x, {})
+    return build_problem(base, measurements, boards_in(base, measurements), free)
+
+
+def _too_few(edge: Edge, told: int) -> str:
+    return (
+        f"'{edge.child}' is taken to be where the dataset has it: {told} "
+        f"collection{' tells' if told == 1 else 's tell'} how far it is off, and {FEWEST} are "
+        f"needed; give its standard deviation (--moving_edge_sigma {edge.child} MM DEG)"
+    )
+
+
+def unusual_parts(free: FreeEdges, options: CalibrationOptions) -> List[str]:
+    """Return why, where a part that the user did not name is farther off than any robot's is."""
+    return [
+        f"the poses of '{edge.child}' in '{edge.parent}' would have to be off by "
+        f"{1e3 * part.sigma_m:.2g} mm and {np.degrees(part.sigma_rad):.2g} deg along and about "
+        f"each axis; look whether they are of the right robot, and of the right time"
+        for edge, part in free.moving.items()
+        if edge.child not in options.moving_edge_sigma
+        and (part.sigma_m > _UNUSUAL_M or part.sigma_rad > _UNUSUAL_RAD)
+    ]
+
+
+def moving_sentences(free: FreeEdges) -> List[str]:
+    """Return what was assumed or found of each moving part."""
+    return [
+        f"the poses of '{edge.child}' in '{edge.parent}' are off by {1e3 * part.sigma_m:.2g} mm "
+        f"and {np.degrees(part.sigma_rad):.2g} deg along and about each axis "
+        f"({'estimated' if part.is_estimated else 'as given'}); the solution and its sigmas "
+        f"contain it"
+        for edge, part in free.moving.items()
+    ]
+
+
+def far_parts(free: FreeEdges) -> List[str]:
+    """Return in which collections a part is so far off that it is not relied on."""
+    return [
+        f"the pose of '{edge.child}' in '{edge.parent}' is far off in collection "
+        f"{', '.join(sorted(part.far))}, beside all others: it is not relied on there"
+        for edge, part in free.moving.items()
+        if part.far
+    ]
