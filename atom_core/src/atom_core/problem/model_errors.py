@@ -28,7 +28,7 @@ from atom_core.problem.residuals import (
     ResidualBlock,
 )
 
-METRE, RATIO = "m", "1"
+METRE, RADIAN, RATIO = "m", "rad", "1"
 AXES = ("x", "y")
 
 
@@ -91,6 +91,7 @@ class ModelError(ABC):
     step: ClassVar[float] = 0.01  # in which it counts, beside insets in steps of the sampling
     most: ClassVar[float] = 0.5  # beyond it an estimate is cut off
     usual: ClassVar[float] = 0.02  # standard deviation among real sensors and boards, in its unit
+    is_scalar: ClassVar[bool] = True  # whether it is estimated beside the poses
 
     @abstractmethod
     def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
@@ -242,6 +243,7 @@ class SeenBorder(ModelError):
     axis: int
 
     kind = "seen_border"
+    is_scalar = False
 
     def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
         """Return the rows' change; None of other sensors."""
@@ -320,6 +322,42 @@ class CameraError(ModelError):
         points = se3.apply(rows.poses[block.detection], block.corners_in_pattern)
         by_number = project_with_derivatives(self.camera, block.camera, points)[2]
         return by_number[:, :, list(self.numbers)].sum(axis=2)
+
+
+@dataclass(frozen=True)
+class JointOffset(ModelError):
+    """What must be added to the positions of a turning joint [rad].
+
+    It is estimated as a parameter of the joint (`joint_blocks.py`), and here only looked for.
+
+    Attributes:
+        twists: (d, 6) how the detections' poses change in their sensors' frames.
+    """
+
+    twists: np.ndarray = field(compare=False, repr=False)
+
+    kind = "joint_offset"
+    is_scalar = False
+    unit = RADIAN
+    usual = 0.003
+
+    @property
+    def option(self) -> str:
+        """What estimates it, on the command line."""
+        return f"-jsf {self.target} -jpsf position_bias"
+
+    def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
+        """Return the rows' change as the joint turns or shifts."""
+        twists = self.twists[rows.block.detection]
+        return np.einsum("nri,ni->nr", rows.by_twist, twists)
+
+
+@dataclass(frozen=True)
+class PrismaticOffset(JointOffset):
+    """What must be added to the positions of a prismatic joint [m]."""
+
+    unit = METRE
+    usual = 0.002
 
 
 def _flat(points: np.ndarray) -> np.ndarray:

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from typing import List
 
+import numpy as np
+
+from atom_core.calibration.refine.joint_offsets import joint_offsets
+from atom_core.calibration.start.boards import solved_dataset
 from atom_core.geometry.intrinsics import intrinsics_names
 from atom_core.model.dataset import Dataset
 from atom_core.problem.model_errors import (
@@ -24,12 +28,13 @@ from atom_core.problem.residuals import BorderBlock
 _NUMBERS = {"focal_length": (0, 1), "centre_x": (2,), "centre_y": (3,), "k1": (4,)}
 
 
-def candidates(dataset: Dataset, problem: Problem) -> List[ModelError]:
+def candidates(dataset: Dataset, problem: Problem, x: np.ndarray) -> List[ModelError]:
     """Return the errors that a problem's sensors and boards may have.
 
     Args:
         dataset: with the sensors' intrinsics as given.
         problem: whose rows are to depend on them; cameras whose intrinsics are estimated have none.
+        x: its solution.
     """
     found: List[ModelError] = []
     for name in dict.fromkeys(block.sensor for block in problem.residual_blocks):
@@ -50,6 +55,8 @@ def candidates(dataset: Dataset, problem: Problem) -> List[ModelError]:
         bends = Bend.of_board(name, dataset.patterns[name].border)
         for axis, bend in enumerate(bends):
             found += [BorderShift(name, axis), bend]
+    if any(collection.joints for collection in dataset.collections.values()):
+        found += joint_offsets(solved_dataset(dataset, problem, x, {}), problem)
     return found
 
 

@@ -7,13 +7,16 @@ from typing import Callable, Dict, Type
 
 from atom_core.problem.model_errors import (
     AXES,
+    METRE,
     Bend,
     BoardSize,
     BorderShift,
     BorderSize,
     CameraError,
     DepthScale,
+    JointOffset,
     ModelError,
+    PrismaticOffset,
     RangeOffset,
     RangeScale,
 )
@@ -111,6 +114,14 @@ def _camera(error: ModelError, value: float, sigma: float) -> str:
     )
 
 
+def _joint(error: ModelError, value: float, sigma: float) -> str:
+    factor, unit = (1e3, "mm") if error.unit == METRE else (math.degrees(1.0), "deg")
+    size = "small" if value > 0 else "large"
+    return (
+        f"the positions of joint {error.target} are {_about(value, sigma, factor, unit)} too {size}"
+    )
+
+
 _WORDS: Dict[Type[ModelError], Callable[[ModelError, float, float], str]] = {
     RangeOffset: _range_offset,
     RangeScale: _range_scale,
@@ -120,4 +131,6 @@ _WORDS: Dict[Type[ModelError], Callable[[ModelError, float, float], str]] = {
     BorderSize: _border_size,
     Bend: _bend,
     CameraError: _camera,
+    JointOffset: _joint,
+    PrismaticOffset: _joint,
 }

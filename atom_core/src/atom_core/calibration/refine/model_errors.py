@@ -9,7 +9,7 @@ from atom_core.calibration.refine.candidates import candidates, nuisances
 from atom_core.calibration.refine.error_words import described
 from atom_core.calibration.refine.model_checks import ModelCheck, model_checks
 from atom_core.model.dataset import Dataset
-from atom_core.problem.model_errors import ModelError, SeenBorder
+from atom_core.problem.model_errors import ModelError
 from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION
 from atom_core.solvers.base import (
     CONVERGED,
@@ -59,7 +59,7 @@ def checked(
     """
     problem, x, sigmas, loss = solver.problem, summary.x, summary.sigmas, options.loss
     errors: List[ModelError] = [*summary.model_errors]
-    errors += [e for e in candidates(dataset, problem) if e not in summary.model_errors]
+    errors += [e for e in candidates(dataset, problem, x) if e not in summary.model_errors]
     scalars = scalars_of(problem, x, sigmas, loss, [*errors, *nuisances(problem)])
     equations = solver.equations(x, sigmas, loss)
     blocks, priors = problem.residual_blocks, options.error_priors
@@ -89,7 +89,7 @@ def with_shown_errors(
             break
         solution = checked(dataset, solver, summary, setup.options)
         found = [c for c in solution.checks(summary, setup.options.loss) if not c.rivals]
-        if not found:
+        if not found or not found[0].error.is_scalar:
             break
         before = setup
         summary, setup = _with_more(solver, summary, setup, [found[0].error], {})
@@ -109,7 +109,7 @@ def with_usual_errors(
     if summary.status != CONVERGED or setup.options.weights != SIGMA:
         return summary, setup
     known = checked(dataset, solver, summary, setup.options).equations.errors
-    rest = [e for e in known if e not in summary.model_errors and not isinstance(e, SeenBorder)]
+    rest = [e for e in known if e not in summary.model_errors and e.is_scalar]
     held = replace(setup, options=replace(setup.options, hold_sigmas=True))
     priors = {error: error.usual for error in rest}
     summary, setup = _with_more(solver, summary, held, rest, priors)

@@ -145,7 +145,7 @@ def _settled(
     for _ in range(_ROUNDS):
         free = replace(solution.free, moving=dict(moving))
         before = solver.problem
-        solver = setup.make(_rebuilt(initial, measurements, before, summary.x, free))
+        solver = setup.make(rebuilt(initial, measurements, before, summary.x, free))
         summary = solve_again(solver, setup.options, before, summary)
         estimated = {edge: part for edge, part in moving.items() if part.is_estimated}
         if not estimated or summary.status != CONVERGED:
@@ -158,13 +158,22 @@ def _settled(
     return MovingSolution(solver, summary, free)
 
 
-def _rebuilt(
+def rebuilt(
     initial: Dataset,
     measurements: Sequence[Measurement],
     before: Problem,
     x: np.ndarray,
     free: FreeEdges,
 ) -> Problem:
+    """Return the problem of measurements, from a solution on, with something else free.
+
+    Args:
+        initial: what the problem before was built from.
+        measurements: those to use.
+        before: the problem before.
+        x: its solution.
+        free: what is estimated now.
+    """
     base = solved_dataset(initial, before, x, {})
     return build_problem(base, measurements, boards_in(base, measurements), free)
 

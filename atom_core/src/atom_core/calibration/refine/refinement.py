@@ -28,6 +28,7 @@ from atom_core.calibration.refine.rejection import (
     whole_collections,
 )
 from atom_core.calibration.refine.settling import settled
+from atom_core.calibration.refine.shown_joints import with_shown_joints
 from atom_core.calibration.start.starts import RoughSolution
 from atom_core.model.transforms import Edge
 from atom_core.problem.builder import FreeEdges
@@ -82,6 +83,7 @@ def refine(
     is_auto = options.model_errors == AUTO
     if is_auto:  # first, since what contradicts the others may do so for that reason
         arms = replace(arms, summary=summary)
+        arms = with_shown_joints(initial, measurements, arms, setup)
         arms = with_shown_moving_parts(initial, measurements, arms, setup)
         summary, setup = with_shown_errors(initial, arms.solver, arms.summary, setup)
     rejection = reject_bad_detections(rough.start, arms.solver, summary, arms.free, options, setup)

@@ -1,0 +1,84 @@
+"""Joints whose positions are off by the same amount in all collections: named, and estimated."""
+
+import numpy as np
+import pytest
+
+from atom_core.calibration.calibrate import calibrate
+from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.refine.error_words import described
+from atom_core.problem.model_errors import JointOffset, PrismaticOffset
+from atom_core.solvers.choice import SOLVERS
+from atom_core.synthetic import arm
+
+OFF = float(np.radians(0.3))
+HELD = CalibrationOptions(joints={})
+MAKERS = {"camera": arm.camera_on_arm, "board": arm.board_on_arm}
+MIDDLE = ("shoulder_lift", "elbow", "wrist_1", "wrist_2")  # the ends are like the sensor, the board
+
+
+def with_offset(make, seed, joint, value):
+    errors = {} if joint is None else {joint: {"position_bias": value}}
+    return MAKERS[make](seed, errors=errors, collections=20)
+
+
+def check_named(make, seed, joint, value):
+    (check,) = calibrate(with_offset(make, seed, joint, value).dataset, HELD).checks
+    assert check.error.title == f"joint offset of {joint}"
+    assert check.value == pytest.approx(value, rel=0.25)
+    assert check.error.option == f"-jsf {joint} -jpsf position_bias"
+
+
+@pytest.mark.parametrize("make", MAKERS)
+@pytest.mark.parametrize("joint", ["shoulder_lift", "wrist_2"])
+def test_a_joint_that_is_off_is_named_alone_with_its_size(make, joint):
+    check_named(make, 0, joint, OFF)
+
+
+@pytest.mark.parametrize("make", MAKERS)
+def test_a_prismatic_one_too(make):
+    check_named(make, 1, "telescope", -0.004)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("make", MAKERS)
+@pytest.mark.parametrize("joint", MIDDLE)
+def test_in_nine_rigs_of_ten(make, joint):
+    found = []
+    for seed in range(10):
+        checks = calibrate(with_offset(make, seed, joint, OFF).dataset, HELD).checks
+        found.append(bool(checks) and checks[0].error.title == f"joint offset of {joint}")
+    assert sum(found) >= 9
+
+
+@pytest.mark.parametrize("make", MAKERS)
+@pytest.mark.parametrize(
+    "seed", [*range(2), *(pytest.param(seed, marks=pytest.mark.long) for seed in range(2, 20))]
+)
+def test_arms_that_are_as_described_show_nothing(make, seed):
+    result = calibrate(with_offset(make, seed, None, 0.0).dataset, HELD)
+    assert (result.status, result.checks, result.moving) == ("converged", (), ())
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_auto_estimates_it_as_a_parameter_of_the_joint(solver):
+    scene = with_offset("camera", 0, "elbow", OFF)
+    options = CalibrationOptions(joints={}, model_errors="auto", solver_name=solver)
+    result = calibrate(scene.dataset, options)
+    assert result.status == "converged" and dict(result.free.joints) == {
+        "elbow": ("position_bias",)
+    }
+    assert result.dataset.joint("elbow").parameters["position_bias"] == pytest.approx(OFF, rel=0.1)
+    assert "estimated, since the data show it: joint offset of elbow" in result.warnings
+
+
+def test_what_is_estimated_already_is_not_looked_for():
+    scene = with_offset("camera", 0, "elbow", OFF)
+    assert calibrate(scene.dataset).checks == ()
+
+
+def test_sentences_tell_the_direction():
+    none = np.zeros((0, 6))
+    said = described(JointOffset("elbow", none), OFF, 0.1 * OFF)
+    assert said == "the positions of joint elbow are 0.3 +- 0.03 deg too small"
+    said = described(PrismaticOffset("boom", none), -0.004, 0.0002)
+    assert said == "the positions of joint boom are 4 +- 0.2 mm too large"
