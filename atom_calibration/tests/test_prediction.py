@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from atom_calibration.labels.prediction import BoardPredictor, _misfit
+from atom_calibration.labels.guess import misfit
+from atom_calibration.labels.prediction import BoardPredictor
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.geometry import se3
 from atom_core.labeling.line_sighting import LineSighting
@@ -101,14 +102,14 @@ def test_the_misfit_changes_as_its_derivative_says(shown):
         found = shown(pose @ se3.random_move(0.05, 0.05, rng), rng)
         if isinstance(found, LineSighting) and abs(found.direction @ pose[:3, 2]) > 0.9:
             continue
-        before = _misfit(middle(pose), pose[:3, 2], found)
+        before = misfit(middle(pose), pose[:3, 2], found)
         numeric = np.zeros_like(before.jacobian)
         for column, step in enumerate(1e-6 * np.eye(6)):
             moved = [
                 se3.transform(se3.rotation_from_rotation_vector(s * step[:3]), s * step[3:]) @ pose
                 for s in (1, -1)
             ]
-            plus, minus = (_misfit(middle(m), m[:3, 2], found).numbers for m in moved)
+            plus, minus = (misfit(middle(m), m[:3, 2], found).numbers for m in moved)
             numeric[:, column] = (plus - minus) / 2e-6
         known = before.directions + 1  # beside, it is taken as if the axes stood still
         np.testing.assert_allclose(before.jacobian[:known], numeric[:known], atol=2e-2)
@@ -170,3 +171,52 @@ def test_without_a_fresh_sight_there_is_no_prediction(tree):
     show(predictor, tree, 0.0, np.random.default_rng(4))
     assert predictor.predict(LIDAR, PATTERN, 9.0, tree) is None
     assert predictor.predict(LIDAR, PATTERN, 0.1, TransformTree()) is None
+
+
+# ------------------------------------------------------------ transforms that are wholly wrong
+
+
+@pytest.fixture
+def wrong_tree(make):
+    """The LiDAR is given the camera's place: metres away, and turned by a right angle and more."""
+    tree = TransformTree()
+    for sensor in (CAMERA, LIDAR):
+        tree.add(make.tf("world", sensor.frame, WORLD_T_CAMERA).transforms, fixed=True)
+    return tree
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_labels_that_all_contradict_the_transforms_alike_are_believed(wrong_tree, seed):
+    rng, predictor = np.random.default_rng(seed), BoardPredictor("world")
+    off_m = []
+    for number in range(12):
+        stamp_s = 5.0 * number
+        true = stand_still(predictor, wrong_tree, stamp_s, rng)
+        guess = predictor.predict(LIDAR, PATTERN, stamp_s, wrong_tree)
+        found = label(true, rng)
+        if predictor.relocated:
+            assert guess.agrees(found)
+        off_m.append(np.linalg.norm(guess.middle - middle(true)))
+        predictor.learn(LIDAR, PATTERN, stamp_s, found, wrong_tree)
+    assert min(off_m[:5]) > 0.5 and max(off_m[-4:]) < 0.12
+    assert "'lidar_1' is not where the transforms have it" in predictor.relocated["lidar_1"]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_other_things_that_contradict_them_are_not(tree, seed):
+    rng, predictor = np.random.default_rng(seed), BoardPredictor("world")
+    for number in range(40):
+        stamp_s = 5.0 * number
+        stand_still(predictor, tree, stamp_s, rng)
+        elsewhere = se3.transform(se3.random_rotation(3.0, rng), rng.uniform(-3, 3, 3))
+        predictor.learn(LIDAR, PATTERN, stamp_s, label(elsewhere, rng), tree)
+    assert not predictor.relocated
+
+
+def test_one_thing_that_stands_still_is_no_common_motion(tree):
+    rng, predictor = np.random.default_rng(3), BoardPredictor("world")
+    thing = se3.transform(se3.random_rotation(1.0, rng), np.array([3.0, 2.0, 0.0]))
+    for number in range(20):
+        stand_still(predictor, tree, 5.0 * number, rng)
+        predictor.learn(LIDAR, PATTERN, 5.0 * number, label(thing, rng, 0.02), tree)
+    assert not predictor.relocated

@@ -6,8 +6,9 @@ from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
+from atom_calibration.labels.guess import Guess
 from atom_calibration.labels.manual_seeds import ManualSeeds, outside_data
-from atom_calibration.labels.prediction import FRESH_S, BoardPredictor, Guess
+from atom_calibration.labels.prediction import FRESH_S, BoardPredictor
 from atom_calibration.modalities.frames import Frame
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.errors import LabelingError
@@ -126,10 +127,15 @@ class FrameLabeler:
         """Return the seed that the user has given for all times."""
         return self._manual.for_all(sensor)
 
+    @property
+    def relocated(self) -> Mapping[str, str]:
+        """What is to be said, by sensor, of those not at all where the transforms have them."""
+        return self._boards.relocated
+
     def begin_anew(self) -> None:
-        """Forget what was seen; time may go back. Seeds given by hand stay."""
+        """Forget what was seen; time may go back. Seeds, and where sensors are, stay known."""
         self._tracked, self._searched_s = {}, {}
-        self._boards = BoardPredictor(self._world)
+        self._boards.forget_sights()
 
     def _label_range(self, frame: Frame, pattern: str, tree: Optional[TransformTree]) -> None:
         key = (frame.sensor.name, pattern)

@@ -7,7 +7,7 @@ import sys
 from collections import Counter, deque
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, Collection, Deque, Iterator, List, Optional, Sequence, Tuple
+from typing import Any, Collection, Deque, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import cv2
 import numpy as np
@@ -61,7 +61,10 @@ def main(argv: Optional[Sequence[str]] = None) -> int:
 
 
 def collect_from_bag(args: argparse.Namespace) -> int:
-    """Read the bag once, from its beginning to its end; write the dataset."""
+    """Read the bag from its beginning to its end; write the dataset.
+
+    It is read once more where sensors turn out not to be where the transforms have them.
+    """
     config = read_config(args.config)
     with BagReader(args.bag) as bag:
         rig = rig_from_bag(config, bag)
@@ -73,28 +76,58 @@ def collect_from_bag(args: argparse.Namespace) -> int:
         patterns = {n: pattern_from_config(n, p) for n, p in config.calibration_patterns.items()}
         seeds = read_seeds(args.seeds, rig.sensors) if args.seeds else []
         labeler = FrameLabeler(config, rig.sensors, patterns, seeds, args.automatic_seeds == "on")
-        moments = _moments(args, config, (bag.start_s, bag.end_s), transforms.lag_s)
-        store = CollectionStore.create(args.output, args.overwrite)
-        setup = Setup(
-            config,
-            rig.sensors,
-            patterns,
-            transforms.at,
-            store,
-            args.bag.stem,
-            args.pictures,
-            isinstance(moments, StopMoments),
-            _warn,
-            described_joints(config, _warn),
-        )
-        collector = Collector(setup, moments)
-        expectation = PointExpectation(setup)
-        keys: List[str] = []
-        for frame in labeled_frames(bag, rig, labeler, transforms, args.use_receive_time):
-            expectation.add(frame)
-            keys += collector.add(frame)
-        keys += collector.finish()
-    return conclude(store, collector, keys, print, _warn)
+        recording = Recording(config, bag, rig, transforms, labeler)
+        setup = _setup(args, recording, args.overwrite)
+        collector, keys = _collected(args, recording, setup)
+        if labeler.relocated:
+            for text in labeler.relocated.values():
+                _warn(text)
+            _warn("the bag is read once more, with that in mind")
+            labeler.begin_anew()
+            setup = _setup(args, recording, True)
+            collector, keys = _collected(args, recording, setup)
+    return conclude(setup.store, collector, keys, print, _warn)
+
+
+class Recording(NamedTuple):
+    """A bag, and what is known of it."""
+
+    config: CalibrationConfig
+    bag: BagReader
+    rig: Rig
+    transforms: BagTransforms
+    labeler: FrameLabeler
+
+
+def _setup(args: argparse.Namespace, recording: Recording, overwrite: bool) -> Setup:
+    config, _, rig, transforms, _ = recording
+    return Setup(
+        config,
+        rig.sensors,
+        {n: pattern_from_config(n, p) for n, p in config.calibration_patterns.items()},
+        transforms.at,
+        CollectionStore.create(args.output, overwrite),
+        args.bag.stem,
+        args.pictures,
+        not (args.times or args.interval),
+        _warn,
+        described_joints(config, _warn),
+    )
+
+
+def _collected(
+    args: argparse.Namespace, recording: Recording, setup: Setup
+) -> Tuple[Collector, List[str]]:
+    """Read the bag once; return the collector and the keys of its collections."""
+    config, bag, rig, transforms, labeler = recording
+    moments = _moments(args, config, (bag.start_s, bag.end_s), transforms.lag_s)
+    collector, expectation = Collector(setup, moments), PointExpectation(setup)
+    keys: List[str] = []
+    for frame in labeled_frames(bag, rig, labeler, transforms, args.use_receive_time):
+        expectation.add(frame)
+        keys += collector.add(frame)
+    keys += collector.finish()
+    return collector, keys
 
 
 def _clocks(bag: BagReader, rig: Rig, received: Collection[str], tf_lag_s: float) -> List[str]:

@@ -184,6 +184,8 @@ class LabelerNode:
             while self._links.sights:
                 self._note_board(*self._links.sights.popleft())
             self._labeler.label(frame, self._transforms.at(frame.stamp_s))
+            for text in self._labeler.relocated.values():
+                rospy.logwarn_once(text)
         except (LabelingError, CollectionError) as error:
             self._give_up(frame, error)
 
