@@ -17,6 +17,7 @@ from atom_core.errors import AtomError
 from atom_core.model.dataset import Dataset, is_complete
 from atom_core.model.labels import DetectionKey, place
 from atom_core.problem.builder import FreeEdges, build_problem, check_edges
+from atom_core.problem.measured_size import MeasuredSide, measured_sides
 from atom_core.problem.measurements import Measurement, read_measurements
 from atom_core.problem.problem import Problem
 
@@ -35,6 +36,7 @@ class Preflight:
         problems: what stands in the way of a calibration.
         warnings: what should be looked at.
         residuals: at the poses that the dataset carries; None when it carries none.
+        sides: of the boards, as range sensors see them.
     """
 
     detections: Mapping[DetectionKey, str]
@@ -44,6 +46,7 @@ class Preflight:
     problems: Tuple[str, ...]
     warnings: Tuple[str, ...]
     residuals: Optional[Table]
+    sides: Tuple[MeasuredSide, ...] = ()
 
 
 def preflight(dataset: Dataset) -> Preflight:
@@ -69,6 +72,8 @@ def preflight(dataset: Dataset) -> Preflight:
         warnings.append(
             "nothing ties the rig to world: the first sensor will be held (anchored_sensor, -as)"
         )
+    sides = measured_sides(measurements)
+    warnings += _of_another_size(sides)
     held = _problem_at_held_boards(present, measurements)
     return Preflight(
         detections=_detections(dataset),
@@ -78,7 +83,24 @@ def preflight(dataset: Dataset) -> Preflight:
         problems=tuple(problems),
         warnings=tuple(warnings),
         residuals=residual_table(held, np.zeros(0)) if held else None,
+        sides=tuple(sides),
     )
+
+
+def _of_another_size(sides: Sequence[MeasuredSide]) -> List[str]:
+    """Return a sentence for each sensor to which a board is not of the configured size."""
+    remarks = []
+    for sensor, pattern in dict.fromkeys((s.sensor, s.pattern) for s in sides if s.is_off):
+        own = [s for s in sides if (s.sensor, s.pattern) == (sensor, pattern)]
+        looks, configured = (
+            " and ".join(f"{getattr(s, length):.3f} m {('wide', 'high')[s.across]}" for s in own)
+            for length in ("measured_m", "configured_m")
+        )
+        remarks.append(
+            f"pattern '{pattern}' looks {looks} to sensor '{sensor}'; the configuration says "
+            f"{configured}: measure the board, and correct its size and border"
+        )
+    return remarks
 
 
 def _collect(check: Callable[[], None], problems: List[str]) -> None:

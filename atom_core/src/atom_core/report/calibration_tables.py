@@ -203,6 +203,8 @@ def preflight_report(dataset: Dataset, result: Preflight) -> str:
     )
     if result.residuals is not None:
         parts.append(_residual_table(dataset, result.residuals))
+    if result.sides:
+        parts.append(_size_table(result))
     parts += [f"warning: {w}" for w in result.warnings]
     parts += [f"problem: {p}" for p in result.problems]
     parts.append("not ready to calibrate" if result.problems else "ready to calibrate")
@@ -245,6 +247,24 @@ def _residual_table(dataset: Dataset, table: Table) -> str:
     headers = ["Collection"] + [f"{s} {kind} [{units[kind]}]" for s, kind in columns]
     title = "Residuals at the poses in the dataset (mean of each collection)"
     return text_table(headers, rows + [averages], title)
+
+
+def _size_table(result: Preflight) -> str:
+    rows = [
+        (
+            s.pattern,
+            ("width", "height")[s.across],
+            f"{s.configured_m:.4f}",
+            s.sensor,
+            f"{s.measured_m:.4f}",
+            f"{100.0 * (s.measured_m / s.configured_m - 1.0):+.1f}",
+            s.detections,
+        )
+        for s in sorted(result.sides)
+    ]
+    headers = ["Pattern", "Side", "Configured [m]", "To sensor", "Looks [m]", "[%]", "Detections"]
+    title = "Boards as they look (border points lie half a beam step or a pixel inside)"
+    return text_table(headers, rows, title)
 
 
 class MovedEdge(NamedTuple):
