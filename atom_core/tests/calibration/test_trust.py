@@ -98,14 +98,14 @@ def test_what_does_no_harm(row):
     assert is_right(result, scene), result.message
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="seed 1: depth_1 7.8 mm and 4.4 of its sigmas off (6.1 mm, 3.0 with seed 0), "
-    "converged, nothing named: no model error has the shape of waves across the image",
-)
-def test_waves_of_a_depth_camera_are_within_its_sigmas_or_named():
-    scene = FAULTS["depth in steps, 5 % holes, waves of 10 mm"](1)
-    assert holds(calibrate(scene.dataset), scene, "depth_1")
+@pytest.mark.parametrize("seed", [0, 1])
+def test_waves_of_a_depth_camera_are_named(seed):
+    """3.0 and 4.4 of its sigmas off; before, `converged`, with nothing named."""
+    scene = FAULTS["depth in steps, 5 % holes, waves of 10 mm"](seed)
+    result = calibrate(scene.dataset)
+    assert holds(result, scene, "depths of depth_1 have waves of")
+    (check,) = result.checks
+    assert check.error.title == "depth waves of depth_1" and 0.002 < check.value < 0.005
 
 
 @pytest.mark.parametrize("row", NAMED, ids=lambda row: row.fault)
@@ -143,7 +143,7 @@ def test_what_auto_shares_out_by_what_is_usual_is_named(fault, cause):
     """A size and a range scale are alike: both would be made a little wrong, and `converged`."""
     scene = FAULTS[fault](0)
     result = calibrate(scene.dataset, CalibrationOptions(model_errors=AUTO))
-    assert not is_right(result, scene) and result.status == "inconsistent"
+    assert result.status == "inconsistent"
     assert re.match(f"{cause}that is .* times what is usual", result.message)
 
 

@@ -77,5 +77,5 @@ def test_what_detections_have_in_common_makes_all_less_sure(solved):
 
 def test_sigmas_of_a_healthy_rig_are_hardly_larger_and_never_smaller(solved):
     _, found = equations_of(solved)
-    factors = sigma_factors(found, [])
+    factors = sigma_factors(found, found, [])
     assert np.all(factors >= 1.0) and np.median(factors[: 6 * found.blocks]) < 1.5

@@ -101,7 +101,7 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
     clock.lap("solve")
     judgement = judge(chosen, refined, options, setup.make)
     clock.lap("covariance")
-    remarks = (prepared.remarks, starts.remarks, chosen.remarks, refined.remarks)
+    steps = (prepared, starts, chosen, refined, judgement)
     return Calibration(
         dataset=judgement.dataset,
         initial=chosen.solution.start.initial,
@@ -120,7 +120,7 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
         unused=refined.unused,
         rejected=refined.rejected,
         relabeled=_relabeled(dataset, judgement.dataset),
-        warnings=(*prepared.dataset.warnings, *(r for of_step in remarks for r in of_step)),
+        warnings=(*prepared.dataset.warnings, *(r for step in steps for r in step.remarks)),
         seconds=clock.laps,
         seed=options.seed,
     )

@@ -36,6 +36,7 @@ from atom_core.problem.residuals import (
 
 Values = Mapping[ModelError, float]
 _Error = TypeVar("_Error", bound=ModelError)
+_OfRange = TypeVar("_OfRange", RangeOffset, RangeScale)
 
 
 def corrected(problem: Problem, values: Values, x: np.ndarray) -> Problem:
@@ -56,8 +57,8 @@ def corrected(problem: Problem, values: Values, x: np.ndarray) -> Problem:
         if isinstance(block, ReprojectionBlock):
             block = _corrected_corners(block, before, after)
         elif isinstance(block, RangeBlock):
-            offset_m, scale = after.of_sensor(RangeOffset), after.of_sensor(RangeScale)
-            block = block.with_range_errors(offset_m, scale)
+            offset_m = after.of_points(RangeOffset, block.points)
+            block = block.with_range_errors(offset_m, after.of_points(RangeScale, block.points))
         if isinstance(block, BorderBlock):
             block = _corrected_border(block, before, after)
         elif isinstance(block, OrthogonalBlock):
@@ -87,9 +88,13 @@ class _Correction:
             if error.target == sensor or isinstance(error, BoardError)
         }
 
-    def of_sensor(self, kind: Type[ModelError]) -> float:
-        """Return the value of one kind of error of the block's sensor."""
-        return sum(v for e, v in self.of_kind(kind).items() if e.target == self._sensor)
+    def of_points(self, kind: Type[_OfRange], points: np.ndarray) -> np.ndarray:
+        """Return (n,) of points (n, 3): the values of one kind of error of the block's sensor."""
+        result = np.zeros(len(points))
+        for error, value in self.of_kind(kind).items():
+            if error.target == self._sensor and value != 0.0:
+                result += value * error.share(points)
+        return result
 
     def of_kind(self, kind: Type[_Error]) -> Dict[_Error, float]:
         """Return the values of a kind."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar, Optional, Tuple
+from typing import ClassVar, Dict, Optional, Tuple
 
 import numpy as np
 
@@ -52,12 +52,38 @@ class Rows:
 
     def by_pattern_point(self, moved: np.ndarray) -> np.ndarray:
         """Return (n, dimension): the rows' change as the pattern moves by (n, 3) in its frame."""
-        in_sensor = np.einsum("nij,nj->ni", self.axes, moved)
-        return np.einsum("nri,ni->nr", self.by_twist[:, :, 3:], in_sensor)
+        return -self.by_sensor_point(np.einsum("nij,nj->ni", self.axes, moved))
 
     def by_sensor_point(self, moved: np.ndarray) -> np.ndarray:
         """Return (n, dimension): the rows' change as the points move by (n, 3) in the sensor."""
-        return -np.einsum("nri,ni->nr", self.by_twist[:, :, 3:], moved)
+        x, y, z = (self.by_twist[:, :, 3 + i] * moved[:, i, None] for i in range(3))
+        return -(x + y + z)
+
+    @cached_property
+    def by_offset(self) -> np.ndarray:
+        """(n, dimension) of range points: the rows' change as they move along their rays."""
+        assert isinstance(self.block, RangeBlock)
+        return self.by_sensor_point(self.block.rays)
+
+    @cached_property
+    def by_scale(self) -> np.ndarray:
+        """(n, dimension) of range points: the rows' change by the scale of their distances."""
+        assert isinstance(self.block, RangeBlock)
+        return self.by_sensor_point(self.block.measured_points)
+
+    def by_intrinsics(self, start: Camera) -> np.ndarray:
+        """Return (n, 2, 12): the change of corners by the numbers of a camera, from `start`."""
+        block, found = self.block, self._by_intrinsics
+        assert isinstance(block, ReprojectionBlock)
+        if id(start) not in found:
+            points = se3.apply(self.poses[block.detection], block.corners_in_pattern)
+            by_number = project_with_derivatives(start, block.camera, points)[2]
+            found[id(start)] = (start, by_number)
+        return found[id(start)][1]
+
+    @cached_property
+    def _by_intrinsics(self) -> Dict[int, Tuple[Camera, np.ndarray]]:
+        return {}
 
     @cached_property
     def axes(self) -> np.ndarray:
@@ -92,6 +118,7 @@ class ModelError(ABC):
     most: ClassVar[float] = 0.5  # beyond it an estimate is cut off
     usual: ClassVar[float] = 0.02  # standard deviation among real sensors and boards, in its unit
     is_scalar: ClassVar[bool] = True  # whether it is estimated beside the poses
+    stands_alone: ClassVar[bool] = True  # False: one of many that are never named one by one
 
     @abstractmethod
     def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
@@ -123,7 +150,11 @@ class RangeOffset(ModelError):
         """Return the rows' change as points move along their rays."""
         if not isinstance(rows.block, RangeBlock) or rows.block.sensor != self.target:
             return None
-        return rows.by_sensor_point(rows.block.rays)
+        return self.share(rows.block.points)[:, None] * rows.by_offset
+
+    def share(self, points: np.ndarray) -> np.ndarray:
+        """Return (n,): the part of the value that points (n, 3) in the sensor's frame have."""
+        return np.ones(len(points))
 
 
 @dataclass(frozen=True)
@@ -132,7 +163,7 @@ class RangeScale(ModelError):
 
     kind = "range_scale"
     unit = RATIO
-    usual = 0.003
+    usual = 0.001  # distances are counted by a quartz
 
     def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
         """Return the rows' change as points move away in proportion to their distance.
@@ -142,8 +173,11 @@ class RangeScale(ModelError):
         """
         if not isinstance(rows.block, RangeBlock) or rows.block.sensor != self.target:
             return None
-        away = rows.by_sensor_point(rows.block.measured_points)
-        return away - rows.residual / (1.0 + rows.block.range_scale)
+        return rows.by_scale - rows.residual / (1.0 + rows.block.range_scale[:, None])
+
+    def share(self, points: np.ndarray) -> np.ndarray:
+        """Return (n,): the part of the value that points (n, 3) in the sensor's frame have."""
+        return np.ones(len(points))
 
 
 @dataclass(frozen=True)
@@ -177,7 +211,7 @@ class BoardSize(BoardError):
 
     kind = "board_size"
     unit = RATIO
-    usual = 0.003
+    usual = 0.002
 
     def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
         block = rows.block
@@ -319,9 +353,7 @@ class CameraError(ModelError):
         block = rows.block
         if not isinstance(block, ReprojectionBlock) or block.sensor != self.target:
             return None
-        points = se3.apply(rows.poses[block.detection], block.corners_in_pattern)
-        by_number = project_with_derivatives(self.camera, block.camera, points)[2]
-        return by_number[:, :, list(self.numbers)].sum(axis=2)
+        return rows.by_intrinsics(self.camera)[:, :, list(self.numbers)].sum(axis=2)
 
 
 @dataclass(frozen=True)

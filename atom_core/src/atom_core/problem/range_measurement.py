@@ -196,6 +196,7 @@ def range_blocks(
 
 
 def _orthogonal(sensor: Sensor, items: Sequence[Tuple[int, RangeMeasurement]]) -> OrthogonalBlock:
+    count = sum(len(m.inside) for _, m in items)
     return OrthogonalBlock(
         sensor=sensor.name,
         modality=sensor.modality,
@@ -203,8 +204,8 @@ def _orthogonal(sensor: Sensor, items: Sequence[Tuple[int, RangeMeasurement]]) -
         sigma=np.concatenate([m.inside_sigma_m for _, m in items]),
         ids=np.concatenate([m.inside_indices for _, m in items]),
         points=np.concatenate([m.inside for _, m in items]),
-        range_offset_m=0.0,
-        range_scale=0.0,
+        range_offset_m=np.zeros(count),
+        range_scale=np.zeros(count),
     )
 
 
@@ -217,8 +218,8 @@ def _border(sensor: Sensor, items: Sequence[Tuple[int, RangeMeasurement]]) -> Bo
         sigma=np.concatenate([m.limit_sigma_m for _, m in items]),
         ids=np.concatenate([m.limit_indices for _, m in items]),
         points=np.concatenate([m.limit for _, m in items]),
-        range_offset_m=0.0,
-        range_scale=0.0,
+        range_offset_m=np.zeros(sum(counts)),
+        range_scale=np.zeros(sum(counts)),
         centre=np.repeat([m.border.centre for _, m in items], counts, axis=0),
         half_size=np.repeat([m.border.half_size for _, m in items], counts, axis=0),
         steps=np.concatenate([m.limit_steps for _, m in items]),

@@ -121,13 +121,13 @@ class RangeBlock(ResidualBlock):
 
     Attributes:
         points: (n, 3) in its frame [m], already corrected by range scale and range offset.
-        range_offset_m: by how much they are moved away from the sensor, along their rays.
-        range_scale: by which part of its distance each was moved before.
+        range_offset_m: (n,) by how much they are moved away from the sensor, along their rays.
+        range_scale: (n,) by which part of its distance each was moved before.
     """
 
     points: np.ndarray
-    range_offset_m: float
-    range_scale: float
+    range_offset_m: np.ndarray
+    range_scale: np.ndarray
 
     @property
     def rays(self) -> np.ndarray:
@@ -138,13 +138,15 @@ class RangeBlock(ResidualBlock):
     @property
     def measured_points(self) -> np.ndarray:
         """(n, 3) as the sensor has them [m]."""
-        return (self.points - self.range_offset_m * self.rays) / (1.0 + self.range_scale)
+        moved = self.points - self.range_offset_m[:, None] * self.rays
+        return moved / (1.0 + self.range_scale[:, None])
 
-    def with_range_errors(self, offset_m: float, scale: float) -> RangeBlock:
-        """Return the block with its points corrected by another offset and scale."""
-        if (offset_m, scale) == (self.range_offset_m, self.range_scale):
+    def with_range_errors(self, offset_m: np.ndarray, scale: np.ndarray) -> RangeBlock:
+        """Return the block with its points corrected by other offsets (n,) and scales (n,)."""
+        same = np.array_equal(offset_m, self.range_offset_m)
+        if same and np.array_equal(scale, self.range_scale):
             return self
-        points = (1.0 + scale) * self.measured_points + offset_m * self.rays
+        points = (1.0 + scale[:, None]) * self.measured_points + offset_m[:, None] * self.rays
         return replace(self, points=points, range_offset_m=offset_m, range_scale=scale)
 
 

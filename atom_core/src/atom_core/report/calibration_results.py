@@ -101,6 +101,7 @@ class ModelErrorResult:
         option: what estimates it.
         sentence: what it means.
         rivals: what the data cannot tell it from.
+        family: what it is one of many of, such as "layer offset"; None: it stands alone.
     """
 
     name: str
@@ -113,6 +114,7 @@ class ModelErrorResult:
     option: str
     sentence: str
     rivals: Tuple[str, ...]
+    family: Optional[str]
 
 
 @dataclass(frozen=True)
@@ -351,6 +353,7 @@ def _model_error(
         option=error.option,
         sentence=described(error, value, sigma),
         rivals=(),
+        family=None if error.stands_alone else error.kind.replace("_", " "),
     )
 
 

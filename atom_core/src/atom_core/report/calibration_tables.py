@@ -15,6 +15,7 @@ from atom_core.calibration.refine.moving_parts import moving_sentences
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import DetectionKey
 from atom_core.model.transforms import Edge
+from atom_core.problem.model_errors import METRE
 from atom_core.report.calibration_results import CalibrationResults, GroundTruth
 from atom_core.report.tables import ABSENT, text_table
 
@@ -118,6 +119,8 @@ def _model_error_lines(results: CalibrationResults) -> List[str]:
     """Return what was estimated of the model's errors, and what the data show beside it."""
     lines = []
     for error in results.model_errors:
+        if error.family is not None:
+            continue
         if error.estimated:
             if error.prior_sigma is None or abs(error.value) > _SHOWN_SIGMAS * error.sigma:
                 lines.append(f"estimated: {error.sentence}")
@@ -129,7 +132,22 @@ def _model_error_lines(results: CalibrationResults) -> List[str]:
         else:
             lines.append(f"the data show: {error.sentence} ({error.option} estimates it)")
     lines += moving_sentences(results.calibration.free)
+    lines += _families(results)
     return lines + [f"the data show: {edge.why}" for edge in results.calibration.moving]
+
+
+def _families(results: CalibrationResults) -> List[str]:
+    """Return a line for the errors of each sensor that are many and of one sort."""
+    values: Dict[Tuple[str, str, str], List[float]] = {}
+    for error in results.model_errors:
+        if error.family is not None:
+            values.setdefault((error.family, error.target, error.unit), []).append(error.value)
+    lines = []
+    for (family, target, unit), sizes in values.items():
+        rms = math.sqrt(float(np.mean(np.square(sizes))))
+        size = f"{1e3 * rms:.2g} mm" if unit == METRE else f"{100.0 * rms:.2g} %"
+        lines.append(f"estimated: {len(sizes)} {family}s of {target}, {size} each (RMS)")
+    return lines
 
 
 def _propagation_table(results: CalibrationResults) -> List[str]:

@@ -58,7 +58,6 @@ class SolverOptions:
         max_iterations: over all rounds of reweighting.
         reweighting_rounds: at most so many estimates of the sigmas.
         model_errors: those that are estimated.
-        hold_sigmas: do not estimate them any more; only insets and model errors are.
         error_priors: of some of them, the standard deviation about zero that is assumed, in their
             units; the others are free.
         progress: told of every iteration.
@@ -70,7 +69,6 @@ class SolverOptions:
     reweighting_rounds: int = 10
     model_errors: Tuple[ModelError, ...] = ()
     error_priors: Mapping[ModelError, float] = field(default_factory=dict)
-    hold_sigmas: bool = False
     progress: Optional[Progress] = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:

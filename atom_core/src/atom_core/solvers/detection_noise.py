@@ -26,6 +26,7 @@ from atom_core.solvers.insets import MOST_STEPS
 from atom_core.solvers.normal_equations import NormalEquations
 from atom_core.solvers.scalars import JointScalars, joint_of
 from atom_core.solvers.shared_equations import Scalars, scalars_of, shares_of, tempered
+from atom_core.solvers.variance_components import scale_factors
 
 _ROUNDS = 30
 _STILL = 0.01  # of a step beside its standard deviation
@@ -54,34 +55,50 @@ def weighted_by_detections(
 ) -> SolverSummary:
     """Return the solution with common parts estimated; the solver's problem is corrected anew.
 
+    Model errors that the summary does not have yet begin at zero.
+
     Args:
         solver: of the problem.
         summary: its solution.
         options: of the solution.
     """
-    errors = list(options.model_errors)
-    state = _State(
-        summary.x.copy(),
-        np.array(summary.inset_steps),
-        in_steps(errors, summary.model_errors),
-        np.zeros(len(summary.sigmas)),
-    )
+    errors, problem = list(options.model_errors), solver.problem
+    scales, state = np.ones(len(summary.sigmas)), _first_state(summary, options)
+    sigmas = summary.sigmas
     for _ in range(_ROUNDS):
-        system = _system(solver, state, summary.sigmas, options)
+        system = _system(solver, state, sigmas, options)
         covariance = Covariance(system.equations).bordered(system.joint)
-        raw = solver.equations(state.x, summary.sigmas, options.loss)
-        common = _common_parts(solver.problem, raw, covariance, summary.sigmas)
+        raw = solver.equations(state.x, sigmas, options.loss)
+        common = _common_parts(problem, raw, covariance, sigmas)
+        factors = scale_factors(problem, raw, solver.squares(state.x, sigmas), sigmas, options.loss)
         after, largest = _stepped(solver, state, system, covariance, options)
         settled = np.allclose(common, state.common, rtol=0.02, atol=1e-6) and largest < _STILL
+        settled = settled and bool(np.max(np.abs(np.log(factors))) < _STILL)
         state = after._replace(common=0.5 * (common + state.common))
         if settled:
             break
+        scales = scales * factors
+        sigmas = tuple(sigma * scale for sigma, scale in zip(summary.sigmas, scales))
+    squares = solver.squares(state.x, sigmas)
     return replace(
         summary,
         x=state.x,
+        cost_final=losses.total_cost(options.loss, squares),
+        sigmas=sigmas,
+        scales=tuple(float(s) for s in scales * summary.scales),
+        robust_weights=tuple(losses.weight(options.loss, square) for square in squares),
         inset_steps=tuple(float(v) for v in state.insets),
         model_errors=in_units(errors, state.errors),
         common=tuple(float(v) for v in state.common),
+    )
+
+
+def _first_state(summary: SolverSummary, options: SolverOptions) -> _State:
+    return _State(
+        summary.x.copy(),
+        np.array(summary.inset_steps),
+        in_steps(options.model_errors, summary.model_errors),
+        np.zeros(len(summary.sigmas)),
     )
 
 

@@ -17,15 +17,9 @@ from typing import Optional, Sequence, Tuple
 import numpy as np
 
 from atom_core.problem.problem import Problem
-from atom_core.problem.residuals import (
-    BORDER,
-    ORTHOGONAL,
-    REPROJECTION,
-    BorderBlock,
-)
+from atom_core.problem.residuals import BorderBlock
 from atom_core.solvers import losses
 from atom_core.solvers.anderson import AndersonAcceleration
-from atom_core.solvers.assessment import Assessment
 from atom_core.solvers.base import (
     ATOM,
     CONVERGED,
@@ -44,16 +38,14 @@ from atom_core.solvers.detection_noise import covariance_by_detections
 from atom_core.solvers.error_columns import apply_errors, error_columns, in_steps, in_units
 from atom_core.solvers.insets import apply_insets
 from atom_core.solvers.scalars import better_scalars, joint_scalars
+from atom_core.solvers.variance_components import scale_factors
 
 # Relative change of a factor below which the rounds become finer, and below which they end.
 _NEARLY_STILL, _STILL = 0.05, 3e-4
 # When the rounds are used up, it is enough that a factor changes by so much of its own deviation,
 # and an inset by so many steps: few residuals have a median that never stands quite still.
 _OF_DEVIATION, _STILL_STEPS = 0.1, 3e-3
-SMALLEST_SIGMA = {REPROJECTION: 0.01, ORTHOGONAL: 1e-5, BORDER: 1e-4}  # px, m, m
 _SMALLEST_NORMALISER = 1e-9  # a perfect guess must not divide by zero
-# Median of |r| / sigma of a Gaussian in one and in two dimensions.
-MEDIAN_OF_NORM = {1: 0.67449, 2: 1.17741}
 
 
 def rough_minimum(
@@ -205,9 +197,7 @@ def _reweighted(
         apply_insets(solver, assessment.columns, now)
         apply_errors(solver, end.x, errors, values_now)
         squares = solver.squares(end.x, sigmas)
-        factors = np.ones(count)
-        if not options.hold_sigmas:
-            factors = _sigma_factors(solver.problem, assessment, squares, sigmas, options.loss)
+        factors = scale_factors(solver.problem, assessment.equations, squares, sigmas, options.loss)
         change = np.concatenate([np.log(factors), now - insets, values_now - values])
         scales, insets, values = np.split(state.advance(change), [count, 2 * count])
         sigmas = tuple(s * np.exp(scale) for s, scale in zip(initial, scales))
@@ -255,30 +245,6 @@ def atom_normalisers(solver: Solver, x: np.ndarray) -> Tuple[np.ndarray, ...]:
         mine = [np.sqrt(s) for s, block in zip(squares, blocks) if block.modality == modality]
         means[modality] = max(float(np.mean(np.concatenate(mine))), _SMALLEST_NORMALISER)
     return tuple(np.full(block.count, means[block.modality]) for block in blocks)
-
-
-def _sigma_factors(
-    problem: Problem,
-    assessment: Assessment,
-    squares: Sequence[np.ndarray],
-    sigmas: Sequence[np.ndarray],
-    loss: str,
-) -> np.ndarray:
-    """Return (b,) by which the sigmas of each residual block are too small."""
-    equations = assessment.equations
-    explained = Covariance(equations).explained(problem, equations)
-    factors = []
-    for block, square, sigma, used in zip(problem.residual_blocks, squares, sigmas, explained):
-        rows = block.count * block.dimension
-        redundancy = max(rows - used, 0.05 * rows)
-        if loss == losses.NONE:
-            factor = np.sqrt(np.sum(square) / redundancy)
-        else:
-            median = np.sqrt(np.median(square)) / MEDIAN_OF_NORM[block.dimension]
-            factor = median * np.sqrt(rows / redundancy)
-        smallest = SMALLEST_SIGMA[block.kind] / float(np.median(sigma))
-        factors.append(float(max(factor, smallest)))
-    return np.array(factors)
 
 
 def _summary(

@@ -124,7 +124,8 @@ def scalars_of(
         rows = rows_of(block, poses, problem.patterns, residual, by_state)
         columns: Dict[int, np.ndarray] = {}
         if isinstance(block, BorderBlock):
-            columns[borders.index(i)] = block.by_inset_steps(poses)[:, None]
+            across = np.abs(rows.outward) * block.steps_across(poses)
+            columns[borders.index(i)] = np.sum(across, axis=1, keepdims=True)
         for number, error in enumerate(errors, len(borders)):
             change = error.derivatives(rows)
             if change is not None and np.any(change):

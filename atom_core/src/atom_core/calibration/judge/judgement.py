@@ -19,16 +19,18 @@ from atom_core.calibration.judge.weak_directions import (
 from atom_core.calibration.options import OFF, CalibrationOptions
 from atom_core.calibration.refine.error_words import unusual
 from atom_core.calibration.refine.model_checks import ModelCheck
-from atom_core.calibration.refine.model_errors import checked, suggestion
+from atom_core.calibration.refine.model_errors import COMMON, checked, suggestion
 from atom_core.calibration.refine.moving_edges import MovingEdge, moving_edges
 from atom_core.calibration.refine.moving_parts import unusual_parts
 from atom_core.calibration.refine.refinement import Refined
+from atom_core.calibration.refine.wave_checks import wave_checks
 from atom_core.calibration.start.boards import solved_dataset
 from atom_core.calibration.start.starts import ChosenStart, InitialProblem
 from atom_core.model.dataset import Dataset
 from atom_core.model.pattern import BoardKey
 from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.problem import Problem
+from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION
 from atom_core.solvers.base import (
     CONVERGED,
     FAILED,
@@ -39,7 +41,7 @@ from atom_core.solvers.base import (
 )
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.reweighting import covariance_of
-from atom_core.solvers.robust_covariance import sigma_factors
+from atom_core.solvers.robust_covariance import FEWEST, sigma_factors
 
 _STRONG = 3.0  # sigmas by which what is not estimated may move an edge, and what is be unusual
 RANK_DEFICIENT, INCONSISTENT = "rank_deficient", "inconsistent"
@@ -59,6 +61,7 @@ class Judgement:
         moving: transforms of moving parts that do not fit.
         status: converged, not_converged, rank_deficient, inconsistent or failed.
         message: one sentence.
+        remarks: what the user should know of the sigmas.
     """
 
     dataset: Dataset
@@ -70,6 +73,7 @@ class Judgement:
     moving: Tuple[MovingEdge, ...]
     status: str
     message: str
+    remarks: Tuple[str, ...]
 
 
 def judge(
@@ -96,12 +100,14 @@ def judge(
     unfit: List[Misfit] = []
     checks: List[ModelCheck] = []
     moving: List[MovingEdge] = []
+    remarks: Tuple[str, ...] = ()
     if summary.status == CONVERGED:
         loss = options.solver.loss
         unfit = misfits(refined.solver, summary.x, summary.sigmas, loss, make_solver)
         if options.solver.weights == SIGMA:
             covariance, checks = _checked(start.initial, refined, options, covariance)
             moving = _moving(dataset, refined, options, checks)
+            remarks = _few_collections(problem)
     out = exclusions(start.initial, start.measurements, refined.rejected)
     reasons = [suggestion(c) for c in strong(checks, covariance)] + _unusual(refined, covariance)
     reasons += unusual_parts(refined.free, options)
@@ -110,7 +116,7 @@ def judge(
     reasons += [m.why for m in unfit] + [e.why for e in out]
     status, message = _verdict(summary, weak, reasons, refined.failure)
     verdicts = tuple(unfit), tuple(out), tuple(checks), tuple(moving)
-    return Judgement(dataset, covariance, tuple(weak), *verdicts, status, message)
+    return Judgement(dataset, covariance, tuple(weak), *verdicts, status, message, remarks)
 
 
 def _checked(
@@ -120,12 +126,27 @@ def _checked(
     loss, estimated = refined.options.loss, tuple(refined.summary.model_errors)
     solution = checked(initial, refined.solver, refined.summary, refined.options)
     equations = solution.equations
-    factors = sigma_factors(equations, estimated)
+    factors = sigma_factors(equations, solution.cautious, estimated)
     of_errors = dict(zip(estimated, factors[equations.shared :]))
     covariance = covariance.robust(factors[: BLOCK_SIZE * equations.blocks], of_errors)
     if options.model_errors == OFF:
         return covariance, []
-    return covariance, solution.checks(refined.summary, loss)
+    checks = solution.checks(refined.summary, loss)
+    checks += wave_checks(initial, refined.solver, refined.summary, refined.options, checks)
+    return covariance, sorted(checks, key=lambda check: -check.gain)
+
+
+def _few_collections(problem: Problem) -> Tuple[str, ...]:
+    """Return a sentence where the sigmas rest on what was assumed of the detections alone."""
+    count = len({key.collection for key in problem.detections})
+    if count >= FEWEST:
+        return ()
+    return (
+        f"{count} collection(s) do not tell by their differences how sure the answer is: its "
+        f"sigmas assume that each detection is off as a whole by {COMMON[REPROJECTION]:g} px, by "
+        f"{1e3 * COMMON[ORTHOGONAL]:g} mm across the board, and by {1e3 * COMMON[BORDER]:g} mm "
+        f"along it, beside its noise; collect {FEWEST} or more",
+    )
 
 
 def _moving(
@@ -153,7 +174,7 @@ def _unusual(refined: Refined, covariance: Covariance) -> List[str]:
     """
     values, sigmas = refined.summary.model_errors, covariance.error_sigmas
     priors = {e: sigma for e, sigma in refined.options.error_priors.items() if e in values}
-    far = [e for e, usual in priors.items() if abs(values[e]) > _STRONG * usual]
+    far = [e for e, u in priors.items() if e.stands_alone and abs(values[e]) > _STRONG * u]
     far.sort(key=lambda e: -abs(values[e]) / priors[e])
     return [unusual(e, values[e], sigmas.get(e, 0.0), priors[e]) for e in far]
 

@@ -23,9 +23,16 @@ from atom_core.problem.model_errors import (
     SeenBorder,
 )
 from atom_core.problem.problem import Problem
+from atom_core.problem.range_fields import depth_waves, layer_offsets
 from atom_core.problem.residuals import BorderBlock
 
-_NUMBERS = {"focal_length": (0, 1), "centre_x": (2,), "centre_y": (3,), "k1": (4,)}
+_NUMBERS = {
+    "focal_length": (0, 1),
+    "aspect": (1,),
+    "centre_x": (2,),
+    "centre_y": (3,),
+    "k1": (4,),
+}
 
 
 def candidates(dataset: Dataset, problem: Problem, x: np.ndarray) -> List[ModelError]:
@@ -57,6 +64,18 @@ def candidates(dataset: Dataset, problem: Problem, x: np.ndarray) -> List[ModelE
             found += [BorderShift(name, axis), bend]
     if any(collection.joints for collection in dataset.collections.values()):
         found += joint_offsets(solved_dataset(dataset, problem, x, {}), problem)
+    return found
+
+
+def many_small(dataset: Dataset, problem: Problem) -> List[ModelError]:
+    """Return the errors of range sensors that differ from ray to ray (`range_fields.py`)."""
+    found: List[ModelError] = []
+    for name in dict.fromkeys(block.sensor for block in problem.residual_blocks):
+        sensor = dataset.sensors[name]
+        if sensor.kind.can_estimate_range_offset:
+            found += layer_offsets(problem, name)
+        elif sensor.kind.measures_range and sensor.camera is not None:
+            found += depth_waves(name, sensor.camera)
     return found
 
 

@@ -20,6 +20,7 @@ from atom_core.problem.model_errors import (
     RangeOffset,
     RangeScale,
 )
+from atom_core.problem.range_fields import DepthWave, DepthWaves, LayerOffset
 
 
 def described(error: ModelError, value: float, sigma: float) -> str:
@@ -103,6 +104,12 @@ def _camera(error: ModelError, value: float, sigma: float) -> str:
             f"the focal length of {error.target} is given "
             f"{_about(math.expm1(-value), sigma, 100.0, '%')} too {length}"
         )
+    if error.label == "aspect":
+        length = "long" if value < 0 else "short"
+        return (
+            f"fy of {error.target} is given {_about(math.expm1(-value), sigma, 100.0, '%')} too "
+            f"{length} beside fx"
+        )
     if error.label.startswith("centre"):
         return (
             f"the image centre of {error.target} is given "
@@ -122,6 +129,31 @@ def _joint(error: ModelError, value: float, sigma: float) -> str:
     )
 
 
+def _layer_offset(error: ModelError, value: float, sigma: float) -> str:
+    assert isinstance(error, LayerOffset)
+    length = "short" if value > 0 else "long"
+    return (
+        f"the layer of {error.target} at {error.elevation_deg:.1f} deg reads "
+        f"{_about(value, sigma, 1e3, 'mm')} {length}, beside the others"
+    )
+
+
+def _depth_wave(error: ModelError, value: float, sigma: float) -> str:
+    assert isinstance(error, DepthWave)
+    x, y = error.half_waves
+    return (
+        f"the depths of {error.target} have a wave of {_about(value, sigma, 100.0, '%')} across "
+        f"the image, {x} half waves in x and {y} in y"
+    )
+
+
+def _depth_waves(error: ModelError, value: float, sigma: float) -> str:
+    return (
+        f"the depths of {error.target} have waves of {_about(value, sigma, 100.0, '%')} across the "
+        f"image"
+    )
+
+
 _WORDS: Dict[Type[ModelError], Callable[[ModelError, float, float], str]] = {
     RangeOffset: _range_offset,
     RangeScale: _range_scale,
@@ -133,4 +165,7 @@ _WORDS: Dict[Type[ModelError], Callable[[ModelError, float, float], str]] = {
     CameraError: _camera,
     JointOffset: _joint,
     PrismaticOffset: _joint,
+    LayerOffset: _layer_offset,
+    DepthWave: _depth_wave,
+    DepthWaves: _depth_waves,
 }

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import List, Mapping, Sequence, Tuple
+from typing import List, Sequence, Tuple
 
-from atom_core.calibration.refine.candidates import candidates, nuisances
+from atom_core.calibration.refine.candidates import candidates, many_small, nuisances
 from atom_core.calibration.refine.error_words import described
 from atom_core.calibration.refine.model_checks import ModelCheck, model_checks
 from atom_core.model.dataset import Dataset
@@ -92,7 +92,7 @@ def with_shown_errors(
         if not found or not found[0].error.is_scalar:
             break
         before = setup
-        summary, setup = _with_more(solver, summary, setup, [found[0].error], {})
+        summary, setup = _with_more(solver, summary, setup, found[0].error)
         if setup is before:
             break
     return summary, setup
@@ -108,11 +108,18 @@ def with_usual_errors(
     """
     if summary.status != CONVERGED or setup.options.weights != SIGMA:
         return summary, setup
-    known = checked(dataset, solver, summary, setup.options).equations.errors
-    rest = [e for e in known if e not in summary.model_errors and e.is_scalar]
-    held = replace(setup, options=replace(setup.options, hold_sigmas=True))
-    priors = {error: error.usual for error in rest}
-    summary, setup = _with_more(solver, summary, held, rest, priors)
+    problem, known = solver.problem, summary.model_errors
+    rest = [e for e in candidates(dataset, problem, summary.x) if e not in known and e.is_scalar]
+    rest += [e for e in many_small(dataset, problem) if e not in known]
+    options = setup.options
+    setup = replace(
+        setup,
+        options=replace(
+            options,
+            model_errors=(*options.model_errors, *rest),
+            error_priors={**options.error_priors, **{error: error.usual for error in rest}},
+        ),
+    )
     return weighted_by_detections(solver, summary, setup.options), setup
 
 
@@ -120,16 +127,11 @@ def _with_more(
     solver: Solver,
     summary: SolverSummary,
     setup: SolverSetup,
-    errors: Sequence[ModelError],
-    priors: Mapping[ModelError, float],
+    error: ModelError,
 ) -> Tuple[SolverSummary, SolverSetup]:
-    """Return the solution with further model errors; the one before where there is none."""
+    """Return the solution with a further model error; the one before where there is none."""
     options, before, problem = setup.options, summary, solver.problem
-    more = replace(
-        options,
-        model_errors=(*options.model_errors, *errors),
-        error_priors={**options.error_priors, **priors},
-    )
+    more = replace(options, model_errors=(*options.model_errors, error))
     after = solve_again(solver, more, problem, before, before.x)
     if after.status == CONVERGED:
         return after, replace(setup, options=more)

@@ -17,7 +17,8 @@ import numpy as np
 from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION, ResidualBlock
 from atom_core.solvers.base import ATOM, Solver, SolverSetup, SolverSummary
 from atom_core.solvers.free_fit import distances, distances_alone, medians
-from atom_core.solvers.reweighting import MEDIAN_OF_NORM, SMALLEST_SIGMA, solve_with_sigmas
+from atom_core.solvers.reweighting import solve_with_sigmas
+from atom_core.solvers.variance_components import MEDIAN_OF_NORM, SMALLEST_SIGMA
 
 _ROUNDS = 5
 _NOTHING = 0.2  # of the noise's variance: so much more is left by chance
