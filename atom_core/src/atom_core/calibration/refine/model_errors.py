@@ -111,6 +111,7 @@ def with_usual_errors(
     problem, known = solver.problem, summary.model_errors
     rest = [e for e in candidates(dataset, problem, summary.x) if e not in known and e.is_scalar]
     rest += [e for e in many_small(dataset, problem) if e not in known]
+    rest = list(scalars_of(problem, summary.x, summary.sigmas, setup.options.loss, rest).errors)
     options = setup.options
     setup = replace(
         setup,
