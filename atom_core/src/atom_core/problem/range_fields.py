@@ -111,6 +111,20 @@ class DepthWaves(ModelError):
         return None
 
 
+@dataclass(frozen=True)
+class LayerOffsets(ModelError):
+    """By how much a LiDAR's layers differ (RMS) [m]: found, not estimated as one."""
+
+    kind: ClassVar[str] = "layer_offsets"
+    is_scalar = False
+    usual = 0.005
+    option = "--model_errors auto"
+
+    def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
+        """Return None: what rows depend on are the single layers."""
+        return None
+
+
 def layer_offsets(problem: Problem, sensor: str) -> List[LayerOffset]:
     """Return the offsets of a LiDAR's layers; none where its points are not in layers."""
     points = [

@@ -18,6 +18,7 @@ from atom_core.calibration.judge.weak_directions import (
 )
 from atom_core.calibration.options import OFF, CalibrationOptions
 from atom_core.calibration.refine.error_words import unusual
+from atom_core.calibration.refine.layer_checks import layer_checks
 from atom_core.calibration.refine.model_checks import ModelCheck
 from atom_core.calibration.refine.model_errors import COMMON, checked, suggestion
 from atom_core.calibration.refine.moving_edges import MovingEdge, moving_edges
@@ -132,6 +133,7 @@ def _checked(
     if options.model_errors == OFF:
         return covariance, []
     checks = solution.checks(refined.summary, loss)
+    checks += layer_checks(refined.solver, refined.summary, loss, equations, checks)
     checks += wave_checks(initial, refined.solver, refined.summary, refined.options, checks)
     return covariance, sorted(checks, key=lambda check: -check.gain)
 

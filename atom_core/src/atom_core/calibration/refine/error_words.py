@@ -20,7 +20,7 @@ from atom_core.problem.model_errors import (
     RangeOffset,
     RangeScale,
 )
-from atom_core.problem.range_fields import DepthWave, DepthWaves, LayerOffset
+from atom_core.problem.range_fields import DepthWave, DepthWaves, LayerOffset, LayerOffsets
 
 
 def described(error: ModelError, value: float, sigma: float) -> str:
@@ -121,6 +121,13 @@ def _camera(error: ModelError, value: float, sigma: float) -> str:
     )
 
 
+def _layer_offsets(error: ModelError, value: float, sigma: float) -> str:
+    return (
+        f"the layers of {error.target} read long and short by {_about(value, sigma, 1e3, 'mm')} "
+        f"(RMS) beside one another"
+    )
+
+
 def _joint(error: ModelError, value: float, sigma: float) -> str:
     factor, unit = (1e3, "mm") if error.unit == METRE else (math.degrees(1.0), "deg")
     size = "small" if value > 0 else "large"
@@ -168,4 +175,5 @@ _WORDS: Dict[Type[ModelError], Callable[[ModelError, float, float], str]] = {
     LayerOffset: _layer_offset,
     DepthWave: _depth_wave,
     DepthWaves: _depth_waves,
+    LayerOffsets: _layer_offsets,
 }

@@ -1,0 +1,272 @@
+"""Whether the layers of a 3D LiDAR read long or short by amounts of their own: one test for all.
+
+Each layer has a column of its own, and each row belongs to one layer only: sums over the rows are
+all that is needed. Poses and an offset that is common to the layers are free beside them. What the
+collections say of the layers is compared from collection to collection: a product of two of them
+is zero in the mean where nothing is wrong, however the noise within one may be (a U-statistic).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Iterator, List, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
+
+from atom_core.calibration.refine.model_checks import ModelCheck
+from atom_core.model.modality import modality_named
+from atom_core.problem.blocks import BLOCK_SIZE
+from atom_core.problem.problem import Problem
+from atom_core.problem.range_fields import LayerOffset, LayerOffsets, elevations, layer_offsets
+from atom_core.problem.residuals import OrthogonalBlock
+from atom_core.solvers import losses
+from atom_core.solvers.base import Solver, SolverSummary
+from atom_core.solvers.error_columns import row_weight
+from atom_core.solvers.normal_equations import NormalEquations
+from atom_core.solvers.shared_equations import SharedEquations, inverse, shares_of, tempered
+
+_FEWEST_LAYERS = 4
+_FEWEST = 6  # collections
+_CLEAR, _HINT = 6.0, 2.0  # standard deviations of the statistic
+_LEAST_M = 0.002  # less is nobody's concern
+_POORLY_SEEN = 9.0  # times the variance in the middle of the layers
+_SEEN = 0.02  # part of its information that other numbers must leave a direction
+
+
+def layer_checks(
+    solver: Solver,
+    summary: SolverSummary,
+    loss: str,
+    shared: SharedEquations,
+    others: Sequence[ModelCheck],
+) -> List[ModelCheck]:
+    """Return the LiDARs whose layers differ, where no other error explains as much.
+
+    Args:
+        solver: of the problem.
+        summary: its solution.
+        loss: robust loss.
+        shared: what each collection says of the shared numbers.
+        others: the checks of single errors.
+    """
+    problem, poses = solver.problem, solver.problem.poses(summary.x)
+    if len(shared.collections) < _FEWEST:
+        return []
+    known = {e.target for e in summary.model_errors if isinstance(e, LayerOffset)}
+    common = summary.common or [0.0] * len(problem.residual_blocks)
+    shares = shares_of(problem, summary.sigmas, common)
+    explained, found = max((check.gain for check in others), default=0.0), []
+    for i, block in _of_spinning(problem):
+        layer = None if block.sensor in known else layers_of(problem, block)
+        if layer is None:
+            continue
+        sums = _sums(block, layer, poses, summary.sigmas[i], loss, shares[i])
+        if _hint(problem, sums) < _HINT:
+            continue
+        equations = _equations(solver, summary, loss)
+        check = _judged(problem, equations, shared, sums, block.sensor, losses.step_length(loss))
+        if check is not None and check.gain > explained:
+            found.append(check)
+    return sorted(found, key=lambda check: -check.gain)
+
+
+def _hint(problem: Problem, sums: _Sums) -> float:
+    """Return the statistic as if poses did not follow: far from zero where layers differ."""
+    _, collection = np.unique([key.collection for key in problem.detections], return_inverse=True)
+    slopes = np.zeros((collection.max() + 1, sums.slope.shape[1]))
+    np.add.at(slopes, collection, sums.slope)
+    scaled = slopes / np.sqrt(np.maximum(sums.curvature.sum(axis=0), 1e-30))
+    return _clearness(scaled, scaled)
+
+
+def _of_spinning(problem: Problem) -> Iterator[Tuple[int, OrthogonalBlock]]:
+    """Yield the blocks of points on boards of LiDARs that spin, with their indices."""
+    for i, block in enumerate(problem.residual_blocks):
+        if isinstance(block, OrthogonalBlock) and modality_named(block.modality).spins_about_z:
+            yield i, block
+
+
+def layers_of(problem: Problem, block: OrthogonalBlock) -> Optional[np.ndarray]:
+    """Return the layer (n,) of a block's points, from below; None where there are too few."""
+    layers = layer_offsets(problem, block.sensor)
+    if len(layers) < _FEWEST_LAYERS:
+        return None
+    lowest = np.array([layer.low_rad for layer in layers])
+    return np.searchsorted(lowest, elevations(block.points), side="right") - 1
+
+
+def _equations(solver: Solver, summary: SolverSummary, loss: str) -> NormalEquations:
+    equations = solver.equations(summary.x, summary.sigmas, loss)
+    if not any(summary.common):
+        return equations
+    shares = shares_of(solver.problem, summary.sigmas, summary.common)
+    return tempered(solver.problem, equations, shares, summary.x)
+
+
+class _Sums(NamedTuple):
+    """Of each detection d and layer r: (d, r), (d, r) and, with the twist, (d, r, 6)."""
+
+    curvature: np.ndarray
+    slope: np.ndarray
+    by_twist: np.ndarray
+
+
+def _sums(
+    block: OrthogonalBlock,
+    layer: np.ndarray,
+    poses: np.ndarray,
+    sigma: np.ndarray,
+    loss: str,
+    share: np.ndarray,
+) -> _Sums:
+    residual, by_twist = block.linearise(poses)
+    change = -np.einsum("ni,ni->n", by_twist[:, 0, 3:], block.rays)
+    present, place = np.unique(block.detection, return_inverse=True)
+    weight = row_weight(residual, sigma, loss) * share[place]
+    count = int(layer.max()) + 1
+    shape = (len(poses), count)
+    index = block.detection * count + layer
+
+    def summed(values: np.ndarray) -> np.ndarray:
+        return np.bincount(index, values, shape[0] * count).reshape(shape)
+
+    weighted = weight * change
+    parts = [summed(weighted * by_twist[:, 0, k]) for k in range(BLOCK_SIZE)]
+    return _Sums(
+        summed(weighted * change), summed(weighted * residual[:, 0]), np.stack(parts, axis=2)
+    )
+
+
+@dataclass(frozen=True)
+class _Layers:
+    """What g collections say of r layers, the shared numbers following them.
+
+    Attributes:
+        information: (g, r, r).
+        slope: (g, r), a common offset taken out.
+        total: (r, r) of all, everything else eliminated.
+        gains: (s, r) how the shared numbers follow.
+        mixing: (r, r) takes a common offset out of slopes.
+    """
+
+    information: np.ndarray
+    slope: np.ndarray
+    total: np.ndarray
+    gains: np.ndarray
+    mixing: np.ndarray
+
+
+def _layers(
+    problem: Problem, equations: NormalEquations, shared: SharedEquations, sums: _Sums
+) -> _Layers:
+    size, layout = BLOCK_SIZE * shared.blocks, equations.layout
+    names = np.array([key.collection for key in problem.detections])
+    count, crosses, informations, slopes = sums.slope.shape[1], [], [], []
+    width = BLOCK_SIZE * layout.width
+    for name in shared.collections:
+        cross, group = np.zeros((size + width, count)), -1
+        mine = np.flatnonzero((names == name) & np.any(sums.curvature > 0, axis=1))
+        for d in mine:
+            for k, block in enumerate(problem.dependencies[d]):
+                if block < 0:
+                    continue
+                local = layout.group[block] >= 0
+                group = int(layout.group[block]) if local else group
+                start = BLOCK_SIZE * int(layout.position[block]) + (size if local else 0)
+                jacobian = equations.state_jacobians[d, k][:BLOCK_SIZE]
+                cross[start : start + BLOCK_SIZE] += jacobian.T @ sums.by_twist[d].T
+        own, slope = np.diag(sums.curvature[mine].sum(axis=0)), sums.slope[mine].sum(axis=0)
+        with_shared = cross[:size]
+        if group >= 0:
+            right = np.column_stack([cross[size:], equations.gradient_local[group]])
+            solved = np.linalg.lstsq(equations.local[group], right, rcond=None)[0]
+            own = own - cross[size:].T @ solved[:, :-1]
+            slope = slope - cross[size:].T @ solved[:, -1]
+            with_shared = with_shared - equations.cross[group].T @ solved[:, :-1]
+        crosses.append(with_shared)
+        informations.append(own)
+        slopes.append(slope)
+    return _without_others(shared, size, *(np.array(v) for v in (crosses, informations, slopes)))
+
+
+def _without_others(
+    shared: SharedEquations,
+    size: int,
+    cross: np.ndarray,
+    information: np.ndarray,
+    slope: np.ndarray,
+) -> _Layers:
+    """Return the layers' equations, shared numbers and the common offset eliminated."""
+    total = shared.information[:, :size, :size].sum(axis=0) + shared.held[:size, :size]
+    gains = inverse(total) @ cross.sum(axis=0)
+    of_all = information.sum(axis=0) - cross.sum(axis=0).T @ gains
+    slope = slope - shared.gradient[:, :size] @ gains
+    followed = np.einsum("gsr,st->grt", cross, gains)
+    information = information - followed - np.swapaxes(followed, 1, 2)
+    information += np.einsum("sr,gsu,ut->grt", gains, shared.information[:, :size, :size], gains)
+    common = of_all.sum(axis=1)
+    mixing = np.eye(len(of_all)) - np.outer(np.ones(len(of_all)), common) / max(common.sum(), 1e-30)
+    left = of_all - np.outer(common, common) / max(common.sum(), 1e-30)
+    return _Layers(information, slope @ mixing, left, gains, mixing)
+
+
+def _judged(
+    problem: Problem,
+    equations: NormalEquations,
+    shared: SharedEquations,
+    sums: _Sums,
+    sensor: str,
+    length: float,
+) -> Optional[ModelCheck]:
+    """Return the check of a LiDAR whose layers differ, else None."""
+    layers = _layers(problem, equations, shared, sums)
+    scale = np.sqrt(np.maximum(np.diagonal(layers.total), 1e-30))
+    values, vectors = np.linalg.eigh(layers.total / scale[:, None] / scale)
+    seen = values > _SEEN
+    if np.sum(seen) < _FEWEST_LAYERS - 1:
+        return None
+    pseudo = (vectors[:, seen] / values[seen]) @ vectors[:, seen].T / scale[:, None] / scale
+    value = -pseudo @ layers.slope.sum(axis=0)
+    fitted = np.einsum("grs,s->gr", layers.information, value) @ layers.mixing
+    left = layers.slope + fitted
+    size, sigma = _size(pseudo, value, left)
+    gain = float(value @ layers.total @ value) * length
+    if _clearness(layers.slope / scale, left / scale) < _CLEAR or length * size < _LEAST_M:
+        return None
+    moves = np.zeros(shared.shared)
+    moves[: len(layers.gains)] = -layers.gains @ (layers.mixing @ value) * length
+    return ModelCheck(LayerOffsets(sensor), length * size, length * sigma, gain, moves, ())
+
+
+def _clearness(slopes: np.ndarray, left: np.ndarray) -> float:
+    """Return the sum of products of different collections, in its standard deviations.
+
+    Args:
+        slopes: (g, r) what the collections say.
+        left: (g, r) without what all of them say.
+    """
+
+    def products(of: np.ndarray) -> np.ndarray:
+        each = of @ of.T
+        np.fill_diagonal(each, 0.0)
+        return each
+
+    return float(np.sum(products(slopes)) / np.sqrt(2.0 * np.sum(products(left) ** 2) + 1e-30))
+
+
+def _size(pseudo: np.ndarray, value: np.ndarray, left: np.ndarray) -> Tuple[float, float]:
+    """Return the root of the mean squared offset, and its standard deviation, of known layers [m].
+
+    Args:
+        pseudo: (r, r) inverse of the layers' information.
+        value: (r,) their offsets.
+        left: (g, r) what collections say differently.
+    """
+    variance = pseudo @ (left.T @ left) @ pseudo
+    each = np.diagonal(variance)
+    known = np.flatnonzero(each <= _POORLY_SEEN * np.median(each))
+    variance, value = variance[np.ix_(known, known)], value[known]
+    square = float(np.mean(value**2) - np.mean(each[known]))
+    spread = 2.0 * np.sum(variance**2) + 4.0 * float(value @ variance @ value)
+    size = float(np.sqrt(max(square, 1e-12)))
+    return size, float(np.sqrt(spread)) / len(value) / (2.0 * size)
