@@ -138,6 +138,8 @@ class RangeBlock(ResidualBlock):
     @property
     def measured_points(self) -> np.ndarray:
         """(n, 3) as the sensor has them [m]."""
+        if not (np.any(self.range_offset_m) or np.any(self.range_scale)):
+            return self.points
         moved = self.points - self.range_offset_m[:, None] * self.rays
         return moved / (1.0 + self.range_scale[:, None])
 

@@ -272,10 +272,12 @@ def _by_collection(
     names, of_detection = np.unique(
         [key.collection for key in problem.detections], return_inverse=True
     )
+    rounding = equations.local.shape[-1] * np.finfo(float).eps
+    inverses = np.linalg.pinv(equations.local, rcond=rounding, hermitian=True)
     parts = {}
     for c, name in enumerate(names):
         mine = np.flatnonzero(of_detection == c)
-        part = _of_collection(problem, equations, information, gradient, columns, mine)
+        part = _of_collection(problem, equations, inverses, information, gradient, columns, mine)
         parts[str(name)] = part
     return parts, sum((part.seen for part in parts.values()), np.zeros_like(equations.shared))
 
@@ -289,6 +291,7 @@ class _Reduced(NamedTuple):
 def _of_collection(
     problem: Problem,
     equations: NormalEquations,
+    inverses: np.ndarray,
     information: np.ndarray,
     gradient: np.ndarray,
     columns: Columns,
@@ -323,7 +326,7 @@ def _of_collection(
         cross = np.concatenate([every[size:, :size], crossed[size:]], axis=1)
         # With what is expected of them, which is this collection's, too.
         right = np.column_stack([cross, equations.gradient_local[group]])
-        solved = np.linalg.lstsq(equations.local[group], right, rcond=None)[0]
+        solved = inverses[group] @ right
         head = head - cross.T @ solved[:, :-1]
         own = own - cross.T @ solved[:, -1]
     return _Reduced(head, own, every[:size, :size])

@@ -131,10 +131,8 @@ class _Step:
         self._slope = gradient[rest] - self._gains.T @ gradient[base]
         # (g, c) likewise of each collection
         self._slopes = gradients[:, rest] - gradients[:, base] @ self._gains
-        mixed = np.einsum("gbc,bc->gc", by_collection[:, base][:, :, rest], self._gains)
-        inner = np.einsum(
-            "bc,gbd,dc->gc", self._gains, by_collection[:, base][:, :, base], self._gains
-        )
+        mixed = np.sum(by_collection[:, base][:, :, rest] * self._gains, axis=1)
+        inner = np.sum((by_collection[:, base][:, :, base] @ self._gains) * self._gains, axis=1)
         own = np.diagonal(by_collection, axis1=1, axis2=2)[:, rest]
         self._curvatures = np.maximum(own - 2.0 * mixed + inner, 0.0)
 

@@ -126,13 +126,12 @@ def _beside_planes(
     height: np.ndarray, in_pattern: np.ndarray, weight: np.ndarray, group: np.ndarray
 ) -> np.ndarray:
     """Return heights (n,) beside the plane that fits best those of their group."""
-    columns = np.column_stack([np.ones(len(height)), in_pattern[:, :2]])
-    pairs = weight[:, None, None] * columns[:, :, None] * columns[:, None, :]
-    right = (weight * height)[:, None] * columns
-    starts = np.unique(group, return_index=True)[1]
-    normal, slope = np.add.reduceat(pairs, starts), np.add.reduceat(right, starts)
-    plane = np.einsum("gij,gj->gi", np.linalg.pinv(normal), slope)
-    return height - np.einsum("ni,ni->n", columns, plane[group])
+    columns = np.ones(len(height)), in_pattern[:, 0], in_pattern[:, 1]
+    weighted = [weight * column for column in columns]
+    normal = np.array([[np.bincount(group, w * column) for column in columns] for w in weighted])
+    slope = np.array([np.bincount(group, w * height) for w in weighted])
+    plane = np.einsum("gij,jg->ig", np.linalg.pinv(np.moveaxis(normal, 2, 0)), slope)
+    return height - sum(part[group] * column for part, column in zip(plane, columns))
 
 
 def _check(
