@@ -213,6 +213,34 @@ def test_a_cell_without_an_arm_has_none_to_name():
         calibrate(paper_cell(0).dataset, CalibrationOptions(moving_edge_sigma={"flange": None}))
 
 
+def with_an_elbow(dataset, seed=0):
+    """Return the dataset with a further frame that moves, between the flange and its parent."""
+    rng, collections = np.random.default_rng(seed), {}
+    (hand,) = {
+        edge
+        for c in dataset.collections.values()
+        for edge in c.transforms
+        if edge.child == "flange"
+    }
+    upper, lower = Edge(hand.parent, "elbow"), Edge("elbow", "flange")
+    for key, collection in dataset.collections.items():
+        transforms = {e: m for e, m in collection.transforms.items() if e != hand}
+        transforms[upper] = se3.from_rpy(rng.uniform(-0.3, 0.3, 3), rng.uniform(-0.3, 0.3, 3))
+        transforms[lower] = se3.inverse(transforms[upper]) @ collection.transforms[hand]
+        collections[key] = replace(collection, transforms=transforms)
+    types = {**dataset.edge_types, upper: MULTIPLE, lower: MULTIPLE}
+    return replace(dataset, collections=collections, edge_types=types)
+
+
+def test_two_parts_that_every_board_is_seen_past_cannot_be_told_apart():
+    dataset = with_an_elbow(of_an_arm(0, 0.001, 0.0, collections=12).dataset)
+    both = CalibrationOptions(moving_edge_sigma={"elbow": None, "flange": None})
+    with pytest.raises(AtomError, match="elbow flange: nothing tells which of the two is off"):
+        calibrate(dataset, both)
+    given = {"elbow": (0.0005, 0.02 * DEG), "flange": (0.001, 0.02 * DEG)}
+    assert calibrate(dataset, CalibrationOptions(moving_edge_sigma=given)).status == "converged"
+
+
 @pytest.mark.parametrize("sigmas", [(0.0, 0.1), (0.001, -1.0), (float("nan"), 0.1), (0.1, np.nan)])
 def test_figures_that_are_no_standard_deviations_are_refused(sigmas):
     with pytest.raises(ValueError, match="moving_edge_sigma of flange needs two numbers > 0"):
