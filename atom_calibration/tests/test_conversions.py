@@ -9,6 +9,7 @@ from sensor_msgs import point_cloud2
 from sensor_msgs.msg import CompressedImage, LaserScan
 
 from atom_calibration.errors import MessageError
+from atom_calibration.messages import images
 from atom_calibration.messages.cameras import camera_from_info
 from atom_calibration.messages.clouds import POINT_CLOUD, cloud_xyz, point_cloud
 from atom_calibration.messages.images import colour_image, depth_image
@@ -39,6 +40,20 @@ def test_grey_images_of_8_and_16_bits_become_three_equal_channels(make):
     grey = PICTURE[..., 0].copy()
     for message in (make.image(grey, "mono8"), make.image(grey.astype("<u2") << 8, "mono16")):
         np.testing.assert_array_equal(colour_image(message), np.dstack([grey] * 3))
+
+
+@pytest.mark.parametrize("bits", [8, 10, 12])
+def test_fewer_bits_in_16_are_not_black_and_said_once(make, caplog, bits):
+    images._say_depth.cache_clear()
+    grey = PICTURE[..., 0].copy()
+    grey[0, 0] = 255
+    message = make.image(grey.astype("<u2") << (bits - 8), "mono16")
+    for _ in range(3):
+        np.testing.assert_array_equal(colour_image(message), np.dstack([grey] * 3))
+    assert [record.getMessage() for record in caplog.records] == [
+        f"an image of 16 bits holds values below {2**bits} only; "
+        f"they are taken as values of {bits} bits"
+    ]
 
 
 def test_a_bayer_image_keeps_its_colours(make):

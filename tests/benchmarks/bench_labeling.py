@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from atom_core.geometry import se3
+from atom_core.labeling.chessboard import ChessboardFinder
 from atom_core.labeling.depth import DepthLabeler
 from atom_core.labeling.rgb import RgbLabeler
 from atom_core.model.dataset import Dataset
@@ -22,7 +23,8 @@ from atom_core.model.dataset import pose as pose_of
 from atom_core.model.labels import RangeLabel, RgbLabel
 from atom_core.model.sensor import DEPTH, RGB
 from atom_core.report.tables import text_table
-from atom_core.synthetic import Noise, paper_cell
+from atom_core.synthetic import Noise, paper_cell, scenes
+from atom_core.synthetic.board_pictures import chessboard_pictures, corner_errors
 
 PATTERN = "pattern_1"
 GOALS = {RGB: 15.0, DEPTH: 60.0}  # images a second
@@ -33,6 +35,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--chessboards", type=int, default=500, help="number of pictures")
     args = parser.parse_args()
     cv2.setNumThreads(1)
     synthetic = paper_cell(args.seed, noise=Noise(corner_px=0.0))
@@ -42,6 +45,7 @@ def main() -> None:
         rgb(dataset, boards, args.repeat),
         depth(dataset, True, args.repeat),
         depth(dataset, False, 1),
+        chessboards(args.chessboards, args.seed),
     ]
     columns = ["labeler", "images", "found", "images / core s", "goal", "accuracy"]
     print(text_table(columns, rows))
@@ -72,6 +76,29 @@ def rgb(dataset: Dataset, boards: dict, repeat: int) -> List[str]:
     rms, bias = np.sqrt(np.mean(error**2, axis=0)), error.mean(axis=0)
     accuracy = f"rms {rms[0]:.3f} {rms[1]:.3f} px, bias {bias[0]:+.4f} {bias[1]:+.4f} px"
     return row("rgb 1280x800 charuco", count, found, seconds, GOALS[RGB], accuracy)
+
+
+def chessboards(count: int, seed: int) -> List[str]:
+    """Label chessboards of all sizes, polarities and turns, blurred, noisy, of 8 px and more."""
+    seconds, errors, mild, found, wrong = [], [], [], 0, 0
+    for picture in chessboard_pictures(scenes.COLOUR_CAMERA, count, seed):
+        finder = ChessboardFinder(*picture.config.dimension)
+        result, spent = timed(lambda: finder.find(picture.image), 1)  # noqa: B023
+        seconds.append(spent)
+        if result.corners is None:
+            continue
+        error, ordered = corner_errors(picture, result.corners.pixels)
+        found, wrong = found + 1, wrong + (not ordered)
+        errors.append(error)
+        if picture.blur_px == 1.0:
+            mild.append(error)
+    bias = np.concatenate(errors).mean(axis=0)
+    rms = np.sqrt(np.mean(np.concatenate(mild) ** 2, axis=0))
+    accuracy = (
+        f"rms {rms[0]:.3f} {rms[1]:.3f} px at blur 1, bias {bias[0]:+.4f} {bias[1]:+.4f} px, "
+        f"{wrong} in wrong order, mean {1000.0 * np.mean(seconds):.0f} ms"
+    )
+    return row("rgb 1280x800 chessboard", count, found, seconds, float("nan"), accuracy)
 
 
 def depth(dataset: Dataset, with_seed: bool, repeat: int) -> List[str]:

@@ -1,6 +1,7 @@
 """Labels of real pictures and clouds, from the folder of $ATOM_TEST_DATA.
 
-``charuco_real``: 28 pictures of a ChArUco; ``ouster_board``: 4 clouds with a square board of
+``charuco_real``: 28 pictures of a ChArUco; ``acfr_fisheye``, ``visp_eye_in_hand``: 20 and 8 of a
+chessboard; ``ouster_board``: 4 clouds with a square board of
 1.016 m, found without a seed. The Ouster's returns reach about two centimetres beyond the board
 on each side; only the width of its beams, two azimuth steps, accounts for that, and no cloud
 tells it.
@@ -9,6 +10,7 @@ tells it.
 from __future__ import annotations
 
 import os
+import time
 from pathlib import Path
 from typing import List
 
@@ -18,6 +20,7 @@ import numpy as np
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.io.pcd import read_pcd
 from atom_core.labeling.charuco import CharucoFinder
+from atom_core.labeling.chessboard import ChessboardFinder
 from atom_core.labeling.lidar3d import Cloud, Lidar3dOptions, find_boards
 from atom_core.report.tables import text_table
 
@@ -28,7 +31,8 @@ OUSTER_SIDE_M, OUSTER_STEP_RAD = 1.016, 2.0 * np.pi / 1024
 
 def main() -> None:
     """Print one table."""
-    rows = charuco(DATA / "charuco_real") + ouster(DATA / "ouster_board")
+    rows = charuco(DATA / "charuco_real") + fisheye(DATA / "acfr_fisheye")
+    rows += chessboards(DATA / "visp_eye_in_hand") + ouster(DATA / "ouster_board")
     print(text_table(["", "measured", "goal"], rows, "Real data"))
 
 
@@ -71,6 +75,44 @@ def _beyond_opencv(image: np.ndarray, found) -> np.ndarray:
     _, raw, raw_ids = cv2.aruco.interpolateCornersCharuco(outlines, ids, image, board)
     _, ours, theirs = np.intersect1d(found.ids, raw_ids.ravel(), return_indices=True)
     return found.corners.pixels[ours] - raw[theirs, 0]
+
+
+def fisheye(folder: Path) -> List[List[str]]:
+    """Find the chessboard 7 x 5 in fisheye pictures, and fit a fisheye camera to its corners."""
+    row, column = np.mgrid[0:5, 0:7]
+    board = 0.095 * np.column_stack([column.ravel(), row.ravel(), np.zeros(row.size)])
+    paths, corners, seconds = sorted(folder.glob("*.png")), [], []
+    if not paths:
+        return [["acfr_fisheye", "absent", ""]]
+    for path in paths:
+        image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+        start = time.process_time()
+        found = ChessboardFinder(7, 5).find(image).corners
+        seconds.append(time.process_time() - start)
+        if found is not None:
+            corners.append(found.pixels[None])
+    flags = cv2.fisheye.CALIB_RECOMPUTE_EXTRINSIC | cv2.fisheye.CALIB_FIX_SKEW
+    rms, *_ = cv2.fisheye.calibrate(
+        [board[None]] * len(corners),
+        corners,
+        (1920, 1208),
+        np.eye(3),
+        np.zeros((4, 1)),
+        flags=flags,
+    )
+    return [
+        ["acfr_fisheye: found", f"{len(corners)} / {len(paths)}", "all"],
+        ["acfr_fisheye: RMS of a fisheye camera", f"{rms:.3f} px", "<= 0.14 px"],
+        ["acfr_fisheye: processor time", f"{1000.0 * np.mean(seconds):.0f} ms", ""],
+    ]
+
+
+def chessboards(folder: Path) -> List[List[str]]:
+    """Find the chessboard 9 x 6 in the pictures of a camera on an arm."""
+    paths = sorted(folder.glob("*.png"))
+    images = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in paths]
+    found = sum(ChessboardFinder(9, 6).find(image).corners is not None for image in images)
+    return [["visp_eye_in_hand: found", f"{found} / {len(paths)}" if paths else "absent", "all"]]
 
 
 def ouster(folder: Path) -> List[List[str]]:

@@ -148,6 +148,22 @@ def test_the_layout_of_an_even_number_of_rows_is_recognised(legacy):
     np.testing.assert_allclose(found.label.pixels, expected, atol=0.02)
 
 
+def test_a_charuco_with_black_and_white_exchanged_is_as_exact():
+    config = charuco()
+    pattern = pattern_from_config("pattern_1", config)
+    pose = held(1.3, (0.3, -0.2, 2.0), config)
+    image = board_image.render(CAMERA, [((pattern, config), pose)], negative=True, border_grey=0)
+    found = labeler(config).label(image)
+    assert len(found.label.ids) == 88
+    assert np.max(np.abs(errors(found, config, pose))) <= 0.2
+
+
+def test_a_mirrored_charuco_is_named():
+    image = np.ascontiguousarray(picture(charuco(), held(1.3))[:, ::-1])
+    found = labeler(charuco()).label(image)
+    assert not found.detected and "the image is mirrored" in found.reason
+
+
 def test_a_layout_that_is_demanded_and_wrong_is_named():
     config = replace(charuco(dimension=(7, 5)), legacy=True)
     image = cv2.copyMakeBorder(

@@ -6,6 +6,8 @@ read by its fields; nothing here needs a master.
 
 from __future__ import annotations
 
+import logging
+from functools import lru_cache
 from typing import Any, Dict, Optional, Tuple
 
 import cv2
@@ -43,6 +45,7 @@ _COLOURS: Dict[str, Tuple[str, int, Optional[int]]] = {
     "bayer_gbrg8": ("u1", 1, cv2.COLOR_BayerGR2BGR),
     "bayer_grbg8": ("u1", 1, cv2.COLOR_BayerGB2BGR),
 }
+_DEPTHS = (8, 10, 12, 16)  # bits in which cameras measure
 _MILLIMETRE = 0.001  # REP 118: depths of whole numbers are millimetres
 _COMPRESSED_DEPTH_HEADER = 12  # bytes of compressed_depth_image_transport before the PNG
 
@@ -150,7 +153,23 @@ def _decompressed_depth(message: Any) -> np.ndarray:
 
 
 def _eight_bits(image: np.ndarray) -> np.ndarray:
-    return image if image.dtype == np.uint8 else (image >> 8).astype(np.uint8)
+    """Return an image in 8 bits; drivers put 8, 10, 12 or all 16 bits into 16."""
+    if image.dtype == np.uint8:
+        return image
+    highest = int(image.max())
+    bits = next(bits for bits in _DEPTHS if highest < 2**bits)
+    if bits < _DEPTHS[-1]:
+        _say_depth(bits)
+    return (image >> (bits - 8)).astype(np.uint8)
+
+
+@lru_cache(maxsize=None)  # once for each depth
+def _say_depth(bits: int) -> None:
+    logging.getLogger(__name__).warning(
+        "an image of 16 bits holds values below %d only; they are taken as values of %d bits",
+        2**bits,
+        bits,
+    )
 
 
 def image_message(array: np.ndarray, encoding: str) -> Image:

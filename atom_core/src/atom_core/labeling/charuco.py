@@ -81,19 +81,48 @@ class CharucoFinder:
             self.layouts = [Layout(columns, rows, CURRENT)]
 
     def find(self, grey: np.ndarray, camera: Optional[Camera] = None) -> FoundCorners:
-        """Find the corners in a grey image (height, width) uint8."""
-        ids, outlines = detect_markers(grey, self.dictionary)
-        if len(ids) < _UPSCALE_BELOW:
-            more = _upscaled(grey, self.dictionary)
-            ids, outlines = more if len(more[0]) > len(ids) else (ids, outlines)
-        ids, outlines = _once(ids, outlines)
+        """Find the corners in a grey image (height, width) uint8.
+
+        Where next to no markers are seen, a print with black and white exchanged is looked for,
+        and an image that its driver mirrors is named.
+        """
+        ids, outlines = self._markers(grey)
         if len(ids) < LEAST_MARKERS:
-            return _none(len(ids), _few(len(ids), self.dictionary))
+            negative = cv2.bitwise_not(grey)
+            if len(detect_markers(negative, self.dictionary)[0]) > len(ids):
+                grey, (ids, outlines) = negative, self._markers(negative)
+        if len(ids) < LEAST_MARKERS:
+            return _none(len(ids), self._few(grey, len(ids)))
+        return self._find_from_markers(grey, ids, outlines, camera)
+
+    def _find_from_markers(
+        self, grey: np.ndarray, ids: np.ndarray, outlines: np.ndarray, camera: Optional[Camera]
+    ) -> FoundCorners:
         best = self._best(ids, outlines, self.layouts, camera)
         if best is None:
             return _none(len(ids), self._why_nothing_fits(ids, outlines, camera))
         layout, view = best
         return self._corners(grey, layout, view, len(ids), camera)
+
+    def _markers(self, grey: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+        """Return ids (n,) and outlines (n, 4, 2) [px] of markers, each id once."""
+        ids, outlines = detect_markers(grey, self.dictionary)
+        if len(ids) < _UPSCALE_BELOW:
+            more = _upscaled(grey, self.dictionary)
+            ids, outlines = more if len(more[0]) > len(ids) else (ids, outlines)
+        return _once(ids, outlines)
+
+    def _few(self, grey: np.ndarray, count: int) -> str:
+        """Say why there are too few markers."""
+        mirrored = np.ascontiguousarray(grey[:, ::-1])
+        for image in (mirrored, cv2.bitwise_not(mirrored)):
+            seen = len(_once(*detect_markers(image, self.dictionary))[0])
+            if seen >= LEAST_MARKERS:
+                return (
+                    f"the image is mirrored: {seen} markers of {self.dictionary} are seen only "
+                    f"when left and right are exchanged; switch the mirroring off in the driver"
+                )
+        return _few(count, self.dictionary)
 
     def _best(
         self,

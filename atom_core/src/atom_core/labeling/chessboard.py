@@ -1,25 +1,32 @@
 """Corners of a chessboard in an image: all of them or none.
 
-OpenCV's sector based detector first (Duda, Frese, "Accurate detection and localization of
-checkerboard corners for calibration", BMVC 2018), then the same in an enlarged image, since small
-squares escape it.
+Where they are about is found by OpenCV (`chessboard_detection`), in whatever order. Here they get
+their numbers by the rule of docs/conventions.md, and their exact places.
 """
 
 from __future__ import annotations
 
-from typing import Optional
+from typing import List, NamedTuple, Optional, Tuple
 
-import cv2
 import numpy as np
 
+from atom_core.labeling.chessboard_detection import detect
 from atom_core.labeling.saddle import Corners, refine
 
-_UPSCALE = 2.0
 _LEAST_QUALITY = 0.8
+_LEAST_LINE_QUALITY = 0.5  # median of a row or column of corners
 _ITERATIONS = 6
-_STEEP, _LEAST_SADDLES, _AROUND_PX = 60.0, 0.8, 40
 _LARGEST_MOVE_PX = 2.5
 _FREE = 0.5  # no marker stands beside the edges
+_BEYOND_QUALITY, _BEYOND_MOVE_SQUARES = 0.9, 0.15  # a corner that the board should not have
+_LEAST_CORNERS, _LARGEST_BOARD = 3, 40  # along a side
+
+
+class FoundBoard(NamedTuple):
+    """The corners of a chessboard in the order of their ids, or the reason why there are none."""
+
+    corners: Optional[Corners]
+    reason: str = ""
 
 
 class ChessboardFinder:
@@ -29,53 +36,52 @@ class ChessboardFinder:
         """Set the numbers of inner corners."""
         self.columns, self.rows = columns, rows
 
-    def find(self, grey: np.ndarray) -> Optional[Corners]:
-        """Return all corners (columns * rows) in the order of their ids, or None.
+    def find(self, grey: np.ndarray) -> FoundBoard:
+        """Find all corners (columns * rows) in a grey image (height, width) uint8.
 
-        A board that looks the same after half a turn (an even sum of columns and rows) is taken
-        as standing upright: its x axis points to the right, or down where it points to neither.
+        The board may start with a black or with a white square and stand in any turn. Numbers
+        follow docs/conventions.md: black before corner 0 where the board has such a turn; of the
+        turns that are left the one whose x axis points most to the right in the image, or down
+        where it points to neither side.
         """
-        found = _detect(grey, (self.columns, self.rows), 1.0)
+        if min(self.columns, self.rows) < _LEAST_CORNERS:
+            return FoundBoard(
+                None,
+                f"a chessboard of {self._size()} inner corners is too small to be told from "
+                f"other things; use one with at least {_LEAST_CORNERS} x {_LEAST_CORNERS}",
+            )
+        found = detect(grey, (self.columns, self.rows))
         if found is None:
-            found = self._enlarged(grey)
-        if found is None:
-            return None
+            return FoundBoard(None, f"no chessboard of {self._size()} inner corners is seen")
         grid = self._oriented(grey, found.reshape(self.rows, self.columns, 2))
-        corners = _refine(grey, grid)
-        return corners if np.median(corners.quality) >= _LEAST_QUALITY else None
+        black = _starts_black(grey, grid)
+        corners = _refine(grey, grid, black)
+        if not _clear(corners.quality.reshape(self.rows, self.columns)):
+            return FoundBoard(
+                None, f"no chessboard of {self._size()} inner corners is seen clearly"
+            )
+        whole = _whole_grid(grey, corners.pixels.reshape(grid.shape), black)
+        if whole != (self.columns, self.rows):
+            return FoundBoard(
+                None,
+                f"a chessboard of {whole[0]} x {whole[1]} inner corners is seen, not of "
+                f"{self._size()}; correct dimension, or take the other board out of view",
+            )
+        return FoundBoard(corners)
 
-    def _enlarged(self, grey: np.ndarray) -> Optional[np.ndarray]:
-        """Look again in the enlarged part of the image with saddles in it, if they are enough."""
-        saddles = _saddles(grey)
-        if len(saddles) < _LEAST_SADDLES * self.columns * self.rows:
-            return None
-        low = np.maximum(saddles.min(axis=0) - _AROUND_PX, 0)
-        high = saddles.max(axis=0) + _AROUND_PX + 1
-        part = np.ascontiguousarray(grey[low[1] : high[1], low[0] : high[0]])
-        found = _detect(part, (self.columns, self.rows), _UPSCALE)
-        return None if found is None else found + low
+    def _size(self) -> str:
+        return f"{self.columns} x {self.rows}"
 
     def _oriented(self, grey: np.ndarray, grid: np.ndarray) -> np.ndarray:
         """Return the grid (rows, columns, 2) turned so that it is as docs/conventions.md has it."""
         x, y = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
-        if x[0] * y[1] - x[1] * y[0] < 0:  # mirrored
+        if x[0] * y[1] - x[1] * y[0] < 0:  # counted from the other side
             grid = grid[:, ::-1]
         turns = [grid, grid[::-1, ::-1]]
         if self.columns == self.rows:
             turns += [np.rot90(grid), np.rot90(grid, 3)]
         black = [t for t in turns if _starts_black(grey, t)] or turns
         return max(black, key=lambda t: tuple(np.round(_direction(t), 2)))
-
-
-def _saddles(grey: np.ndarray) -> np.ndarray:
-    """Return pixels (n, 2) where the grey values form a steep saddle, as squares' corners do."""
-    smooth = cv2.GaussianBlur(grey, (0, 0), 1.5).astype(np.float32)
-    xx, yy = (cv2.Sobel(smooth, cv2.CV_32F, *order, ksize=3) for order in ((2, 0), (0, 2)))
-    xy = cv2.Sobel(smooth, cv2.CV_32F, 1, 1, ksize=3)
-    steepness = xy * xy - xx * yy  # minus the determinant of the Hessian
-    highest = cv2.dilate(steepness, np.ones((7, 7), np.uint8))
-    rows, columns = np.nonzero((steepness == highest) & (steepness > _STEEP))
-    return np.column_stack([columns, rows])
 
 
 def _direction(grid: np.ndarray) -> np.ndarray:
@@ -93,30 +99,76 @@ def _starts_black(grey: np.ndarray, grid: np.ndarray) -> bool:
     return bool(values[number % 2 == 0].mean() < values[number % 2 == 1].mean())
 
 
-def _detect(grey: np.ndarray, size: tuple, scale: float) -> Optional[np.ndarray]:
-    """Return corners (n, 2) [px] of the image as it is."""
-    picture = grey
-    if scale != 1.0:
-        picture = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
-    # its own refinement (CALIB_CB_ACCURACY) takes five times as long, and ours follows
-    found, corners = cv2.findChessboardCornersSB(picture, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
-    if not found:
-        return None
-    return (corners.reshape(-1, 2).astype(float) + 0.5) / scale - 0.5
-
-
-def _refine(grey: np.ndarray, grid: np.ndarray) -> Corners:
-    axes = np.stack([_along(grid, 1), _along(grid, 0)], axis=-1).reshape(-1, 2, 2)
-    row, column = np.mgrid[0 : grid.shape[0], 0 : grid.shape[1]]
-    black = ((row + column) % 2 == 0).ravel()
+def _refine(grey: np.ndarray, grid: np.ndarray, starts_black: bool) -> Corners:
     pixels = grid.reshape(-1, 2)
-    corners = refine(grey, pixels, axes, _FREE, black, _ITERATIONS)
+    corners = _refit(grey, grid, starts_black)
     # where the refit fails the detector's own corner stands, as a poor one
     failed = (corners.quality < _LEAST_QUALITY) | (corners.moved_px > _LARGEST_MOVE_PX)
     kept = np.where(failed[:, None], pixels, corners.pixels)
     return Corners(kept, corners.quality, corners.contrast, np.where(failed, 0, corners.moved_px))
 
 
+def _clear(quality: np.ndarray) -> bool:
+    """Tell whether corners (rows, columns) look like corners, in each line of them.
+
+    A detector may leave out a line: from there on white and black change places.
+    """
+    lines = [np.median(quality, axis=axis).min() for axis in (0, 1)]
+    return bool(np.median(quality) >= _LEAST_QUALITY and min(lines) >= _LEAST_LINE_QUALITY)
+
+
+def _refit(grey: np.ndarray, grid: np.ndarray, starts_black: bool) -> Corners:
+    axes = np.stack([_along(grid, 1), _along(grid, 0)], axis=-1).reshape(-1, 2, 2)
+    row, column = np.mgrid[0 : grid.shape[0], 0 : grid.shape[1]]
+    black = ((row + column) % 2 == 0).ravel() == starts_black
+    return refine(grey, grid.reshape(-1, 2), axes, _FREE, black, _ITERATIONS)
+
+
 def _along(grid: np.ndarray, axis: int) -> np.ndarray:
     """Return the side of a square at every corner along an axis of the grid [px]."""
     return np.gradient(grid, axis=axis)
+
+
+def _whole_grid(grey: np.ndarray, grid: np.ndarray, starts_black: bool) -> Tuple[int, int]:
+    """Return columns and rows of the board that the corners (rows, columns, 2) are a part of.
+
+    A detector may take some rows of a larger board for the whole; its corners would get wrong
+    numbers. So the lines of corners are continued on each side as long as there are corners.
+    """
+    sizes: List[int] = []
+    for axis in (1, 0):
+        count = grid.shape[axis]
+        for outwards in (grid, np.flip(grid, axis=axis)):
+            black = starts_black == ((outwards is grid) or grid.shape[axis] % 2 == 0)
+            count += _lines_beyond(grey, np.moveaxis(outwards, axis, 0), black)
+        sizes.append(count)
+    return sizes[0], sizes[1]
+
+
+def _lines_beyond(grey: np.ndarray, lines: np.ndarray, starts_black: bool) -> int:
+    """Return how many lines of corners there are before the first of lines (n, m, 2)."""
+    height, width = grey.shape
+    nearest, count = lines[:3], 0
+    while count < _LARGEST_BOARD:
+        starts_black = not starts_black
+        further = _next_line(nearest)
+        grid = np.concatenate([further[None], nearest])
+        axes_px = np.linalg.norm(_along(grid, 0)[0], axis=1)
+        corners = _refit(grey, grid, starts_black)
+        first = slice(0, len(further))
+        inside = np.all((further >= 2) & (further <= [width - 3, height - 3]), axis=1)
+        good = (corners.quality[first] >= _BEYOND_QUALITY) & inside
+        good &= corners.moved_px[first] <= np.maximum(_BEYOND_MOVE_SQUARES * axes_px, 1.0)
+        if np.sum(good) < 2 or np.sum(good) <= np.sum(inside) / 2.0:
+            return count
+        count += 1
+        found = np.where(good[:, None], corners.pixels[first], further)
+        nearest = np.concatenate([found[None], nearest[:-1]])
+    return count
+
+
+def _next_line(lines: np.ndarray) -> np.ndarray:
+    """Return where the line before (n, m, 2) lines is expected; n is 2 or 3."""
+    if len(lines) == 2:
+        return 2.0 * lines[0] - lines[1]
+    return 3.0 * lines[0] - 3.0 * lines[1] + lines[2]

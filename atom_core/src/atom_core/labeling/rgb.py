@@ -91,10 +91,9 @@ class RgbLabeler:
         return Labeled(label, quality=quality, item_quality=found.corners.quality)
 
     def _label_chessboard(self, grey: np.ndarray) -> Labeled:
-        corners = self._chessboard.find(grey)
+        corners, reason = self._chessboard.find(grey)
         if corners is None:
-            columns, rows = self.pattern.columns, self.pattern.rows
-            return nothing(RGB, f"no chessboard of {columns} x {rows} inner corners is seen")
+            return nothing(RGB, reason)
         ids = np.arange(self.pattern.corner_count)
         quality: Dict[str, float] = {
             "corners": float(len(ids)),
@@ -103,8 +102,10 @@ class RgbLabeler:
         }
         warnings: List[str] = []
         if (self.pattern.columns + self.pattern.rows) % 2 == 0:
+            alike = self.pattern.columns == self.pattern.rows and self.pattern.columns % 2 == 0
+            turn = "a quarter of a turn" if alike else "half a turn"
             warnings.append(
-                f"pattern '{self.pattern.name}' looks the same after half a turn; the corners are "
+                f"pattern '{self.pattern.name}' looks the same after {turn}; the corners are "
                 f"numbered as if it stood upright in the image"
             )
         return Labeled(

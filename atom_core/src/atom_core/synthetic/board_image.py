@@ -23,48 +23,57 @@ _COARSE_PX = 4  # grid on which the lens distortion is undone exactly; linear in
 Board = Tuple[Tuple[Pattern, PatternConfig], np.ndarray]
 
 
-def render(camera: Camera, boards: List[Board]) -> np.ndarray:
+def render(
+    camera: Camera, boards: List[Board], negative: bool = False, border_grey: int = WHITE
+) -> np.ndarray:
     """Return the picture (height, width, 3), blue green red, of boards before grey.
 
     Args:
         camera: intrinsics, distortion included.
         boards: each a pattern with its configuration, and ``camera_T_pattern`` (4, 4).
+        negative: exchange black and white of the print.
+        border_grey: grey value of the border around the print, and of the back.
     """
     picture = np.full((camera.height, camera.width), GREY, dtype=np.uint8)
     farthest_first = sorted(boards, key=lambda board: -float(np.linalg.norm(board[1][:3, 3])))
     for (pattern, config), camera_T_pattern in farthest_first:
         window = _window(camera, pattern, camera_T_pattern)
         if window is not None:
-            _draw(picture, camera, pattern, config, camera_T_pattern, window)
+            squares = printed(pattern, config)
+            squares = cv2.bitwise_not(squares) if negative else squares
+            _draw(picture, camera, (pattern, squares, border_grey), camera_T_pattern, window)
     return cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
 
 
 def _draw(
     picture: np.ndarray,
     camera: Camera,
-    pattern: Pattern,
-    config: PatternConfig,
+    board: Tuple[Pattern, np.ndarray, int],
     camera_T_pattern: np.ndarray,
     window: Tuple[np.ndarray, np.ndarray],
 ) -> None:
-    """Draw one board: for each pixel of its window, what its ray meets in the board's plane."""
+    """Draw one board: for each pixel of its window, what its ray meets in the board's plane.
+
+    ``board`` is the pattern, its printed squares and the grey value around them.
+    """
     (left, top), (right, bottom) = window
+    pattern, squares, border_grey = board
     x, y, in_front = _in_plane(camera, camera_T_pattern, left, top, right, bottom)
     border = pattern.border
     covered = in_front & (np.abs(x - border.centre[0]) <= border.half_size[0])
     covered &= np.abs(y - border.centre[1]) <= border.half_size[1]
-    grey = np.full(x.shape, WHITE, dtype=np.uint8)
+    grey = np.full(x.shape, border_grey, dtype=np.uint8)
     if facing(camera_T_pattern, border) > 0:  # the back is blank
         # pixel i of the print covers i to i + 1 in units of its side, hence the half
         start = 0.0 if pattern.kind == CHARUCO else -pattern.square_m
         scale = _PIXELS_PER_SQUARE / pattern.square_m
         maps = [np.where(covered, (v - start) * scale - 0.5, -10.0) for v in (x, y)]
         grey = cv2.remap(
-            printed(pattern, config),
+            squares,
             maps[0].astype(np.float32),
             maps[1].astype(np.float32),
             cv2.INTER_LINEAR,
-            borderValue=WHITE,
+            borderValue=border_grey,
         )
     part = picture[top:bottom, left:right]
     fine = np.where(covered, grey, np.repeat(np.repeat(part, _FINER, axis=0), _FINER, axis=1))

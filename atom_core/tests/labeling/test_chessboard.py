@@ -1,0 +1,116 @@
+"""Chessboards of any polarity, size and turn: found, in the right order, exact."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from atom_core.labeling.chessboard import ChessboardFinder
+from atom_core.synthetic import scenes
+from atom_core.synthetic.board_pictures import chessboard_pictures, corner_errors
+
+CAMERA = scenes.COLOUR_CAMERA
+
+
+def label_all(pictures):
+    """Return errors (n, 2) [px] by blur, and how many pictures there are and were found."""
+    errors, count, found = {}, 0, 0
+    for picture in pictures:
+        corners, reason = ChessboardFinder(*picture.config.dimension).find(picture.image)
+        count += 1
+        if corners is None:
+            assert "no chessboard" in reason
+            continue
+        error, ordered = corner_errors(picture, corners.pixels)
+        assert ordered, picture.config.dimension
+        errors.setdefault(picture.blur_px, []).append(error)
+        found += 1
+    return {blur: np.concatenate(parts) for blur, parts in errors.items()}, count, found
+
+
+@pytest.mark.parametrize("count", [12, pytest.param(400, marks=pytest.mark.long)])
+def test_any_board_is_found_in_its_order_and_without_bias(count):
+    errors, count, found = label_all(chessboard_pictures(CAMERA, count, 3))
+    assert found >= 0.99 * count
+    together = np.concatenate(list(errors.values()))
+    assert np.max(np.abs(together.mean(axis=0))) <= 0.05
+    sharp = np.concatenate([error for blur, error in errors.items() if blur <= 1.0])
+    assert np.max(np.sqrt(np.mean(sharp**2, axis=0))) <= 0.2
+
+
+def flat_board(columns, rows, starts_white, side=24, background=255):
+    """Return a board seen straight from the front, and the grid of its corners."""
+    row, column = np.mgrid[0 : rows + 1, 0 : columns + 1]
+    white = (row + column) % 2 == (0 if starts_white else 1)
+    board = np.kron(np.where(white, 235, 30).astype(np.uint8), np.ones((side, side), np.uint8))
+    image = cv2.copyMakeBorder(board, 50, 50, 50, 50, cv2.BORDER_CONSTANT, value=background)
+    row, column = np.mgrid[1 : rows + 1, 1 : columns + 1]
+    return image, np.stack([column, row], axis=-1) * float(side) + 49.5
+
+
+@pytest.mark.parametrize("turns", range(4))
+@pytest.mark.parametrize("starts_white", [False, True], ids=["black", "white"])
+@pytest.mark.parametrize("size", [(7, 5), (8, 6), (6, 6), (5, 5), (9, 6)])
+def test_numbers_follow_the_one_rule(size, starts_white, turns):
+    image, _ = flat_board(*size, starts_white)
+    found = ChessboardFinder(*size).find(np.ascontiguousarray(np.rot90(image, turns)))
+    labeled = found.corners.pixels.reshape(size[1], size[0], 2)
+    along, down = labeled[0, -1] - labeled[0, 0], labeled[-1, 0] - labeled[0, 0]
+    assert along[0] * down[1] - along[1] * down[0] > 0  # never mirrored
+    before = np.rint(labeled[0, 0] - 0.5 * (along / (size[0] - 1) + down / (size[1] - 1)))
+    turned = np.rot90(image, turns)
+    black_first = turned[int(before[1]), int(before[0])] < 128
+    has_black_turn = not starts_white or sum(size) % 2 == 1 or (size[0] == size[1] and size[0] % 2)
+    assert black_first == bool(has_black_turn)
+    if sum(size) % 2 == 0 and not (size[0] == size[1] and size[0] % 2):
+        assert along[0] > 1 or (abs(along[0]) < 1 and along[1] > 0)
+
+
+def test_part_of_a_larger_board_is_refused_by_name():
+    image, _ = flat_board(9, 6, False)
+    for size in ((9, 5), (8, 6), (7, 4)):
+        found = ChessboardFinder(*size).find(image)
+        assert found.corners is None and f"{size[0]} x {size[1]}" in found.reason
+
+
+def test_the_lines_beyond_a_part_of_a_board_are_counted():
+    from atom_core.labeling.chessboard import _starts_black, _whole_grid
+
+    image, grid = flat_board(9, 6, True)
+    part = grid[1:5, 2:7]
+    assert _whole_grid(image, part, _starts_black(image, part)) == (9, 6)
+    assert _whole_grid(image, grid, _starts_black(image, grid)) == (9, 6)
+
+
+def test_a_board_without_a_border_on_a_dark_floor_is_found():
+    image, grid = flat_board(7, 5, True, background=30)
+    found = ChessboardFinder(7, 5).find(image)
+    np.testing.assert_allclose(found.corners.pixels, grid.reshape(-1, 2), atol=0.02)
+
+
+def test_too_small_a_board_is_a_sentence():
+    image, _ = flat_board(2, 5, False)
+    assert "at least 3 x 3" in ChessboardFinder(2, 5).find(image).reason
+
+
+def test_noise_alone_is_no_board():
+    noise = np.random.default_rng(0).integers(0, 255, (480, 640), dtype=np.uint8)
+    assert ChessboardFinder(7, 5).find(noise).corners is None
+
+
+def test_fisheye_pictures(real_data):
+    """20 pictures of 1920 x 1208: all found, and a fisheye camera agrees with the corners."""
+    row, column = np.mgrid[0:5, 0:7]
+    board = 0.095 * np.column_stack([column.ravel(), row.ravel(), np.zeros(35)])
+    pixels = []
+    for path in sorted(Path(real_data("acfr_fisheye")).glob("*.png")):
+        found = ChessboardFinder(7, 5).find(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE))
+        assert found.corners is not None, path.name
+        pixels.append(found.corners.pixels[None])
+    assert len(pixels) == 20
+    flags = cv2.fisheye.CALIB_RECOMPUTE_EXTRINSIC | cv2.fisheye.CALIB_FIX_SKEW
+    rms, *_ = cv2.fisheye.calibrate(
+        [board[None]] * 20, pixels, (1920, 1208), np.eye(3), np.zeros((4, 1)), flags=flags
+    )
+    assert rms <= 0.14
