@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from atom_core.labeling import chessboard
 from atom_core.labeling.chessboard import ChessboardFinder
 from atom_core.synthetic import scenes
 from atom_core.synthetic.board_pictures import chessboard_pictures, corner_errors
@@ -75,12 +76,10 @@ def test_part_of_a_larger_board_is_refused_by_name():
 
 
 def test_the_lines_beyond_a_part_of_a_board_are_counted():
-    from atom_core.labeling.chessboard import _starts_black, _whole_grid
-
     image, grid = flat_board(9, 6, True)
     part = grid[1:5, 2:7]
-    assert _whole_grid(image, part, _starts_black(image, part)) == (9, 6)
-    assert _whole_grid(image, grid, _starts_black(image, grid)) == (9, 6)
+    assert chessboard._whole_grid(image, part, chessboard._starts_black(image, part)) == (9, 6)
+    assert chessboard._whole_grid(image, grid, chessboard._starts_black(image, grid)) == (9, 6)
 
 
 def test_a_board_without_a_border_on_a_dark_floor_is_found():
@@ -114,3 +113,16 @@ def test_fisheye_pictures(real_data):
         [board[None]] * 20, pixels, (1920, 1208), np.eye(3), np.zeros((4, 1)), flags=flags
     )
     assert rms <= 0.14
+
+
+def test_a_corner_that_the_detector_puts_elsewhere_is_put_right(monkeypatch):
+    image, grid = flat_board(7, 5, False)
+    shifted = grid.copy()
+    shifted[0, 0] += [9.0, -4.0]
+    shifted[2, 3] += [3.5, 3.5]
+    monkeypatch.setattr(chessboard, "detect", lambda *_: shifted.reshape(-1, 2))
+    found = ChessboardFinder(7, 5).find(image)
+    np.testing.assert_allclose(found.corners.pixels, grid.reshape(-1, 2), atol=0.02)
+    cv2.circle(image, tuple(int(v) for v in grid[0, 0]), 9, 130, -1)
+    found = ChessboardFinder(7, 5).find(image)
+    assert found.corners is None and "corner 0 of the chessboard is hidden" in found.reason

@@ -17,6 +17,7 @@ _LEAST_QUALITY = 0.8
 _LEAST_LINE_QUALITY = 0.5  # median of a row or column of corners
 _ITERATIONS = 6
 _LARGEST_MOVE_PX = 2.5
+_FARTHEST_SQUARES = 0.15  # of an unclear corner from where its neighbours say it is
 _FREE = 0.5  # no marker stands beside the edges
 _BEYOND_QUALITY, _BEYOND_MOVE_SQUARES = 0.9, 0.15  # a corner that the board should not have
 _LEAST_CORNERS, _LARGEST_BOARD = 3, 40  # along a side
@@ -55,10 +56,14 @@ class ChessboardFinder:
             return FoundBoard(None, f"no chessboard of {self._size()} inner corners is seen")
         grid = self._oriented(grey, found.reshape(self.rows, self.columns, 2))
         black = _starts_black(grey, grid)
-        corners = _refine(grey, grid, black)
+        corners, wrong = _refine(grey, grid, black)
         if not _clear(corners.quality.reshape(self.rows, self.columns)):
             return FoundBoard(
                 None, f"no chessboard of {self._size()} inner corners is seen clearly"
+            )
+        if wrong.any():
+            return FoundBoard(
+                None, f"corner {np.flatnonzero(wrong)[0]} of the chessboard is hidden or blurred"
             )
         whole = _whole_grid(grey, corners.pixels.reshape(grid.shape), black)
         if whole != (self.columns, self.rows):
@@ -99,13 +104,64 @@ def _starts_black(grey: np.ndarray, grid: np.ndarray) -> bool:
     return bool(values[number % 2 == 0].mean() < values[number % 2 == 1].mean())
 
 
-def _refine(grey: np.ndarray, grid: np.ndarray, starts_black: bool) -> Corners:
-    pixels = grid.reshape(-1, 2)
+def _refine(grey: np.ndarray, grid: np.ndarray, starts_black: bool) -> Tuple[Corners, np.ndarray]:
+    """Return the exact corners, and (n,) bool which of them are neither confirmed nor plausible.
+
+    A detector may put a corner beside its place, mostly at the board's end: where the refit fails,
+    it is made again where the neighbours say that the corner is.
+    """
     corners = _refit(grey, grid, starts_black)
-    # where the refit fails the detector's own corner stands, as a poor one
-    failed = (corners.quality < _LEAST_QUALITY) | (corners.moved_px > _LARGEST_MOVE_PX)
-    kept = np.where(failed[:, None], pixels, corners.pixels)
-    return Corners(kept, corners.quality, corners.contrast, np.where(failed, 0, corners.moved_px))
+    failed = _failed(corners)
+    if not failed.any() or failed.all():
+        return corners, failed
+    known = np.where(failed[:, None], np.nan, corners.pixels).reshape(grid.shape)
+    likely = _from_neighbours(known)
+    start = np.where(np.isfinite(known), known, np.where(np.isfinite(likely), likely, grid))
+    again = _refit(grey, start, starts_black)
+    mended = failed & ~_failed(again)
+    pixels = np.where(mended[:, None], again.pixels, corners.pixels)
+    # where that fails too the detector's own corner stands, as a poor one, if it can be right
+    poor = failed & ~mended
+    pixels = np.where(poor[:, None], grid.reshape(-1, 2), pixels)
+    side_px = np.linalg.norm(_along(grid, 0), axis=-1) + np.linalg.norm(_along(grid, 1), axis=-1)
+    off_px = np.linalg.norm(grid - likely, axis=-1).ravel()
+    wrong = poor & ~(off_px <= np.maximum(_FARTHEST_SQUARES * side_px.ravel() / 2.0, 1.0))
+    chosen = Corners(
+        pixels,
+        np.where(mended, again.quality, corners.quality),
+        np.where(mended, again.contrast, corners.contrast),
+        np.where(mended, again.moved_px, np.where(poor, 0.0, corners.moved_px)),
+    )
+    return chosen, wrong
+
+
+def _failed(corners: Corners) -> np.ndarray:
+    return (corners.quality < _LEAST_QUALITY) | (corners.moved_px > _LARGEST_MOVE_PX)
+
+
+def _from_neighbours(known: np.ndarray) -> np.ndarray:
+    """Return where corners (rows, columns, 2) stand by those around them; NaN is not known.
+
+    Between two neighbours, else in line with two; what neither tells stays NaN.
+    """
+    rows, columns = known.shape[:2]
+    padded = np.pad(known, ((2, 2), (2, 2), (0, 0)), constant_values=np.nan)
+
+    def at(row: int, column: int) -> np.ndarray:
+        return padded[2 + row : 2 + row + rows, 2 + column : 2 + column + columns]
+
+    between = [(at(-i, -j) + at(i, j)) / 2.0 for i, j in ((0, 1), (1, 0))]
+    steps = ((0, 1), (1, 0), (0, -1), (-1, 0))
+    in_line = [2.0 * at(i, j) - at(2 * i, 2 * j) for i, j in steps]
+    return _mean_of_known(between, _mean_of_known(in_line, np.full(known.shape, np.nan)))
+
+
+def _mean_of_known(values: List[np.ndarray], otherwise: np.ndarray) -> np.ndarray:
+    stacked = np.stack(values)
+    finite = np.isfinite(stacked)
+    count = finite.sum(axis=0)
+    mean = np.where(finite, stacked, 0.0).sum(axis=0) / np.maximum(count, 1)
+    return np.where(count > 0, mean, otherwise)
 
 
 def _clear(quality: np.ndarray) -> bool:

@@ -5,6 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Dict, Mapping, Optional, Tuple, Union
 
+from atom_core.model.config_border import (
+    BORDER,
+    SIDES,
+    check_each,
+    read_border,
+    read_pair,
+    read_sides,
+)
 from atom_core.model.config_section import (
     ConfigValueError,
     Section,
@@ -30,7 +38,6 @@ DICTIONARIES = tuple(
     for bits in ("4X4", "5X5", "6X6", "7X7")
     for count in (50, 100, 250, 1000)
 )
-_BORDER = "metres from the squares to the board's edge"
 
 
 @dataclass(frozen=True)
@@ -183,19 +190,21 @@ class PatternConfig:
         dimension: numbers of inner corners along (x, y) = (columns, rows).
         size: side of a square [m].
         border_size: (x, y) from the outermost squares' edges to the board's edges [m]; one number
-            may be given for both.
+            may be given for both. Not used where ``border`` is given.
         inner_size: side of a marker (charuco) [m].
         dictionary: of the markers (charuco).
         mesh_file: URI of a mesh for display and for the exported description.
         legacy: layout of a charuco with an even number of rows of squares: True, as OpenCV before
             4.6 printed it; False, as since; "auto", whichever the pictures show.
+        border: (left, right, top, bottom) in place of border_size, for a print that is not in the
+            middle of its board: at the smaller x, the larger x, the smaller y, the larger y [m].
         extra: unknown keys.
         border_is_number: border_size was given as one number, and is written so.
     """
 
     KEYS = (
         *("link", "parent_link", "fixed", "pattern_type", "dictionary", "mesh_file"),
-        *("border_size", "dimension", "size", "inner_size", "legacy"),
+        *("border_size", "border", "dimension", "size", "inner_size", "legacy"),
     )
 
     link: str
@@ -209,6 +218,7 @@ class PatternConfig:
     dictionary: Optional[str] = None
     mesh_file: Optional[str] = None
     legacy: Union[bool, str] = AUTO
+    border: Optional[Tuple[float, float, float, float]] = None
     extra: Mapping[str, Any] = field(default_factory=dict)
     border_is_number: bool = field(default=False, compare=False)
 
@@ -230,6 +240,14 @@ class PatternConfig:
             check_optional_text(self.dictionary, "dictionary")
 
     @property
+    def border_sides(self) -> Tuple[float, float, float, float]:
+        """Widths of the border (left, right, top, bottom) [m], however they were given."""
+        if self.border is not None:
+            return self.border
+        x, y = self.border_size
+        return (x, x, y, y)
+
+    @property
     def marker_count(self) -> int:
         """Number of markers of a charuco: every other square has one."""
         columns, rows = self.dimension
@@ -244,13 +262,14 @@ class PatternConfig:
             parent_link=section.require("parent_link", "the frame its pose is estimated in"),
             fixed=section.require("fixed", "true if the board stays where it is, else false"),
             pattern_type=section.require("pattern_type", choices(PATTERN_TYPES)),
-            dimension=_read_pair(section, "dimension", "the number of inner corners"),
+            dimension=read_pair(section, "dimension", "the number of inner corners"),
             size=section.require("size", "the side of a square in metres"),
-            border_size=_read_border(section),
+            border_size=read_border(section),
             inner_size=section.get("inner_size"),
             dictionary=section.get("dictionary"),
             mesh_file=section.get("mesh_file"),
             legacy=AUTO if section.get("legacy") is None else section.get("legacy"),
+            border=read_sides(section),
             extra=section.extra(),
         )
 
@@ -264,15 +283,19 @@ class PatternConfig:
         document["border_size"] = (
             self.border_size[0] if as_number else dict(zip("xy", self.border_size))
         )
+        del document["border" if self.border is None else "border_size"]  # one of them is given
+        if self.border is not None:
+            document["border"] = dict(zip(SIDES, self.border))
         return document
 
     def _check_border(self) -> None:
         if not isinstance(self.border_size, tuple):
-            check_number(self.border_size, "border_size", f"{_BORDER}, or {{x: , y: }}", at_least=0)
+            check_number(self.border_size, "border_size", f"{BORDER}, or {{x: , y: }}", at_least=0)
             object.__setattr__(self, "border_size", (self.border_size, self.border_size))
             object.__setattr__(self, "border_is_number", True)
-        for axis, border in zip("xy", self.border_size):
-            check_number(border, ("border_size", axis), _BORDER, at_least=0)
+        check_each(self.border_size, "border_size", "xy")
+        if self.border is not None:
+            check_each(self.border, "border", SIDES)
 
     def _check_markers(self) -> None:
         if self.inner_size is None:
@@ -311,28 +334,3 @@ def _checked_dimension(dimension: Any) -> Tuple[int, ...]:
             problem = f"is {shown(count)}; write the number of inner corners, at least 2"
             raise ConfigValueError(problem, ("dimension", axis))
     return tuple(int(count) for count in dimension)
-
-
-def _read_pair(section: Section, key: str, meaning: str) -> Tuple[Any, Any]:
-    """Return the values of {x: , y: }."""
-    value = section.require(key, f"{{x: , y: }}, {meaning}")
-    if not isinstance(value, Mapping):
-        problem = f"is {shown(value)}; write {{x: , y: }}, {meaning}"
-        raise ConfigValueError(problem, (*section.path, key))
-    pair = section.section(key, ("x", "y"))
-    for name in pair.unknown():
-        raise ConfigValueError("is no key; use x and y", (*pair.path, name))
-    return pair.require("x", meaning), pair.require("y", meaning)
-
-
-def _read_border(section: Section) -> Any:
-    """Return (x, y), or the one number that was given."""
-    value = section.get("border_size")
-    if value is None:
-        section.remark(
-            "is absent and taken as 0: range sensors see the board's edges, so give the distance "
-            "from the squares to them in metres",
-            "border_size",
-        )
-        return (0.0, 0.0)
-    return _read_pair(section, "border_size", _BORDER) if isinstance(value, Mapping) else value

@@ -85,15 +85,20 @@ def grid_corners(kind: str, columns: int, rows: int, square_m: float) -> np.ndar
 
 
 def board_border(
-    kind: str, columns: int, rows: int, square_m: float, border_xy: Tuple[float, float]
+    kind: str,
+    columns: int,
+    rows: int,
+    square_m: float,
+    sides_m: Tuple[float, float, float, float],
 ) -> Rectangle:
-    """Return the board's edges: the printed squares and the border around them [m]."""
+    """Return the board's edges [m]: the printed squares, and left, right, top, bottom of them."""
     start = 0.0 if kind == CHARUCO else -square_m
+    left, right, top, bottom = sides_m
     return Rectangle(
-        start - border_xy[0],
-        start - border_xy[1],
-        start + (columns + 1) * square_m + border_xy[0],
-        start + (rows + 1) * square_m + border_xy[1],
+        start - left,
+        start - top,
+        start + (columns + 1) * square_m + right,
+        start + (rows + 1) * square_m + bottom,
     )
 
 
@@ -110,7 +115,7 @@ def pattern_from_config(name: str, config: Any) -> Pattern:
         rows=rows,
         square_m=config.size,
         corners_by_id=grid_corners(config.pattern_type, columns, rows, config.size),
-        border=board_border(config.pattern_type, columns, rows, config.size, config.border_size),
+        border=board_border(config.pattern_type, columns, rows, config.size, config.border_sides),
     )
 
 

@@ -15,6 +15,8 @@ from atom_core.model.transforms import Edge
 from atom_core.synthetic.board import BentPattern
 from atom_core.synthetic.realism import Realism
 
+Sides = Tuple[float, float, float, float]  # left, right, top, bottom
+
 
 @dataclass(frozen=True)
 class SensorErrors:
@@ -148,6 +150,11 @@ class RangeErrors(SensorErrors):
         return error + np.array(self.ring_offsets_m)[rings] if self.ring_offsets_m else error
 
 
+def _four(factor: float, sides: Sides) -> Sides:
+    left, right, top, bottom = sides
+    return (factor * left, factor * right, factor * top, factor * bottom)
+
+
 @dataclass(frozen=True)
 class BoardErrors:
     """Errors of a board.
@@ -176,6 +183,7 @@ class BoardErrors:
             config,
             size=larger * config.size,
             border_size=(larger * x, larger * y),
+            border=None if config.border is None else _four(larger, config.border),
             inner_size=inner_size,
         )
 

@@ -169,6 +169,20 @@ def without_ids(
     return _finish("without_ids", rig, poses, rng, chosen, patterns={"pattern_1": config})
 
 
+def off_centre_board(
+    seed: int = 0, *, rgb: int = 1, depth: int = 1, lidar3d: int = 1, **options: Any
+) -> SyntheticDataset:
+    """Simulate sensors before a ChArUco that is printed near one corner of its plate."""
+    rng = np.random.default_rng([seed, 109])
+    chosen = SceneOptions(seed=seed, **options)
+    config = replace(charuco(), border_size=(0.0, 0.0), border=(0.01, 0.09, 0.08, 0.02))
+    rig = random_rig(rng, rgb, depth, lidar3d)
+    border = _border(config)
+    poses = [_before(rig.centre, rng, border=border) for _ in range(chosen.collections)]
+    patterns = {"pattern_1": config}
+    return _finish("off_centre_board", rig, {"pattern_1": poses}, rng, chosen, patterns=patterns)
+
+
 def other_lens(
     seed: int = 0, *, lens: Camera, lidar3d: int = 1, **options: Any
 ) -> SyntheticDataset:
