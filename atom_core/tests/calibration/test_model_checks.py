@@ -150,3 +150,9 @@ def test_options_for_what_is_not_there_are_refused_by_name(option, named):
 def test_sentences_tell_the_direction():
     assert described(RangeOffset("lidar_1"), -0.0298, 0.0004) == "lidar_1 reads 29.8 +- 0.4 mm long"
     assert described(RangeOffset("lidar_1"), 0.0298, 0.0004) == "lidar_1 reads 29.8 +- 0.4 mm short"
+
+
+def test_what_is_strong_together_is_inconsistent_though_nothing_is_alone():
+    """5.4 sigmas off; each of the five errors named would move it by less than three."""
+    result = calibrate(paper_cell(7, realism=ROUGH, disturbance=(0.05, 0.05)).dataset)
+    assert len(result.checks) > 1 and result.status == "inconsistent"

@@ -164,9 +164,16 @@ def _moving(
 
 
 def strong(checks: Sequence[ModelCheck], covariance: Covariance) -> List[ModelCheck]:
-    """Return the checks that would move any edge by more than three of its sigmas."""
-    sigmas = np.sqrt(np.maximum(np.diagonal(covariance.shared), 1e-30))
-    return [c for c in checks if np.any(np.abs(c.moves[: len(sigmas)]) > _STRONG * sigmas)]
+    """Return the checks that would move any edge by more than three of its sigmas.
+
+    All of them where none does so by itself, but all together do.
+    """
+    limits = _STRONG * np.sqrt(np.maximum(np.diagonal(covariance.shared), 1e-30))
+    moves = [check.moves[: len(limits)] for check in checks]
+    alone = [check for check, move in zip(checks, moves) if np.any(np.abs(move) > limits)]
+    if alone or not checks:
+        return alone
+    return list(checks) if np.any(np.abs(np.sum(moves, axis=0)) > limits) else []
 
 
 def _unusual(refined: Refined, covariance: Covariance) -> List[str]:
