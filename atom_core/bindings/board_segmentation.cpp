@@ -53,6 +53,7 @@ py::dict ToDict(const BoardSegment& segment) {
   item["incidence_rad"] = segment.incidence;
   item["measured_width_m"] = segment.measured_size.x();
   item["measured_height_m"] = segment.measured_size.y();
+  item["point_spacing_m"] = segment.spacing;
   item["layers"] = segment.layers;
   item["expected_points"] = segment.expected_points;
   item["visible"] = segment.visible;
@@ -110,7 +111,7 @@ void BindBoardSegmentation(py::module& m) {
   py::class_<Scan>(m, "Scan", "A cloud with its layers; see find_layers.")
       .def_readonly("azimuth_step", &Scan::azimuth_step, "between neighbours in a layer [rad]")
       .def_readonly("layer_elevation", &Scan::layer_elevation, "ascending [rad]")
-      .def_readonly("has_layers", &Scan::has_layers)
+      .def_readwrite("has_layers", &Scan::has_layers)
       .def_property_readonly(
           "axis", [](const Scan& scan) { return Eigen::Vector3d(scan.sensor_R_spin.col(2)); })
       .def("layer_of_points", &LayerOfPoints, py::arg("size"),

@@ -381,9 +381,9 @@ void Label(const BoardSearch& search, const Surface& surface, const RectanglePos
 
 }  // namespace
 
-std::string Text(const char* format, double a, double b, double c) {
+std::string Text(const char* format, double a, double b, double c, double d) {
   char buffer[200];
-  std::snprintf(buffer, sizeof buffer, format, a, b, c);
+  std::snprintf(buffer, sizeof buffer, format, a, b, c, d);
   return buffer;
 }
 

@@ -11,8 +11,8 @@
 
 namespace atom_core {
 
-/// Formats up to three numbers, for reasons.
-std::string Text(const char* format, double a, double b = 0.0, double c = 0.0);
+/// Formats up to four numbers, for reasons.
+std::string Text(const char* format, double a, double b = 0.0, double c = 0.0, double d = 0.0);
 
 /// Tells whether a piece is the board: a flat surface with enough layers, an outline of the
 /// board's size, and returns wherever the board would give them.

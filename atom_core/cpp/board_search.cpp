@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "atom_core/board_segmentation.h"
+#include "cloud_board.h"
 
 namespace atom_core {
 namespace {
@@ -117,6 +118,7 @@ Eigen::Vector3d Middle(const BoardSegment& segment) {
 }  // namespace
 
 std::vector<BoardSegment> FindBoards(const Scan& scan, const BoardOptions& options) {
+  if (!scan.has_layers) return FindCloudBoards(scan, options);
   BoardOptions here =
       Strict(options);  // a seed is on the board, if there is one: its plane comes first
   here.seed_radius = kPatch * options.size.minCoeff() / options.size.norm();

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "board_judgement.h"
+#include "cloud_board.h"
 #include "plane_pieces.h"
 
 namespace atom_core {
@@ -74,15 +75,12 @@ double SeedRadius(const BoardOptions& options) { return options.seed_radius * op
 BoardSegment SegmentBoard(const Scan& scan, const Eigen::Vector3d& seed,
                           const BoardOptions& options) {
   Check(seed, options);
+  if (!scan.has_layers) return SegmentCloudBoard(scan, seed, options);
   BoardSegment none;
   const Window window = CutWindow(scan, seed, options);
   if (static_cast<int>(window.sphere.size()) < options.least_points) {
-    none.reason = Text("only %.0f points within %.2f m of the seed", window.sphere.size(),
-                       SeedRadius(options));
-    return none;
-  }
-  if (!scan.has_layers) {
-    none.reason = "the cloud has no layers of a spinning scanner";
+    none.reason = Text("only %.0f points within %.2f m of the seed, %.0f are needed",
+                       window.sphere.size(), SeedRadius(options), options.least_points);
     return none;
   }
   return BestOfPlanes({scan, window, options}, seed);

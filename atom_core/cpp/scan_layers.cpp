@@ -16,6 +16,8 @@ constexpr double kNearest = 0.05;  // [m] what is nearer is the sensor's own hou
 constexpr double kDegree = M_PI / 180.0;         // [rad]
 constexpr double kLeastGap = 0.08 * kDegree;     // between two layers
 constexpr double kWidestLayer = 0.35 * kDegree;  // standard deviation of elevations within a layer
+constexpr double kWidestShare = 0.2;  // of the distance between layers that were searched
+constexpr int kLeastOfLayer = 8;      // points, of these; a few beams at random look like layers
 constexpr std::size_t kSearchPoints = 1500;
 constexpr std::size_t kMostLayers = 512;
 constexpr double kLongestStep = 2.0 * kDegree;  // between neighbours in a layer
@@ -31,8 +33,13 @@ struct Grouping {
   int count = 0;                                               // number of layers
   Eigen::Vector3d axis;                                        // spin axis
   double deviation = std::numeric_limits<double>::infinity();  // within the layers [rad]
+  double apart = std::numeric_limits<double>::infinity();      // layers, where they were searched
 
-  bool Distinct() const { return count > 1 && deviation < kWidestLayer; }
+  bool Distinct() const {
+    const bool full = static_cast<int>(layer.size()) >= kLeastOfLayer * count;
+    return count > 1 && deviation < std::min(kWidestLayer, kWidestShare * apart) &&
+           (full || std::isinf(apart));
+  }
 };
 
 std::vector<ScanPoint> ValidPoints(const Eigen::Ref<const PointRows>& cloud) {
@@ -113,7 +120,7 @@ struct Run {
 
 // Numbers runs as layers. A few points that stray (noise across the beam shows near the sensor) are
 // no layer of their own: they belong to the full layer that is nearer than layers are apart.
-int NumberRuns(std::vector<Run>* runs) {
+int NumberRuns(std::vector<Run>* runs, double* apart) {
   std::vector<double> sizes, gaps;
   for (const Run& run : *runs) sizes.push_back(run.size);
   const double most = kStrayShare * *std::max_element(sizes.begin(), sizes.end());
@@ -124,6 +131,7 @@ int NumberRuns(std::vector<Run>* runs) {
     full.push_back(&run);
   }
   const double near = gaps.empty() ? 0.0 : kStrayGaps * Median(gaps);
+  *apart = gaps.empty() ? 0.0 : Median(gaps);
   int count = 0;
   for (Run& run : *runs) {
     if (run.size > most) run.layer = count++;
@@ -152,7 +160,7 @@ Grouping FromElevations(const std::vector<ScanPoint>& points, const Eigen::Vecto
     runs.back().mean += (elevation[order[i]] - runs.back().mean) / ++runs.back().size;
     grouping.layer[order[i]] = static_cast<int>(runs.size()) - 1;
   }
-  grouping.count = runs.empty() ? 0 : NumberRuns(&runs);
+  grouping.count = runs.empty() ? 0 : NumberRuns(&runs, &grouping.apart);
   for (int& layer : grouping.layer) layer = runs[layer].layer;
   if (grouping.count > 1 && grouping.count <= static_cast<int>(kMostLayers)) {
     FitAxis(points, &grouping);

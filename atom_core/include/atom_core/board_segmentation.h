@@ -7,7 +7,8 @@
 /// plane between them. Each piece is refit with a threshold of three of its own standard
 /// deviations, and compared with the board: a rectangle of the board's size is laid through the
 /// ends of its layers, and the returns must fill it as the beams would. A wall or table is too
-/// large, a person not flat or of another outline.
+/// large, a person not flat or of another outline. Where a scan has no layers, the outline in the
+/// plane and the local spacing of the points take their place.
 
 #ifndef ATOM_CORE_BOARD_SEGMENTATION_H_
 #define ATOM_CORE_BOARD_SEGMENTATION_H_
@@ -55,7 +56,8 @@ struct BoardSegment {
   double incidence = std::numeric_limits<double>::quiet_NaN();    ///< at the middle [rad]
   Eigen::Vector2d measured_size =
       Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());  ///< [m]; NaN: not seen
-  int layers = 0;           ///< with returns from the board
+  double spacing = std::numeric_limits<double>::quiet_NaN();  ///< of points; NaN: by layers [m]
+  int layers = 0;           ///< with returns from the board; 0 where the cloud has none
   int expected_points = 0;  ///< beams that meet the rectangle
   double visible = 0.0;     ///< share of them with a return from the board
   double hidden = 0.0;      ///< share of them with a nearer return
@@ -74,7 +76,8 @@ struct BoardSegment {
 BoardSegment SegmentBoard(const Scan& scan, const Eigen::Vector3d& seed,
                           const BoardOptions& options);
 
-/// Searches a whole scan for boards of the size, without a seed; the best one first.
+/// Searches a whole scan for boards of the size, without a seed; the best one first. Where there is
+/// none and the scan has no layers: what comes nearest to one, not detected, with its reason.
 ///
 /// Straight runs of returns of a possible length, between jumps of the range, are the seeds.
 std::vector<BoardSegment> FindBoards(const Scan& scan, const BoardOptions& options);

@@ -1,13 +1,14 @@
-"""Spinning LiDARs: a cloud, a point near the board and the pattern in, the board's returns out.
+"""3D sensors: a cloud, a point near the board and the pattern in, the board's returns out.
 
-Layers, planes and outlines are found in C++ (``board_segmentation.h``); here clouds are read,
-results become labels, and seeds are predicted or done without.
+Planes and outlines are found in C++ (``board_segmentation.h``), by the layers of a spinning scanner
+where the cloud has them, by the outline in the plane where it has none; here clouds are read, and
+results become labels.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Union
+from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
 
@@ -24,9 +25,11 @@ from atom_core.model.sensor import LIDAR3D, Sensor
 _RING_FIELDS = ("ring", "channel", "line", "laser_id")  # as drivers call it
 _INLIER_SIGMAS = 3.0
 _FIGURES = (
-    *("plane_sigma_m", "border_rms_m", "measured_width_m", "measured_height_m", "layers"),
-    *("expected_points", "visible", "hidden", "through", "in_view"),
+    *("plane_sigma_m", "border_rms_m", "measured_width_m", "measured_height_m"),
+    *("expected_points", "visible", "hidden", "through"),
 )
+_FIGURES_OF_LAYERS = ("layers", "in_view")
+_FIGURES_OF_OUTLINES = ("point_spacing_m",)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +48,8 @@ class Cloud:
     height: int = 1
 
 
+_NO_BOARD = "no plane of the board's size and outline is in the cloud"
+
 CloudLike = Union[Cloud, np.ndarray]
 
 
@@ -56,10 +61,12 @@ class Lidar3dOptions:
         least_layers: fewer layers on a plane are no board.
         beam_width_rad: full angle within which a beam returns from the board though its middle
             passes it; 0 for point-like beams. It enlarges the outline that is expected.
+        use_layers: False: do as if the cloud had no scan layers.
     """
 
     least_layers: int = 4
     beam_width_rad: float = 0.0
+    use_layers: bool = True
 
 
 class FoundBoard(NamedTuple):
@@ -112,11 +119,11 @@ class Lidar3dLabeler:
             cloud = as_cloud(data)
             if seed is not None:
                 return board_at(cloud, self._border, seed, self._options).labeled
-            found = find_boards(cloud, self._border, self._options)
+            found = _searched(cloud, self._border, self._options)
         except LabelingError as error:
             raise LabelingError(f"{self._place}: {error}") from None
         if not found:
-            return nothing(LIDAR3D, "no plane of the board's size and outline is in the cloud")
+            return nothing(LIDAR3D, _NO_BOARD)
         return found[0].labeled
 
 
@@ -172,6 +179,12 @@ def find_layers(cloud: Cloud) -> Any:
         raise LabelingError(f"the cloud cannot be used: {error}") from error
 
 
+def _scan(cloud: Cloud, options: Lidar3dOptions) -> Any:
+    scan = find_layers(cloud)
+    scan.has_layers = scan.has_layers and options.use_layers
+    return scan
+
+
 def _whole(ring: np.ndarray) -> np.ndarray:
     """Return rings as whole numbers; some drivers write them as floats, NaN where invalid."""
     numbers = np.asarray(ring)
@@ -200,13 +213,13 @@ def board_at(
     seed = np.asarray(seed, dtype=float)
     if seed.shape != (3,) or not np.all(np.isfinite(seed)):
         raise LabelingError(f"a seed is a point (3,) in metres, not {seed.tolist()}")
-    scan = find_layers(cloud)
+    scan = _scan(cloud, options)
     core = native.require("Labeling a cloud")
     width, height = 2.0 * border.half_size
     segment = core.segment_board(
         scan, seed, width, height, options.least_layers, options.beam_width_rad
     )
-    return _found(cloud, segment)
+    return _found(cloud, segment, scan.has_layers)
 
 
 def find_boards(
@@ -222,18 +235,31 @@ def find_boards(
     Returns:
         The boards, the one that fits best first. Where there are several, all carry a warning.
     """
-    scan = find_layers(cloud)
+    return [found for found in _searched(cloud, border, options) if found.labeled.detected]
+
+
+def _searched(cloud: Cloud, border: Rectangle, options: Lidar3dOptions) -> List[FoundBoard]:
+    """Return the boards; where there is none, what comes nearest to one, with what it lacks."""
+    scan = _scan(cloud, options)
     core = native.require("Labeling a cloud")
     width, height = 2.0 * border.half_size
     segments = core.find_boards(scan, width, height, options.least_layers, options.beam_width_rad)
     several = f"{len(segments)} planes have the board's size; the one that fits best is taken"
     warnings = (several,) if len(segments) > 1 else ()
-    return [_found(cloud, segment, warnings) for segment in segments]
+    for segment in segments:
+        if not segment["detected"]:
+            place = ", ".join(f"{x:.2f}" for x in segment["sensor_T_board"][:3, 3])
+            segment["reason"] = f"{_NO_BOARD}; nearest to one is what is at ({place}) m: " + str(
+                segment["reason"]
+            )
+    return [_found(cloud, segment, scan.has_layers, warnings) for segment in segments]
 
 
-def _found(cloud: Cloud, segment: Mapping[str, Any], warnings: Any = ()) -> FoundBoard:
+def _found(
+    cloud: Cloud, segment: Mapping[str, Any], by_layers: bool, warnings: Any = ()
+) -> FoundBoard:
     sensor_T_centre = segment["sensor_T_board"]
-    quality = _quality(segment)
+    quality = _quality(segment, _FIGURES_OF_LAYERS if by_layers else _FIGURES_OF_OUTLINES)
     if not segment["detected"]:
         return FoundBoard(nothing(LIDAR3D, segment["reason"], quality), sensor_T_centre)
     label = RangeLabel(segment["indices"], segment["limit_indices"])
@@ -250,8 +276,8 @@ def _found(cloud: Cloud, segment: Mapping[str, Any], warnings: Any = ()) -> Foun
     return FoundBoard(labeled, sensor_T_centre)
 
 
-def _quality(segment: Mapping[str, Any]) -> Dict[str, float]:
-    figures = {name: float(segment[name]) for name in _FIGURES}
+def _quality(segment: Mapping[str, Any], own: Sequence[str]) -> Dict[str, float]:
+    figures = {name: float(segment[name]) for name in (*_FIGURES, *own)}
     figures["incidence_deg"] = float(np.degrees(segment["incidence_rad"]))
     figures["points"] = float(len(segment["indices"]))
     return {name: value for name, value in figures.items() if np.isfinite(value)}

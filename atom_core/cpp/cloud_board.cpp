@@ -1,0 +1,425 @@
+#include "cloud_board.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <iterator>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "board_judgement.h"
+#include "cloud_filling.h"
+#include "cloud_patch.h"
+#include "plane_points.h"
+#include "rectangle_sides.h"
+
+namespace atom_core {
+namespace {
+
+constexpr int kRefits = 3;
+constexpr std::size_t kMostFitted = 200;    // points that a first rectangle is laid on
+constexpr double kWidestSpacing = 1.0 / 8;  // of the shorter side: sparser points show no outline
+constexpr double kPixelShare = 0.008;       // of the diagonal
+constexpr double kFlatness = 2.0;           // of the scatter among neighbours, and
+constexpr double kUneven = 0.005;           // [m] about the plane are flat
+constexpr double kLargest = 2.0;            // of the board's diagonal: a larger piece is none
+constexpr double kLargestArea = 2.0;        // of the board's, where strips make a piece long
+constexpr double kSmallest = 0.6;           // of it: so is a smaller one
+constexpr double kNarrowest = 0.5;          // of its shorter side: strips where surfaces meet
+constexpr double kSizeTolerance = 0.03;     // of a side, and
+constexpr double kSizeSigmas = 3.0;         // of what is measured
+constexpr double kMostSizeError = 0.07;     // of a side, however uncertain
+constexpr double kFlattest = 75.0 * M_PI / 180.0;  // incidence
+constexpr double kSlack = 6.0;                     // insets: the points fill less than the board
+constexpr double kGoodSide = 0.5;                  // of its bins are on the border
+constexpr int kGoodSides = 3;
+constexpr double kOnShare = 0.7;        // of the bins that are not hidden or touched
+constexpr double kBorderRms = 0.6;      // of the spacing, and
+constexpr double kBorderNoise = 0.012;  // [m] about the border
+constexpr double kMostInset = 0.9;      // spacings that a limit point may lie inside
+
+std::nullopt_t Refuse(int progress, const std::string& reason, BoardSegment* segment) {
+  segment->progress = progress;
+  segment->reason = reason;
+  return std::nullopt;
+}
+
+std::vector<int> Around(const BoardSearch& search, const PlaneAxes& axes,
+                        const std::vector<int>& before) {
+  std::vector<int> inliers;
+  for (std::size_t i = 0; i < search.window.points.size(); ++i) {
+    if (axes.plane.Holds(search.At(i))) inliers.push_back(i);
+  }
+  std::vector<int> best;
+  std::size_t most = 0;
+  for (auto& piece : ConnectedPieces(search.window, inliers, axes, search.options.size)) {
+    if (piece.size() <= most) break;
+    std::vector<int> common;
+    std::set_intersection(piece.begin(), piece.end(), before.begin(), before.end(),
+                          std::back_inserter(common));
+    if (common.size() > most) most = common.size(), best = std::move(piece);
+  }
+  return best;
+}
+
+std::string SizeReason(const Eigen::Vector2d& measured, const BoardOptions& options) {
+  return Text("the plane there measures %.2f x %.2f m; the configuration says %.2f x %.2f",
+              measured.x(), measured.y(), options.size.x(), options.size.y());
+}
+
+// Walls, floors and small things are known before anything is fitted.
+bool IsOfSize(const BoardSearch& search, const std::vector<int>& piece, BoardSegment* segment) {
+  if (static_cast<int>(piece.size()) < search.options.least_points) return true;
+  const Eigen::Vector2d size = RoughSize(search, piece), board = search.options.size;
+  const double longest = size.x() / board.norm();
+  const bool is_strip = size.y() < kNarrowest * board.minCoeff();
+  const bool is_small = longest < kLargest || Area(search, piece) < kLargestArea * board.prod();
+  if (longest > kSmallest && is_small && !is_strip) return true;
+  segment->sensor_T_board.block<3, 1>(0, 3) = search.At(piece.front()).position;
+  const char* format = longest < 1.0 || is_strip
+                           ? "the plane there is smaller than the board: %.2f x %.2f m"
+                           : "the plane there is larger than the board: %.2f x %.2f m";
+  Refuse(1,
+         Text(format, size.x(), size.y()) +
+             Text("; the configuration says %.2f x %.2f", board.x(), board.y()),
+         segment);
+  return false;
+}
+
+std::optional<Patch> Refit(const BoardSearch& search, std::vector<int> piece,
+                           BoardSegment* segment) {
+  Plane plane;
+  for (int k = 0; k <= kRefits; ++k) {
+    if (static_cast<int>(piece.size()) < search.options.least_points) {
+      return Refuse(0,
+                    Text("only %.0f points are on the plane there, %.0f are needed", piece.size(),
+                         search.options.least_points),
+                    segment);
+    }
+    plane = FitPlane(search.window, piece);
+    segment->plane_sigma = plane.sigma;
+    if (plane.sigma > search.options.most_noise) {
+      return Refuse(1, Text("the surface is not flat (%.0f mm about its plane)", 1e3 * plane.sigma),
+                    segment);
+    }
+    if (k == kRefits) break;
+    const std::vector<int> before = std::move(piece);
+    piece = Around(search, PlaneAxes(plane, search.At(before.front()).position), before);
+    if (piece == before) break;
+  }
+  return MakePatch(search, plane, std::move(piece));
+}
+
+bool IsPossible(const BoardSearch& search, const Patch& patch, BoardSegment* segment) {
+  const BoardOptions& options = search.options;
+  const double spacing = patch.spacing.At({0.0, 0.0}),
+               widest = kWidestSpacing * options.size.minCoeff();
+  segment->spacing = spacing;
+  segment->incidence = patch.incidence;
+  if (patch.incidence > kFlattest) {
+    Refuse(1, Text("the plane is seen too flat (%.0f degrees)", patch.incidence * 180.0 / M_PI),
+           segment);
+  } else if (spacing > widest) {
+    Refuse(
+        2,
+        Text("only %.0f points are on the plane there, about %.0f are needed on the board: bring "
+             "it nearer",
+             patch.points.size(), options.size.prod() / (widest * widest)),
+        segment);
+  } else {
+    return true;
+  }
+  return false;
+}
+
+bool IsFlat(const BoardSearch& search, const Patch& patch, BoardSegment* segment) {
+  const double along = patch.axes.plane.sigma / std::max(std::cos(patch.incidence), kLeastCosine);
+  if (along > search.options.most_noise + kUneven) {
+    Refuse(3, Text("the surface is not flat (%.0f mm along the beams)", 1e3 * along), segment);
+    return false;
+  }
+  const double between = ScatterAmongNeighbours(search, patch);
+  if (patch.axes.plane.sigma <= kFlatness * between + kUneven) return true;
+  Refuse(3,
+         Text("the surface is not flat (%.0f mm about its plane, %.0f mm among neighbours)",
+              1e3 * patch.axes.plane.sigma, 1e3 * between),
+         segment);
+  return false;
+}
+
+void SetPose(const Patch& patch, const RectanglePose& pose, BoardSegment* segment) {
+  const auto in_plane = patch.axes.axes.leftCols<2>();
+  Eigen::Matrix2d turn;
+  turn << std::cos(pose.angle), -std::sin(pose.angle), std::sin(pose.angle), std::cos(pose.angle);
+  segment->sensor_T_board.topLeftCorner<3, 2>() = in_plane * turn;
+  segment->sensor_T_board.block<3, 1>(0, 2) = patch.axes.plane.normal;
+  segment->sensor_T_board.block<3, 1>(0, 3) = patch.axes.InSpace(pose.centre);
+}
+
+// A rectangle that holds as many points as it can.
+RectanglePose FirstRectangle(const Patch& patch, const BoardOptions& options) {
+  Outline outline;
+  const std::vector<int> thin = Thinned(patch.points, kPixelShare * options.size.norm());
+  const std::size_t step = std::max<std::size_t>(thin.size() / kMostFitted, 1);
+  for (std::size_t i = 0; i < thin.size(); i += step) {
+    outline.inside.push_back(patch.points[thin[i]]);
+  }
+  return FitRectangle(outline, patch.half);
+}
+
+// Where the rectangle may be moved along its axes: flush with either end of the points, if it holds
+// more than they fill.
+std::vector<double> Places(const Patch& patch, const RectanglePose& pose, int axis, double inset) {
+  std::vector<double> values;
+  for (const Eigen::Vector2d& point : patch.points) values.push_back(pose.ToBoard(point)[axis]);
+  std::sort(values.begin(), values.end());
+  const std::size_t cut = values.size() / 200;
+  const double low = values[cut], high = values[values.size() - 1 - cut], half = patch.half[axis];
+  if (2.0 * half - (high - low) < kSlack * inset) return {0.0};
+  return {0.0, low - inset + half, high + inset - half};
+}
+
+// Where a side is hidden, the rectangle may lie flush with the other one, and turned: of the places
+// that hold the points, the one where most of the outline is seen.
+RectanglePose BestPlace(const std::vector<PlaneReturn>& returns, const Patch& patch,
+                        const RectanglePose& pose, const Sampling& sampling) {
+  const double inset = 0.5 * sampling.spacing.At({0.0, 0.0});
+  RectanglePose best = pose;
+  std::ptrdiff_t most = -1;
+  double box = 0.0;
+  MeasurePiece(patch.points, 0.0, &box);
+  for (const double angle : {pose.angle, box, box + M_PI / 2.0}) {
+    RectanglePose turned = pose;
+    turned.angle = angle;
+    const auto along = Places(patch, turned, 0, inset), across = Places(patch, turned, 1, inset);
+    if (along.size() * across.size() == 1 && angle == pose.angle) return pose;
+    for (const double x : along) {
+      for (const double y : across) {
+        RectanglePose tried = turned;
+        tried.centre += Eigen::Rotation2Dd(angle) * Eigen::Vector2d(x, y);
+        std::ptrdiff_t on = 0;
+        for (const auto& side : LookAlongSides(returns, tried, patch.half, sampling)) {
+          on += std::count_if(side.begin(), side.end(), [](const auto& b) { return b.OnBorder(); });
+        }
+        if (on > most) most = on, best = tried;
+      }
+    }
+  }
+  return best;
+}
+
+// The same rectangle in the axes of another plane nearby.
+RectanglePose Moved(const PlaneAxes& from, const RectanglePose& pose, const PlaneAxes& to) {
+  RectanglePose moved = pose;
+  moved.centre = to.InPlane(from.InSpace(pose.centre));
+  const Eigen::Vector2d ahead(std::cos(pose.angle), std::sin(pose.angle));
+  const Eigen::Vector2d turned = to.InPlane(from.InSpace(pose.centre + ahead)) - moved.centre;
+  moved.angle = std::atan2(turned.y(), turned.x());
+  return moved;
+}
+
+// The patch and its rectangle without what lies outside or at the rectangle's edge.
+std::optional<Patch> Restrict(const BoardSearch& search, const Patch& patch, RectanglePose* pose,
+                              BoardSegment* segment) {
+  std::vector<int> inside;
+  for (std::size_t i = 0; i < patch.points.size(); ++i) {
+    const double distance = SignedDistance(pose->ToBoard(patch.points[i]), patch.half);
+    if (distance < -0.5 * patch.spacing.At(patch.points[i])) inside.push_back(patch.piece[i]);
+  }
+  if (static_cast<int>(inside.size()) < search.options.least_points) {
+    return Refuse(3,
+                  Text("only %.0f points are within an outline of the board, %.0f are needed",
+                       inside.size(), search.options.least_points),
+                  segment);
+  }
+  const Plane plane = FitPlane(search.window, inside);
+  Patch restricted = MakePatch(search, plane, std::move(inside));
+  *pose = Moved(patch.axes, *pose, restricted.axes);
+  return restricted;
+}
+
+std::vector<PlaneReturn> ReturnsNear(const BoardSearch& search, const Patch& patch) {
+  std::vector<PlaneReturn> returns;
+  const double thick = 0.1, wide = 1.3 * patch.half.norm() + 0.1;
+  for (std::size_t i = 0; i < search.window.points.size(); ++i) {
+    const Eigen::Vector3d& position = search.At(i).position;
+    const double off = patch.axes.plane.Residual(position);
+    if (std::abs(off) > thick) continue;
+    const Eigen::Vector2d point = patch.axes.InPlane(position);
+    if (point.norm() < wide) returns.push_back({point, off, static_cast<int>(i)});
+  }
+  return returns;
+}
+
+// ---- what the sides say
+
+// Tells whether the sides show the outline of the board.
+bool SidesFit(const Sides& sides, double spacing, BoardSegment* segment) {
+  int good = 0, on = 0, all = 0, open = 0, bins = 0;
+  double squares = 0.0;
+  for (const auto& side : sides) {
+    int here = 0;
+    for (const SideBin& bin : side) {
+      const bool is_on = bin.OnBorder();
+      here += is_on;
+      open += bin.open > 0;
+      all += bin.open > 0 || (!bin.hidden && TouchMargin(bin, 0.01) == 0.0);
+      if (is_on) squares += std::pow(bin.beyond + bin.inset, 2);
+    }
+    on += here;
+    bins += static_cast<int>(side.size());
+    good += here >= kGoodSide * side.size();
+  }
+  segment->border_rms = std::sqrt(squares / std::max(on, 1));
+  const double most = kBorderNoise + kBorderRms * spacing;
+  if (good >= kGoodSides && on >= kOnShare * all && segment->border_rms < most) return true;
+  std::string reason =
+      Text("the outline is not the board's (%.0f %% of it seen on %.0f sides, %.0f mm RMS)",
+           100.0 * on / std::max(bins, 1), good, 1e3 * segment->border_rms);
+  if (open > 0.25 * bins) reason = "the surface goes on beyond the board's outline";
+  Refuse(4, reason, segment);
+  return false;
+}
+
+// The reason of a wrong outline is a wrong size, where there is one.
+bool PieceFits(const Patch& patch, const BoardOptions& options, BoardSegment* segment) {
+  const Eigen::Vector2d size = SizeOfPiece(patch, options), beam = 2.0 * patch.half - options.size;
+  const Eigen::Vector2d error = (size - beam - options.size).cwiseAbs();
+  const double most = 0.5 * patch.spacing.At({0.0, 0.0}) + 0.01;
+  if ((error.array() < kSizeTolerance * options.size.array() + most).all()) return true;
+  segment->measured_size = size - beam;
+  segment->reason = SizeReason(segment->measured_size, options);
+  return false;
+}
+
+bool SizeFits(const MeasuredSize& measured, const Patch& patch, const BoardOptions& options,
+              BoardSegment* segment) {
+  segment->measured_size = measured.size - (2.0 * patch.half - options.size);
+  bool fits = true;
+  Eigen::Vector2d shown = segment->measured_size;
+  for (int axis = 0; axis < 2; ++axis) {
+    const double expected = options.size[axis];
+    if (!std::isfinite(shown[axis])) {
+      shown[axis] = expected;
+      continue;
+    }
+    const double most = std::min(kSizeTolerance * expected + kSizeSigmas * measured.sigma[axis],
+                                 kMostSizeError * expected);
+    fits &= std::abs(shown[axis] - expected) < most;
+  }
+  if (!fits) Refuse(5, SizeReason(shown, options), segment);
+  return fits;
+}
+
+bool IsFilled(const CellShares& cells, const BoardOptions& options, BoardSegment* segment) {
+  segment->visible = cells.there;
+  segment->hidden = cells.nearer;
+  segment->through = cells.farther;
+  segment->score = segment->border_rms / options.border_tolerance +
+                   std::max(0.0, 1.0 - cells.there) + 2.0 * cells.farther;
+  if (cells.farther > options.most_through) {
+    Refuse(6, Text("%.0f %% of the board's place is seen through", 100.0 * cells.farther), segment);
+  } else if (cells.there < options.least_visible ||
+             cells.there + cells.nearer + cells.enclosed < options.least_coverage) {
+    Refuse(6,
+           Text("only %.0f %% of the board's place has points (%.0f %% is hidden)",
+                100.0 * cells.there, 100.0 * cells.nearer),
+           segment);
+  } else {
+    return true;
+  }
+  return false;
+}
+
+// ---- the label
+
+// The bin of each side that a point in the rectangle's axes belongs to; 0: none.
+const SideBin* BinAt(const Sides& sides, int k, const Eigen::Vector2d& point,
+                     const Eigen::Vector2d& half) {
+  const double length = 2.0 * half[1 - k / 2], place = point[1 - k / 2] / length + 0.5;
+  if (place < 0.0 || place >= 1.0) return nullptr;
+  return &sides[k][static_cast<std::size_t>(place * sides[k].size())];
+}
+
+bool IsBoards(const Sides& sides, const Eigen::Vector2d& point, const Eigen::Vector2d& half,
+              double sigma) {
+  for (int k = 0; k < 4; ++k) {
+    const SideBin* bin = BinAt(sides, k, point, half);
+    if (bin == nullptr) continue;
+    const double beyond = (k % 2 == 0 ? 1.0 : -1.0) * point[k / 2] - half[k / 2];
+    const bool is_open = bin->open > 0 || bin->touching > 0;
+    if (beyond > (is_open ? 0.0 : 0.5 * bin->spacing + 0.005)) return false;
+    const double margin = TouchMargin(*bin, sigma);
+    if (margin > 0.0 && beyond > -margin) return false;
+  }
+  return SignedDistance(point, half) < 0.01 + 0.02 * half.minCoeff();
+}
+
+void Label(const BoardSearch& search, const Patch& patch, const RectanglePose& pose,
+           const std::vector<PlaneReturn>& returns, const Sides& sides, BoardSegment* segment) {
+  const double sigma = patch.axes.plane.sigma;
+  std::set<std::int64_t> labeled;
+  for (const PlaneReturn& item : returns) {
+    if (std::abs(item.off) > kThreshold * sigma) continue;
+    if (!IsBoards(sides, pose.ToBoard(item.position), patch.half, sigma)) continue;
+    segment->indices.push_back(search.At(item.near).index);
+  }
+  std::sort(segment->indices.begin(), segment->indices.end());
+  labeled.insert(segment->indices.begin(), segment->indices.end());
+  std::set<std::int64_t> limits;
+  for (const auto& side : sides) {
+    for (const SideBin& bin : side) {
+      if (!bin.OnBorder() || bin.beyond < -kMostInset * bin.spacing) continue;
+      const std::int64_t index = search.At(returns[bin.outermost].near).index;
+      if (labeled.count(index) != 0) limits.insert(index);
+    }
+  }
+  segment->limit_indices.assign(limits.begin(), limits.end());
+  segment->expected_points =
+      static_cast<int>(segment->indices.size() / std::max(segment->visible, 0.1));
+}
+
+}  // namespace
+
+BoardSegment JudgeCloudPiece(const BoardSearch& search, std::vector<int> piece) {
+  BoardSegment segment;
+  const BoardOptions& options = search.options;
+  if (!IsOfSize(search, piece, &segment)) return segment;
+  const auto patch = Refit(search, std::move(piece), &segment);
+  if (!patch || !IsPossible(search, *patch, &segment)) return segment;
+  RectanglePose pose = FirstRectangle(*patch, options);
+  SetPose(*patch, pose, &segment);
+  const auto board = Restrict(search, *patch, &pose, &segment);
+  if (!board || !IsPossible(search, *board, &segment) || !IsFlat(search, *board, &segment)) {
+    return segment;
+  }
+  const std::vector<PlaneReturn> returns = ReturnsNear(search, *board);
+  const Sampling sampling =
+      MeasureSampling(returns, pose, board->half, board->spacing, board->axes.plane.sigma);
+  segment.spacing = sampling.spacing.At({0.0, 0.0});
+  pose = BestPlace(returns, *board, pose, sampling);
+  pose = RefineBySides(returns, pose, board->half, sampling);
+  SetPose(*board, pose, &segment);
+  Sides sides = LookAlongSides(returns, pose, board->half, sampling);
+  double widest = 0.0;
+  for (const auto& side : sides) {
+    for (const SideBin& bin : side) widest = std::max(widest, bin.spacing);
+  }
+  const CellShares cells = LookAtCells(search.scan, board->axes, pose, board->half, widest, &sides);
+  if (!SidesFit(sides, widest, &segment)) {
+    PieceFits(*patch, options, &segment);
+    return segment;
+  }
+  if (!SizeFits(MeasureSides(sides, board->half), *board, options, &segment)) {
+    if (!segment.measured_size.allFinite()) PieceFits(*patch, options, &segment);
+    return segment;
+  }
+  if (!IsFilled(cells, options, &segment)) return segment;
+  segment.detected = true;
+  Label(search, *board, pose, returns, sides, &segment);
+  return segment;
+}
+
+}  // namespace atom_core

@@ -1,0 +1,32 @@
+/// \file
+/// Boards in clouds without scan layers: by the outline in the plane and the spacing of the points.
+
+#ifndef ATOM_CORE_CPP_CLOUD_BOARD_H_
+#define ATOM_CORE_CPP_CLOUD_BOARD_H_
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "atom_core/board_segmentation.h"
+#include "board_surface.h"
+
+namespace atom_core {
+
+/// Tells whether a piece of a plane, without scan layers, is the board: flat, as large as the
+/// board, with its outline, and filled with points as densely as its neighbourhood.
+///
+/// \param search the points around the seed.
+/// \param piece positions in the window.
+/// \return the board with its labels, or the reason why it is none, with what was measured so far.
+BoardSegment JudgeCloudPiece(const BoardSearch& search, std::vector<int> piece);
+
+/// The same as SegmentBoard, for a cloud without scan layers.
+BoardSegment SegmentCloudBoard(const Scan& scan, const Eigen::Vector3d& seed,
+                               const BoardOptions& options);
+
+/// The same as FindBoards, for a cloud without scan layers.
+std::vector<BoardSegment> FindCloudBoards(const Scan& scan, const BoardOptions& options);
+
+}  // namespace atom_core
+
+#endif  // ATOM_CORE_CPP_CLOUD_BOARD_H_

@@ -1,0 +1,328 @@
+// Boards in clouds without scan layers, at a seed and without one.
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <iterator>
+#include <unordered_map>
+#include <utility>
+
+#include "board_judgement.h"
+#include "cloud_board.h"
+#include "plane_points.h"
+
+namespace atom_core {
+namespace {
+
+constexpr double kProposal = 2.0;             // standard deviations of a proposed plane's inliers
+constexpr std::size_t kMostProposing = 1500;  // points that planes are proposed from
+constexpr std::size_t kPatchProposing = 150;  // the same of a patch
+constexpr std::size_t kMostPieces = 3;        // of a plane
+constexpr double kCellShare = 0.35;           // of the shorter side: cells that the cloud is cut in
+constexpr double kPatchShare = 0.4;           // of it: radius of a patch
+constexpr std::size_t kLeastOfCell = 3;       // points
+constexpr std::size_t kLeastOfPatch = 14;     // points: half of what a board needs there
+constexpr double kPatchSigma = 0.03;          // [m] of a patch that is none
+constexpr int kSectors = 24;                  // of a ring that no board reaches
+constexpr double kRingFrom = 1.05, kRingTo = 1.6;  // its radii in diagonals
+constexpr double kRingShare = 0.4;                 // of the sectors: the plane is larger
+constexpr double kRingDensity = 0.2;               // of the points, against those inside
+constexpr double kLeastMargin = 0.008;             // [m] about a plane that is known
+
+constexpr int kOtherSize = 1;  // progress of pieces that are too large or too small
+
+using Positions = std::vector<int>;  // among the points of the scan
+
+std::vector<int> Some(const std::vector<int>& all, std::size_t most) {
+  const std::size_t step = std::max<std::size_t>((all.size() + most - 1) / most, 1);
+  std::vector<int> some;
+  for (std::size_t i = 0; i < all.size(); i += step) some.push_back(all[i]);
+  return some;
+}
+
+bool IsBetter(const BoardSegment& a, const BoardSegment& b) {
+  if (a.detected != b.detected) return a.detected;
+  return a.detected ? a.score < b.score : a.progress > b.progress;
+}
+
+// The pieces of a plane, the largest first.
+std::vector<std::vector<int>> PiecesOfPlane(const BoardSearch& search, const Plane& plane,
+                                            double threshold, const Eigen::Vector3d& seed) {
+  std::vector<int> inliers;
+  for (std::size_t i = 0; i < search.window.points.size(); ++i) {
+    if (std::abs(plane.Residual(search.At(i).position)) < threshold) inliers.push_back(i);
+  }
+  return ConnectedPieces(search.window, inliers, PlaneAxes(plane, seed), search.options.size);
+}
+
+// The best of the larger pieces of a plane.
+BoardSegment BestPiece(const BoardSearch& search, const Plane& plane, const Eigen::Vector3d& seed) {
+  auto pieces = PiecesOfPlane(search, plane, kThreshold * search.options.noise, seed);
+  BoardSegment best;
+  best.reason = Text("only %.0f points are on the plane there, %.0f are needed",
+                     pieces.empty() ? 0 : pieces.front().size(), search.options.least_points);
+  for (std::size_t k = 0; k < std::min(pieces.size(), kMostPieces); ++k) {
+    if (static_cast<int>(pieces[k].size()) < search.options.least_points) break;
+    BoardSegment segment = JudgeCloudPiece(search, std::move(pieces[k]));
+    const Eigen::Vector3d middle = segment.sensor_T_board.topRightCorner<3, 1>();
+    segment.score += 0.5 * (middle - seed).norm() / SeedRadius(search.options);
+    if (k == 0 || IsBetter(segment, best)) best = segment;
+  }
+  return best;
+}
+
+// The piece of a plane that has most of a patch; empty: none is large enough.
+std::vector<int> PieceOfPatch(const BoardSearch& search, const Plane& plane, double threshold,
+                              const Eigen::Vector3d& seed) {
+  std::vector<int> best;
+  std::size_t most = 0;
+  for (auto& piece : PiecesOfPlane(search, plane, threshold, seed)) {
+    if (static_cast<int>(piece.size()) < search.options.least_points) break;
+    std::vector<int> common;
+    const std::vector<int>& patch = search.window.sphere;
+    std::set_intersection(piece.begin(), piece.end(), patch.begin(), patch.end(),
+                          std::back_inserter(common));
+    if (common.size() > most) most = common.size(), best = std::move(piece);
+  }
+  return best;
+}
+
+BoardSegment BestOfPlanes(const BoardSearch& search, const Eigen::Vector3d& seed) {
+  const BoardOptions& options = search.options;
+  BoardSegment best;
+  best.reason = Text("no plane with %.0f points is within %.2f m of the seed", options.least_points,
+                     SeedRadius(options));
+  std::vector<int> left = Some(search.window.sphere, kMostProposing);
+  for (int k = 0; k < options.most_planes; ++k) {
+    Plane plane;
+    if (static_cast<int>(left.size()) < options.least_points ||
+        !ProposePlane(search.window, left, kProposal * options.noise, kLeastCosine * seed.norm(),
+                      &plane)) {
+      break;
+    }
+    const BoardSegment segment = BestPiece(search, plane, seed);
+    if (IsBetter(segment, best)) best = segment;
+    std::vector<int> rest = OffPlane(search.window, left, plane, kThreshold * options.noise);
+    if (rest.size() == left.size()) break;
+    left = std::move(rest);
+  }
+  return best;
+}
+
+// The points of a scan in cubes, to find those around a place.
+class CellIndex {
+ public:
+  CellIndex(const Scan& scan, double side) : scan_(scan), side_(side) {
+    for (std::size_t i = 0; i < scan.points.size(); ++i) {
+      const auto item = number_.emplace(Key(Cube(scan.points[i].position)), cells_.size());
+      if (item.second) cells_.emplace_back();
+      cells_[item.first->second].push_back(static_cast<int>(i));
+    }
+  }
+
+  const std::vector<Positions>& cells() const { return cells_; }
+  Positions Around(const Eigen::Vector3d& place, double radius) const {
+    Positions found;
+    const Eigen::Vector3i low = Cube(place.array() - radius), high = Cube(place.array() + radius);
+    for (int x = low.x(); x <= high.x(); ++x) {
+      for (int y = low.y(); y <= high.y(); ++y) {
+        for (int z = low.z(); z <= high.z(); ++z) {
+          const auto cell = number_.find(Key({x, y, z}));
+          if (cell == number_.end()) continue;
+          for (const int i : cells_[cell->second]) {
+            if ((scan_.points[i].position - place).squaredNorm() < radius * radius) {
+              found.push_back(i);
+            }
+          }
+        }
+      }
+    }
+    std::sort(found.begin(), found.end());
+    return found;
+  }
+
+ private:
+  Eigen::Vector3i Cube(const Eigen::Vector3d& point) const {
+    return (point / side_).array().floor().cast<int>();
+  }
+  static std::int64_t Key(const Eigen::Vector3i& cube) {
+    const auto part = [](int value) { return static_cast<std::int64_t>(value + (1 << 20)); };
+    return (part(cube.x()) << 42) + (part(cube.y()) << 21) + part(cube.z());
+  }
+
+  const Scan& scan_;
+  double side_;
+  std::vector<Positions> cells_;
+  std::unordered_map<std::int64_t, std::size_t> number_;
+};
+
+// Looks for boards patch by patch; what is known to be something else is not looked at again.
+class CloudSearch {
+ public:
+  CloudSearch(const Scan& scan, const BoardOptions& options)
+      : scan_(scan),
+        options_(options),
+        index_(scan, kCellShare * options.size.minCoeff()),
+        known_(scan.points.size(), false) {}
+
+  std::vector<BoardSegment> Boards() {
+    std::vector<BoardSegment> boards;
+    for (const Positions& cell : index_.cells()) {
+      Positions unknown;
+      for (const int i : cell) {
+        if (!known_[i]) unknown.push_back(i);
+      }
+      if (unknown.size() < kLeastOfCell) continue;
+      Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+      for (const int i : unknown) mean += scan_.points[i].position / unknown.size();
+      const BoardSegment segment = AtPatch(mean);
+      if (segment.detected) {
+        if (std::none_of(boards.begin(), boards.end(),
+                         [&](const BoardSegment& other) { return IsSame(segment, other); })) {
+          boards.push_back(segment);
+        }
+      } else if (boards.empty() && segment.progress > nearest_.progress) {
+        nearest_ = segment;
+      }
+    }
+    std::stable_sort(
+        boards.begin(), boards.end(),
+        [](const BoardSegment& a, const BoardSegment& b) { return a.score < b.score; });
+    if (boards.empty() && !nearest_.reason.empty()) boards.push_back(nearest_);
+    return boards;
+  }
+
+ private:
+  bool IsSame(const BoardSegment& a, const BoardSegment& b) const {
+    const auto apart = a.sensor_T_board - b.sensor_T_board;
+    return apart.topRightCorner<3, 1>().norm() < 0.5 * options_.size.minCoeff();
+  }
+
+  BoardSegment AtPatch(const Eigen::Vector3d& place) {
+    BoardSegment none;
+    Positions patch;
+    for (const int i : index_.Around(place, kPatchShare * options_.size.minCoeff())) {
+      if (!known_[i]) patch.push_back(i);
+    }
+    if (patch.size() < kLeastOfPatch) return none;
+    const double reach = kRingTo * options_.size.norm();
+    const Window window = MakeWindow(index_.Around(place, reach), patch);
+    Plane plane;
+    const std::vector<int> some = Some(window.sphere, kPatchProposing);
+    if (!ProposePlane(window, some, kProposal * options_.noise, kLeastCosine * place.norm(),
+                      &plane) ||
+        plane.sigma > kPatchSigma) {
+      Know(window, window.sphere);
+      return none;
+    }
+    const double margin = std::max(kThreshold * plane.sigma, kLeastMargin);
+    if (IsLarger(window, plane, place, margin)) return none;
+    return Judged(window, plane, place, margin);
+  }
+
+  BoardSegment Judged(const Window& window, const Plane& plane, const Eigen::Vector3d& place,
+                      double margin) {
+    const BoardSearch search{scan_, window, options_};
+    const std::vector<int> piece = PieceOfPatch(search, plane, margin, place);
+    BoardSegment segment;
+    if (!piece.empty()) segment = JudgeCloudPiece(search, piece);
+    if (segment.progress == kOtherSize) Know(window, piece);
+    Know(window, OnPlane(window, window.sphere, plane, margin));
+    if (!segment.detected) return segment;
+    const Eigen::Vector3d middle = segment.sensor_T_board.topRightCorner<3, 1>();
+    BoardOptions here = options_;  // the seed is on the board: its plane comes first
+    here.seed_radius = kPatchShare * options_.size.minCoeff() / options_.size.norm();
+    here.most_planes = 1;
+    segment = SegmentCloudBoard(scan_, middle, here);  // the same from wherever it was found
+    for (const int i : index_.Around(middle, 0.6 * options_.size.norm())) {
+      const Eigen::Vector3d normal = segment.sensor_T_board.block<3, 1>(0, 2);
+      if (std::abs(normal.dot(scan_.points[i].position - middle)) < 0.05) known_[i] = true;
+    }
+    return segment;
+  }
+
+  Window MakeWindow(const Positions& around, const Positions& patch) const {
+    Window window;
+    std::size_t next = 0;
+    for (const int i : around) {
+      if (next < patch.size() && patch[next] == i) {
+        window.sphere.push_back(static_cast<int>(window.points.size()));
+        ++next;
+      }
+      window.points.push_back({&scan_.points[i], 0.0});
+    }
+    return window;
+  }
+
+  void Know(const Window& window, const std::vector<int>& positions) {
+    for (const int i : positions) known_[window.points[i].point - scan_.points.data()] = true;
+  }
+
+  // Tells whether the plane goes on all around, farther than any board; its points are then known.
+  bool IsLarger(const Window& window, const Plane& plane, const Eigen::Vector3d& place,
+                double margin) {
+    const PlaneAxes axes(plane, place);
+    const double diagonal = options_.size.norm();
+    const double inner = kPatchShare * options_.size.minCoeff();
+    std::vector<bool> seen(kSectors, false);
+    std::vector<int> on;
+    double inside = 0.0, around = 0.0;
+    for (std::size_t i = 0; i < window.points.size(); ++i) {
+      const Eigen::Vector3d& position = window.At(i).position;
+      if (std::abs(plane.Residual(position)) > margin) continue;
+      const Eigen::Vector2d point = axes.InPlane(position);
+      const double away = point.norm();
+      if (away < diagonal) on.push_back(i);
+      if (away < inner) inside += 1.0 / (inner * inner);
+      if (away < kRingFrom * diagonal || away > kRingTo * diagonal) continue;
+      around += 1.0 / ((kRingTo * kRingTo - kRingFrom * kRingFrom) * diagonal * diagonal);
+      const double turn = std::atan2(point.y(), point.x()) / (2.0 * M_PI) + 0.5;
+      seen[std::min(static_cast<int>(turn * kSectors), kSectors - 1)] = true;
+    }
+    // Where other surfaces cross the plane are lines, as long as they may be.
+    if (around < kRingDensity * inside) return false;
+    if (std::count(seen.begin(), seen.end(), true) < kRingShare * kSectors) return false;
+    Know(window, on);
+    return true;
+  }
+
+  const Scan& scan_;
+  const BoardOptions options_;
+  CellIndex index_;
+  std::vector<bool> known_;
+  BoardSegment nearest_;
+};
+
+// Without a seed to trust, the board must be seen better.
+BoardOptions Strict(BoardOptions options) {
+  options.least_visible = std::max(options.least_visible, 0.75);
+  options.most_through = std::min(options.most_through, 0.04);
+  return options;
+}
+
+}  // namespace
+
+BoardSegment SegmentCloudBoard(const Scan& scan, const Eigen::Vector3d& seed,
+                               const BoardOptions& options) {
+  const double sphere = SeedRadius(options), radius = sphere + options.size.norm();
+  Window window;
+  for (const ScanPoint& point : scan.points) {
+    const double squared = (point.position - seed).squaredNorm();
+    if (squared > radius * radius) continue;
+    if (squared < sphere * sphere) window.sphere.push_back(static_cast<int>(window.points.size()));
+    window.points.push_back({&point, 0.0});
+  }
+  if (static_cast<int>(window.sphere.size()) < options.least_points) {
+    BoardSegment none;
+    none.reason = Text("only %.0f points within %.2f m of the seed, %.0f are needed",
+                       window.sphere.size(), sphere, options.least_points);
+    return none;
+  }
+  return BestOfPlanes({scan, window, options}, seed);
+}
+
+std::vector<BoardSegment> FindCloudBoards(const Scan& scan, const BoardOptions& options) {
+  return CloudSearch(scan, Strict(options)).Boards();
+}
+
+}  // namespace atom_core
