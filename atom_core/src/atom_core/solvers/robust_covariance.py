@@ -18,6 +18,7 @@ from atom_core.problem.model_errors import ModelError
 from atom_core.solvers.shared_equations import SharedEquations, inverse
 
 FEWEST = 4  # collections; fewer do not tell
+_FEW = 12  # fewer may happen to be off alike
 _QUANTILE = 0.975  # of the interval that is to hold the truth in 95 %
 _LEFT_OUT = 0.95  # part of a collection that is left out: some number may hang on it alone
 
@@ -29,7 +30,8 @@ def sigma_factors(
 
     Of the shared blocks' numbers, then of the insets, then of the estimated errors. Rotations of a
     block have one factor in common, and so have its translations: few collections tell no more.
-    Where there are too few to tell anything, the cautious equations do.
+    Where there are too few to tell anything, the cautious equations do; where there are few, the
+    larger of the two counts.
 
     Args:
         equations: at the solution.
@@ -39,17 +41,17 @@ def sigma_factors(
     place = {e: equations.shared + i for i, e in enumerate(equations.errors)}
     base = [*range(equations.shared), *(place[e] for e in estimated if e in place)]
     model, count = _model_variance(equations, base), len(equations.collections)
-    if count < FEWEST:
-        ratios = _model_variance(cautious, base) / np.maximum(model, 1e-30)
-        wider = 1.0
-    else:
-        ratios = _jackknife_variance(equations, base) / np.maximum(model, 1e-30)
+    ratios = np.zeros(len(base))
+    if count >= FEWEST:
         # A deviation seen in few collections is itself not sure: Student's t is wider.
         wider = special.stdtrit(max(count / 2.0, 3.0), _QUANTILE) / special.ndtri(_QUANTILE)
+        ratios = wider**2 * _jackknife_variance(equations, base) / np.maximum(model, 1e-30)
+    if count < _FEW:
+        ratios = np.maximum(ratios, _model_variance(cautious, base) / np.maximum(model, 1e-30))
     numbers = BLOCK_SIZE * equations.blocks
     triples = ratios[:numbers].reshape(-1, BLOCK_SIZE // 2)
     ratios[:numbers] = np.repeat(triples.mean(axis=1), BLOCK_SIZE // 2)
-    return np.maximum(wider * np.sqrt(ratios), 1.0)
+    return np.maximum(np.sqrt(ratios), 1.0)
 
 
 def _model_variance(equations: SharedEquations, base: Sequence[int]) -> np.ndarray:
