@@ -18,7 +18,7 @@ from atom_core.problem.model_errors import ModelError
 from atom_core.solvers.shared_equations import SharedEquations, inverse
 
 FEWEST = 4  # collections; fewer do not tell
-_FEW = 12  # fewer may happen to be off alike
+_FEW = 8  # fewer may happen to be off alike
 _QUANTILE = 0.975  # of the interval that is to hold the truth in 95 %
 _LEFT_OUT = 0.95  # part of a collection that is left out: some number may hang on it alone
 
