@@ -37,7 +37,7 @@ def equations_of(result, errors=(), common=None):
 def test_all_collections_together_are_the_solvers_equations(solved):
     equations, found = equations_of(solved)
     size = 6 * found.blocks
-    total = (found.information.sum(axis=0) + found.held)[:size, :size]
+    total = found.total[:size, :size]
     free = solved.problem.parameters.free[: found.blocks].ravel()
     expected = Covariance(equations).shared
     np.testing.assert_allclose(
@@ -48,7 +48,7 @@ def test_all_collections_together_are_the_solvers_equations(solved):
 def test_at_the_solution_nothing_pulls(solved):
     _, found = equations_of(solved, [RangeOffset("lidar_1")])
     pull = found.gradient.sum(axis=0) + found.held_gradient
-    scale = np.sqrt(np.diagonal(found.information.sum(axis=0) + found.held))
+    scale = np.sqrt(np.diagonal(found.total))
     size = 6 * found.blocks
     assert np.max(np.abs(pull / scale)[:size]) < 0.01  # in sigmas that others leave free
     # No single collection is at rest by itself.
@@ -61,7 +61,7 @@ def test_columns_are_derivatives_of_the_cost(solved):
     assert found.errors == (error,)
     borders = sum(isinstance(b, BorderBlock) for b in solved.problem.residual_blocks)
     assert found.shared == 6 * found.blocks + borders
-    assert found.information.shape[1] == found.shared + 1
+    assert found.total.shape == (found.shared + 1, found.shared + 1)
 
 
 def test_what_detections_have_in_common_makes_all_less_sure(solved):
@@ -70,7 +70,7 @@ def test_what_detections_have_in_common_makes_all_less_sure(solved):
     variances = []
     for parts in (None, common):
         _, found = equations_of(solved, common=parts)
-        variances.append(np.diagonal(inverse(found.information.sum(axis=0) + found.held)))
+        variances.append(np.diagonal(inverse(found.total)))
     free = np.flatnonzero(solved.problem.parameters.free[: found.blocks].ravel())
     assert np.all(variances[1][free] > variances[0][free])
 

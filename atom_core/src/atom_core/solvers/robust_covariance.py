@@ -56,18 +56,26 @@ def sigma_factors(
 
 def _model_variance(equations: SharedEquations, base: Sequence[int]) -> np.ndarray:
     """Return (n,) variances of the numbers of the base, as the normal equations have them."""
-    total = equations.information.sum(axis=0) + equations.held
-    return np.diagonal(inverse(total[np.ix_(base, base)]))
+    return np.diagonal(inverse(equations.total[np.ix_(base, base)]))
 
 
 def _jackknife_variance(equations: SharedEquations, base: Sequence[int]) -> np.ndarray:
-    """Return (n,) variances of the numbers of the base, as leaving out collections has them."""
-    parts, gradients = equations.information[:, base][:, :, base], equations.gradient[:, base]
-    count = len(parts)
-    total = parts.sum(axis=0) + equations.held[np.ix_(base, base)]
-    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(total), 1e-30))
-    reduced = (total - _LEFT_OUT * parts) * scale[:, None] * scale
-    reduced += 1e-12 * np.eye(len(base))
-    moved = scale * np.linalg.solve(reduced, (scale * gradients)[:, :, None])[:, :, 0]
+    """Return (n,) variances of the numbers of the base, as leaving out collections has them.
+
+    For a collection with information A and gradient g in its own numbers E, and all information T,
+    ``(T - E A E')^-1 E g`` is ``T^-1 E (1 - A E' T^-1 E)^-1 g``: one inverse serves all.
+    """
+    covariance = inverse(equations.total[np.ix_(base, base)])
+    place = np.full(len(equations.total), -1)
+    place[list(base)] = np.arange(len(base))
+    moved = np.empty((len(equations.parts), len(base)))
+    for c, part in enumerate(equations.parts):
+        known = place[part.numbers] >= 0
+        own = place[part.numbers[known]]
+        left_out = _LEFT_OUT * part.information[np.ix_(known, known)]
+        without = np.eye(len(own)) - left_out @ covariance[np.ix_(own, own)]
+        gradient = equations.gradient[c, part.numbers[known]]
+        moved[c] = covariance[:, own] @ np.linalg.solve(without, gradient)
     moved -= moved.mean(axis=0)
+    count = len(moved)
     return (count - 1.0) / count * np.sum(moved**2, axis=0)

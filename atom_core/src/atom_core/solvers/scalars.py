@@ -18,7 +18,7 @@ from atom_core.solvers.assessment import Assessment, InsetColumn
 from atom_core.solvers.error_columns import ErrorColumn, prior_information, within_reason
 from atom_core.solvers.insets import MOST_STEPS
 from atom_core.solvers.normal_equations import Factor, NormalEquations, pulled_back
-from atom_core.solvers.shared_equations import Scalars, of_detections
+from atom_core.solvers.shared_equations import Scalars, summed_columns
 
 Column = Union[InsetColumn, ErrorColumn]
 
@@ -128,8 +128,8 @@ def joint_of(
         shares: for each residual block, (m,) the part of its weight that a detection has.
         priors: standard deviations of some errors about zero, in their units.
     """
-    columns, join = of_detections(problem, scalars, shares), equations.layout.join
-    every = np.arange(len(problem.detections))
+    every, join = np.arange(len(problem.detections)), equations.layout.join
+    columns = summed_columns(problem, scalars, shares, np.zeros_like(every))
     vectors = [
         pulled_back(problem, equations.layout, equations.state_jacobians, every, by_state)
         for by_state in np.moveaxis(columns.by_state, 2, 0)

@@ -29,6 +29,18 @@ from atom_core.solvers.normal_equations import (
 _FLOOR = 1e-12  # of a matrix scaled to a unit diagonal: what is below is rounding
 
 
+class CollectionPart(NamedTuple):
+    """What a collection says of those k shared numbers that it depends on.
+
+    Attributes:
+        numbers: (k,) which.
+        information: (k, k).
+    """
+
+    numbers: np.ndarray
+    information: np.ndarray
+
+
 @dataclass(frozen=True)
 class SharedEquations:
     """What each of g collections says of m shared numbers.
@@ -41,19 +53,19 @@ class SharedEquations:
         errors: the model errors.
         blocks: how many shared blocks there are.
         shared: how many numbers are not model errors.
-        information: (g, m, m).
+        parts: (g,) of each collection.
         gradient: (g, m).
-        held: (m, m) information that is no collection's, such as a prior's.
-        held_gradient: (m,) likewise.
+        total: (m, m) information of all, with what is no collection's, such as a prior's.
+        held_gradient: (m,) gradient that is no collection's.
     """
 
     collections: Tuple[str, ...]
     errors: Tuple[ModelError, ...]
     blocks: int
     shared: int
-    information: np.ndarray
+    parts: Tuple[CollectionPart, ...]
     gradient: np.ndarray
-    held: np.ndarray
+    total: np.ndarray
     held_gradient: np.ndarray
 
 
@@ -189,23 +201,29 @@ def shared_equations(
     shares = shares_of(problem, sigmas, common)
     if any(common):
         equations = tempered(problem, equations, shares, scalars.x)
-    parts, seen = _by_collection(problem, equations, of_detections(problem, scalars, shares))
+    reduced = _by_collection(problem, equations, scalars, shares)
     size = equations.layout.shared * BLOCK_SIZE
     m = size + scalars.count
-    held, held_gradient = np.zeros((m, m)), np.zeros(m)
+    total, held_gradient, gradient = np.zeros((m, m)), np.zeros(m), np.zeros((len(reduced), m))
     held_gradient[:size] = problem.parameters.prior_gradient(scalars.x)[:size]
-    held[:size, :size] = equations.shared - seen
+    total[:size, :size] = equations.shared
+    for c, part in enumerate(reduced.values()):
+        shared = part.numbers[: len(part.seen)]
+        total[shared[:, None], shared] -= part.seen
+        total[part.numbers[:, None], part.numbers] += part.information
+        gradient[c, part.numbers] = part.gradient
     for j, error in enumerate(scalars.errors, m - len(scalars.errors)):
-        held[j, j] = prior_information(error, priors)
-        held_gradient[j] = held[j, j] * problem.model_errors.get(error, 0.0) / error.step
+        prior = prior_information(error, priors)
+        total[j, j] += prior
+        held_gradient[j] = prior * problem.model_errors.get(error, 0.0) / error.step
     return SharedEquations(
-        tuple(parts),
+        tuple(reduced),
         scalars.errors,
         equations.layout.shared,
         m - len(scalars.errors),
-        np.array([part.information for part in parts.values()]).reshape(-1, m, m),
-        np.array([part.gradient for part in parts.values()]).reshape(-1, m),
-        held,
+        tuple(CollectionPart(part.numbers, part.information) for part in reduced.values()),
+        gradient,
+        total,
         held_gradient,
     )
 
@@ -242,86 +260,129 @@ def tempered(
 
 
 class Columns(NamedTuple):
-    """Columns beside the poses, by detection: (d, k, k), (d, k) and, with the states, (d, c, k)."""
+    """Columns beside the poses.
+
+    Attributes:
+        information: (g, k, k) by group of detections.
+        gradient: (g, k) likewise.
+        by_state: (d, c, k) by detection, with its state.
+    """
 
     information: np.ndarray
     gradient: np.ndarray
     by_state: np.ndarray
 
 
-def of_detections(problem: Problem, scalars: Scalars, shares: Sequence[np.ndarray]) -> Columns:
-    """Return the columns, those of a block's detections weighted by their shares."""
-    d, k = len(problem.detections), scalars.count
+def summed_columns(
+    problem: Problem, scalars: Scalars, shares: Sequence[np.ndarray], group: np.ndarray
+) -> Columns:
+    """Return the columns, those of a block's detections weighted by their shares.
+
+    Args:
+        problem: whose rows.
+        scalars: the columns.
+        shares: for each residual block, (m,) the part of its weight that a detection has.
+        group: (d,) of each detection.
+    """
+    d, k, groups = len(problem.detections), scalars.count, int(group.max(initial=-1)) + 1
     states = STATE_SIZE if problem.parameters.cameras else TWIST_SIZE
-    result = Columns(np.zeros((d, k, k)), np.zeros((d, k)), np.zeros((d, states, k)))
+    result = Columns(np.zeros((groups, k, k)), np.zeros((groups, k)), np.zeros((d, states, k)))
     for part in scalars.parts:
         share, at, own = shares[part.block], part.columns, np.arange(part.by_state.shape[1])
-        rows, columns = part.detection[:, None, None], at[:, None]
-        result.information[rows, columns, at] += part.information * share[:, None, None]
-        result.gradient[part.detection[:, None], at] += part.gradient * share[:, None]
-        result.by_state[rows, own[:, None], at] += part.by_state * share[:, None, None]
+        to = group[part.detection]
+        information = part.information * share[:, None, None]
+        np.add.at(result.information, (to[:, None, None], at[:, None], at), information)
+        np.add.at(result.gradient, (to[:, None], at), part.gradient * share[:, None])
+        rows = part.detection[:, None, None]
+        by_state = part.by_state * share[:, None, None]
+        result.by_state[rows, own[:, None], at] += by_state
     return result
 
 
+class _Reduced(NamedTuple):
+    numbers: np.ndarray
+    information: np.ndarray
+    gradient: np.ndarray
+    seen: np.ndarray  # of those numbers that are of shared blocks, which come first; boards held
+
+
 def _by_collection(
-    problem: Problem, equations: NormalEquations, columns: Columns
-) -> Tuple[Dict[str, _Reduced], np.ndarray]:
-    """Return what each collection says; and what all say of the shared numbers, boards held."""
+    problem: Problem, equations: NormalEquations, scalars: Scalars, shares: Sequence[np.ndarray]
+) -> Dict[str, _Reduced]:
+    """Return what each collection says."""
     states = equations.state_jacobians.shape[2]
     information, gradient = summed(equations.parts, len(problem.detections), states)
     names, of_detection = np.unique(
         [key.collection for key in problem.detections], return_inverse=True
     )
+    columns = summed_columns(problem, scalars, shares, of_detection)
     rounding = equations.local.shape[-1] * np.finfo(float).eps
     inverses = np.linalg.pinv(equations.local, rcond=rounding, hermitian=True)
     parts = {}
     for c, name in enumerate(names):
         mine = np.flatnonzero(of_detection == c)
-        part = _of_collection(problem, equations, inverses, information, gradient, columns, mine)
-        parts[str(name)] = part
-    return parts, sum((part.seen for part in parts.values()), np.zeros_like(equations.shared))
+        beside = np.flatnonzero(np.diagonal(columns.information[c]))
+        own = Columns(
+            columns.information[c][np.ix_(beside, beside)],
+            columns.gradient[c, beside],
+            columns.by_state[mine][:, :, beside],
+        )
+        jacobian, shared, group = _jacobian(problem, equations, mine)
+        normal = information[mine] @ jacobian, gradient[mine].ravel()
+        head, slope, seen = _eliminated(equations, inverses, jacobian, normal, own, group)
+        numbers = np.concatenate([shared, equations.layout.shared * BLOCK_SIZE + beside])
+        parts[str(name)] = _Reduced(numbers, head, slope, seen)
+    return parts
 
 
-class _Reduced(NamedTuple):
-    information: np.ndarray
-    gradient: np.ndarray
-    seen: np.ndarray
+def _jacobian(
+    problem: Problem, equations: NormalEquations, mine: np.ndarray
+) -> Tuple[np.ndarray, np.ndarray, int]:
+    """Return a collection's Jacobian, its shared numbers (k,), and which group is its own.
 
-
-def _of_collection(
-    problem: Problem,
-    equations: NormalEquations,
-    inverses: np.ndarray,
-    information: np.ndarray,
-    gradient: np.ndarray,
-    columns: Columns,
-    mine: np.ndarray,
-) -> _Reduced:
-    """Return what one collection says, its own blocks eliminated; and its part of the shared."""
-    layout, size = equations.layout, equations.layout.shared * BLOCK_SIZE
-    width = layout.width * BLOCK_SIZE
-    states = equations.state_jacobians.shape[2]
+    The Jacobian (n, c, k + w) is that of its detections' states, by shared and own numbers.
+    """
+    layout, index, group = equations.layout, problem.dependencies[mine], -1
+    used = np.unique(index[index >= 0])
+    positions = np.sort(layout.position[used[layout.group[used] < 0]])
+    size = BLOCK_SIZE * len(positions)
+    states, width = equations.state_jacobians.shape[2], layout.width * BLOCK_SIZE
     jacobian = np.zeros((len(mine), states, size + width))
-    index, group = problem.dependencies[mine], -1
     for row, blocks in enumerate(index):
         for k, block in enumerate(blocks):
             if block < 0:
                 continue
-            local = layout.group[block] >= 0
-            group = int(layout.group[block]) if local else group
-            start = BLOCK_SIZE * int(layout.position[block]) + (size if local else 0)
+            position = int(layout.position[block])
+            if layout.group[block] >= 0:
+                group, start = int(layout.group[block]), size + BLOCK_SIZE * position
+            else:
+                start = BLOCK_SIZE * int(np.searchsorted(positions, position))
             jacobian[row, :, start : start + BLOCK_SIZE] += equations.state_jacobians[mine[row], k]
-    weighted = (information[mine] @ jacobian).reshape(-1, size + width)
-    flat = jacobian.reshape(-1, size + width)
-    every, slope = flat.T @ weighted, flat.T @ gradient[mine].ravel()
-    crossed = flat.T @ columns.by_state[mine].reshape(len(flat), -1)
+    numbers = (BLOCK_SIZE * positions[:, None] + np.arange(BLOCK_SIZE)).ravel()
+    return jacobian, numbers, group
+
+
+def _eliminated(
+    equations: NormalEquations,
+    inverses: np.ndarray,
+    jacobian: np.ndarray,
+    normal: Tuple[np.ndarray, np.ndarray],
+    columns: Columns,
+    group: int,
+) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a collection's information and gradient, its own blocks eliminated; and its part.
+
+    Its part is what it says of the shared blocks' numbers while its own are held.
+    """
+    wide = jacobian.shape[2]
+    size = wide - equations.layout.width * BLOCK_SIZE
+    flat = jacobian.reshape(-1, wide)
+    every, slope = flat.T @ normal[0].reshape(-1, wide), flat.T @ normal[1]
+    crossed = flat.T @ columns.by_state.reshape(len(flat), -1)
     head = np.block(
-        [
-            [every[:size, :size], crossed[:size]],
-            [crossed[:size].T, columns.information[mine].sum(axis=0)],
-        ]
+        [[every[:size, :size], crossed[:size]], [crossed[:size].T, columns.information]]
     )
-    own = np.concatenate([slope[:size], columns.gradient[mine].sum(axis=0)])
+    own = np.concatenate([slope[:size], columns.gradient])
     if group >= 0:
         cross = np.concatenate([every[size:, :size], crossed[size:]], axis=1)
         # With what is expected of them, which is this collection's, too.
@@ -329,7 +390,7 @@ def _of_collection(
         solved = inverses[group] @ right
         head = head - cross.T @ solved[:, :-1]
         own = own - cross.T @ solved[:, -1]
-    return _Reduced(head, own, every[:size, :size])
+    return head, own, every[:size, :size]
 
 
 def inverse(matrix: np.ndarray) -> np.ndarray:

@@ -197,13 +197,15 @@ def _without_others(
     slope: np.ndarray,
 ) -> _Layers:
     """Return the layers' equations, shared numbers and the common offset eliminated."""
-    total = shared.information[:, :size, :size].sum(axis=0) + shared.held[:size, :size]
-    gains = inverse(total) @ cross.sum(axis=0)
+    gains = inverse(shared.total[:size, :size]) @ cross.sum(axis=0)
     of_all = information.sum(axis=0) - cross.sum(axis=0).T @ gains
     slope = slope - shared.gradient[:, :size] @ gains
     followed = np.einsum("gsr,st->grt", cross, gains)
     information = information - followed - np.swapaxes(followed, 1, 2)
-    information += np.einsum("sr,gsu,ut->grt", gains, shared.information[:, :size, :size], gains)
+    for c, part in enumerate(shared.parts):
+        own = part.numbers < size
+        followed_by = gains[part.numbers[own]]
+        information[c] += followed_by.T @ part.information[np.ix_(own, own)] @ followed_by
     common = of_all.sum(axis=1)
     mixing = np.eye(len(of_all)) - np.outer(np.ones(len(of_all)), common) / max(common.sum(), 1e-30)
     left = of_all - np.outer(common, common) / max(common.sum(), 1e-30)

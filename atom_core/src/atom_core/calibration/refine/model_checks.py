@@ -119,9 +119,8 @@ class _Step:
         self.candidates = [e for e in equations.errors if e not in taken]
         rest = [place[e] for e in self.candidates]
         self._most = np.array([e.most / e.step for e in self.candidates])
-        by_collection, gradients = equations.information, equations.gradient
-        total = by_collection.sum(axis=0) + equations.held
-        gradient = gradients.sum(axis=0) + equations.held_gradient
+        total = equations.total
+        gradient = equations.gradient.sum(axis=0) + equations.held_gradient
         cross = total[np.ix_(base, rest)]
         self._gains = inverse(total[np.ix_(base, base)]) @ cross  # (b, c)
         of_all = total[np.ix_(rest, rest)] - cross.T @ self._gains
@@ -129,12 +128,13 @@ class _Step:
         scale = np.sqrt(np.maximum(self._curvature, 1e-30))
         self.alike = of_all / scale[:, None] / scale
         self._slope = gradient[rest] - self._gains.T @ gradient[base]
-        # (g, c) likewise of each collection
-        self._slopes = gradients[:, rest] - gradients[:, base] @ self._gains
-        mixed = np.sum(by_collection[:, base][:, :, rest] * self._gains, axis=1)
-        inner = np.sum((by_collection[:, base][:, :, base] @ self._gains) * self._gains, axis=1)
-        own = np.diagonal(by_collection, axis1=1, axis2=2)[:, rest]
-        self._curvatures = np.maximum(own - 2.0 * mixed + inner, 0.0)
+        # (m, c) how all numbers go with each candidate; (g, c) likewise of each collection
+        along = np.zeros((len(total), len(rest)))
+        along[base], along[rest] = -self._gains, np.eye(len(rest))
+        self._slopes = equations.gradient @ along
+        own = [(part.information, along[part.numbers]) for part in equations.parts]
+        curvatures = [np.sum((information @ way) * way, axis=0) for information, way in own]
+        self._curvatures = np.maximum(np.array(curvatures).reshape(len(own), len(rest)), 0.0)
 
     def moves(self, candidate: int, value: float) -> np.ndarray:
         """Return (m,) by how much the shared numbers change with a candidate's value in steps."""

@@ -152,7 +152,7 @@ def _check(
         problem, solver.equations(x, sigmas, loss), scalars, sigmas, priors, common
     )
     gradient = equations.gradient.sum(axis=0) + equations.held_gradient
-    covariance = inverse(equations.information.sum(axis=0) + equations.held)
+    covariance = inverse(equations.total)
     step = -covariance @ gradient
     place = {e: equations.shared + i for i, e in enumerate(equations.errors)}
     mine = [place[wave] for wave in waves if wave in place]
