@@ -8,7 +8,7 @@ wrong within one: how much they differ tells how sure the answer is without any 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Dict, Iterable, List, Mapping, NamedTuple, Sequence, Tuple
+from typing import Dict, Iterable, Iterator, List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
@@ -26,6 +26,8 @@ from atom_core.solvers.normal_equations import (
     summed,
 )
 
+_AT_A_TIME = 64  # collections whose columns are in memory
+_NOTHING = np.zeros((0, 0))
 _FLOOR = 1e-12  # of a matrix scaled to a unit diagonal: what is below is rounding
 
 
@@ -53,7 +55,7 @@ class SharedEquations:
         errors: the model errors.
         blocks: how many shared blocks there are.
         shared: how many numbers are not model errors.
-        parts: (g,) of each collection.
+        parts: (g,) of each collection; none where they were not asked for.
         gradient: (g, m).
         total: (m, m) information of all, with what is no collection's, such as a prior's.
         held_gradient: (m,) gradient that is no collection's.
@@ -186,6 +188,7 @@ def shared_equations(
     sigmas: Sequence[np.ndarray],
     priors: Mapping[ModelError, float],
     common: Sequence[float],
+    with_parts: bool = True,
 ) -> SharedEquations:
     """Return the reduced equations.
 
@@ -195,34 +198,36 @@ def shared_equations(
         scalars: beside the poses.
         sigmas: for each residual block, (n,).
         priors: standard deviations of some model errors about zero, in their units.
-        common: for each residual block, standard deviation of what all its rows of a detection
-            have in common, in its unit; for it a detection counts less than the number of its rows.
+        common: by residual block, standard deviation of what all rows of a detection have in
+            common, in its unit; for it a detection counts less than the number of its rows.
+        with_parts: keep what each collection says, not only the sum.
     """
     shares = shares_of(problem, sigmas, common)
     if any(common):
         equations = tempered(problem, equations, shares, scalars.x)
-    reduced = _by_collection(problem, equations, scalars, shares)
     size = equations.layout.shared * BLOCK_SIZE
     m = size + scalars.count
-    total, held_gradient, gradient = np.zeros((m, m)), np.zeros(m), np.zeros((len(reduced), m))
+    total, held_gradient = np.zeros((m, m)), np.zeros(m)
     held_gradient[:size] = problem.parameters.prior_gradient(scalars.x)[:size]
     total[:size, :size] = equations.shared
-    for c, part in enumerate(reduced.values()):
+    parts, gradients = {}, []
+    for name, part in _by_collection(problem, equations, scalars, shares):
         shared = part.numbers[: len(part.seen)]
         total[shared[:, None], shared] -= part.seen
         total[part.numbers[:, None], part.numbers] += part.information
-        gradient[c, part.numbers] = part.gradient
+        gradients.append(np.bincount(part.numbers, part.gradient, m))
+        parts[name] = CollectionPart(part.numbers, part.information if with_parts else _NOTHING)
     for j, error in enumerate(scalars.errors, m - len(scalars.errors)):
         prior = prior_information(error, priors)
         total[j, j] += prior
         held_gradient[j] = prior * problem.model_errors.get(error, 0.0) / error.step
     return SharedEquations(
-        tuple(reduced),
+        tuple(parts),
         scalars.errors,
         equations.layout.shared,
         m - len(scalars.errors),
-        tuple(CollectionPart(part.numbers, part.information) for part in reduced.values()),
-        gradient,
+        tuple(parts.values()) if with_parts else (),
+        np.array(gradients).reshape(-1, m),
         total,
         held_gradient,
     )
@@ -282,20 +287,20 @@ def summed_columns(
         problem: whose rows.
         scalars: the columns.
         shares: for each residual block, (m,) the part of its weight that a detection has.
-        group: (d,) of each detection.
+        group: (d,) of each detection; those below zero are left out.
     """
     d, k, groups = len(problem.detections), scalars.count, int(group.max(initial=-1)) + 1
     states = STATE_SIZE if problem.parameters.cameras else TWIST_SIZE
     result = Columns(np.zeros((groups, k, k)), np.zeros((groups, k)), np.zeros((d, states, k)))
     for part in scalars.parts:
-        share, at, own = shares[part.block], part.columns, np.arange(part.by_state.shape[1])
-        to = group[part.detection]
-        information = part.information * share[:, None, None]
+        mine = group[part.detection] >= 0
+        detection, share = part.detection[mine], shares[part.block][mine, None]
+        to, at, own = group[detection], part.columns, np.arange(part.by_state.shape[1])
+        information = part.information[mine] * share[:, None]
         np.add.at(result.information, (to[:, None, None], at[:, None], at), information)
-        np.add.at(result.gradient, (to[:, None], at), part.gradient * share[:, None])
-        rows = part.detection[:, None, None]
-        by_state = part.by_state * share[:, None, None]
-        result.by_state[rows, own[:, None], at] += by_state
+        np.add.at(result.gradient, (to[:, None], at), part.gradient[mine] * share)
+        by_state = part.by_state[mine] * share[:, None]
+        result.by_state[detection[:, None, None], own[:, None], at] += by_state
     return result
 
 
@@ -308,31 +313,33 @@ class _Reduced(NamedTuple):
 
 def _by_collection(
     problem: Problem, equations: NormalEquations, scalars: Scalars, shares: Sequence[np.ndarray]
-) -> Dict[str, _Reduced]:
-    """Return what each collection says."""
+) -> Iterator[Tuple[str, _Reduced]]:
+    """Yield what each collection says, by its key."""
     states = equations.state_jacobians.shape[2]
     information, gradient = summed(equations.parts, len(problem.detections), states)
     names, of_detection = np.unique(
         [key.collection for key in problem.detections], return_inverse=True
     )
-    columns = summed_columns(problem, scalars, shares, of_detection)
+    columns = Columns(*(np.zeros((0, 0, 0)),) * 3)
     rounding = equations.local.shape[-1] * np.finfo(float).eps
     inverses = np.linalg.pinv(equations.local, rcond=rounding, hermitian=True)
-    parts = {}
     for c, name in enumerate(names):
+        at = c % _AT_A_TIME
+        if at == 0:
+            group = np.where(of_detection < c + _AT_A_TIME, of_detection - c, -1)
+            columns = summed_columns(problem, scalars, shares, group)
         mine = np.flatnonzero(of_detection == c)
-        beside = np.flatnonzero(np.diagonal(columns.information[c]))
+        beside = np.flatnonzero(np.diagonal(columns.information[at]))
         own = Columns(
-            columns.information[c][np.ix_(beside, beside)],
-            columns.gradient[c, beside],
+            columns.information[at][np.ix_(beside, beside)],
+            columns.gradient[at, beside],
             columns.by_state[mine][:, :, beside],
         )
-        jacobian, shared, group = _jacobian(problem, equations, mine)
+        jacobian, shared, of_own = _jacobian(problem, equations, mine)
         normal = information[mine] @ jacobian, gradient[mine].ravel()
-        head, slope, seen = _eliminated(equations, inverses, jacobian, normal, own, group)
+        head, slope, seen = _eliminated(equations, inverses, jacobian, normal, own, of_own)
         numbers = np.concatenate([shared, equations.layout.shared * BLOCK_SIZE + beside])
-        parts[str(name)] = _Reduced(numbers, head, slope, seen)
-    return parts
+        yield str(name), _Reduced(numbers, head, slope, seen)
 
 
 def _jacobian(

@@ -81,7 +81,7 @@ def _best(step: _Step, cautious: _Step) -> Optional[ModelCheck]:
     """Return the significant candidate that explains most, if there is one."""
     if not step.candidates:
         return None
-    tested, careful = step.tested(), cautious.tested()
+    tested, careful = step.tested(), cautious.stepped()
     both = tested.significant & (careful.gain > _CAUTIOUS) & (tested.value * careful.value > 0.0)
     gains = np.where(both, tested.gain, -1.0)
     i = int(np.argmax(gains))
@@ -99,6 +99,14 @@ def _best(step: _Step, cautious: _Step) -> Optional[ModelCheck]:
         step.moves(i, tested.value[i]),
         tuple(step.candidates[j] for j in np.flatnonzero(rivals)),
     )
+
+
+class _Stepped(NamedTuple):
+    """One step in each candidate: its value, what it gains, and whether it is determined."""
+
+    value: np.ndarray
+    gain: np.ndarray
+    determined: np.ndarray
 
 
 class _Tested(NamedTuple):
@@ -132,30 +140,36 @@ class _Step:
         along = np.zeros((len(total), len(rest)))
         along[base], along[rest] = -self._gains, np.eye(len(rest))
         self._slopes = equations.gradient @ along
-        own = [(part.information, along[part.numbers]) for part in equations.parts]
-        curvatures = [np.sum((information @ way) * way, axis=0) for information, way in own]
-        self._curvatures = np.maximum(np.array(curvatures).reshape(len(own), len(rest)), 0.0)
+        self._along = along
 
     def moves(self, candidate: int, value: float) -> np.ndarray:
         """Return (m,) by how much the shared numbers change with a candidate's value in steps."""
         return -self._gains[: self._equations.shared, candidate] * value
 
-    def tested(self) -> _Tested:
-        """Return the candidates' values and how sure they are."""
+    def stepped(self) -> _Stepped:
+        """Return one step in each candidate."""
         determined = self._curvature > _DETERMINED * np.maximum(self._alone, 1e-30)
         curvature = np.where(determined, self._curvature, 1.0)
         value = -self._slope / curvature
         determined &= np.abs(value) < self._most
         value = np.where(determined, value, 0.0)
-        left = self._slopes + self._curvatures * value
-        leverage = np.minimum(self._curvatures / curvature, _LEVERAGE)
+        return _Stepped(value, value**2 * curvature * self._length, determined)
+
+    def tested(self) -> _Tested:
+        """Return the candidates' values and how sure they are, by how the collections differ."""
+        value, gain, determined = self.stepped()
+        curvature = np.where(determined, self._curvature, 1.0)
+        own = [(part.information, self._along[part.numbers]) for part in self._equations.parts]
+        curvatures = np.array([np.sum((inner @ way) * way, axis=0) for inner, way in own])
+        curvatures = np.maximum(curvatures.reshape(len(own), len(value)), 0.0)
+        left = self._slopes + curvatures * value
+        leverage = np.minimum(curvatures / curvature, _LEVERAGE)
         variance = np.sum((left / (1.0 - leverage)) ** 2, axis=0) / curvature**2
         sigma = np.sqrt(np.maximum(variance, 1.0 / curvature))
         effective = 1.0 / np.maximum(np.sum(leverage**2, axis=0), 1e-30)
         freedom = np.maximum(effective - 1.0, 1.0)
         chance = 2.0 * special.stdtr(freedom, -np.abs(value) / sigma)
         significant = determined & (chance < _CHANCE / max(len(value), 1))
-        gain = value**2 * curvature * self._length
         # What is far off counts less in the equations: the step falls short, and so does its sigma.
         value, sigma = self._length * value, self._length * sigma
         return _Tested(value, sigma, gain, significant, determined)

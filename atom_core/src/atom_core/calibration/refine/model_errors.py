@@ -67,7 +67,7 @@ def checked(
     at_least = [max(part, COMMON[block.kind]) for part, block in zip(common, blocks)]
     return CheckedSolution(
         shared_equations(problem, equations, scalars, sigmas, priors, common),
-        shared_equations(problem, equations, scalars, sigmas, priors, at_least),
+        shared_equations(problem, equations, scalars, sigmas, priors, at_least, with_parts=False),
     )
 
 
