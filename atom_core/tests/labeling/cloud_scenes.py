@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from lidar_scenes import BORDER, Box, Cloud, Cylinder, Scene, board_facing, pose, scan
+from lidar_scenes import BORDER, Box, Cloud, Scene, board_facing, person, pose, scan
 
 from atom_core.geometry import se3
 from atom_core.synthetic.rig import LidarModel, Room
@@ -63,15 +63,6 @@ def room_about(rng):
     return Room(
         (-4.0, -rng.uniform(2.5, 5.0), 0.0), (rng.uniform(5.5, 8.0), rng.uniform(2.5, 5.0), 3.0)
     )
-
-
-def person(x, y):
-    return [
-        Cylinder(x, y, 0.18, 0.8, 1.55),
-        Cylinder(x, y, 0.10, 1.55, 1.8),
-        Cylinder(x, y - 0.1, 0.08, 0.0, 0.8),
-        Cylinder(x, y + 0.1, 0.08, 0.0, 0.8),
-    ]
 
 
 def things_about(rng, distance, side=1.0):

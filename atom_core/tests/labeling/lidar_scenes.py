@@ -173,3 +173,13 @@ def many_scenes(count: int, seed: int, tilted: bool = False) -> List[Scene]:
         rpy = rng.uniform(-0.15, 0.15, 3) if tilted else np.zeros(3)
         scenes.append(Scene(pose(lidar_xyz, rpy), board))
     return scenes
+
+
+def person(x, y):
+    """Return a person who stands at a place of the floor [m]."""
+    return [
+        Cylinder(x, y, 0.18, 0.8, 1.55),
+        Cylinder(x, y, 0.10, 1.55, 1.8),
+        Cylinder(x, y - 0.1, 0.08, 0.0, 0.8),
+        Cylinder(x, y + 0.1, 0.08, 0.0, 0.8),
+    ]

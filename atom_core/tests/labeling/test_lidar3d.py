@@ -15,6 +15,7 @@ from lidar_scenes import (
     Scene,
     board_facing,
     many_scenes,
+    person,
     pose,
     scan,
     shares,
@@ -62,15 +63,6 @@ def check(labeled, cloud, precision=0.98, recall=0.9):
     found = shares(labeled.label.indices, cloud)
     assert found[0] >= precision
     assert found[1] >= recall
-
-
-def person(x, y):
-    return [
-        Cylinder(x, y, 0.18, 0.8, 1.55),
-        Cylinder(x, y, 0.10, 1.55, 1.8),
-        Cylinder(x, y - 0.1, 0.08, 0.0, 0.8),
-        Cylinder(x, y + 0.1, 0.08, 0.0, 0.8),
-    ]
 
 
 def before(distance=2.0, roll_deg=30.0, y=0.3, **turned):

@@ -7,7 +7,18 @@ import sys
 from collections import Counter, deque
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, Collection, Deque, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import (
+    Any,
+    Collection,
+    Deque,
+    Iterator,
+    List,
+    Mapping,
+    NamedTuple,
+    Optional,
+    Sequence,
+    Tuple,
+)
 
 import cv2
 import numpy as np
@@ -32,7 +43,7 @@ from atom_core.io.collections import CollectionStore
 from atom_core.io.config_yaml import read_config
 from atom_core.io.seeds import read_seeds
 from atom_core.model.config import CalibrationConfig
-from atom_core.model.pattern import pattern_from_config
+from atom_core.model.pattern import Pattern, pattern_from_config
 
 EXAMPLE = (
     "rosrun atom_calibration collect_from_bag --config config.yml --bag train.bag --output dataset"
@@ -76,7 +87,7 @@ def collect_from_bag(args: argparse.Namespace) -> int:
         patterns = {n: pattern_from_config(n, p) for n, p in config.calibration_patterns.items()}
         seeds = read_seeds(args.seeds, rig.sensors) if args.seeds else []
         labeler = FrameLabeler(config, rig.sensors, patterns, seeds, args.automatic_seeds == "on")
-        recording = Recording(config, bag, rig, transforms, labeler)
+        recording = Recording(config, bag, rig, patterns, transforms, labeler)
         setup = _setup(args, recording, args.overwrite)
         collector, keys = _collected(args, recording, setup)
         if labeler.relocated:
@@ -95,16 +106,17 @@ class Recording(NamedTuple):
     config: CalibrationConfig
     bag: BagReader
     rig: Rig
+    patterns: Mapping[str, Pattern]
     transforms: BagTransforms
     labeler: FrameLabeler
 
 
 def _setup(args: argparse.Namespace, recording: Recording, overwrite: bool) -> Setup:
-    config, _, rig, transforms, _ = recording
+    config, _, rig, patterns, transforms, _ = recording
     return Setup(
         config,
         rig.sensors,
-        {n: pattern_from_config(n, p) for n, p in config.calibration_patterns.items()},
+        patterns,
         transforms.at,
         CollectionStore.create(args.output, overwrite),
         args.bag.stem,
@@ -119,7 +131,7 @@ def _collected(
     args: argparse.Namespace, recording: Recording, setup: Setup
 ) -> Tuple[Collector, List[str]]:
     """Read the bag once; return the collector and the keys of its collections."""
-    config, bag, rig, transforms, labeler = recording
+    config, bag, rig, _, transforms, labeler = recording
     moments = _moments(args, config, (bag.start_s, bag.end_s), transforms.lag_s)
     collector, expectation = Collector(setup, moments), PointExpectation(setup)
     keys: List[str] = []

@@ -136,11 +136,9 @@ class _Step:
         scale = np.sqrt(np.maximum(self._curvature, 1e-30))
         self.alike = of_all / scale[:, None] / scale
         self._slope = gradient[rest] - self._gains.T @ gradient[base]
-        # (m, c) how all numbers go with each candidate; (g, c) likewise of each collection
-        along = np.zeros((len(total), len(rest)))
-        along[base], along[rest] = -self._gains, np.eye(len(rest))
-        self._slopes = equations.gradient @ along
-        self._along = along
+        # (m, c) how all numbers go with each candidate
+        self._along = np.zeros((len(total), len(rest)))
+        self._along[base], self._along[rest] = -self._gains, np.eye(len(rest))
 
     def moves(self, candidate: int, value: float) -> np.ndarray:
         """Return (m,) by how much the shared numbers change with a candidate's value in steps."""
@@ -162,7 +160,7 @@ class _Step:
         own = [(part.information, self._along[part.numbers]) for part in self._equations.parts]
         curvatures = np.array([np.sum((inner @ way) * way, axis=0) for inner, way in own])
         curvatures = np.maximum(curvatures.reshape(len(own), len(value)), 0.0)
-        left = self._slopes + curvatures * value
+        left = self._equations.gradient @ self._along + curvatures * value
         leverage = np.minimum(curvatures / curvature, _LEVERAGE)
         variance = np.sum((left / (1.0 - leverage)) ** 2, axis=0) / curvature**2
         sigma = np.sqrt(np.maximum(variance, 1.0 / curvature))
