@@ -7,8 +7,7 @@ import pytest
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.geometry import se3
-from atom_core.io.dataset_json import dataset_from_document, read_document
-from atom_core.io.migrate import migrated_document
+from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import pose
 from atom_core.solvers.base import SolverOptions
 from atom_core.synthetic import paper_cell
@@ -43,23 +42,8 @@ def test_after_few_rounds_a_healthy_cell_has_the_same_answer():
 @pytest.fixture(scope="module")
 def atlascar(real_data):
     """Return the two cameras of a dataset of ATOM's earliest format."""
-    path = real_data("atlascar") / "data_collected.json"
-    document = read_document(path)
-    config = document["calibration_config"]
-    config["calibration_pattern"].update(
-        link="board", parent_link="base_link", fixed=False, border_size={"x": 0.05, "y": 0.05}
-    )
-    for of_sensors in (config["sensors"], document["sensors"]):
-        for name in set(of_sensors) - {LEFT, RIGHT}:
-            del of_sensors[name]
-        for name in of_sensors:
-            of_sensors[name]["modality"] = "rgb"
-    for collection in document["collections"].values():
-        for part in ("labels", "data"):
-            collection[part] = {name: collection[part][name] for name in (LEFT, RIGHT)}
-        for label in collection["labels"].values():
-            label["idxs"] = [{**corner, "id": i} for i, corner in enumerate(label["idxs"])]
-    return dataset_from_document(migrated_document(document), path)
+    dataset = read_dataset(real_data("atlascar") / "data_collected.json")
+    return dataset.selected(sensors=(LEFT, RIGHT))
 
 
 def opencv_right_T_left(dataset):

@@ -27,6 +27,7 @@ from atom_core.io.dataset_entries import (
     pose_of_entry,
     with_camera,
 )
+from atom_core.io.earliest_layout import CURRENT_VERSION, completed, is_before_version_2
 from atom_core.io.label_json import is_old_layout, with_label
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.dataset import Collection, Dataset
@@ -41,7 +42,6 @@ from atom_core.model.pattern import (
 from atom_core.model.sensor import Sensor
 from atom_core.model.transforms import Edge
 
-CURRENT_VERSION = "3.0"
 Choose = Callable[[Sequence[str]], Sequence[str]]
 _MIGRATE = "python3 -m atom_core convert --from atom_v2 --to atom_v3 --dataset {} --output DIR"
 
@@ -58,9 +58,13 @@ def read_dataset(path: Path, choose: Optional[Choose] = None) -> Dataset:
         DatasetError: the file is absent, truncated, too old, or inconsistent.
     """
     path = Path(path)
-    document = read_document(path)
+    document, filled = read_document(path), None
+    if is_before_version_2(document):
+        document, filled = completed(document, str(path))
     check_version(document, path)
     dataset = dataset_from_document(document, path, choose)
+    if filled:
+        dataset = replace(dataset, warnings=(filled, *dataset.warnings))
     formats = {name: sensor.kind.data for name, sensor in dataset.sensors.items()}
     return replace(dataset, data=FileDataSource(path.parent, document, formats))
 

@@ -3,42 +3,24 @@
 from __future__ import annotations
 
 import shutil
-from copy import deepcopy
 from pathlib import Path
 from typing import Any, Dict, Mapping
 
 from atom_core.errors import DatasetError, OutputError
 from atom_core.io.atomic import prepare_output_folder, write_text_atomically
-from atom_core.io.dataset_json import (
-    CURRENT_VERSION,
-    dataset_from_document,
-    dumps,
-    read_document,
-)
-
-PATTERN_NAME = "pattern_1"
+from atom_core.io.dataset_json import dataset_from_document, dumps, read_document
+from atom_core.io.earliest_layout import completed, in_layout_of_version_3, is_before_version_2
 
 
-def migrated_document(document: Mapping[str, Any]) -> Dict[str, Any]:
+def migrated_document(document: Mapping[str, Any], source: Path) -> Dict[str, Any]:
     """Return the document in the layout of version 3; nothing is dropped.
 
-    Version 2 had one board: ``calibration_pattern`` in the configuration, ``patterns`` with its
-    corners directly, and ``labels[sensor]``.
+    Raises:
+        DatasetError: it is from before version 2, and lacks what cannot be derived.
     """
-    new = deepcopy(dict(document))
-    config = new.setdefault("calibration_config", {})
-    if "calibration_pattern" in config:
-        config.setdefault("calibration_patterns", {PATTERN_NAME: config.pop("calibration_pattern")})
-    config["version"] = float(CURRENT_VERSION)
-    name = next(iter(config.get("calibration_patterns") or {PATTERN_NAME: None}))
-    if "corners" in (new.get("patterns") or {}):
-        new["patterns"] = {name: new["patterns"]}
-    for collection in new["collections"].values():
-        labels = collection.get("labels") or {}
-        if labels and all(key in new["sensors"] for key in labels):
-            collection["labels"] = {name: labels}
-    new.setdefault("_metadata", {})["version"] = CURRENT_VERSION
-    return new
+    if is_before_version_2(document):
+        return completed(document, str(source))[0]
+    return in_layout_of_version_3(document)
 
 
 def migrate_dataset(source: Path, folder: Path, overwrite: bool) -> Path:
@@ -48,7 +30,7 @@ def migrate_dataset(source: Path, folder: Path, overwrite: bool) -> Path:
         DatasetError: the dataset cannot be read even after migration.
         OutputError: the folder is occupied, or is the dataset's own.
     """
-    document = migrated_document(read_document(source))
+    document = migrated_document(read_document(source), source)
     try:
         dataset_from_document(document, source)
     except DatasetError as error:
