@@ -4,6 +4,10 @@ import pytest
 
 from atom_core.geometry import se3
 from atom_core.synthetic.lidar import beams_on_board
+from atom_core.synthetic.lidar_models import LIDAR_MODELS
+from atom_examples.cell_simulator.devices import Packing, devices_of
+from atom_examples.cell_simulator.errors import SimulatorError
+from atom_examples.cell_simulator.world import World
 
 
 @pytest.fixture(params=["lidar_1", "lidar_2", "lidar_3"])
@@ -96,3 +100,25 @@ def test_rings_count_from_below(world):
     assert ring.dtype == np.uint16 and ring.max() == 15
     elevation = np.degrees(np.arcsin(device.model.directions[:, 2]))
     np.testing.assert_allclose(elevation, -15 + 2.0 * ring, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["ouster_64", "livox"])
+def test_a_lidar_of_another_model_sees_the_middle_of_the_cell(name):
+    cell = World(0, lidar=name)
+    try:
+        cell.scene.place_person(boards.AWAY)
+        device = next(d for d in devices_of(cell) if d.settings.name == "lidar_1")
+        assert device.sensor.model is LIDAR_MODELS[name]
+        middle = se3.apply(se3.inverse(cell.scene.pose("lidar_1")), np.array([cell.rig.centre]))[0]
+        cosine = device.sensor.model.directions @ (middle / np.linalg.norm(middle))
+        assert np.degrees(np.arccos(cosine.max())) < 1.0
+        message = device.pack(device.capture(cell.scene, None), None, Packing())
+        layered = device.sensor.model.has_layers
+        assert ("ring" in [field.name for field in message.fields]) is layered
+    finally:
+        cell.scene.close()
+
+
+def test_an_unknown_model_is_refused_with_those_there_are():
+    with pytest.raises(SimulatorError, match="LiDAR model 'sonar' is unknown; use vlp_16, "):
+        World(0, lidar="sonar")

@@ -14,9 +14,10 @@ from atom_core.synthetic import Noise
 from atom_core.synthetic.board import charuco, held_before
 from atom_core.synthetic.cell import SCENARIOS, cell_rig, paper_cell, plan_board_poses
 from atom_core.synthetic.dataset import disturbed, make_dataset
+from atom_core.synthetic.lidar_models import LidarModel
 from atom_core.synthetic.memory import Sampling
 from atom_core.synthetic.realism import PLAIN, Realism
-from atom_core.synthetic.rig import LidarModel, Rig
+from atom_core.synthetic.rig import Rig
 from atom_core.synthetic.scenes import random_rig
 from atom_core.synthetic.sensing import planted_in
 

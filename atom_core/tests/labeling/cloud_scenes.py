@@ -6,7 +6,8 @@ import numpy as np
 from lidar_scenes import BORDER, Box, Cloud, Scene, board_facing, person, pose, scan
 
 from atom_core.geometry import se3
-from atom_core.synthetic.rig import LidarModel, Room
+from atom_core.synthetic.lidar_models import LidarModel
+from atom_core.synthetic.rig import Room
 
 EYE = (0.0, 0.0, 1.2)
 

@@ -7,7 +7,8 @@ import numpy as np
 from atom_core.geometry import se3
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.synthetic.board import hits
-from atom_core.synthetic.rig import LidarModel, Room
+from atom_core.synthetic.lidar_models import LidarModel
+from atom_core.synthetic.rig import Room
 
 BORDER = Rectangle(-0.04, -0.03, 0.76, 0.57)  # the paper's 800 x 600 mm board
 MODEL = LidarModel(azimuth_steps=1800)

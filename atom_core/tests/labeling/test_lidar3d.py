@@ -41,7 +41,8 @@ from atom_core.model.pattern import pattern_from_config
 from atom_core.model.sensor import LIDAR3D, Sensor
 from atom_core.model.transforms import Edge
 from atom_core.synthetic.board import charuco
-from atom_core.synthetic.rig import LidarModel, Room
+from atom_core.synthetic.lidar_models import LidarModel
+from atom_core.synthetic.rig import Room
 
 pytestmark = pytest.mark.skipif(not native.available(), reason="the compiled core is not built")
 

@@ -36,7 +36,8 @@ from atom_core.synthetic import Noise, make_dataset
 from atom_core.synthetic.cell import SCENARIOS, cell_rig, plan_board_poses
 from atom_core.synthetic.dataset import disturbed
 from atom_core.synthetic.lidar import beams_on_board, first_and_last
-from atom_core.synthetic.rig import LidarModel, Mount, assemble, looking_at
+from atom_core.synthetic.lidar_models import LidarModel
+from atom_core.synthetic.rig import Mount, assemble, looking_at
 from atom_core.synthetic.sensing import Outlook, SyntheticSensor
 
 SONAR = "sonar"

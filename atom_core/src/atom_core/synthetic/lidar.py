@@ -1,4 +1,4 @@
-"""What a spinning LiDAR sees and labels: beams on the boards, and the room behind them."""
+"""What a 3D LiDAR sees and labels: beams on the boards, and the room behind them."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from atom_core.model.labels import RangeLabel
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import Sensor
 from atom_core.synthetic.board import board_hits, centre_in_sensor, facing, is_dark
+from atom_core.synthetic.lidar_models import AnyLidarModel
 from atom_core.synthetic.noise import Noise
 from atom_core.synthetic.planted import RangeErrors
 from atom_core.synthetic.realism import Realism
-from atom_core.synthetic.rig import LidarModel, Rig, Room
+from atom_core.synthetic.rig import Rig, Room
 from atom_core.synthetic.sensing import Outlook, View
 
 LARGEST_ANGLE_DEG = 80.0  # between the beam and the board's normal
@@ -24,7 +25,7 @@ MIXED_LABELED_M = 0.03  # a return farther from a board, for the sake of what is
 
 
 def beams_on_board(
-    model: LidarModel, lidar_T_pattern: np.ndarray, pattern: Pattern
+    model: AnyLidarModel, lidar_T_pattern: np.ndarray, pattern: Pattern
 ) -> Tuple[np.ndarray, np.ndarray]:
     """Return the ids (n,) of the beams that hit a board, in order, and their ranges (n,) [m]."""
     centre = centre_in_sensor(lidar_T_pattern, pattern.border)
@@ -39,16 +40,16 @@ def beams_on_board(
 
 
 def is_detected(
-    model: LidarModel, beams: np.ndarray, lidar_T_pattern: np.ndarray, pattern: Pattern
+    model: AnyLidarModel, beams: np.ndarray, lidar_T_pattern: np.ndarray, pattern: Pattern
 ) -> bool:
     """Tell whether the beams on a board suffice for a label."""
     if abs(facing(lidar_T_pattern, pattern.border)) < np.cos(np.radians(LARGEST_ANGLE_DEG)):
         return False
     rings = len(np.unique(beams // model.azimuth_steps))
-    return rings >= LEAST_RINGS and len(beams) >= LEAST_POINTS
+    return len(beams) >= LEAST_POINTS and (rings >= LEAST_RINGS or not model.has_layers)
 
 
-def first_and_last(model: LidarModel, beams: np.ndarray, centre: np.ndarray) -> np.ndarray:
+def first_and_last(model: AnyLidarModel, beams: np.ndarray, centre: np.ndarray) -> np.ndarray:
     """Return the first and the last beam (m,) of each ring, as seen from the board's middle.
 
     Args:
@@ -58,7 +59,7 @@ def first_and_last(model: LidarModel, beams: np.ndarray, centre: np.ndarray) -> 
             so that a board across the seam of the scan is one piece.
     """
     steps = model.azimuth_steps
-    middle = int((np.arctan2(centre[1], centre[0]) + np.pi) / model.azimuth_step_rad)
+    middle = int((np.arctan2(centre[1], centre[0]) + np.pi) * steps / (2.0 * np.pi))
     ring, azimuth = np.divmod(beams, steps)
     order = np.lexsort(((azimuth - middle + steps // 2) % steps, ring))
     sorted_ring = ring[order]
@@ -67,8 +68,23 @@ def first_and_last(model: LidarModel, beams: np.ndarray, centre: np.ndarray) -> 
     return np.unique(beams[order[np.concatenate([first, last])]])
 
 
+def outermost(
+    model: AnyLidarModel, beams: np.ndarray, lidar_T_pattern: np.ndarray, pattern: Pattern
+) -> np.ndarray:
+    """Return the beams (m,) on a board that are about its border.
+
+    Of a scan layer they are the first and the last; without layers all that are nearer to the
+    border than beams are to each other.
+    """
+    if model.has_layers:
+        return first_and_last(model, beams, centre_in_sensor(lidar_T_pattern, pattern.border))
+    ranges, in_plane = board_hits(lidar_T_pattern, pattern, model.directions[beams])
+    spacing_m = np.sqrt(4.0 * np.prod(pattern.border.half_size) / max(len(beams), 1))
+    return beams[pattern.border.signed_distance(in_plane)[0] > -spacing_m]
+
+
 def scan(
-    model: LidarModel,
+    model: AnyLidarModel,
     lidar_T_patterns: Mapping[str, np.ndarray],
     patterns: Mapping[str, Pattern],
     world_T_lidar: np.ndarray,
@@ -110,8 +126,8 @@ def scan(
     for name, beams in seen.items():
         lidar_T_pattern, pattern = lidar_T_patterns[name], patterns[name]
         if is_detected(model, beams, lidar_T_pattern, pattern):
-            centre = centre_in_sensor(lidar_T_pattern, pattern.border)
-            limit = np.searchsorted(returned, first_and_last(model, beams, centre))
+            limit = outermost(model, beams, lidar_T_pattern, pattern)
+            limit = np.searchsorted(returned, limit)
             labels[name] = RangeLabel(np.searchsorted(returned, beams), limit)
             if exact_border:
                 points[limit] = _moved_to_border(points[limit], lidar_T_pattern, pattern)
@@ -122,7 +138,7 @@ def scan(
 class _Behind(NamedTuple):
     """What lies behind the boards."""
 
-    model: LidarModel
+    model: AnyLidarModel
     world_T_lidar: np.ndarray
     room: Room
 
@@ -242,6 +258,8 @@ def outlook(rig: Rig, sensor: Sensor, lidar_T_pattern: np.ndarray, pattern: Patt
     return Outlook(seen, False, len(beams) if seen else 0)
 
 
-def errors(realism: Realism, _: Sensor, model: LidarModel, rng: np.random.Generator) -> RangeErrors:
+def errors(
+    realism: Realism, _: Sensor, model: AnyLidarModel, rng: np.random.Generator
+) -> RangeErrors:
     """Draw the systematic errors of a LiDAR."""
-    return RangeErrors.drawn(realism, model.rings, rng)
+    return RangeErrors.drawn(realism, model.rings if model.has_layers else 0, rng)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
@@ -12,49 +11,12 @@ from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.model.sensor import LIDAR3D, Sensor
 from atom_core.model.transforms import Edge, FrameGraph, chain_transform
+from atom_core.synthetic.lidar_models import AnyLidarModel
+from atom_core.synthetic.lidar_models import LidarModel as LidarModel
 
 OPTICAL_RPY = (-np.pi / 2, 0.0, -np.pi / 2)
 LIDAR_HEIGHT_M = 0.0377  # a VLP-16's optical centre above its base
 Point = Union[Sequence[float], np.ndarray]
-
-
-@dataclass(frozen=True)
-class LidarModel:
-    """Beams of a spinning LiDAR; the default is a VLP-16.
-
-    Attributes:
-        rings: number of scan layers.
-        elevation_deg: lowest and highest layer.
-        azimuth_steps: beams of a layer in one turn.
-        range_m: nearest and farthest return.
-    """
-
-    rings: int = 16
-    elevation_deg: Tuple[float, float] = (-15.0, 15.0)
-    azimuth_steps: int = 1875
-    range_m: Tuple[float, float] = (0.3, 130.0)
-
-    @property
-    def directions(self) -> np.ndarray:
-        """(rings * azimuth_steps, 3) unit vectors, ring by ring, in the LiDAR's frame."""
-        return _directions(self.rings, self.elevation_deg, self.azimuth_steps)
-
-    @property
-    def azimuth_step_rad(self) -> float:
-        """Angle between two beams of a layer."""
-        return 2.0 * np.pi / self.azimuth_steps
-
-
-@lru_cache(maxsize=8)
-def _directions(rings: int, elevation_deg: Tuple[float, float], steps: int) -> np.ndarray:
-    elevation = np.radians(np.linspace(elevation_deg[0], elevation_deg[1], rings))[:, None]
-    azimuth = np.linspace(-np.pi, np.pi, steps, endpoint=False)[None, :]
-    parts = np.broadcast_arrays(
-        np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)
-    )
-    directions = np.stack(parts, axis=-1).reshape(-1, 3)
-    directions.setflags(write=False)
-    return directions
 
 
 @dataclass(frozen=True)
@@ -167,7 +129,7 @@ def camera_mount(
 
 
 def lidar_mount(
-    name: str, beam: str, beam_T_base: np.ndarray, model: Optional[LidarModel] = None
+    name: str, beam: str, beam_T_base: np.ndarray, model: Optional[AnyLidarModel] = None
 ) -> Mount:
     """Return a LiDAR: beam -> base link (calibrated) -> data frame."""
     edge = Edge(beam, f"{name}_base_link")

@@ -28,13 +28,13 @@ from atom_core.synthetic.dataset import (
     disturbed,
     make_dataset,
 )
+from atom_core.synthetic.lidar_models import LidarModel
 from atom_core.synthetic.memory import Sampling
 from atom_core.synthetic.noise import Noise
 from atom_core.synthetic.realism import PLAIN, Realism
 from atom_core.synthetic.rig import (
     COLOUR_CAMERA,
     DEPTH_CAMERA,
-    LidarModel,
     Mount,
     Rig,
     Room,

@@ -76,6 +76,7 @@ def inputs_of(world: World, recording: Recording) -> str:
                 "seed": world.seed,
                 "scanners": world.scanners,
                 "realism": world.profile,
+                "lidar": world.lidar,
                 **asdict(recording),
             },
             "versions": {

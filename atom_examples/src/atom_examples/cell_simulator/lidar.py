@@ -9,8 +9,8 @@ import numpy as np
 from atom_core.geometry import se3
 from atom_core.synthetic.board import is_dark
 from atom_core.synthetic.lidar2d import Lidar2dModel
+from atom_core.synthetic.lidar_models import AnyLidarModel, LidarModel
 from atom_core.synthetic.planted import RangeErrors
-from atom_core.synthetic.rig import LidarModel
 from atom_examples.cell_simulator.scene import Scene
 
 _EDGE_M = 0.03  # a beam whose parts differ more has hit an edge
@@ -67,7 +67,7 @@ class Lidar:
         self,
         name: str,
         frame: str,
-        model: Union[LidarModel, Lidar2dModel],
+        model: Union[AnyLidarModel, Lidar2dModel],
         noise: LidarNoise,
         errors: RangeErrors = RangeErrors(),  # noqa: B008 (frozen)
     ):
@@ -82,9 +82,10 @@ class Lidar:
         )
         self._still: Optional[Tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = None
 
-    def ring(self, beam: np.ndarray) -> np.ndarray:
-        """Return the scan layer of beams of a 3D LiDAR, 0 the lowest."""
-        assert isinstance(self.model, LidarModel)
+    def ring(self, beam: np.ndarray) -> Optional[np.ndarray]:
+        """Return the scan layer of beams of a 3D LiDAR, 0 the lowest; None: it has no layers."""
+        if not isinstance(self.model, LidarModel):
+            return None
         return (beam // self.model.azimuth_steps).astype(np.uint16)
 
     def exact(self, scene: Scene) -> Returns:
@@ -135,10 +136,11 @@ class Lidar:
         points = self.model.directions[returns.beam] * returns.range[:, None]
         in_plane = se3.apply(se3.inverse(lidar_T_pattern), points)[:, :2]
         dark = returns.on_plate & is_dark(lidar_T_pattern, scene.board.pattern, in_plane)
-        rings = np.zeros(len(returns.beam), dtype=int)
-        if isinstance(self.model, LidarModel):
-            rings = self.ring(returns.beam).astype(int)
-        error_m = self.errors.error_m(returns.range, rings) + self.errors.dark_offset_m * dark
+        ring = self.ring(returns.beam)
+        rings = np.zeros(len(returns.beam)) if ring is None else ring
+        error_m = (
+            self.errors.error_m(returns.range, rings.astype(int)) + self.errors.dark_offset_m * dark
+        )
         lost = np.zeros(len(dark), dtype=bool)
         if rng is not None and self.errors.dark_lost > 0:
             lost = dark & (rng.random(len(dark)) < self.errors.dark_lost)

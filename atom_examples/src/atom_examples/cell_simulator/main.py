@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, List, Optional
 
 from atom_core.errors import AtomError, OutputError
 from atom_core.synthetic.cell import SCENARIOS
+from atom_core.synthetic.lidar_models import LIDAR_MODELS
 from atom_examples.cell_simulator.profiles import PLAIN_PROFILE, ROUGH_PROFILE
 
 if TYPE_CHECKING:  # both need MuJoCo, which takes its time
@@ -74,6 +75,12 @@ def _add_sensor_options(parser: argparse.ArgumentParser) -> None:
     _add(parser, "scanners", action="store_true", help="with two 2D LiDARs beside the cell")
     _add(
         parser,
+        "lidar",
+        choices=tuple(LIDAR_MODELS),
+        help="model of all 3D LiDARs; default: 16 layers, as sensors.yaml has them",
+    )
+    _add(
+        parser,
         "realism",
         choices=(PLAIN_PROFILE, ROUGH_PROFILE),
         default=PLAIN_PROFILE,
@@ -126,7 +133,9 @@ def _bag(args: argparse.Namespace) -> int:
         depth_encoding=args.depth_encoding,
         noise=not args.no_noise,
     )
-    world = World(_checked_seed(args.seed), scanners=args.scanners, profile=args.realism)
+    world = World(
+        _checked_seed(args.seed), scanners=args.scanners, profile=args.realism, lidar=args.lidar
+    )
     try:
         print(f"{args.bag}: {_recorded(world, recording, args)}")
     finally:
@@ -158,7 +167,7 @@ def _live(args: argparse.Namespace) -> int:
     from atom_examples.cell_simulator.node import run
 
     seed = _checked_seed(args.seed)
-    world = {"scanners": args.scanners, "profile": args.realism}
+    world = {"scanners": args.scanners, "profile": args.realism, "lidar": args.lidar}
     return run(seed, args.initial_estimate, args.depth_encoding, args.rtf, **world)
 
 

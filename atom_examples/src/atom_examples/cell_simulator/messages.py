@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Dict, Mapping, Tuple, Union
+from typing import Dict, Mapping, Optional, Tuple, Union
 
 import cv2
 import numpy as np
@@ -110,17 +110,19 @@ def camera_info(camera: Camera, head: Header) -> CameraInfo:
     )
 
 
-def point_cloud(scan: Scan, ring: np.ndarray, head: Header) -> PointCloud2:
-    """Return a scan as an unordered cloud of its returns."""
+def point_cloud(scan: Scan, ring: Optional[np.ndarray], head: Header) -> PointCloud2:
+    """Return a scan as an unordered cloud of its returns; without rings it has no such field."""
     points = np.zeros(len(scan.beam), dtype=_POINT)
     for axis, name in enumerate("xyz"):
         points[name] = scan.points[:, axis]
-    points["intensity"], points["ring"] = scan.intensity, ring
+    points["intensity"] = scan.intensity
+    if ring is not None:
+        points["ring"] = ring
     return PointCloud2(
         header=head,
         height=1,
         width=len(points),
-        fields=_FIELDS,
+        fields=[field for field in _FIELDS if ring is not None or field.name != "ring"],
         is_bigendian=False,
         point_step=_POINT.itemsize,
         row_step=_POINT.itemsize * len(points),

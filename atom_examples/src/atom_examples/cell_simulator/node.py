@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import Callable, List, NamedTuple, Optional
+from typing import Any, Callable, List, NamedTuple, Optional
 
 import numpy as np
 import rospy
@@ -45,10 +45,8 @@ _EYE_M = np.array([0.0, 1.3, 2.0])  # what it faces
 _PERSON_M = np.array([0.9, -0.2])  # from the middle of the board
 
 
-def run(
-    seed: int, initial_estimate: str, depth_encoding: str, rtf: float, scanners: bool, profile: str
-) -> int:
-    """Run the node until it is shut down; arguments as of `World` and `LiveCell`."""
+def run(seed: int, initial_estimate: str, depth_encoding: str, rtf: float, **of_world: Any) -> int:
+    """Run the node until it is shut down; arguments as of `LiveCell` and `World`."""
     try:
         rospy.set_param("/use_sim_time", True)
     except OSError:
@@ -56,7 +54,7 @@ def run(
             "no ROS master answers; start one with roscore, or use collab_cell_simulation.launch"
         ) from None
     # Takes seconds; only as long as this is no node does Ctrl-C end it at once.
-    world = World(seed, scanners=scanners, profile=profile)
+    world = World(seed, **of_world)
     try:
         rospy.init_node(NODE)
         LiveCell(world, initial_estimate, depth_encoding, rtf).spin()

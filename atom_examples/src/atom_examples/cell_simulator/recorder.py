@@ -80,12 +80,13 @@ def record(world: World, recording: Recording, path: Path, progress: bool = True
             for tick in tqdm(ticks, desc=path.name, unit="tick", disable=not progress):
                 writer.write_tick(tick, trajectory.state(tick))
         labels.write(active[0])
+        model = {"lidar": world.lidar} if world.lidar else {}
         write_recording_truth(
             active[1],
             world,
             [s.world_T_pattern for s in stops],
             {f"{n:03d}": _interval(trajectory, n) for n in range(len(stops))},
-            {"seed": world.seed, **asdict(recording)},
+            {"seed": world.seed, **model, **asdict(recording)},
         )
         for unnamed, file in zip(active, files):
             os.replace(unnamed, file)

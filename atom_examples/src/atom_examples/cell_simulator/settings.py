@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Callable, Dict, List, Mapping, Tuple, Union
+from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple, Union
 
 import numpy as np
 import yaml
@@ -13,8 +13,8 @@ from atom_core.geometry.camera import Camera
 from atom_core.model.config import PatternConfig
 from atom_core.model.sensor import DEPTH, LIDAR2D, LIDAR3D, RGB
 from atom_core.synthetic.lidar2d import Lidar2dModel
+from atom_core.synthetic.lidar_models import AnyLidarModel, LidarModel, lidar_model
 from atom_core.synthetic.realism import PLAIN, Realism
-from atom_core.synthetic.rig import LidarModel
 from atom_examples.cell_simulator.depth import DepthNoise
 from atom_examples.cell_simulator.errors import SimulatorError
 from atom_examples.cell_simulator.lidar import LidarNoise
@@ -22,6 +22,7 @@ from atom_examples.cell_simulator.profiles import PLAIN_PROFILE
 
 ENCODINGS = ("16UC1", "32FC1")
 _NO_PROFILES = {PLAIN_PROFILE: PLAIN}
+_MIXED_WITHIN_BEAMS = 0.5  # of the edge, where a model of a LiDAR is asked for
 
 
 @dataclass(frozen=True)
@@ -55,9 +56,9 @@ class DepthSettings(SensorSettings):
 
 @dataclass(frozen=True)
 class LidarSettings(SensorSettings):
-    """A spinning LiDAR."""
+    """A 3D LiDAR."""
 
-    model: LidarModel
+    model: AnyLidarModel
     noise: LidarNoise
 
 
@@ -94,15 +95,17 @@ class Settings:
         return [*self.sensors.values(), *self.others.values()]
 
 
-def read_settings(path: Path, scanners: bool = False) -> Settings:
+def read_settings(path: Path, scanners: bool = False, lidar: Optional[str] = None) -> Settings:
     """Read the file.
 
     Args:
         path: of the file.
         scanners: the 2D LiDARs are there.
+        lidar: model of `LIDAR_MODELS` that all 3D LiDARs are; None: the one of the file.
 
     Raises:
-        SimulatorError: it is absent or malformed; names the sensor and the key.
+        SimulatorError: it is absent or malformed; names the sensor and the key. Or there is no
+            such model.
     """
     try:
         document = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
@@ -112,12 +115,27 @@ def read_settings(path: Path, scanners: bool = False) -> Settings:
         raise SimulatorError(f"{path}: no YAML ({error}); mend it") from None
     entry = _Entry(str(path), document)
     sensors = _sensors(entry.part("sensors"))
+    if lidar is not None:
+        sensors = {name: _of_model(settings, lidar) for name, settings in sensors.items()}
     return Settings(
         sensors={**sensors, **_sensors(entry.part("scanners"))} if scanners else sensors,
         others=_sensors(entry.part("other_sensors")) if "other_sensors" in document else {},
         board=_pattern(entry.part("pattern")),
         profiles=_profiles(entry.part("realism")) if "realism" in document else _NO_PROFILES,
     )
+
+
+def _of_model(settings: AnySettings, name: str) -> AnySettings:
+    """Return a 3D LiDAR as one of a model, with its noise and beams; others as they are."""
+    if not isinstance(settings, LidarSettings):
+        return settings
+    try:
+        model = lidar_model(name)
+    except ValueError as error:
+        raise SimulatorError(str(error)) from None
+    mixed_within_rad = _MIXED_WITHIN_BEAMS * model.divergence_rad
+    noise = LidarNoise(model.sigma_m, settings.noise.dropout, mixed_within_rad)
+    return replace(settings, model=model, noise=noise)
 
 
 class _Entry:

@@ -16,6 +16,7 @@ from atom_core.io.paths import PackageResolver, package_folder
 from atom_core.io.urdf import Description, read_description
 from atom_core.model.transforms import Edge
 from atom_core.synthetic.cell import cell_rig, initial_edges
+from atom_core.synthetic.lidar_models import GridModel, RosetteModel
 from atom_core.synthetic.planted import (
     CameraErrors,
     DepthErrors,
@@ -23,7 +24,7 @@ from atom_core.synthetic.planted import (
     SensorErrors,
 )
 from atom_core.synthetic.realism import Realism
-from atom_core.synthetic.rig import Rig, camera_of, jittered
+from atom_core.synthetic.rig import Rig, camera_of, jittered, looking_at
 from atom_core.synthetic.scanners import cell_with_scanners_rig
 from atom_core.synthetic.sensing import planted_in
 from atom_examples.cell_simulator.camera import FINER, ColourCamera, pinhole_view
@@ -83,6 +84,7 @@ class World:
         scanners: the two 2D LiDARs are there.
         settings: of the sensors.
         rig: the true sensors, as ``atom_core.synthetic`` sees them.
+        lidar: model of all 3D LiDARs; None: that of ``sensors.yaml``.
         profile: of the systematic errors, a name of ``sensors.yaml``.
         realism, planted: their sizes, and what was drawn of them.
         home: positions of the manipulator's joints [rad].
@@ -97,6 +99,7 @@ class World:
         resolve_package: Optional[PackageResolver] = None,
         scanners: bool = False,
         profile: str = PLAIN_PROFILE,
+        lidar: Optional[str] = None,
     ):
         """Build the cell.
 
@@ -106,15 +109,18 @@ class World:
             resolve_package: finds packages.
             scanners: with the two 2D LiDARs.
             profile: of the systematic errors.
+            lidar: model of `LIDAR_MODELS` that all 3D LiDARs are. One that does not look all
+                around is turned to the middle of the cell.
 
         Raises:
             AtomError: a description or a setting is malformed, a link or a mesh is absent.
         """
         self.seed, self.scanners, self._resolve = seed, scanners, resolve_package
+        self.lidar = lidar
         self._files = files or cell_files(resolve_package)
-        self.settings = read_settings(self._files.sensors, scanners)
+        self.settings = read_settings(self._files.sensors, scanners, lidar)
         rig = cell_with_scanners_rig(seed) if scanners else cell_rig(seed)
-        self.rig = _as_set(rig, self.settings)
+        self.rig = _aimed(_as_set(rig, self.settings))
         self.profile, self.realism = profile, _realism(self.settings, profile, self._files)
         self.planted = planted_in(self.rig, [PATTERN], self.realism, [seed, _ERRORS])
         self.home = _joint_positions(self._files.home)
@@ -260,6 +266,21 @@ def _as_set(rig: Rig, settings: Settings) -> Rig:
                 sensor, frame=entry.frame, topic=entry.topic, camera=entry.camera
             )
     return replace(rig, sensors=sensors, lidars=lidars)
+
+
+def _aimed(rig: Rig) -> Rig:
+    """Return the rig with its LiDARs without layers, which see a part, turned to its middle."""
+    transforms = dict(rig.transforms)
+    for name, model in rig.lidars.items():
+        if not isinstance(model, (RosetteModel, GridModel)):
+            continue
+        sensor = rig.sensors[name]
+        world_T_lidar = rig.pose(sensor.frame)
+        aimed = looking_at(world_T_lidar[:3, 3], rig.centre)
+        base_T_lidar = se3.inverse(rig.pose(sensor.edge.child)) @ world_T_lidar
+        world_T_parent = rig.pose(sensor.edge.parent)
+        transforms[sensor.edge] = se3.inverse(world_T_parent) @ aimed @ se3.inverse(base_T_lidar)
+    return replace(rig, transforms=transforms)
 
 
 def _realism(settings: Settings, profile: str, files: Files) -> Realism:
