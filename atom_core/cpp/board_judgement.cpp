@@ -7,6 +7,7 @@
 #include <optional>
 #include <utility>
 
+#include "board_beside.h"
 #include "plane_pieces.h"
 
 namespace atom_core {
@@ -397,6 +398,7 @@ BoardSegment JudgePiece(const BoardSearch& search, std::vector<int> piece) {
   if (!restricted) return segment;
   const auto pose = FitToEnds(search, *restricted, &segment);
   if (!pose || !FillsRectangle(search, *restricted, *pose, &segment)) return segment;
+  if (GoesOnBesideSide(search, *restricted, *pose, &segment)) return segment;
   segment.detected = true;
   Label(search, *restricted, *pose, &segment);
   return segment;

@@ -1,0 +1,42 @@
+#include "board_beside.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace atom_core {
+namespace {
+
+constexpr int kBins = 8;            // of a side
+constexpr double kStrip = 0.12;     // of the shorter side: width of the strip that is looked at
+constexpr double kOpenShare = 0.5;  // of the bins
+constexpr int kProgress = 6;
+
+}  // namespace
+
+bool GoesOnBesideSide(const BoardSearch& search, const Surface& surface, const RectanglePose& pose,
+                      BoardSegment* segment) {
+  const Eigen::Vector2d half = surface.seen_half();
+  const double from = surface.Tolerance(), to = from + kStrip * search.options.size.minCoeff();
+  std::array<std::array<bool, kBins>, 4> there = {};  // beside -x, +x, -y, +y
+  for (std::size_t i = 0; i < search.window.points.size(); ++i) {
+    const ScanPoint& point = search.At(static_cast<int>(i));
+    if (!surface.plane().Holds(point)) continue;
+    const Eigen::Vector2d place = pose.ToBoard(surface.InPlane(point.position));
+    for (int axis = 0; axis < 2; ++axis) {
+      const double beyond = std::abs(place[axis]) - half[axis];
+      const double along = (place[1 - axis] / half[1 - axis] + 1.0) / 2.0;
+      if (beyond < from || beyond > to || along <= 0.0 || along >= 1.0) continue;
+      there[2 * axis + (place[axis] > 0.0 ? 1 : 0)][static_cast<int>(along * kBins)] = true;
+    }
+  }
+  for (const auto& side : there) {
+    if (std::count(side.begin(), side.end(), true) <= kOpenShare * kBins) continue;
+    segment->progress = kProgress;
+    segment->reason = "the surface goes on beyond the board's outline";
+    return true;
+  }
+  return false;
+}
+
+}  // namespace atom_core
