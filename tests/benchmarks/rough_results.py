@@ -65,7 +65,7 @@ def _edges(document: Mapping[str, Any]) -> List[EdgeResult]:
     for entry in document["edges"].values():
         sigmas = [
             np.concatenate([entry[f"{which}_rotation_rad"], entry[f"{which}_translation_m"]])
-            for which in ("sigma", "model_sigma")
+            for which in ("sigma", "model_sigma", "combined_sigma")
         ]
         edge, pose = Edge(entry["parent"], entry["child"]), pose_from_document(entry)
         sensors = tuple(entry["sensors"])

@@ -3,7 +3,6 @@
 A hundred of them are long, a dozen is for every day.
 """
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +21,7 @@ from atom_core.problem.residuals import ORTHOGONAL, REPROJECTION
 from atom_core.report.calibration_results import calibration_results, pairs_of
 from atom_core.report.stated_errors import stated_errors
 from atom_core.solvers.choice import default_solver
-from atom_core.synthetic import PLAIN, Noise, paper_cell, scenes
+from atom_core.synthetic import SLIGHT, Noise, paper_cell, scenes
 
 # every sensor has its own noise
 NOISE = Noise(
@@ -192,15 +191,8 @@ def test_the_noise_of_a_sensor_may_be_its_own():
 @pytest.mark.parametrize("collections", [5, 7])
 def test_few_collections_are_cautious_of_what_they_may_have_in_common(collections):
     """Errors too small to be named; 6.9 sigmas were seen in 12 draws before."""
-    slight = replace(
-        PLAIN,
-        lidar_offset_sigma_m=0.004,
-        ring_offset_sigma_m=0.002,
-        depth_wave_m=0.002,
-        focal_sigma=0.0007,
-    )
     for seed in range(3):
-        scene = scenes.random_scene(seed, collections=collections, realism=slight)
+        scene = scenes.random_scene(seed, collections=collections, realism=SLIGHT)
         result = calibrate(scene.dataset)
         edges = calibration_results(result, default_solver()).edges
         if result.status == "converged":

@@ -102,10 +102,15 @@ def test_a_held_rig_has_no_deviation():
         result.dataset, result.problem.parameters, result.summary.x, _NothingUncertain()
     )
     assert len(pairs) == len(names) * (len(names) - 1)
-    assert all(p.sigma_m == 0 for ps in propagate(pairs, result.dataset.sensors) for p in ps)
+    for points in propagate(pairs, result.dataset.sensors):
+        assert all(point.sigma_m == point.combined_sigma_m == 0 for point in points)
 
 
 class _NothingUncertain:
+    @property
+    def combined(self):
+        return self
+
     def states(self, index, jacobians):
         return np.zeros((len(index), 6, 6))
 

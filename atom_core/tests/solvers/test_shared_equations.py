@@ -10,7 +10,8 @@ from atom_core.problem.residuals import BorderBlock
 from atom_core.solvers.choice import SOLVERS
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.robust_covariance import sigma_factors
-from atom_core.solvers.shared_equations import inverse, scalars_of, shared_equations
+from atom_core.solvers.scalar_columns import scalars_of
+from atom_core.solvers.shared_equations import inverse, shared_equations
 from atom_core.synthetic import scenes
 
 LOSS = "cauchy"

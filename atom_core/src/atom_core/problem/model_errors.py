@@ -39,14 +39,14 @@ class Rows:
     Attributes:
         block: whose rows.
         poses: (d, 4, 4) ``sensor_T_pattern`` of all detections.
-        pattern: (n,) name of the pattern of each item.
+        patterns: (d,) names of the patterns of all detections.
         residual: (n, dimension).
         by_twist: (n, dimension, 6) derivatives by the left twist of the item's pose.
     """
 
     block: ResidualBlock
     poses: np.ndarray
-    pattern: np.ndarray
+    patterns: np.ndarray
     residual: np.ndarray
     by_twist: np.ndarray
 
@@ -99,7 +99,8 @@ class Rows:
     def in_pattern(self) -> np.ndarray:
         """(n, 3) range points in the pattern's frame [m]."""
         assert isinstance(self.block, RangeBlock)
-        return se3.apply(se3.inverse(self.poses)[self.block.detection], self.block.points)
+        from_origin = self.block.points - self.poses[self.block.detection, :3, 3]
+        return np.einsum("nij,ni->nj", self.axes, from_origin)
 
 
 @dataclass(frozen=True)
@@ -150,7 +151,11 @@ class RangeOffset(ModelError):
         """Return the rows' change as points move along their rays."""
         if not isinstance(rows.block, RangeBlock) or rows.block.sensor != self.target:
             return None
-        return self.share(rows.block.points)[:, None] * rows.by_offset
+        return self.share(rows.block.points)[:, None] * self.along_rays(rows)
+
+    def along_rays(self, rows: Rows) -> np.ndarray:
+        """Return (n, dimension): the rows' change by the error of each point's ray."""
+        return rows.by_offset
 
     def share(self, points: np.ndarray) -> np.ndarray:
         """Return (n,): the part of the value that points (n, 3) in the sensor's frame have."""
@@ -194,11 +199,11 @@ class BoardError(ModelError):
 
     def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
         """Return the rows' change; zero for those of other patterns."""
-        mine = rows.pattern == self.target
-        if not np.any(mine):
-            return None
-        change = self._of_block(rows)
-        return None if change is None else change * mine[:, None]
+        mine = rows.patterns == self.target
+        change = self._of_block(rows) if np.any(mine) else None
+        if change is None or np.all(mine):
+            return change
+        return change * mine[rows.block.detection, None]
 
     @abstractmethod
     def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
@@ -251,7 +256,7 @@ class BorderShift(AlongAxis):
     def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
         if not isinstance(rows.block, BorderBlock):
             return None
-        return rows.by_pattern_point(np.eye(3)[[self.axis] * rows.block.count])
+        return -rows.by_sensor_point(rows.axes[:, :, self.axis])
 
 
 @dataclass(frozen=True)
@@ -312,9 +317,8 @@ class Bend(AlongAxis):
     def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
         block = rows.block
         if isinstance(block, ReprojectionBlock):
-            up = np.zeros((block.count, 3))
-            up[:, 2] = self.height(block.corners_in_pattern)
-            return rows.by_pattern_point(up)
+            height = self.height(block.corners_in_pattern)[:, None]
+            return -rows.by_sensor_point(height * rows.axes[:, :, 2])
         if isinstance(block, OrthogonalBlock):
             return -self.height(rows.in_pattern)[:, None]
         return None
@@ -371,7 +375,7 @@ class JointOffset(ModelError):
     kind = "joint_offset"
     is_scalar = False
     unit = RADIAN
-    usual = 0.003
+    usual = 0.001
 
     @property
     def option(self) -> str:
@@ -389,7 +393,7 @@ class PrismaticOffset(JointOffset):
     """What must be added to the positions of a prismatic joint [m]."""
 
     unit = METRE
-    usual = 0.002
+    usual = 0.001
 
 
 def _flat(points: np.ndarray) -> np.ndarray:
@@ -400,7 +404,7 @@ def _longer_border(rows: Rows, axis: int) -> Optional[np.ndarray]:
     """Return (n, 1): the change of distances as half the border grows along an axis."""
     if not isinstance(rows.block, BorderBlock):
         return None
-    return _grown(rows, np.eye(2)[[axis] * rows.block.count])
+    return -np.abs(rows.outward[:, axis, None])
 
 
 def _grown(rows: Rows, half_size: np.ndarray) -> np.ndarray:
@@ -424,4 +428,4 @@ def rows_of(
         residual: (n, dimension).
         by_state: (n, dimension, 6 or 18), see ``Linearisation``.
     """
-    return Rows(block, poses, patterns[block.detection], residual, by_state[:, :, :TWIST_SIZE])
+    return Rows(block, poses, patterns, residual, by_state[:, :, :TWIST_SIZE])

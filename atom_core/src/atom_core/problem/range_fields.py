@@ -6,8 +6,9 @@ Which of them a ray has depends on its direction alone, so that corrected points
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import ClassVar, List, Optional, Tuple
+from typing import ClassVar, List, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -20,6 +21,7 @@ _GAP_RAD = float(np.radians(0.1))  # layers of a LiDAR are farther apart
 _APART = 4.0  # times the scatter of a layer's elevations
 _MOST_LAYERS = 128
 _CYCLES = 5.0  # of the shortest waves that are told, over the width of a depth image
+_ACROSS = 64  # cells of a depth image along each axis
 
 
 @dataclass(frozen=True)
@@ -78,13 +80,21 @@ class DepthWave(DepthScale):
         """Return the rows' change as points move away in proportion to distance and height."""
         if not isinstance(rows.block, RangeBlock) or rows.block.sensor != self.target:
             return None
-        return self.share(rows.block.points)[:, None] * rows.by_scale
+        return self.share(rows.block.points)[:, None] * self.along_rays(rows)
+
+    def along_rays(self, rows: Rows) -> np.ndarray:
+        """Return (n, dimension): the rows' change by the error of each point's ray."""
+        return rows.by_scale
 
     def share(self, points: np.ndarray) -> np.ndarray:
         """Return (n,): the height of the wave, -1 to 1, at points (n, 3)."""
+        return self.height(*(self.across(points, axis) for axis in range(2)))
+
+    def height(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Return (n,): the height of the wave, -1 to 1, at places from 0 to 1 across the image."""
         along = [
-            np.cos(np.pi * count * self.across(points, axis))
-            for axis, count in enumerate(self.half_waves)
+            np.cos(np.pi * count * place)
+            for count, place in zip(self.half_waves, (x, y))
             if count > 0
         ]
         return along[0] if len(along) == 1 else along[0] * along[1]
@@ -94,6 +104,9 @@ class DepthWave(DepthScale):
         camera = self.camera
         pixel = camera.focal_px[axis] * (points[:, axis] / points[:, 2]) + camera.centre_px[axis]
         return (pixel + 0.5) / (camera.width, camera.height)[axis]
+
+
+RayError = Union[LayerOffset, DepthWave]
 
 
 @dataclass(frozen=True)
@@ -123,6 +136,56 @@ class LayerOffsets(ModelError):
     def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
         """Return None: what rows depend on are the single layers."""
         return None
+
+
+class RangeField(ABC):
+    """The errors of one sensor that differ from ray to ray, its rays taken in cells."""
+
+    def __init__(self, errors: Sequence[RayError], shares: np.ndarray):
+        """Take (k,) errors of one sensor, and (cells, k) the parts of them that the cells have."""
+        self.errors, self.shares = tuple(errors), shares
+
+    @property
+    def sensor(self) -> str:
+        """Whose rays."""
+        return self.errors[0].target
+
+    @abstractmethod
+    def cells(self, points: np.ndarray) -> np.ndarray:
+        """Return (n,): which cell points (n, 3) in the sensor's frame are in."""
+
+
+class LayerField(RangeField):
+    """The layers of a LiDAR, each a cell."""
+
+    def __init__(self, layers: Sequence[LayerOffset]):
+        """Take the layers, the lowest first."""
+        super().__init__(layers, np.eye(len(layers)))
+        self._lowest = np.array([layer.low_rad for layer in layers])
+
+    def cells(self, points: np.ndarray) -> np.ndarray:
+        """Return (n,): which layer points (n, 3) in the sensor's frame are in."""
+        layer = np.searchsorted(self._lowest, elevations(points), side="right") - 1
+        return np.maximum(layer, 0)
+
+
+class WaveField(RangeField):
+    """The waves across a depth image, which is cut into cells far smaller than any of them."""
+
+    def __init__(self, waves: Sequence[DepthWave]):
+        """Take the waves of one camera."""
+        y, x = np.divmod(np.arange(_ACROSS * _ACROSS), _ACROSS)
+        middles = [(place + 0.5) / _ACROSS for place in (x, y)]
+        super().__init__(waves, np.column_stack([wave.height(*middles) for wave in waves]))
+        self._any = waves[0]
+
+    def cells(self, points: np.ndarray) -> np.ndarray:
+        """Return (n,): which cell of the image points (n, 3) in the camera's frame are in."""
+        x, y = (
+            np.clip((_ACROSS * self._any.across(points, axis)).astype(int), 0, _ACROSS - 1)
+            for axis in range(2)
+        )
+        return y * _ACROSS + x
 
 
 def layer_offsets(problem: Problem, sensor: str) -> List[LayerOffset]:

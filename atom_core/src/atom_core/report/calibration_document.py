@@ -135,6 +135,8 @@ def _edge(edge: EdgeResult) -> Dict[str, Any]:
         "quaternion_xyzw": se3.quaternion_from_rotation(matrix[:3, :3]).tolist(),
         "sigma_translation_m": edge.sigma_translation_m.tolist(),
         "sigma_rotation_rad": edge.sigma_rotation_rad.tolist(),
+        "combined_sigma_translation_m": edge.combined_sigma[TRANSLATION].tolist(),
+        "combined_sigma_rotation_rad": edge.combined_sigma[ROTATION].tolist(),
         "model_sigma_translation_m": edge.model_sigma[TRANSLATION].tolist(),
         "model_sigma_rotation_rad": edge.model_sigma[ROTATION].tolist(),
     }
@@ -145,6 +147,7 @@ def _parameter(parameter: ParameterResult) -> Dict[str, Any]:
         "value": parameter.value,
         "change": parameter.change,
         "sigma": parameter.sigma,
+        "combined_sigma": parameter.combined_sigma,
         "unit": parameter.unit,
     }
 

@@ -50,6 +50,7 @@ class EdgeResult:
         parent_T_child: (4, 4); of an edge with a value for each collection, the first.
         sigma: (6,) of turns [rad] and shifts [m] about and along the parent's axes.
         model_sigma: (6,) likewise, as the assumed noise has it.
+        combined_sigma: (6,) likewise, with usual errors of sensors and boards.
     """
 
     edge: Edge
@@ -58,6 +59,7 @@ class EdgeResult:
     parent_T_child: np.ndarray
     sigma: np.ndarray
     model_sigma: np.ndarray
+    combined_sigma: np.ndarray
 
     @property
     def sigma_rotation_rad(self) -> np.ndarray:
@@ -72,12 +74,20 @@ class EdgeResult:
 
 @dataclass(frozen=True)
 class ParameterResult:
-    """An estimated parameter of a joint or of a camera's intrinsics, in its unit."""
+    """An estimated parameter of a joint or of a camera's intrinsics, in its unit.
+
+    Attributes:
+        name, unit: of the parameter.
+        value, change: at the solution, and since the start.
+        sigma: standard deviation.
+        combined_sigma: likewise, with usual errors of sensors and boards.
+    """
 
     name: str
     value: float
     change: float
     sigma: float
+    combined_sigma: float
     unit: str
 
 
@@ -281,25 +291,34 @@ def _edge(calibration: Calibration, edge: Edge) -> EdgeResult:
         dataset.first_value(edge),
         sigma(calibration.covariance),
         sigma(calibration.covariance.of_model),
+        sigma(calibration.covariance.combined),
     )
 
 
 def _joints(calibration: Calibration) -> Dict[str, Tuple[ParameterResult, ...]]:
     found: Dict[str, Tuple[ParameterResult, ...]] = {}
     for i, block in calibration.problem.parameters.joint_blocks():
-        variance = np.diagonal(calibration.covariance.block(i))
+        sigma, combined = np.sqrt(np.minimum(_variances(calibration, i), _LARGEST_VARIANCE))
         now, before = (d.joint(block.joint) for d in (calibration.dataset, calibration.initial))
         found[block.joint] = found.get(block.joint, ()) + tuple(
             ParameterResult(
                 name,
                 now.parameters[name],
                 now.parameters[name] - before.parameters[name],
-                float(np.sqrt(min(variance[place], _LARGEST_VARIANCE))),
+                float(sigma[place]),
+                float(combined[place]),
                 now.unit(name),
             )
             for place, name in block.free_components
         )
     return found
+
+
+def _variances(calibration: Calibration, block: int) -> Tuple[np.ndarray, np.ndarray]:
+    """Return (6,) variances of a parameter block's numbers: as stated, and combined."""
+    covariance = calibration.covariance
+    stated, combined = (np.diagonal(c.block(block)) for c in (covariance, covariance.combined))
+    return stated, combined
 
 
 def _intrinsics(calibration: Calibration, sensor: str) -> Tuple[ParameterResult, ...]:
@@ -309,12 +328,12 @@ def _intrinsics(calibration: Calibration, sensor: str) -> Tuple[ParameterResult,
             continue
         now, before = (camera_of(d, sensor) for d in (calibration.dataset, calibration.initial))
         values = dict(zip(intrinsics_names(now), zip(*map(intrinsics_values, (now, before)))))
-        sigmas = block.sigmas(np.diagonal(calibration.covariance.block(i)), now)
+        sigma, combined = (block.sigmas(v, now) for v in _variances(calibration, i))
         for place, name in block.free_components:
             value, initial = values[name]
-            sigma = min(sigmas[name], _LARGEST_SIGMA)
+            sigmas = min(sigma[name], _LARGEST_SIGMA), min(combined[name], _LARGEST_SIGMA)
             change = float(value - initial)
-            found.append(ParameterResult(name, float(value), change, sigma, block.units[place]))
+            found.append(ParameterResult(name, float(value), change, *sigmas, block.units[place]))
     return tuple(found)
 
 

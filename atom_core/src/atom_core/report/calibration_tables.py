@@ -15,6 +15,7 @@ from atom_core.calibration.refine.moving_parts import moving_sentences
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import DetectionKey
 from atom_core.model.transforms import Edge
+from atom_core.problem.blocks import ROTATION, TRANSLATION
 from atom_core.problem.model_errors import METRE
 from atom_core.report.calibration_results import CalibrationResults, GroundTruth
 from atom_core.report.tables import ABSENT, text_table
@@ -65,15 +66,23 @@ def _edges_table(results: CalibrationResults) -> str:
     rows = []
     for edge in results.edges:
         sigmas = [
-            1e3 * float(np.max(edge.sigma_translation_m)),
-            math.degrees(float(np.max(edge.sigma_rotation_rad))),
+            figure
+            for sigma in (edge.sigma, edge.combined_sigma)
+            for figure in (
+                1e3 * float(np.max(sigma[TRANSLATION])),
+                math.degrees(float(np.max(sigma[ROTATION]))),
+            )
         ]
         state = "anchored" if edge.anchored else "estimated"
         position = edge.parent_T_child[:3, 3].tolist()
         rows.append([", ".join(edge.sensors), str(edge.edge), state, *position, *sigmas])
     headers = ["Sensors", "Edge (parent-child)", "", "x [m]", "y [m]", "z [m]"]
-    headers += ["sigma [mm]", "sigma [deg]"]
-    return text_table(headers, rows, "Calibrated edges (sigma: the largest of three axes)")
+    headers += ["sigma [mm]", "sigma [deg]", "combined [mm]", "combined [deg]"]
+    title = (
+        "Calibrated edges (sigma: what differs between collections; combined: with usual errors "
+        "of sensors and boards, too; the largest of three axes)"
+    )
+    return text_table(headers, rows, title)
 
 
 def _joints_table(results: CalibrationResults) -> List[str]:
@@ -81,9 +90,9 @@ def _joints_table(results: CalibrationResults) -> List[str]:
     for name, parameters in results.joints.items():
         for p in parameters:
             factor, unit = (1e3, "mm") if p.unit == "m" else (math.degrees(1.0), "deg")
-            numbers = [factor * value for value in (p.value, p.change, p.sigma)]
+            numbers = [factor * v for v in (p.value, p.change, p.sigma, p.combined_sigma)]
             rows.append([name, p.name, *numbers, unit])
-    headers = ["Joint", "Parameter", "Value", "Change", "Sigma", "Unit"]
+    headers = ["Joint", "Parameter", "Value", "Change", "Sigma", "Combined", "Unit"]
     return [text_table(headers, rows, "Calibrated joints")] if rows else []
 
 
@@ -109,9 +118,11 @@ def _intrinsics_table(results: CalibrationResults) -> List[str]:
     for name, sensor in results.sensors.items():
         for p in sensor.intrinsics:
             digits, unit = (3, "px") if p.unit == "px" else (6, "")
-            numbers = [f"{value:.{digits}f}" for value in (p.value, p.change, p.sigma)]
+            numbers = [
+                f"{value:.{digits}f}" for value in (p.value, p.change, p.sigma, p.combined_sigma)
+            ]
             rows.append([name, p.name, *numbers, unit])
-    headers = ["Camera", "Parameter", "Value", "Change", "Sigma", "Unit"]
+    headers = ["Camera", "Parameter", "Value", "Change", "Sigma", "Combined", "Unit"]
     return [text_table(headers, rows, "Calibrated intrinsics")] if rows else []
 
 
@@ -161,16 +172,16 @@ def _propagation_table(results: CalibrationResults) -> List[str]:
         cells[(pair.source, pair.target)] = _deviation(point)
     rows = [[source, *(cells.get((source, target)) for target in names)] for source in names]
     title = (
-        f"Standard deviation of a point {_PROPAGATED_M:g} m before the sensor on the left, carried "
-        f"to another"
+        f"Combined standard deviation of a point {_PROPAGATED_M:g} m before the sensor on the "
+        f"left, carried to another"
     )
     return [text_table(["From \\ to"] + names, rows, title)]
 
 
 def _deviation(point: PropagatedPoint) -> str:
-    if point.sigma_px is not None:
-        return f"{point.sigma_px:.2f} px"
-    return f"{1e3 * point.sigma_m:.2f} mm"
+    if point.combined_sigma_px is not None:
+        return f"{point.combined_sigma_px:.2f} px"
+    return f"{1e3 * point.combined_sigma_m:.2f} mm"
 
 
 def _outliers_line(results: CalibrationResults) -> List[str]:

@@ -19,12 +19,14 @@ class StatedError(NamedTuple):
         edge, sensors: which one, and who stands on it.
         error: (6,) calibrated minus true, turns [rad] and shifts [m] about the parent's axes.
         sigma: (6,) as stated.
+        combined_sigma: (6,) likewise, with usual errors of sensors and boards.
     """
 
     edge: Edge
     sensors: Tuple[str, ...]
     error: np.ndarray
     sigma: np.ndarray
+    combined_sigma: np.ndarray
 
     @property
     def translation_m(self) -> float:
@@ -34,7 +36,16 @@ class StatedError(NamedTuple):
     @property
     def in_sigmas(self) -> float:
         """The largest of the six numbers, each in its own sigma."""
-        return float(np.max(np.abs(self.error) / np.maximum(self.sigma, 1e-12)))
+        return _largest(self.error, self.sigma)
+
+    @property
+    def in_combined_sigmas(self) -> float:
+        """Likewise, in combined ones."""
+        return _largest(self.error, self.combined_sigma)
+
+
+def _largest(error: np.ndarray, sigma: np.ndarray) -> float:
+    return float(np.max(np.abs(error) / np.maximum(sigma, 1e-12)))
 
 
 def stated_errors(edges: Sequence[EdgeResult], truth: Truth) -> List[StatedError]:
@@ -46,5 +57,6 @@ def stated_errors(edges: Sequence[EdgeResult], truth: Truth) -> List[StatedError
             continue
         turn = se3.rotation_vector_from_rotation(result.parent_T_child[:3, :3] @ true[:3, :3].T)
         error = np.concatenate([turn, result.parent_T_child[:3, 3] - true[:3, 3]])
-        found.append(StatedError(result.edge, result.sensors, error, result.sigma))
+        sigmas = result.sigma, result.combined_sigma
+        found.append(StatedError(result.edge, result.sensors, error, *sigmas))
     return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from typing import Dict, Mapping
+from typing import Dict, Mapping, Optional
 
 import numpy as np
 
@@ -38,6 +38,7 @@ class Covariance:
         self._scale = scale
         self.error_sigmas: Dict[ModelError, float] = {}  # in their units, of those estimated
         self.of_model: Covariance = self  # as the assumed noise has it
+        self._combined: Optional[Covariance] = None
         # What elimination leaves of an unseen direction is rounding: measure it against before.
         diagonal = np.diagonal(equations.shared)[None]
         self._shared = _pseudo_inverse(reduced[None], diagonal)[0] if size else reduced
@@ -77,6 +78,25 @@ class Covariance:
         result._cross = self._cross * factors
         result.error_sigmas = {e: by_error.get(e, 1.0) * s for e, s in self.error_sigmas.items()}
         return result
+
+    def with_combined(self, systematic: np.ndarray) -> Covariance:
+        """Return the covariance, and as its `combined` one what is the same in all collections too.
+
+        Args:
+            systematic: (6 s, 6 s) covariance of that, of the shared blocks' numbers.
+        """
+        result, combined = copy.copy(self), copy.copy(self)
+        idle = self._layout.idle
+        systematic = systematic.copy()
+        systematic[idle], systematic[:, idle] = 0.0, 0.0  # they do not vary
+        combined._shared = self._shared + systematic / self._scale
+        result._combined = combined
+        return result
+
+    @property
+    def combined(self) -> Covariance:
+        """The covariance with what is the same in all collections, where that is known."""
+        return self._combined or self
 
     @property
     def shared(self) -> np.ndarray:

@@ -24,8 +24,9 @@ from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.error_columns import apply_errors, in_steps, in_units, within_reason
 from atom_core.solvers.insets import MOST_STEPS
 from atom_core.solvers.normal_equations import NormalEquations
+from atom_core.solvers.scalar_columns import Scalars, scalars_of
 from atom_core.solvers.scalars import JointScalars, joint_of
-from atom_core.solvers.shared_equations import Scalars, scalars_of, shares_of, tempered
+from atom_core.solvers.shared_equations import shares_of, tempered
 from atom_core.solvers.variance_components import scale_factors
 
 _ROUNDS = 30

@@ -18,7 +18,8 @@ from atom_core.solvers.assessment import Assessment, InsetColumn
 from atom_core.solvers.error_columns import ErrorColumn, prior_information, within_reason
 from atom_core.solvers.insets import MOST_STEPS
 from atom_core.solvers.normal_equations import Factor, NormalEquations, pulled_back
-from atom_core.solvers.shared_equations import Scalars, summed_columns
+from atom_core.solvers.scalar_columns import Scalars
+from atom_core.solvers.shared_equations import summed_columns
 
 Column = Union[InsetColumn, ErrorColumn]
 

@@ -7,17 +7,16 @@ wrong within one: how much they differ tells how sure the answer is without any 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Dict, Iterable, Iterator, List, Mapping, NamedTuple, Sequence, Tuple
+from dataclasses import dataclass, replace
+from typing import Iterable, Iterator, List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
 from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.camera_blocks import STATE_SIZE, TWIST_SIZE
-from atom_core.problem.model_errors import ModelError, rows_of
+from atom_core.problem.model_errors import ModelError
 from atom_core.problem.problem import Problem
-from atom_core.problem.residuals import BorderBlock, ResidualBlock
-from atom_core.solvers.error_columns import prior_information, row_weight
+from atom_core.solvers.error_columns import prior_information
 from atom_core.solvers.normal_equations import (
     DetectionParts,
     NormalEquations,
@@ -25,9 +24,9 @@ from atom_core.solvers.normal_equations import (
     assembled,
     summed,
 )
+from atom_core.solvers.scalar_columns import Scalars
 
-_AT_A_TIME = 64  # collections whose columns are in memory
-_NOTHING = np.zeros((0, 0))
+_AT_A_TIME, _ENTRIES = 64, 4_000_000  # collections, and numbers, of columns that are in memory
 _FLOOR = 1e-12  # of a matrix scaled to a unit diagonal: what is below is rounding
 
 
@@ -55,7 +54,9 @@ class SharedEquations:
         errors: the model errors.
         blocks: how many shared blocks there are.
         shared: how many numbers are not model errors.
-        parts: (g,) of each collection; none where they were not asked for.
+        of_fields: how many of the errors are of fields; they come last.
+        parts: (g,) of each collection, of other errors than those; none where they were not asked
+            for.
         gradient: (g, m).
         total: (m, m) information of all, with what is no collection's, such as a prior's.
         held_gradient: (m,) gradient that is no collection's.
@@ -65,120 +66,23 @@ class SharedEquations:
     errors: Tuple[ModelError, ...]
     blocks: int
     shared: int
+    of_fields: int
     parts: Tuple[CollectionPart, ...]
     gradient: np.ndarray
     total: np.ndarray
     held_gradient: np.ndarray
 
-
-class ScalarPart(NamedTuple):
-    """The columns beside the poses that one residual block has, summed by detection.
-
-    Attributes:
-        block: index of the residual block.
-        detection: (m,) detections that have rows in it.
-        columns: (k,) which of all scalars.
-        information: (m, k, k).
-        gradient: (m, k).
-        by_state: (m, c, k) what they and the detections' states have in common.
-    """
-
-    block: int
-    detection: np.ndarray
-    columns: np.ndarray
-    information: np.ndarray
-    gradient: np.ndarray
-    by_state: np.ndarray
-
-
-@dataclass(frozen=True)
-class Scalars:
-    """Insets of all border blocks and model errors, as columns at one vector.
-
-    Attributes:
-        x: the vector.
-        insets: how many are insets; they come first.
-        errors: the model errors that some row depends on.
-        parts: of every residual block that depends on any.
-    """
-
-    x: np.ndarray
-    insets: int
-    errors: Tuple[ModelError, ...]
-    parts: Tuple[ScalarPart, ...]
-
-    @property
-    def count(self) -> int:
-        """How many scalars there are."""
-        return self.insets + len(self.errors)
-
-
-def scalars_of(
-    problem: Problem,
-    x: np.ndarray,
-    sigmas: Sequence[np.ndarray],
-    loss: str,
-    errors: Sequence[ModelError],
-) -> Scalars:
-    """Return the columns at the vector x.
-
-    Args:
-        problem: whose rows.
-        x: the vector.
-        sigmas: for each residual block, (n,).
-        loss: robust loss.
-        errors: model errors to have as scalars, estimated or not; those that no row depends on are
-            dropped.
-    """
-    poses = problem.poses(x)
-    borders = [i for i, b in enumerate(problem.residual_blocks) if isinstance(b, BorderBlock)]
-    parts: List[ScalarPart] = []
-    linearised = problem.linearised_blocks(x, poses)  # one block at a time is in memory
-    for i, (block, (residual, by_state)) in enumerate(zip(problem.residual_blocks, linearised)):
-        rows = rows_of(block, poses, problem.patterns, residual, by_state)
-        columns: Dict[int, np.ndarray] = {}
-        if isinstance(block, BorderBlock):
-            across = np.abs(rows.outward) * block.steps_across(poses)
-            columns[borders.index(i)] = np.sum(across, axis=1, keepdims=True)
-        for number, error in enumerate(errors, len(borders)):
-            change = error.derivatives(rows)
-            if change is not None and np.any(change):
-                columns[number] = error.step * change
-        if columns:
-            weight = row_weight(residual, sigmas[i], loss)
-            parts.append(_part(block, i, columns, residual, by_state, weight))
-    used = sorted({int(n) for part in parts for n in part.columns} | set(range(len(borders))))
-    place = {number: new for new, number in enumerate(used)}
-    parts = [p._replace(columns=np.array([place[int(n)] for n in p.columns])) for p in parts]
-    kept = tuple(errors[n - len(borders)] for n in used[len(borders) :])
-    return Scalars(x, len(borders), kept, tuple(parts))
-
-
-def _part(
-    block: ResidualBlock,
-    index: int,
-    columns: Mapping[int, np.ndarray],
-    residual: np.ndarray,
-    by_state: np.ndarray,
-    weight: np.ndarray,
-) -> ScalarPart:
-    """Return the columns (n, dimension) of a block, by number, summed by detection."""
-    k, root = len(columns), np.sqrt(weight)[:, None]
-    rows = np.empty((*residual.shape, k + by_state.shape[2]))
-    for j, change in enumerate(columns.values()):
-        rows[:, :, j] = root * change
-    rows[:, :, k:] = root[:, :, None] * by_state
-    flat, values = rows.reshape(-1, rows.shape[2]), (residual * root).ravel()
-    detection, starts = np.unique(block.detection, return_index=True)
-    ends = block.dimension * np.append(starts[1:], block.count)
-    both = np.empty((len(detection), k, rows.shape[2]))
-    gradient = np.empty((len(detection), k))
-    for d, (start, end) in enumerate(zip(block.dimension * starts, ends)):
-        own = flat[start:end]
-        both[d] = own[:, :k].T @ own
-        gradient[d] = own[:, :k].T @ values[start:end]
-    common = np.swapaxes(both[:, :, k:], 1, 2)
-    return ScalarPart(index, detection, np.array(list(columns)), both[:, :, :k], gradient, common)
+    def without_fields(self) -> SharedEquations:
+        """Return what is said where the errors of fields are held."""
+        m = len(self.total) - self.of_fields
+        return replace(
+            self,
+            errors=self.errors[: m - self.shared],
+            of_fields=0,
+            gradient=self.gradient[:, :m],
+            total=self.total[:m, :m],
+            held_gradient=self.held_gradient[:m],
+        )
 
 
 def shared_equations(
@@ -216,7 +120,8 @@ def shared_equations(
         total[shared[:, None], shared] -= part.seen
         total[part.numbers[:, None], part.numbers] += part.information
         gradients.append(np.bincount(part.numbers, part.gradient, m))
-        parts[name] = CollectionPart(part.numbers, part.information if with_parts else _NOTHING)
+        kept = int(np.sum(part.numbers < m - scalars.of_fields)) if with_parts else 0
+        parts[name] = CollectionPart(part.numbers[:kept], part.information[:kept, :kept].copy())
     for j, error in enumerate(scalars.errors, m - len(scalars.errors)):
         prior = prior_information(error, priors)
         total[j, j] += prior
@@ -226,10 +131,9 @@ def shared_equations(
         scalars.errors,
         equations.layout.shared,
         m - len(scalars.errors),
+        scalars.of_fields,
         tuple(parts.values()) if with_parts else (),
-        np.array(gradients).reshape(-1, m),
-        total,
-        held_gradient,
+        *(np.array(gradients).reshape(-1, m), total, held_gradient),
     )
 
 
@@ -297,8 +201,13 @@ def summed_columns(
         detection, share = part.detection[mine], shares[part.block][mine, None]
         to, at, own = group[detection], part.columns, np.arange(part.by_state.shape[1])
         information = part.information[mine] * share[:, None]
-        np.add.at(result.information, (to[:, None, None], at[:, None], at), information)
-        np.add.at(result.gradient, (to[:, None], at), part.gradient[mine] * share)
+        slope = part.gradient[mine] * share
+        if len(np.unique(to)) == len(to):  # no two of a group: far faster
+            result.information[to[:, None, None], at[:, None], at] += information
+            result.gradient[to[:, None], at] += slope
+        else:
+            np.add.at(result.information, (to[:, None, None], at[:, None], at), information)
+            np.add.at(result.gradient, (to[:, None], at), slope)
         by_state = part.by_state[mine] * share[:, None]
         result.by_state[detection[:, None, None], own[:, None], at] += by_state
     return result
@@ -323,10 +232,11 @@ def _by_collection(
     columns = Columns(*(np.zeros((0, 0, 0)),) * 3)
     rounding = equations.local.shape[-1] * np.finfo(float).eps
     inverses = np.linalg.pinv(equations.local, rcond=rounding, hermitian=True)
+    at_a_time = int(np.clip(_ENTRIES // max(scalars.count, 1) ** 2, 1, _AT_A_TIME))
     for c, name in enumerate(names):
-        at = c % _AT_A_TIME
+        at = c % at_a_time
         if at == 0:
-            group = np.where(of_detection < c + _AT_A_TIME, of_detection - c, -1)
+            group = np.where(of_detection < c + at_a_time, of_detection - c, -1)
             columns = summed_columns(problem, scalars, shares, group)
         mine = np.flatnonzero(of_detection == c)
         beside = np.flatnonzero(np.diagonal(columns.information[at]))

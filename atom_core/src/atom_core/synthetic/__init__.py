@@ -11,7 +11,7 @@ from atom_core.synthetic.dataset import SyntheticDataset, disturbed, make_datase
 from atom_core.synthetic.memory import Sampling
 from atom_core.synthetic.noise import Noise
 from atom_core.synthetic.planted import Planted
-from atom_core.synthetic.realism import PLAIN, ROUGH, Realism
+from atom_core.synthetic.realism import PLAIN, ROUGH, SLIGHT, Realism
 from atom_core.synthetic.rig import LidarModel, Rig, Room
 from atom_core.synthetic.scenes import (
     board_on_arm,
@@ -28,6 +28,7 @@ from atom_core.synthetic.scenes import (
 __all__ = [
     "PLAIN",
     "ROUGH",
+    "SLIGHT",
     "LidarModel",
     "Noise",
     "Planted",

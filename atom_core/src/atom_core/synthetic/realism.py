@@ -96,6 +96,13 @@ class Realism:
 
 
 PLAIN = Realism()
+# Too little to be seen in one calibration, and too much for sigmas that know of noise alone.
+SLIGHT = Realism(
+    lidar_offset_sigma_m=0.004,
+    ring_offset_sigma_m=0.002,
+    depth_wave_m=0.002,
+    focal_sigma=0.0007,
+)
 ROUGH = Realism(
     lidar_offset_sigma_m=0.015,
     ring_offset_sigma_m=0.004,

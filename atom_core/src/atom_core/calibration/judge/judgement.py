@@ -11,6 +11,7 @@ from atom_core.calibration.judge.ambiguity import ambiguity
 from atom_core.calibration.judge.exclusion import Exclusion, exclusions
 from atom_core.calibration.judge.misfit import Misfit, misfits
 from atom_core.calibration.judge.reasons import Solution
+from atom_core.calibration.judge.usual_errors import usual_errors_covariance
 from atom_core.calibration.judge.weak_directions import (
     WeakDirection,
     weak_directions,
@@ -123,13 +124,15 @@ def judge(
 def _checked(
     initial: Dataset, refined: Refined, options: CalibrationOptions, covariance: Covariance
 ) -> Tuple[Covariance, List[ModelCheck]]:
-    """Return the covariance as the differences of the collections have it; and the model checks."""
+    """Return the covariance, robust and combined, and the model checks."""
     loss, estimated = refined.options.loss, tuple(refined.summary.model_errors)
     solution = checked(initial, refined.solver, refined.summary, refined.options)
     equations = solution.equations
     factors = sigma_factors(equations, solution.cautious, estimated)
     of_errors = dict(zip(estimated, factors[equations.shared :]))
     covariance = covariance.robust(factors[: BLOCK_SIZE * equations.blocks], of_errors)
+    usual = usual_errors_covariance(solution.with_fields, estimated, loss)
+    covariance = covariance.with_combined(usual)
     if options.model_errors == OFF:
         return covariance, []
     checks = solution.checks(refined.summary, loss)

@@ -8,7 +8,7 @@ point's deviation in the target is given in metres and, for cameras, in pixels.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import List, Mapping, NamedTuple, Optional, Sequence
+from typing import List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -34,6 +34,7 @@ class PropagatedPoint(NamedTuple):
         sigma_m: root mean squared displacement in the target's frame that the uncertainty of the
             calibration makes.
         sigma_px: the same in the target's image; None for LiDARs and where it is not visible.
+        combined_sigma_m, combined_sigma_px: likewise, with usual errors of sensors and boards.
     """
 
     distance_m: float
@@ -41,6 +42,8 @@ class PropagatedPoint(NamedTuple):
     visible: Optional[bool]
     sigma_m: float
     sigma_px: Optional[float]
+    combined_sigma_m: float
+    combined_sigma_px: Optional[float]
 
 
 @dataclass(frozen=True)
@@ -51,12 +54,14 @@ class SensorPair:
         source, target: names of the sensors.
         target_T_source: (4, 4) calibrated pose.
         twist_covariance: (6, 6) of its left twist (rotation [rad], move [m]) in the target.
+        combined_twist_covariance: (6, 6) likewise, with usual errors of sensors and boards.
     """
 
     source: str
     target: str
     target_T_source: np.ndarray
     twist_covariance: np.ndarray
+    combined_twist_covariance: np.ndarray
 
 
 def sensor_pairs(
@@ -77,10 +82,10 @@ def sensor_pairs(
     poses = parameters.poses(x)
     twists = parameters.twist_jacobians(x, poses)
     target_T_source, jacobians = chains.poses_and_jacobians(poses, twists)
-    covariances = covariance.states(chains.block, jacobians)
+    both = [c.states(chains.block, jacobians) for c in (covariance, covariance.combined)]
     return [
-        SensorPair(source.name, target.name, pose, twist)
-        for (source, target), pose, twist in zip(named, target_T_source, covariances)
+        SensorPair(source.name, target.name, pose, *twists)
+        for (source, target), pose, *twists in zip(named, target_T_source, *both)
     ]
 
 
@@ -113,13 +118,22 @@ def _carried(
     point_in_source = distance_m * rays[chosen]
     point = se3.apply(pair.target_T_source, point_in_source[None])
     by_twist = np.concatenate([-se3.skew(point[0]), np.eye(3)], axis=1)
-    displacement = by_twist @ pair.twist_covariance @ by_twist.T
-    sigma_px = None
+    by_point = None
     if target.camera is not None and visible:
         by_point = target.camera.project_with_jacobian(point)[1][0]
-        sigma_px = _root_trace(by_point @ displacement @ by_point.T)
+
+    def deviation(covariance: np.ndarray) -> Tuple[float, Optional[float]]:
+        displacement = by_twist @ covariance @ by_twist.T
+        if by_point is None:
+            return _root_trace(displacement), None
+        return _root_trace(displacement), _root_trace(by_point @ displacement @ by_point.T)
+
     return PropagatedPoint(
-        distance_m, point_in_source, visible, _root_trace(displacement), sigma_px
+        distance_m,
+        point_in_source,
+        visible,
+        *deviation(pair.twist_covariance),
+        *deviation(pair.combined_twist_covariance),
     )
 
 

@@ -23,7 +23,13 @@ from atom_core.problem.model_errors import (
     SeenBorder,
 )
 from atom_core.problem.problem import Problem
-from atom_core.problem.range_fields import depth_waves, layer_offsets
+from atom_core.problem.range_fields import (
+    LayerField,
+    RangeField,
+    WaveField,
+    depth_waves,
+    layer_offsets,
+)
 from atom_core.problem.residuals import BorderBlock
 
 _NUMBERS = {
@@ -67,15 +73,17 @@ def candidates(dataset: Dataset, problem: Problem, x: np.ndarray) -> List[ModelE
     return found
 
 
-def many_small(dataset: Dataset, problem: Problem) -> List[ModelError]:
-    """Return the errors of range sensors that differ from ray to ray (`range_fields.py`)."""
-    found: List[ModelError] = []
+def range_fields(dataset: Dataset, problem: Problem) -> List[RangeField]:
+    """Return the errors of range sensors that differ from ray to ray, by sensor."""
+    found: List[RangeField] = []
     for name in dict.fromkeys(block.sensor for block in problem.residual_blocks):
         sensor = dataset.sensors[name]
         if sensor.kind.can_estimate_range_offset:
-            found += layer_offsets(problem, name)
+            layers = layer_offsets(problem, name)
+            if layers:
+                found.append(LayerField(layers))
         elif sensor.kind.measures_range and sensor.camera is not None:
-            found += depth_waves(name, sensor.camera)
+            found.append(WaveField(depth_waves(name, sensor.camera)))
     return found
 
 

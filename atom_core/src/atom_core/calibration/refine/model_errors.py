@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import List, Sequence, Tuple
 
-from atom_core.calibration.refine.candidates import candidates, many_small, nuisances
+from atom_core.calibration.refine.candidates import candidates, nuisances, range_fields
 from atom_core.calibration.refine.error_words import described
 from atom_core.calibration.refine.model_checks import ModelCheck, model_checks
 from atom_core.model.dataset import Dataset
@@ -21,7 +21,8 @@ from atom_core.solvers.base import (
 )
 from atom_core.solvers.detection_noise import weighted_by_detections
 from atom_core.solvers.reweighting import solve_again
-from atom_core.solvers.shared_equations import SharedEquations, scalars_of, shared_equations
+from atom_core.solvers.scalar_columns import scalars_of
+from atom_core.solvers.shared_equations import SharedEquations, shared_equations
 
 _MOST = 12
 # What the rows of a detection may have in common, be the sensor and the labels ever so good: what
@@ -36,10 +37,12 @@ class CheckedSolution:
     Attributes:
         equations: as it was weighted.
         cautious: with what the rows of a detection may have in common.
+        with_fields: as it was weighted, with the errors that differ from ray to ray as well.
     """
 
     equations: SharedEquations
     cautious: SharedEquations
+    with_fields: SharedEquations
 
     def checks(self, summary: SolverSummary, loss: str) -> List[ModelCheck]:
         """Return the model errors that the data show, what explains most first."""
@@ -58,16 +61,21 @@ def checked(
         options: robust loss, and priors of the model errors that it has estimated.
     """
     problem, x, sigmas, loss = solver.problem, summary.x, summary.sigmas, options.loss
-    errors: List[ModelError] = [*summary.model_errors]
-    errors += [e for e in candidates(dataset, problem, x) if e not in summary.model_errors]
-    scalars = scalars_of(problem, x, sigmas, loss, [*errors, *nuisances(problem)])
+    known: List[ModelError] = [*summary.model_errors]
+    errors = known + [e for e in candidates(dataset, problem, x) if e not in known]
+    fields = [f for f in range_fields(dataset, problem) if f.errors[0] not in known]
+    errors += nuisances(problem)
+    scalars = scalars_of(problem, x, sigmas, loss, errors, fields)
     equations = solver.equations(x, sigmas, loss)
     blocks, priors = problem.residual_blocks, options.error_priors
     common = summary.common or [0.0] * len(blocks)
     at_least = [max(part, COMMON[block.kind]) for part, block in zip(common, blocks)]
+    every = shared_equations(problem, equations, scalars, sigmas, priors, common)
+    few = scalars.without_fields()
     return CheckedSolution(
-        shared_equations(problem, equations, scalars, sigmas, priors, common),
-        shared_equations(problem, equations, scalars, sigmas, priors, at_least, with_parts=False),
+        every.without_fields(),
+        shared_equations(problem, equations, few, sigmas, priors, at_least, with_parts=False),
+        every,
     )
 
 
@@ -110,7 +118,8 @@ def with_usual_errors(
         return summary, setup
     problem, known = solver.problem, summary.model_errors
     rest = [e for e in candidates(dataset, problem, summary.x) if e not in known and e.is_scalar]
-    rest += [e for e in many_small(dataset, problem) if e not in known]
+    small = [error for field in range_fields(dataset, problem) for error in field.errors]
+    rest += [e for e in small if e not in known]
     rest = list(scalars_of(problem, summary.x, summary.sigmas, setup.options.loss, rest).errors)
     options = setup.options
     setup = replace(

@@ -22,7 +22,8 @@ from atom_core.problem.residuals import OrthogonalBlock
 from atom_core.solvers import losses
 from atom_core.solvers.base import Solver, SolverOptions, SolverSummary
 from atom_core.solvers.error_columns import row_weight
-from atom_core.solvers.shared_equations import inverse, scalars_of, shared_equations
+from atom_core.solvers.scalar_columns import scalars_of
+from atom_core.solvers.shared_equations import inverse, shared_equations
 
 _CELLS = (16, 12)  # of the image, in x and y
 _OF_PLANE = 3

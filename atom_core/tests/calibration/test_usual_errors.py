@@ -1,0 +1,110 @@
+"""Errors too small to be seen are in the combined sigmas."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("atom_core._core", reason="thousands of points to label")
+
+from atom_core.calibration.calibrate import calibrate
+from atom_core.calibration.judge.usual_errors import usual_errors_covariance
+from atom_core.calibration.options import AUTO, CalibrationOptions
+from atom_core.calibration.refine.candidates import candidates, range_fields
+from atom_core.problem.model_errors import RangeOffset
+from atom_core.report.calibration_results import calibration_results
+from atom_core.report.stated_errors import stated_errors
+from atom_core.solvers.choice import SOLVERS, default_solver
+from atom_core.solvers.scalar_columns import scalars_of
+from atom_core.solvers.shared_equations import shared_equations
+from atom_core.synthetic import ROUGH, SLIGHT, paper_cell, random_scene
+
+LOSS = "cauchy"
+
+
+def stated(scene, **options):
+    result = calibrate(scene.dataset, CalibrationOptions(**options))
+    return stated_errors(calibration_results(result, default_solver()).edges, scene.truth), result
+
+
+def all_of(errors, name):
+    return np.abs(np.concatenate([error.error / getattr(error, name) for error in errors]))
+
+
+@pytest.mark.parametrize(
+    "rigs", [3, pytest.param(40, id="40 rigs", marks=pytest.mark.long)], ids=str
+)
+@pytest.mark.parametrize("realism", [SLIGHT, ROUGH], ids=["slight", "rough"])
+def test_what_no_check_can_see_is_in_the_combined_sigmas(realism, rigs):
+    """Up to 12 of the other sigmas were seen in slight rigs, and 21 in rough ones."""
+    errors = [
+        error
+        for seed in range(rigs)
+        for error in stated(random_scene(seed, collections=12, realism=realism))[0]
+    ]
+    combined, other = all_of(errors, "combined_sigma"), all_of(errors, "sigma")
+    assert np.mean(combined < 1.96) >= 0.95 and np.max(combined) < 3.0
+    assert np.mean(other < 1.96) < 0.95  # else there is nothing to see
+
+
+def test_they_are_larger_than_the_others_and_small_where_the_boards_tell():
+    errors, result = stated(paper_cell(1))
+    assert result.status == "converged"
+    for error in errors:
+        assert np.all(error.combined_sigma >= error.sigma)
+        assert np.max(error.combined_sigma[3:]) < 0.004  # 20 mm of range offset are usual
+
+
+def equations_of(result, errors, fields):
+    solver, summary = SOLVERS["scipy"](result.problem), result.summary
+    equations = solver.equations(summary.x, summary.sigmas, LOSS)
+    scalars = scalars_of(result.problem, summary.x, summary.sigmas, LOSS, errors, fields)
+    common = [0.0] * len(result.problem.residual_blocks)
+    return shared_equations(result.problem, equations, scalars, summary.sigmas, {}, common)
+
+
+@pytest.fixture(scope="module")
+def solved():
+    return calibrate(random_scene(0, collections=10).dataset)
+
+
+def test_cells_of_rays_say_what_the_rays_say(solved):
+    fields = range_fields(solved.dataset, solved.problem)
+    assert {field.sensor for field in fields} == {"depth_1", "lidar_1"}
+    single = [RangeOffset("lidar_1")]
+    small = [error for field in fields for error in field.errors]
+    exact = equations_of(solved, [*single, *small], [])
+    found = equations_of(solved, single, fields)
+    assert found.errors == exact.errors and found.of_fields == len(small)
+    scale = np.sqrt(np.maximum(np.diagonal(exact.total), 1e-30))
+    difference = (found.total - exact.total) / scale[:, None] / scale
+    assert np.max(np.abs(difference)) < 0.02
+    slopes = (found.gradient - exact.gradient).sum(axis=0) / scale
+    assert np.max(np.abs(slopes)) < 0.3  # where noise alone makes it 1
+
+
+def test_without_them_the_equations_are_those_of_the_others(solved):
+    fields = range_fields(solved.dataset, solved.problem)
+    without = equations_of(solved, [RangeOffset("lidar_1")], fields).without_fields()
+    exact = equations_of(solved, [RangeOffset("lidar_1")], [])
+    assert without.errors == exact.errors
+    np.testing.assert_allclose(without.total, exact.total, atol=1e-6 * np.max(exact.total))
+    for part, other in zip(without.parts, exact.parts):
+        np.testing.assert_array_equal(part.numbers, other.numbers)
+        np.testing.assert_allclose(part.information, other.information, rtol=1e-6, atol=1e-3)
+
+
+def test_what_is_estimated_is_not_counted_twice(solved):
+    errors = candidates(solved.dataset, solved.problem, solved.summary.x)
+    equations = equations_of(solved, errors, [])
+    every = usual_errors_covariance(equations, [], LOSS)
+    none = usual_errors_covariance(equations, errors, LOSS)
+    assert np.all(np.diagonal(none) == 0.0)
+    assert np.max(np.diagonal(every)) > 0.0
+    assert np.min(np.linalg.eigvalsh(every)) > -1e-9 * np.max(every)
+
+
+def test_auto_has_them_in_the_solution():
+    scene = random_scene(2, collections=12, realism=SLIGHT)
+    errors, _ = stated(scene, model_errors=AUTO)
+    for error in errors:
+        np.testing.assert_allclose(error.combined_sigma, error.sigma, rtol=0.2)
+        assert error.in_combined_sigmas < 3.0
