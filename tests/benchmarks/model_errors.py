@@ -79,7 +79,7 @@ SCENES: Dict[str, Callable[[int], SyntheticDataset]] = {
     "cell, rough": lambda seed: paper_cell(seed, realism=ROUGH, disturbance=DISTURBANCE),
     "16 collections, slight": lambda seed: random_scene(seed, collections=16, realism=SLIGHT),
     "16 collections, rough": lambda seed: random_scene(seed, collections=16, realism=ROUGH),
-    "6 collections, slight": lambda seed: random_scene(seed, collections=6, realism=SLIGHT),
+    "8 collections, slight": lambda seed: random_scene(seed, collections=8, realism=SLIGHT),
 }
 
 

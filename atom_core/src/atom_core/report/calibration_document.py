@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Any, Dict, List, Mapping
+from typing import Any, Dict, List, Mapping, Sequence
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from atom_core.report.calibration_results import (
 from atom_core.report.ground_truth_document import ground_truth_document
 
 VERSION = "1.0"
+_COMBINED = "combined_sigma"
 
 
 def calibration_document(results: CalibrationResults, options: Mapping[str, Any]) -> Dict[str, Any]:
@@ -42,10 +43,7 @@ def calibration_document(results: CalibrationResults, options: Mapping[str, Any]
         "message": calibration.message,
         "solver": _solver(results),
         "edges": {str(edge.edge): _edge(edge) for edge in results.edges},
-        "joints": {
-            name: {p.name: _parameter(p) for p in parameters}
-            for name, parameters in results.joints.items()
-        },
+        "joints": {name: _parameters(joint) for name, joint in results.joints.items()},
         "sensors": {name: _sensor(sensor) for name, sensor in results.sensors.items()},
         "collections": {key: _collection(value) for key, value in results.collections.items()},
         "propagation": _propagation(results),
@@ -68,6 +66,16 @@ def calibration_document(results: CalibrationResults, options: Mapping[str, Any]
     }
     if results.ground_truth is not None:
         document["ground_truth"] = ground_truth_document(results.ground_truth)
+    return document if results.has_combined_sigmas else _without_combined(document)
+
+
+def _without_combined(document: Any) -> Any:
+    """Return a document without the sigmas that would say more than is known."""
+    if isinstance(document, dict):
+        kept = {key: v for key, v in document.items() if not str(key).startswith(_COMBINED)}
+        return {key: _without_combined(value) for key, value in kept.items()}
+    if isinstance(document, list):
+        return [_without_combined(value) for value in document]
     return document
 
 
@@ -142,14 +150,9 @@ def _edge(edge: EdgeResult) -> Dict[str, Any]:
     }
 
 
-def _parameter(parameter: ParameterResult) -> Dict[str, Any]:
-    return {
-        "value": parameter.value,
-        "change": parameter.change,
-        "sigma": parameter.sigma,
-        "combined_sigma": parameter.combined_sigma,
-        "unit": parameter.unit,
-    }
+def _parameters(parameters: Sequence[ParameterResult]) -> Dict[str, Dict[str, Any]]:
+    keys = ("value", "change", "sigma", "combined_sigma", "unit")
+    return {p.name: {key: getattr(p, key) for key in keys} for p in parameters}
 
 
 def _sensor(sensor: SensorResult) -> Dict[str, Any]:
@@ -164,7 +167,7 @@ def _sensor(sensor: SensorResult) -> Dict[str, Any]:
         document["range_offset_m"] = sensor.range_offset.offset_m
         document["sigma_range_offset_m"] = sensor.range_offset.sigma_m
     if sensor.intrinsics:
-        document["intrinsics"] = {p.name: _parameter(p) for p in sensor.intrinsics}
+        document["intrinsics"] = _parameters(sensor.intrinsics)
     return {**document, "sigma": dict(sensor.sigma)}
 
 

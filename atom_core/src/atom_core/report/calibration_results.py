@@ -50,7 +50,8 @@ class EdgeResult:
         parent_T_child: (4, 4); of an edge with a value for each collection, the first.
         sigma: (6,) of turns [rad] and shifts [m] about and along the parent's axes.
         model_sigma: (6,) likewise, as the assumed noise has it.
-        combined_sigma: (6,) likewise, with usual errors of sensors and boards.
+        combined_sigma: (6,) likewise, with usual errors of sensors and boards; as `sigma` where
+            nothing is known of them.
     """
 
     edge: Edge
@@ -205,6 +206,11 @@ class CalibrationResults:
     ground_truth: Optional[GroundTruth]
     warnings: Tuple[str, ...]
     seconds: Mapping[str, float]
+
+    @property
+    def has_combined_sigmas(self) -> bool:
+        """Whether usual errors of sensors and boards are known: with variances as weights alone."""
+        return self.calibration.covariance.has_combined
 
 
 def calibration_results(

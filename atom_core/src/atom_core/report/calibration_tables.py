@@ -17,7 +17,7 @@ from atom_core.model.labels import DetectionKey
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import ROTATION, TRANSLATION
 from atom_core.problem.model_errors import METRE
-from atom_core.report.calibration_results import CalibrationResults, GroundTruth
+from atom_core.report.calibration_results import CalibrationResults, GroundTruth, ParameterResult
 from atom_core.report.tables import ABSENT, text_table
 
 _PROPAGATED_M = 2.0  # the distance whose deviations are shown
@@ -63,11 +63,11 @@ def calibration_report(results: CalibrationResults, verbose: bool = False) -> st
 
 
 def _edges_table(results: CalibrationResults) -> str:
-    rows = []
+    rows, known = [], results.has_combined_sigmas
     for edge in results.edges:
         sigmas = [
             figure
-            for sigma in (edge.sigma, edge.combined_sigma)
+            for sigma in (edge.sigma, *([edge.combined_sigma] if known else []))
             for figure in (
                 1e3 * float(np.max(sigma[TRANSLATION])),
                 math.degrees(float(np.max(sigma[ROTATION]))),
@@ -77,12 +77,15 @@ def _edges_table(results: CalibrationResults) -> str:
         position = edge.parent_T_child[:3, 3].tolist()
         rows.append([", ".join(edge.sensors), str(edge.edge), state, *position, *sigmas])
     headers = ["Sensors", "Edge (parent-child)", "", "x [m]", "y [m]", "z [m]"]
-    headers += ["sigma [mm]", "sigma [deg]", "combined [mm]", "combined [deg]"]
-    title = (
-        "Calibrated edges (sigma: what differs between collections; combined: with usual errors "
-        "of sensors and boards, too; the largest of three axes)"
-    )
-    return text_table(headers, rows, title)
+    headers += ["sigma [mm]", "sigma [deg]"]
+    meaning = "sigma: "
+    if known:
+        headers += ["combined [mm]", "combined [deg]"]
+        meaning += (
+            "what differs between collections; combined: with usual errors of sensors and boards, "
+            "too; "
+        )
+    return text_table(headers, rows, f"Calibrated edges ({meaning}the largest of three axes)")
 
 
 def _joints_table(results: CalibrationResults) -> List[str]:
@@ -90,10 +93,20 @@ def _joints_table(results: CalibrationResults) -> List[str]:
     for name, parameters in results.joints.items():
         for p in parameters:
             factor, unit = (1e3, "mm") if p.unit == "m" else (math.degrees(1.0), "deg")
-            numbers = [factor * v for v in (p.value, p.change, p.sigma, p.combined_sigma)]
+            numbers = [factor * v for v in _figures(results, p)]
             rows.append([name, p.name, *numbers, unit])
-    headers = ["Joint", "Parameter", "Value", "Change", "Sigma", "Combined", "Unit"]
+    headers = ["Joint", "Parameter", *_figure_names(results), "Unit"]
     return [text_table(headers, rows, "Calibrated joints")] if rows else []
+
+
+def _figures(results: CalibrationResults, parameter: ParameterResult) -> List[float]:
+    figures = [parameter.value, parameter.change, parameter.sigma]
+    return figures + ([parameter.combined_sigma] if results.has_combined_sigmas else [])
+
+
+def _figure_names(results: CalibrationResults) -> List[str]:
+    names = ["Value", "Change", "Sigma"]
+    return names + (["Combined"] if results.has_combined_sigmas else [])
 
 
 def _sensors_table(results: CalibrationResults) -> str:
@@ -118,11 +131,9 @@ def _intrinsics_table(results: CalibrationResults) -> List[str]:
     for name, sensor in results.sensors.items():
         for p in sensor.intrinsics:
             digits, unit = (3, "px") if p.unit == "px" else (6, "")
-            numbers = [
-                f"{value:.{digits}f}" for value in (p.value, p.change, p.sigma, p.combined_sigma)
-            ]
+            numbers = [f"{value:.{digits}f}" for value in _figures(results, p)]
             rows.append([name, p.name, *numbers, unit])
-    headers = ["Camera", "Parameter", "Value", "Change", "Sigma", "Combined", "Unit"]
+    headers = ["Camera", "Parameter", *_figure_names(results), "Unit"]
     return [text_table(headers, rows, "Calibrated intrinsics")] if rows else []
 
 
@@ -172,8 +183,8 @@ def _propagation_table(results: CalibrationResults) -> List[str]:
         cells[(pair.source, pair.target)] = _deviation(point)
     rows = [[source, *(cells.get((source, target)) for target in names)] for source in names]
     title = (
-        f"Combined standard deviation of a point {_PROPAGATED_M:g} m before the sensor on the "
-        f"left, carried to another"
+        f"{'Combined standard' if results.has_combined_sigmas else 'Standard'} deviation of a "
+        f"point {_PROPAGATED_M:g} m before the sensor on the left, carried to another"
     )
     return [text_table(["From \\ to"] + names, rows, title)]
 

@@ -33,7 +33,8 @@ def _comment(results: CalibrationResults, edge: EdgeResult) -> str:
     """
     move = ", ".join(f"{1e3 * s:.2g}" for s in edge.combined_sigma[TRANSLATION])
     turn = ", ".join(f"{np.rad2deg(s):.2g}" for s in edge.combined_sigma[ROTATION])
-    text = f"calibrated; combined sigma x y z: {move} mm, about x y z: {turn} deg"
+    sort = "combined sigma" if results.has_combined_sigmas else "sigma"
+    text = f"calibrated; {sort} x y z: {move} mm, about x y z: {turn} deg"
     anchored = results.calibration.free.anchored_sensors
     reference = anchored[0] if anchored else next(iter(results.sensors))
     for pair in results.propagation:

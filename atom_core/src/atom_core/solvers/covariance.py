@@ -94,6 +94,11 @@ class Covariance:
         return result
 
     @property
+    def has_combined(self) -> bool:
+        """Whether it is known what is the same in all collections."""
+        return self._combined is not None
+
+    @property
     def combined(self) -> Covariance:
         """The covariance with what is the same in all collections, where that is known."""
         return self._combined or self
