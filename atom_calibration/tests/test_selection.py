@@ -80,6 +80,13 @@ def test_a_board_that_moved_during_the_skew_is_refused_with_sensor_and_time():
         check_still({"a": frames[1], "b": frames[3]}, recent(*frames), Moment(0.0, 1.0, 0.5))
 
 
+def test_a_board_that_swings_back_to_where_it_was_is_refused():
+    frames = [frame("a", t, shift) for t, shift in ((0.0, 0.0), (0.4, 30.0), (0.8, 0.0))]
+    other = frame("b", 0.6)
+    with pytest.raises(CollectionError, match=r"moved by .* sigmas"):
+        check_still({"a": frames[1], "b": other}, recent(*frames, other), Moment(0.0, 1.0, 0.5))
+
+
 def test_what_no_sensor_saw_twice_is_refused():
     frames = {"a": frame("a", 0.0), "b": frame("b", 0.2)}
     with pytest.raises(CollectionError, match="no sensor saw the board twice"):

@@ -212,16 +212,20 @@ class RecentFrames:
         )
 
     def speeds(self, start_s: float, end_s: float) -> Dict[Tuple[str, str], float]:
-        """Return how fast the board moved [sigmas / s] by (sensor, pattern), where it shows."""
+        """Return how fast the board moved [sigmas / s] by (sensor, pattern), where it shows.
+
+        Its greatest distance from where it was first counts: a board that swings may end there.
+        """
         ends: Dict[Tuple[str, str], List[Tuple[float, Sighting]]] = {}
         for stamp, sensor, pattern, sighting in self._sightings:
             if start_s - _EPSILON_S <= stamp <= end_s + _EPSILON_S:
                 ends.setdefault((sensor, pattern), []).append((stamp, sighting))
         speeds = {}
         for key, seen in ends.items():
-            (first_s, first), (last_s, last) = seen[0], seen[-1]
+            (first_s, first), last_s = seen[0], seen[-1][0]
             if last_s > first_s:
-                speeds[key] = motion(first, last) / (last_s - first_s)
+                farthest = max(motion(first, other) for _, other in seen[1:])
+                speeds[key] = farthest / (last_s - first_s)
         return speeds
 
 
