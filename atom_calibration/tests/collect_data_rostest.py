@@ -107,6 +107,9 @@ class CollectDataTest(unittest.TestCase):
             self.assertEqual(sensor.modality, self.scene.sensors[sensor.name].modality)
             self.assertGreater(sensor.patterns[0].points, 20)
             self.assertGreater(sensor.stamp.to_sec(), 999.0)
+            self.assertRegex(sensor.patterns[0].view, r"\d m")
+            is_camera = sensor.modality == "rgb"
+            self.assertEqual("blur" in sensor.patterns[0].view, is_camera)
 
     def test_2_a_collection_is_saved_with_all_that_is_seen(self):
         self.show(FIRST)

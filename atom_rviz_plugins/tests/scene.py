@@ -155,9 +155,9 @@ class Scene:
         state.header.stamp = now
         state.collections = len(self._collections)
         lidar = SensorState("my_lidar", "lidar3d", "/lidar/points", "lidar", now, [], [])
-        lidar.patterns = [PatternState("board", False, "fewer than 10 points near the seed", 0)]
+        lidar.patterns = [PatternState("board", False, "fewer than 10 points near the seed", 0, "")]
         camera = SensorState("camera", "rgb", "/camera", "camera", now, [], [])
-        camera.patterns = [PatternState("board", True, "", 48)]
+        camera.patterns = [PatternState("board", True, "", 48, "blur 0.8 px, 2.1 m, 34 deg")]
         scanner = SensorState("my_scanner", "lidar2d", "/scanner/scan", "scanner", now, [], [])
         state.sensors = [camera, scanner, lidar]
         state.message = "Ready."

@@ -58,6 +58,7 @@ TEST(SensorTable, TellsWhatEachSensorSees) {
   CollectorState state;
   state.sensors = {sensor_of("cam", "rgb", kNow_s - 0.2), sensor_of("lidar", "lidar3d", kNow_s)};
   state.sensors[0].patterns = {pattern_of("board", 48, "")};
+  state.sensors[0].patterns[0].view = "blur 0.8 px, 2.1 m, 34 deg";
   state.sensors[1].patterns = {pattern_of("board", 0, "fewer than 10 points")};
   const Table table = sensor_table(state, kNow_s);
   expect_rectangular(table);
@@ -66,6 +67,7 @@ TEST(SensorTable, TellsWhatEachSensorSees) {
   EXPECT_EQ(table.rows[0].cells[2].text, "48");
   EXPECT_EQ(table.rows[0].cells[2].tone, Tone::kGood);
   EXPECT_EQ(table.rows[0].cells[4].text, "0.2 s");
+  EXPECT_EQ(table.rows[0].cells[5].text, "blur 0.8 px, 2.1 m, 34 deg");
   EXPECT_EQ(table.rows[1].cells[2].tone, Tone::kBad);
   EXPECT_EQ(table.rows[1].cells[5].text, "fewer than 10 points");
 }

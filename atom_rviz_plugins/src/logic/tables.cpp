@@ -53,7 +53,7 @@ Row sensor_row(const SensorState& sensor, const PatternState* pattern, double no
            sees,
            seed_cell(sensor),
            age_cell(sensor, now_s),
-           {detected ? "" : reason, Tone::kPlain, reason}}};
+           {detected ? pattern->view : reason, Tone::kPlain, reason}}};
 }
 
 Cell detection_cell(const CollectionState& collection, const std::string& sensor) {

@@ -11,6 +11,7 @@ from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Proto
 import numpy as np
 
 from atom_calibration.collect.joint_positions import joint_states
+from atom_calibration.collect.quality import QualityLog
 from atom_calibration.collect.selection import (
     Moment,
     RecentFrames,
@@ -92,6 +93,7 @@ class Collector:
         taken: number of detections by sensor, in the collections taken.
         refused: why moments became no collection.
         repeated: number of moments whose data are those of the collection before.
+        quality: how well each sensor sees the board, and advice.
         apart_ms: by sensor that saw the board and is not in a collection, how long all stamps of
             that collection would last with its own.
     """
@@ -109,6 +111,7 @@ class Collector:
         self.refused: List[str] = []
         self.repeated = 0
         self.apart_ms: Dict[str, List[float]] = {}
+        self.quality = QualityLog(setup.config, setup.sensors, setup.patterns, setup.warn)
         self._doubtful: List[Tuple[Moment, str]] = []  # looked like a stop to some sensor
         self._done: List[Moment] = []
 
@@ -180,6 +183,10 @@ class Collector:
             self.apart_ms.setdefault(name, []).append(1000.0 * apart_s)
         self._last = (key, chosen)
         self._remember(key, chosen)
+        speeds = self._recent.speeds(moment.start_s, moment.end_s)
+        tree = setup.transforms(min(frame.stamp_s for frame in chosen.values()))
+        self.quality.add(key, chosen, speeds, tree)
+        self.quality.write(setup.store.folder)
         return key
 
     def delete(self, key: str) -> None:
@@ -194,6 +201,8 @@ class Collector:
             self._last = ("", {})
         self._seeds.pop(key, None)
         self._write_seeds()
+        self.quality.delete(key)
+        self.quality.write(self._setup.store.folder)
 
     def _is_known(self, moment: Moment, chosen: Mapping[str, Frame]) -> bool:
         """Tell whether a moment gives the collection before once more."""

@@ -82,4 +82,6 @@ def summary(collector: Collector, keys: List[str]) -> List[str]:
         if not count and collector.reasons[name]:
             why = f"  never: {collector.reasons[name].most_common(1)[0][0]}"
         lines.append(f"{name:16} {count:4d}{why}")
-    return lines
+    figures = list(collector.quality.summary())
+    advice = [f"advice: {line}" for line in collector.quality.advice()]
+    return [*lines, *([""] + figures if figures else []), *([""] + advice if advice else [])]

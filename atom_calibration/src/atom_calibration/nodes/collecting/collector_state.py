@@ -18,6 +18,7 @@ from atom_calibration.msg import (
     SensorState,
 )
 from atom_core.io.collections import CollectionStore, StoredCollection
+from atom_core.labeling.view_quality import described
 from atom_core.model.config import CalibrationConfig
 
 _EVERY_S = 0.5  # of the wall's clock: one that is simulated may stand still
@@ -87,7 +88,13 @@ class StateBoard:
         state.modality, state.stamp = labels.modality, labels.header.stamp
         state.manual_seed = labels.manual_seed
         state.patterns = [
-            PatternState(part.pattern_name, part.detected, part.reason, point_count(part))
+            PatternState(
+                part.pattern_name,
+                part.detected,
+                part.reason,
+                point_count(part),
+                described(dict(zip(part.quality_names, part.quality_values))),
+            )
             for part in labels.patterns
         ]
         return state

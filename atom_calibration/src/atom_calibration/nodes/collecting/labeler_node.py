@@ -11,6 +11,7 @@ import rospy
 from sensor_msgs.msg import Image, PointCloud2
 
 from atom_calibration.errors import CollectionError, MessageError
+from atom_calibration.labels.board_figures import add_figures
 from atom_calibration.labels.frame_labeler import FrameLabeler
 from atom_calibration.labels.label_messages import labels_message
 from atom_calibration.messages.headers import stamp_s
@@ -94,6 +95,7 @@ class LabelerNode:
             rate_hz: labels a second at most, by the stamps of the data.
         """
         ((self._topic, sensor),) = rig.topics.items()
+        self._config = config
         self._sensor, self._links, self._period_s = sensor, links, _SOONER / rate_hz
         self._patterns = {
             name: pattern_from_config(name, entry)
@@ -184,6 +186,8 @@ class LabelerNode:
             while self._links.sights:
                 self._note_board(*self._links.sights.popleft())
             self._labeler.label(frame, self._transforms.at(frame.stamp_s))
+            for name, pattern in self._patterns.items():
+                add_figures(frame, pattern, self._config.calibration_patterns[name])
             for text in self._labeler.relocated.values():
                 rospy.logwarn_once(text)
         except (LabelingError, CollectionError) as error:

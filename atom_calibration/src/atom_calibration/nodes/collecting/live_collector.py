@@ -243,7 +243,9 @@ class LiveCollector:
 
     def _taken(self, key: str) -> None:
         self._board.collections_changed()
-        self._tell(f"collection {key} is taken")
+        seen, advice = self.collector.quality.of_one(key), self.collector.quality.advice()
+        text = f"collection {key} is taken" + (f": {seen}" if seen else "")
+        self._tell("\n".join([text, *advice]))
 
     # --- requests ---------------------------------------------------------------------------
 

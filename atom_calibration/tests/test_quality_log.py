@@ -1,0 +1,169 @@
+"""The collector tells how well each sensor sees the board, and what to do where labels fail."""
+
+import json
+
+import numpy as np
+import pytest
+from stand_in_rig import Place, messages, position, use_stand_ins
+
+from atom_calibration.collect.quality import QualityLog
+from atom_calibration.labels.board_figures import add_figures
+from atom_calibration.modalities.frames import Frame
+from atom_calibration.nodes.collecting.collect_from_bag import main
+from atom_calibration.sources.transform_tree import TransformTree
+from atom_core.geometry import se3
+from atom_core.geometry.camera import Camera
+from atom_core.labeling.base import Labeled, nothing
+from atom_core.model.config import CalibrationConfig
+from atom_core.model.labels import RgbLabel
+from atom_core.model.pattern import pattern_from_config
+from atom_core.model.sensor import RGB, Sensor
+from atom_core.model.transforms import Edge
+from atom_core.synthetic.board import charuco
+from atom_core.synthetic.board_image import render
+
+CAMERA = Camera(640, 480, np.array([[500.0, 0, 320], [0, 500.0, 240], [0, 0, 1]]), np.zeros(5))
+NEAR_M, FAR_M = 1.2, 5.0  # from the near camera; the far one stands behind it
+
+
+def sensor_of(name):
+    edge = Edge("world", f"{name}_link")
+    return Sensor(name, RGB, f"{name}_link", edge, camera=CAMERA, topic=f"/{name}/image")
+
+
+class Cell:
+    """Two cameras before a board: the near one sees it, to the far one it is too small."""
+
+    def __init__(self, make):
+        self.said = []
+        self.sensors = {name: sensor_of(name) for name in ("near", "far")}
+        pattern_config = charuco()
+        links = {
+            name: {
+                "link": s.frame,
+                "parent_link": "world",
+                "child_link": s.frame,
+                "topic_name": s.topic,
+                "modality": "rgb",
+            }
+            for name, s in self.sensors.items()
+        }
+        self.config = CalibrationConfig.from_document(
+            {
+                "world_link": "world",
+                "sensors": links,
+                "calibration_patterns": {"board": pattern_config.to_document()},
+            },
+            "config",
+        )
+        self.patterns = {"board": pattern_from_config("board", pattern_config)}
+        self.log = QualityLog(self.config, self.sensors, self.patterns, self.said.append)
+        behind = np.eye(4)
+        behind[2, 3] = NEAR_M - FAR_M
+        self.tree = TransformTree()
+        for link, pose in (("near_link", np.eye(4)), ("far_link", behind)):
+            self.tree.add(make.tf("world", link, pose).transforms, fixed=True)
+
+    def frames(self, stamp_s=1.0, reason="2 marker(s) are seen, 3 are needed"):
+        pattern = self.patterns["board"]
+        pose = se3.from_rpy(np.zeros(3), np.array([0.3, 0.2, 0.1]))
+        middle = np.append(pattern.border.centre, 0.0)
+        pose[:3, 3] = [0.0, 0.0, NEAR_M] - pose[:3, :3] @ middle
+        config = self.config.calibration_patterns["board"]
+        image = render(CAMERA, [((pattern, config), pose)])
+        ids = np.arange(pattern.corner_count)
+        label = RgbLabel(ids, CAMERA.project(se3.apply(pose, pattern.corners_of(ids))))
+        near = Frame(self.sensors["near"], stamp_s, {}, image)
+        near.set_label("board", Labeled(label, quality={"corners": float(len(ids))}))
+        far = Frame(self.sensors["far"], stamp_s, {}, np.zeros_like(image))
+        far.set_label("board", nothing(RGB, reason))
+        return {"near": near, "far": far}
+
+
+@pytest.fixture
+def cell(make):
+    return Cell(make)
+
+
+def test_the_second_failure_for_one_reason_brings_advice_with_the_distance(cell):
+    cell.log.add("000", cell.frames(), {}, cell.tree)
+    assert cell.said == []
+    cell.log.add("001", cell.frames(reason="1 marker(s) are seen, 3 are needed"), {}, cell.tree)
+    assert len(cell.said) == 1 and cell.said[0].startswith("far: board too small (")
+    nearer_m = float(cell.said[0].split("nearer than ")[1].split(" m")[0])
+    assert NEAR_M < nearer_m < FAR_M
+    cell.log.add("002", cell.frames(), {}, cell.tree)
+    assert len(cell.said) == 1 and "(3 collections)" in cell.log.advice()[0]
+
+
+def test_two_reasons_are_two_matters(cell):
+    cell.log.add("000", cell.frames(), {}, cell.tree)
+    cell.log.add("001", cell.frames(reason="the image is dark"), {}, cell.tree)
+    assert cell.said == [] and cell.log.advice() == []
+
+
+def test_without_transforms_the_reason_alone_is_told(cell):
+    for key in ("000", "001"):
+        cell.log.add(key, cell.frames(), {}, None)
+    assert cell.said == ["far: 2 marker(s) are seen, 3 are needed (2 collections)"]
+
+
+def test_a_collection_that_is_deleted_does_not_count(cell):
+    for key in ("000", "001"):
+        cell.log.add(key, cell.frames(), {}, cell.tree)
+    cell.log.delete("001")
+    assert cell.log.advice() == [] and cell.log.of_one("001") == ""
+
+
+def test_a_collection_is_told_by_what_is_known_of_it(cell):
+    cell.log.add("000", cell.frames(), {("near", "board"): 2.0}, cell.tree)
+    text = cell.log.of_one("000")
+    assert text.startswith("near blur 0.") and f"{NEAR_M} m" in text and "far" not in text
+    table = list(cell.log.summary())
+    assert "blur [px]" in table[0] and "motion [px/s]" in table[0]
+    assert len(table) == 2 and "0.6 (0.6..0.6)" in table[1]
+
+
+def test_figures_stand_beside_those_of_the_labeler(cell):
+    frame = cell.frames()["near"]
+    add_figures(frame, cell.patterns["board"], cell.config.calibration_patterns["board"])
+    quality = frame.labels["board"].quality
+    assert quality["corners"] and quality["distance_m"] == pytest.approx(NEAR_M, abs=0.01)
+    assert frame.labels["board"].detected and "board" in frame.sightings
+
+
+# ------------------------------------------------------------------------------ from a bag
+
+
+@pytest.fixture
+def place(make, tmp_path, monkeypatch):
+    use_stand_ins(monkeypatch)
+    return Place(make, tmp_path)
+
+
+def test_the_summary_and_a_file_tell_how_well_each_sensor_sees_the_board(place, capsys):
+    assert main(place()) == 0
+    said = capsys.readouterr().out
+    assert "distance [m]" in said and "motion [mm/s]" in said and "advice" not in said
+    document = json.loads((place.folder / "quality.json").read_text())
+    assert list(document["collections"]) == ["000", "001", "002"] and document["advice"] == []
+    for number, key in enumerate(document["collections"]):
+        figures = document["collections"][key]["lidar"]["board"]
+        assert figures["distance_m"] == pytest.approx(3 + 0.05 * position(2.5 * number), abs=0.15)
+        assert figures["speed_mm_s"] < 20.0  # it stands still
+    assert "quality" not in (place.folder / "dataset.json").read_text()
+
+
+def test_labels_that_fail_twice_for_one_reason_are_told_once_with_advice(place, make, capsys):
+    content = list(messages(make))
+    for topic, message, time_s in content:
+        if topic == "/cam/image_raw" and time_s > 102.3:  # all but the first stop
+            message.data = bytes(len(message.data))
+    assert main(place(content)) == 0
+    said = capsys.readouterr()
+    assert said.err.count("warning: cam: no markers (2 collections)") == 1
+    assert "advice: cam: no markers (2 collections)" in said.out
+    document = json.loads((place.folder / "quality.json").read_text())
+    assert document["advice"] == ["cam: no markers (2 collections)"]
+    label = document["collections"]["002"]["cam"]["board"]
+    assert label == {"detected": False, "reason": "no markers"}
