@@ -87,3 +87,12 @@ def test_two_real_cameras_settle_where_opencv_has_them(atlascar, solver):
     sigmas = np.sqrt(np.diag(result.covariance.block(block)))
     assert np.all(np.abs(np.concatenate([turn, shift])) < 2.0 * sigmas)
     assert np.all(sigmas[3:] < 0.01)  # and they say something
+
+
+def test_with_the_2d_lidars_it_settles_too_and_says_what_contradicts(real_data):
+    """The rounds used up all iterations: that was given as the reason, without a remedy."""
+    dataset = read_dataset(real_data("atlascar") / "data_collected.json")
+    result = calibrate(dataset)
+    assert result.summary.settled and result.status == "inconsistent"
+    assert any("do not settle" in w for w in result.warnings)
+    assert "iterations" not in result.message

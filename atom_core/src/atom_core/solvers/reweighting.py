@@ -41,6 +41,7 @@ from atom_core.solvers.scalars import better_scalars, joint_scalars
 from atom_core.solvers.variance_components import scale_factors
 
 # Relative change of a factor below which the rounds become finer, and below which they end.
+_ENOUGH_ROUNDS = 5  # to see whether sigmas settle
 _NEARLY_STILL, _STILL = 0.05, 3e-4
 # When the rounds are used up, it is enough that a factor changes by so much of its own deviation,
 # and an inset by so many steps: few residuals have a median that never stands quite still.
@@ -185,7 +186,8 @@ def _reweighted(
     count, settled, errors = len(sigmas), False, options.model_errors
     change = np.full(2 * count + len(values), np.inf)
     state = AndersonAcceleration(np.concatenate([np.log(scales), insets, values]))
-    for _ in range(options.reweighting_rounds):
+    rounds = 0
+    for rounds in range(1, options.reweighting_rounds + 1):
         if end.interrupted:
             break
         assessment = solver.assess(end.x, sigmas, options.loss)
@@ -216,7 +218,8 @@ def _reweighted(
         end = replace(end, converged=False, message=why)
     _, insets, values = np.split(state.value, [count, 2 * count])
     summary = _summary(solver, options, end, sigmas, insets)
-    settled = settled or end.iterations >= options.max_iterations  # that is another reason
+    # Where the limit leaves few rounds, that is the reason, and not the sigmas.
+    settled = settled or (end.iterations >= options.max_iterations and rounds < _ENOUGH_ROUNDS)
     return replace(summary, model_errors=in_units(errors, values), settled=settled)
 
 
