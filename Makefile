@@ -92,7 +92,8 @@ bench: build ## measure speed and accuracy; results in bench_output/
 
 bench-labels: build ## speed and accuracy of the labelers, on synthetic and on real data
 	@$(ENV) python3 tests/benchmarks/bench_labeling.py; \
-	python3 tests/benchmarks/bench_lidar_labeling.py; python3 tests/benchmarks/bench_real_data.py
+	python3 tests/benchmarks/bench_lidar_labeling.py; python3 tests/benchmarks/bench_real_data.py; \
+	python3 tests/benchmarks/bench_lidar_models.py
 
 results: build ## the paper's tables and the labels against their truth, docs/results; three quarters of an hour, 13 GB
 	@$(ENV) python3 tests/benchmarks/results.py

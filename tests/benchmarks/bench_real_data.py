@@ -19,6 +19,7 @@ import numpy as np
 
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.io.pcd import read_pcd
+from atom_core.labeling.beam_width import estimate_beam_width
 from atom_core.labeling.charuco import CharucoFinder
 from atom_core.labeling.chessboard import ChessboardFinder
 from atom_core.labeling.lidar3d import Cloud, Lidar3dOptions, find_boards
@@ -121,17 +122,30 @@ def ouster(folder: Path) -> List[List[str]]:
     border = Rectangle(-half, -half, half, half)
     paths = sorted(folder.glob("*.pcd"))
     rows = []
-    for name, width in (("point-like beams", 0.0), ("its beams", 2.0 * OUSTER_STEP_RAD)):
-        sides = []
-        for path in paths:
-            file = read_pcd(path)
-            cloud = Cloud(file.xyz, file.fields["ring"], file.width, file.height)
+    files = [read_pcd(path) for path in paths]
+    clouds = [Cloud(file.xyz, file.fields["ring"], file.width, file.height) for file in files]
+    first = [(cloud, find_boards(cloud, border)) for cloud in clouds]
+    seeded = [(cloud, found[0].sensor_T_centre[:3, 3]) for cloud, found in first if found]
+    estimated = estimate_beam_width(seeded, border)
+    if estimated is None:
+        return [["ouster_board, estimated beam width", "none" if paths else "absent", "16 / 16"]]
+    widths = {
+        "point-like beams": 0.0,
+        "beams of two azimuth steps": 2.0 * OUSTER_STEP_RAD,
+        f"estimated, {1e3 * estimated.width_rad:.1f} +- {1e3 * estimated.sigma_rad:.1f} mrad from "
+        f"{estimated.boards} boards": estimated.width_rad,
+    }
+    for name, width in widths.items():
+        sides, several = [], 0
+        for cloud in clouds:
             found = find_boards(cloud, border, Lidar3dOptions(beam_width_rad=width))
+            several += len(found) > 1
             if len(found) == 1:
                 quality = found[0].labeled.quality
                 sides.append((quality["measured_width_m"] + quality["measured_height_m"]) / 2.0)
         off = ", ".join(f"{100.0 * (side / OUSTER_SIDE_M - 1.0):+.1f}" for side in sides)
-        rows.append([f"ouster_board, {name}: found", f"{len(sides)} / {len(paths)}", "4 / 4"])
+        rows.append([f"ouster_board, {name}: found", f"{len(sides)} / {len(paths)}", "16 / 16"])
+        rows.append([f"ouster_board, {name}: with a second board", f"{several}", "0"])
         rows.append([f"ouster_board, {name}: side against 1.016 m", f"{off} %", "+- 2 %"])
     return rows
 

@@ -121,7 +121,7 @@ def _rig(model):
 def _board(model, pattern, world_T_lidar, number, rng):
     """Return ``world_T_board``, the things around it and the room, where geometry allows it."""
     for _ in range(2000):
-        away, bearing = rng.uniform(1.3, 3.8), np.radians(rng.uniform(-16.0, 16.0))
+        away, bearing = rng.uniform(1.3, 3.8), np.radians(rng.uniform(-30.0, 30.0))
         height = rng.uniform(-0.14, 0.14) * away
         centre = np.array([away * np.cos(bearing), away * np.sin(bearing), EYE[2] + height])
         direction, off = rng.uniform(0.0, 2.0 * np.pi), 60.0 * np.sqrt(rng.uniform())

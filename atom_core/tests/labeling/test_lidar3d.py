@@ -41,7 +41,7 @@ from atom_core.model.pattern import pattern_from_config
 from atom_core.model.sensor import LIDAR3D, Sensor
 from atom_core.model.transforms import Edge
 from atom_core.synthetic.board import charuco
-from atom_core.synthetic.lidar_models import LIDAR_MODELS, LidarModel
+from atom_core.synthetic.lidar_models import LidarModel
 from atom_core.synthetic.rig import Room
 
 pytestmark = pytest.mark.skipif(not native.available(), reason="the compiled core is not built")
@@ -428,24 +428,3 @@ def test_real_board_is_found_without_a_seed(real_data, number):
     assert without_ring[0].labeled.label.indices.tolist() == (
         found[0].labeled.label.indices.tolist()
     )
-
-
-@pytest.mark.parametrize("model", ["hdl_64", "ouster_128"])
-def test_the_end_of_a_table_is_no_board(model):
-    table = Box((1.5, -0.4, 0.72), (3.3, 0.4, 0.74))  # wide as the board, thrice as long
-    scene = Scene(pose((0.0, 0.0, 1.5)), None, [table], model=LIDAR_MODELS[model])
-    cloud = scan(scene, 4)
-    for x in (1.8, 2.4, 3.0):
-        found = label(cloud, [x, 0.0, 0.74 - 1.5])
-        assert not found.detected, found.quality
-    assert find_boards(Cloud(cloud.points, cloud.ring), BORDER) == []
-    short = Box((1.5, -0.4, 0.72), (2.1, 0.4, 0.74))  # no larger than the board: nothing tells it
-    cloud = scan(scene._replace(things=[short]), 4)
-    assert label(cloud, [1.8, 0.0, 0.74 - 1.5]).detected
-
-
-def test_another_surface_that_crosses_the_plane_of_a_board_does_not_hide_it():
-    board = board_facing(EYE, (2.0, 0.0, 1.5), 0.0, 40.0)
-    post = Box((1.9, 0.5, 0.0), (2.6, 0.9, 3.0))
-    scene = Scene(pose(EYE), board, [post], model=LIDAR_MODELS["ouster_128"])
-    check(label(scan(scene, 5)), scan(scene, 5))

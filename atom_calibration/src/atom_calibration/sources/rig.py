@@ -100,7 +100,15 @@ def sensor_from_bag(
     if modality is None or not is_labeled(modality):
         return topic, None
     camera = _camera(name, entry, bag) if modality_named(modality).has_camera_info else None
-    return topic, Sensor(name, modality, entry.link, entry.edge, camera, entry.topic_name)
+    width_rad = float(entry.beam_width or 0.0)
+    if width_rad and modality_named(modality).beam_width is None:
+        raise BagError(
+            f"sensor '{name}': its data are {bag.types[topic]}, and beam_width is of 3D LiDARs; "
+            f"remove the key"
+        )
+    return topic, Sensor(
+        name, modality, entry.link, entry.edge, camera, entry.topic_name, width_rad
+    )
 
 
 def check_frames(rig: Rig, config: CalibrationConfig, tree: TransformTree) -> None:

@@ -195,9 +195,16 @@ class _Reader:
     def sensors(self, config: CalibrationConfig) -> Dict[str, Sensor]:
         names = list(self.document["sensors"])
         in_order = [n for n in config.sensors if n in names]
-        return {n: self.sensor(n) for n in in_order + [n for n in names if n not in in_order]}
+        return {
+            n: self.sensor(n, config) for n in in_order + [n for n in names if n not in in_order]
+        }
 
-    def sensor(self, name: str) -> Sensor:
+    @staticmethod
+    def _beam_width_rad(config: CalibrationConfig, name: str) -> float:
+        entry = config.sensors.get(name)
+        return float(entry.beam_width or 0.0) if entry else 0.0
+
+    def sensor(self, name: str, config: CalibrationConfig) -> Sensor:
         entry = self.document["sensors"][name]
         try:
             kind = modality_of_entry(entry)
@@ -209,6 +216,7 @@ class _Reader:
                 edge=Edge(entry["calibration_parent"], entry["calibration_child"]),
                 camera=camera,
                 topic=entry.get("topic", ""),
+                beam_width_rad=self._beam_width_rad(config, name),
             )
         except KeyError as error:
             modality = entry.get("modality") or "unknown"

@@ -102,7 +102,7 @@ class Lidar3dLabeler:
         """Take what is known of sensor and pattern."""
         self._place = f"sensor '{sensor.name}', pattern '{pattern.name}'"
         self._border = pattern.border
-        self._options = options or Lidar3dOptions()
+        self._options = options or Lidar3dOptions(beam_width_rad=sensor.beam_width_rad)
 
     def label(self, data: Any, seed: Optional[np.ndarray] = None) -> Labeled:
         """Label one cloud.

@@ -16,6 +16,7 @@ from atom_core.evaluation.pairs import (
 from atom_core.geometry.rays import spinning_rays
 from atom_core.io.data_formats import CLOUDS
 from atom_core.io.label_json import range_label_format
+from atom_core.labeling.beam_width import estimate_beam_width
 from atom_core.labeling.lidar3d import Lidar3dLabeler
 from atom_core.model.modality import Modality, SeedFormat
 from atom_core.model.range_points import cloud_points
@@ -61,6 +62,7 @@ LIDAR_3D = Modality(
     is_default_of=("sensor_msgs/PointCloud2",),
     measures_range=True,
     can_estimate_range_offset=True,
+    beam_width=estimate_beam_width,
     spins_about_z=True,
     data=CLOUDS,
     labels=range_label_format("idxs_limit_points"),

@@ -27,8 +27,9 @@ from atom_core.model.config_section import (
     shown,
 )
 from atom_core.model.joints import JOINT_PARAMETERS
-from atom_core.model.modality import modalities
+from atom_core.model.modality import modalities, modality_named
 from atom_core.model.pattern import CHARUCO, CHESSBOARD
+from atom_core.model.sensor import WIDEST_BEAM_RAD
 from atom_core.model.transforms import Edge
 
 PATTERN_TYPES = (CHESSBOARD, CHARUCO)
@@ -91,10 +92,11 @@ class SensorConfig:
         topic_name: raw topic (compressed images: without ``/compressed``).
         modality: name of a registered modality; None: to be told from the type of the messages.
         throttle: rate at which messages are passed on when a bag is played [Hz], None for all.
+        beam_width: full angle of a 3D LiDAR's beams [rad], None for point-like ones.
         extra: unknown keys.
     """
 
-    KEYS = ("link", "parent_link", "child_link", "topic_name", "modality", "throttle")
+    KEYS = ("link", "parent_link", "child_link", "topic_name", "modality", "throttle", "beam_width")
 
     link: str
     parent_link: str
@@ -102,6 +104,7 @@ class SensorConfig:
     topic_name: str
     modality: Optional[str] = None
     throttle: Optional[float] = None
+    beam_width: Optional[float] = None
     extra: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -112,6 +115,22 @@ class SensorConfig:
             check_choice(self.modality, "modality", [m.name for m in modalities()])
         if self.throttle is not None:
             check_number(self.throttle, "throttle", "Hz", above=0)
+        if self.beam_width is not None:
+            self._check_beam_width(self.beam_width)
+
+    def _check_beam_width(self, width: float) -> None:
+        check_number(width, "beam_width", "rad", at_least=0)
+        if width > WIDEST_BEAM_RAD:
+            raise ConfigValueError(
+                f"is {width:g} rad, wider than any beam ({WIDEST_BEAM_RAD:g}); write radians, "
+                f"0.01 is half a degree",
+                "beam_width",
+            )
+        if self.modality is not None and modality_named(self.modality).beam_width is None:
+            raise ConfigValueError(
+                f"is given for a sensor of modality {self.modality}; it is of 3D LiDARs, remove it",
+                "beam_width",
+            )
 
     @property
     def edge(self) -> Edge:
@@ -129,12 +148,14 @@ class SensorConfig:
             topic_name=section.require("topic_name", "the topic of the sensor's data"),
             modality=section.get("modality"),
             throttle=section.get("throttle"),
+            beam_width=section.get("beam_width"),
             extra=section.extra(),
         )
 
     def to_document(self) -> Dict[str, Any]:
         """Return the entry as plain values."""
-        return document_of(self, self.KEYS)
+        keys = [key for key in self.KEYS if key != "beam_width" or self.beam_width is not None]
+        return document_of(self, keys)
 
 
 @dataclass(frozen=True)

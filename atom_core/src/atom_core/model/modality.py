@@ -31,7 +31,9 @@ from atom_core.model.registry import Registry
 if TYPE_CHECKING:  # types of the layers above, which a modality's functions take and return
     from atom_core.evaluation.label_quality import LabelQuality
     from atom_core.evaluation.pairs import PairKind
+    from atom_core.geometry.rectangle import Rectangle
     from atom_core.labeling.base import Labeler
+    from atom_core.labeling.beam_width import BeamWidth
     from atom_core.model.config import PatternConfig
     from atom_core.model.dataset import Dataset
     from atom_core.model.pattern import Pattern
@@ -41,6 +43,8 @@ if TYPE_CHECKING:  # types of the layers above, which a modality's functions tak
     from atom_core.synthetic.sensing import SyntheticSensor
 
 _ROOMS = "atom_core.modalities"
+
+EstimateBeamWidth = Callable[[Sequence[Tuple[Any, np.ndarray]], "Rectangle"], Optional["BeamWidth"]]
 
 
 class SeedFormat(NamedTuple):
@@ -106,6 +110,8 @@ class Modality:
         measures_range: its labels are points in space, which need the data beside the labels.
         can_estimate_intrinsics: ``--optimize_intrinsics`` is for it.
         can_estimate_range_offset: ``--range_offset`` is for it.
+        beam_width: given clouds of one sensor, each with a seed on its board, and the board's
+            border, estimates how wide its beams are; None: that is not asked of it.
         spins_about_z: so that an error about its z axis has a reason of its own.
         data, labels: how they stand in a dataset.
         seed: how a person says where the board is; None where nobody has to.
@@ -135,6 +141,7 @@ class Modality:
     measures_range: bool = False
     can_estimate_intrinsics: bool = False
     can_estimate_range_offset: bool = False
+    beam_width: Optional[EstimateBeamWidth] = None
     spins_about_z: bool = False
     seed: Optional[SeedFormat] = None
     points: Optional[Callable[[Dataset, DetectionKey], RangePoints]] = None

@@ -11,6 +11,8 @@ from atom_core.model.transforms import Edge
 
 RGB, DEPTH, LIDAR3D, LIDAR2D = "rgb", "depth", "lidar3d", "lidar2d"
 
+WIDEST_BEAM_RAD = 0.03  # full angle; what is wider is no beam
+
 
 @dataclass(frozen=True)
 class Sensor:
@@ -23,6 +25,7 @@ class Sensor:
         edge: the edge of the tree that is calibrated for it.
         camera: intrinsics where its modality has them, else None.
         topic: where its data came from.
+        beam_width_rad: full angle of a 3D LiDAR's beams, as configured; 0: they are points.
     """
 
     name: str
@@ -31,6 +34,7 @@ class Sensor:
     edge: Edge
     camera: Optional[Camera] = None
     topic: str = ""
+    beam_width_rad: float = 0.0
 
     def __post_init__(self) -> None:
         if self.kind.has_camera_info and self.camera is None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
+from types import MappingProxyType
+from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -47,17 +48,26 @@ class MeasuredSide(NamedTuple):
         return abs(longer_m) > 3.0 * self.sigma_m and not -_SMALLER < share < _LARGER
 
 
-def measured_sides(measurements: Sequence[Measurement]) -> List[MeasuredSide]:
-    """Return the sides of boards that at least three detections of a sensor show whole."""
+def measured_sides(
+    measurements: Sequence[Measurement],
+    beam_width_rad: Mapping[str, float] = MappingProxyType({}),
+) -> List[MeasuredSide]:
+    """Return the sides of boards that at least three detections of a sensor show whole.
+
+    What beams of a known width, by sensor, enlarge a board by is taken off.
+    """
     found: Dict[Tuple[str, str, int], List[float]] = {}
     borders: Dict[str, Rectangle] = {}
     for measurement in measurements:
         if isinstance(measurement, RangeMeasurement):
             key = measurement.key
             borders[key.pattern] = measurement.border
+            width_rad = beam_width_rad.get(key.sensor, 0.0)
             for across, length_m in enumerate(board_sides_m(measurement)):
                 if length_m is not None:
-                    found.setdefault((key.sensor, key.pattern, across), []).append(length_m)
+                    away_m = np.linalg.norm(np.mean(measurement.limit, axis=0))
+                    true_m = length_m - width_rad * float(away_m)
+                    found.setdefault((key.sensor, key.pattern, across), []).append(true_m)
     return [
         _side(*key, borders[key[1]], np.array(lengths))
         for key, lengths in found.items()

@@ -129,6 +129,10 @@ class World:
         self.rig = clear_of(self.rig, self._structure(drawn))
         truth = self.description(EXACT)
         self.scene = self._scene(truth)
+        self._make_sensors()
+
+    def _make_sensors(self) -> None:
+        """Set ``colours``, ``depths`` and ``lidars``."""
         self.colours = {
             s.name: ColourCamera(
                 s.name, self._camera(s), s.noise_grey, self._errors(s, CameraErrors)
