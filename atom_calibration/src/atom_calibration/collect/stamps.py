@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Dict, List, Mapping
+from typing import Collection, Dict, List, Mapping
 
 from atom_calibration.errors import CollectionError
 from atom_calibration.messages.headers import stamp_s
@@ -23,6 +23,19 @@ def receipt_lags_s(bag: BagReader, topics: Mapping[str, Sensor]) -> Dict[str, fl
     """
     lags = {s.name: bag.receipt_lag_s([topic], stamp_s) for topic, s in topics.items()}
     return {name: lag for name, lag in lags.items() if lag is not None}
+
+
+def check_received(received: Collection[str], sensors: Collection[str]) -> None:
+    """Refuse names, of sensors whose times of receipt are to be taken, that are no sensor's.
+
+    Raises:
+        CollectionError: naming the sensors that there are.
+    """
+    for name in received:
+        if name not in sensors:
+            raise CollectionError(
+                f"--use_receive_time: there is no sensor '{name}'; there are {', '.join(sensors)}"
+            )
 
 
 def check_clocks(lags_s: Mapping[str, float], tf_lag_s: float) -> List[str]:

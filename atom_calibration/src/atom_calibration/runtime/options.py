@@ -55,6 +55,19 @@ def add_labeling_options(parser: argparse.ArgumentParser) -> None:
         metavar="HZ",
         help="most labels a second and sensor (default: 5)",
     )
+    add_receive_time_option(parser)
+
+
+def add_receive_time_option(parser: argparse.ArgumentParser) -> None:
+    """Add which sensors' stamps are not used; collectors and labelers must be told the same."""
+    add_option(
+        parser,
+        "use_receive_time",
+        nargs="+",
+        default=(),
+        metavar="SENSOR",
+        help="of these sensors the time of receipt is taken instead of the stamps",
+    )
 
 
 def _optional_path(text: str) -> Optional[Path]:

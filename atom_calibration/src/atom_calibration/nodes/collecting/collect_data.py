@@ -18,13 +18,15 @@ import rospy
 from atom_calibration.collect.collector import Setup
 from atom_calibration.collect.conclusion import conclude
 from atom_calibration.collect.joint_positions import described_joints
+from atom_calibration.collect.stamps import check_received
 from atom_calibration.errors import CollectionError
 from atom_calibration.nodes.collecting.collector_state import StateBoard
 from atom_calibration.nodes.collecting.live_collector import LabelSubscribers, LiveCollector
 from atom_calibration.runtime import running
-from atom_calibration.runtime.options import add_marker_size_option
+from atom_calibration.runtime.options import add_marker_size_option, add_receive_time_option
 from atom_calibration.sources.live_topics import LiveTopics, wait_for
 from atom_calibration.sources.live_transforms import LiveTransforms
+from atom_calibration.sources.receipts import ReceiptTimes
 from atom_calibration.sources.rig import Rig, check_frames, rig_from_bag
 from atom_core.commands.common import add_option
 from atom_core.errors import AtomError
@@ -88,7 +90,9 @@ def _collect(args: argparse.Namespace, config: CalibrationConfig, store: Collect
             warn=warn,
             joints=described_joints(config, warn),
         )
-        live = LiveCollector(setup, transforms, board, args.automatic)
+        check_received(args.use_receive_time, rig.sensors)
+        receipts = ReceiptTimes(args.use_receive_time)
+        live = LiveCollector(setup, transforms, board, args.automatic, receipts)
         live.listen(rig, topics, labels)
     live.serve(args.marker_size)
     _spin(live, args)
@@ -188,6 +192,7 @@ def _parser() -> argparse.ArgumentParser:
     add_option(
         parser, "pictures", action="store_true", help="write pictures of the labels to look at"
     )
+    add_receive_time_option(parser)
     add_marker_size_option(parser, 0.5)
     _add_limits(parser)
     return parser

@@ -30,10 +30,11 @@ from atom_calibration.collect.conclusion import conclude
 from atom_calibration.collect.expectation import PointExpectation
 from atom_calibration.collect.joint_positions import described_joints
 from atom_calibration.collect.selection import StopMoments, TimedMoments
-from atom_calibration.collect.stamps import check_clocks, receipt_lags_s
-from atom_calibration.errors import CollectionError, MessageError
+from atom_calibration.collect.stamps import check_clocks, check_received, receipt_lags_s
+from atom_calibration.errors import MessageError
 from atom_calibration.labels.frame_labeler import FrameLabeler
 from atom_calibration.modalities.frames import Frame, decode
+from atom_calibration.runtime.options import add_receive_time_option
 from atom_calibration.sources.bag_reader import BagReader
 from atom_calibration.sources.rig import Rig, check_frames, rig_from_bag
 from atom_calibration.sources.transform_tree import BagTransforms
@@ -144,12 +145,7 @@ def _collected(
 
 def _clocks(bag: BagReader, rig: Rig, received: Collection[str], tf_lag_s: float) -> List[str]:
     """Return what is to be said of the sensors' clocks, without those whose stamps are not used."""
-    for name in received:
-        if name not in rig.sensors:
-            raise CollectionError(
-                f"--use_receive_time: there is no sensor '{name}'; there are "
-                f"{', '.join(rig.sensors)}"
-            )
+    check_received(received, rig.sensors)
     lags_s = receipt_lags_s(bag, rig.topics)
     return check_clocks({n: 0.0 if n in received else lag for n, lag in lags_s.items()}, tf_lag_s)
 
@@ -264,14 +260,7 @@ def parser() -> argparse.ArgumentParser:
         default="on",
         help="predict seeds from the cameras and search the board (default: on)",
     )
-    add_option(
-        made,
-        "use_receive_time",
-        nargs="+",
-        default=(),
-        metavar="SENSOR",
-        help="of these sensors the time of receipt is taken instead of the stamps",
-    )
+    add_receive_time_option(made)
     add_option(
         made, "pictures", action="store_true", help="write pictures of the labels to look at"
     )

@@ -17,6 +17,7 @@ from atom_calibration.modalities.table import ros_modality
 from atom_calibration.nodes.collecting.labeler_node import LabelerNode, LabelLinks
 from atom_calibration.runtime import options, running
 from atom_calibration.sources.live_topics import LiveTopics, wait_for
+from atom_calibration.sources.receipts import ReceiptTimes
 from atom_calibration.sources.rig import Rig, rig_from_bag
 from atom_core.commands.common import add_option
 from atom_core.errors import ConfigError
@@ -76,7 +77,9 @@ def _node(
         rospy.logwarn(warning)
     seeds = read_seeds(args.seeds, {**everyone, **rig.sensors}) if args.seeds else []
     mine = [seed for seed in seeds if seed.sensor == sensor.name]
-    return LabelerNode(config, rig, links, mine, args.automatic_seeds == "on", args.rate)
+    receipts = ReceiptTimes(args.use_receive_time)
+    automatic = args.automatic_seeds == "on"
+    return LabelerNode(config, rig, links, mine, automatic, args.rate, receipts)
 
 
 def _parser(name: str) -> argparse.ArgumentParser:

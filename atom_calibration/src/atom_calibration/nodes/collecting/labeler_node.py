@@ -24,6 +24,7 @@ from atom_calibration.runtime import running
 from atom_calibration.show.annotation import annotated, labeled_cloud
 from atom_calibration.sources.live_topics import LiveTopics, message_class
 from atom_calibration.sources.live_transforms import LiveTransforms
+from atom_calibration.sources.receipts import ReceiptTimes
 from atom_calibration.sources.rig import Rig
 from atom_core.errors import LabelingError
 from atom_core.io.seeds import Seed
@@ -41,7 +42,7 @@ class LabelLinks:
 
     Attributes:
         out: publisher of the sensor's own labels.
-        sights: (frame, labels) of cameras that were not looked at yet.
+        sights: (frame, labels, when they came [s]) of cameras that were not looked at yet.
     """
 
     def __init__(self, sensor: str, cameras: Mapping[str, str]):
@@ -52,14 +53,14 @@ class LabelLinks:
             cameras: name to frame, of those whose sight of the board tells seeds.
         """
         self.out = rospy.Publisher(f"/{sensor}/labels", SensorLabels, queue_size=5)
-        self.sights: Deque[Tuple[str, SensorLabels]] = deque(maxlen=100)
+        self.sights: Deque[Tuple[str, SensorLabels, float]] = deque(maxlen=100)
         for camera, frame in cameras.items():
             if camera != sensor:
                 topic = f"/{camera}/labels"
                 rospy.Subscriber(topic, SensorLabels, self._see, frame, queue_size=5)
 
     def _see(self, labels: SensorLabels, camera_frame: str) -> None:
-        self.sights.append((camera_frame, labels))
+        self.sights.append((camera_frame, labels, rospy.Time.now().to_sec()))
 
 
 class _Waiting(NamedTuple):
@@ -83,6 +84,7 @@ class LabelerNode:
         seeds: Sequence[Seed],
         automatic_seeds: bool,
         rate_hz: float,
+        receipts: ReceiptTimes,
     ):
         """Advertise labels and annotated data.
 
@@ -93,9 +95,10 @@ class LabelerNode:
             seeds: given by hand.
             automatic_seeds: predict seeds from cameras, and search.
             rate_hz: labels a second at most, by the stamps of the data.
+            receipts: of sensors whose stamps are not used; their labels carry them all the same.
         """
         ((self._topic, sensor),) = rig.topics.items()
-        self._config = config
+        self._config, self._receipts = config, receipts
         self._sensor, self._links, self._period_s = sensor, links, _SOONER / rate_hz
         self._patterns = {
             name: pattern_from_config(name, entry)
@@ -141,6 +144,7 @@ class LabelerNode:
     # --- messages in ------------------------------------------------------------------------
 
     def _take(self, message: Any) -> None:
+        self._receipts.note(message, self._sensor.name)
         with self._there:
             self._waiting = self._waiting._replace(message=message)
             self._there.notify()
@@ -178,6 +182,7 @@ class LabelerNode:
         except MessageError as error:
             self._give_up(frame, error)
             return frame
+        frame.stamp_s = self._receipts.time_s(message, self._sensor.name)
         self._label(frame)
         return frame
 
@@ -198,8 +203,8 @@ class LabelerNode:
         for name in self._patterns:
             frame.set_label(name, nothing(self._sensor.modality, str(error)))
 
-    def _note_board(self, camera_frame: str, labels: SensorLabels) -> None:
-        stamp = stamp_s(labels)
+    def _note_board(self, camera_frame: str, labels: SensorLabels, came_s: float) -> None:
+        stamp = came_s if labels.sensor in self._receipts else stamp_s(labels)
         tree = self._transforms.at(stamp)
         for part in labels.patterns:
             if part.pose_known and part.pattern_name in self._patterns:

@@ -97,7 +97,9 @@ class _Labelers:
 def _words(name: str, args: argparse.Namespace) -> List[str]:
     words = ["--config", str(args.config), "--sensor", name, "--rate", str(args.rate)]
     words += ["--automatic_seeds", args.automatic_seeds]
-    return words + (["--seeds", str(args.seeds)] if args.seeds else [])
+    words += ["--seeds", str(args.seeds)] if args.seeds else []
+    received = list(args.use_receive_time)
+    return words + (["--use_receive_time", *received] if received else [])
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -20,7 +20,6 @@ from atom_calibration.collect.selection import Moment, StopMoments, SwitchedMome
 from atom_calibration.collect.time_order import TimeOrder
 from atom_calibration.errors import CollectionError, MessageError
 from atom_calibration.labels.label_messages import set_labels
-from atom_calibration.messages.headers import stamp_s
 from atom_calibration.modalities.frames import Frame, decode
 from atom_calibration.msg import SensorLabels
 from atom_calibration.nodes.collecting.collector_menu import CollectorMenu
@@ -28,6 +27,7 @@ from atom_calibration.nodes.collecting.collector_state import StateBoard
 from atom_calibration.runtime.inbox import Inbox
 from atom_calibration.sources.live_topics import LiveTopics, message_class
 from atom_calibration.sources.live_transforms import LiveTransforms
+from atom_calibration.sources.receipts import ReceiptTimes
 from atom_calibration.sources.rig import Rig
 from atom_calibration.srv import (
     DeleteCollection,
@@ -91,7 +91,12 @@ class LiveCollector:
     """
 
     def __init__(
-        self, setup: Setup, transforms: LiveTransforms, board: StateBoard, automatic: bool
+        self,
+        setup: Setup,
+        transforms: LiveTransforms,
+        board: StateBoard,
+        automatic: bool,
+        receipts: ReceiptTimes,
     ):
         """Prepare.
 
@@ -100,8 +105,10 @@ class LiveCollector:
             transforms: of the running system.
             board: where the state is shown.
             automatic: begin with collecting wherever the board stands still.
+            receipts: of sensors whose stamps are not used.
         """
         self._setup, self._transforms, self._board = setup, transforms, board
+        self._receipts = receipts
         self._moments = self._new_moments(automatic)
         self.collector = Collector(setup, self._moments)
         self.last_data_s: Optional[float] = None
@@ -127,14 +134,16 @@ class LiveCollector:
             data = message_filters.Subscriber(
                 topic, kind, queue_size=_WAITING_FOR_LABELS, buff_size=_BUFFER_BYTES
             )
+            data.registerCallback(self._receipts.note, sensor.name)
             pair = message_filters.TimeSynchronizer(
                 [data, labels.filters[sensor.name]], _WAITING_FOR_LABELS
             )
             pair.registerCallback(self._receive, sensor)
             self._pairs.append(pair)
             labels.filters[sensor.name].registerCallback(self._receive_labels, sensor)
-            for message in topics.early(topic):
-                data.callback(message)
+            if sensor.name not in self._receipts:  # nobody knows when these came
+                for message in topics.early(topic):
+                    data.callback(message)
 
     def serve(self, marker_size_m: float) -> None:
         """Advertise the services, show the menu."""
@@ -194,7 +203,8 @@ class LiveCollector:
 
     def _take_in(self, sensor: Sensor, data: Any, labels: SensorLabels) -> None:
         try:
-            frame = set_labels(decode(sensor, data), labels)
+            stamped = self._receipts.stamped(data, sensor.name)
+            frame = set_labels(decode(sensor, stamped), labels)
         except MessageError as error:
             rospy.logwarn_throttle(5.0, f"a message is left out: {error}")
             return
@@ -205,7 +215,7 @@ class LiveCollector:
 
     def _label_again(self, sensor: Sensor, labels: SensorLabels) -> None:
         frame = self._newest.get(sensor.name)
-        if frame is None or frame.stamp_s != stamp_s(labels):
+        if frame is None or frame.stamp_s != self._receipts.time_s(labels, sensor.name):
             return
         set_labels(frame, labels)
         if frame.stamp_s <= self._order.released_s:  # else it is added with these labels
