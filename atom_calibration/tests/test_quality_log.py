@@ -1,6 +1,7 @@
 """The collector tells how well each sensor sees the board, and what to do where labels fail."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -130,6 +131,19 @@ def test_figures_stand_beside_those_of_the_labeler(cell):
     quality = frame.labels["board"].quality
     assert quality["corners"] and quality["distance_m"] == pytest.approx(NEAR_M, abs=0.01)
     assert frame.labels["board"].detected and "board" in frame.sightings
+
+
+def test_cameras_that_see_a_board_mirrored_to_each_other_are_named(cell):
+    frames = cell.frames()
+    label = frames["near"].labels["board"]
+    for name, black in (("near", 1.0), ("far", 0.0)):
+        frames[name].set_label("board", replace(label, quality={"starts_black": black}))
+    cell.log.add("000", {"near": frames["near"]}, {}, cell.tree)
+    assert cell.log.mirrored() == [] and cell.said == []
+    cell.log.add("001", frames, {}, cell.tree)
+    (line,) = cell.log.mirrored()
+    assert line.startswith("the pattern is mirrored: ") and cell.said == [line]
+    assert "black to near and white to far" in line
 
 
 # ------------------------------------------------------------------------------ from a bag

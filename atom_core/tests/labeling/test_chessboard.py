@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from atom_core.labeling import chessboard
-from atom_core.labeling.chessboard import ChessboardFinder
+from atom_core.labeling.chessboard import ChessboardFinder, mirror_shows
 from atom_core.synthetic import scenes
 from atom_core.synthetic.board_pictures import chessboard_pictures, corner_errors
 
@@ -18,7 +18,7 @@ def label_all(pictures):
     """Return errors (n, 2) [px] by blur, and how many pictures there are and were found."""
     errors, count, found = {}, 0, 0
     for picture in pictures:
-        corners, reason = ChessboardFinder(*picture.config.dimension).find(picture.image)
+        corners, reason, _ = ChessboardFinder(*picture.config.dimension).find(picture.image)
         count += 1
         if corners is None:
             assert "no chessboard" in reason
@@ -66,6 +66,29 @@ def test_numbers_follow_the_one_rule(size, starts_white, turns):
     assert black_first == bool(has_black_turn)
     if sum(size) % 2 == 0 and not (size[0] == size[1] and size[0] % 2):
         assert along[0] > 1 or (abs(along[0]) < 1 and along[1] > 0)
+
+
+@pytest.mark.parametrize("size", [(9, 6), (6, 9), (8, 6), (6, 6), (5, 5), (7, 5), (5, 7)])
+def test_a_mirror_image_is_that_of_the_same_board_but_for_odd_by_odd_of_two_sizes(size):
+    """Mathematics, not detection: no turn of the board makes its mirror image where that shows."""
+    image, _ = flat_board(*size, False)
+    mirrored = image[:, ::-1]
+    turns = [np.rot90(image, turn) for turn in range(4)]
+    same = any(np.array_equal(mirrored, turn) for turn in turns)
+    assert same != mirror_shows(*size)
+    exchanged, _ = flat_board(*size, True)
+    if mirror_shows(*size):
+        assert np.array_equal(mirrored, exchanged)
+
+
+@pytest.mark.parametrize("size", [(7, 5), (5, 7)])
+def test_of_odd_by_odd_corners_the_colour_before_the_first_one_tells_the_mirror_image(size):
+    image, _ = flat_board(*size, False)
+    for turn in range(4):
+        turned = np.rot90(image, turn)
+        assert ChessboardFinder(*size).find(np.ascontiguousarray(turned)).starts_black
+        mirrored = np.ascontiguousarray(turned[:, ::-1])
+        assert not ChessboardFinder(*size).find(mirrored).starts_black
 
 
 def test_part_of_a_larger_board_is_refused_by_name():

@@ -161,7 +161,24 @@ def test_a_charuco_with_black_and_white_exchanged_is_as_exact():
 def test_a_mirrored_charuco_is_named():
     image = np.ascontiguousarray(picture(charuco(), held(1.3))[:, ::-1])
     found = labeler(charuco()).label(image)
-    assert not found.detected and "the image is mirrored" in found.reason
+    assert not found.detected and found.reason.startswith("the pattern is mirrored: ")
+
+
+def test_a_mirrored_charuco_is_named_though_some_of_its_markers_have_other_meanings(monkeypatch):
+    config = charuco()
+    image = np.ascontiguousarray(picture(config, held(1.3))[:, ::-1])
+    seen = aruco.detect_markers
+
+    def also_others(grey, dictionary):
+        ids, outlines = seen(grey, dictionary)
+        if len(ids):
+            return ids, outlines
+        _, outlines = seen(np.ascontiguousarray(grey[:, ::-1]), dictionary)
+        return np.arange(len(outlines))[::-1], outlines
+
+    monkeypatch.setattr("atom_core.labeling.charuco.detect_markers", also_others)
+    found = labeler(config).label(image)
+    assert not found.detected and found.reason.startswith("the pattern is mirrored: ")
 
 
 def test_a_layout_that_is_demanded_and_wrong_is_named():

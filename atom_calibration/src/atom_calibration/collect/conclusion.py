@@ -34,7 +34,8 @@ def conclude(
         not even half of what looked like a stop did.
 
     Raises:
-        CollectionError: there is no collection.
+        CollectionError: there is no collection, or cameras see the board mirrored to each other;
+            what was collected stays to be looked at.
         OutputError: the dataset cannot be written.
     """
     if not keys:
@@ -50,6 +51,8 @@ def conclude(
     say("\n".join([*summary(collector, keys), "", f"{path}: {len(keys)} collections"]))
     for text in left_out(collector, keys):
         warn(text)
+    for text in collector.quality.mirrored():
+        raise CollectionError(f"{path}: {text}")
     unseen = [name for name, count in collector.taken.items() if not count]
     for name in unseen:
         warn(f"sensor '{name}' never saw the board in a collection")

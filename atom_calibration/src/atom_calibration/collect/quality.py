@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from pathlib import Path
-from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Tuple
+from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Set, Tuple
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.errors import DatasetError
 from atom_core.io.atomic import write_json_atomically
 from atom_core.labeling.advice import LEAST_FAILURES, Failure, advice, same_reason
+from atom_core.labeling.rgb import STARTS_BLACK
 from atom_core.labeling.view_quality import (
     ForeseenView,
     described,
@@ -72,7 +73,7 @@ class QualityLog:
         """
         figures: Dict[Key, Figures] = {}
         failures: Dict[Key, Failure] = {}
-        before = set(self.advice())
+        before = {*self.advice(), *self.mirrored()}
         for name, pattern in self._patterns.items():
             config = self._config.calibration_patterns[name]
             for sensor, frame in frames.items():
@@ -85,11 +86,13 @@ class QualityLog:
                     continue
                 speed = speeds.get((sensor, name))
                 seen = board_figures(frame, pattern, config)
+                if STARTS_BLACK in labeled.quality:
+                    seen[STARTS_BLACK] = labeled.quality[STARTS_BLACK]
                 if speed is not None and np.isfinite(speed):
                     seen.update(speed_figure(frame.sightings.get(name), speed))
                 figures[(sensor, name)] = seen
         self._figures[key], self._failures[key] = figures, failures
-        for line in self.advice():
+        for line in (*self.advice(), *self.mirrored()):
             if _subject(line) not in {_subject(other) for other in before}:
                 self._warn(line)
 
@@ -112,6 +115,25 @@ class QualityLog:
             config = self._config.calibration_patterns[name]
             text = advice(failures, found, self._patterns[name], config)
             lines.append(f"{self._named(sensor, name)}: {text} ({len(failures)} collections)")
+        return lines
+
+    def mirrored(self) -> List[str]:
+        """Return a line for each pattern that some cameras see mirrored to others."""
+        lines = []
+        for name in self._patterns:
+            by_colour: Dict[bool, Set[str]] = {True: set(), False: set()}
+            for of_one in self._figures.values():
+                for (sensor, pattern), figures in of_one.items():
+                    if pattern == name and STARTS_BLACK in figures:
+                        by_colour[figures[STARTS_BLACK] > 0.5].add(sensor)
+            black, white = (", ".join(sorted(by_colour[colour])) for colour in (True, False))
+            if black and white:
+                lines.append(
+                    f"the pattern is mirrored: of '{name}' the square before the first corner is "
+                    f"black to {black} and white to {white}, which no board is: one of these "
+                    f"images is mirrored, or there are two boards; switch the mirroring off in "
+                    f"the driver and collect again"
+                )
         return lines
 
     def of_one(self, key: str) -> str:

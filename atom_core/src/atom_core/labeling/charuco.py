@@ -92,7 +92,7 @@ class CharucoFinder:
             if len(detect_markers(negative, self.dictionary)[0]) > len(ids):
                 grey, (ids, outlines) = negative, self._markers(negative)
         if len(ids) < LEAST_MARKERS:
-            return _none(len(ids), self._few(grey, len(ids)))
+            return _none(len(ids), self._mirrored(grey) or _few(len(ids), self.dictionary))
         return self._find_from_markers(grey, ids, outlines, camera)
 
     def _find_from_markers(
@@ -100,7 +100,8 @@ class CharucoFinder:
     ) -> FoundCorners:
         best = self._best(ids, outlines, self.layouts, camera)
         if best is None:
-            return _none(len(ids), self._why_nothing_fits(ids, outlines, camera))
+            why = self._mirrored(grey) or self._why_nothing_fits(ids, outlines, camera)
+            return _none(len(ids), why)
         layout, view = best
         return self._corners(grey, layout, view, len(ids), camera)
 
@@ -112,17 +113,18 @@ class CharucoFinder:
             ids, outlines = more if len(more[0]) > len(ids) else (ids, outlines)
         return _once(ids, outlines)
 
-    def _few(self, grey: np.ndarray, count: int) -> str:
-        """Say why there are too few markers."""
+    def _mirrored(self, grey: np.ndarray) -> str:
+        """Say that this board is seen when left and right are exchanged; empty if it is not."""
         mirrored = np.ascontiguousarray(grey[:, ::-1])
         for image in (mirrored, cv2.bitwise_not(mirrored)):
-            seen = len(_once(*detect_markers(image, self.dictionary))[0])
-            if seen >= LEAST_MARKERS:
+            ids, outlines = _once(*detect_markers(image, self.dictionary))
+            if len(ids) >= LEAST_MARKERS and self._best(ids, outlines, self.layouts, None):
                 return (
-                    f"the image is mirrored: {seen} markers of {self.dictionary} are seen only "
-                    f"when left and right are exchanged; switch the mirroring off in the driver"
+                    f"the pattern is mirrored: {len(ids)} markers of {self.dictionary} stand as on "
+                    f"this board only when left and right are exchanged; switch the mirroring off "
+                    f"in the camera's driver, or print the board anew if it is the print"
                 )
-        return _few(count, self.dictionary)
+        return ""
 
     def _best(
         self,

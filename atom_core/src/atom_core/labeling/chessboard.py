@@ -24,10 +24,25 @@ _LEAST_CORNERS, _LARGEST_BOARD = 3, 40  # along a side
 
 
 class FoundBoard(NamedTuple):
-    """The corners of a chessboard in the order of their ids, or the reason why there are none."""
+    """The corners of a chessboard in the order of their ids, or the reason why there are none.
+
+    ``starts_black`` tells whether the square before corner 0 is black.
+    """
 
     corners: Optional[Corners]
     reason: str = ""
+    starts_black: bool = True
+
+
+def mirror_shows(columns: int, rows: int) -> bool:
+    """Tell whether a chessboard differs from its mirror image.
+
+    With an even number of corners along a side there is an odd number of squares, and the colours
+    are the same from both its ends: mirrored, it is the same board. A board of as many columns as
+    rows is the same about its diagonal. Others, odd by odd, are mirrored with their colours
+    exchanged.
+    """
+    return columns % 2 == 1 and rows % 2 == 1 and columns != rows
 
 
 class ChessboardFinder:
@@ -72,7 +87,7 @@ class ChessboardFinder:
                 f"a chessboard of {whole[0]} x {whole[1]} inner corners is seen, not of "
                 f"{self._size()}; correct dimension, or take the other board out of view",
             )
-        return FoundBoard(corners)
+        return FoundBoard(corners, starts_black=black)
 
     def _size(self) -> str:
         return f"{self.columns} x {self.rows}"

@@ -10,12 +10,13 @@ import numpy as np
 from atom_core.errors import LabelingError
 from atom_core.labeling.base import Labeled, nothing
 from atom_core.labeling.charuco import CharucoFinder
-from atom_core.labeling.chessboard import ChessboardFinder
+from atom_core.labeling.chessboard import ChessboardFinder, mirror_shows
 from atom_core.model.config import PatternConfig
 from atom_core.model.labels import RgbLabel
 from atom_core.model.pattern import CHARUCO, Pattern
 from atom_core.model.sensor import RGB, Sensor
 
+STARTS_BLACK = "starts_black"  # in the quality of chessboards that differ from their mirror image
 LEAST_SHARE = 0.25  # of the corners; ATOM's rule too
 _SMALLEST_IMAGE_PX = 16
 
@@ -58,7 +59,8 @@ class RgbLabeler:
 
         Returns:
             Corners with ``item_quality``; at least a quarter of the pattern's, or none.
-            ``quality``: ``corners``, ``in_view``, ``dropped``, ``markers``, ``mean_quality``.
+            ``quality``: ``corners``, ``in_view``, ``dropped``, ``markers``, ``mean_quality``; of
+            chessboards that differ from their mirror image ``starts_black``, 1 or 0.
 
         Raises:
             LabelingError: the array is no image of 8 bits, or not of the camera's size.
@@ -91,7 +93,7 @@ class RgbLabeler:
         return Labeled(label, quality=quality, item_quality=found.corners.quality)
 
     def _label_chessboard(self, grey: np.ndarray) -> Labeled:
-        corners, reason = self._chessboard.find(grey)
+        corners, reason, starts_black = self._chessboard.find(grey)
         if corners is None:
             return nothing(RGB, reason)
         ids = np.arange(self.pattern.corner_count)
@@ -100,6 +102,8 @@ class RgbLabeler:
             "in_view": float(len(ids)),
             "mean_quality": _mean(corners.quality),
         }
+        if mirror_shows(self.pattern.columns, self.pattern.rows):
+            quality[STARTS_BLACK] = float(starts_black)
         warnings: List[str] = []
         if (self.pattern.columns + self.pattern.rows) % 2 == 0:
             alike = self.pattern.columns == self.pattern.rows and self.pattern.columns % 2 == 0
