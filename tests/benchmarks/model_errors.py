@@ -192,7 +192,7 @@ def model_errors(output: Path, rigs: int) -> None:
         print(f"rough profile, --model_errors {mode}: {told}")
     _write(output / "rough.csv", rough)
     print(text_table(list(rough[0]), [list(row.values()) for row in rough], "Rough profile", 2))
-    combined = combined_table(rigs)
+    combined = combined_table(max(rigs // 2, 1))
     _write(output / "combined.csv", combined)
     title = "Intervals of sigmas, and of combined ones"
     print(text_table(list(combined[0]), [list(row.values()) for row in combined], title, 1))

@@ -8,6 +8,7 @@ wrong within one: how much they differ tells how sure the answer is without any 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Iterable, Iterator, List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
@@ -26,7 +27,7 @@ from atom_core.solvers.normal_equations import (
 )
 from atom_core.solvers.scalar_columns import Scalars
 
-_AT_A_TIME, _ENTRIES = 64, 4_000_000  # collections, and numbers, of columns that are in memory
+_AT_A_TIME, _ENTRIES = 64, 2_000_000  # collections, and numbers, of columns that are in memory
 _FLOOR = 1e-12  # of a matrix scaled to a unit diagonal: what is below is rounding
 
 
@@ -35,11 +36,32 @@ class CollectionPart(NamedTuple):
 
     Attributes:
         numbers: (k,) which.
-        information: (k, k).
+        upper: (k (k + 1) / 2,) upper triangle of its information, row by row.
     """
 
     numbers: np.ndarray
-    information: np.ndarray
+    upper: np.ndarray
+
+    @classmethod
+    def of(cls, numbers: np.ndarray, information: np.ndarray) -> CollectionPart:
+        """Return the part that information (k, k) makes."""
+        return cls(numbers, information[_triangle(len(numbers))])
+
+    @property
+    def information(self) -> np.ndarray:
+        """(k, k)."""
+        k = len(self.numbers)
+        full = np.empty((k, k))
+        row, column = _triangle(k)
+        full[row, column] = self.upper
+        full[column, row] = self.upper
+        return full
+
+
+@lru_cache(maxsize=4)
+def _triangle(size: int) -> Tuple[np.ndarray, np.ndarray]:
+    row, column = np.triu_indices(size)
+    return row, column
 
 
 @dataclass(frozen=True)
@@ -121,7 +143,7 @@ def shared_equations(
         total[part.numbers[:, None], part.numbers] += part.information
         gradients.append(np.bincount(part.numbers, part.gradient, m))
         kept = int(np.sum(part.numbers < m - scalars.of_fields)) if with_parts else 0
-        parts[name] = CollectionPart(part.numbers[:kept], part.information[:kept, :kept].copy())
+        parts[name] = CollectionPart.of(part.numbers[:kept], part.information[:kept, :kept])
     for j, error in enumerate(scalars.errors, m - len(scalars.errors)):
         prior = prior_information(error, priors)
         total[j, j] += prior

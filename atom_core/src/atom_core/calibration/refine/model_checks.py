@@ -157,9 +157,10 @@ class _Step:
         """Return the candidates' values and how sure they are, by how the collections differ."""
         value, gain, determined = self.stepped()
         curvature = np.where(determined, self._curvature, 1.0)
-        own = [(part.information, self._along[part.numbers]) for part in self._equations.parts]
+        parts = self._equations.parts
+        own = ((part.information, self._along[part.numbers]) for part in parts)
         curvatures = np.array([np.sum((inner @ way) * way, axis=0) for inner, way in own])
-        curvatures = np.maximum(curvatures.reshape(len(own), len(value)), 0.0)
+        curvatures = np.maximum(curvatures.reshape(len(parts), len(value)), 0.0)
         left = self._equations.gradient @ self._along + curvatures * value
         leverage = np.minimum(curvatures / curvature, _LEVERAGE)
         variance = np.sum((left / (1.0 - leverage)) ** 2, axis=0) / curvature**2
