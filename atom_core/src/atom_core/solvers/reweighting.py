@@ -187,9 +187,8 @@ def _reweighted(
     change = np.full(2 * count + len(values), np.inf)
     state = AndersonAcceleration(np.concatenate([np.log(scales), insets, values]))
     rounds = 0
-    for rounds in range(1, options.reweighting_rounds + 1):
-        if end.interrupted:
-            break
+    while rounds < options.reweighting_rounds and not end.interrupted:
+        rounds += 1
         assessment = solver.assess(end.x, sigmas, options.loss)
         _, insets, values = np.split(state.value, [count, 2 * count])
         columns = error_columns(solver.problem, end.x, sigmas, options.loss, errors)
