@@ -58,6 +58,8 @@ def change(values, *path, to):
         (("sensors", "rgb_3", "rate_hz"), -1, r"rgb_3: 'rate_hz' is malformed"),
         (("sensors", "rgb_3", "D"), [1, 2], r"rgb_3: D has 2 numbers"),
         (("pattern",), None, r"'pattern' is missing"),
+        (("pattern", "border_m"), {"left": 0.1, "top": 0.1}, r"it has left, top, not left, right"),
+        (("pattern", "border_m"), [0.1], r"pattern: 'border_m' is malformed"),
         (("sensors",), [1], r"sensors: a mapping"),
     ],
 )

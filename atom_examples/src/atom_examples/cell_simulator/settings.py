@@ -11,6 +11,7 @@ import yaml
 
 from atom_core.geometry.camera import Camera
 from atom_core.model.config import PatternConfig
+from atom_core.model.config_border import SIDES
 from atom_core.model.sensor import DEPTH, LIDAR2D, LIDAR3D, RGB
 from atom_core.synthetic.lidar2d import Lidar2dModel
 from atom_core.synthetic.lidar_models import AnyLidarModel, LidarModel, lidar_model
@@ -263,10 +264,19 @@ def _pattern(entry: _Entry) -> PatternConfig:
         pattern_type=entry.get("type", str),
         dimension=(int(columns), int(rows)),
         size=entry.get("square_m", _positive),
-        border_size=entry.get("border_m", _pair),
+        **entry.get("border_m", _border),
         inner_size=entry.get("marker_m", _positive),
         dictionary=entry.get("dictionary", str),
     )
+
+
+def _border(value: Any) -> Dict[str, Any]:
+    """Return the border as a configuration has it: [x, y], or a width for each side."""
+    if not isinstance(value, Mapping):
+        return {"border_size": _pair(value)}
+    if set(value) != set(SIDES):
+        raise ValueError(f"it has {', '.join(map(str, value))}, not {', '.join(SIDES)}")
+    return {"border": tuple(_not_negative(value[side]) for side in SIDES)}
 
 
 def _profiles(entries: _Entry) -> Dict[str, Realism]:
