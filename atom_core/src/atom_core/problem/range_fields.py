@@ -21,7 +21,7 @@ _GAP_RAD = float(np.radians(0.1))  # layers of a LiDAR are farther apart
 _APART = 4.0  # times the scatter of a layer's elevations
 _MOST_LAYERS = 128
 _CYCLES = 5.0  # of the shortest waves that are told, over the width of a depth image
-_ACROSS = 64  # cells of a depth image along each axis
+_ACROSS = 64  # cells over the width of a depth image
 
 
 @dataclass(frozen=True)
@@ -174,16 +174,18 @@ class WaveField(RangeField):
 
     def __init__(self, waves: Sequence[DepthWave]):
         """Take the waves of one camera."""
-        y, x = np.divmod(np.arange(_ACROSS * _ACROSS), _ACROSS)
-        middles = [(place + 0.5) / _ACROSS for place in (x, y)]
-        super().__init__(waves, np.column_stack([wave.height(*middles) for wave in waves]))
-        self._any = waves[0]
+        self._any, camera = waves[0], waves[0].camera
+        self._counts = _ACROSS, max(round(_ACROSS * camera.height / camera.width), 1)
+        rows = np.arange(self._counts[0] * self._counts[1]) // _ACROSS
+        columns = np.arange(len(rows)) % _ACROSS
+        x, y = ((n + 0.5) / count for n, count in zip((columns, rows), self._counts))
+        super().__init__(waves, np.column_stack([wave.height(x, y) for wave in waves]))
 
     def cells(self, points: np.ndarray) -> np.ndarray:
         """Return (n,): which cell of the image points (n, 3) in the camera's frame are in."""
         x, y = (
-            np.clip((_ACROSS * self._any.across(points, axis)).astype(int), 0, _ACROSS - 1)
-            for axis in range(2)
+            np.clip((count * self._any.across(points, axis)).astype(int), 0, count - 1)
+            for axis, count in enumerate(self._counts)
         )
         return y * _ACROSS + x
 
