@@ -59,22 +59,25 @@ py::dict ToDict(const BoardSegment& segment) {
   item["visible"] = segment.visible;
   item["hidden"] = segment.hidden;
   item["through"] = segment.through;
+  item["dark"] = segment.dark;
   item["in_view"] = segment.in_view;
   item["score"] = segment.score;
   item["progress"] = segment.progress;
   return item;
 }
 
-BoardOptions AsOptions(double width, double height, int least_layers, double beam_width) {
+BoardOptions AsOptions(double width, double height, int least_layers, double beam_width,
+                       double dark) {
   BoardOptions options;
   options.size = {width, height};
   options.least_layers = least_layers;
   options.beam_width = beam_width;
+  options.dark = dark;
   return options;
 }
 
 py::dict Segment(const Scan& scan, const DoubleArray& seed, double width, double height,
-                 int least_layers, double beam_width) {
+                 int least_layers, double beam_width, double dark) {
   if (seed.ndim() != 1 || seed.shape(0) != 3) {
     throw std::invalid_argument("seed must have the shape (3,)");
   }
@@ -82,16 +85,17 @@ py::dict Segment(const Scan& scan, const DoubleArray& seed, double width, double
   BoardSegment segment;
   {
     const py::gil_scoped_release release;
-    segment = SegmentBoard(scan, point, AsOptions(width, height, least_layers, beam_width));
+    segment = SegmentBoard(scan, point, AsOptions(width, height, least_layers, beam_width, dark));
   }
   return ToDict(segment);
 }
 
-py::list Find(const Scan& scan, double width, double height, int least_layers, double beam_width) {
+py::list Find(const Scan& scan, double width, double height, int least_layers, double beam_width,
+              double dark) {
   std::vector<BoardSegment> segments;
   {
     const py::gil_scoped_release release;
-    segments = FindBoards(scan, AsOptions(width, height, least_layers, beam_width));
+    segments = FindBoards(scan, AsOptions(width, height, least_layers, beam_width, dark));
   }
   py::list items;
   for (const BoardSegment& segment : segments) items.append(ToDict(segment));
@@ -133,7 +137,10 @@ Raises:
 )");
   m.def("segment_board", &Segment, py::arg("scan"), py::arg("seed"), py::arg("width"),
         py::arg("height"), py::arg("least_layers"), py::arg("beam_width") = 0.0,
+        py::arg("dark") = 0.0,
         R"(Finds a board of known size near a seed (3,) [m] in the sensor's frame.
+
+Squares of the side ``dark`` [m] may return nothing.
 
 Returns:
     dict: detected, reason, indices (n,) and limit_indices (m,) into the cloud, sensor_T_board (4, 4)
@@ -143,7 +150,7 @@ Raises:
     ValueError: a size that is not positive, or a seed that is not finite.
 )");
   m.def("find_boards", &Find, py::arg("scan"), py::arg("width"), py::arg("height"),
-        py::arg("least_layers"), py::arg("beam_width") = 0.0,
+        py::arg("least_layers"), py::arg("beam_width") = 0.0, py::arg("dark") = 0.0,
         "Searches a whole scan for boards of a size; list of dict as segment_board's, best first.");
 }
 

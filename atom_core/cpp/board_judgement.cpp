@@ -5,17 +5,29 @@
 #include <cstdio>
 #include <map>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "board_beside.h"
+#include "board_filling.h"
 #include "plane_pieces.h"
 
 namespace atom_core {
 namespace {
 
 constexpr int kRefits = 6;
-constexpr double kStripShare = 0.5;   // of the shorter half side: gaps that a run bridges
-constexpr double kBorderShare = 0.7;  // of the layers' ends that must lie on the border
+constexpr double kStripShare = 0.5;      // of the shorter half side: gaps that a run bridges
+constexpr double kBorderShare = 0.7;     // of the layers' ends that must lie on the border
+constexpr double kFlatness = 2.0;        // of the scatter along layers, and
+constexpr double kUneven = 0.008;        // [m] about the plane are flat
+constexpr double kSizeTolerance = 0.03;  // of a side, and
+constexpr double kSizeSigmas = 3.0;      // of what is measured, and
+constexpr double kSizeSteps = 0.5;       // beam steps
+constexpr double kWideLayer = 0.4;       // of the shorter side: layers beyond the board count, if
+constexpr double kSolid = 0.6;           // of them returns, and
+constexpr double kFarBeyond = 0.12;      // of that side away
+constexpr double kMostSizeError = 0.07;  // of a side, however uncertain
+constexpr double kWideBeamSteps = 2.0;   // by which beams of unknown width may enlarge a board
 
 std::nullopt_t Reject(int progress, const std::string& reason, BoardSegment* segment) {
   segment->progress = progress;
@@ -34,8 +46,8 @@ std::vector<int> PieceAround(const BoardSearch& search, const Plane& plane,
   }
   std::vector<int> best;
   std::size_t most = 0;
-  for (auto& piece :
-       FindPieces(search.scan, search.window, inliers, plane, search.options.size.minCoeff())) {
+  for (auto& piece : FindPieces(search.scan, search.window, inliers, plane,
+                                search.options.size.minCoeff(), search.options.LongestDark())) {
     if (piece.size() <= most) break;
     std::vector<int> common;
     std::set_intersection(piece.begin(), piece.end(), before.begin(), before.end(),
@@ -104,11 +116,31 @@ bool HasExtent(const BoardSearch& search, const Surface& surface, BoardSegment* 
   return true;
 }
 
+// A board scatters about its plane as it does among neighbours; a plane laid through a board and
+// other things does not.
+bool IsFlat(const Surface& surface, BoardSegment* segment) {
+  const double sigma = surface.plane().sigma, own = surface.OwnScatter();
+  if (sigma <= kFlatness * own + kUneven) return true;
+  Reject(3,
+         Text("the surface is not flat (%.0f mm about its plane, %.0f mm among neighbours)",
+              1e3 * sigma, 1e3 * own),
+         segment);
+  return false;
+}
+
 std::optional<Surface> FindSurface(const BoardSearch& search, std::vector<int> piece,
                                    BoardSegment* segment) {
   std::optional<std::vector<int>> refit = Refit(search, std::move(piece), segment);
   if (!refit) return std::nullopt;
   std::optional<Surface> surface = SurfaceOf(search, std::move(*refit), segment);
+  if (!surface) return std::nullopt;
+  std::vector<int> solid = surface->WithoutOpenEnds();
+  if (solid.size() < surface->piece().size()) {
+    if (static_cast<int>(solid.size()) < search.options.least_points) {
+      return Reject(2, "only posts are on the plane there, no surface between them", segment);
+    }
+    surface = SurfaceOf(search, std::move(solid), segment);
+  }
   if (surface && !HasExtent(search, *surface, segment)) return std::nullopt;
   return surface;
 }
@@ -129,8 +161,8 @@ std::optional<RectanglePose> FitToRuns(const BoardSearch& search, const Surface&
                                        BoardSegment* segment) {
   Outline outline;
   const double bridged = kStripShare * search.HalfSize().minCoeff();
-  for (const Run& run :
-       FindRuns(search.scan, search.window, surface.piece(), surface.plane(), bridged)) {
+  for (const Run& run : FindRuns(search.scan, search.window, surface.piece(), surface.plane(),
+                                 bridged, search.options.LongestDark())) {
     surface.AddEnd(run.first, -1, &outline);
     surface.AddEnd(run.last, 1, &outline);
   }
@@ -184,17 +216,89 @@ bool BorderFits(const Surface& surface, const RectanglePose& pose, const Outline
   return false;
 }
 
+std::string SizeReason(const Eigen::Vector2d& measured, const BoardOptions& options) {
+  for (int axis = 0; axis < 2; ++axis) {
+    if (std::isfinite(measured[axis])) continue;
+    return Text(
+        "a side of the plane there measures %.2f m; the configuration says %.2f x %.2f, of which "
+        "that side is to be %.2f",
+        measured[1 - axis], options.size.x(), options.size.y(), options.size[1 - axis]);
+  }
+  return Text("the plane there measures %.2f x %.2f m; the configuration says %.2f x %.2f",
+              measured.x(), measured.y(), options.size.x(), options.size.y());
+}
+
 bool SizeFits(const BoardSearch& search, const Surface& surface, const RectanglePose& pose,
               const Outline& outline, BoardSegment* segment) {
-  segment->measured_size = MeasureSize(outline.limits, pose, surface.seen_half());
+  Eigen::Vector2d sigma;
+  segment->measured_size = MeasureSize(outline.limits, pose, surface.seen_half(), &sigma);
   segment->measured_size -= 2.0 * (surface.seen_half() - search.HalfSize());
+  const double step = surface.StepOnBoard();
   for (int axis = 0; axis < 2; ++axis) {
-    const double size = segment->measured_size[axis], expected = search.options.size[axis];
-    const double most = 0.05 * expected + surface.Tolerance();
-    if (std::isfinite(size) && std::abs(size - expected) > most) {
-      Reject(4, Text("it measures %.2f m where the board has %.2f m", size, expected), segment);
+    const double expected = search.options.size[axis];
+    const double off = segment->measured_size[axis] - expected;
+    const double wide = search.options.beam_width > 0.0 ? 0.0 : kWideBeamSteps * step;
+    const double most = kSizeTolerance * expected + kSizeSigmas * sigma[axis] + kSizeSteps * step;
+    const double limit = kMostSizeError * expected;
+    if (std::isfinite(off) &&
+        (off < -std::min(most, limit) || off > std::min(most + wide, limit))) {
+      Reject(5, SizeReason(segment->measured_size, search.options), segment);
       return false;
     }
+  }
+  return true;
+}
+
+// The board's rectangle in the axes of a surface nearly in its plane.
+RectanglePose InPlaneOf(const Surface& surface, const BoardSegment& segment) {
+  RectanglePose pose;
+  pose.centre = surface.InPlane(segment.sensor_T_board.topRightCorner<3, 1>());
+  const Eigen::Vector2d along =
+      surface.axes().leftCols<2>().transpose() * segment.sensor_T_board.topLeftCorner<3, 1>();
+  pose.angle = std::atan2(along.y(), along.x());
+  return pose;
+}
+
+// Width and height of a surface along the axes of a rectangle.
+Eigen::Vector2d SizeAlong(const BoardSearch& search, const Surface& surface,
+                          const RectanglePose& pose) {
+  Eigen::Vector2d size;
+  for (int axis = 0; axis < 2; ++axis) {
+    std::vector<double> values;
+    for (const int i : surface.piece()) {
+      values.push_back(pose.ToBoard(surface.InPlane(search.At(i).position))[axis]);
+    }
+    std::sort(values.begin(), values.end());
+    const std::size_t cut = values.size() / 100;
+    size[axis] = values[values.size() - 1 - cut] - values[cut];
+  }
+  return size;
+}
+
+// Tells whether whole layers of the surface lie beyond the rectangle: it belongs to something
+// larger.
+//
+// surface: all of it; its plane is nearly that in which the rectangle lies.
+bool IsAll(const BoardSearch& search, const Surface& surface, const RectanglePose& pose,
+           BoardSegment* segment) {
+  const double margin = surface.Tolerance(), least = kWideLayer * search.options.size.minCoeff();
+  std::size_t k = 0;
+  for (const auto& end : surface.ends()) {
+    int count = 0;
+    bool is_beyond = true;
+    double farthest = 0.0;
+    for (; k < surface.piece().size() && surface.piece()[k] <= end.second; ++k, ++count) {
+      const Eigen::Vector2d point = surface.InPlane(search.At(surface.piece()[k]).position);
+      const double distance = SignedDistance(pose.ToBoard(point), surface.seen_half());
+      is_beyond = is_beyond && distance > margin;
+      farthest = std::max(farthest, distance);
+    }
+    const double wide = (search.At(end.second).position - search.At(end.first).position).norm();
+    if (!is_beyond || wide < least || count * surface.StepOnBoard() < kSolid * wide) continue;
+    if (farthest < kFarBeyond * search.options.size.minCoeff() + margin) continue;
+    segment->measured_size = SizeAlong(search, surface, pose);
+    Reject(5, SizeReason(segment->measured_size, search.options), segment);
+    return false;
   }
   return true;
 }
@@ -225,118 +329,11 @@ std::optional<RectanglePose> FitToEnds(const BoardSearch& search, const Surface&
   }
   const RectanglePose pose = FitRectangle(outline, surface.seen_half());
   SetPose(surface, pose, segment);
-  if (!BorderFits(surface, pose, outline, open, segment) ||
-      !SizeFits(search, surface, pose, outline, segment)) {
+  if (!SizeFits(search, surface, pose, outline, segment) ||
+      !BorderFits(surface, pose, outline, open, segment)) {
     return std::nullopt;
   }
   return pose;
-}
-
-// ---- the filling: returns wherever the board would give them
-
-// Beams of some layers that meet the rectangle.
-int Beams(const BoardSearch& search, const Surface& surface, const RectanglePose& pose,
-          const Eigen::Matrix4d& sensor_T_board, const std::vector<double>& elevations) {
-  const Scan& scan = search.scan;
-  const Eigen::Vector2d half = search.HalfSize();
-  double from = 0.0, to = 0.0;
-  const double middle = Azimuth(scan, surface.origin());
-  for (const double x : {-half.x(), half.x()}) {
-    for (const double y : {-half.y(), half.y()}) {
-      const Eigen::Vector4d corner = sensor_T_board * Eigen::Vector4d(x, y, 0.0, 1.0);
-      const double azimuth = Wrapped(Azimuth(scan, corner.head<3>()) - middle);
-      from = std::min(from, azimuth);
-      to = std::max(to, azimuth);
-    }
-  }
-  int count = 0;
-  for (const double elevation : elevations) {
-    for (double azimuth = from; azimuth <= to; azimuth += scan.azimuth_step) {
-      Eigen::Vector2d p;
-      if (surface.Meets(scan.Direction(middle + azimuth, elevation), &p) &&
-          SignedDistance(pose.ToBoard(p), half) <= 0.0) {
-        ++count;
-      }
-    }
-  }
-  return count;
-}
-
-// Layers that continue the scan's own ones above and below, as if it saw everything.
-std::vector<double> LayersBeyond(const Scan& scan) {
-  const std::vector<double>& own = scan.layer_elevation;
-  const double spacing = (own.back() - own.front()) / std::max<std::size_t>(own.size() - 1, 1);
-  std::vector<double> beyond;
-  if (spacing <= 0.0) return beyond;
-  for (double e = own.back() + spacing; e < M_PI / 2.0; e += spacing) beyond.push_back(e);
-  for (double e = own.front() - spacing; e > -M_PI / 2.0; e -= spacing) beyond.push_back(e);
-  return beyond;
-}
-
-// Returns of beams that meet the rectangle: on it, before it, and behind it.
-struct Filling {
-  int there = 0, nearer = 0, farther = 0;
-};
-
-Filling CountReturns(const BoardSearch& search, const Surface& surface, const RectanglePose& pose) {
-  Filling filling;
-  const double margin = surface.StepOnBoard();
-  const Eigen::Vector2d half = search.HalfSize();
-  const Plane& plane = surface.plane();
-  for (const Near& near : search.window.points) {
-    const ScanPoint& point = *near.point;
-    Eigen::Vector2d p;
-    if (!surface.Meets(point.position / point.range, &p)) continue;
-    const double distance = SignedDistance(pose.ToBoard(p), half);
-    if (distance > 0.0) continue;
-    const int side = plane.Side(point);
-    if (plane.Holds(point)) {
-      ++filling.there;
-    } else if (side < 0) {
-      ++filling.nearer;
-    } else if (side > 0 && distance < -margin) {
-      ++filling.farther;
-    }
-  }
-  return filling;
-}
-
-// Sets what is seen of the board.
-void MeasureFilling(const BoardSearch& search, const Surface& surface, const RectanglePose& pose,
-                    const Filling& filling, BoardSegment* segment) {
-  const auto beams = [&](const std::vector<double>& elevations) {
-    return Beams(search, surface, pose, segment->sensor_T_board, elevations);
-  };
-  segment->expected_points = beams(search.scan.layer_elevation);
-  const double expected = std::max(segment->expected_points, 1);
-  segment->visible = filling.there / expected;
-  segment->hidden = filling.nearer / expected;
-  segment->through = filling.farther / expected;
-  segment->score = segment->border_rms / search.options.border_tolerance +
-                   std::max(0.0, 1.0 - segment->visible) + 2.0 * segment->through;
-  segment->in_view = expected / (expected + beams(LayersBeyond(search.scan)));
-}
-
-bool FillsRectangle(const BoardSearch& search, const Surface& surface, const RectanglePose& pose,
-                    BoardSegment* segment) {
-  const BoardOptions& options = search.options;
-  const Filling filling = CountReturns(search, surface, pose);
-  MeasureFilling(search, surface, pose, filling, segment);
-  std::string reason;
-  if (segment->in_view < options.least_in_view) {
-    reason = Text("only %.0f %% of the board would be between the lowest and the highest layer",
-                  100.0 * segment->in_view);
-  } else if (segment->through > options.most_through) {
-    reason = Text("%.0f %% of the beams pass through where the board would be",
-                  100.0 * segment->through);
-  } else if (segment->visible < options.least_visible ||
-             segment->visible + segment->hidden < options.least_coverage) {
-    reason = Text("only %.0f of %.0f expected returns from the board are there (%.0f hidden)",
-                  filling.there, std::max(segment->expected_points, 1), filling.nearer);
-  }
-  if (reason.empty()) return true;
-  Reject(6, reason, segment);
-  return false;
 }
 
 // ---- the label
@@ -356,11 +353,12 @@ void AddLimit(const BoardSearch& search, const Surface& surface, const Rectangle
 void Label(const BoardSearch& search, const Surface& surface, const RectanglePose& pose,
            BoardSegment* segment) {
   const double step = surface.StepOnBoard(), margin = 0.01 + 0.5 * step;
+  const std::set<int> open = OpenLayers(search, surface, pose, margin);
   std::map<int, std::pair<int, int>> ends;  // of the layers
   const int count = static_cast<int>(search.window.points.size());
   for (int i = 0; i < count; ++i) {
     const ScanPoint& point = search.At(i);
-    if (!surface.plane().Holds(point)) continue;
+    if (!surface.plane().Holds(point) || open.count(point.layer) != 0) continue;
     const Eigen::Vector2d on_board = pose.ToBoard(surface.InPlane(point.position));
     const double distance = SignedDistance(on_board, surface.seen_half());
     if (distance > margin) continue;
@@ -395,9 +393,10 @@ BoardSegment JudgePiece(const BoardSearch& search, std::vector<int> piece) {
   const auto first = FitToRuns(search, *surface, &segment);
   if (!first) return segment;
   const auto restricted = Restrict(search, *surface, *first, &segment);
-  if (!restricted) return segment;
+  if (!restricted || !IsFlat(*restricted, &segment)) return segment;
   const auto pose = FitToEnds(search, *restricted, &segment);
-  if (!pose || !FillsRectangle(search, *restricted, *pose, &segment)) return segment;
+  if (!pose || !IsAll(search, *surface, InPlaneOf(*surface, segment), &segment)) return segment;
+  if (!FillsRectangle(search, *restricted, *pose, &segment)) return segment;
   if (GoesOnBesideSide(search, *restricted, *pose, &segment)) return segment;
   segment.detected = true;
   Label(search, *restricted, *pose, &segment);

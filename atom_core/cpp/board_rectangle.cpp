@@ -131,7 +131,7 @@ RectanglePose FitRectangle(const Outline& outline, const Eigen::Vector2d& half_s
 }
 
 Eigen::Vector2d MeasureSize(const PlanePoints& limits, const RectanglePose& pose,
-                            const Eigen::Vector2d& half_size, int least) {
+                            const Eigen::Vector2d& half_size, Eigen::Vector2d* sigma, int least) {
   std::array<std::vector<double>, 4> beyond;  // of the sides -x, +x, -y, +y
   for (const auto& point : limits) {
     const Eigen::Vector2d p = pose.ToBoard(point), away = p.cwiseAbs() - half_size;
@@ -141,15 +141,20 @@ Eigen::Vector2d MeasureSize(const PlanePoints& limits, const RectanglePose& pose
     beyond[2 * axis + (p[axis] > 0 ? 1 : 0)].push_back(away[axis]);
   }
   Eigen::Vector2d size = Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());
+  if (sigma != nullptr) *sigma = size;
   for (int axis = 0; axis < 2; ++axis) {
     auto &low = beyond[2 * axis], &high = beyond[2 * axis + 1];
     if (static_cast<int>(std::min(low.size(), high.size())) < least) continue;
     size[axis] = 2.0 * half_size[axis];
+    double variance = 0.0;  // of the means of both sides
     for (auto* side : {&low, &high}) {
-      double sum = 0.0;
-      for (const double value : *side) sum += value;
-      size[axis] += sum / side->size();
+      double mean = 0.0, squares = 0.0;
+      for (const double value : *side) mean += value / side->size();
+      for (const double value : *side) squares += (value - mean) * (value - mean);
+      size[axis] += mean;
+      variance += squares / ((side->size() - 1.0) * side->size());
     }
+    if (sigma != nullptr) (*sigma)[axis] = std::sqrt(variance);
   }
   return size;
 }

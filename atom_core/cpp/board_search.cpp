@@ -16,8 +16,11 @@ constexpr double kStraight = 0.05;  // [m] a run may deviate from its chord
 constexpr int kLeastReturns = 4;
 constexpr double kPatch = 0.45;  // of the shorter side: radius in which a plane is proposed
 constexpr int kManyLayers = 8;
+constexpr double kLittle = 0.1;  // of the board may be hidden where no side is measured
+constexpr int kWorthNaming = 4;  // progress of what is named where there is no board: has its size
 constexpr double kBorderRms = 0.03;  // [m] of the layers' ends
 constexpr double kSizeError = 0.06;  // of what is measured of the size
+constexpr double kBend = 0.022;      // [m] of smoothed returns from a chord: the run is cut there
 constexpr double kApart = 0.3;       // of the shorter side: nearer seeds are one
 
 struct StraightRun {
@@ -45,22 +48,66 @@ bool IsStraight(const std::vector<const ScanPoint*>& points, std::size_t first, 
   return true;
 }
 
+// Tells whether a surface goes on from one return to the next.
+bool GoesOn(const Scan& scan, const ScanPoint& a, const ScanPoint& b, double dark) {
+  if (a.layer != b.layer || std::abs(b.range - a.range) >= kJump) return false;
+  return b.azimuth - a.azimuth < kGapSteps * scan.azimuth_step ||
+         (b.position - a.position).norm() < dark;
+}
+
+// Cuts a run where it bends or steps, as where a board hangs before a wall, and calls with the
+// first and last return of each part.
+template <typename Call>
+void Cut(const std::vector<Eigen::Vector3d>& smooth, std::size_t first, std::size_t last,
+         const Call& call) {
+  const Eigen::Vector3d start = smooth[first], along = (smooth[last] - start).normalized();
+  std::size_t farthest = first;
+  double most = kBend;
+  for (std::size_t i = first + 1; i < last; ++i) {
+    const Eigen::Vector3d offset = smooth[i] - start;
+    const double off = (offset - along * along.dot(offset)).norm();
+    if (off > most) most = off, farthest = i;
+  }
+  if (farthest == first) {
+    call(first, last);
+  } else {
+    Cut(smooth, first, farthest, call);
+    Cut(smooth, farthest, last, call);
+  }
+}
+
+std::vector<Eigen::Vector3d> Smoothed(const std::vector<const ScanPoint*>& points,
+                                      std::size_t first, std::size_t last) {
+  std::vector<Eigen::Vector3d> smooth;
+  for (std::size_t i = first; i <= last; ++i) {
+    const std::size_t from = std::max(i, first + 1) - 1, to = std::min(i + 1, last);
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (std::size_t k = from; k <= to; ++k) sum += points[k]->position;
+    smooth.push_back(sum / (to - from + 1));
+  }
+  return smooth;
+}
+
 // Runs that may be a cut through a board. One across the seam of the azimuth is two shorter ones.
-std::vector<StraightRun> FindStraightRuns(const Scan& scan, const Eigen::Vector2d& size) {
+std::vector<StraightRun> FindStraightRuns(const Scan& scan, const BoardOptions& options) {
   const std::vector<const ScanPoint*> points = LayerByLayer(scan);
-  const double shortest = 0.25 * size.minCoeff(), longest = 1.15 * size.norm();
+  const double shortest = 0.25 * options.size.minCoeff(), longest = 1.15 * options.size.norm();
   std::vector<StraightRun> runs;
+  const auto add = [&](std::size_t first, std::size_t last) {
+    const double length = (points[last]->position - points[first]->position).norm();
+    const int returns = static_cast<int>(last - first) + 1;
+    if (returns < kLeastReturns || length < shortest || length > longest) return false;
+    if (!IsStraight(points, first, last)) return false;
+    runs.push_back({(points[first]->position + points[last]->position) / 2.0, returns});
+    return true;
+  };
   for (std::size_t first = 0, i = 1; i <= points.size(); ++i) {
-    const bool goes_on =
-        i < points.size() && points[i]->layer == points[i - 1]->layer &&
-        std::abs(points[i]->range - points[i - 1]->range) < kJump &&
-        points[i]->azimuth - points[i - 1]->azimuth < kGapSteps * scan.azimuth_step;
-    if (goes_on) continue;
-    const double length = (points[i - 1]->position - points[first]->position).norm();
-    const int returns = static_cast<int>(i - first);
-    if (returns >= kLeastReturns && length > shortest && length < longest &&
-        IsStraight(points, first, i - 1)) {
-      runs.push_back({(points[first]->position + points[i - 1]->position) / 2.0, returns});
+    if (i < points.size() && GoesOn(scan, *points[i - 1], *points[i], options.LongestDark())) {
+      continue;
+    }
+    if (!add(first, i - 1) && i - first >= static_cast<std::size_t>(3 * kLeastReturns)) {
+      Cut(Smoothed(points, first, i - 1), 0, i - 1 - first,
+          [&](std::size_t from, std::size_t to) { add(first + from, first + to); });
     }
     first = i;
   }
@@ -72,7 +119,7 @@ std::vector<StraightRun> FindStraightRuns(const Scan& scan, const Eigen::Vector2
 
 // One seed for runs side by side; there must be as many of them as a board has layers.
 std::vector<Eigen::Vector3d> Seeds(const Scan& scan, const BoardOptions& options) {
-  const std::vector<StraightRun> runs = FindStraightRuns(scan, options.size);
+  const std::vector<StraightRun> runs = FindStraightRuns(scan, options);
   std::vector<Eigen::Vector3d> seeds;
   for (const StraightRun& run : runs) {
     const double apart = kApart * options.size.minCoeff();
@@ -99,7 +146,16 @@ bool IsConvincing(const BoardSegment& segment, const BoardOptions& options) {
     if (std::abs(size / options.size[axis] - 1.0) > kSizeError) return false;
     ++measured;
   }
-  return measured > 0 || segment.layers < kManyLayers;
+  return measured > 0 || (segment.layers < kManyLayers && segment.hidden < kLittle);
+}
+
+void Doubt(BoardSegment* board) {
+  board->detected = false;
+  board->reason =
+      "no two opposite sides of the board's size are seen, as a search needs: give a seed";
+  board->progress = 7;
+  board->indices.clear();
+  board->limit_indices.clear();
 }
 
 // Without a seed to trust, the board must be seen better.
@@ -125,20 +181,24 @@ std::vector<BoardSegment> FindBoards(const Scan& scan, const BoardOptions& optio
   here.most_planes = 1;
   const BoardOptions strict = Strict(options);
   std::vector<BoardSegment> boards;
+  BoardSegment nearest;  // to a board, if there is none
   for (const Eigen::Vector3d& seed : Seeds(scan, options)) {
     BoardSegment board = SegmentBoard(scan, seed, here);
-    if (!board.detected) continue;
-    board = SegmentBoard(scan, Middle(board), strict);  // the same from wherever it was found
+    if (board.detected)
+      board = SegmentBoard(scan, Middle(board), strict);  // the same from anywhere
+    if (board.detected && !IsConvincing(board, options)) Doubt(&board);
     const auto is_same = [&](const BoardSegment& other) {
       return (Middle(other) - Middle(board)).norm() < 0.5 * options.size.minCoeff();
     };
-    if (board.detected && IsConvincing(board, options) &&
-        std::none_of(boards.begin(), boards.end(), is_same)) {
+    if (!board.detected) {
+      if (board.progress > nearest.progress) nearest = board;
+    } else if (std::none_of(boards.begin(), boards.end(), is_same)) {
       boards.push_back(board);
     }
   }
   std::stable_sort(boards.begin(), boards.end(),
                    [](const BoardSegment& a, const BoardSegment& b) { return a.score < b.score; });
+  if (boards.empty() && nearest.progress >= kWorthNaming) boards.push_back(nearest);
   return boards;
 }
 

@@ -35,8 +35,8 @@ BoardSegment BestOnPlane(const BoardSearch& search, const Plane& plane,
   }
   BoardSegment best;
   best.reason = "no plane has enough points";
-  for (auto& piece :
-       FindPieces(search.scan, search.window, inliers, plane, options.size.minCoeff())) {
+  for (auto& piece : FindPieces(search.scan, search.window, inliers, plane, options.size.minCoeff(),
+                                options.LongestDark())) {
     if (static_cast<int>(piece.size()) < options.least_points) break;
     BoardSegment segment = JudgePiece(search, std::move(piece));
     const Eigen::Vector3d middle = segment.sensor_T_board.topRightCorner<3, 1>();

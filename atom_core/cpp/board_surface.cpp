@@ -12,6 +12,8 @@ constexpr double kMixed = 1.5;           // standard deviations, beyond them a r
 constexpr double kNeighbourSteps = 3.5;  // within which a return is beside a limit point
 constexpr double kSurfaceShare = 0.03;   // of the range, between neighbours on one surface
 constexpr int kStepsBeside = 3;          // returns that are looked at beside an end
+constexpr std::size_t kLeastBends = 12;  // of returns, and
+constexpr std::size_t kLeastLayerBends = 3;  // of layers, of which the scatter is measured
 
 std::vector<std::pair<int, int>> LayerEnds(const Window& window, const std::vector<int>& piece) {
   std::vector<std::pair<int, int>> ends;
@@ -22,6 +24,12 @@ std::vector<std::pair<int, int>> LayerEnds(const Window& window, const std::vect
     ends.back().second = i;
   }
   return ends;
+}
+
+// Second differences have six variances, whatever the slope.
+double ScatterOfBends(std::vector<double> bends) {
+  std::nth_element(bends.begin(), bends.begin() + bends.size() / 2, bends.end());
+  return 1.4826 * bends[bends.size() / 2] / std::sqrt(6.0);
 }
 
 }  // namespace
@@ -56,6 +64,50 @@ int Surface::Neighbour(int i, int side) const {
   if (At(k).layer != At(i).layer) return -1;
   const double away = std::abs(points[k].azimuth - points[i].azimuth);
   return away <= kNeighbourSteps * search_->scan.azimuth_step ? k : -1;
+}
+
+double Surface::OwnScatter() const {
+  std::vector<double> along, across;
+  const auto bend = [](double a, double b, double c) { return std::abs(a - 2.0 * b + c); };
+  std::vector<double> means;  // of the residuals of layers
+  std::size_t count = 0;
+  for (std::size_t k = 0; k < piece_.size(); ++k) {
+    const double here = plane_.Residual(At(piece_[k]).position);
+    if (k == 0 || At(piece_[k]).layer != At(piece_[k - 1]).layer) means.push_back(0.0), count = 0;
+    means.back() += (here - means.back()) / ++count;
+    if (count < 3 || piece_[k] != piece_[k - 2] + 2) continue;
+    along.push_back(bend(plane_.Residual(At(piece_[k - 2]).position),
+                         plane_.Residual(At(piece_[k - 1]).position), here));
+  }
+  for (std::size_t k = 2; k < means.size(); ++k) {
+    across.push_back(bend(means[k - 2], means[k - 1], means[k]));
+  }
+  if (along.size() < kLeastBends) return plane_.sigma;
+  const double first = ScatterOfBends(std::move(along));
+  return across.size() < kLeastLayerBends ? first
+                                          : std::hypot(first, ScatterOfBends(std::move(across)));
+}
+
+std::vector<int> Surface::WithoutOpenEnds() const {
+  std::vector<bool> open(ends_.size(), false);
+  std::size_t k = 0;
+  for (std::size_t layer = 0; layer < ends_.size(); ++layer) {
+    int there = 0, through = 0;
+    for (; k < piece_.size() && piece_[k] <= ends_[layer].second; ++k) ++there;
+    for (int i = ends_[layer].first; i <= ends_[layer].second; ++i) {
+      through += plane_.Side(At(i)) > 0 ? 1 : 0;
+    }
+    open[layer] = through > there;
+  }
+  const auto low = std::find(open.begin(), open.end(), false) - open.begin();
+  const auto high = open.rend() - std::find(open.rbegin(), open.rend(), false);
+  std::vector<int> solid;
+  for (std::ptrdiff_t layer = low; layer < high; ++layer) {
+    const auto from = std::lower_bound(piece_.begin(), piece_.end(), ends_[layer].first);
+    const auto to = std::upper_bound(piece_.begin(), piece_.end(), ends_[layer].second);
+    solid.insert(solid.end(), from, to);
+  }
+  return solid;
 }
 
 bool Surface::IsHiddenBeside(int i, int side) const {

@@ -61,6 +61,13 @@ class Surface {
   /// Returns how far a layer's end may be from the border [m].
   double Tolerance() const;
 
+  /// Returns how far returns scatter about their neighbours, along layers and from layer to layer,
+  /// as single lasers read long or short [m].
+  double OwnScatter() const;
+  /// Returns the piece without its lowest and highest layers of which more beams pass between their
+  /// ends than return: posts that carry a board.
+  std::vector<int> WithoutOpenEnds() const;
+
   /// Tells whether something nearer to the sensor begins beside an end of a layer.
   bool IsHiddenBeside(int i, int side) const;
   /// Tells whether the surface goes on beyond an end of a layer.

@@ -48,10 +48,8 @@ std::nullopt_t Refuse(int progress, const std::string& reason, BoardSegment* seg
 
 std::vector<int> Around(const BoardSearch& search, const PlaneAxes& axes,
                         const std::vector<int>& before) {
-  std::vector<int> inliers;
-  for (std::size_t i = 0; i < search.window.points.size(); ++i) {
-    if (axes.plane.Holds(search.At(i))) inliers.push_back(i);
-  }
+  const std::vector<int> inliers = InliersOf(search.window, axes, kThreshold * axes.plane.sigma,
+                                             kSquareShare * search.options.size.minCoeff());
   std::vector<int> best;
   std::size_t most = 0;
   for (auto& piece : ConnectedPieces(search.window, inliers, axes, search.options.size)) {
@@ -264,8 +262,8 @@ bool SidesFit(const Sides& sides, double spacing, BoardSegment* segment) {
     for (const SideBin& bin : side) {
       const bool is_on = bin.OnBorder();
       here += is_on;
-      open += bin.open > 0;
-      all += bin.open > 0 || (!bin.hidden && TouchMargin(bin, 0.01) == 0.0);
+      open += bin.GoesOn();
+      all += bin.GoesOn() || (!bin.hidden && TouchMargin(bin, 0.01) == 0.0);
       if (is_on) squares += std::pow(bin.beyond + bin.inset, 2);
     }
     on += here;
@@ -309,6 +307,10 @@ bool SizeFits(const MeasuredSize& measured, const Patch& patch, const BoardOptio
                                  kMostSizeError * expected);
     fits &= std::abs(shown[axis] - expected) < most;
   }
+  if (!segment->measured_size.array().isFinite().any()) {
+    Refuse(5, "no two opposite sides of the plane there are seen", segment);
+    return false;
+  }
   if (!fits) Refuse(5, SizeReason(shown, options), segment);
   return fits;
 }
@@ -349,7 +351,7 @@ bool IsBoards(const Sides& sides, const Eigen::Vector2d& point, const Eigen::Vec
     const SideBin* bin = BinAt(sides, k, point, half);
     if (bin == nullptr) continue;
     const double beyond = (k % 2 == 0 ? 1.0 : -1.0) * point[k / 2] - half[k / 2];
-    const bool is_open = bin->open > 0 || bin->touching > 0;
+    const bool is_open = bin->GoesOn() || bin->touching > 0 || bin->behind > 0;
     if (beyond > (is_open ? 0.0 : 0.5 * bin->spacing + 0.005)) return false;
     const double margin = TouchMargin(*bin, sigma);
     if (margin > 0.0 && beyond > -margin) return false;
@@ -399,6 +401,12 @@ BoardSegment JudgeCloudPiece(const BoardSearch& search, std::vector<int> piece) 
   const Sampling sampling =
       MeasureSampling(returns, pose, board->half, board->spacing, board->axes.plane.sigma);
   segment.spacing = sampling.spacing.At({0.0, 0.0});
+  if (segment.spacing > kWidestSpacing * options.size.minCoeff()) {
+    Refuse(3,
+           Text("points on the plane there are too sparse (%.0f mm apart)", 1e3 * segment.spacing),
+           &segment);
+    return segment;
+  }
   pose = BestPlace(returns, *board, pose, sampling);
   pose = RefineBySides(returns, pose, board->half, sampling);
   SetPose(*board, pose, &segment);

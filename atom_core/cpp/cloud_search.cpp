@@ -27,6 +27,7 @@ constexpr int kSectors = 24;                  // of a ring that no board reaches
 constexpr double kRingFrom = 1.05, kRingTo = 1.6;  // its radii in diagonals
 constexpr double kRingShare = 0.4;                 // of the sectors: the plane is larger
 constexpr double kRingDensity = 0.2;               // of the points, against those inside
+constexpr double kRightBehind = 0.05;              // [m] behind such a margin
 constexpr double kLeastMargin = 0.008;             // [m] about a plane that is known
 
 constexpr int kOtherSize = 1;  // progress of pieces that are too large or too small
@@ -48,16 +49,16 @@ bool IsBetter(const BoardSegment& a, const BoardSegment& b) {
 // The pieces of a plane, the largest first.
 std::vector<std::vector<int>> PiecesOfPlane(const BoardSearch& search, const Plane& plane,
                                             double threshold, const Eigen::Vector3d& seed) {
-  std::vector<int> inliers;
-  for (std::size_t i = 0; i < search.window.points.size(); ++i) {
-    if (std::abs(plane.Residual(search.At(i).position)) < threshold) inliers.push_back(i);
-  }
-  return ConnectedPieces(search.window, inliers, PlaneAxes(plane, seed), search.options.size);
+  const PlaneAxes axes(plane, seed);
+  const std::vector<int> inliers =
+      InliersOf(search.window, axes, threshold, kSquareShare * search.options.size.minCoeff());
+  return ConnectedPieces(search.window, inliers, axes, search.options.size);
 }
 
 // The best of the larger pieces of a plane.
 BoardSegment BestPiece(const BoardSearch& search, const Plane& plane, const Eigen::Vector3d& seed) {
-  auto pieces = PiecesOfPlane(search, plane, kThreshold * search.options.noise, seed);
+  const double threshold = kThreshold * std::min(search.options.noise, plane.sigma);
+  auto pieces = PiecesOfPlane(search, plane, std::max(threshold, kLeastMargin), seed);
   BoardSegment best;
   best.reason = Text("only %.0f points are on the plane there, %.0f are needed",
                      pieces.empty() ? 0 : pieces.front().size(), search.options.least_points);
@@ -267,18 +268,24 @@ class CloudSearch {
     std::vector<bool> seen(kSectors, false);
     std::vector<int> on;
     double inside = 0.0, around = 0.0;
+    int beside = 0, behind = 0;  // of the returns in the ring
     for (std::size_t i = 0; i < window.points.size(); ++i) {
       const Eigen::Vector3d& position = window.At(i).position;
-      if (std::abs(plane.Residual(position)) > margin) continue;
+      const double off = plane.Residual(position);
+      if (off < -margin || off > margin + kRightBehind) continue;
       const Eigen::Vector2d point = axes.InPlane(position);
       const double away = point.norm();
+      const bool in_ring = away > kRingFrom * diagonal && away < kRingTo * diagonal;
+      if (in_ring) (off > margin ? behind : beside) += 1;
+      if (off > margin) continue;
       if (away < diagonal) on.push_back(i);
       if (away < inner) inside += 1.0 / (inner * inner);
-      if (away < kRingFrom * diagonal || away > kRingTo * diagonal) continue;
+      if (!in_ring) continue;
       around += 1.0 / ((kRingTo * kRingTo - kRingFrom * kRingFrom) * diagonal * diagonal);
       const double turn = std::atan2(point.y(), point.x()) / (2.0 * M_PI) + 0.5;
       seen[std::min(static_cast<int>(turn * kSectors), kSectors - 1)] = true;
     }
+    if (behind > beside) return false;  // a wall right behind scatters into the plane
     // Where other surfaces cross the plane are lines, as long as they may be.
     if (around < kRingDensity * inside) return false;
     if (std::count(seen.begin(), seen.end(), true) < kRingShare * kSectors) return false;

@@ -12,16 +12,17 @@ constexpr double kDropoutSteps = 4.5;  // of azimuth without a return that a run
 
 // Tells whether the plane may go on between two inliers of a layer.
 bool Continues(const Scan& scan, const Window& window, int i, int j, const Plane& plane,
-               double reach) {
+               double reach, double dark) {
   const Near &a = window.points[i], &b = window.points[j];
-  if ((a.point->position - b.point->position).norm() > reach) return false;
+  const double apart = (a.point->position - b.point->position).norm();
+  if (apart > reach) return false;
   bool hidden = false;
   for (int k = i + 1; k < j; ++k) {
     const int side = plane.Side(*window.points[k].point);
     if (side > 0) return false;
     hidden = hidden || side < 0;
   }
-  return hidden || b.azimuth - a.azimuth <= kDropoutSteps * scan.azimuth_step;
+  return hidden || apart < dark || b.azimuth - a.azimuth <= kDropoutSteps * scan.azimuth_step;
 }
 
 int Root(std::vector<int>* parent, int i) {
@@ -32,12 +33,12 @@ int Root(std::vector<int>* parent, int i) {
 }  // namespace
 
 std::vector<Run> FindRuns(const Scan& scan, const Window& window, const std::vector<int>& inliers,
-                          const Plane& plane, double reach) {
+                          const Plane& plane, double reach, double dark) {
   std::vector<Run> runs;
   for (const int i : inliers) {
     const Near& near = window.points[i];
     if (!runs.empty() && runs.back().layer == near.point->layer &&
-        Continues(scan, window, runs.back().last, i, plane, reach)) {
+        Continues(scan, window, runs.back().last, i, plane, reach, dark)) {
       runs.back().last = i;
       runs.back().to = near.azimuth;
     } else {
@@ -49,8 +50,8 @@ std::vector<Run> FindRuns(const Scan& scan, const Window& window, const std::vec
 
 std::vector<std::vector<int>> FindPieces(const Scan& scan, const Window& window,
                                          const std::vector<int>& inliers, const Plane& plane,
-                                         double reach) {
-  const std::vector<Run> runs = FindRuns(scan, window, inliers, plane, reach);
+                                         double reach, double dark) {
+  const std::vector<Run> runs = FindRuns(scan, window, inliers, plane, reach, dark);
   std::vector<int> parent(runs.size());
   std::iota(parent.begin(), parent.end(), 0);
   const double slack = 2.0 * scan.azimuth_step;

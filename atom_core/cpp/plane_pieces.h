@@ -24,14 +24,15 @@ struct Run {
 /// \param inliers positions in the window, ascending.
 /// \param plane on which they lie.
 /// \param reach a run bridges no gap that is longer [m].
+/// \param dark gaps without returns that are shorter are dark squares [m].
 std::vector<Run> FindRuns(const Scan& scan, const Window& window, const std::vector<int>& inliers,
-                          const Plane& plane, double reach);
+                          const Plane& plane, double reach, double dark);
 
 /// Returns the pieces of a plane: inliers whose runs overlap from one layer to the next. Larger
 /// pieces first; the arguments are those of FindRuns.
 std::vector<std::vector<int>> FindPieces(const Scan& scan, const Window& window,
                                          const std::vector<int>& inliers, const Plane& plane,
-                                         double reach);
+                                         double reach, double dark);
 
 }  // namespace atom_core
 

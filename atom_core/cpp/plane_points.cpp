@@ -21,6 +21,7 @@ constexpr std::size_t kLeastForSlope = 30;  // samples
 constexpr double kPixelShare = 0.02;        // of the board's diagonal
 constexpr double kLinkSpacings = 2.0;       // points as near hang together
 constexpr double kLinkShare = 0.05;         // of the board's shorter side: so do these
+constexpr double kRightBehind = 0.05;       // [m] beyond the threshold
 constexpr double kTrimmed = 0.01;           // of the points at each end of a box
 constexpr std::size_t kMostMeasured = 500;  // points of a box
 constexpr std::size_t kBoxAngles = 45;
@@ -205,6 +206,33 @@ std::vector<int> Thinned(const PlanePoints& points, double pixel) {
   std::vector<int> kept;
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (first.emplace(Key(points[i], pixel), i).second) kept.push_back(i);
+  }
+  return kept;
+}
+
+std::vector<int> InliersOf(const Window& window, const PlaneAxes& axes, double threshold,
+                           double cell) {
+  std::vector<int> inliers, behind;
+  for (std::size_t i = 0; i < window.points.size(); ++i) {
+    const double off = axes.plane.Residual(window.At(i).position);
+    if (std::abs(off) < threshold) {
+      inliers.push_back(static_cast<int>(i));
+    } else if (off > 0.0 && off < threshold + kRightBehind) {
+      behind.push_back(static_cast<int>(i));
+    }
+  }
+  if (behind.empty()) return inliers;
+  std::unordered_map<std::int64_t, int> excess;  // of returns behind the plane, by square
+  const auto key = [&](int i) { return Key(axes.InPlane(window.At(i).position), cell); };
+  for (const int i : behind) ++excess[key(i)];
+  for (const int i : inliers) {
+    const auto item = excess.find(key(i));
+    if (item != excess.end()) --item->second;
+  }
+  std::vector<int> kept;
+  for (const int i : inliers) {
+    const auto item = excess.find(key(i));
+    if (item == excess.end() || item->second <= 0) kept.push_back(i);
   }
   return kept;
 }

@@ -31,6 +31,9 @@ struct PlaneAxes {
   }
 };
 
+/// Side of the squares of InliersOf, of the board's shorter side.
+constexpr double kSquareShare = 0.08;
+
 /// How far neighbouring points are apart, from place to place: s = exp(level + slope . p). A square
 /// of the side s holds one point on average; where points stand in lines, s follows the gaps
 /// between the lines.
@@ -49,6 +52,14 @@ Spacing EstimateSpacing(const PlanePoints& points, double reach);
 
 /// Returns positions of points of which no two share a square of the side `pixel` [m].
 std::vector<int> Thinned(const PlanePoints& points, double pixel);
+
+/// Returns the positions of a window on a plane, without those where more returns are right behind
+/// it than on it: a wall behind a board scatters into the board's plane.
+///
+/// \param threshold distance from the plane [m].
+/// \param cell side of the squares in which returns are counted [m].
+std::vector<int> InliersOf(const Window& window, const PlaneAxes& axes, double threshold,
+                           double cell);
 
 /// Returns the pieces of a plane in a window, positions in the window, the largest piece first.
 ///

@@ -17,6 +17,7 @@ constexpr double kOpenSpacings = 1.0;   // and
 constexpr double kOpen = 0.012;         // [m] outside: the surface goes on
 constexpr double kReachSpacings = 3.0;  // and
 constexpr double kReach = 0.05;         // [m] outside: as far as is looked
+constexpr double kSure = 1.5;           // standard deviations, before a wall
 constexpr int kTouching = 2;            // returns
 constexpr int kLeastBins = 3;           // of a side that is measured
 constexpr std::size_t kMostBins = 200;
@@ -62,13 +63,24 @@ std::vector<SideBin> EmptyBins(const Side& side, const RectanglePose& pose,
   return bins;
 }
 
-void Add(int i, double beyond, double off, double sigma, SideBin* bin) {
+// The outermost point that a wall right behind does not scatter into the plane.
+struct Sure {
+  double beyond = -1e9;
+  int outermost = -1;
+};
+
+void Add(int i, double beyond, double off, double sigma, SideBin* bin, Sure* sure) {
   const double s = bin->spacing;
   if (beyond < -kShortSpacings * s - kShort || beyond > kReachSpacings * s + kReach) return;
   if (std::abs(off) > kThreshold * sigma) {
     const bool near = std::abs(off) < kThreshold * sigma + 2.0 * s + 0.02;
-    if (near && beyond > -s && beyond < 2.0 * s) ++bin->touching;
-  } else if (beyond > kOpenSpacings * s + kOpen) {
+    if (near && beyond > -s && beyond < 2.0 * s) ++(off < 0.0 ? bin->touching : bin->behind);
+    return;
+  }
+  if (off < kSure * sigma && beyond > sure->beyond && beyond < kOpenSpacings * s + kOpen) {
+    sure->beyond = beyond, sure->outermost = i;
+  }
+  if (beyond > kOpenSpacings * s + kOpen) {
     ++bin->open;
   } else if (beyond > bin->beyond) {
     bin->beyond = beyond;
@@ -139,7 +151,7 @@ double Step(const Sides& sides, const Eigen::Vector2d& half, RectanglePose* pose
 }  // namespace
 
 bool SideBin::OnBorder() const {
-  return outermost >= 0 && open == 0 && touching < kTouching && !hidden;
+  return outermost >= 0 && !GoesOn() && touching < kTouching && !hidden;
 }
 
 Sampling MeasureSampling(const std::vector<PlaneReturn>& returns, const RectanglePose& pose,
@@ -167,7 +179,11 @@ Sampling MeasureSampling(const std::vector<PlaneReturn>& returns, const Rectangl
 Sides LookAlongSides(const std::vector<PlaneReturn>& returns, const RectanglePose& pose,
                      const Eigen::Vector2d& half, const Sampling& sampling) {
   Sides sides;
-  for (int k = 0; k < 4; ++k) sides[k] = EmptyBins(kSides[k], pose, half, sampling);
+  std::array<std::vector<Sure>, 4> sure;
+  for (int k = 0; k < 4; ++k) {
+    sides[k] = EmptyBins(kSides[k], pose, half, sampling);
+    sure[k].resize(sides[k].size());
+  }
   for (std::size_t i = 0; i < returns.size(); ++i) {
     const Eigen::Vector2d point = pose.ToBoard(returns[i].position);
     for (int k = 0; k < 4; ++k) {
@@ -175,9 +191,16 @@ Sides LookAlongSides(const std::vector<PlaneReturn>& returns, const RectanglePos
       const double length = 2.0 * half[1 - side.axis];
       const double place = (point[1 - side.axis] + length / 2.0) / length;
       if (place < 0.0 || place >= 1.0) continue;
-      SideBin& bin = sides[k][static_cast<std::size_t>(place * sides[k].size())];
+      const auto at = static_cast<std::size_t>(place * sides[k].size());
       const double beyond = side.sign * point[side.axis] - half[side.axis];
-      Add(static_cast<int>(i), beyond, returns[i].off, sampling.sigma, &bin);
+      Add(static_cast<int>(i), beyond, returns[i].off, sampling.sigma, &sides[k][at], &sure[k][at]);
+    }
+  }
+  for (int k = 0; k < 4; ++k) {
+    for (std::size_t at = 0; at < sides[k].size(); ++at) {
+      SideBin& bin = sides[k][at];
+      if (bin.behind < kTouching) continue;
+      bin.beyond = sure[k][at].beyond, bin.outermost = sure[k][at].outermost;
     }
   }
   return sides;

@@ -31,9 +31,13 @@ struct SideBin {
   double spacing = 0.0;  ///< of the points there [m]
   int outermost = -1;    ///< its position among the returns
   int open = 0;          ///< points of the plane farther out: the surface goes on
-  int touching = 0;      ///< points beside the side and beside the plane: something touches it
+  int touching = 0;      ///< points beside the side, before the plane: something touches it
+  int behind = 0;        ///< the same right behind it: a wall
   bool hidden = false;   ///< something nearer to the sensor begins there
 
+  /// Tells whether the surface goes on beyond the side; a wall right behind scatters into its
+  /// plane.
+  bool GoesOn() const { return 2 * open > behind; }
   /// Tells whether the bin shows the edge of the board.
   bool OnBorder() const;
 };

@@ -39,10 +39,12 @@ RectanglePose FitRectangle(const Outline& outline, const Eigen::Vector2d& half_s
 
 /// Measures width and height from the limits on opposite sides of a fitted rectangle.
 ///
+/// \param sigma if given, gets how certain they are [m], by the scatter of the limits.
 /// \return (2,) [m]; NaN for a direction in which fewer than `least` limits are on one of the
 /// sides.
 Eigen::Vector2d MeasureSize(const PlanePoints& limits, const RectanglePose& pose,
-                            const Eigen::Vector2d& half_size, int least = 3);
+                            const Eigen::Vector2d& half_size, Eigen::Vector2d* sigma = nullptr,
+                            int least = 3);
 
 }  // namespace atom_core
 

@@ -29,6 +29,7 @@ struct BoardOptions {
   double noise = 0.010;          ///< standard deviation of ranges to begin with [m]
   double most_noise = 0.030;     ///< of the returns about the plane: more is not flat [m]
   double beam_width = 0.0;       ///< full angle within which a beam returns from the board [rad]
+  double dark = 0.0;             ///< side of squares that may return nothing; 0: none may [m]
   double seed_radius = 0.75;     ///< planes are proposed within this many diagonals of the seed
   int most_planes = 8;           ///< proposed around a seed
   int least_layers = 4;          ///< that meet the board
@@ -40,6 +41,9 @@ struct BoardOptions {
   double most_inside = 0.9;      ///< beam steps from the outline that a limit point may lie inside
   double border_tolerance =
       0.025;  ///< RMS of the layers' ends about the border, beside beam steps [m]
+
+  /// Returns how far returns beside a dark square are apart at most [m].
+  double LongestDark() const { return 1.6 * dark; }
 };
 
 /// What was found on a plane, or why it is not the board.
@@ -62,6 +66,7 @@ struct BoardSegment {
   double visible = 0.0;     ///< share of them with a return from the board
   double hidden = 0.0;      ///< share of them with a nearer return
   double through = 0.0;     ///< share of them with a farther return
+  double dark = 0.0;        ///< share of them without a return, between others on the board
   double in_view = 0.0;     ///< share of the board between the lowest and the highest layer
   int progress = 0;         ///< tests passed; more is nearer to a board
   double score = std::numeric_limits<double>::infinity();  ///< of detected ones; less is better
@@ -77,7 +82,7 @@ BoardSegment SegmentBoard(const Scan& scan, const Eigen::Vector3d& seed,
                           const BoardOptions& options);
 
 /// Searches a whole scan for boards of the size, without a seed; the best one first. Where there is
-/// none and the scan has no layers: what comes nearest to one, not detected, with its reason.
+/// none: what comes nearest to one, if anything does, not detected, with its reason.
 ///
 /// Straight runs of returns of a possible length, between jumps of the range, are the seeds.
 std::vector<BoardSegment> FindBoards(const Scan& scan, const BoardOptions& options);

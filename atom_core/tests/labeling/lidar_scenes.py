@@ -95,7 +95,7 @@ def board_facing(
     return se3.transform(rotation, centre - rotation @ np.append(border.centre, 0.0))
 
 
-def _ranges(scene: Scene, directions: np.ndarray, border: Rectangle):
+def ranges_of(scene: Scene, directions: np.ndarray, border: Rectangle):
     """Return ranges and whether the board was hit, of beams in the LiDAR's frame."""
     origin = scene.world_T_lidar[:3, 3]
     in_world = directions @ scene.world_T_lidar[:3, :3].T
@@ -120,14 +120,14 @@ def scan(
     """Scan a scene: noise along the beam, lost returns, mixed returns at edges."""
     rng = np.random.default_rng(seed)
     beams = scene.model.directions
-    ranges, on_board = _ranges(scene, beams, border)
+    ranges, on_board = ranges_of(scene, beams, border)
     mixed = np.zeros(len(beams), dtype=bool)
     other = ranges.copy()
     for axis in _across(beams):
         for sign in (-1.0, 1.0):
             beside = beams + sign * mixed_within_rad * axis
             beside /= np.linalg.norm(beside, axis=1)[:, None]
-            there, hit = _ranges(scene, beside, border)
+            there, hit = ranges_of(scene, beside, border)
             jump = np.abs(there - ranges) > np.maximum(0.03, np.abs(other - ranges))
             other[jump] = there[jump]
             mixed |= hit != on_board

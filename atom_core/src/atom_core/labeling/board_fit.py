@@ -24,6 +24,7 @@ class BoardFit(NamedTuple):
         distance: (n,) signed distance of each border point to the border [m], outside positive.
         sides: number of sides that border points lie on.
         corner: whether two adjacent sides have border points.
+        opposite: whether two opposite sides have: only they tell the board's size.
     """
 
     centre: np.ndarray
@@ -32,6 +33,7 @@ class BoardFit(NamedTuple):
     distance: np.ndarray
     sides: int
     corner: bool
+    opposite: bool
 
     def signed_distance(self, points: np.ndarray) -> np.ndarray:
         """Return distances (n,) of points (n, 2) in the plane to the nearest side's line [m]."""
@@ -141,4 +143,5 @@ def _refined(
         for direction in ((1, 0), (-1, 0), (0, 1), (0, -1))
     ]
     corner = (touched[0] or touched[1]) and (touched[2] or touched[3])
-    return BoardFit(centre, plane_R_board, half, off, sum(touched), corner)
+    opposite = (touched[0] and touched[1]) or (touched[2] and touched[3])
+    return BoardFit(centre, plane_R_board, half, off, sum(touched), corner, opposite)

@@ -16,7 +16,7 @@ from atom_core.labeling.base import Labeled, nothing
 from atom_core.labeling.depth_board import judge
 from atom_core.labeling.depth_plane import SEED_REACH_PX, plane_region, start_pixel
 from atom_core.labeling.depth_search import plane_regions
-from atom_core.labeling.depth_view import DepthOptions, DepthView
+from atom_core.labeling.depth_view import DepthOptions, DepthView, filled, without_specks
 from atom_core.labeling.polygon import polygon_mask
 from atom_core.model.config import PatternConfig
 from atom_core.model.pattern import Pattern
@@ -29,8 +29,11 @@ _FACTORS = {
     10.0: "they look like centimetres where millimetres are expected",
     1000.0: "they look like metres where millimetres are expected",
 }
+_NO_BOARD = "no plane region of the board's size and shape is seen"
+_CUT = "it is cut by the image's edge or hidden, and its size is not seen"
 _PLAUSIBLE_M = (0.5, 12.0)  # median depth of a room
-_LEAST_FITNESS = 0.85  # of what was searched: nobody said that the board is there
+_DARK_SQUARES, _NEAR_M = 1.3, 1.5  # sides of a square, seen from there: holes that are filled
+_LEAST_FITNESS = 0.75  # of what was searched: nobody said that the board is there
 
 
 class DepthLabeler:
@@ -75,7 +78,8 @@ class DepthLabeler:
             Indices are ``column + row * width``: every ``step``-th pixel inside the board, and the
             outermost ones on its border, never at the image's edge. ``quality``: ``pixels``,
             ``plane_rms_m``, ``border_rms_m``, ``border_share``, ``coverage``, ``angle_deg``,
-            ``distance_m``. ``next_seed`` is the centroid.
+            ``distance_m``, ``opposite_sides`` (1: two are seen, which tell the board's size).
+            ``next_seed`` is the centroid.
 
         Raises:
             LabelingError: the array is no depth image of this camera, the seed or the polygon is
@@ -99,21 +103,32 @@ class DepthLabeler:
             depth_m: (height, width) [m], NaN where there is no depth.
         """
         view = self._view(depth_m)
-        best = nothing(DEPTH, "no plane region of the board's size and shape is seen")
+        best, nearest = nothing(DEPTH, _NO_BOARD), ""
         for plane, region in plane_regions(view):
             found = judge(view, plane, region)
             if _fitness(found) >= max(_LEAST_FITNESS, _fitness(best)):
                 best = found
-        return best
+            elif found.detected:
+                nearest = nearest or _CUT
+            elif "measured_width_m" in found.quality:
+                nearest = found.reason
+        if best.detected or not nearest:
+            return best
+        return nothing(DEPTH, f"{_NO_BOARD}; of what comes nearest: {nearest}")
 
     def _view(self, depth_m: np.ndarray) -> DepthView:
-        half_size = self.pattern.border.half_size
-        return DepthView(depth_m, self._rays, self.camera, half_size, self.options)
+        half_size, square_m = self.pattern.border.half_size, self.pattern.square_m
+        depth_m = without_specks(depth_m)
+        reach_px = _DARK_SQUARES * square_m * float(self.camera.focal_px.mean()) / _NEAR_M
+        solid_m = filled(depth_m, int(np.clip(reach_px, 5, 61)))
+        return DepthView(
+            depth_m, solid_m, square_m, self._rays, self.camera, half_size, self.options
+        )
 
     def _from_seed(self, depth_m: np.ndarray, seed: np.ndarray) -> Labeled:
-        if start_pixel(depth_m, seed) is None:
-            return nothing(DEPTH, f"no depth within {SEED_REACH_PX} px of the seed")
         view = self._view(depth_m)
+        if start_pixel(view.solid_m, seed) is None:
+            return nothing(DEPTH, f"no depth within {SEED_REACH_PX} px of the seed")
         found = plane_region(view, seed)
         if found is None:
             return nothing(DEPTH, "what is seen at the seed is no plane of the least size")
@@ -191,6 +206,9 @@ def _nan_where_invalid(depth_m: np.ndarray) -> np.ndarray:
 
 def _fitness(found: Labeled) -> float:
     if not found.detected:
+        return 0.0
+    # A corner at the image's edge may be that of any larger thing.
+    if not found.quality["opposite_sides"]:
         return 0.0
     return found.quality["border_share"] * found.quality["coverage"]
 

@@ -9,7 +9,15 @@ import numpy as np
 
 from atom_core.labeling.base import Labeled, nothing
 from atom_core.labeling.board_fit import BoardFit, fit_board
-from atom_core.labeling.depth_view import CROSS, DepthView, Plane, PlaneAxes, Region, spread
+from atom_core.labeling.depth_view import (
+    CROSS,
+    DepthOptions,
+    DepthView,
+    Plane,
+    PlaneAxes,
+    Region,
+    spread,
+)
 from atom_core.model.labels import RangeLabel
 from atom_core.model.sensor import DEPTH
 
@@ -17,9 +25,11 @@ _SQUARE = np.ones((3, 3), dtype=np.uint8)
 _WIDER, _WIDEST = np.ones((5, 5), dtype=np.uint8), np.ones((7, 7), dtype=np.uint8)
 _RING_PX = 4  # more than what the ring around a region reaches beyond it
 _SHIFT = 4  # binary digits of a pixel for drawing
-_POST_SHARE, _LEAST_CORE = 0.15, 0.7
+_POST_SHARE, _LEAST_CORE = 0.25, 0.7
 _BORDER_POINTS, _LEAST_BORDER_PX = 400, 12
 _BORDER_M = 0.012
+_SAME_SIZE = 0.03  # of a side
+_LEAST_SEEN = 0.15  # of a board: in view, and not hidden
 _LARGEST_EXTENT, _LARGEST_BEYOND = 1.1, 0.05
 
 
@@ -52,6 +62,11 @@ class _Surface(NamedTuple):
         rows, columns = np.nonzero(_outermost(self.region.mask))
         far = self.off_the_edge(rows, columns)
         return self.in_plane(rows[far], columns[far])
+
+    def is_whole(self) -> bool:
+        """Tell whether the region does not reach the image's edge."""
+        rows, columns = np.nonzero(_outermost(self.region.mask))
+        return bool(np.all(self.off_the_edge(rows, columns)))
 
     def drawn(self, fit: BoardFit, larger_m: float) -> np.ndarray:
         """Return the region's window, 1 where a pixel's centre is on the board or next to it."""
@@ -93,6 +108,8 @@ def judge(view: DepthView, plane: Plane, region: Region) -> Labeled:
     board = surface.on_board(fit)
     quality.update(_comparison(surface, board, fit, tolerance_m))
     reason = _reason(view, quality, fit, _share_beyond(surface, fit, tolerance_m))
+    if reason and not _fits(quality, options) and surface.is_whole():
+        reason = _size_reason(border, view, quality) or reason
     return nothing(DEPTH, reason, quality) if reason else _label(board, fit, quality)
 
 
@@ -107,6 +124,7 @@ def _comparison(
         "border_rms_m": rms,
         "coverage": _coverage(board, fit),
         "before_share": _share_before(board),
+        "opposite_sides": float(fit.opposite),
     }
 
 
@@ -117,10 +135,34 @@ def _share_beyond(surface: _Surface, fit: BoardFit, tolerance_m: float) -> float
     return 1.0 - np.count_nonzero(mask & around) / float(np.count_nonzero(mask))
 
 
+def _fits(quality: Dict[str, float], options: DepthOptions) -> bool:
+    return quality["border_share"] >= options.least_border_share
+
+
+def _size_reason(border: np.ndarray, view: DepthView, quality: Dict[str, float]) -> str:
+    """Tell measured and configured size of a rectangle of another size, '' if it has the board's.
+
+    Args:
+        border: (n, 2) outermost pixels in the plane [m].
+        view: what is looked for.
+        quality: gets what was measured.
+    """
+    longer, shorter = sorted(cv2.minAreaRect(border.astype(np.float32))[1], reverse=True)
+    wide, high = 2.0 * view.half_size
+    measured = np.array([longer, shorter] if wide >= high else [shorter, longer])
+    if np.all(np.abs(measured - [wide, high]) < _SAME_SIZE * np.array([wide, high])):
+        return ""
+    quality["measured_width_m"], quality["measured_height_m"] = (float(v) for v in measured)
+    return (
+        f"the plane there measures {measured[0]:.2f} x {measured[1]:.2f} m; "
+        f"the configuration says {wide:.2f} x {high:.2f}"
+    )
+
+
 def _reason(view: DepthView, quality: Dict[str, float], fit: BoardFit, beyond: float) -> str:
     """Tell why a region is not the board, '' if it is."""
     options = view.options
-    if quality["border_share"] < options.least_border_share:
+    if not _fits(quality, options):
         share = quality["border_share"]
         return f"only {share:.0%} of the region's border lies on a border of the board's size"
     if beyond > _LARGEST_BEYOND:
@@ -167,11 +209,24 @@ def _coverage(board: _Surface, fit: BoardFit) -> float:
     seen = np.all((pixels >= 0) & (pixels < size), axis=1) & (points[:, 2] > 0)
     if not seen.any():
         return 0.0
+    seen &= ~_hidden(board, points, pixels, seen)
+    if np.mean(seen) < _LEAST_SEEN:
+        return 0.0
     column, row = (pixels[seen] - [region.left, region.top]).T
     height, width = region.mask.shape
     inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
     covered = region.mask[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)] > 0
     return float(np.mean(inside & covered))
+
+
+def _hidden(
+    board: _Surface, points: np.ndarray, pixels: np.ndarray, in_view: np.ndarray
+) -> np.ndarray:
+    """Tell before which points (n, 3) on the board something nearer stands."""
+    column, row = np.where(in_view[:, None], pixels, 0).T
+    z = board.view.depth_m[row, column]
+    with np.errstate(invalid="ignore"):
+        return in_view & (points[:, 2] - z > board.view.tolerance_m(board.plane, points[:, 2]))
 
 
 def _label(board: _Surface, fit: BoardFit, quality: Dict[str, float]) -> Labeled:
@@ -215,7 +270,7 @@ def _without_posts(region: Region, width_px: float) -> Region:
         region: on the plane, without holes.
         width_px: the board's shorter side, foreshortened [px].
     """
-    side = int(np.clip(_POST_SHARE * width_px, 3, 41)) | 1
+    side = int(np.clip(_POST_SHARE * width_px, 3, 61)) | 1
     kernel = np.ones((side, side), np.uint8)
     wide = cv2.dilate(cv2.morphologyEx(region.mask, cv2.MORPH_OPEN, kernel), kernel)
     core = region.mask & wide

@@ -28,6 +28,8 @@ _FIT_POINTS = 2000
 _FIRST_RADIUS_PX, _RADIUS_GROWTH = 10.0, 1.3
 _LAST_FITS = 15
 _INLIER_SIGMAS = 3.5
+_FEW_HOLES = 0.03  # of what a flood reached
+_DARK_SQUARES = 1.3  # sides, across the largest hole
 _NEIGHBOURHOOD_PX = 4  # about the start, in which the region must have a pixel
 
 
@@ -63,17 +65,28 @@ def start_pixel(depth_m: np.ndarray, seed: np.ndarray) -> Optional[np.ndarray]:
 
 def plane_region(view: DepthView, seed: np.ndarray) -> Optional[PlaneRegion]:
     """Return the plane through a pixel (2,) and its region, None where there is none."""
-    start = start_pixel(view.depth_m, seed)
+    start = start_pixel(view.solid_m, seed)
     if start is None:
         return None
-    z_m = float(view.depth_m[start[1], start[0]])
+    z_m = float(view.solid_m[start[1], start[0]])
     reach_px = 1.2 * view.diagonal_m * float(view.camera.focal_px.max()) / z_m
-    flood = _flood(view.depth_m, start, reach_px)
+    flood = _flood(view.solid_m, start, reach_px)
     first = _fitted(view, flood, flood, start, from_start=True)
+    if first is None:  # it grew into a wall right behind
+        near = _near(flood, start, float(view.half_size.min()) * view.focal_px / z_m)
+        first = _fitted(view, near, flood, start, from_start=True)
     if first is None:
         return None
     # once more, with what hangs together and with nothing else
     return _fitted(view, first.region, flood, start, from_start=False)
+
+
+def _near(region: Region, start: np.ndarray, reach_px: float) -> Region:
+    """Return the part of a region within some pixels of its start (2,)."""
+    circle = np.zeros_like(region.mask)
+    centre = (int(start[0]) - region.left, int(start[1]) - region.top)
+    cv2.circle(circle, centre, int(reach_px), 1, -1)
+    return region._replace(mask=region.mask & circle)
 
 
 def _fitted(
@@ -178,6 +191,7 @@ def _on_plane(view: DepthView, plane: Plane, flood: Region, start: np.ndarray) -
     with np.errstate(invalid="ignore"):
         near = np.abs(view.depth_m[flood.window] - expected) <= view.tolerance_m(plane, expected)
     on_plane = (near & (flood.mask > 0)).astype(np.uint8)
+    on_plane = _with_dark_squares(view, on_plane, flood, float(view.solid_m[start[1], start[0]]))
     on_plane = cv2.morphologyEx(closed(on_plane), cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
     count, names, stats, _ = cv2.connectedComponentsWithStats(on_plane, connectivity=4)
     if count < 2:
@@ -195,6 +209,18 @@ def _on_plane(view: DepthView, plane: Plane, flood: Region, start: np.ndarray) -
     if stats[chosen, cv2.CC_STAT_AREA] < view.options.least_pixels:
         return None
     return Region(_filled((names == chosen).astype(np.uint8)), flood.top, flood.left)
+
+
+def _with_dark_squares(
+    view: DepthView, on_plane: np.ndarray, flood: Region, z_m: float
+) -> np.ndarray:
+    """Return a mask with holes that dark squares leave filled, where nothing else is seen."""
+    holes = (flood.mask > 0) & np.isnan(view.depth_m[flood.window])
+    if np.count_nonzero(holes) < _FEW_HOLES * np.count_nonzero(flood.mask):
+        return on_plane
+    side = int(np.clip(_DARK_SQUARES * view.square_m * view.focal_px / z_m, 3, 61)) | 1
+    around = cv2.morphologyEx(on_plane, cv2.MORPH_CLOSE, np.ones((side, side), np.uint8))
+    return on_plane | (around & holes)
 
 
 def _filled(mask: np.ndarray) -> np.ndarray:

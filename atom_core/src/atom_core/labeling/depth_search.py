@@ -26,7 +26,7 @@ _LEAST_RING, _LARGER_SHARE, _FAR_TOLERANCE = 6, 0.4, 2.0
 
 def plane_regions(view: DepthView) -> Iterator[PlaneRegion]:
     """Yield planes with their regions that may be the board, each part of the image once."""
-    smooth = np.ascontiguousarray(_smooth(view.depth_m)[::_COARSE, ::_COARSE])
+    smooth = np.ascontiguousarray(_smooth(view.solid_m)[::_COARSE, ::_COARSE])
     for _ in range(_MOST_REGIONS):
         place = _next_place(view, smooth)
         if place is None:
@@ -65,7 +65,7 @@ def _next_place(view: DepthView, smooth: np.ndarray) -> Optional[Tuple[np.ndarra
         if _COARSE * deepest < _LEAST_DEEP_PX:
             return None
         seed = _COARSE * np.array(place)
-        pixel_m = float(view.depth_m[seed[1], seed[0]]) / view.focal_px
+        pixel_m = float(view.solid_m[seed[1], seed[0]]) / view.focal_px
         if not _COARSE * deepest * pixel_m < least_m:
             return seed, _COARSE * deepest
         cv2.circle(smooth, place, int(deepest) + 1, 0, -1)
@@ -97,7 +97,7 @@ def _larger_surface(view: DepthView, seed: np.ndarray) -> Optional[np.ndarray]:
 def _patch_plane(view: DepthView, seed: np.ndarray) -> Optional[Plane]:
     """Return the plane of a few pixels about a seed, None where there is none."""
     x, y = (int(v) for v in seed)
-    z_m = float(view.depth_m[y, x])
+    z_m = float(view.solid_m[y, x])
     if not np.isfinite(z_m):
         return None
     reach = int(np.clip(_PATCH * view.diagonal_m * view.focal_px / z_m, 3, 60))

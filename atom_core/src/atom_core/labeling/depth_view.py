@@ -12,6 +12,8 @@ from atom_core.geometry.camera import Camera
 from atom_core.geometry.depth_noise import depth_sigma_m
 from atom_core.geometry.plane import plane_basis
 
+_SPECK_M, _SPECK_SIGMAS = 0.02, 8.0  # by which neighbours are alike
+_FEW_HOLES, _LEAST_AROUND = 0.97, 0.25
 QUANTUM_M = 0.001  # what rounding adds to a depth's noise
 CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
@@ -98,6 +100,8 @@ class DepthView(NamedTuple):
 
     Attributes:
         depth_m: (height, width) [m], NaN where there is no depth.
+        solid_m: the same with small holes filled, to tell what hangs together.
+        square_m: side of the pattern's squares; dark ones may be holes.
         rays: (height, width, 2) normalised pixels.
         camera: its intrinsics.
         half_size: (2,) half of the board's width and height [m].
@@ -105,6 +109,8 @@ class DepthView(NamedTuple):
     """
 
     depth_m: np.ndarray
+    solid_m: np.ndarray
+    square_m: float
     rays: np.ndarray
     camera: Camera
     half_size: np.ndarray
@@ -129,6 +135,38 @@ def step_m(z_m: float) -> float:
     """Return by how much neighbours on one board may differ: noise, slant, rounding."""
     z = min(z_m, 8.0)
     return 0.02 + 3.0 * float(depth_sigma_m(np.array(z)))
+
+
+def without_specks(depth_m: np.ndarray) -> np.ndarray:
+    """Return depths without pixels that less than two of their eight neighbours are like.
+
+    Args:
+        depth_m: (height, width) float32 [m], NaN where there is no depth.
+    """
+    z = np.nan_to_num(depth_m, nan=0.0)
+    padded = cv2.copyMakeBorder(z, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0)
+    step = (_SPECK_M + _SPECK_SIGMAS * depth_sigma_m(np.minimum(z, 8.0))).astype(np.float32)
+    height, width = z.shape
+    alike = np.zeros(z.shape, np.uint8)
+    for y, x in ((0, 0), (0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1), (2, 2)):
+        alike += cv2.absdiff(padded[y : y + height, x : x + width], z) < step
+    return np.where(alike < 2, np.float32(np.nan), depth_m)
+
+
+def filled(depth_m: np.ndarray, reach_px: int) -> np.ndarray:
+    """Return depths with the mean of those around where there is none, in small holes.
+
+    Args:
+        depth_m: (height, width) float32 [m], NaN where there is no depth.
+        reach_px: side of the square about a pixel of which a quarter must have a depth.
+    """
+    known = np.isfinite(depth_m)
+    if np.mean(known) > _FEW_HOLES:
+        return depth_m
+    size = (reach_px | 1, reach_px | 1)
+    share = cv2.blur(known.astype(np.float32), size)
+    mean = cv2.blur(np.nan_to_num(depth_m, nan=0.0), size) / np.maximum(share, 1e-6)
+    return np.where(known | (share < _LEAST_AROUND), depth_m, mean)
 
 
 def closed(mask: np.ndarray) -> np.ndarray:

@@ -28,7 +28,7 @@ _FIGURES = (
     *("plane_sigma_m", "border_rms_m", "measured_width_m", "measured_height_m"),
     *("expected_points", "visible", "hidden", "through"),
 )
-_FIGURES_OF_LAYERS = ("layers", "in_view")
+_FIGURES_OF_LAYERS = ("layers", "in_view", "dark")
 _FIGURES_OF_OUTLINES = ("point_spacing_m",)
 
 
@@ -61,11 +61,14 @@ class Lidar3dOptions:
         least_layers: fewer layers on a plane are no board.
         beam_width_rad: full angle within which a beam returns from the board though its middle
             passes it; 0 for point-like beams. It enlarges the outline that is expected.
+        dark_square_m: side of squares that may return nothing; 0: a hole is a hole. The labeler
+            takes the pattern's.
         use_layers: False: do as if the cloud had no scan layers.
     """
 
     least_layers: int = 4
     beam_width_rad: float = 0.0
+    dark_square_m: float = 0.0
     use_layers: bool = True
 
 
@@ -102,7 +105,9 @@ class Lidar3dLabeler:
         """Take what is known of sensor and pattern."""
         self._place = f"sensor '{sensor.name}', pattern '{pattern.name}'"
         self._border = pattern.border
-        self._options = options or Lidar3dOptions(beam_width_rad=sensor.beam_width_rad)
+        self._options = options or Lidar3dOptions(
+            beam_width_rad=sensor.beam_width_rad, dark_square_m=pattern.square_m
+        )
 
     def label(self, data: Any, seed: Optional[np.ndarray] = None) -> Labeled:
         """Label one cloud.
@@ -217,7 +222,8 @@ def board_at(
     core = native.require("Labeling a cloud")
     width, height = 2.0 * border.half_size
     segment = core.segment_board(
-        scan, seed, width, height, options.least_layers, options.beam_width_rad
+        *(scan, seed, width, height),
+        *(options.least_layers, options.beam_width_rad, options.dark_square_m),
     )
     return _found(cloud, segment, scan.has_layers)
 
@@ -243,7 +249,10 @@ def _searched(cloud: Cloud, border: Rectangle, options: Lidar3dOptions) -> List[
     scan = _scan(cloud, options)
     core = native.require("Labeling a cloud")
     width, height = 2.0 * border.half_size
-    segments = core.find_boards(scan, width, height, options.least_layers, options.beam_width_rad)
+    segments = core.find_boards(
+        *(scan, width, height),
+        *(options.least_layers, options.beam_width_rad, options.dark_square_m),
+    )
     several = f"{len(segments)} planes have the board's size; the one that fits best is taken"
     warnings = (several,) if len(segments) > 1 else ()
     for segment in segments:

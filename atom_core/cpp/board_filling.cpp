@@ -1,0 +1,174 @@
+#include "board_filling.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <string>
+#include <utility>
+
+#include "board_judgement.h"
+
+namespace atom_core {
+namespace {
+
+constexpr double kLeastBright = 0.6;  // of what must be visible, where dark squares return nothing
+
+// Beams of some layers that meet the rectangle.
+int Beams(const BoardSearch& search, const Surface& surface, const RectanglePose& pose,
+          const Eigen::Matrix4d& sensor_T_board, const std::vector<double>& elevations) {
+  const Scan& scan = search.scan;
+  const Eigen::Vector2d half = search.HalfSize();
+  double from = 0.0, to = 0.0;
+  const double middle = Azimuth(scan, surface.origin());
+  for (const double x : {-half.x(), half.x()}) {
+    for (const double y : {-half.y(), half.y()}) {
+      const Eigen::Vector4d corner = sensor_T_board * Eigen::Vector4d(x, y, 0.0, 1.0);
+      const double azimuth = Wrapped(Azimuth(scan, corner.head<3>()) - middle);
+      from = std::min(from, azimuth);
+      to = std::max(to, azimuth);
+    }
+  }
+  int count = 0;
+  for (const double elevation : elevations) {
+    for (double azimuth = from; azimuth <= to; azimuth += scan.azimuth_step) {
+      Eigen::Vector2d p;
+      if (surface.Meets(scan.Direction(middle + azimuth, elevation), &p) &&
+          SignedDistance(pose.ToBoard(p), half) <= 0.0) {
+        ++count;
+      }
+    }
+  }
+  return count;
+}
+
+// Layers that continue the scan's own ones above and below, as if it saw everything.
+std::vector<double> LayersBeyond(const Scan& scan) {
+  const std::vector<double>& own = scan.layer_elevation;
+  const double spacing = (own.back() - own.front()) / std::max<std::size_t>(own.size() - 1, 1);
+  std::vector<double> beyond;
+  if (spacing <= 0.0) return beyond;
+  for (double e = own.back() + spacing; e < M_PI / 2.0; e += spacing) beyond.push_back(e);
+  for (double e = own.front() - spacing; e > -M_PI / 2.0; e -= spacing) beyond.push_back(e);
+  return beyond;
+}
+
+// Returns of beams that meet the rectangle: on it, before it, and behind it; and beams without a
+// return from squares that swallow light, between others that are on it.
+struct Filling {
+  int there = 0, nearer = 0, farther = 0, dark = 0;
+};
+
+// Beams that are lost between two neighbours on the board, no farther apart than dark squares are
+// wide.
+int LostBetween(const BoardSearch& search, int i, int k) {
+  const Near &a = search.window.points[i], &b = search.window.points[k];
+  if (a.point->layer != b.point->layer) return 0;
+  if ((a.point->position - b.point->position).norm() > search.options.LongestDark()) return 0;
+  const double steps = (b.azimuth - a.azimuth) / search.scan.azimuth_step;
+  return std::max(static_cast<int>(std::lround(steps)) - 1, 0);
+}
+
+Filling CountReturns(const BoardSearch& search, const Surface& surface, const RectanglePose& pose) {
+  Filling filling;
+  const double margin = surface.StepOnBoard();
+  const Eigen::Vector2d half = search.HalfSize();
+  const Plane& plane = surface.plane();
+  int last = -1;  // return on the board
+  for (std::size_t i = 0; i < search.window.points.size(); ++i) {
+    const ScanPoint& point = search.At(i);
+    Eigen::Vector2d p;
+    if (!surface.Meets(point.position / point.range, &p)) continue;
+    const double distance = SignedDistance(pose.ToBoard(p), half);
+    if (distance > 0.0) continue;
+    const int side = plane.Side(point);
+    if (plane.Holds(point)) {
+      ++filling.there;
+      if (last >= 0 && last + 1 == static_cast<int>(i))
+        filling.dark += LostBetween(search, last, i);
+      last = static_cast<int>(i);
+    } else if (side < 0) {
+      ++filling.nearer;
+    } else if (side > 0 && distance < -margin) {
+      ++filling.farther;
+    }
+  }
+  return filling;
+}
+
+// Sets what is seen of the board.
+void MeasureFilling(const BoardSearch& search, const Surface& surface, const RectanglePose& pose,
+                    const Filling& filling, BoardSegment* segment) {
+  const auto beams = [&](const std::vector<double>& elevations) {
+    return Beams(search, surface, pose, segment->sensor_T_board, elevations);
+  };
+  segment->expected_points = beams(search.scan.layer_elevation);
+  const double expected = std::max(segment->expected_points, 1);
+  segment->visible = filling.there / expected;
+  segment->hidden = filling.nearer / expected;
+  segment->through = filling.farther / expected;
+  segment->dark = filling.dark / expected;
+  segment->score = segment->border_rms / search.options.border_tolerance +
+                   std::max(0.0, 1.0 - segment->visible - segment->dark) + 2.0 * segment->through;
+  segment->in_view = expected / (expected + beams(LayersBeyond(search.scan)));
+}
+
+}  // namespace
+
+bool FillsRectangle(const BoardSearch& search, const Surface& surface, const RectanglePose& pose,
+                    BoardSegment* segment) {
+  const BoardOptions& options = search.options;
+  const Filling filling = CountReturns(search, surface, pose);
+  MeasureFilling(search, surface, pose, filling, segment);
+  std::string reason;
+  if (segment->in_view < options.least_in_view) {
+    reason = Text("only %.0f %% of the board would be between the lowest and the highest layer",
+                  100.0 * segment->in_view);
+  } else if (segment->through > options.most_through) {
+    reason = Text("%.0f %% of the beams pass through where the board would be",
+                  100.0 * segment->through);
+  } else if (segment->visible < kLeastBright * options.least_visible ||
+             segment->visible + segment->dark < options.least_visible ||
+             segment->visible + segment->dark + segment->hidden < options.least_coverage) {
+    reason = Text("only %.0f of %.0f expected returns from the board are there (%.0f hidden)",
+                  filling.there, std::max(segment->expected_points, 1), filling.nearer);
+  }
+  if (reason.empty()) return true;
+  segment->progress = 6;
+  segment->reason = reason;
+  return false;
+}
+
+std::set<int> OpenLayers(const BoardSearch& search, const Surface& surface,
+                         const RectanglePose& pose, double margin) {
+  struct Returns {
+    int there = 0, inside = 0, farther = 0, between = 0, since = 0;
+  };
+  std::map<int, Returns> layers;
+  const Eigen::Vector2d half = surface.seen_half();
+  for (std::size_t i = 0; i < search.window.points.size(); ++i) {
+    const ScanPoint& point = search.At(i);
+    Eigen::Vector2d p;
+    if (!surface.Meets(point.position / point.range, &p)) continue;
+    const double distance = SignedDistance(pose.ToBoard(p), half);
+    if (distance > margin) continue;
+    Returns& layer = layers[point.layer];
+    if (surface.plane().Holds(point)) {
+      if (layer.there > 0) layer.between += layer.since;
+      layer.since = 0;
+      ++layer.there;
+      layer.inside += distance < 0.0 ? 1 : 0;
+    } else if (surface.plane().Side(point) > 0) {
+      ++layer.farther;
+      ++layer.since;
+    }
+  }
+  std::set<int> open;
+  for (const auto& item : layers) {
+    const Returns& layer = item.second;
+    const int through = layer.inside > 0 ? layer.between : layer.farther;
+    if (through > layer.there) open.insert(item.first);
+  }
+  return open;
+}
+
+}  // namespace atom_core

@@ -1,0 +1,64 @@
+"""Hard scenes: no false label, boards that a person sees are found, and messages are true."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from hard_labels import at_the_other, judged, measured
+from hard_scenes import DIFFICULTIES, KINDS, hard_frame
+
+from atom_core import native
+
+pytestmark = pytest.mark.skipif(not native.available(), reason="the compiled core is not built")
+
+PAIRS = [(d, k) for d in DIFFICULTIES for k in KINDS if d != "sun" or k == "depth"]
+LEAST_FOUND = 0.9
+FEW, MANY = 1, 40  # frames of each pair; five kinds of LiDARs make 200 of a difficulty
+SIZES = "the configuration says 0.80 x 0.60"
+
+
+def results(difficulty, kind, numbers):
+    """Return the labels that are expected, and all that were tried."""
+    expected, tried = [], []
+    for number in numbers:
+        frame = hard_frame(difficulty, kind, number)
+        seen = measured(frame)
+        found = [*judged(frame, seen), at_the_other(frame, seen)]
+        tried += [label for label in found if label is not None]
+        expected += [label for label in found if label is not None and label.expected]
+    return expected, tried
+
+
+@pytest.mark.parametrize(("difficulty", "kind"), PAIRS)
+def test_a_hard_scene_gives_no_false_label(difficulty, kind):
+    expected, tried = results(difficulty, kind, range(FEW))
+    assert not any(label.false for label in tried)
+    assert all(label.labeled.reason for label in tried if not label.labeled.detected)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("difficulty", "kind"), PAIRS)
+def test_hard_scenes(difficulty, kind):
+    expected, tried = results(difficulty, kind, range(200 if kind == "depth" else MANY))
+    assert not any(label.false for label in tried)
+    if expected:
+        assert np.mean([label.found for label in expected]) >= LEAST_FOUND
+
+
+@pytest.mark.parametrize("kind", ["rosette", "strewn", "tof"])
+def test_another_board_is_refused_with_both_sizes(kind):
+    frame = hard_frame("only another board", kind, 1)
+    for label in judged(frame, measured(frame)):
+        assert not label.labeled.detected
+        assert SIZES in label.labeled.reason
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_dark_squares_are_no_holes(kind):
+    frame = hard_frame("dark squares", kind, 0)
+    at_seed, searched = judged(frame, measured(frame))
+    assert at_seed.found and searched.found
