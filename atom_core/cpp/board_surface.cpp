@@ -99,8 +99,11 @@ std::vector<int> Surface::WithoutOpenEnds() const {
     }
     open[layer] = through > there;
   }
-  const auto low = std::find(open.begin(), open.end(), false) - open.begin();
-  const auto high = open.rend() - std::find(open.rbegin(), open.rend(), false);
+  // A single layer may be an arc that leaves the board in its middle.
+  auto low = std::find(open.begin(), open.end(), false) - open.begin();
+  auto high = open.rend() - std::find(open.rbegin(), open.rend(), false);
+  if (low == 1) low = 0;
+  if (high + 1 == static_cast<std::ptrdiff_t>(open.size())) high = open.size();
   std::vector<int> solid;
   for (std::ptrdiff_t layer = low; layer < high; ++layer) {
     const auto from = std::lower_bound(piece_.begin(), piece_.end(), ends_[layer].first);
