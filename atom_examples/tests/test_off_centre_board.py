@@ -40,9 +40,6 @@ def cell(tmp_path_factory):
     document["pattern"]["border_m"] = SIDES_M
     sensors = tmp_path_factory.mktemp("cell") / "sensors.yaml"
     sensors.write_text(yaml.safe_dump(document), encoding="utf-8")
-    (sensors.parent / "mounts.yaml").write_bytes(
-        (files.sensors.parent / "mounts.yaml").read_bytes()
-    )
     world = World(0, replace(files, sensors=sensors))
     world.scene.place_person(boards.AWAY)
     yield world
@@ -93,9 +90,8 @@ def dataset(cell):
         "calibration_patterns": {"board": print_.to_document()},
     }
     config = CalibrationConfig.from_document(document, "config")
-    return Dataset(
-        Path("cell"), config, sensors, {"board": pattern}, collections, data=data
-    ), world_T
+    patterns = {"board": pattern}
+    return Dataset(Path("cell"), config, sensors, patterns, collections, data=data), true
 
 
 def test_the_plate_of_the_simulation_is_that_of_the_settings(cell):
