@@ -10,11 +10,18 @@
 namespace atom_core {
 namespace {
 
-constexpr double kProposal = 2.0;  // standard deviations of the inliers of a proposed plane
+constexpr double kProposal = 2.0;     // standard deviations of the inliers of a proposed plane
+constexpr double kUnmeasured = 0.25;  // of the score, for a side
+
+// The score, worse where a side of the board is not measured: a plane that is a little off has
+// fewer ends of layers on the border, and those fit well.
+double Rank(const BoardSegment& segment) {
+  return segment.score + kUnmeasured * (2 - segment.measured_size.array().isFinite().count());
+}
 
 bool IsBetter(const BoardSegment& a, const BoardSegment& b) {
   if (a.detected != b.detected) return a.detected;
-  return a.detected ? a.score < b.score : a.progress > b.progress;
+  return a.detected ? Rank(a) < Rank(b) : a.progress > b.progress;
 }
 
 void Check(const Eigen::Vector3d& seed, const BoardOptions& options) {
