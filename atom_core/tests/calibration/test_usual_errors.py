@@ -8,14 +8,14 @@ pytest.importorskip("atom_core._core", reason="thousands of points to label")
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.judge.usual_errors import usual_errors_covariance
 from atom_core.calibration.options import AUTO, CalibrationOptions
-from atom_core.calibration.refine.candidates import candidates, range_fields
+from atom_core.calibration.refine.candidates import candidates, range_fields, usual_sizes
 from atom_core.problem.model_errors import RangeOffset
 from atom_core.report.calibration_results import calibration_results
 from atom_core.report.stated_errors import stated_errors
 from atom_core.solvers.choice import SOLVERS, default_solver
 from atom_core.solvers.scalar_columns import scalars_of
 from atom_core.solvers.shared_equations import shared_equations
-from atom_core.synthetic import ROUGH, SLIGHT, paper_cell, random_scene
+from atom_core.synthetic import ROUGH, SLIGHT, paper_cell, random_scene, two_cameras
 
 LOSS = "cauchy"
 
@@ -95,11 +95,20 @@ def test_without_them_the_equations_are_those_of_the_others(solved):
 def test_what_is_estimated_is_not_counted_twice(solved):
     errors = candidates(solved.dataset, solved.problem, solved.summary.x)
     equations = equations_of(solved, errors, [])
-    every = usual_errors_covariance(equations, [], LOSS)
-    none = usual_errors_covariance(equations, errors, LOSS)
+    every = usual_errors_covariance(equations, usual_sizes(errors, None), LOSS)
+    none = usual_errors_covariance(equations, {}, LOSS)
     assert np.all(np.diagonal(none) == 0.0)
     assert np.max(np.diagonal(every)) > 0.0
     assert np.min(np.linalg.eigvalsh(every)) > -1e-9 * np.max(every)
+
+
+def test_cameras_that_are_known_better_make_them_smaller():
+    scene = two_cameras(1, collections=10)
+    usual, _ = stated(scene)
+    known, _ = stated(scene, intrinsics_sigma=0.0005)
+    for one, other in zip(usual, known):
+        np.testing.assert_array_equal(one.sigma, other.sigma)
+        assert np.max(other.combined_sigma[3:]) < 0.5 * np.max(one.combined_sigma[3:])
 
 
 def test_auto_has_them_in_the_solution():

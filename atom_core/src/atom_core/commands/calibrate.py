@@ -167,8 +167,8 @@ def _add_intrinsics_option(parser: argparse.ArgumentParser) -> None:
         type=_sigma_or_none,
         default=0.005,
         metavar="PERCENT",
-        help="how far their focal lengths and centre are expected from those given, in per cent "
-        "of the focal length (0.5; none: anywhere)",
+        help="how far focal lengths and centre are expected from those given, in per cent of the "
+        "focal length: with --optimize_intrinsics, and in combined sigmas (0.5; none: anywhere)",
     )
 
 

@@ -18,6 +18,7 @@ from atom_core.calibration.judge.weak_directions import (
     weak_model_errors,
 )
 from atom_core.calibration.options import OFF, CalibrationOptions
+from atom_core.calibration.refine.candidates import usual_sizes
 from atom_core.calibration.refine.error_words import unusual
 from atom_core.calibration.refine.layer_checks import layer_checks
 from atom_core.calibration.refine.model_checks import ModelCheck
@@ -131,8 +132,10 @@ def _checked(
     factors = sigma_factors(equations, solution.cautious, estimated)
     of_errors = dict(zip(estimated, factors[equations.shared :]))
     covariance = covariance.robust(factors[: BLOCK_SIZE * equations.blocks], of_errors)
-    usual = usual_errors_covariance(solution.with_fields, estimated, loss)
-    covariance = covariance.with_combined(usual)
+    every = solution.with_fields
+    left = (error for error in every.errors if error not in estimated)
+    usual = usual_sizes(left, options.intrinsics_sigma)
+    covariance = covariance.with_combined(usual_errors_covariance(every, usual, loss))
     if options.model_errors == OFF:
         return covariance, []
     checks = solution.checks(refined.summary, loss)

@@ -10,7 +10,7 @@ uncertainty).
 
 from __future__ import annotations
 
-from typing import Collection
+from typing import Mapping
 
 import numpy as np
 
@@ -22,19 +22,20 @@ from atom_core.solvers.shared_equations import SharedEquations, inverse
 
 
 def usual_errors_covariance(
-    equations: SharedEquations, estimated: Collection[ModelError], loss: str
+    equations: SharedEquations, usual: Mapping[ModelError, float], loss: str
 ) -> np.ndarray:
     """Return (6 s, 6 s): what the shared blocks may be off by usual errors, as a covariance.
 
     Args:
         equations: at the solution, with all errors that sensors and boards may have.
-        estimated: those that the solution has estimated.
+        usual: standard deviations of those that the solution has not estimated, in their units.
         loss: robust loss of the equations.
     """
     place = dict(enumerate(equations.errors, equations.shared))
-    base = [*range(equations.shared), *(j for j, e in place.items() if e in estimated)]
-    usual = {e: e.usual for e in equations.errors if e not in estimated}
-    rest = [j for j, e in place.items() if e in usual and not isinstance(e, SeenBorder)]
+    nuisances = {e for e in equations.errors if isinstance(e, SeenBorder)}
+    estimated = (j for j, e in place.items() if e not in usual and e not in nuisances)
+    base = [*range(equations.shared), *estimated]
+    rest = [j for j, e in place.items() if e in usual and e not in nuisances]
     total = equations.total
     gradient = equations.gradient.sum(axis=0) + equations.held_gradient
     cross = total[np.ix_(base, rest)]

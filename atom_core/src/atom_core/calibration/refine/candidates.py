@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import List
+from typing import Dict, Iterable, List, Optional
 
 import numpy as np
 
@@ -85,6 +85,21 @@ def range_fields(dataset: Dataset, problem: Problem) -> List[RangeField]:
         elif sensor.kind.measures_range and sensor.camera is not None:
             found.append(WaveField(depth_waves(name, sensor.camera)))
     return found
+
+
+def usual_sizes(
+    errors: Iterable[ModelError], intrinsics_sigma: Optional[float]
+) -> Dict[ModelError, float]:
+    """Return the standard deviations about zero that errors usually have, in their units.
+
+    Args:
+        errors: whose.
+        intrinsics_sigma: that of cameras' numbers, in parts of the focal length; None: the usual.
+    """
+    return {
+        e: intrinsics_sigma if isinstance(e, CameraError) and intrinsics_sigma else e.usual
+        for e in errors
+    }
 
 
 def nuisances(problem: Problem) -> List[ModelError]:

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import List, Sequence, Tuple
+from typing import List, Optional, Sequence, Tuple
 
-from atom_core.calibration.refine.candidates import candidates, nuisances, range_fields
+from atom_core.calibration.refine.candidates import (
+    candidates,
+    nuisances,
+    range_fields,
+    usual_sizes,
+)
 from atom_core.calibration.refine.error_words import described
 from atom_core.calibration.refine.model_checks import ModelCheck, model_checks
 from atom_core.model.dataset import Dataset
@@ -107,12 +112,17 @@ def with_shown_errors(
 
 
 def with_usual_errors(
-    dataset: Dataset, solver: Solver, summary: SolverSummary, setup: SolverSetup
+    dataset: Dataset,
+    solver: Solver,
+    summary: SolverSummary,
+    setup: SolverSetup,
+    intrinsics_sigma: Optional[float],
 ) -> Tuple[SolverSummary, SolverSetup]:
     """Estimate what the data do not show, too, and what detections have in common.
 
     It may be there all the same: it is held to what is usual by a prior, so that the sigmas know
-    of it. The arguments are those of `with_shown_errors`.
+    of it. The arguments are those of `with_shown_errors`, and how far cameras' numbers are expected
+    from those given, in parts of the focal length (None: as far as is usual).
     """
     if summary.status != CONVERGED or setup.options.weights != SIGMA:
         return summary, setup
@@ -127,7 +137,7 @@ def with_usual_errors(
         options=replace(
             options,
             model_errors=(*options.model_errors, *rest),
-            error_priors={**options.error_priors, **{error: error.usual for error in rest}},
+            error_priors={**options.error_priors, **usual_sizes(rest, intrinsics_sigma)},
         ),
     )
     return weighted_by_detections(solver, summary, setup.options), setup

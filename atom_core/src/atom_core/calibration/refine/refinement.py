@@ -97,7 +97,8 @@ def refine(
     if rejected or is_auto:
         summary, unsettled = settled(solver, summary, setup)
     if is_auto:
-        summary, setup = with_usual_errors(initial, solver, summary, setup)
+        sigma = options.intrinsics_sigma
+        summary, setup = with_usual_errors(initial, solver, summary, setup, sigma)
     remarks = remarks_on(options.estimated_errors(initial), summary, setup.options)
     left = {key.collection for key in solver.problem.detections}
     unused = {**rough.start.unused, **whole_collections(rejected, left)}
