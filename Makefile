@@ -93,7 +93,7 @@ bench: build ## measure speed and accuracy; results in bench_output/
 bench-labels: build ## speed and accuracy of the labelers, on synthetic and on real data
 	@$(ENV) python3 tests/benchmarks/bench_labeling.py; \
 	python3 tests/benchmarks/bench_lidar_labeling.py; python3 tests/benchmarks/bench_real_data.py; \
-	python3 tests/benchmarks/bench_lidar_models.py
+	python3 tests/benchmarks/bench_lidar_models.py; python3 tests/benchmarks/bench_hard_labels.py
 
 results: build ## the paper's tables and the labels against their truth, docs/results; three quarters of an hour, 13 GB
 	@$(ENV) python3 tests/benchmarks/results.py
@@ -103,7 +103,7 @@ clean: ## remove build products and tool caches (keeps the virtual environments 
 	find . -name __pycache__ -type d -not -path './.venv/*' -prune -exec rm -rf {} +
 
 pictures: build ## the pictures of the documents, docs/pictures, from the simulated cell
-	@$(ENV) python3 docs/make_pictures.py
+	@$(ENV) python3 docs/make_pictures.py; python3 docs/make_hard_scenes.py
 
 pictures-cell: build ## what the simulated cell's sensors see, docs/pictures/cell_*.jpg
 	@$(ENV) python3 docs/make_cell_pictures.py

@@ -25,7 +25,7 @@ _SQUARE = np.ones((3, 3), dtype=np.uint8)
 _WIDER, _WIDEST = np.ones((5, 5), dtype=np.uint8), np.ones((7, 7), dtype=np.uint8)
 _RING_PX = 4  # more than what the ring around a region reaches beyond it
 _SHIFT = 4  # binary digits of a pixel for drawing
-_POST_SHARE, _LEAST_CORE = 0.25, 0.7
+_POST_SHARE, _LEAST_CORE = 0.25, 0.5
 _BORDER_POINTS, _LEAST_BORDER_PX = 400, 12
 _BORDER_M = 0.012
 _SAME_SIZE = 0.03  # of a side
