@@ -81,9 +81,13 @@ def judged(frame: Frame, seen: Measured) -> Tuple[Optional[Judged], Judged]:
 
 
 def at_the_other(frame: Frame, seen: Measured) -> Optional[Judged]:
-    """Label with a seed on the other board; None where it is not in view."""
+    """Label with a seed on the other board; None where an image cuts it, which hides its size."""
     if frame.other is None:
         return None
+    plate = frame.other
+    for x, y in plate.border.sample(0.05) if frame.kind == "depth" else ():
+        if _as_seed(frame, se3.apply(plate.world_T_plate, np.array([[x, y, 0.0]]))[0]) is None:
+            return None
     seed = _as_seed(frame, middle_of(*frame.other))
     if seed is None:
         return None
