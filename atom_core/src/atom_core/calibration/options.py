@@ -40,7 +40,8 @@ class CalibrationOptions:
         joints: parameters to estimate, by joint; None for those of the configuration.
         intrinsics: cameras whose intrinsics are estimated.
         intrinsics_sigma: how far their focal lengths and centre are expected from those given, in
-            parts of the focal length; None: anywhere. In combined sigmas it is that of all cameras.
+            parts of the focal length; None: anywhere. In combined sigmas it counts for all cameras
+            (None: 0.005).
         complete_only: use only collections in which every sensor sees every pattern.
         initial_guess: ``description`` starts from the transforms of the dataset (and leaves them
             where that cannot be right), ``none`` places the sensors from the data alone.

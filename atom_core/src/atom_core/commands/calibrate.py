@@ -168,7 +168,8 @@ def _add_intrinsics_option(parser: argparse.ArgumentParser) -> None:
         default=0.005,
         metavar="PERCENT",
         help="how far focal lengths and centre are expected from those given, in per cent of the "
-        "focal length: with --optimize_intrinsics, and in combined sigmas (0.5; none: anywhere)",
+        "focal length: with --optimize_intrinsics, and in combined sigmas (0.5; none: anywhere, "
+        "and there 0.5)",
     )
 
 

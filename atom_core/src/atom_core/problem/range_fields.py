@@ -150,6 +150,11 @@ class RangeField(ABC):
         """Whose rays."""
         return self.errors[0].target
 
+    @property
+    def kind(self) -> str:
+        """Of which sort its errors are."""
+        return self.errors[0].kind
+
     @abstractmethod
     def cells(self, points: np.ndarray) -> np.ndarray:
         """Return (n,): which cell points (n, 3) in the sensor's frame are in."""

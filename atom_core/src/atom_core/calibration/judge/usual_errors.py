@@ -17,8 +17,9 @@ import numpy as np
 from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.model_errors import ModelError, SeenBorder
 from atom_core.solvers import losses
-from atom_core.solvers.error_columns import prior_information
-from atom_core.solvers.shared_equations import SharedEquations, inverse
+from atom_core.solvers.shared_equations import SharedEquations
+
+_SEEN = 1e-11  # eigenvalue of information with a unit diagonal; what is below is rounding
 
 
 def usual_errors_covariance(
@@ -39,11 +40,33 @@ def usual_errors_covariance(
     total = equations.total
     gradient = equations.gradient.sum(axis=0) + equations.held_gradient
     cross = total[np.ix_(base, rest)]
-    gains = inverse(total[np.ix_(base, base)]) @ cross
-    information = total[np.ix_(rest, rest)] - cross.T @ gains
-    information += np.diag([prior_information(place[j], usual) for j in rest])
-    left_open = inverse(information)
+    gains = _inverse_of_seen(total[np.ix_(base, base)]) @ cross
+    sizes = np.array([usual[place[j]] / place[j].step for j in rest])
+    left_open = _left_open(total[np.ix_(rest, rest)] - cross.T @ gains, sizes)
     step = -left_open @ (gradient[rest] - gains.T @ gradient[base])
     step *= losses.step_length(loss)  # what is far off counts less, and the step falls short
     gains = gains[: BLOCK_SIZE * equations.blocks]
     return gains @ (left_open + np.outer(step, step)) @ gains.T
+
+
+def _inverse_of_seen(matrix: np.ndarray) -> np.ndarray:
+    """Return the inverse of information (m, m); zero along directions that nothing sees.
+
+    No row depends on these, so that no error moves them; what is left of them is rounding.
+    """
+    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(matrix), 1e-30))
+    values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
+    seen = values > _SEEN
+    inverse = np.where(seen, 1.0 / np.where(seen, values, 1.0), 0.0)
+    return (vectors * inverse) @ vectors.T * scale[:, None] * scale
+
+
+def _left_open(information: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Return the covariance (k, k) of numbers of which data tell something, and priors the rest.
+
+    Args:
+        information: (k, k) of the data.
+        sizes: (k,) standard deviations that are expected.
+    """
+    values, vectors = np.linalg.eigh(information * sizes[:, None] * sizes)
+    return (vectors / (1.0 + np.maximum(values, 0.0))) @ vectors.T * sizes[:, None] * sizes

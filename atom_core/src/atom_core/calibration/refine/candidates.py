@@ -39,6 +39,7 @@ _NUMBERS = {
     "centre_y": (3,),
     "k1": (4,),
 }
+_DISTORTION = 4  # the first of a camera's numbers that is of its distortion
 
 
 def candidates(dataset: Dataset, problem: Problem, x: np.ndarray) -> List[ModelError]:
@@ -94,12 +95,14 @@ def usual_sizes(
 
     Args:
         errors: whose.
-        intrinsics_sigma: that of cameras' numbers, in parts of the focal length; None: the usual.
+        intrinsics_sigma: that of focal lengths and centres, in parts of the focal length; None:
+            the usual.
     """
-    return {
-        e: intrinsics_sigma if isinstance(e, CameraError) and intrinsics_sigma else e.usual
-        for e in errors
-    }
+    sizes = {error: error.usual for error in errors}
+    if intrinsics_sigma is not None:
+        given = (e for e in sizes if isinstance(e, CameraError) and max(e.numbers) < _DISTORTION)
+        sizes.update(dict.fromkeys(given, intrinsics_sigma))
+    return sizes
 
 
 def nuisances(problem: Problem) -> List[ModelError]:

@@ -68,7 +68,9 @@ def checked(
     problem, x, sigmas, loss = solver.problem, summary.x, summary.sigmas, options.loss
     known: List[ModelError] = [*summary.model_errors]
     errors = known + [e for e in candidates(dataset, problem, x) if e not in known]
-    fields = [f for f in range_fields(dataset, problem) if f.errors[0] not in known]
+    # Corrected points have other elevations, by their rounding, and so have their layers.
+    sorts = {(error.kind, error.target) for error in known}
+    fields = [f for f in range_fields(dataset, problem) if (f.kind, f.sensor) not in sorts]
     errors += nuisances(problem)
     scalars = scalars_of(problem, x, sigmas, loss, errors, fields)
     equations = solver.equations(x, sigmas, loss)
