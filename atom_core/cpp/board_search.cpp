@@ -18,10 +18,13 @@ constexpr double kPatch = 0.45;  // of the shorter side: radius in which a plane
 constexpr int kManyLayers = 8;
 constexpr double kLittle = 0.1;  // of the board may be hidden where no side is measured
 constexpr int kWorthNaming = 4;  // progress of what is named where there is no board: has its size
-constexpr double kBorderRms = 0.03;  // [m] of the layers' ends
-constexpr double kSizeError = 0.06;  // of what is measured of the size
-constexpr double kBend = 0.022;      // [m] of smoothed returns from a chord: the run is cut there
-constexpr double kApart = 0.3;       // of the shorter side: nearer seeds are one
+constexpr double kBorderRms = 0.03;   // [m] of the layers' ends
+constexpr double kSizeError = 0.06;   // of what is measured of the size
+constexpr double kBend = 0.022;       // [m] of smoothed returns from a chord: the run is cut there
+constexpr std::size_t kSmoothed = 3;  // returns on each side are averaged, and
+constexpr double kSmoothedOver = 0.06;  // [m] on each side
+constexpr double kBesideEnd = 0.12;     // [m] within which a part of a run must end, to stand out
+constexpr double kApart = 0.3;          // of the shorter side: nearer seeds are one
 
 struct StraightRun {
   Eigen::Vector3d middle;
@@ -76,16 +79,48 @@ void Cut(const std::vector<Eigen::Vector3d>& smooth, std::size_t first, std::siz
   }
 }
 
+// Each return's mean with those near it, up to three on each side, as many on both.
 std::vector<Eigen::Vector3d> Smoothed(const std::vector<const ScanPoint*>& points,
                                       std::size_t first, std::size_t last) {
   std::vector<Eigen::Vector3d> smooth;
   for (std::size_t i = first; i <= last; ++i) {
-    const std::size_t from = std::max(i, first + 1) - 1, to = std::min(i + 1, last);
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (std::size_t k = from; k <= to; ++k) sum += points[k]->position;
-    smooth.push_back(sum / (to - from + 1));
+    const Eigen::Vector3d here = points[i]->position;
+    Eigen::Vector3d sum = here;
+    std::size_t k = 0;
+    while (k < kSmoothed && i >= first + k + 1 && i + k + 1 <= last) {
+      const Eigen::Vector3d &before = points[i - k - 1]->position,
+                            &after = points[i + k + 1]->position;
+      if (k > 0 && std::max((before - here).norm(), (after - here).norm()) > kSmoothedOver) break;
+      sum += before + after;
+      ++k;
+    }
+    smooth.push_back(sum / (2 * k + 1));
   }
   return smooth;
+}
+
+// Tells whether a run leaves the line of one of its parts soon after each end of that. A board does
+// so; an arc, as of a layer on the floor, turns away slowly.
+bool StandsOut(const std::vector<Eigen::Vector3d>& smooth, std::size_t first, std::size_t last) {
+  const Eigen::Vector3d start = smooth[first], along = (smooth[last] - start).normalized();
+  const double length = (smooth[last] - start).norm();
+  const auto leaves = [&](std::size_t i, double beyond) {
+    const Eigen::Vector3d offset = smooth[i] - start;
+    const double off = (offset - along * along.dot(offset)).norm();
+    return off > kBend && beyond < kBesideEnd + off;
+  };
+  bool before = first == 0, after = last + 1 == smooth.size();
+  for (std::size_t i = first; i-- > 0 && !before;) {
+    const double beyond = -along.dot(smooth[i] - start);
+    before = i == 0 || leaves(i, beyond);
+    if (beyond > kBesideEnd) break;
+  }
+  for (std::size_t i = last + 1; i < smooth.size() && !after; ++i) {
+    const double beyond = along.dot(smooth[i] - start) - length;
+    after = i + 1 == smooth.size() || leaves(i, beyond);
+    if (beyond > kBesideEnd) break;
+  }
+  return before && after;
 }
 
 // Runs that may be a cut through a board. One across the seam of the azimuth is two shorter ones.
@@ -106,8 +141,10 @@ std::vector<StraightRun> FindStraightRuns(const Scan& scan, const BoardOptions& 
       continue;
     }
     if (!add(first, i - 1) && i - first >= static_cast<std::size_t>(3 * kLeastReturns)) {
-      Cut(Smoothed(points, first, i - 1), 0, i - 1 - first,
-          [&](std::size_t from, std::size_t to) { add(first + from, first + to); });
+      const std::vector<Eigen::Vector3d> smooth = Smoothed(points, first, i - 1);
+      Cut(smooth, 0, i - 1 - first, [&](std::size_t from, std::size_t to) {
+        if (StandsOut(smooth, from, to)) add(first + from, first + to);
+      });
     }
     first = i;
   }
