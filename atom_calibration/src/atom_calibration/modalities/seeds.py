@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Callable, Optional, Protocol
 
 import numpy as np
 
+from atom_core.geometry.plane import plane_basis
 from atom_core.model.sensor import Sensor
 
 if TYPE_CHECKING:
@@ -15,6 +16,8 @@ _OUTSIDE_M = 1.0  # a seed so far from every point is a mistake
 _NOWHERE_PX = -1.0  # both numbers of a pixel that no image has
 _AROUND_PX = 3  # half of the window that tells the depth at a pixel
 _SAME_PX = 0.5
+_DIRECTIONS = 32
+_OF_REACH = (0.25, 0.4, 0.55, 0.7)  # about a board's middle: what is on the board, mostly
 _LEAST_STEEPNESS = 0.2  # sine between a board and a scan's plane; what lies flatter is not cut
 
 
@@ -80,8 +83,19 @@ class PixelSeeds:
     def of_board(
         self, sensor: Sensor, middle: np.ndarray, normal: np.ndarray, reach_m: float
     ) -> Optional[np.ndarray]:
-        """Return the pixel of the board's middle."""
-        return self.of_point(sensor, middle)
+        """Return the pixel of the board's middle, or of that part of it which is in the image."""
+        pixel = self.of_point(sensor, middle)
+        if pixel is not None:
+            return pixel
+        assert sensor.camera is not None
+        angle = np.linspace(0.0, 2.0 * np.pi, _DIRECTIONS, endpoint=False)
+        circle = np.column_stack([np.cos(angle), np.sin(angle)]) @ plane_basis(normal)[:, :2].T
+        for part in _OF_REACH:
+            around = middle + part * reach_m * circle
+            seen = around[sensor.camera.in_image(around)]
+            if len(seen):
+                return self.of_point(sensor, seen.mean(axis=0))
+        return None
 
     def point(self, frame: Frame, seed: np.ndarray, distance_m: float) -> Optional[np.ndarray]:
         """Return the point at the median depth around the pixel."""

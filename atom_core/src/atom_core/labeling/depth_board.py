@@ -29,7 +29,7 @@ _POST_SHARE, _LEAST_CORE = 0.25, 0.5
 _BORDER_POINTS, _LEAST_BORDER_PX = 400, 12
 _BORDER_M = 0.012
 _SAME_SIZE = 0.03  # of a side
-_LEAST_SEEN = 0.15  # of a board: in view, and not hidden
+_LEAST_SEEN = 0.05  # of a board: in view, and not hidden
 _LARGEST_EXTENT, _LARGEST_BEYOND = 1.1, 0.05
 
 
