@@ -64,8 +64,22 @@ class LidarModel:
         return True
 
 
+class _WithoutLayers:
+    """What models have in common whose beams belong to no scan layers."""
+
+    @property
+    def rings(self) -> int:
+        """One: there are no layers."""
+        return 1
+
+    @property
+    def has_layers(self) -> bool:
+        """False: beams belong to no scan layers."""
+        return False
+
+
 @dataclass(frozen=True)
-class RosetteModel:
+class RosetteModel(_WithoutLayers):
     """Beams of a LiDAR with two turning prisms, which draw a rosette that never closes.
 
     Attributes:
@@ -92,19 +106,9 @@ class RosetteModel:
         """All beams: there is one layer, so to speak."""
         return len(self.directions)
 
-    @property
-    def rings(self) -> int:
-        """One: there are no layers."""
-        return 1
-
-    @property
-    def has_layers(self) -> bool:
-        """False: beams belong to no scan layers."""
-        return False
-
 
 @dataclass(frozen=True)
-class GridModel:
+class GridModel(_WithoutLayers):
     """Beams of a ToF camera or a solid-state LiDAR: the pixels of a pinhole, sent as a cloud.
 
     Attributes:
@@ -129,16 +133,6 @@ class GridModel:
     def azimuth_steps(self) -> int:
         """All beams: there is one layer, so to speak."""
         return self.width * self.height
-
-    @property
-    def rings(self) -> int:
-        """One: there are no layers."""
-        return 1
-
-    @property
-    def has_layers(self) -> bool:
-        """False: beams belong to no scan layers."""
-        return False
 
 
 AnyLidarModel = Union[LidarModel, RosetteModel, GridModel]

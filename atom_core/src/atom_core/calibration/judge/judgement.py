@@ -127,7 +127,7 @@ def _checked(
 ) -> Tuple[Covariance, List[ModelCheck]]:
     """Return the covariance, robust and combined, and the model checks."""
     loss, estimated = refined.options.loss, tuple(refined.summary.model_errors)
-    solution = checked(initial, refined.solver, refined.summary, refined.options)
+    solution = checked(initial, refined.solver, refined.summary, refined.options, with_fields=True)
     equations = solution.equations
     factors = sigma_factors(equations, solution.cautious, estimated)
     of_errors = dict(zip(estimated, factors[equations.shared :]))

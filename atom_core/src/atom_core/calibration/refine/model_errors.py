@@ -42,7 +42,8 @@ class CheckedSolution:
     Attributes:
         equations: as it was weighted.
         cautious: with what the rows of a detection may have in common.
-        with_fields: as it was weighted, with the errors that differ from ray to ray as well.
+        with_fields: as it was weighted, with the errors that differ from ray to ray as well, where
+            they were asked for.
     """
 
     equations: SharedEquations
@@ -55,7 +56,11 @@ class CheckedSolution:
 
 
 def checked(
-    dataset: Dataset, solver: Solver, summary: SolverSummary, options: SolverOptions
+    dataset: Dataset,
+    solver: Solver,
+    summary: SolverSummary,
+    options: SolverOptions,
+    with_fields: bool = False,
 ) -> CheckedSolution:
     """Return the equations of a solution.
 
@@ -64,25 +69,27 @@ def checked(
         solver: of the problem.
         summary: its solution.
         options: robust loss, and priors of the model errors that it has estimated.
+        with_fields: with the errors that differ from ray to ray.
     """
     problem, x, sigmas, loss = solver.problem, summary.x, summary.sigmas, options.loss
     known: List[ModelError] = [*summary.model_errors]
     errors = known + [e for e in candidates(dataset, problem, x) if e not in known]
     # Corrected points have other elevations, by their rounding, and so have their layers.
     sorts = {(error.kind, error.target) for error in known}
-    fields = [f for f in range_fields(dataset, problem) if (f.kind, f.sensor) not in sorts]
+    every = range_fields(dataset, problem) if with_fields else []
+    fields = [field for field in every if (field.kind, field.sensor) not in sorts]
     errors += nuisances(problem)
     scalars = scalars_of(problem, x, sigmas, loss, errors, fields)
     equations = solver.equations(x, sigmas, loss)
     blocks, priors = problem.residual_blocks, options.error_priors
     common = summary.common or [0.0] * len(blocks)
     at_least = [max(part, COMMON[block.kind]) for part, block in zip(common, blocks)]
-    every = shared_equations(problem, equations, scalars, sigmas, priors, common)
+    whole = shared_equations(problem, equations, scalars, sigmas, priors, common)
     few = scalars.without_fields()
     return CheckedSolution(
-        every.without_fields(),
+        whole.without_fields(),
         shared_equations(problem, equations, few, sigmas, priors, at_least, with_parts=False),
-        every,
+        whole,
     )
 
 
