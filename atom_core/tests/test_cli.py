@@ -1,6 +1,7 @@
 """The commands as users meet them: results, exit codes, and one clear line for every refusal."""
 
 import json
+import shutil
 from copy import deepcopy
 
 import pytest
@@ -125,6 +126,27 @@ def test_the_calibrated_dataset_is_a_start_that_does_not_move(cell, tmp_path):
         assert after["edges"][name]["translation_m"] == pytest.approx(
             edge["translation_m"], abs=2e-5
         )
+
+
+def test_a_result_is_the_next_input_wherever_it_lies(cell, tmp_path, capsys):
+    """In a folder of its own, moved with the data, beside them, and without them."""
+    whole = tmp_path / "whole"
+    shutil.copytree(cell / "data", whole / "data")
+    run = ["calibrate", "--dataset", str(whole / "data" / "dataset.json")]
+    assert main([*run, "--output", str(whole / "results" / "1")]) == 0
+    moved = tmp_path / "moved"
+    whole.rename(moved)
+    result = moved / "results" / "1" / "atom_calibration.json"
+    assert main(["check", "--dataset", str(result)]) == 0
+    beside = moved / "data" / "again.json"
+    shutil.copy(result, beside)
+    assert main(["check", "--dataset", str(beside)]) == 0
+    alone = tmp_path / "alone" / "atom_calibration.json"
+    alone.parent.mkdir()
+    shutil.copy(result, alone)
+    capsys.readouterr()
+    line = calibrate(capsys, alone, tmp_path / "out")
+    assert "are absent" in line and "move both together" in line and str(alone) in line
 
 
 def test_check_is_0_when_ready_and_1_when_not(cell, tmp_path, capsys):

@@ -13,6 +13,7 @@ import sys
 from typing import TYPE_CHECKING, Callable, List, Optional, cast
 
 import atom_core
+from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import AtomError
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ def build_parser(only: Optional[str] = None) -> argparse.ArgumentParser:
     Args:
         only: a command; the modules of the others are not loaded, and their options unknown.
     """
-    parser = argparse.ArgumentParser(
+    parser = OptionParser(
         prog="python3 -m atom_core",
         description="Calibrate the sensors of a robotic cell in one optimisation.",
     )

@@ -7,7 +7,7 @@ from atom_core.evaluation.ground_truth import ground_truth_errors
 from atom_core.geometry import se3
 from atom_core.model.dataset import pose
 from atom_core.synthetic import Noise, paper_cell
-from atom_core.synthetic.scenes import shared_edge
+from atom_core.synthetic.scenes import hand_eye, shared_edge
 
 OPTIONS = {"collections": 2, "noise": Noise.none()}
 
@@ -85,3 +85,52 @@ def test_sensors_on_one_edge_share_its_error():
     errors = ground_truth_errors(moved(scene.dataset, edge, change), scene.truth)
     for name in ("rgb_2", "depth_1"):
         assert errors.sensors[name].translation_m == pytest.approx(0.007, abs=1e-12)
+
+
+OFF = se3.transform(
+    se3.rotation_from_rotation_vector(np.array([0.0, 0.02, 0.0])), np.array([0.06, 0.0, -0.08])
+)
+SHIFT = se3.transform(np.eye(3), OFF[:3, 3])  # by 0.1 m
+
+
+def test_a_single_sensor_has_the_error_of_its_own_edge():
+    scene = hand_eye(0, **OPTIONS)
+    edge = scene.dataset.sensors["rgb_1"].edge
+    errors = ground_truth_errors(moved(scene.dataset, edge, SHIFT), scene.truth)
+    assert errors.sensors["rgb_1"].translation_m == pytest.approx(0.1, abs=1e-9)
+    assert errors.mean.translation_m == pytest.approx(0.1, abs=1e-9)
+
+
+def test_a_single_anchored_sensor_has_the_error_of_its_own_edge(cell):
+    dataset = cell.dataset.selected(sensors=["rgb_3"])
+    errors = ground_truth_errors(moved(dataset, dataset.sensors["rgb_3"].edge, OFF), cell.truth)
+    assert errors.mean.rotation_deg == pytest.approx(np.degrees(0.02), abs=1e-6)
+    assert errors.mean == errors.sensors["rgb_3"][:2]
+
+
+def test_an_estimated_reference_counts_in_the_mean(cell):
+    dataset = moved(cell.dataset, cell.dataset.sensors["rgb_3"].edge, SHIFT)
+    held = ground_truth_errors(dataset, cell.truth, held=["rgb_3"])
+    estimated = ground_truth_errors(dataset, cell.truth, held=["rgb_1"])
+    assert held.sensors["rgb_3"].translation_m == pytest.approx(0.0, abs=1e-9)
+    assert estimated.sensors["rgb_3"].translation_m == pytest.approx(0.1, abs=1e-9)
+    others = [error.translation_m for name, error in held.sensors.items() if name != "rgb_3"]
+    assert estimated.mean.translation_m == pytest.approx(np.mean([*others, 0.1]), abs=1e-9)
+
+
+def test_without_an_anchor_the_first_sensor_of_a_rig_that_moves_is_estimated(cell):
+    dataset = cell.dataset.selected(sensors=[n for n in cell.dataset.sensors if n != "rgb_3"])
+    first = next(iter(dataset.sensors.values()))
+    off = moved(dataset, first.edge, SHIFT)
+    carrier = dataset.graph.chain(dataset.world, first.edge.parent)[0].edge
+    driven = off.with_transforms(
+        {
+            key: {
+                carrier: collection.transforms[carrier] @ se3.from_rpy(np.ones(3) * i, np.ones(3))
+            }
+            for i, (key, collection) in enumerate(off.collections.items())
+        }
+    )
+    for rig, own in ((off, 0.0), (driven, 0.1)):
+        errors = ground_truth_errors(rig, cell.truth)
+        assert errors.sensors[first.name].translation_m == pytest.approx(own, abs=1e-9)

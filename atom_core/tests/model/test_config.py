@@ -115,10 +115,10 @@ def test_values_and_order_arrive():
 
 
 def test_duration_is_in_milliseconds():
-    assert read(full_document()).max_duration_between_msgs_s == 0.25
-    assert read(changed(["max_duration_between_msgs"], GONE)).max_duration_between_msgs_s == 1.0
-    (warning,) = read(changed(["max_duration_between_msgs"], 0.25)).warnings
-    assert "0.25 milliseconds; is it meant in seconds?" in warning
+    for value, seconds in ((250, 0.25), (GONE, 1.0), ("250", 0.25), (0.1, 0.1)):
+        config = read(changed(["max_duration_between_msgs"], value))
+        assert config.max_duration_between_msgs_s == seconds
+    assert "is 0.1 and read as seconds; write 100" in config.warnings[0]
 
 
 def test_writing_gives_the_document_back():

@@ -12,6 +12,7 @@ from atom_calibration.nodes.collecting import collect_from_bag
 from atom_core import cli
 from atom_core.commands import calibrate, evaluate
 from atom_core.commands.common import add_option, add_output_options
+from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import AtomError
 from atom_core.io.atomic import prepare_output_folder
 from atom_core.io.dataset_writer import DATASET_FILE
@@ -46,7 +47,7 @@ def main(argv: Optional[Sequence[str]] = None) -> int:
 
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(
+    parser = OptionParser(
         prog=PROGRAM,
         description="Simulate the collaborative cell, label the recordings, calibrate from a start "
         "that is off by 0.1 m and 0.1 rad, evaluate on a test set and against the truth. "

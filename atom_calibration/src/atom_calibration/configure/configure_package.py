@@ -30,6 +30,7 @@ from atom_calibration.configure.summary import FORMATS, dot_text, draw
 from atom_calibration.configure.tree import TransformGraph, graph_document, networkx_graph
 from atom_calibration.sources.bag_reader import BagReader
 from atom_core.commands.common import add_option
+from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import AtomError, ConfigError
 from atom_core.io.config_yaml import read_config_with_places
 from atom_core.io.urdf import Description, read_description, write_calibrated_description
@@ -229,7 +230,7 @@ def _tell(text: str) -> None:
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command."""
-    made = argparse.ArgumentParser(
+    made = OptionParser(
         prog="configure_calibration_pkg",
         description=__doc__,
         epilog=f"example: {EXAMPLE}",

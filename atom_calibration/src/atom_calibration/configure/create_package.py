@@ -11,6 +11,7 @@ from typing import Optional, Sequence
 
 from atom_calibration.configure.render import skeleton_files
 from atom_core.commands.common import add_option
+from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import AtomError, OutputError
 from atom_core.io.atomic import prepare_output_folder, write_text_atomically
 from atom_core.io.paths import find_ros_package
@@ -80,7 +81,7 @@ def _on_package_path(folder: Path) -> bool:
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command."""
-    made = argparse.ArgumentParser(
+    made = OptionParser(
         prog="create_calibration_pkg", description=__doc__, epilog=f"example: {EXAMPLE}"
     )
     add_option(

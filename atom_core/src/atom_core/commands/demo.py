@@ -9,6 +9,7 @@ from typing import List
 from tqdm import tqdm
 
 from atom_core.commands import calibrate, check, common, evaluate
+from atom_core.commands.option_parser import OptionParser
 from atom_core.io.atomic import prepare_output_folder
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.io.truth_json import write_truth
@@ -62,6 +63,6 @@ def _evaluation_arguments(folder: Path, result: Path) -> List[str]:
 
 
 def _run(command: common.Command, arguments: List[str]) -> int:
-    parser = argparse.ArgumentParser()
+    parser = OptionParser()
     command.add_arguments(parser)
     return command.run(parser.parse_args(arguments))

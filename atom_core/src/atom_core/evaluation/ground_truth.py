@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Mapping, NamedTuple
+from typing import Container, Mapping, NamedTuple, Optional
 
 import numpy as np
 
+from atom_core.calibration.prepare.connectivity import nothing_moves
 from atom_core.errors import DatasetError
 from atom_core.evaluation.metrics import pose_difference
 from atom_core.model.dataset import Dataset, pose
@@ -23,7 +24,8 @@ class SensorError(NamedTuple):
     """How far one sensor is from where it truly is.
 
     Attributes:
-        translation_m, rotation_deg: of its data frame in the reference's.
+        translation_m, rotation_deg: of its data frame in the reference's; of a reference that is
+            itself estimated, in the parent of its edge.
         world_translation_m: of its place in the world.
     """
 
@@ -36,7 +38,7 @@ class GroundTruth(NamedTuple):
     """A calibration's errors against the truth.
 
     Attributes:
-        mean: over all sensors but the reference.
+        mean: over all sensors; without the reference, unless it is itself estimated.
         sensors: by name.
     """
 
@@ -44,28 +46,46 @@ class GroundTruth(NamedTuple):
     sensors: Mapping[str, SensorError]
 
 
-def ground_truth_errors(dataset: Dataset, truth: Truth) -> GroundTruth:
+def ground_truth_errors(
+    dataset: Dataset, truth: Truth, held: Optional[Container[str]] = None
+) -> GroundTruth:
     """Compare the sensors' poses with the true ones.
 
     A sensor's pose is that of its data frame in the anchored sensor's data frame, or in that of
-    the configuration's first sensor. Where a chain moves, errors are means over the collections.
+    the configuration's first sensor. Where that reference is itself estimated, or is the only
+    sensor, its own error is that of its data frame in the parent of its edge. Where a chain moves,
+    errors are means over the collections.
 
     Args:
         dataset: with the calibrated edges.
         truth: with the true ones.
+        held: names of the sensors that were not estimated; None: the reference was held if the
+            configuration anchors it, or if nothing else ties the rig to the world.
 
     Raises:
         DatasetError: the truth lacks the edge of a sensor, or the dataset has no sensor.
     """
     reference = reference_sensor(dataset)
     true = with_truth(dataset, truth)
-    errors = {name: _error(name, reference, dataset, true) for name in dataset.sensors}
-    others = [value for name, value in errors.items() if name != reference] or [errors[reference]]
+    origins = dict.fromkeys(dataset.sensors, dataset.sensors[reference].frame)
+    counted = [name for name in dataset.sensors if name != reference]
+    if not counted or _is_estimated(reference, dataset, held):
+        origins[reference] = dataset.sensors[reference].edge.parent
+        counted.append(reference)
+    errors = {name: _error(name, frame, dataset, true) for name, frame in origins.items()}
     mean = MeanError(
-        float(np.mean([error.translation_m for error in others])),
-        float(np.mean([error.rotation_deg for error in others])),
+        float(np.mean([errors[name].translation_m for name in counted])),
+        float(np.mean([errors[name].rotation_deg for name in counted])),
     )
     return GroundTruth(mean, errors)
+
+
+def _is_estimated(reference: str, dataset: Dataset, held: Optional[Container[str]]) -> bool:
+    if held is not None:
+        return reference not in held
+    if reference == dataset.config.anchored_sensor:
+        return False
+    return not nothing_moves(dataset, dataset.sensors, dataset.patterns, list(dataset.collections))
 
 
 def reference_sensor(dataset: Dataset) -> str:
@@ -78,13 +98,14 @@ def reference_sensor(dataset: Dataset) -> str:
     return next(iter(dataset.sensors))
 
 
-def _error(name: str, reference: str, dataset: Dataset, true: Dataset) -> SensorError:
-    frame, reference_frame = dataset.sensors[name].frame, dataset.sensors[reference].frame
+def _error(name: str, origin: str, dataset: Dataset, true: Dataset) -> SensorError:
+    """Return the error of a sensor's data frame in another frame, and in the world."""
+    frame = dataset.sensors[name].frame
     graph = dataset.graph
     rows = []
     for key, collection in dataset.collections.items():
         both = (collection, true.collections[key])
-        found, wanted = (pose(c, graph, reference_frame, frame) for c in both)
+        found, wanted = (pose(c, graph, origin, frame) for c in both)
         move, turn = pose_difference(wanted, found)
         in_world, true_in_world = (pose(c, graph, dataset.world, frame)[:3, 3] for c in both)
         in_the_world = float(np.linalg.norm(in_world - true_in_world))

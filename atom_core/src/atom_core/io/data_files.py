@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Dict, Mapping
+from typing import Any, Dict, Mapping, Optional
 
 from atom_core.errors import DatasetError
 from atom_core.model.dataset import DataSource
@@ -32,7 +32,7 @@ class FileDataSource(DataSource):
         entry = self._entry(collection, sensor)
         if not self._formats[sensor].ending:
             return bool(entry)
-        return "data_file" in entry and (self._folder / entry["data_file"]).is_file()
+        return "data_file" in entry and self._found(entry) is not None
 
     def read(self, collection: str, sensor: str) -> Any:
         """Return the data of a sensor as its modality reads them."""
@@ -54,13 +54,20 @@ class FileDataSource(DataSource):
                 f"collection {collection} names no data_file of sensor '{sensor}'; leave the "
                 f"sensor out with -ssf or collect again"
             )
-        path = self._folder / entry["data_file"]
-        if not path.is_file():
+        path = self._found(entry)
+        if path is None:
             raise DatasetError(
-                f"{path}: the data file of sensor '{sensor}', collection {collection}, is absent; "
-                f"put it beside the dataset, or leave the sensor out with -ssf"
+                f"{self._folder / entry['data_file']}: the data file of sensor '{sensor}', "
+                f"collection {collection}, is absent; put it beside the dataset, or leave the "
+                f"sensor out with -ssf"
             )
         return path
+
+    def _found(self, entry: Mapping[str, Any]) -> Optional[Path]:
+        """Return where a data file is: where the dataset says, or beside the dataset."""
+        named = Path(entry["data_file"])
+        places = (self._folder / named, self._folder / named.name)
+        return next((path for path in places if path.is_file()), None)
 
 
 class RecentData(DataSource):

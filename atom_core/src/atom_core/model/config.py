@@ -67,7 +67,8 @@ class CalibrationConfig:
         joints: joints with parameters to be estimated, by the name in the description.
         anchored_sensor: sensor that is held still, None for none.
         max_duration_between_msgs: greatest difference of the stamps in a collection, in
-            **milliseconds**; use `max_duration_between_msgs_s` in computations.
+            **milliseconds**, below 1 in seconds; use `max_duration_between_msgs_s` in
+            computations.
         package_name: of the calibration package.
         version: of the format.
         extra: unknown keys.
@@ -120,8 +121,13 @@ class CalibrationConfig:
 
     @property
     def max_duration_between_msgs_s(self) -> float:
-        """Greatest difference of the stamps in a collection [s]."""
-        return self.max_duration_between_msgs / 1000.0
+        """Greatest difference of the stamps in a collection [s].
+
+        No recording is exact to parts of a millisecond: below 1 the number is in seconds, as
+        ATOM compares it.
+        """
+        number = self.max_duration_between_msgs
+        return number if number < 1 else number / 1000.0
 
     @classmethod
     def from_document(
@@ -211,11 +217,20 @@ def _read(cls: Callable[..., CalibrationConfig], root: Section) -> CalibrationCo
         },
         joints={n: JointConfig.from_section(s) for n, s in root.named("joints", JointConfig.KEYS)},
         anchored_sensor=root.get("anchored_sensor"),
-        max_duration_between_msgs=root.get("max_duration_between_msgs", DEFAULT_MAX_DURATION_MS),
+        max_duration_between_msgs=_duration(root),
         package_name=root.get("package_name"),
         version=CURRENT_VERSION if migrated else root.get("version", CURRENT_VERSION),
         extra=root.extra(),
     )
+
+
+def _duration(root: Section) -> Any:
+    """Return the longest duration; a number that stands in quotes is a number."""
+    value = root.get("max_duration_between_msgs", DEFAULT_MAX_DURATION_MS)
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
 
 
 def _read_patterns(root: Section) -> Tuple[Dict[str, PatternConfig], bool]:
@@ -257,7 +272,8 @@ def _advice(config: CalibrationConfig) -> List[Tuple[KeyPath, str]]:
     """Return (key path, text) of what may be used but is probably not meant."""
     advice: List[Tuple[KeyPath, str]] = []
     if config.max_duration_between_msgs < 1:
-        text = f"is {config.max_duration_between_msgs} milliseconds; is it meant in seconds?"
+        number = config.max_duration_between_msgs
+        text = f"is {number:g} and read as seconds; write {1000 * number:g} (milliseconds)"
         advice.append((("max_duration_between_msgs",), text))
     if not 2 <= config.version < 4:
         text = f"is {config.version}; this program knows version {CURRENT_VERSION}"

@@ -239,10 +239,17 @@ def calibration_results(
         model_errors=_model_errors(calibration),
         propagation=_propagation(calibration),
         outliers=outliers,
-        ground_truth=None if truth is None else ground_truth_errors(calibration.dataset, truth),
+        ground_truth=None if truth is None else _ground_truth(calibration, truth),
         warnings=calibration.warnings,
         seconds=calibration.seconds,
     )
+
+
+def _ground_truth(calibration: Calibration, truth: Truth) -> GroundTruth:
+    dataset = calibration.dataset
+    held_edges = calibration.free.held_edges(dataset)
+    held = [name for name, sensor in dataset.sensors.items() if sensor.edge in held_edges]
+    return ground_truth_errors(dataset, truth, held)
 
 
 def selected_edges(calibration: Calibration) -> Dict[Edge, np.ndarray]:

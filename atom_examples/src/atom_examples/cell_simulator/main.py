@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, List, Optional
 
+from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import AtomError, OutputError
 from atom_core.synthetic.cell import SCENARIOS
 from atom_core.synthetic.lidar_models import LIDAR_MODELS
@@ -23,7 +24,7 @@ BAD_INPUT, INTERRUPTED = 2, 130
 
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    parser = argparse.ArgumentParser(
+    parser = OptionParser(
         prog=PROGRAM,
         description="Simulate the collaborative cell: what its sensors see of a board.",
         epilog=f"example: {EXAMPLE}",

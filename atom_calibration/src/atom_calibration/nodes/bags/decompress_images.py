@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 from typing import Any, Callable, Tuple
 
 import numpy as np
@@ -12,6 +11,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from atom_calibration.errors import MessageError
 from atom_calibration.messages.images import colour_image, depth_image
 from atom_calibration.runtime import running
+from atom_core.commands.option_parser import OptionParser
 
 COLOUR, DEPTH = "/compressed", "/compressedDepth"
 
@@ -45,7 +45,7 @@ def raw_topic(topic: str) -> str:
 
 def main() -> int:
     """Run the node; return its exit code."""
-    made = argparse.ArgumentParser(prog="decompress_images", description=__doc__)
+    made = OptionParser(prog="decompress_images", description=__doc__)
     made.add_argument("topics", nargs="+", metavar="TOPIC", help="ends in /compressed[Depth]")
     return running.run("decompress_images", made, lambda args: _run(args.topics))
 

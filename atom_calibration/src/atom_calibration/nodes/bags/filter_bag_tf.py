@@ -15,6 +15,7 @@ from tf2_msgs.msg import TFMessage
 
 from atom_calibration.messages.headers import frame_name
 from atom_calibration.runtime import running
+from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import DescriptionError
 from atom_core.io.urdf import parse_urdf
 from atom_core.model.robot import FIXED, RobotDescription
@@ -87,7 +88,7 @@ def _run(moving_joints: bool) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    made = argparse.ArgumentParser(prog="filter_bag_tf", description=__doc__.split("\n")[0])
+    made = OptionParser(prog="filter_bag_tf", description=__doc__.split("\n")[0])
     made.add_argument(
         "--moving_joints",
         "--moving-joints",

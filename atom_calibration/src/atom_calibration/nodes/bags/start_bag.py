@@ -13,6 +13,7 @@ from atom_calibration.runtime import options, running
 from atom_calibration.sources.live_topics import NotYetError, wait_for
 from atom_calibration.sources.rig import candidate_topics
 from atom_core.commands.common import add_option
+from atom_core.commands.option_parser import OptionParser
 from atom_core.io.config_yaml import read_config
 from atom_core.model.config import CalibrationConfig
 
@@ -61,7 +62,7 @@ def _everybody_listens(config: CalibrationConfig) -> bool:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = OptionParser(
         prog="start_bag",
         description=__doc__,
         epilog="example: rosrun atom_calibration start_bag -cfg config.yml --player /play_bag",

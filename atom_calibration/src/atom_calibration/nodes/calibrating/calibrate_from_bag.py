@@ -22,6 +22,7 @@ from atom_core import cli
 from atom_core.commands import calibrate
 from atom_core.commands.calibrate import DATASET_FILE as RESULT_FILE
 from atom_core.commands.common import add_option
+from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import AtomError, OutputError
 from atom_core.io.atomic import write_json_atomically
 from atom_core.io.dataset_writer import DATASET_FILE
@@ -111,7 +112,7 @@ def _optional_path(text: str) -> Optional[Path]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = OptionParser(
         prog="calibrate_from_bag", description=__doc__, epilog=f"example: {_EXAMPLE}"
     )
     for name, help_text in (("config", "config.yml"), ("bag", "the recording")):

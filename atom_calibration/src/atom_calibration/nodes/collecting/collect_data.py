@@ -29,6 +29,7 @@ from atom_calibration.sources.live_transforms import LiveTransforms
 from atom_calibration.sources.receipts import ReceiptTimes
 from atom_calibration.sources.rig import Rig, check_frames, rig_from_bag
 from atom_core.commands.common import add_option
+from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import AtomError
 from atom_core.io.atomic import write_json_atomically
 from atom_core.io.collections import CollectionStore
@@ -156,7 +157,7 @@ def _folder(text: str) -> Path:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = OptionParser(
         prog=NAME,
         description=__doc__,
         epilog=f"example: {EXAMPLE}",

@@ -15,6 +15,7 @@ from atom_calibration.configure.render import collecting_view
 from atom_calibration.runtime import options, running
 from atom_calibration.runtime.rviz_window import become_rviz, written_layout
 from atom_calibration.sources.sensor_modality import modality_of_sensor
+from atom_core.commands.option_parser import OptionParser
 from atom_core.io.config_yaml import read_config
 
 NAME = "collect_data_rviz"
@@ -43,7 +44,7 @@ def _warn(text: str) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = OptionParser(
         prog=NAME,
         description=__doc__,
         epilog=f"example: rosrun atom_calibration {NAME} -cfg config.yml",

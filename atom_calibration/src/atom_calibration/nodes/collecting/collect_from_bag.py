@@ -39,6 +39,7 @@ from atom_calibration.sources.bag_reader import BagReader
 from atom_calibration.sources.rig import Rig, check_frames, rig_from_bag
 from atom_calibration.sources.transform_tree import BagTransforms
 from atom_core.commands.common import add_option, add_output_options
+from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import AtomError
 from atom_core.io.collections import CollectionStore
 from atom_core.io.config_yaml import read_config
@@ -236,7 +237,7 @@ def _warn(text: str) -> None:
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command."""
-    made = argparse.ArgumentParser(
+    made = OptionParser(
         prog="collect_from_bag",
         description=__doc__,
         epilog=f"example: {EXAMPLE}",

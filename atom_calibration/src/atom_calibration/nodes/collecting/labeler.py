@@ -20,6 +20,7 @@ from atom_calibration.sources.live_topics import LiveTopics, wait_for
 from atom_calibration.sources.receipts import ReceiptTimes
 from atom_calibration.sources.rig import Rig, rig_from_bag
 from atom_core.commands.common import add_option
+from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import ConfigError
 from atom_core.io.config_yaml import read_config
 from atom_core.io.seeds import read_seeds
@@ -83,7 +84,7 @@ def _node(
 
 
 def _parser(name: str) -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = OptionParser(
         prog=name,
         description=__doc__,
         epilog=f"example: rosrun atom_calibration {name} -cfg config.yml -sn SENSOR",

@@ -15,6 +15,7 @@ from atom_calibration.errors import CollectionError
 from atom_calibration.modalities.table import is_labeled
 from atom_calibration.runtime import options, running
 from atom_calibration.sources.sensor_modality import modality_of_sensor
+from atom_core.commands.option_parser import OptionParser
 from atom_core.io.config_yaml import read_config
 
 _END_WITHIN_S, _ASK_EVERY_S = 8.0, 1.0
@@ -103,7 +104,7 @@ def _words(name: str, args: argparse.Namespace) -> List[str]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = OptionParser(
         prog="labelers",
         description=__doc__,
         epilog="example: rosrun atom_calibration labelers -cfg config.yml",

@@ -40,6 +40,7 @@ from atom_calibration.srv import (
     ShowCollectionResponse,
 )
 from atom_core.commands.common import add_dataset_option, add_option
+from atom_core.commands.option_parser import OptionParser
 from atom_core.editing.label_corrections import LabelCorrections
 from atom_core.errors import AtomError, OutputError
 from atom_core.io.dataset_json import read_dataset
@@ -333,7 +334,7 @@ class DatasetPlayback:
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command."""
-    made = argparse.ArgumentParser(
+    made = OptionParser(
         prog=NODE,
         description=__doc__,
         epilog=f"example: {EXAMPLE}",

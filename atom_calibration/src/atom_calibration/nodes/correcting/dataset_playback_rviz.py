@@ -14,6 +14,7 @@ from atom_calibration.configure.render import correcting_view
 from atom_calibration.runtime import running
 from atom_calibration.runtime.rviz_window import become_rviz, written_layout
 from atom_core.commands.common import add_dataset_option
+from atom_core.commands.option_parser import OptionParser
 from atom_core.io.dataset_json import read_dataset
 
 NAME = "dataset_playback_rviz"
@@ -31,7 +32,7 @@ def _run(dataset: Path, rest: Sequence[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = OptionParser(
         prog=NAME,
         description=__doc__,
         epilog=f"example: rosrun atom_calibration {NAME} -json dataset.json",

@@ -30,6 +30,7 @@ from atom_calibration.show.pose_marker import (
     PoseMarker,
 )
 from atom_core.commands.common import add_dataset_option, add_option
+from atom_core.commands.option_parser import OptionParser
 from atom_core.editing.transform_corrections import TransformCorrections, chosen_edges
 from atom_core.errors import SelectionError
 from atom_core.geometry import se3
@@ -243,9 +244,7 @@ def _thinned(points: np.ndarray) -> np.ndarray:
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command."""
-    made = argparse.ArgumentParser(
-        prog=NODE, description=__doc__.split("\n")[0], epilog=f"example: {EXAMPLE}"
-    )
+    made = OptionParser(prog=NODE, description=__doc__.split("\n")[0], epilog=f"example: {EXAMPLE}")
     add_dataset_option(made)
     _add_choice(made)
     add_option(

@@ -33,6 +33,7 @@ from atom_calibration.srv import (
     SetSensorInteractiveMarkerResponse,
 )
 from atom_core.commands.common import add_option
+from atom_core.commands.option_parser import OptionParser
 from atom_core.editing.first_guess import FirstGuess, values_from_dataset
 from atom_core.io.config_yaml import read_config
 from atom_core.io.urdf import read_description
@@ -222,9 +223,7 @@ class _Frustum:
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command."""
-    made = argparse.ArgumentParser(
-        prog=NODE, description=__doc__.split("\n")[0], epilog=f"example: {EXAMPLE}"
-    )
+    made = OptionParser(prog=NODE, description=__doc__.split("\n")[0], epilog=f"example: {EXAMPLE}")
     add_option(
         made,
         "config_file",

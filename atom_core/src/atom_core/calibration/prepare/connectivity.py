@@ -73,15 +73,25 @@ def floats_freely(dataset: Dataset, measurements: Sequence[Measurement], free: F
     """
     if free.anchored_sensors or free.anchor_patterns:
         return False
+    return nothing_moves(
+        dataset,
+        {m.key.sensor for m in measurements},
+        {m.key.pattern for m in measurements},
+        sorted({m.key.collection for m in measurements}),
+    )
+
+
+def nothing_moves(
+    dataset: Dataset,
+    sensors: Iterable[str],
+    patterns: Iterable[str],
+    collections: Sequence[str],
+) -> bool:
+    """Tell whether nothing moves that carries these sensors or the boards' parents."""
     graph = dataset.graph
-    collections = sorted({m.key.collection for m in measurements})
-    chains = []
-    for sensor in {m.key.sensor for m in measurements}:
-        edge = dataset.sensors[sensor].edge
-        chains.append(graph.chain(dataset.world, edge.parent))
-    for pattern in {m.key.pattern for m in measurements}:
-        chains.append(graph.chain(dataset.world, dataset.patterns[pattern].parent_frame))
-    edges = {step.edge for chain in chains for step in chain}
+    frames = {dataset.sensors[sensor].edge.parent for sensor in sensors}
+    frames |= {dataset.patterns[pattern].parent_frame for pattern in patterns}
+    edges = {step.edge for frame in frames for step in graph.chain(dataset.world, frame)}
     return all(_constant(dataset, edge, collections) for edge in edges)
 
 

@@ -155,8 +155,9 @@ def check_data_present(dataset: Dataset) -> None:
     for sensor, collections in absent_data(dataset).items():
         raise CalibrationError(
             f"{dataset.source}: the data files of sensor '{sensor}' are absent (collections "
-            f"{', '.join(dict.fromkeys(collections))}); put them beside the dataset, or leave the "
-            f"sensor out with -ssf '!{sensor}'"
+            f"{', '.join(dict.fromkeys(collections))}); put them beside the dataset (a result in a "
+            f"folder of its own names them by their way from there: move both together), or leave "
+            f"the sensor out with -ssf '!{sensor}'"
         )
 
 

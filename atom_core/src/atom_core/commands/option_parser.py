@@ -1,0 +1,88 @@
+"""The parser of all commands: strict where argparse guesses, one line where it refuses.
+
+argparse takes ``-oas`` for ``-o as`` where there is an ``-o``; here an option is one word. A long
+option may be cut short as far as it stays unique, with ``-`` or ``_`` between its words.
+"""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import re
+import sys
+from typing import Any, Dict, List, NoReturn, Optional, Sequence, Tuple
+
+_NUMBER = re.compile(r"-(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
+_EXIT_CODE = 2
+_SIMILAR = 0.6
+_NAMED = 3  # similar options that a refusal names
+
+
+class OptionParser(argparse.ArgumentParser):
+    """An argument parser that takes no option for another one."""
+
+    def __init__(self, *args: Any, **settings: Any):
+        """Take the arguments of ``argparse.ArgumentParser``."""
+        super().__init__(*args, **settings)
+        self._negative_number_matcher = _NUMBER  # argparse's own does not know -1e-3
+
+    def parse_known_args(  # type: ignore[override]
+        self, args: Optional[Sequence[str]] = None, namespace: Optional[argparse.Namespace] = None
+    ) -> Tuple[argparse.Namespace, List[str]]:
+        """Parse words of which every option is known; others are refused with their nearest."""
+        words = list(sys.argv[1:] if args is None else args)
+        return super().parse_known_args(self._in_full(words), namespace)
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse in one line."""
+        command = self.prog.split(" ")[-1]
+        self.exit(_EXIT_CODE, f"{command}: {message} ({self.prog} --help tells all options)\n")
+
+    def _in_full(self, words: List[str]) -> List[str]:
+        """Return the words with all options written in full."""
+        full: List[str] = []
+        for place, word in enumerate(words):
+            if word == "--" or (self._subparsers is not None and not word.startswith("-")):
+                return full + words[place:]  # what follows is not ours
+            full.append(self._option(word) if _is_option(word) else word)
+        return full
+
+    def _option(self, word: str) -> str:
+        typed, equals, value = word.partition("=")
+        known: Dict[str, argparse.Action] = self._option_string_actions
+        if typed in known:
+            return word
+        found = {id(known[name]): name for name in known if _begins(name, typed)}
+        if len(found) == 1:
+            return next(iter(found.values())) + equals + value
+        if found:
+            self.error(f"{typed} could be {' or '.join(sorted(found.values()))}; write more of it")
+        near = _nearest(typed, known)
+        hint = f"; the nearest: {', '.join(near)}" if near else ""
+        self.error(f"unknown option {typed}{hint}")
+
+
+def _is_option(word: str) -> bool:
+    return len(word) > 1 and word[0] == "-" and " " not in word and not _NUMBER.match(word)
+
+
+def _begins(name: str, typed: str) -> bool:
+    """Tell whether a long option begins as typed; one-dash options are never cut short."""
+    return typed.startswith("--") and _plain(name).startswith(_plain(typed))
+
+
+def _plain(name: str) -> str:
+    return name[:2] + name[2:].replace("-", "_")
+
+
+def _nearest(typed: str, known: Dict[str, argparse.Action]) -> List[str]:
+    """Return the most similar options, each by one of its names."""
+    bare = typed.lstrip("-").replace("-", "_").lower()
+    scores: Dict[int, Tuple[float, str]] = {}
+    for name, action in known.items():
+        other = name.lstrip("-").replace("-", "_").lower()
+        score = difflib.SequenceMatcher(None, bare, other).ratio()
+        if score > scores.get(id(action), (_SIMILAR - 1e-9, ""))[0]:
+            scores[id(action)] = (score, name)
+    ranked = sorted(scores.values(), key=lambda pair: (-pair[0], pair[1]))
+    return [name for _, name in ranked[:_NAMED]]

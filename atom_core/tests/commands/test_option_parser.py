@@ -1,0 +1,72 @@
+"""No option is taken for another one, and every refusal is one line."""
+
+import pytest
+
+from atom_core.commands.common import add_option
+from atom_core.commands.option_parser import OptionParser
+
+
+@pytest.fixture
+def parser():
+    made = OptionParser(prog="tool run")
+    add_option(made, "output", "-o")
+    add_option(made, "overwrite", "-ow", action="store_true")
+    add_option(made, "verbose", "-v", action="store_true")
+    add_option(made, "sample_seed", "-ss", type=int)
+    add_option(made, "phased_execution", "-phased", action="store_true")
+    add_option(made, "joint_bias_values", "-jbv", nargs="+", type=float)
+    return made
+
+
+def refusal(parser, capsys, *words):
+    with pytest.raises(SystemExit) as refused:
+        parser.parse_args(list(words))
+    assert refused.value.code == 2
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1 and line.startswith("run: ")
+    return line
+
+
+@pytest.mark.parametrize("word", ["-oas", "-vo", "-ov", "-v1", "-ssf", "-s", "-phase", "-hl"])
+def test_a_short_option_never_swallows_letters(parser, capsys, word):
+    assert f"unknown option {word}" in refusal(parser, capsys, word, "x")
+
+
+@pytest.mark.parametrize(
+    ("word", "near"),
+    [("-sss", "-ss"), ("--ouptut", "--output"), ("--verbos_e", "--verbose"), ("-owr", "-ow")],
+)
+def test_an_unknown_option_is_answered_with_the_nearest(parser, capsys, word, near):
+    assert near in refusal(parser, capsys, word).partition("nearest: ")[2]
+
+
+def test_what_resembles_nothing_is_refused_without_guesses(parser, capsys):
+    line = refusal(parser, capsys, "--zzz")
+    assert "nearest" not in line and "tool run --help" in line
+
+
+@pytest.mark.parametrize("word", ["--phased", "--sample", "--sample-s", "--sample_s", "--verb"])
+def test_unique_beginnings_of_long_options_serve(parser, word):
+    words = [word, "3"] if word.startswith("--sample") else [word]
+    assert parser.parse_args(words) != parser.parse_args([])
+
+
+def test_a_beginning_of_two_options_is_refused_with_both(parser, capsys):
+    line = refusal(parser, capsys, "--o", "x")
+    assert "--output" in line and "--overwrite" in line
+
+
+def test_values_after_an_equals_sign_and_negative_numbers_are_values(parser):
+    args = parser.parse_args(["--out=a=b", "-jbv", "-0.02", "-1e-3", "-.5", "2"])
+    assert args.output == "a=b"
+    assert args.joint_bias_values == [-0.02, -0.001, -0.5, 2.0]
+
+
+def test_words_with_spaces_and_words_behind_a_command_are_left_alone(capsys):
+    made = OptionParser(prog="tool")
+    made.add_argument("--version", action="version", version="1")
+    sub = made.add_subparsers(dest="command").add_parser("run")
+    add_option(sub, "selection", "-ssf", nargs="+")
+    args = made.parse_args(["run", "-ssf", "lambda x: x[-1] == '-o'"])
+    assert args.selection == ["lambda x: x[-1] == '-o'"]
+    assert "unknown option -o" in refusal(made, capsys, "run", "-o", "x")
