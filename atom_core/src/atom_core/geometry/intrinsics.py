@@ -87,6 +87,20 @@ def project_with_derivatives(
         points: (n, 3) in the optical frame [m].
     """
     pixels, by_point = camera.project_with_jacobian(points)
+    return pixels, by_point, pixels_by_numbers(start, camera, points, pixels)
+
+
+def pixels_by_numbers(
+    start: Camera, camera: Camera, points: np.ndarray, pixels: np.ndarray
+) -> np.ndarray:
+    """Return (n, 2, 12): derivatives of pixels by the numbers.
+
+    Args:
+        start: the camera to which the numbers are relative.
+        camera: the camera at the numbers.
+        points: (n, 3) in the optical frame [m].
+        pixels: (n, 2) to which the camera projects them.
+    """
     by_number = np.zeros((len(points), 2, COUNT))
     by_number[:, [0, 1], [0, 1]] = pixels - camera.centre_px
     by_number[:, [0, 1], [2, 3]] = start.focal_px
@@ -94,7 +108,7 @@ def project_with_derivatives(
     end = _FIRST_COEFFICIENT + camera.D.size
     by_coefficient = distortion_by_coefficients(camera, points)
     by_number[:, :, _FIRST_COEFFICIENT:end] = camera.focal_px[:, None] * by_coefficient * scales
-    return pixels, by_point, by_number
+    return by_number
 
 
 def distortion_by_coefficients(camera: Camera, points: np.ndarray) -> np.ndarray:

@@ -162,4 +162,4 @@ def _on_surface(
     if not after.of_kind(Bend):
         return block if block.surface_m is None else replace(block, surface_m=None)
     rows = rows_of(block, poses, patterns, *block.linearise(poses))
-    return replace(block, surface_m=after.surface_m(rows.in_pattern))
+    return replace(block, surface_m=after.surface_m(rows.in_plane))

@@ -15,9 +15,8 @@ from typing import ClassVar, Dict, Optional, Tuple
 
 import numpy as np
 
-from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
-from atom_core.geometry.intrinsics import project_with_derivatives
+from atom_core.geometry.intrinsics import pixels_by_numbers
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.problem.camera_blocks import TWIST_SIZE
 from atom_core.problem.residuals import (
@@ -52,7 +51,8 @@ class Rows:
 
     def by_pattern_point(self, moved: np.ndarray) -> np.ndarray:
         """Return (n, dimension): the rows' change as the pattern moves by (n, 3) in its frame."""
-        return -self.by_sensor_point(np.einsum("nij,nj->ni", self.axes, moved))
+        in_sensor = self.block.turned(moved, np.swapaxes(self.poses[:, :3, :3], 1, 2))
+        return -self.by_sensor_point(in_sensor)
 
     def by_sensor_point(self, moved: np.ndarray) -> np.ndarray:
         """Return (n, dimension): the rows' change as the points move by (n, 3) in the sensor."""
@@ -76,9 +76,9 @@ class Rows:
         block, found = self.block, self._by_intrinsics
         assert isinstance(block, ReprojectionBlock)
         if id(start) not in found:
-            points = se3.apply(self.poses[block.detection], block.corners_in_pattern)
-            by_number = project_with_derivatives(start, block.camera, points)[2]
-            found[id(start)] = (start, by_number)
+            points = block.corners_in_sensor(self.poses)
+            pixels = self.residual + block.pixels
+            found[id(start)] = (start, pixels_by_numbers(start, block.camera, points, pixels))
         return found[id(start)][1]
 
     @cached_property
@@ -86,21 +86,17 @@ class Rows:
         return {}
 
     @cached_property
-    def axes(self) -> np.ndarray:
-        """(n, 3, 3) the pattern's axes in the sensor."""
-        return self.poses[self.block.detection, :3, :3]
-
-    @cached_property
     def outward(self) -> np.ndarray:
         """(n, 2) of limit points: the gradient of their distance in the pattern's plane."""
-        return -np.einsum("nij,ni->nj", self.axes[:, :, :2], self.by_twist[:, 0, 3:])
+        return -self.block.turned(self.by_twist[:, 0, 3:], self.poses[:, :3, :2])
 
     @cached_property
-    def in_pattern(self) -> np.ndarray:
-        """(n, 3) range points in the pattern's frame [m]."""
+    def in_plane(self) -> np.ndarray:
+        """(n, 2) range points in the pattern's plane, along its x and y [m]."""
         assert isinstance(self.block, RangeBlock)
-        from_origin = self.block.points - self.poses[self.block.detection, :3, 3]
-        return np.einsum("nij,ni->nj", self.axes, from_origin)
+        axes = self.poses[:, :3, :2]
+        origin = np.einsum("di,dij->dj", self.poses[:, :3, 3], axes)
+        return self.block.turned(self.block.points, axes) - origin[self.block.detection]
 
 
 @dataclass(frozen=True)
@@ -256,7 +252,7 @@ class BorderShift(AlongAxis):
     def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
         if not isinstance(rows.block, BorderBlock):
             return None
-        return -rows.by_sensor_point(rows.axes[:, :, self.axis])
+        return -rows.outward[:, self.axis, None]
 
 
 @dataclass(frozen=True)
@@ -317,10 +313,11 @@ class Bend(AlongAxis):
     def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
         block = rows.block
         if isinstance(block, ReprojectionBlock):
-            height = self.height(block.corners_in_pattern)[:, None]
-            return -rows.by_sensor_point(height * rows.axes[:, :, 2])
+            above = np.zeros((block.count, 3))
+            above[:, 2] = self.height(block.corners_in_pattern)
+            return rows.by_pattern_point(above)
         if isinstance(block, OrthogonalBlock):
-            return -self.height(rows.in_pattern)[:, None]
+            return -self.height(rows.in_plane)[:, None]
         return None
 
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Optional, Tuple
 
 import numpy as np
@@ -56,6 +57,21 @@ class ResidualBlock(ABC):
         """Number of items; an item has ``dimension`` rows."""
         return len(self.detection)
 
+    @cached_property
+    def segments(self) -> Tuple[Tuple[int, slice], ...]:
+        """Each detection that has items, and which."""
+        starts = np.flatnonzero(np.diff(self.detection, prepend=-1))
+        ends = np.append(starts[1:], self.count)
+        items = map(slice, starts.tolist(), ends.tolist())
+        return tuple(zip(self.detection[starts].tolist(), items))
+
+    def turned(self, vectors: np.ndarray, by: np.ndarray) -> np.ndarray:
+        """Return (n, k): the items' vectors (n, j) times their detections' matrices (d, j, k)."""
+        result = np.empty((self.count, by.shape[2]))
+        for detection, items in self.segments:
+            np.matmul(vectors[items], by[detection], out=result[items])
+        return result
+
     def of_items(self, chosen: np.ndarray, detection: np.ndarray) -> ResidualBlock:
         """Return the rows of some items (m,), with other indices (m,) of their detections."""
         arrays = {f.name: getattr(self, f.name) for f in fields(self)}
@@ -88,14 +104,20 @@ class ReprojectionBlock(ResidualBlock):
     kind = REPROJECTION
     dimension = 2
 
+    def corners_in_sensor(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
+        """Return the corners (n, 3) in the camera's frame [m]."""
+        rotation = np.swapaxes(sensor_T_pattern[:, :3, :3], 1, 2)
+        origin = sensor_T_pattern[self.detection, :3, 3]
+        return self.turned(self.corners_in_pattern, rotation) + origin
+
     def residuals(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
         """Return projected minus detected pixels (n, 2)."""
-        points = se3.apply(sensor_T_pattern[self.detection], self.corners_in_pattern)
+        points = self.corners_in_sensor(sensor_T_pattern)
         return self.camera.project(points) - self.pixels
 
     def linearise(self, sensor_T_pattern: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
         """Return residuals (n, 2) [px] and Jacobians (n, 2, 6)."""
-        points = se3.apply(sensor_T_pattern[self.detection], self.corners_in_pattern)
+        points = self.corners_in_sensor(sensor_T_pattern)
         projected, by_point = self.camera.project_with_jacobian(points)
         turned = np.cross(points[:, None, :], by_point)
         return projected - self.pixels, np.concatenate([turned, by_point], axis=2)
@@ -109,7 +131,7 @@ class ReprojectionBlock(ResidualBlock):
             sensor_T_pattern: (d, 4, 4).
             start: the camera to which the numbers are relative.
         """
-        points = se3.apply(sensor_T_pattern[self.detection], self.corners_in_pattern)
+        points = self.corners_in_sensor(sensor_T_pattern)
         projected, by_point, by_number = project_with_derivatives(start, self.camera, points)
         turned = np.cross(points[:, None, :], by_point)
         return projected - self.pixels, np.concatenate([turned, by_point, by_number], axis=2)
@@ -133,7 +155,7 @@ class RangeBlock(ResidualBlock):
     def rays(self) -> np.ndarray:
         """(n, 3) unit vectors from the sensor to the points."""
         points = self.points.astype(float)  # clouds have single precision
-        return points / np.linalg.norm(points, axis=1, keepdims=True)
+        return points / np.sqrt(np.einsum("ni,ni->n", points, points))[:, None]
 
     @property
     def measured_points(self) -> np.ndarray:
@@ -177,17 +199,22 @@ class OrthogonalBlock(RangeBlock):
     def residuals(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
         """Return heights (n, 1) over the board [m]."""
         normal = sensor_T_pattern[:, :3, 2]
-        offset = np.einsum("di,di->d", normal, sensor_T_pattern[:, :3, 3])
-        height = np.einsum("ni,ni->n", normal[self.detection], self.points)
-        if self.added_m is not None:
-            height = height + self.added_m
-        return (height - offset[self.detection])[:, None]
+        return self._over_plane(self.turned(self.points, normal[:, :, None]), sensor_T_pattern)
 
     def linearise(self, sensor_T_pattern: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
         """Return residuals (n, 1) [m] and Jacobians (n, 1, 6)."""
-        normal = sensor_T_pattern[self.detection, :3, 2]
-        jacobian = -np.concatenate([np.cross(self.points, normal), normal], axis=1)
-        return self.residuals(sensor_T_pattern), jacobian[:, None, :]
+        normal = sensor_T_pattern[:, :3, 2]
+        cross_and_along = np.concatenate([-se3.skew(normal), normal[:, :, None]], axis=2)
+        by_point = self.turned(self.points, cross_and_along)
+        jacobian = np.concatenate([by_point[:, :3], -normal[self.detection]], axis=1)
+        return self._over_plane(by_point[:, 3:], sensor_T_pattern), jacobian[:, None, :]
+
+    def _over_plane(self, along_normal: np.ndarray, sensor_T_pattern: np.ndarray) -> np.ndarray:
+        """Return heights (n, 1) over the board of points that lie (n, 1) along its normal [m]."""
+        normal = sensor_T_pattern[:, :3, 2]
+        offset = np.einsum("di,di->d", normal, sensor_T_pattern[:, :3, 3])
+        height = along_normal - offset[self.detection, None]
+        return height if self.added_m is None else height + self.added_m[:, None]
 
 
 @dataclass(frozen=True)
@@ -220,14 +247,17 @@ class BorderBlock(RangeBlock):
     def linearise(self, sensor_T_pattern: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
         """Return signed distances (n, 1) [m], negative inside, and Jacobians (n, 1, 6)."""
         distance, gradient = self._distance(sensor_T_pattern)
-        outward = self._in_sensor(sensor_T_pattern, gradient)
-        jacobian = -np.concatenate([np.cross(self.points, outward), outward], axis=1)
+        outward = self.turned(gradient, np.swapaxes(sensor_T_pattern[:, :3, :2], 1, 2))
+        (u, v, w), (x, y, z) = outward.T, self.points.T
+        across = np.column_stack([v * z - w * y, w * x - u * z, u * y - v * x])
+        jacobian = np.concatenate([across, -outward], axis=1)
         return distance[:, None], jacobian[:, None, :]
 
     def steps_across(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
         """Return the lengths (n, 2) of the steps across the sides of x and of y [m]."""
-        axes = sensor_T_pattern[self.detection, :3, :2]
-        return np.max(np.abs(np.einsum("nki,nij->nkj", self.steps, axes)), axis=1)
+        axes = sensor_T_pattern[:, :3, :2]
+        one, other = (self.turned(self.steps[:, k], axes) for k in range(2))
+        return np.maximum(np.abs(one), np.abs(other))
 
     def by_inset_steps(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
         """Return the derivatives (n,) of the distances by the inset in steps [m]."""
@@ -236,14 +266,10 @@ class BorderBlock(RangeBlock):
 
     def _distance(self, sensor_T_pattern: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
         """Return signed distances (n,) and their gradients (n, 2) in the board's plane."""
-        offset = self.points - sensor_T_pattern[self.detection, :3, 3]
-        axes = sensor_T_pattern[self.detection, :3, :2]
-        in_plane = np.einsum("nij,ni->nj", axes, offset)
+        axes = sensor_T_pattern[:, :3, :2]
+        origin = np.einsum("di,dij->dj", sensor_T_pattern[:, :3, 3], axes)
+        in_plane = self.turned(self.points, axes) - origin[self.detection]
         return blended_distance_to_rectangles(in_plane, self.centre, self.expected_half_size)
-
-    def _in_sensor(self, sensor_T_pattern: np.ndarray, in_plane: np.ndarray) -> np.ndarray:
-        """Return directions (n, 2) in the board's plane as (n, 3) in the sensor's frame."""
-        return np.einsum("nij,nj->ni", sensor_T_pattern[self.detection, :3, :2], in_plane)
 
 
 def squared_norms(residuals: np.ndarray, sigma: np.ndarray) -> np.ndarray:

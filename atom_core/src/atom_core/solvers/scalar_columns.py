@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
+from scipy import sparse
 
 from atom_core.problem.model_errors import ModelError, Rows, rows_of
 from atom_core.problem.problem import Problem
@@ -66,6 +67,10 @@ class Scalars:
     def count(self) -> int:
         """How many scalars there are."""
         return self.insets + len(self.errors)
+
+    def error(self, number: int) -> Optional[ModelError]:
+        """Return which model error a column is of; None for an inset."""
+        return None if number < self.insets else self.errors[number - self.insets]
 
     def without_fields(self) -> Scalars:
         """Return the columns without those of fields."""
@@ -161,28 +166,27 @@ def _part(
 ) -> ScalarPart:
     """Return the columns (n, dimension) of a block, by number, summed by detection."""
     k, root = len(columns), np.sqrt(weight)[:, None]
+    q = k + by_state.shape[2]
     of_field = 0 if field is None else field.shares.shape[1]
-    rows = np.empty((*residual.shape, k + by_state.shape[2]))
+    rows = np.empty((*residual.shape, q + 1))  # the residuals come last
     for j, change in enumerate(columns.values()):
-        rows[:, :, j] = root * change
-    rows[:, :, k:] = root[:, :, None] * by_state
-    flat, values = rows.reshape(-1, rows.shape[2]), (residual * root).ravel()
-    detection, starts = np.unique(block.detection, return_index=True)
-    ends = block.dimension * np.append(starts[1:], block.count)
-    both = np.zeros((len(detection), k + of_field, rows.shape[2] + of_field))
-    gradient = np.zeros((len(detection), k + of_field))
-    for d, (start, end) in enumerate(zip(block.dimension * starts, ends)):
-        own = flat[start:end]
-        both[d, :k, : rows.shape[2]] = own[:, :k].T @ own
-        gradient[d, :k] = own[:, :k].T @ values[start:end]
+        np.multiply(root, change, out=rows[:, :, j])
+    np.multiply(root[:, :, None], by_state, out=rows[:, :, k:q])
+    np.multiply(root, residual, out=rows[:, :, q])
+    flat = rows.reshape(-1, q + 1)
+    both = np.zeros((len(block.segments), k + of_field, q + of_field))
+    gradient = np.zeros((len(both), k + of_field))
+    for d, (_, items) in enumerate(block.segments):
+        own = flat[block.dimension * items.start : block.dimension * items.stop]
+        products = own[:, :k].T @ own
+        both[d, :k, :q], gradient[d, :k] = products[:, :q], products[:, q]
     numbers = np.array(list(columns), dtype=int)
     if field is not None:
-        sums = _summed_by_cell(block, field, root[:, 0], flat, values)
-        _add_field(field, sums, both, gradient, k)
+        _add_field(field, _summed_by_cell(block, field, root[:, 0], flat), both, gradient, k)
         numbers = np.concatenate([numbers, field.first + np.arange(of_field)])
-    state = slice(k, k + by_state.shape[2])
-    scalar = [*range(k), *range(state.stop, both.shape[2])]
-    common = np.swapaxes(both[:, :, state], 1, 2)
+    scalar = [*range(k), *range(q, both.shape[2])]
+    common = np.swapaxes(both[:, :, k:q], 1, 2)
+    detection = np.array([d for d, _ in block.segments], dtype=int)
     return ScalarPart(index, detection, numbers, both[:, :, scalar], gradient, common)
 
 
@@ -204,22 +208,20 @@ class _CellSums(NamedTuple):
 
 
 def _summed_by_cell(
-    block: ResidualBlock,
-    field: _FieldColumns,
-    root: np.ndarray,
-    flat: np.ndarray,
-    values: np.ndarray,
+    block: ResidualBlock, field: _FieldColumns, root: np.ndarray, flat: np.ndarray
 ) -> _CellSums:
-    count = len(field.shares)
-    _, detection = np.unique(block.detection, return_inverse=True)
-    pairs, place = np.unique(detection * count + field.cell, return_inverse=True)
+    """Return the sums of weighted rows (n, q + 1), the residuals last."""
+    count, q = len(field.shares), flat.shape[1] - 1
+    detection = np.cumsum(np.diff(block.detection, prepend=block.detection[:1]) > 0)  # ascending
+    key = detection * count + field.cell
+    pairs = np.flatnonzero(np.bincount(key))
+    place = np.zeros(int(pairs[-1]) + 1, dtype=int)
+    place[pairs] = np.arange(len(pairs))
     along = root * field.along
-
-    def summed(column: np.ndarray) -> np.ndarray:
-        return np.bincount(place, along * column, len(pairs))
-
-    others = np.column_stack([summed(column) for column in flat.T])
-    return _CellSums(pairs // count, pairs % count, summed(along), summed(values), others)
+    one_of_each_row = np.arange(len(key) + 1)
+    to_pair = sparse.csc_matrix((along, place[key], one_of_each_row), (len(pairs), len(key)))
+    sums, own = to_pair @ flat, to_pair @ along
+    return _CellSums(pairs // count, pairs % count, own, sums[:, q], sums[:, :q])
 
 
 def _add_field(
@@ -233,5 +235,6 @@ def _add_field(
         crossed = shares.T @ sums.others[start:end]
         both[d, k:, :q] = crossed
         both[d, :k, q:] = crossed[:, :k].T
-        both[d, k:, q:] = shares.T @ (sums.curvature[start:end, None] * shares)
+        weighted = np.sqrt(sums.curvature[start:end, None]) * shares
+        both[d, k:, q:] = weighted.T @ weighted  # of one array: half the work
         gradient[d, k:] = shares.T @ sums.slope[start:end]

@@ -136,26 +136,29 @@ def shared_equations(
     total, held_gradient = np.zeros((m, m)), np.zeros(m)
     held_gradient[:size] = problem.parameters.prior_gradient(scalars.x)[:size]
     total[:size, :size] = equations.shared
-    parts, gradients = {}, []
-    for name, part in _by_collection(problem, equations, scalars, shares):
-        shared = part.numbers[: len(part.seen)]
-        total[shared[:, None], shared] -= part.seen
-        total[part.numbers[:, None], part.numbers] += part.information
-        gradients.append(np.bincount(part.numbers, part.gradient, m))
-        kept = int(np.sum(part.numbers < m - scalars.of_fields)) if with_parts else 0
-        parts[name] = CollectionPart.of(part.numbers[:kept], part.information[:kept, :kept])
+    names: List[str] = []
+    parts: List[CollectionPart] = []
+    gradient = np.zeros((len({key.collection for key in problem.detections}), m))
+    for some in _reduced(problem, equations, scalars, shares):
+        own = some.numbers[: some.seen.shape[1]]
+        total[own[:, None], own] -= some.seen.sum(axis=0)
+        total[some.numbers[:, None], some.numbers] += some.information.sum(axis=0)
+        gradient[len(names) : len(names) + len(some.names), some.numbers] = some.gradient
+        names += some.names
+        if with_parts:
+            parts += some.parts(m - scalars.of_fields)
     for j, error in enumerate(scalars.errors, m - len(scalars.errors)):
         prior = prior_information(error, priors)
         total[j, j] += prior
         held_gradient[j] = prior * problem.model_errors.get(error, 0.0) / error.step
     return SharedEquations(
-        tuple(parts),
+        tuple(names),
         scalars.errors,
         equations.layout.shared,
         m - len(scalars.errors),
         scalars.of_fields,
-        tuple(parts.values()) if with_parts else (),
-        *(np.array(gradients).reshape(-1, m), total, held_gradient),
+        tuple(parts),
+        *(gradient, total, held_gradient),
     )
 
 
@@ -221,7 +224,7 @@ def summed_columns(
     for part in scalars.parts:
         mine = group[part.detection] >= 0
         detection, share = part.detection[mine], shares[part.block][mine, None]
-        to, at, own = group[detection], part.columns, np.arange(part.by_state.shape[1])
+        to, at = group[detection], part.columns
         information = part.information[mine] * share[:, None]
         slope = part.gradient[mine] * share
         if len(np.unique(to)) == len(to):  # no two of a group: far faster
@@ -231,105 +234,174 @@ def summed_columns(
             np.add.at(result.information, (to[:, None, None], at[:, None], at), information)
             np.add.at(result.gradient, (to[:, None], at), slope)
         by_state = part.by_state[mine] * share[:, None]
+        own = np.arange(part.by_state.shape[1])
         result.by_state[detection[:, None, None], own[:, None], at] += by_state
     return result
 
 
 class _Reduced(NamedTuple):
+    """What g collections say, their own blocks eliminated.
+
+    Attributes:
+        names: (g,) their keys.
+        numbers: (k,) those shared numbers that any of them depends on, ascending.
+        information: (g, k, k).
+        gradient: (g, k).
+        seen: (g, s, s) of those s numbers that are of shared blocks, which come first; what the
+            collections say of them while their own blocks are held.
+    """
+
+    names: Tuple[str, ...]
     numbers: np.ndarray
     information: np.ndarray
     gradient: np.ndarray
-    seen: np.ndarray  # of those numbers that are of shared blocks, which come first; boards held
+    seen: np.ndarray
+
+    def parts(self, end: int) -> Iterator[CollectionPart]:
+        """Yield what each says of numbers below `end`, of those that it depends on."""
+        below = int(np.searchsorted(self.numbers, end))
+        for information in self.information[:, :below, :below]:
+            kept = np.flatnonzero(np.diagonal(information))
+            yield CollectionPart.of(self.numbers[kept], information[np.ix_(kept, kept)])
 
 
-def _by_collection(
+def _reduced(
     problem: Problem, equations: NormalEquations, scalars: Scalars, shares: Sequence[np.ndarray]
-) -> Iterator[Tuple[str, _Reduced]]:
-    """Yield what each collection says, by its key."""
-    states = equations.state_jacobians.shape[2]
-    information, gradient = summed(equations.parts, len(problem.detections), states)
-    names, of_detection = np.unique(
-        [key.collection for key in problem.detections], return_inverse=True
-    )
-    columns = Columns(*(np.zeros((0, 0, 0)),) * 3)
+) -> Iterator[_Reduced]:
+    """Yield what collections say, some of them at a time."""
+    layout, states = equations.layout, equations.state_jacobians.shape[2]
+    normal = summed(equations.parts, len(problem.detections), states)
+    keys = [key.collection for key in problem.detections]
+    names, of_detection = np.unique(keys, return_inverse=True)
     rounding = equations.local.shape[-1] * np.finfo(float).eps
     inverses = np.linalg.pinv(equations.local, rcond=rounding, hermitian=True)
-    at_a_time = int(np.clip(_ENTRIES // max(scalars.count, 1) ** 2, 1, _AT_A_TIME))
-    for c, name in enumerate(names):
-        at = c % at_a_time
-        if at == 0:
-            group = np.where(of_detection < c + at_a_time, of_detection - c, -1)
-            columns = summed_columns(problem, scalars, shares, group)
-        mine = np.flatnonzero(of_detection == c)
-        beside = np.flatnonzero(np.diagonal(columns.information[at]))
-        own = Columns(
-            columns.information[at][np.ix_(beside, beside)],
-            columns.gradient[at, beside],
-            columns.by_state[mine][:, :, beside],
+    size = BLOCK_SIZE * layout.shared
+    at_a_time = int(np.clip(_ENTRIES // (size + scalars.count + 1) ** 2, 1, _AT_A_TIME))
+    for first in range(0, len(names), at_a_time):
+        some = (of_detection >= first) & (of_detection < first + at_a_time)
+        collection = np.where(some, of_detection - first, -1)
+        columns = summed_columns(problem, scalars, shares, collection)
+        beside = np.flatnonzero(np.any(np.diagonal(columns.information, axis1=1, axis2=2), axis=0))
+        if len(beside) < scalars.count:
+            columns = Columns(
+                columns.information[:, beside[:, None], beside],
+                columns.gradient[:, beside],
+                columns.by_state[:, :, beside],
+            )
+        stacked = _stacked(problem, equations, normal, columns.by_state, collection)
+        numbers = np.concatenate([stacked.numbers, size + beside])
+        yield _Reduced(
+            tuple(names[first : first + at_a_time].tolist()),
+            numbers,
+            *_eliminated(equations, inverses, stacked, columns),
         )
-        jacobian, shared, of_own = _jacobian(problem, equations, mine)
-        normal = information[mine] @ jacobian, gradient[mine].ravel()
-        head, slope, seen = _eliminated(equations, inverses, jacobian, normal, own, of_own)
-        numbers = np.concatenate([shared, equations.layout.shared * BLOCK_SIZE + beside])
-        yield str(name), _Reduced(numbers, head, slope, seen)
+
+
+class _Stacked(NamedTuple):
+    """The detections of g collections, beside one another; n states, zeros where there are fewer.
+
+    Attributes:
+        numbers: (s,) those numbers of shared blocks that any depends on.
+        group: (g,) whose own blocks each collection has, -1 for none.
+        jacobian: (g, n, s + w) of the states, by those numbers and by the collections' own.
+        weighted: (g, n, s + w) the states' information times it.
+        gradient: (g, n) by the states.
+        by_state: (g, n, k) what the columns and the states have in common.
+    """
+
+    numbers: np.ndarray
+    group: np.ndarray
+    jacobian: np.ndarray
+    weighted: np.ndarray
+    gradient: np.ndarray
+    by_state: np.ndarray
+
+
+def _stacked(
+    problem: Problem,
+    equations: NormalEquations,
+    normal: Tuple[np.ndarray, np.ndarray],
+    by_state: np.ndarray,
+    collection: np.ndarray,
+) -> _Stacked:
+    """Return the detections of some collections.
+
+    Args:
+        problem: whose detections.
+        equations: of the problem.
+        normal: information (d, c, c) and gradient (d, c) of the detections.
+        by_state: (d, c, k).
+        collection: (d,) of each detection; those below zero are left out.
+    """
+    chosen = np.flatnonzero(collection >= 0)
+    chosen = chosen[np.argsort(collection[chosen], kind="stable")]
+    of_chosen = collection[chosen]
+    place = of_chosen, np.arange(len(chosen)) - np.searchsorted(of_chosen, of_chosen)
+    jacobian, numbers, group = _jacobian(problem, equations, chosen)
+
+    def stacked(values: np.ndarray) -> np.ndarray:
+        padded = np.zeros((of_chosen[-1] + 1, place[1].max() + 1, *values.shape[1:]))
+        padded[place] = values
+        return padded.reshape(len(padded), padded.shape[1] * values.shape[1], *values.shape[2:])
+
+    groups = np.full(of_chosen[-1] + 1, -1)
+    np.maximum.at(groups, of_chosen, group)
+    weighted = normal[0][chosen] @ jacobian
+    arrays = jacobian, weighted, normal[1][chosen], by_state[chosen]
+    return _Stacked(numbers, groups, *(stacked(values) for values in arrays))
 
 
 def _jacobian(
-    problem: Problem, equations: NormalEquations, mine: np.ndarray
-) -> Tuple[np.ndarray, np.ndarray, int]:
-    """Return a collection's Jacobian, its shared numbers (k,), and which group is its own.
+    problem: Problem, equations: NormalEquations, chosen: np.ndarray
+) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the Jacobians of some detections (m,), their shared numbers (s,), and groups (m,).
 
-    The Jacobian (n, c, k + w) is that of its detections' states, by shared and own numbers.
+    The Jacobians (m, c, s + w) are those of the states, by shared numbers and by own ones.
     """
-    layout, index, group = equations.layout, problem.dependencies[mine], -1
-    used = np.unique(index[index >= 0])
-    positions = np.sort(layout.position[used[layout.group[used] < 0]])
+    layout, index = equations.layout, problem.dependencies[chosen]
+    position, group = layout.position[index], np.where(index >= 0, layout.group[index], -1)
+    positions = np.unique(position[(index >= 0) & (group < 0)])
     size = BLOCK_SIZE * len(positions)
+    start = BLOCK_SIZE * np.searchsorted(positions, position)
+    start = np.where(group >= 0, size + BLOCK_SIZE * position, start)
     states, width = equations.state_jacobians.shape[2], layout.width * BLOCK_SIZE
-    jacobian = np.zeros((len(mine), states, size + width))
-    for row, blocks in enumerate(index):
-        for k, block in enumerate(blocks):
-            if block < 0:
-                continue
-            position = int(layout.position[block])
-            if layout.group[block] >= 0:
-                group, start = int(layout.group[block]), size + BLOCK_SIZE * position
-            else:
-                start = BLOCK_SIZE * int(np.searchsorted(positions, position))
-            jacobian[row, :, start : start + BLOCK_SIZE] += equations.state_jacobians[mine[row], k]
-    numbers = (BLOCK_SIZE * positions[:, None] + np.arange(BLOCK_SIZE)).ravel()
-    return jacobian, numbers, group
+    jacobian = np.zeros((len(chosen), states, size + width))
+    row, own = np.arange(states)[:, None], np.arange(BLOCK_SIZE)
+    for k in range(index.shape[1]):
+        m = np.flatnonzero(index[:, k] >= 0)
+        column = start[m, k, None, None] + own
+        jacobian[m[:, None, None], row, column] += equations.state_jacobians[chosen[m], k]
+    numbers = (BLOCK_SIZE * positions[:, None] + own).ravel()
+    return jacobian, numbers, group.max(axis=1)
 
 
 def _eliminated(
-    equations: NormalEquations,
-    inverses: np.ndarray,
-    jacobian: np.ndarray,
-    normal: Tuple[np.ndarray, np.ndarray],
-    columns: Columns,
-    group: int,
+    equations: NormalEquations, inverses: np.ndarray, stacked: _Stacked, columns: Columns
 ) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return a collection's information and gradient, its own blocks eliminated; and its part.
+    """Return collections' information and gradient, own blocks eliminated; and their part.
 
-    Its part is what it says of the shared blocks' numbers while its own are held.
+    Their part is what they say of the shared blocks' numbers while their own are held.
     """
-    wide = jacobian.shape[2]
-    size = wide - equations.layout.width * BLOCK_SIZE
-    flat = jacobian.reshape(-1, wide)
-    every, slope = flat.T @ normal[0].reshape(-1, wide), flat.T @ normal[1]
-    crossed = flat.T @ columns.by_state.reshape(len(flat), -1)
-    head = np.block(
-        [[every[:size, :size], crossed[:size]], [crossed[:size].T, columns.information]]
-    )
-    own = np.concatenate([slope[:size], columns.gradient])
-    if group >= 0:
-        cross = np.concatenate([every[size:, :size], crossed[size:]], axis=1)
+    size = len(stacked.numbers)
+    transposed = np.swapaxes(stacked.jacobian, 1, 2)
+    every = transposed @ stacked.weighted
+    slope = (transposed @ stacked.gradient[:, :, None])[:, :, 0]
+    crossed = transposed @ stacked.by_state
+    head = np.empty((len(every), *(size + crossed.shape[2],) * 2))
+    head[:, :size, :size], head[:, :size, size:] = every[:, :size, :size], crossed[:, :size]
+    head[:, size:, :size] = np.swapaxes(crossed[:, :size], 1, 2)
+    head[:, size:, size:] = columns.information
+    gradient = np.concatenate([slope[:, :size], columns.gradient], axis=1)
+    has_own = stacked.group >= 0
+    if np.any(has_own):
+        cross = np.concatenate([every[:, size:, :size], crossed[:, size:]], axis=2)
+        solved = (inverses[stacked.group] * has_own[:, None, None]) @ cross
+        for one, by_own, solution in zip(head, cross, solved):  # all at once needs more memory
+            one -= by_own.T @ solution
         # With what is expected of them, which is this collection's, too.
-        right = np.column_stack([cross, equations.gradient_local[group]])
-        solved = inverses[group] @ right
-        head = head - cross.T @ solved[:, :-1]
-        own = own - cross.T @ solved[:, -1]
-    return head, own, every[:size, :size]
+        expected = equations.gradient_local[stacked.group][:, :, None]
+        gradient -= (np.swapaxes(solved, 1, 2) @ expected)[:, :, 0]
+    return head, gradient, every[:, :size, :size]
 
 
 def inverse(matrix: np.ndarray) -> np.ndarray:

@@ -139,7 +139,9 @@ def _checked(
     if options.model_errors == OFF:
         return covariance, []
     checks = solution.checks(refined.summary, loss)
-    checks += layer_checks(refined.solver, refined.summary, loss, equations, checks)
+    checks += layer_checks(
+        refined.solver, refined.summary, loss, equations, solution.scalars, checks
+    )
     checks += wave_checks(initial, refined.solver, refined.summary, refined.options, checks)
     return covariance, sorted(checks, key=lambda check: -check.gain)
 

@@ -9,20 +9,19 @@ is zero in the mean where nothing is wrong, however the noise within one may be 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from atom_core.calibration.refine.model_checks import ModelCheck
-from atom_core.model.modality import modality_named
 from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.problem import Problem
-from atom_core.problem.range_fields import LayerOffset, LayerOffsets, elevations, layer_offsets
+from atom_core.problem.range_fields import LayerOffset, LayerOffsets
 from atom_core.problem.residuals import OrthogonalBlock
 from atom_core.solvers import losses
 from atom_core.solvers.base import Solver, SolverSummary
-from atom_core.solvers.error_columns import row_weight
 from atom_core.solvers.normal_equations import NormalEquations
+from atom_core.solvers.scalar_columns import ScalarPart, Scalars
 from atom_core.solvers.shared_equations import SharedEquations, inverse, shares_of, tempered
 
 _FEWEST_LAYERS = 4
@@ -38,6 +37,7 @@ def layer_checks(
     summary: SolverSummary,
     loss: str,
     shared: SharedEquations,
+    scalars: Scalars,
     others: Sequence[ModelCheck],
 ) -> List[ModelCheck]:
     """Return the LiDARs whose layers differ, where no other error explains as much.
@@ -47,20 +47,20 @@ def layer_checks(
         summary: its solution.
         loss: robust loss.
         shared: what each collection says of the shared numbers.
+        scalars: the columns beside the poses, those of layers that are not estimated among them.
         others: the checks of single errors.
     """
-    problem, poses = solver.problem, solver.problem.poses(summary.x)
+    problem = solver.problem
     if len(shared.collections) < _FEWEST:
         return []
-    known = {e.target for e in summary.model_errors if isinstance(e, LayerOffset)}
     common = summary.common or [0.0] * len(problem.residual_blocks)
     shares = shares_of(problem, summary.sigmas, common)
     explained, found = max((check.gain for check in others), default=0.0), []
-    for i, block in _of_spinning(problem):
-        layer = None if block.sensor in known else layers_of(problem, block)
-        if layer is None:
+    for part in scalars.parts:
+        block = problem.residual_blocks[part.block]
+        sums = _sums(scalars, part, shares[part.block], len(problem.detections))
+        if sums is None or not isinstance(block, OrthogonalBlock):
             continue
-        sums = _sums(block, layer, poses, summary.sigmas[i], loss, shares[i])
         if _hint(problem, sums) < _HINT:
             continue
         equations = _equations(solver, summary, loss)
@@ -77,22 +77,6 @@ def _hint(problem: Problem, sums: _Sums) -> float:
     np.add.at(slopes, collection, sums.slope)
     scaled = slopes / np.sqrt(np.maximum(sums.curvature.sum(axis=0), 1e-30))
     return _clearness(scaled, scaled)
-
-
-def _of_spinning(problem: Problem) -> Iterator[Tuple[int, OrthogonalBlock]]:
-    """Yield the blocks of points on boards of LiDARs that spin, with their indices."""
-    for i, block in enumerate(problem.residual_blocks):
-        if isinstance(block, OrthogonalBlock) and modality_named(block.modality).spins_about_z:
-            yield i, block
-
-
-def layers_of(problem: Problem, block: OrthogonalBlock) -> Optional[np.ndarray]:
-    """Return the layer (n,) of a block's points, from below; None where there are too few."""
-    layers = layer_offsets(problem, block.sensor)
-    if len(layers) < _FEWEST_LAYERS:
-        return None
-    lowest = np.array([layer.low_rad for layer in layers])
-    return np.searchsorted(lowest, elevations(block.points), side="right") - 1
 
 
 def _equations(solver: Solver, summary: SolverSummary, loss: str) -> NormalEquations:
@@ -112,29 +96,30 @@ class _Sums(NamedTuple):
 
 
 def _sums(
-    block: OrthogonalBlock,
-    layer: np.ndarray,
-    poses: np.ndarray,
-    sigma: np.ndarray,
-    loss: str,
-    share: np.ndarray,
-) -> _Sums:
-    residual, by_twist = block.linearise(poses)
-    change = -np.einsum("ni,ni->n", by_twist[:, 0, 3:], block.rays)
-    present, place = np.unique(block.detection, return_inverse=True)
-    weight = row_weight(residual, sigma, loss) * share[place]
-    count = int(layer.max()) + 1
-    shape = (len(poses), count)
-    index = block.detection * count + layer
+    scalars: Scalars, part: ScalarPart, share: np.ndarray, detections: int
+) -> Optional[_Sums]:
+    """Return the sums of a residual block's layers [m]; None where there are too few.
 
-    def summed(values: np.ndarray) -> np.ndarray:
-        return np.bincount(index, values, shape[0] * count).reshape(shape)
-
-    weighted = weight * change
-    parts = [summed(weighted * by_twist[:, 0, k]) for k in range(BLOCK_SIZE)]
-    return _Sums(
-        summed(weighted * change), summed(weighted * residual[:, 0]), np.stack(parts, axis=2)
+    Args:
+        scalars: all columns.
+        part: those of the block.
+        share: (m,) the part of its weight that each of its detections has.
+        detections: how many there are in all.
+    """
+    errors = [scalars.error(number) for number in part.columns]
+    mine = [k for k, error in enumerate(errors) if isinstance(error, LayerOffset)]
+    if len(mine) < _FEWEST_LAYERS:
+        return None
+    result = _Sums(
+        np.zeros((detections, len(mine))),
+        np.zeros((detections, len(mine))),
+        np.zeros((detections, len(mine), BLOCK_SIZE)),
     )
+    by_step, by_twist = share[:, None] / LayerOffset.step, np.swapaxes(part.by_state, 1, 2)
+    result.curvature[part.detection] = part.information[:, mine, mine] * by_step / LayerOffset.step
+    result.slope[part.detection] = part.gradient[:, mine] * by_step
+    result.by_twist[part.detection] = by_twist[:, mine] * by_step[:, None]
+    return result
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from atom_core.solvers.base import (
 )
 from atom_core.solvers.detection_noise import weighted_by_detections
 from atom_core.solvers.reweighting import solve_again
-from atom_core.solvers.scalar_columns import scalars_of
+from atom_core.solvers.scalar_columns import Scalars, scalars_of
 from atom_core.solvers.shared_equations import SharedEquations, shared_equations
 
 _MOST = 12
@@ -44,11 +44,13 @@ class CheckedSolution:
         cautious: with what the rows of a detection may have in common.
         with_fields: as it was weighted, with the errors that differ from ray to ray as well, where
             they were asked for.
+        scalars: the columns of all of them.
     """
 
     equations: SharedEquations
     cautious: SharedEquations
     with_fields: SharedEquations
+    scalars: Scalars
 
     def checks(self, summary: SolverSummary, loss: str) -> List[ModelCheck]:
         """Return the model errors that the data show, what explains most first."""
@@ -90,6 +92,7 @@ def checked(
         whole.without_fields(),
         shared_equations(problem, equations, few, sigmas, priors, at_least, with_parts=False),
         whole,
+        scalars,
     )
 
 

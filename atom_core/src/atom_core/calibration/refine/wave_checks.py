@@ -13,7 +13,6 @@ from typing import Dict, List, NamedTuple, Sequence
 import numpy as np
 
 from atom_core.calibration.refine.model_checks import ModelCheck
-from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset
 from atom_core.problem.model_errors import Bend, ModelError
 from atom_core.problem.problem import Problem
@@ -98,8 +97,8 @@ def seen_waves(
     poses = problem.poses(x)
     residual = block.residuals(poses)
     weight = row_weight(residual, sigma, loss)
-    _, group = np.unique(block.detection, return_inverse=True)
-    in_pattern = se3.apply(se3.inverse(poses)[block.detection], block.points)
+    group = np.repeat(np.arange(len(block.segments)), [i.stop - i.start for _, i in block.segments])
+    in_pattern = block.turned(block.points, poses[:, :3, :2])  # a plane wherever its origin is
     height = _beside_planes(residual[:, 0], in_pattern, weight, group)
     x_cell, y_cell = (
         np.clip((wave.across(block.points, axis) * count).astype(int), 0, count - 1)
