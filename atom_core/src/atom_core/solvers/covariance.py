@@ -146,11 +146,12 @@ class Covariance:
         """
         result = np.zeros((len(index), jacobians.shape[2], jacobians.shape[2]))
         for k in range(index.shape[1]):
-            for m in range(index.shape[1]):
+            for m in range(k + 1):
                 both = np.flatnonzero((index[:, k] >= 0) & (index[:, m] >= 0))
                 pair = self.pairs(index[both, k], index[both, m])
                 right = np.swapaxes(jacobians[both, m], 1, 2)
-                result[both] += jacobians[both, k] @ pair @ right
+                part = jacobians[both, k] @ pair @ right
+                result[both] += part if m == k else part + np.swapaxes(part, 1, 2)
         return result
 
     def explained(self, problem: Problem, equations: NormalEquations) -> np.ndarray:

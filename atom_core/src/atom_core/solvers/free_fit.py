@@ -68,4 +68,12 @@ def medians(detection: np.ndarray, values: np.ndarray) -> Tuple[np.ndarray, np.n
     """
     present, starts = np.unique(detection, return_index=True)
     ends = np.append(starts[1:], len(detection))
-    return present, np.array([np.median(values[a:b]) for a, b in zip(starts, ends)])
+    return present, np.array([_median(values[a:b]) for a, b in zip(starts, ends)])
+
+
+def _median(values: np.ndarray) -> float:
+    """Return the median of (n,), far sooner than numpy's function where there are few."""
+    middle = len(values) // 2
+    if len(values) % 2 == 1:
+        return float(np.partition(values, middle)[middle])
+    return float(np.partition(values, (middle - 1, middle))[middle - 1 : middle + 1].mean())

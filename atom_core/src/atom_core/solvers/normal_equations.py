@@ -311,11 +311,13 @@ def _add_pairs(
     group_row, group_column = layout.group[row], layout.group[column]
     at_row, at_column = layout.position[row], layout.position[column]
     both = (group_row < 0) & (group_column < 0)
-    np.add.at(shared, (at_row[both], at_column[both]), values[both])
+    _add(shared, layout.shared * at_row[both] + at_column[both], values[both])
     mixed = (group_row >= 0) & (group_column < 0)
-    np.add.at(cross, (group_row[mixed], at_row[mixed], at_column[mixed]), values[mixed])
+    place = layout.width * group_row[mixed] + at_row[mixed]
+    _add(cross, layout.shared * place + at_column[mixed], values[mixed])
     own = (group_row >= 0) & (group_column >= 0)
-    np.add.at(local, (group_row[own], at_row[own], at_column[own]), values[own])
+    place = layout.width * group_row[own] + at_row[own]
+    _add(local, layout.width * place + at_column[own], values[own])
 
 
 def _add_vectors(
@@ -326,8 +328,22 @@ def _add_vectors(
     gradient_local: np.ndarray,
 ) -> None:
     group, position = layout.group[index], layout.position[index]
-    np.add.at(gradient_shared, position[group < 0], values[group < 0])
-    np.add.at(gradient_local, (group[group >= 0], position[group >= 0]), values[group >= 0])
+    _add(gradient_shared, position[group < 0], values[group < 0])
+    own = group >= 0
+    _add(gradient_local, layout.width * group[own] + position[own], values[own])
+
+
+def _add(to: np.ndarray, place: np.ndarray, values: np.ndarray) -> None:
+    """Add (n, ...) to places (n,) of an array of such, whatever its leading axes; far below add.at.
+
+    Args:
+        to: contiguous.
+        place: as if the leading axes were one; the same may stand there several times.
+        values: what is added.
+    """
+    size = int(np.prod(values.shape[1:]))
+    at = (size * place[:, None] + np.arange(size)).ravel()
+    to += np.bincount(at, values.ravel(), to.size).reshape(to.shape)
 
 
 def _pad(layout: Layout, local: np.ndarray) -> None:

@@ -43,6 +43,7 @@ def scale_factors(
         else:
             median = np.sqrt(np.median(square)) / MEDIAN_OF_NORM[block.dimension]
             factor = median * np.sqrt(rows / redundancy)
-        smallest = SMALLEST_SIGMA[block.kind] / float(np.median(sigma))
-        factors.append(float(max(factor, smallest)))
+        if factor * np.min(sigma) < SMALLEST_SIGMA[block.kind]:  # else the median is above it
+            factor = max(factor, SMALLEST_SIGMA[block.kind] / float(np.median(sigma)))
+        factors.append(float(factor))
     return np.array(factors)
