@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any, Dict, Mapping, Tuple, Union
 
 import cv2
@@ -33,9 +34,8 @@ class DepthCamera:
     def __init__(self, camera: Camera, room: Room):
         """Prepare the rays of all pixels."""
         self.camera, self.room = camera, room
-        row, column = np.mgrid[0 : camera.height, 0 : camera.width]
-        normalised = camera.normalise(np.column_stack([column.ravel(), row.ravel()]))
-        self.rays = np.column_stack([normalised, np.ones(len(normalised))])
+        intrinsics = (camera.K.tobytes(), camera.D.tobytes(), camera.model)
+        self.rays = _rays(camera.width, camera.height, *intrinsics)
         self._pose = np.full((4, 4), np.nan)
         self._background = np.zeros(0)
 
@@ -67,6 +67,17 @@ class DepthCamera:
         high = np.clip(np.ceil(pixels.max(axis=0)).astype(int) + 3, 0, [width, height])
         rows, columns = np.arange(low[1], high[1]), np.arange(low[0], high[0])
         return (rows[:, None] * width + columns).ravel()
+
+
+@lru_cache(maxsize=4)
+def _rays(width: int, height: int, K: bytes, D: bytes, model: str) -> np.ndarray:
+    """Return the rays (height * width, 3) of all pixels, z = 1; many rigs have the same camera."""
+    camera = Camera(width, height, np.frombuffer(K), np.frombuffer(D), model)
+    row, column = np.mgrid[0:height, 0:width]
+    normalised = camera.normalise(np.column_stack([column.ravel(), row.ravel()]))
+    rays = np.column_stack([normalised, np.ones(len(normalised))])
+    rays.flags.writeable = False
+    return rays
 
 
 def is_detected(camera: Camera, camera_T_pattern: np.ndarray, pattern: Pattern) -> bool:

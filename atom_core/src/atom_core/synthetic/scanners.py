@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Dict, Sequence
+from functools import lru_cache
+from typing import Dict, Sequence, Tuple
 
 import numpy as np
 
@@ -68,11 +69,9 @@ def cell_with_scanners(
     determined (docs/lidar2d.md).
     """
     wanted, rig = SCENARIOS[scenario], cell_with_scanners_rig(seed)
-    rng = np.random.default_rng([seed, wanted.stream, _POSES])
-    poses = plan_board_poses(cell_rig(seed), wanted, rng, _is_cut(rig))
     exact = make_dataset(
         rig,
-        {"pattern_1": poses},
+        {"pattern_1": _poses_of(seed, scenario)},
         noise,
         np.random.default_rng([seed, wanted.stream, _NOISE]),
         sampling=sampling,
@@ -80,6 +79,17 @@ def cell_with_scanners(
         planted=planted_in(rig, ["pattern_1"], realism, [seed, _ERRORS]),
     )
     return disturbed(exact, disturbance, np.random.default_rng([seed, _DISTURBANCE]))
+
+
+@lru_cache(maxsize=256)
+def _poses_of(seed: int, scenario: str) -> Tuple[np.ndarray, ...]:
+    """Return the board poses (4, 4) of a seed, which noise and errors leave alone."""
+    wanted, rig = SCENARIOS[scenario], cell_with_scanners_rig(seed)
+    rng = np.random.default_rng([seed, wanted.stream, _POSES])
+    poses = plan_board_poses(cell_rig(seed), wanted, rng, _is_cut(rig))
+    for pose in poses:
+        pose.flags.writeable = False
+    return tuple(poses)
 
 
 def _is_cut(rig: Rig) -> Accept:

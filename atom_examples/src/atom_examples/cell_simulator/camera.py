@@ -7,6 +7,7 @@ from typing import Optional, Tuple
 
 import cv2
 import numpy as np
+from scipy.sparse import csr_matrix
 
 from atom_core.geometry.camera import Camera
 from atom_core.synthetic.planted import CameraErrors
@@ -121,9 +122,12 @@ def _shade(camera: Camera, vignetting: float) -> np.ndarray:
     return (1.0 - vignetting * to_corner).astype(np.float32)[..., None]
 
 
-def _knots(count: int) -> Tuple[np.ndarray, np.ndarray]:
-    """Return knots [px] along an image's side, and the matrix from there to its fine pixels."""
+def _knots(count: int) -> Tuple[np.ndarray, csr_matrix]:
+    """Return knots [px] along an image's side, and the matrix from there to its fine pixels.
+
+    A fine pixel lies between two knots, so most of the matrix is zero.
+    """
     knots = np.arange(-_COARSE_PX, count + 2 * _COARSE_PX, _COARSE_PX, dtype=float)
     fine = (np.arange(count * FINER) + 0.5) / FINER - 0.5
     distance = np.abs(fine[:, None] - knots) / _COARSE_PX
-    return knots, np.maximum(1.0 - distance, 0.0)
+    return knots, csr_matrix(np.maximum(1.0 - distance, 0.0))
