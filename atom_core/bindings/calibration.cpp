@@ -330,6 +330,23 @@ std::vector<Eigen::VectorXd> SquaresOfProblem(const CalibrationProblem& problem,
   return SquaredNorms(problem, problem.MakeWeighting(Loss(), std::move(sigmas), false), x);
 }
 
+py::tuple RowsOfProblem(const CalibrationProblem& problem, std::size_t residual_block,
+                        const Eigen::VectorXd& x) {
+  Expect(residual_block < problem.residuals().size(), "there is no such residual block");
+  const ResidualBlock& block = problem.residuals()[residual_block];
+  const auto count = static_cast<py::ssize_t>(block.points.rows());
+  const py::ssize_t dimension = block.kind == ResidualKind::kReprojection ? 2 : 1;
+  py::array_t<double> residual({count, dimension});
+  py::array_t<double> by_twist({count, dimension, py::ssize_t{6}});
+  Eigen::Map<Eigen::VectorXd> residual_rows(residual.mutable_data(), count * dimension);
+  Eigen::Map<TwistRows> twist_rows(by_twist.mutable_data(), count * dimension, 6);
+  {
+    const py::gil_scoped_release release;
+    WriteRowsAt(problem, residual_block, x, residual_rows, twist_rows);
+  }
+  return py::make_tuple(residual, by_twist);
+}
+
 void BindCriteria(py::module& m) {
   py::class_<Loss>(m, "Loss", "A robust loss; its figures are those of atom_core.solvers.losses.")
       .def(py::init(&MakeLoss), py::arg("name"), py::arg("width"), py::arg("step_length"), R"(
@@ -402,6 +419,12 @@ Returns:
     for border blocks, with_insets, also across (n, 2), by_steps (n,), curvature, slope,
     by_twist (m, 6).
     And the twist of each detection by the numbers of its chain's blocks, (d, k, 6, 6).
+)")
+      .def("rows", &RowsOfProblem, py::arg("residual_block"), py::arg("x"), R"(A block's rows.
+
+Returns:
+    Residuals (n, dimension), and (n, dimension, 6) their derivatives by the left twist of each
+    detection's pose; the cameras' intrinsics are those that the problem was made with.
 )")
       .def("squares", &SquaresOfProblem, py::arg("x"), py::arg("sigmas"),
            "For each residual block, squared norms (n,) of the residuals in units of sigma.");

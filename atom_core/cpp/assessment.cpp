@@ -63,4 +63,16 @@ std::vector<Eigen::VectorXd> SquaredNorms(const CalibrationProblem& problem,
   return squares;
 }
 
+void WriteRowsAt(const CalibrationProblem& problem, std::size_t residual_block,
+                 const Eigen::VectorXd& x, Eigen::Ref<Eigen::VectorXd> residual,
+                 Eigen::Ref<TwistRows> by_twist) {
+  for (std::size_t d = 0; d < problem.chains().size(); ++d) {
+    for (const Segment& segment : problem.segments(d)) {
+      if (segment.residual_block != residual_block) continue;
+      WriteRows(problem.residuals()[residual_block], segment, problem.Pose(d, x, nullptr), residual,
+                by_twist);
+    }
+  }
+}
+
 }  // namespace atom_core

@@ -370,6 +370,31 @@ void SquaredNorms(const ResidualBlock& block, const Segment& segment,
   }
 }
 
+void WriteRows(const ResidualBlock& block, const Segment& segment, const Isometry3d& pose,
+               Eigen::Ref<VectorXd> residual, Eigen::Ref<TwistRows> by_twist) {
+  const Eigen::Vector4d plane = PlaneOf(pose);
+  const Vector3d normal = plane.head<3>();
+  const Border border(block, pose);
+  Vector2d gradient;
+  Eigen::Matrix<double, 2, 3> by_point;
+  for (auto i = segment.begin; i < segment.end; ++i) {
+    const Vector3d point = block.points.row(i).transpose();
+    if (block.kind == ResidualKind::kReprojection) {
+      const Vector3d seen = pose * point;
+      residual.segment<2>(2 * i) =
+          block.camera.Project(seen, &by_point) - block.pixels.row(i).transpose();
+      by_twist.middleRows<2>(2 * i) << by_point * -Skew(seen), by_point;
+    } else if (block.kind == ResidualKind::kOrthogonal) {
+      const double added = block.deviation.size() > 0 ? block.deviation[i] : 0.0;
+      residual[i] = normal.dot(point) + plane[3] + added;
+      by_twist.row(i) << -point.cross(normal).transpose(), -normal.transpose();
+    } else {
+      residual[i] = border.Distance(i, &gradient);
+      by_twist.row(i) = border.Row(i, gradient).transpose();
+    }
+  }
+}
+
 void ReduceInset(const ResidualBlock& block, const Segment& segment,
                  const VectorXd& inverse_variance, const Loss& loss,
                  const Isometry3d& sensor_T_pattern, PixelRows* across, VectorXd* by_steps,

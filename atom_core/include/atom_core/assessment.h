@@ -47,6 +47,13 @@ Assessment Assess(const CalibrationProblem& problem, const Weighting& weighting,
 std::vector<Eigen::VectorXd> SquaredNorms(const CalibrationProblem& problem,
                                           const Weighting& weighting, const Eigen::VectorXd& x);
 
+/// Writes the residuals of a block (n dimension) and their derivatives by the left twist of each
+/// detection's pose (n dimension, 6).
+/// \throws std::invalid_argument when x has the wrong length.
+void WriteRowsAt(const CalibrationProblem& problem, std::size_t residual_block,
+                 const Eigen::VectorXd& x, Eigen::Ref<Eigen::VectorXd> residual,
+                 Eigen::Ref<TwistRows> by_twist);
+
 }  // namespace atom_core
 
 #endif  // ATOM_CORE_ASSESSMENT_H_

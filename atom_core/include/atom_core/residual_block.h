@@ -21,6 +21,7 @@ namespace atom_core {
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
+using TwistRows = Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::RowMajor>;
 using PixelRows = Eigen::Matrix<double, Eigen::Dynamic, 2, Eigen::RowMajor>;
 
 enum class LossKind { kNone, kHuber, kCauchy };
@@ -117,6 +118,14 @@ void SquaredNorms(const ResidualBlock& block, const Segment& segment,
                   const Eigen::VectorXd& inverse_variance,
                   const Eigen::Isometry3d& sensor_T_pattern, const Camera& camera,
                   Eigen::VectorXd* squares);
+
+/// Writes a segment's residuals and their derivatives by the left twist of its pose.
+///
+/// \param residual (n dimension) of the whole block, in its unit; an item has one row, a corner two.
+/// \param by_twist (n dimension, 6) likewise.
+void WriteRows(const ResidualBlock& block, const Segment& segment,
+               const Eigen::Isometry3d& sensor_T_pattern, Eigen::Ref<Eigen::VectorXd> residual,
+               Eigen::Ref<TwistRows> by_twist);
 
 /// Adds a border segment's derivatives by the inset.
 ///

@@ -56,7 +56,7 @@ def test_they_are_larger_than_the_others_and_small_where_the_boards_tell():
 def equations_of(result, errors, fields):
     solver, summary = SOLVERS["scipy"](result.problem), result.summary
     equations = solver.equations(summary.x, summary.sigmas, LOSS)
-    scalars = scalars_of(result.problem, summary.x, summary.sigmas, LOSS, errors, fields)
+    scalars = scalars_of(solver, summary.x, summary.sigmas, LOSS, errors, fields)
     common = [0.0] * len(result.problem.residual_blocks)
     return shared_equations(result.problem, equations, scalars, summary.sigmas, {}, common)
 

@@ -129,6 +129,23 @@ def test_squares_and_inset_columns_are_those_of_the_specification(scene, loss):
             np.testing.assert_allclose(getattr(a, name), value, atol=1e-9 * scale, err_msg=name)
 
 
+@pytest.mark.parametrize("scene", SCENES)
+def test_rows_are_those_of_the_specification(scene):
+    problem = problem_of(SCENES[scene]().dataset, scene=scene)
+    x = 0.05 * np.random.default_rng(1).standard_normal(problem.parameters.size)
+    poses = problem.poses(x)
+    ours, theirs = (
+        list(s(problem).linearised_blocks(x, poses)) for s in (CeresSolver, LevenbergMarquardt)
+    )
+    assert len(ours) == len(theirs) == len(problem.residual_blocks)
+    for block, (residual, by_state), (value, derivative) in zip(
+        problem.residual_blocks, ours, theirs
+    ):
+        np.testing.assert_allclose(residual, value, rtol=1e-9, atol=1e-9, err_msg=block.sensor)
+        scale = np.max(np.abs(derivative))
+        np.testing.assert_allclose(by_state, derivative, atol=1e-9 * scale, err_msg=block.sensor)
+
+
 def test_points_behind_and_beside_the_camera_too():
     camera = Camera(1280, 800, K, MODELS["plumb_bob"], "plumb_bob")
     problem = problem_of(scenes.two_cameras(1, camera=camera, collections=4).dataset)

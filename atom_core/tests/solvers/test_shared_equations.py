@@ -29,7 +29,7 @@ def solved(request):
 def equations_of(result, errors=(), common=None):
     solver, summary = SOLVERS["scipy"](result.problem), result.summary
     equations = solver.equations(summary.x, summary.sigmas, LOSS)
-    scalars = scalars_of(result.problem, summary.x, summary.sigmas, LOSS, errors)
+    scalars = scalars_of(solver, summary.x, summary.sigmas, LOSS, errors)
     common = common or [0.0] * len(result.problem.residual_blocks)
     found = shared_equations(result.problem, equations, scalars, summary.sigmas, {}, common)
     return equations, found

@@ -3,7 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Protocol, Sequence, Tuple
+from typing import (
+    Callable,
+    Dict,
+    Iterator,
+    List,
+    Mapping,
+    NamedTuple,
+    Optional,
+    Protocol,
+    Sequence,
+    Tuple,
+)
 
 import numpy as np
 
@@ -145,6 +156,17 @@ class Solver(Protocol):
 
     def assess(self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str) -> Assessment:
         """Return the equations at x, and how the border rows depend on their insets."""
+        ...
+
+    def linearised_blocks(
+        self, x: np.ndarray, poses: np.ndarray
+    ) -> Iterator[Tuple[np.ndarray, np.ndarray]]:
+        """Yield residuals and ``Linearisation.by_state`` of one block after the other.
+
+        Args:
+            x: the vector.
+            poses: (d, 4, 4) of the detections at it.
+        """
         ...
 
     def squares(self, x: np.ndarray, sigmas: Sequence[np.ndarray]) -> List[np.ndarray]:

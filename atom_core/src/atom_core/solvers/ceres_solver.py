@@ -6,7 +6,7 @@ to six numbers are those of atom_core.problem; tests compare the two.
 
 from __future__ import annotations
 
-from typing import Any, Dict, List, Optional, Sequence
+from typing import Any, Dict, Iterator, List, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -90,6 +90,16 @@ class CeresSolver:
     def assess(self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str) -> Assessment:
         """Return the equations at x, and how the border rows depend on their insets."""
         return self._assess(x, sigmas, loss, with_insets=True)
+
+    def linearised_blocks(
+        self, x: np.ndarray, poses: np.ndarray
+    ) -> Iterator[Tuple[np.ndarray, np.ndarray]]:
+        """Yield residuals and derivatives by state of one block after the other, at x."""
+        if self.problem.parameters.cameras:  # whose states have more numbers
+            yield from self.problem.linearised_blocks(x, poses)
+            return
+        for i in range(len(self.problem.residual_blocks)):
+            yield self._native.rows(i, x)
 
     def squares(self, x: np.ndarray, sigmas: Sequence[np.ndarray]) -> List[np.ndarray]:
         """Return, for each residual block, squared norms (n,) at x in units of sigma."""

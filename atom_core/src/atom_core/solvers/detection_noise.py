@@ -107,7 +107,7 @@ def _system(
     solver: Solver, state: _State, sigmas: Sequence[np.ndarray], options: SolverOptions
 ) -> _System:
     problem = solver.problem
-    scalars = scalars_of(problem, state.x, sigmas, options.loss, options.model_errors)
+    scalars = scalars_of(solver, state.x, sigmas, options.loss, options.model_errors)
     shares = shares_of(problem, sigmas, state.common)
     equations = solver.equations(state.x, sigmas, options.loss)
     equations = tempered(problem, equations, shares, state.x)

@@ -8,7 +8,7 @@ Damping after Nielsen, "Damping parameter in Marquardt's method" (1999).
 
 from __future__ import annotations
 
-from typing import List, Optional, Sequence, Tuple
+from typing import Iterator, List, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -54,6 +54,12 @@ class LevenbergMarquardt:
     def assess(self, x: np.ndarray, sigmas: Sequence[np.ndarray], loss: str) -> Assessment:
         """Return the equations at x, and how the border rows depend on their insets."""
         return assess(self.problem, self._layout, x, sigmas, loss)
+
+    def linearised_blocks(
+        self, x: np.ndarray, poses: np.ndarray
+    ) -> Iterator[Tuple[np.ndarray, np.ndarray]]:
+        """Yield residuals and derivatives by state of one block after the other, at x."""
+        return self.problem.linearised_blocks(x, poses)
 
     def squares(self, x: np.ndarray, sigmas: Sequence[np.ndarray]) -> List[np.ndarray]:
         """Return, for each residual block, squared norms (n,) at x in units of sigma."""

@@ -9,9 +9,9 @@ import numpy as np
 from scipy import sparse
 
 from atom_core.problem.model_errors import ModelError, Rows, rows_of
-from atom_core.problem.problem import Problem
 from atom_core.problem.range_fields import RangeField
 from atom_core.problem.residuals import BorderBlock, RangeBlock, ResidualBlock
+from atom_core.solvers.base import Solver
 from atom_core.solvers.error_columns import row_weight
 
 
@@ -81,7 +81,7 @@ class Scalars:
 
 
 def scalars_of(
-    problem: Problem,
+    solver: Solver,
     x: np.ndarray,
     sigmas: Sequence[np.ndarray],
     loss: str,
@@ -91,7 +91,7 @@ def scalars_of(
     """Return the columns at the vector x.
 
     Args:
-        problem: whose rows.
+        solver: of the problem whose rows they are.
         x: the vector.
         sigmas: for each residual block, (n,).
         loss: robust loss.
@@ -99,12 +99,12 @@ def scalars_of(
             dropped.
         fields: further ones, of one sensor each, summed by cells.
     """
-    poses = problem.poses(x)
+    problem, poses = solver.problem, solver.problem.poses(x)
     borders = [i for i, b in enumerate(problem.residual_blocks) if isinstance(b, BorderBlock)]
     everything = [*errors, *(error for field in fields for error in field.errors)]
     places = len(borders) + len(errors) + np.cumsum([0, *(len(f.errors) for f in fields)])
     parts: List[ScalarPart] = []
-    linearised = problem.linearised_blocks(x, poses)  # one block at a time is in memory
+    linearised = solver.linearised_blocks(x, poses)  # one block at a time is in memory
     for i, (block, (residual, by_state)) in enumerate(zip(problem.residual_blocks, linearised)):
         rows = rows_of(block, poses, problem.patterns, residual, by_state)
         columns: Dict[int, np.ndarray] = {}

@@ -81,7 +81,7 @@ def checked(
     every = range_fields(dataset, problem) if with_fields else []
     fields = [field for field in every if (field.kind, field.sensor) not in sorts]
     errors += nuisances(problem)
-    scalars = scalars_of(problem, x, sigmas, loss, errors, fields)
+    scalars = scalars_of(solver, x, sigmas, loss, errors, fields)
     equations = solver.equations(x, sigmas, loss)
     blocks, priors = problem.residual_blocks, options.error_priors
     common = summary.common or [0.0] * len(blocks)
@@ -142,7 +142,7 @@ def with_usual_errors(
     rest = [e for e in candidates(dataset, problem, summary.x) if e not in known and e.is_scalar]
     small = [error for field in range_fields(dataset, problem) for error in field.errors]
     rest += [e for e in small if e not in known]
-    rest = list(scalars_of(problem, summary.x, summary.sigmas, setup.options.loss, rest).errors)
+    rest = list(scalars_of(solver, summary.x, summary.sigmas, setup.options.loss, rest).errors)
     options = setup.options
     setup = replace(
         setup,

@@ -144,7 +144,7 @@ def _check(
     """Return what one step with all waves of a camera beside the other numbers would change."""
     problem, x, sigmas, loss = solver.problem, summary.x, summary.sigmas, options.loss
     errors: List[ModelError] = [*summary.model_errors, *waves]
-    scalars = scalars_of(problem, x, sigmas, loss, errors)
+    scalars = scalars_of(solver, x, sigmas, loss, errors)
     priors: Dict[ModelError, float] = dict(options.error_priors)
     priors.update({wave: wave.usual for wave in waves})
     common = summary.common or [0.0] * len(problem.residual_blocks)
