@@ -10,6 +10,7 @@ collections. Triggs et al., "Bundle adjustment - a modern synthesis" (2000), sec
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import List, NamedTuple, Sequence, Tuple
 
@@ -341,7 +342,7 @@ def _add(to: np.ndarray, place: np.ndarray, values: np.ndarray) -> None:
         place: as if the leading axes were one; the same may stand there several times.
         values: what is added.
     """
-    size = int(np.prod(values.shape[1:]))
+    size = math.prod(values.shape[1:])
     at = (size * place[:, None] + np.arange(size)).ravel()
     to += np.bincount(at, values.ravel(), to.size).reshape(to.shape)
 

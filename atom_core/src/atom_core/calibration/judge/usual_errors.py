@@ -68,5 +68,6 @@ def _left_open(information: np.ndarray, sizes: np.ndarray) -> np.ndarray:
         information: (k, k) of the data.
         sizes: (k,) standard deviations that are expected.
     """
-    values, vectors = np.linalg.eigh(information * sizes[:, None] * sizes)
-    return (vectors / (1.0 + np.maximum(values, 0.0))) @ vectors.T * sizes[:, None] * sizes
+    # Rounding is far below one, which is what the priors say in these units.
+    in_sizes = np.eye(len(sizes)) + information * sizes[:, None] * sizes
+    return np.linalg.inv(in_sizes) * sizes[:, None] * sizes
