@@ -173,12 +173,8 @@ def run(tmp_path_factory):
     on_arm = arm.camera_on_arm(0, errors=errors, collections=8).dataset
     write_dataset_folder(on_arm, folder / "arm_data", name="arm")
     arm_data = str(folder / "arm_data" / "dataset.json")
-    assert (
-        cli.main(
-            ["calibrate", "--dataset", arm_data, "--output", str(folder / "arm_result"), "-oi"]
-        )
-        == 0
-    )
+    of_arm = ["--dataset", arm_data, "--output", str(folder / "arm_result")]
+    assert cli.main(["calibrate", *of_arm, "-oi", "-ctgt"]) == 0
     train = str(result / "atom_calibration.json")
     assert (
         cli.main(

@@ -80,7 +80,7 @@ def test_calibrate_writes_what_the_interface_names(cell, tmp_path, capsys):
     dataset = str(cell / "data" / "dataset.json")
     assert main(["calibrate", "-json", dataset, "--output", str(output), *truth]) == 0
     document = json.loads((output / "calibration.json").read_text())
-    assert set(document) == CALIBRATION_KEYS | {"ground_truth"}
+    assert set(document) == CALIBRATION_KEYS | {"ground_truth", "truth_comparison"}
     assert document["status"] == "converged"
     assert document["ground_truth"]["mean"]["translation_error_m"] < 0.005
     assert (output / "atom_calibration_params.yml").is_file()

@@ -157,7 +157,7 @@ def without_joints(dataset, keys):
 
 def test_joints_that_cannot_be_calibrated_are_refused():
     dataset = arm.camera_on_arm(0, errors=ERRORS, collections=4).dataset
-    with pytest.raises(CalibrationError, match="no collection has its position.*--all_joints_f"):
+    with pytest.raises(CalibrationError, match="no collection has its position.*--hold_joints"):
         calibrate(without_joints(dataset, dataset.collections))
     with pytest.raises(CalibrationError, match="absent from collection 001, 002"):
         calibrate(without_joints(dataset, ["001", "002"]))
@@ -316,13 +316,13 @@ def test_options_select_and_hold_joints(calibrated, tmp_path, capsys):
     assert {n: set(p) for n, p in document["joints"].items()} == {
         "wrist_2": {"origin_z", "origin_yaw"}
     }
-    assert main([*common, "--output", str(tmp_path / "c"), "--all-joints-fixed"]) in (0, 1)
+    assert main([*common, "--output", str(tmp_path / "c"), "--hold-joints"]) in (0, 1)
     assert json.loads((tmp_path / "c" / "calibration.json").read_text())["joints"] == {}
     capsys.readouterr()
     for wrong, message in (
         (["--joint-selection-function", "hip"], "no joint matches 'hip'"),
         (["--joint_parameter_selection_function", "speed"], "no joint parameter matches 'speed'"),
-        (["-ajf", "-jsf", "elbow"], "--all_joints_fixed holds what"),
+        (["--hold_joints", "-jsf", "elbow"], "--hold_joints holds what"),
     ):
         assert main([*common, "--output", str(tmp_path / "d"), *wrong]) == 2
         assert message in capsys.readouterr().err

@@ -36,6 +36,7 @@ class CalibrationOptions:
         anchor_sensors: held still beside the configuration's anchored sensor.
         ignore_anchored_sensor: do not hold the configuration's anchored sensor.
         anchor_patterns: hold the boards where the dataset has them.
+        only_anchored_sensor: one sensor is used, and held: the boards alone are placed.
         additional_tfs: names of the configuration's additional tfs to estimate; None for all.
         joints: parameters to estimate, by joint; None for those of the configuration.
         intrinsics: cameras whose intrinsics are estimated.
@@ -67,6 +68,7 @@ class CalibrationOptions:
     anchor_sensors: Tuple[str, ...] = ()
     ignore_anchored_sensor: bool = False
     anchor_patterns: bool = False
+    only_anchored_sensor: bool = False
     additional_tfs: Optional[Tuple[str, ...]] = None
     joints: Optional[JointSelection] = None
     intrinsics: Tuple[str, ...] = ()

@@ -3,272 +3,57 @@
 from __future__ import annotations
 
 import argparse
-import math
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Dict, List, Optional, Protocol, Tuple
+from typing import Any, Dict, List, Optional, Tuple
 
-from atom_core.calibration.calibrate import Calibration, calibrate
-from atom_core.calibration.options import DESCRIPTION, NO_GUESS, CalibrationOptions
+from atom_core.calibration.calibrate import calibrate
+from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.joints import select_joints
 from atom_core.commands import common
+from atom_core.commands.atom_options import CALIBRATE, add_meaningless_options, without_ros
+from atom_core.commands.calibrate_input import read_input
+from atom_core.commands.calibrate_options import add_options
 from atom_core.commands.model_error_options import (
-    add_model_error_options,
     selected_model_errors,
     selected_moving_edges,
     sensors_of,
 )
-from atom_core.errors import CalibrationError, DescriptionError
-from atom_core.io.atomic import prepare_output_folder, write_json_atomically
+from atom_core.commands.phases import Phases, Watcher
+from atom_core.errors import CalibrationError, DescriptionError, OutputError
+from atom_core.io.atomic import prepare_output_folder, write_json_atomically, write_text_atomically
 from atom_core.io.dataset_json import write_dataset
-from atom_core.io.results import write_parameters_yaml
-from atom_core.io.truth_json import read_truth
+from atom_core.io.results import write_arguments_yaml, write_parameters_yaml
 from atom_core.io.urdf import Description, read_description, write_calibrated_description
 from atom_core.model.dataset import Dataset
-from atom_core.model.joints import JOINT_PARAMETERS, JointSelection
+from atom_core.model.joints import JointSelection
 from atom_core.model.selection import select_names
+from atom_core.report.atom_csv import (
+    ERRORS_FILE,
+    JOINTS_FILE,
+    SHORT_FILE,
+    TRANSFORMS_FILE,
+    atom_files,
+    short_csv,
+)
 from atom_core.report.calibration_document import calibration_document
 from atom_core.report.calibration_results import CalibrationResults, calibration_results
 from atom_core.report.calibration_tables import calibration_report
 from atom_core.report.edge_comments import edge_comments
-from atom_core.solvers.base import CONVERGED, Iteration, SolverOptions
-from atom_core.solvers.choice import CERES, SOLVERS, default_solver
+from atom_core.solvers.base import CONVERGED, SolverOptions
+from atom_core.solvers.choice import CERES, default_solver
 
 EXAMPLE = "python3 -m atom_core calibrate --dataset data/dataset.json --output results"
 DATASET_FILE, RESULT_FILE = "atom_calibration.json", "calibration.json"
 PARAMETERS_FILE, DESCRIPTION_FILE = "atom_calibration_params.yml", "optimized.urdf.xacro"
-
-
-class Watcher(Protocol):
-    """Somebody who looks on while the command runs, such as a live view."""
-
-    def begin(self, dataset: Dataset) -> None:
-        """Called with the selected dataset, before anything is solved."""
-
-    def progress(self, iteration: Iteration) -> Optional[bool]:
-        """Called after every iteration, see ``SolverOptions.progress``."""
-
-    def end(self, calibration: Calibration) -> None:
-        """Called when the results are written."""
+ORIGINAL_FILE, ARGUMENTS_FILE = "original_calibration_params.yml", "command_line_args.yml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the options of the command."""
-    common.add_dataset_options(parser)
-    common.add_output_options(parser)
-    _add_solver_options(parser)
-    _add_start_options(parser)
-    _add_freedom_options(parser)
-    _add_joint_options(parser)
-    _add_keep_options(parser)
-    _add_intrinsics_option(parser)
-    add_model_error_options(parser)
-    common.add_option(
-        parser,
-        "description",
-        type=Path,
-        metavar="URDF_OR_XACRO",
-        help="robot description to write back with the calibrated edges (default: the one that "
-        "the configuration names, where it exists)",
-    )
-    common.add_option(
-        parser, "truth", type=Path, metavar="FILE", help="a simulation's truth, to compare with"
-    )
-
-
-def _add_solver_options(parser: argparse.ArgumentParser) -> None:
-    defaults = SolverOptions()
-    add = common.add_option
-    add(
-        parser,
-        "solver",
-        choices=list(SOLVERS),
-        default=None,
-        help="which solver (default: ceres where the native module is built, else scipy)",
-    )
-    add(
-        parser,
-        "weights",
-        choices=["sigma", "atom"],
-        default=defaults.weights,
-        help="sigma: by standard deviations, re-estimated; atom: by the mean initial residual",
-    )
-    add(
-        parser,
-        "loss",
-        choices=["none", "huber", "cauchy"],
-        default=defaults.loss,
-        help=f"robust loss (default: {defaults.loss})",
-    )
-    add(
-        parser,
-        "max_iterations",
-        type=int,
-        default=defaults.max_iterations,
-        metavar="N",
-        help=f"limit of the solver's steps (default: {defaults.max_iterations})",
-    )
-    add(
-        parser,
-        "undetermined_limit",
-        nargs=2,
-        type=float,
-        default=(0.05, 0.05),
-        metavar=("M", "RAD"),
-        help="a larger predicted sigma counts as undetermined",
-    )
-
-
-def _add_start_options(parser: argparse.ArgumentParser) -> None:
-    add = common.add_option
-    add(
-        parser,
-        "initial_guess",
-        choices=[DESCRIPTION, NO_GUESS],
-        default=DESCRIPTION,
-        help="where the sensors start: the transforms that the dataset carries, or none: they are "
-        "placed from the shared boards alone",
-    )
-    add(
-        parser,
-        "noisy_initial_guess",
-        "-nig",
-        nargs=2,
-        type=float,
-        default=(0.0, 0.0),
-        metavar=("T", "R"),
-        help="move each free edge by T metres and R radians before solving",
-    )
-    add(
-        parser,
-        "sample_seed",
-        "-ss",
-        type=int,
-        default=0,
-        metavar="N",
-        help="seed of that disturbance (default: 0)",
-    )
-
-
-def _add_intrinsics_option(parser: argparse.ArgumentParser) -> None:
-    common.add_option(
-        parser,
-        "optimize_intrinsics",
-        "-oi",
-        nargs="*",
-        metavar="S",
-        help="estimate focal lengths, centre and distortion of these rgb cameras too (names, "
-        "globs; all without a name)",
-    )
-    common.add_option(
-        parser,
-        "intrinsics_sigma",
-        type=_sigma_or_none,
-        default=0.005,
-        metavar="PERCENT",
-        help="how far focal lengths and centre are expected from those given, in per cent of the "
-        "focal length: with --optimize_intrinsics, and in combined sigmas (0.5; none: anywhere, "
-        "and there 0.5)",
-    )
-
-
-def _sigma_or_none(text: str) -> Optional[float]:
-    if text.lower() == "none":
-        return None
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"'{text}' is neither per cent above 0 nor 'none'")
-    return value / 100.0
-
-
-def _add_keep_options(parser: argparse.ArgumentParser) -> None:
-    common.add_option(
-        parser,
-        "keep_collections",
-        nargs="+",
-        metavar="K",
-        help="use these collections (keys, globs) even if they contradict all others",
-    )
-    common.add_option(
-        parser,
-        "keep_detections",
-        nargs="+",
-        metavar="K:S",
-        help="use what these sensors saw in these collections (collection:sensor) even if it "
-        "contradicts all others",
-    )
-
-
-def _add_joint_options(parser: argparse.ArgumentParser) -> None:
-    add = common.add_option
-    add(
-        parser,
-        "joint_selection_function",
-        "-jsf",
-        nargs="+",
-        metavar="SELECTION",
-        help="joints to calibrate (names, globs, lambda; default: those of the configuration)",
-    )
-    add(
-        parser,
-        "joint_parameter_selection_function",
-        "-jpsf",
-        nargs="+",
-        metavar="SELECTION",
-        help=f"which of their parameters: {', '.join(JOINT_PARAMETERS)} (default: those of the "
-        f"configuration)",
-    )
-    add(
-        parser,
-        "all_joints_fixed",
-        "-ajf",
-        action="store_true",
-        help="hold all joints, also those of the configuration",
-    )
-
-
-def _add_freedom_options(parser: argparse.ArgumentParser) -> None:
-    add = common.add_option
-    add(parser, "anchor_sensors", "-as", nargs="+", metavar="S", help="further sensors to hold")
-    add(
-        parser,
-        "ignore_anchored_sensor",
-        "-ias",
-        action="store_true",
-        help="do not hold the configuration's anchored sensor",
-    )
-    add(
-        parser,
-        "anchor_patterns",
-        "-ap",
-        action="store_true",
-        help="hold the boards where the dataset has them",
-    )
-    add(
-        parser,
-        "additional_tf_selection_function",
-        "-atsf",
-        nargs="+",
-        metavar="SELECTION",
-        help="additional tfs of the configuration to estimate (default: all)",
-    )
-    add(
-        parser,
-        "use_incomplete_collections",
-        "-uic",
-        action="store_true",
-        help="accepted for ATOM's sake: incomplete collections are always used",
-    )
-    add(
-        parser,
-        "complete_only",
-        action="store_true",
-        help="use only collections in which every sensor sees every pattern",
-    )
+    """Add the options of the command, for a program without ROS."""
+    add_options(parser)
+    add_meaningless_options(parser, without_ros(CALIBRATE))
 
 
 def run(args: argparse.Namespace, watcher: Optional[Watcher] = None) -> int:
@@ -279,35 +64,80 @@ def run(args: argparse.Namespace, watcher: Optional[Watcher] = None) -> int:
         watcher: told how it gets on, if there is one.
     """
     began = time.perf_counter()
-    common.refuse_occupied(args.output, args.overwrite)
-    truth = read_truth(args.truth) if args.truth else None
+    folder = _checked_folder(args)
     options = _options(args)
-    dataset = common.selected_dataset(args)
-    options = _with_selections(options, args, dataset)
-    description = _description(args, dataset.config.description_file)
+    given = read_input(args)
+    options = _with_selections(options, args, given.dataset)
+    description = _description(args, given.dataset.config.description_file)
     load_seconds = time.perf_counter() - began
-    if watcher is not None:
-        watcher.begin(dataset)
-        options = replace(options, solver=replace(options.solver, progress=watcher.progress))
-    calibration = calibrate(dataset, options)
-    results = calibration_results(calibration, options.solver_name or default_solver(), truth)
+    phases = Phases(watcher) if args.phased_execution else None
+    looking_on = phases or watcher
+    if looking_on is not None:
+        looking_on.begin(given.dataset)
+        options = replace(options, solver=replace(options.solver, progress=looking_on.progress))
+    calibration = calibrate(given.dataset, options)
+    if phases is not None and phases.ended:
+        raise KeyboardInterrupt
+    solver = options.solver_name or default_solver()
+    results = calibration_results(calibration, solver, given.truth)
     writing = time.perf_counter()
-    folder = prepare_output_folder(args.output, args.overwrite)
+    prepare_output_folder(folder, args.overwrite or not args.output)
     remarks = [*_solver_remarks(options), *_write_files(folder, results, description)]
+    _write_atoms_files(folder, args, results, given.original)
     ended = time.perf_counter()
     around = {"load": load_seconds, "write": ended - writing, "total": ended - began}
     results = replace(
         results,
-        warnings=(*results.warnings, *remarks),
+        warnings=(*given.remarks, *results.warnings, *remarks),
         seconds={**results.seconds, **around},
     )
     document = calibration_document(results, common.options_document(args))
     write_json_atomically(folder / RESULT_FILE, document, sort_keys=False)
-    if watcher is not None:
-        watcher.end(calibration)
-    print(calibration_report(results, verbose=args.verbose))
+    if looking_on is not None:
+        looking_on.end(calibration)
+    print(calibration_report(results, args.verbose, args.show_normalized_values))
     print(f"results: {folder}")
     return 0 if calibration.status == CONVERGED else 1
+
+
+def _checked_folder(args: argparse.Namespace) -> Path:
+    """Return where the results go, when nothing there would be lost; nothing is made."""
+    short = _short_file(args)
+    if short is not None and short.exists() and not args.overwrite:
+        raise OutputError(f"{short}: exists already; add --overwrite, or another -sfrn FILE")
+    if args.output:
+        common.refuse_occupied(args.output, args.overwrite)
+        return Path(args.output)
+    names = [DATASET_FILE, RESULT_FILE, PARAMETERS_FILE, DESCRIPTION_FILE]
+    names += [ORIGINAL_FILE, ARGUMENTS_FILE]
+    if args.save_calibration_errors:
+        names.append(ERRORS_FILE)
+    if args.truth or args.comparison_to_ground_truth:
+        names += [TRANSFORMS_FILE, JOINTS_FILE]
+    return common.refuse_results_beside(args.dataset, names, args.overwrite)
+
+
+def _short_file(args: argparse.Namespace) -> Optional[Path]:
+    """Return the file of -sfr, which ATOM writes to the current folder."""
+    if not args.truth and not args.comparison_to_ground_truth:
+        return None
+    if args.save_file_results_name:
+        return Path(args.save_file_results_name)
+    return Path(SHORT_FILE) if args.save_file_results else None
+
+
+def _write_atoms_files(
+    folder: Path, args: argparse.Namespace, results: CalibrationResults, original: Dataset
+) -> None:
+    """Write what ATOM's users and their batches look for."""
+    free = results.calibration.free
+    write_parameters_yaml(folder / ORIGINAL_FILE, original, free.additional_tfs, free.joints)
+    write_arguments_yaml(folder / ARGUMENTS_FILE, common.options_document(args))
+    for name, text in atom_files(results, args.save_calibration_errors).items():
+        write_text_atomically(folder / name, text)
+    short = _short_file(args)
+    if short is not None:
+        write_text_atomically(short, short_csv(results.edge_errors or ()))
 
 
 def _solver_remarks(options: CalibrationOptions) -> List[str]:
@@ -352,6 +182,7 @@ def _options(args: argparse.Namespace) -> CalibrationOptions:
             anchor_sensors=tuple(common.strings(args.anchor_sensors)),
             ignore_anchored_sensor=args.ignore_anchored_sensor,
             anchor_patterns=args.anchor_patterns,
+            only_anchored_sensor=args.only_anchored_sensor,
             complete_only=args.complete_only,
             initial_guess=args.initial_guess,
             noisy_initial_guess=tuple(args.noisy_initial_guess),
@@ -366,9 +197,9 @@ def _options(args: argparse.Namespace) -> CalibrationOptions:
 
 def _joints(args: argparse.Namespace, dataset: Dataset) -> Optional[JointSelection]:
     joints, parameters = args.joint_selection_function, args.joint_parameter_selection_function
-    if args.all_joints_fixed:
+    if args.hold_joints:
         if joints or parameters:
-            raise CalibrationError("--all_joints_fixed holds what a selection of joints frees")
+            raise CalibrationError("--hold_joints holds what a selection of joints frees")
         return {}
     if not joints and not parameters:
         return None

@@ -77,16 +77,22 @@ def add_selection_options(parser: argparse.ArgumentParser) -> None:
         )
 
 
-def add_output_options(parser: argparse.ArgumentParser) -> None:
-    """Add the output folder, overwriting and verbosity."""
+def add_output_options(parser: argparse.ArgumentParser, elsewhere: str = "") -> None:
+    """Add the output folder, overwriting and verbosity.
+
+    Args:
+        parser: of the command.
+        elsewhere: where the results go without the option; empty: it must be given.
+    """
+    default = f" (default: {elsewhere})" if elsewhere else ""
     add_option(
         parser,
         "output",
         "-o",
-        required=True,
+        required=not elsewhere,
         type=Path,
         metavar="DIR",
-        help="folder for the results; must be empty or absent unless --overwrite is given",
+        help=f"folder for the results; must be empty or absent, or add --overwrite{default}",
     )
     add_option(
         parser, "overwrite", "-ow", action="store_true", help="replace results of an earlier run"
@@ -133,6 +139,32 @@ def refuse_occupied(folder: Path, overwrite: bool) -> None:
             f"{folder}: the folder is not empty; add --overwrite to replace the results in it, "
             f"or choose another one"
         )
+
+
+def refuse_results_beside(dataset: Path, names: Sequence[str], overwrite: bool) -> Path:
+    """Return the dataset's folder, unless results there would be lost.
+
+    Args:
+        dataset: the input.
+        names: of the files that will be written beside it.
+        overwrite: replace results of an earlier run; never the input itself.
+
+    Raises:
+        OutputError: naming what is in the way.
+    """
+    folder = dataset.parent
+    if dataset.name in names:
+        raise OutputError(
+            f"{dataset}: the result beside it would have its own name and replace it; choose a "
+            f"folder with --output"
+        )
+    there = [name for name in names if (folder / name).exists()]
+    if there and not overwrite:
+        raise OutputError(
+            f"{folder}: results of an earlier run lie beside the dataset ({', '.join(there)}); add "
+            f"--overwrite to replace them, or choose a folder with --output"
+        )
+    return folder
 
 
 def options_document(args: argparse.Namespace) -> Dict[str, Any]:

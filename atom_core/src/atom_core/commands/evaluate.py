@@ -17,7 +17,7 @@ from atom_core.io.atomic import (
     write_text_atomically,
 )
 from atom_core.io.dataset_json import read_dataset
-from atom_core.io.truth_json import read_truth
+from atom_core.io.truth_file import read_any_truth
 from atom_core.model.dataset import Dataset
 from atom_core.model.selection import select_names
 from atom_core.report.evaluation_csv import csv_name, csv_texts
@@ -60,7 +60,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "truth",
         type=Path,
         metavar="FILE",
-        help="a simulation's truth: the floor of every metric, and the sensors' errors",
+        help="the truth (a simulation's file, a dataset with true transforms, a URDF): the floor "
+        "of every metric, and the sensors' errors",
     )
     add(
         parser,
@@ -115,7 +116,7 @@ def _evaluate(args: argparse.Namespace, path: Path, test: Dataset) -> Evaluation
     return evaluate(
         train,
         test,
-        truth=read_truth(args.truth) if args.truth else None,
+        truth=read_any_truth(args.truth) if args.truth else None,
         sensors=_sensors(args, train, test),
         pairs=args.pairs,
         annotations=read_annotations(args.test.parent, test.sensors, test.patterns),

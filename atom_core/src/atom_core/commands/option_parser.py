@@ -12,6 +12,8 @@ import re
 import sys
 from typing import Any, Dict, List, NoReturn, Optional, Sequence, Tuple
 
+from atom_core.commands.atom_options import NOTES
+
 _NUMBER = re.compile(r"-(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
 _EXIT_CODE = 2
 _SIMILAR = 0.6
@@ -31,12 +33,18 @@ class OptionParser(argparse.ArgumentParser):
     ) -> Tuple[argparse.Namespace, List[str]]:
         """Parse words of which every option is known; others are refused with their nearest."""
         words = list(sys.argv[1:] if args is None else args)
-        return super().parse_known_args(self._in_full(words), namespace)
+        parsed, rest = super().parse_known_args(self._in_full(words), namespace)
+        for note in vars(parsed).pop(NOTES, []):
+            print(f"{self._command}: note: {note}", file=sys.stderr)
+        return parsed, rest
 
     def error(self, message: str) -> NoReturn:
         """Refuse in one line."""
-        command = self.prog.split(" ")[-1]
-        self.exit(_EXIT_CODE, f"{command}: {message} ({self.prog} --help tells all options)\n")
+        self.exit(_EXIT_CODE, f"{self._command}: {message} ({self.prog} --help tells more)\n")
+
+    @property
+    def _command(self) -> str:
+        return self.prog.split(" ")[-1]
 
     def _in_full(self, words: List[str]) -> List[str]:
         """Return the words with all options written in full."""

@@ -56,3 +56,13 @@ def _values(dataset: Dataset, edge: Edge) -> Dict[str, Any]:
     named = dict(zip(("x", "y", "z", "roll", "pitch", "yaw"), (float(v) for v in values)))
     quaternion = [float(v) for v in se3.quaternion_from_rotation(matrix[:3, :3])]
     return {**named, "quaternion_xyzw": quaternion}
+
+
+def write_arguments_yaml(path: Path, arguments: Mapping[str, Any]) -> None:
+    """Write ``command_line_args.yml``: the options of a command with their values.
+
+    Args:
+        path: the file.
+        arguments: by long name; texts, numbers, lists of them, None.
+    """
+    write_text_atomically(path, yaml.safe_dump(dict(arguments), sort_keys=False))

@@ -1,9 +1,9 @@
-"""What a simulation knows and a calibration must find: true edges and true board poses."""
+"""What a simulation knows and a calibration must find: true edges, joints and board poses."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Mapping, Tuple
+from typing import Dict, Iterable, List, Mapping, Optional, Tuple
 
 import numpy as np
 
@@ -19,26 +19,70 @@ class Truth:
     Attributes:
         edges: true ``parent_T_child`` (4, 4) of the calibrated edges.
         boards: true ``parent_T_pattern`` (4, 4) by (pattern, collection); may be empty.
+        moving: likewise of edges with a value for each collection, by (edge, collection).
+        joints: true parameters [m, rad] by joint.
     """
 
     edges: Mapping[Edge, np.ndarray]
     boards: Mapping[Tuple[str, str], np.ndarray] = field(default_factory=dict)
+    moving: Mapping[Tuple[Edge, str], np.ndarray] = field(default_factory=dict)
+    joints: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    def value(self, edge: Edge, collection: str) -> Optional[np.ndarray]:
+        """Return the true ``parent_T_child`` (4, 4) in a collection; None where it is unknown."""
+        return self.moving.get((edge, collection), self.edges.get(edge))
 
 
 def with_truth(dataset: Dataset, truth: Truth) -> Dataset:
-    """Return the dataset with the true edges, and the true boards where they are known.
+    """Return the dataset with the true edges and joints, and the true boards where known.
 
     Raises:
         DatasetError: the truth lacks the edge of a sensor.
     """
     for sensor in dataset.sensors.values():
-        if sensor.edge not in truth.edges:
+        if any(truth.value(sensor.edge, key) is None for key in dataset.collections):
             raise DatasetError(f"the truth lacks edge '{sensor.edge}' of sensor '{sensor.name}'")
+    dataset = dataset.with_joint_parameters(truth.joints)
     changes = {}
     for key, collection in dataset.collections.items():
-        edges = {e: m for e, m in truth.edges.items() if e in collection.transforms}
+        found = {edge: truth.value(edge, key) for edge in collection.transforms}
+        edges = {edge: value for edge, value in found.items() if value is not None}
         for name, pattern in dataset.patterns.items():
             if (name, key) in truth.boards:
                 edges[board_edge(pattern)] = truth.boards[(name, key)]
         changes[key] = edges
     return dataset.with_transforms(changes)
+
+
+def truth_of(dataset: Dataset) -> Truth:
+    """Return what a dataset says of its calibrated edges, joints and boards, as the truth."""
+    constant: Dict[Edge, np.ndarray] = {}
+    moving: Dict[Tuple[Edge, str], np.ndarray] = {}
+    for edge in _calibrated_edges(dataset):
+        values = {
+            key: collection.transforms[edge]
+            for key, collection in dataset.collections.items()
+            if edge in collection.transforms
+        }
+        if values and _is_one(values.values()):
+            constant[edge] = next(iter(values.values()))
+        else:
+            moving.update({(edge, key): matrix for key, matrix in values.items()})
+    boards = {
+        (name, key): collection.transforms[board_edge(pattern)]
+        for name, pattern in dataset.patterns.items()
+        for key, collection in dataset.collections.items()
+        if board_edge(pattern) in collection.transforms
+    }
+    joints = {n: j.parameters for c in dataset.collections.values() for n, j in c.joints.items()}
+    return Truth(constant, boards, moving, joints)
+
+
+def _calibrated_edges(dataset: Dataset) -> List[Edge]:
+    edges = [sensor.edge for sensor in dataset.sensors.values()]
+    return list(dict.fromkeys([*edges, *(e.edge for e in dataset.config.additional_tfs.values())]))
+
+
+def _is_one(values: Iterable[np.ndarray]) -> bool:
+    first, *others = values
+    return all(np.array_equal(first, other) for other in others)

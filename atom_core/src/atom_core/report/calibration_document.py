@@ -21,6 +21,7 @@ from atom_core.report.calibration_results import (
     SensorResult,
 )
 from atom_core.report.ground_truth_document import ground_truth_document
+from atom_core.report.truth_tables import truth_document
 
 VERSION = "1.0"
 _COMBINED = "combined_sigma"
@@ -66,6 +67,9 @@ def calibration_document(results: CalibrationResults, options: Mapping[str, Any]
     }
     if results.ground_truth is not None:
         document["ground_truth"] = ground_truth_document(results.ground_truth)
+        document["truth_comparison"] = truth_document(
+            results.edge_errors or (), results.joint_errors
+        )
     return document if results.has_combined_sigmas else _without_combined(document)
 
 

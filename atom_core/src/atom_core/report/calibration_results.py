@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from atom_core.calibration.judge.statistics import (
 from atom_core.calibration.judge.weak_directions import edge_covariance
 from atom_core.calibration.prepare.preparation import camera_of
 from atom_core.calibration.refine.error_words import described
+from atom_core.evaluation.edge_errors import EdgeError, JointError, edge_errors, joint_errors
 from atom_core.evaluation.ground_truth import GroundTruth, ground_truth_errors
 from atom_core.geometry.intrinsics import intrinsics_names, intrinsics_values
 from atom_core.model.transforms import Edge
@@ -192,6 +193,8 @@ class CalibrationResults:
         ground_truth: errors of the sensors; None without a truth.
         warnings: what the user should know.
         seconds: time by step.
+        edge_errors: of edges and boards whose truth is known; None without a truth.
+        joint_errors: likewise of joints' parameters.
     """
 
     calibration: Calibration
@@ -206,6 +209,8 @@ class CalibrationResults:
     ground_truth: Optional[GroundTruth]
     warnings: Tuple[str, ...]
     seconds: Mapping[str, float]
+    edge_errors: Optional[Tuple[EdgeError, ...]] = None
+    joint_errors: Tuple[JointError, ...] = ()
 
     @property
     def has_combined_sigmas(self) -> bool:
@@ -242,7 +247,19 @@ def calibration_results(
         ground_truth=None if truth is None else _ground_truth(calibration, truth),
         warnings=calibration.warnings,
         seconds=calibration.seconds,
+        **_against(calibration, truth),
     )
+
+
+def _against(calibration: Calibration, truth: Optional[Truth]) -> Dict[str, Any]:
+    """Return the errors of edges and joints, as arguments of `CalibrationResults`."""
+    if truth is None:
+        return {}
+    datasets = calibration.initial, calibration.dataset
+    return {
+        "edge_errors": tuple(edge_errors(*datasets, truth)),
+        "joint_errors": tuple(joint_errors(*datasets, truth)),
+    }
 
 
 def _ground_truth(calibration: Calibration, truth: Truth) -> GroundTruth:

@@ -19,6 +19,7 @@ from atom_core.problem.blocks import ROTATION, TRANSLATION
 from atom_core.problem.model_errors import METRE
 from atom_core.report.calibration_results import CalibrationResults, GroundTruth, ParameterResult
 from atom_core.report.tables import ABSENT, text_table
+from atom_core.report.truth_tables import truth_tables
 
 _PROPAGATED_M = 2.0  # the distance whose deviations are shown
 _WIDEST_MATRIX = 12  # sensors, that a matrix of them still fits the screen
@@ -27,16 +28,25 @@ _SHOWN_SIGMAS = 2.0  # an expected error of the model that is less is only in th
 _SHOWN = {"reprojection": ("px", 1.0, 4), "orthogonal": ("mm", 1e3, 2), "border": ("mm", 1e3, 2)}
 
 
-def calibration_report(results: CalibrationResults, verbose: bool = False) -> str:
-    """Return what ``calibrate`` prints."""
+def calibration_report(
+    results: CalibrationResults, verbose: bool = False, normalised: bool = False
+) -> str:
+    """Return what ``calibrate`` prints.
+
+    Args:
+        results: the figures.
+        verbose: also residuals by collection.
+        normalised: these too, each with its multiple of the expected standard deviation.
+    """
     calibration = results.calibration
     parts = [_edges_table(results), *_joints_table(results), _sensors_table(results)]
     parts += _intrinsics_table(results) + _model_error_lines(results)
     parts += _propagation_table(results) + _outliers_line(results)
-    if verbose:
-        parts.append(_collections_table(results))
+    if verbose or normalised:
+        parts.append(_collections_table(results, normalised))
     if results.ground_truth is not None:
         parts.append(_truth_table(results.ground_truth))
+        parts += truth_tables(results.edge_errors or (), results.joint_errors)
     rejected = {r.key.collection for r in calibration.rejected}  # among the warnings
     unused = [
         f"{key} ({value.unused})"
@@ -210,7 +220,7 @@ def _outliers_line(results: CalibrationResults) -> List[str]:
     ]
 
 
-def _collections_table(results: CalibrationResults) -> str:
+def _collections_table(results: CalibrationResults, normalised: bool) -> str:
     columns = [(name, kind) for name, s in results.sensors.items() for kind in s.residuals]
     rows = []
     for key, collection in results.collections.items():
@@ -218,10 +228,16 @@ def _collections_table(results: CalibrationResults) -> str:
         for name, kind in columns:
             value = collection.residuals.get(name, {}).get(kind)
             _, factor, digits = _SHOWN[kind]
-            row.append(None if value is None else f"{factor * value.mean:.{digits}f}")
+            cell = None if value is None else f"{factor * value.mean:.{digits}f}"
+            if value is not None and normalised:
+                sigma = results.sensors[name].sigma[f"{kind}_{value.unit}"]
+                cell = f"{cell} ({value.mean / sigma:.2f})"
+            row.append(cell)
         rows.append(row)
     headers = ["Collection"] + [f"{n} {k} [{_SHOWN[k][0]}]" for n, k in columns]
-    return text_table(headers, rows, "Mean residuals by collection")
+    title = "Mean residuals by collection"
+    title += " (and by their expected standard deviation)" if normalised else ""
+    return text_table(headers, rows, title)
 
 
 def _truth_table(ground_truth: GroundTruth) -> str:

@@ -10,6 +10,7 @@ from atom_calibration.runtime import running
 from atom_calibration.show.view_options import ViewOptions, add_view_options, take_view_options
 from atom_core import cli
 from atom_core.commands import calibrate
+from atom_core.commands.calibrate_options import add_options
 from atom_core.commands.option_parser import OptionParser
 
 NODE = "calibrate"
@@ -42,6 +43,6 @@ def _watched(args: argparse.Namespace, view: ViewOptions, stay: bool) -> int:
 def parser() -> argparse.ArgumentParser:
     """Return the parser: the command's options, and those of the view."""
     made = OptionParser(prog=NODE, description=str(calibrate.__doc__), epilog=f"example: {EXAMPLE}")
-    calibrate.add_arguments(made)
+    add_options(made)
     add_view_options(made)
     return made

@@ -106,7 +106,7 @@ def _check_joint(dataset: Dataset, name: str) -> None:
         )
         raise CalibrationError(
             f"joint '{name}' is to be calibrated, but {where}; collect again with the joint in "
-            f"the configuration, or hold all joints with --all_joints_fixed"
+            f"the configuration, or hold all joints with --hold_joints"
         )
     first, *others = [c.joints[name] for c in dataset.collections.values()]
     for other in others:

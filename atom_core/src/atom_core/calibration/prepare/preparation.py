@@ -206,6 +206,7 @@ def _usable(
     dataset: Dataset, measurements: Sequence[Measurement], options: CalibrationOptions
 ) -> Tuple[List[Measurement], Dict[str, str]]:
     """Return the measurements that can tie something, and why collections were left out."""
+    alone = options.anchor_patterns or options.only_anchored_sensor
     unused: Dict[str, str] = {}
     seen_by: Dict[Tuple[str, str], Set[Edge]] = {}
     for m in measurements:
@@ -219,7 +220,7 @@ def _usable(
             unused[key] = "incomplete (--complete_only)"
 
     def ties(m: Measurement) -> bool:
-        if dataset.patterns[m.key.pattern].fixed or options.anchor_patterns:
+        if dataset.patterns[m.key.pattern].fixed or alone:
             return True
         return len(seen_by[(m.key.collection, m.key.pattern)]) > 1
 

@@ -1,0 +1,134 @@
+"""Changes of a dataset before it is calibrated, as ATOM's options ask for them."""
+
+from __future__ import annotations
+
+from typing import Dict, List, NamedTuple, Sequence, Tuple
+
+import numpy as np
+
+from atom_core.errors import CalibrationError, DatasetError
+from atom_core.io.dataset_entries import pose_of_entry
+from atom_core.model.dataset import Dataset, board_edge
+from atom_core.model.joints import JOINT_PARAMETERS, POSITION_BIAS
+
+_STRAIGHT_RAD = 1e-6  # of a joint's origin, whose own axes and the parent's are then the same
+
+
+class JointBias(NamedTuple):
+    """What is added to a parameter of a joint before anything is estimated [m or rad]."""
+
+    joint: str
+    parameter: str
+    value: float
+
+
+def with_first_boards(dataset: Dataset) -> Tuple[Dataset, List[str]]:
+    """Return the dataset with a pose of every board, for those that lack it the collector's first.
+
+    A board that is fixed gets one pose, that of the first collection that has one.
+
+    Returns:
+        The dataset, and a remark for each pattern whose first poses are taken.
+
+    Raises:
+        DatasetError: a first pose is malformed.
+    """
+    remarks = []
+    for name, pattern in dataset.patterns.items():
+        edge = board_edge(pattern)
+        lacking = [key for key, c in dataset.collections.items() if edge not in c.transforms]
+        first = _first_poses(dataset, name) if lacking else {}
+        if pattern.fixed and first:
+            first = dict.fromkeys(lacking, next(iter(first.values())))
+        taken = {key: {edge: first[key]} for key in lacking if key in first}
+        if taken:
+            dataset = dataset.with_transforms(taken)
+            remarks.append(
+                f"pattern '{name}' is held where one sensor saw it first (transforms_initial, "
+                f"{len(taken)} collections): what is wrong there is wrong in the result"
+            )
+    return dataset, remarks
+
+
+def _first_poses(dataset: Dataset, pattern: str) -> Dict[str, np.ndarray]:
+    """Return ``parent_T_pattern`` (4, 4) by collection, where the collector noted it."""
+    stored = ((dataset.document.get("patterns") or {}).get(pattern) or {}).get("transforms_initial")
+    poses = {}
+    for key in dataset.collections:
+        entry = (stored or {}).get(key) or {}
+        if entry.get("detected", "trans" in entry):
+            try:
+                poses[key] = pose_of_entry(entry)
+            except (KeyError, ValueError, TypeError) as error:
+                raise DatasetError(
+                    f"{dataset.source}: transforms_initial of pattern '{pattern}' in collection "
+                    f"{key} is malformed ({error}); restore the file or collect again"
+                ) from None
+    return poses
+
+
+def check_boards_known(dataset: Dataset) -> None:
+    """Refuse a detected board without a pose among its collection's transforms.
+
+    Raises:
+        CalibrationError: naming the first collection that lacks it.
+    """
+    for key, _ in dataset.detections():
+        edge = board_edge(dataset.patterns[key.pattern])
+        if edge not in dataset.collections[key.collection].transforms:
+            raise CalibrationError(
+                f"--ground_truth_pattern_poses: collection {key.collection} has no transform "
+                f"'{edge}' of pattern '{key.pattern}'; leave the option out, or give a dataset "
+                f"that knows where its boards are"
+            )
+
+
+def without_partial_detections(dataset: Dataset) -> Tuple[Dataset, int]:
+    """Return the dataset without cameras' labels that lack corners, and how many they are."""
+    partial = [
+        key
+        for key, label in dataset.detections()
+        if not dataset.sensors[key.sensor].kind.measures_range
+        and label.is_partial(dataset.patterns[key.pattern])
+    ]
+    for key in partial:
+        dataset = dataset.with_labels(key.collection, {(key.sensor, key.pattern): None})
+    return dataset, len(partial)
+
+
+def with_biased_joints(dataset: Dataset, biases: Sequence[JointBias]) -> Tuple[Dataset, List[str]]:
+    """Return the dataset with values added to joints' parameters, and their transforms anew.
+
+    Returns:
+        The dataset, and remarks on parameters that mean another axis than in ATOM.
+
+    Raises:
+        CalibrationError: there is no such joint or parameter.
+    """
+    remarks = []
+    for bias in biases:
+        known = list(dict.fromkeys(n for c in dataset.collections.values() for n in c.joints))
+        if bias.joint not in known:
+            raise CalibrationError(
+                f"--joint_bias_names {bias.joint}: there is no such joint in the dataset; there "
+                f"are: {', '.join(known) or 'none'}"
+            )
+        if bias.parameter not in JOINT_PARAMETERS:
+            raise CalibrationError(
+                f"--joint_bias_params {bias.parameter}: unknown; use {', '.join(JOINT_PARAMETERS)}"
+            )
+        before = dataset.joint(bias.joint).parameters
+        changed = {bias.parameter: before[bias.parameter] + bias.value}
+        dataset = dataset.with_joint_parameters({bias.joint: changed})
+        if bias.parameter == "origin_yaw" and is_inclined(dataset, bias.joint):
+            remarks.append(
+                f"joint '{bias.joint}': origin_yaw turns about the parent's z, as in URDF; ATOM "
+                f"turns about the joint's own: that is {POSITION_BIAS} here"
+            )
+    return dataset, remarks
+
+
+def is_inclined(dataset: Dataset, joint: str) -> bool:
+    """Tell whether a joint's origin has a roll or pitch, so that its yaw is not about its own z."""
+    parameters = dataset.joint(joint).parameters
+    return max(abs(parameters["origin_roll"]), abs(parameters["origin_pitch"])) > _STRAIGHT_RAD

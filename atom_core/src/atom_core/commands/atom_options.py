@@ -1,0 +1,145 @@
+"""ATOM's options of each command, as data: which of ours they are, or why they mean nothing here.
+
+The page docs/coming_from_atom.md is held to this table by a test.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any, Iterable, List, NamedTuple, Optional
+
+NOTES = "atom_notes"  # of the parsed arguments: what the user is told, each once
+
+
+class AtomOption(NamedTuple):
+    """An option of ATOM.
+
+    Attributes:
+        short, long: its names there, without dashes.
+        example: words that may follow it.
+        ours: the name of our option, which has the same meaning; None: it means nothing here.
+        remark: what is different, or why it means nothing here: "because" this.
+    """
+
+    short: str
+    long: str
+    example: str = ""
+    ours: Optional[str] = None
+    remark: str = ""
+
+    @property
+    def names(self) -> List[str]:
+        """Return what may be typed."""
+        return [f"-{self.short}", f"--{self.long}"]
+
+    @property
+    def note(self) -> str:
+        """Return what a user is told who gives an option that means nothing here."""
+        return f"-{self.short} has no meaning here, because {self.remark}"
+
+
+def _same(short: str, long: str, example: str = "", ours: str = "", remark: str = "") -> AtomOption:
+    return AtomOption(short, long, example, ours or long, remark)
+
+
+_FEW_ROWS = "all points are used: a detection costs the same whatever their number"
+_OWN_CRITERION = (
+    "the solver ends where no step promises anything (a calibration is converged, or says not)"
+)
+_EXACT = "derivatives are exact, nothing is differenced"
+
+CALIBRATE = (
+    _same("json", "json_file", "dataset.json", ours="dataset"),
+    _same("v", "verbose", remark="residuals by collection at the end; while it runs: -rv"),
+    AtomOption("vo", "view_optimization", remark="RViz shows every iteration: -rv"),
+    _same(
+        *("snv", "show_normalized_values"),
+        remark="the second number of a cell is the mean residual by its expected deviation",
+    ),
+    AtomOption(
+        *("rnm", "rgb_normalizer_multiplier", "0.5"),
+        remark="sensors are weighted by the noise that is estimated of each",
+    ),
+    _same("rv", "ros_visualization", remark="with rosrun"),
+    _same("dpcc", "draw_per_collection_colors", remark="of points; with rosrun"),
+    AtomOption("da", "draw_alpha", "0.3", remark="RViz's RobotModel display has an Alpha"),
+    AtomOption("si", "show_images", remark="with -rv the labeled images are always published"),
+    _same(
+        *("oi", "optimize_intrinsics"),
+        remark="names of cameras may follow; models of 4 to 8 coefficients as well",
+    ),
+    AtomOption("sr", "sample_residuals", "0.5", remark=_FEW_ROWS),
+    AtomOption("slr", "sample_longitudinal_residuals", "0.5", remark=_FEW_ROWS),
+    _same("ss", "sample_seed", "3", remark="0 without it, so that every run is reproducible"),
+    AtomOption(
+        *("ajf", "all_joints_fixed"),
+        remark="it only made ATOM's drawing faster; --hold_joints holds all joints",
+    ),
+    _same("oas", "only_anchored_sensor"),
+    _same("as", "anchor_sensors", "rgb_1"),
+    _same(
+        *("ap", "anchor_patterns"),
+        remark="where the dataset has them; in a raw one, where a sensor saw them first",
+    ),
+    _same(
+        *("gtpp", "ground_truth_pattern_poses"),
+        remark="matters with -ap: boards that are estimated are placed by what the sensors see",
+    ),
+    _same("uic", "use_incomplete_collections", remark="the default; --complete_only: without"),
+    _same("ias", "ignore_anchored_sensor"),
+    _same("rpd", "remove_partial_detections", remark="the labels stay in the result's file"),
+    _same("nig", "noisy_initial_guess", "0.1 0.1", remark="the second is the angle of a rotation"),
+    _same("jbn", "joint_bias_names", "elbow"),
+    _same("jbp", "joint_bias_params", "position_bias"),
+    _same("jbv", "joint_bias_values", "-0.02", remark="origin_yaw as in URDF; see joints below"),
+    _same("ssf", "sensor_selection_function", "lambda s: s != 'x'", remark="also names, globs"),
+    _same("csf", "collection_selection_function", "lambda x: int(x) < 99", remark="likewise"),
+    _same("psf", "pattern_selection_function", "lambda p: True", remark="likewise"),
+    _same("jsf", "joint_selection_function", "lambda j: True", remark="likewise"),
+    _same("jpsf", "joint_parameter_selection_function", "lambda p: 'bias' in p", remark="likewise"),
+    _same("atsf", "additional_tf_selection_function", "lambda t: True", remark="likewise"),
+    _same("phased", "phased_execution", remark="the keys c and q in the terminal"),
+    AtomOption(
+        *("ipg", "initial_pose_ghost"),
+        remark="with -rv the start is always shown, on /calibrate/ghost",
+    ),
+    _same("ctgt", "comparison_to_ground_truth", remark="by axis; --truth takes another file"),
+    _same("sce", "save_calibration_errors", remark="written at the end"),
+    AtomOption("ftol", "optimization_ftol", "1e-5", remark=_OWN_CRITERION),
+    AtomOption("xtol", "optimization_xtol", "1e-5", remark=_OWN_CRITERION),
+    AtomOption("gtol", "optimization_gtol", "1e-5", remark=_OWN_CRITERION),
+    AtomOption("diff_step", "optimization_diff_step", "1e-6", remark=_EXACT),
+    _same("max_nfev", "optimization_max_nfev", "100", ours="max_iterations"),
+    _same("sfr", "save_file_results", remark="in the current folder, as there"),
+    _same("sfrn", "save_file_results_name", "errors.csv"),
+)
+LIVE = ("ros_visualization", "draw_per_collection_colors")  # options of a node
+_NO_ROS = "this program runs without ROS; use rosrun atom_calibration calibrate"
+
+
+def without_ros(options: Iterable[AtomOption]) -> List[AtomOption]:
+    """Return, as meaning nothing, those of a live view."""
+    return [o._replace(ours=None, remark=_NO_ROS) for o in options if o.ours in LIVE]
+
+
+def add_meaningless_options(parser: Any, options: Iterable[AtomOption]) -> None:
+    """Accept the options that mean nothing here; each is answered with its note."""
+    for option in options:
+        if option.ours is None:
+            parser.add_argument(
+                *option.names,
+                action=_Note,
+                nargs=1 if option.example else 0,
+                dest=NOTES,
+                default=argparse.SUPPRESS,
+                help=argparse.SUPPRESS,
+                const=option.note,
+            )
+
+
+class _Note(argparse.Action):
+    """Keeps the note of an option that means nothing."""
+
+    def __call__(self, parser: Any, namespace: Any, *_: Any) -> None:
+        notes = getattr(namespace, NOTES, [])
+        setattr(namespace, NOTES, [*notes, *([] if self.const in notes else [self.const])])

@@ -1,0 +1,113 @@
+"""The dataset that ``calibrate`` begins with, and the truth, as its arguments say."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from typing import List, Optional, Tuple
+
+from atom_core.calibration.prepare.input_changes import (
+    JointBias,
+    check_boards_known,
+    is_inclined,
+    with_biased_joints,
+    with_first_boards,
+    without_partial_detections,
+)
+from atom_core.commands import common
+from atom_core.errors import CalibrationError
+from atom_core.io.truth_file import read_any_truth
+from atom_core.model.dataset import Dataset
+from atom_core.model.truth import Truth, truth_of
+
+_YAW = "origin_yaw"
+
+
+@dataclass(frozen=True)
+class CalibrationInput:
+    """What is calibrated.
+
+    Attributes:
+        original: the selected dataset as it was read.
+        dataset: with the changes that were asked for.
+        truth: to compare with, if there is one.
+        remarks: what the user should know.
+    """
+
+    original: Dataset
+    dataset: Dataset
+    truth: Optional[Truth]
+    remarks: Tuple[str, ...]
+
+
+def read_input(args: argparse.Namespace) -> CalibrationInput:
+    """Read the dataset and the truth, and change the dataset as ATOM's options ask.
+
+    Raises:
+        AtomError: the files are unusable, or what was asked for cannot be done.
+    """
+    biases = _joint_biases(args)
+    if args.truth and args.comparison_to_ground_truth:
+        raise CalibrationError("--truth and -ctgt are two truths; leave one of them out")
+    original = _only_anchored(common.selected_dataset(args), args)
+    dataset, remarks = original, _remarks_on_yaw(original)
+    if args.comparison_to_ground_truth:
+        truth: Optional[Truth] = truth_of(original)
+    else:
+        truth = read_any_truth(args.truth) if args.truth else None
+    if args.remove_partial_detections:
+        dataset, count = without_partial_detections(dataset)
+        remarks.append(f"{count} labels of cameras lack corners and are not used (-rpd)")
+    if args.ground_truth_pattern_poses:
+        check_boards_known(dataset)
+    if args.anchor_patterns:
+        dataset, of_boards = with_first_boards(dataset)
+        remarks += of_boards
+    dataset, of_joints = with_biased_joints(dataset, biases)
+    if (args.save_file_results or args.save_file_results_name) and truth is None:
+        remarks.append("-sfr writes errors against the truth: add -ctgt or --truth")
+    return CalibrationInput(original, dataset, truth, (*remarks, *of_joints))
+
+
+def _only_anchored(dataset: Dataset, args: argparse.Namespace) -> Dataset:
+    if not args.only_anchored_sensor:
+        return dataset
+    anchored = dataset.config.anchored_sensor
+    if args.ignore_anchored_sensor:
+        raise CalibrationError("-oas keeps the anchored sensor that -ias ignores; leave one out")
+    if anchored is None or anchored not in dataset.sensors:
+        raise CalibrationError(
+            f"-oas: the configuration anchors none of the sensors used "
+            f"({', '.join(dataset.sensors)}); select one with -ssf"
+        )
+    return dataset.selected(sensors=[anchored])
+
+
+def _joint_biases(args: argparse.Namespace) -> List[JointBias]:
+    names, parameters, values = (
+        common.strings(args.joint_bias_names),
+        common.strings(args.joint_bias_params),
+        list(args.joint_bias_values or []),
+    )
+    if not len(names) == len(parameters) == len(values):
+        raise CalibrationError(
+            f"-jbn, -jbp and -jbv go together, a joint, a parameter and a value each; there are "
+            f"{len(names)}, {len(parameters)} and {len(values)}"
+        )
+    return [JointBias(*triple) for triple in zip(names, parameters, values)]
+
+
+def _remarks_on_yaw(dataset: Dataset) -> List[str]:
+    """Return remarks on joints of the configuration whose yaw has another axis than in ATOM."""
+    known = {name for collection in dataset.collections.values() for name in collection.joints}
+    inclined = [
+        name
+        for name, joint in dataset.config.joints.items()
+        if _YAW in joint.params_to_calibrate and name in known and is_inclined(dataset, name)
+    ]
+    if not inclined:
+        return []
+    return [
+        f"origin_yaw of {', '.join(inclined)} turns about the parent's z, as in URDF; ATOM's turns "
+        f"about the joint's own axis, which position_bias does here"
+    ]

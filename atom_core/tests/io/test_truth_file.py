@@ -1,0 +1,129 @@
+"""A truth may be a simulation's file, a dataset, or a description; all say the same."""
+
+import json
+
+import numpy as np
+import pytest
+
+from atom_core import cli
+from atom_core.errors import AtomError
+from atom_core.geometry import se3
+from atom_core.io.dataset_json import read_dataset
+from atom_core.io.dataset_writer import write_dataset_folder
+from atom_core.io.truth_file import read_any_truth
+from atom_core.io.truth_json import write_truth
+from atom_core.model.truth import truth_of, with_truth
+from atom_core.synthetic import Noise, scenes
+
+URDF = """<?xml version="1.0"?>
+<robot name="rig">{links}
+{joints}
+</robot>
+"""
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return scenes.two_cameras(0, collections=2, noise=Noise.none())
+
+
+@pytest.fixture
+def dataset(rig, tmp_path):
+    return write_dataset_folder(rig.dataset, tmp_path / "data", name="rig")
+
+
+def as_urdf(truth, path):
+    """Write the true edges as fixed joints of one robot, and a joint that turns."""
+    frames = list(dict.fromkeys(frame for e in truth.edges for frame in (e.parent, e.child)))
+    roots = [frame for frame in frames if frame not in {e.child for e in truth.edges}]
+    links = "".join(f'<link name="{name}"/>' for name in ("root", *frames, "lid"))
+    joints = [joint(f"to_{root}", "fixed", "root", root, np.eye(4)) for root in roots]
+    joints += [joint(str(e), "fixed", e.parent, e.child, m) for e, m in truth.edges.items()]
+    limits = '<limit lower="-1" upper="1" effort="1" velocity="1"/><axis xyz="0 0 1"/>'
+    origin = se3.from_rpy(np.array([1.0, 2.0, 3.0]), np.array([0.0, 0.0, 0.5]))
+    joints.append(joint("hinge", "revolute", "root", "lid", origin, limits))
+    path.write_text(URDF.format(links=links, joints="".join(joints)))
+    return path
+
+
+def joint(name, kind, parent, child, matrix, more=""):
+    xyz = " ".join(map(repr, matrix[:3, 3].tolist()))
+    rpy = " ".join(map(repr, se3.rpy_from_rotation(matrix[:3, :3]).tolist()))
+    return (
+        f'<joint name="{name}" type="{kind}"><origin xyz="{xyz}" rpy="{rpy}"/>'
+        f'<parent link="{parent}"/><child link="{child}"/>{more}</joint>'
+    )
+
+
+def edges_agree(found, wanted):
+    for edge, matrix in wanted.edges.items():
+        np.testing.assert_allclose(found.edges[edge], matrix, atol=1e-9)
+
+
+def test_all_forms_say_the_same(rig, dataset, tmp_path):
+    write_truth(rig.truth, tmp_path / "truth.json")
+    forms = [dataset, tmp_path / "truth.json", as_urdf(rig.truth, tmp_path / "rig.urdf")]
+    for form in forms:
+        edges_agree(read_any_truth(form), rig.truth)
+    hinge = read_any_truth(forms[-1]).joints["hinge"]
+    assert (hinge["origin_z"], hinge["position_bias"]) == (3.0, 0.0)
+    assert hinge["origin_yaw"] == pytest.approx(0.5)
+
+
+def test_true_transforms_that_a_tool_has_put_beside_are_taken_first(rig, dataset):
+    document = json.loads(dataset.read_text())
+    for collection in document["collections"].values():
+        collection["transforms_ground_truth"] = json.loads(json.dumps(collection["transforms"]))
+        for transform in collection["transforms"].values():
+            transform["trans"][0] += 0.5
+    dataset.write_text(json.dumps(document))
+    edges_agree(read_any_truth(dataset), rig.truth)
+    document["collections"]["000"]["transforms_ground_truth"] = {"a-b": {"parent": "a"}}
+    dataset.write_text(json.dumps(document))
+    with pytest.raises(AtomError, match="transforms_ground_truth is malformed"):
+        read_any_truth(dataset)
+
+
+def test_an_edge_with_a_value_for_each_collection_stays_so(rig):
+    edge = rig.dataset.sensors["rgb_2"].edge
+    values = {key: {edge: np.diag([1.0, 1, 1, 1])} for key in rig.dataset.collections}
+    for number, key in enumerate(values):
+        values[key][edge][0, 3] = number
+    truth = truth_of(rig.dataset.with_transforms(values))
+    assert edge not in truth.edges
+    true = with_truth(rig.dataset, truth)
+    for number, collection in enumerate(true.collections.values()):
+        assert collection.transforms[edge][0, 3] == number
+
+
+def test_evaluate_takes_a_description_as_the_truth(rig, dataset, tmp_path):
+    urdf = as_urdf(rig.truth, tmp_path / "rig.urdf")
+    line = [
+        "evaluate",
+        "--train",
+        dataset,
+        "--test",
+        dataset,
+        "--truth",
+        urdf,
+        "-o",
+        tmp_path / "e",
+    ]
+    assert cli.main([str(word) for word in line]) == 0
+    mean = json.loads((tmp_path / "e" / "evaluation.json").read_text())["ground_truth"]["mean"]
+    assert mean["translation_error_m"] < 1e-9
+
+
+@pytest.mark.parametrize(("name", "text"), [("a.json", "{"), ("a.urdf", "<robot"), ("a.txt", "7")])
+def test_what_is_no_truth_is_refused_by_name(tmp_path, name, text):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(AtomError, match=name):
+        read_any_truth(tmp_path / name)
+
+
+def test_a_truth_without_a_sensors_edge_is_refused(rig, tmp_path, dataset, capsys):
+    other = as_urdf(scenes.hand_eye(0, collections=2).truth, tmp_path / "other.urdf")
+    line = ["calibrate", "-json", str(dataset), "--truth", str(other), "-o", str(tmp_path / "out")]
+    assert cli.main(line) == 2
+    assert "the truth lacks edge" in capsys.readouterr().err
+    assert read_dataset(dataset).sensors
