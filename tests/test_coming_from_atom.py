@@ -1,12 +1,16 @@
 """docs/coming_from_atom.md says of each of ATOM's options what the commands do with it."""
 
+import re
+import shlex
 from pathlib import Path
 
 import pytest
 
+from atom_core import cli
 from atom_core.commands.atom_options import CALIBRATE
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "coming_from_atom.md"
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "docs" / "coming_from_atom.md"
 NO_MEANING = "accepted, with a note: no meaning here"
 
 
@@ -29,3 +33,27 @@ def test_the_page_tells_of_every_option(name, options):
     shown, _, _ = behind.partition(f"\n<!-- end: options of {name} -->")
     wanted = "\n".join(table(options))
     assert shown == wanted, f"write between the marks of {PAGE.name}:\n{wanted}"
+
+
+def lines_of(heading):
+    """Return what the first column of the tables below a heading says to type."""
+    _, _, behind = PAGE.read_text(encoding="utf-8").partition(f"\n## {heading}\n")
+    return re.findall(r"^\| `([^`]+)` \|", behind.partition("\n## ")[0], re.M)
+
+
+TOOLS = lines_of("Tools for datasets")
+
+
+@pytest.mark.parametrize("line", TOOLS)
+def test_the_lines_of_the_tools_parse_and_rosrun_has_them(line):
+    words = shlex.split(line)
+    assert cli.build_parser(words[0]).parse_args(words).command == words[0]
+    script = ROOT / "atom_calibration" / "scripts" / words[0]
+    assert f'main(["{words[0]}", *rospy.myargv(sys.argv)[1:]])' in script.read_text("utf-8")
+    programs = (ROOT / "atom_calibration" / "CMakeLists.txt").read_text("utf-8").split()
+    assert f"scripts/{words[0]}" in programs
+
+
+def test_the_page_shows_every_tool():
+    shown = {line.split()[0] for line in TOOLS}
+    assert {name for name in cli.COMMANDS if "dataset" in name or "sensor" in name} == shown

@@ -24,13 +24,21 @@ INTERRUPTED = 130
 BROKEN_PIPE = 141
 
 # Modules of atom_core.commands; those that are not asked for are not loaded.
-_COMMANDS = (
+COMMANDS = (
     "check",
     "calibrate",
     "evaluate",
     "convert",
     "recover",
     "demo",
+    "inspect_atom_dataset",
+    "merge_atom_datasets",
+    "split_atom_dataset",
+    "remove_collections_from_atom_dataset",
+    "filter_dataset_based_on_joint_states",
+    "rename_atom_dataset",
+    "rename_sensor",
+    "add_ground_truth_to_dataset",
 )  # modules of atom_core.commands
 
 
@@ -46,8 +54,8 @@ def build_parser(only: Optional[str] = None) -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=atom_core.__version__)
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name in _COMMANDS:
-        if only in _COMMANDS and name != only:
+    for name in COMMANDS:
+        if only in COMMANDS and name != only:
             commands.add_parser(name)
             continue
         module = cast("Command", importlib.import_module(f"atom_core.commands.{name}"))

@@ -32,7 +32,7 @@ class FileDataSource(DataSource):
         entry = self._entry(collection, sensor)
         if not self._formats[sensor].ending:
             return bool(entry)
-        return "data_file" in entry and self._found(entry) is not None
+        return "data_file" in entry and data_path(self._folder, entry) is not None
 
     def read(self, collection: str, sensor: str) -> Any:
         """Return the data of a sensor as its modality reads them."""
@@ -54,7 +54,7 @@ class FileDataSource(DataSource):
                 f"collection {collection} names no data_file of sensor '{sensor}'; leave the "
                 f"sensor out with -ssf or collect again"
             )
-        path = self._found(entry)
+        path = data_path(self._folder, entry)
         if path is None:
             raise DatasetError(
                 f"{self._folder / entry['data_file']}: the data file of sensor '{sensor}', "
@@ -63,11 +63,12 @@ class FileDataSource(DataSource):
             )
         return path
 
-    def _found(self, entry: Mapping[str, Any]) -> Optional[Path]:
-        """Return where a data file is: where the dataset says, or beside the dataset."""
-        named = Path(entry["data_file"])
-        places = (self._folder / named, self._folder / named.name)
-        return next((path for path in places if path.is_file()), None)
+
+def data_path(folder: Path, entry: Mapping[str, Any]) -> Optional[Path]:
+    """Return where the data file of an entry is: where the dataset says, or beside it; or None."""
+    named = Path(entry["data_file"])
+    places = (folder / named, folder / named.name)
+    return next((path for path in places if path.is_file()), None)
 
 
 class RecentData(DataSource):

@@ -17,7 +17,7 @@ import numpy as np
 
 from atom_core.errors import AtomError, DatasetError
 from atom_core.io.atomic import write_text_atomically
-from atom_core.io.data_files import FileDataSource
+from atom_core.io.data_files import FileDataSource, data_path
 from atom_core.io.dataset_entries import (
     camera_of_entry,
     joint_document,
@@ -392,15 +392,28 @@ def write_dataset(dataset: Dataset, path: Path, relabeled: Iterable[DetectionKey
     Raises:
         OutputError: the file cannot be written; an older one is left as it was.
     """
-    document = document_of(dataset, relabeled)
-    here, home = Path(path).resolve().parent, dataset.source.resolve().parent
-    if here != home:
-        for collection in document["collections"].values():
-            data = dict(collection.get("data") or {})
-            for sensor, entry in data.items():
-                if isinstance(entry, dict) and (home / str(entry.get("data_file"))).is_file():
-                    moved = os.path.relpath(home / entry["data_file"], here)
-                    data[sensor] = {**entry, "data_file": moved}
-            if data:
-                collection["data"] = data
+    document = relocated(document_of(dataset, relabeled), dataset.source.parent, Path(path).parent)
     write_text_atomically(Path(path), dumps(document))
+
+
+def relocated(document: Mapping[str, Any], home: Path, here: Path) -> Dict[str, Any]:
+    """Return the document with its data files named from another folder.
+
+    Args:
+        document: as it lies in a folder.
+        home: that folder.
+        here: where it is to lie.
+    """
+    home, here = Path(home).resolve(), Path(here).resolve()
+    if home == here:
+        return dict(document)
+    collections = {}
+    for key, collection in document["collections"].items():
+        data = dict(collection.get("data") or {})
+        for sensor, entry in data.items():
+            if isinstance(entry, dict) and entry.get("data_file"):
+                found = data_path(home, entry)
+                if found is not None:
+                    data[sensor] = {**entry, "data_file": os.path.relpath(found, here)}
+        collections[key] = {**collection, **({"data": data} if data else {})}
+    return {**document, "collections": collections}

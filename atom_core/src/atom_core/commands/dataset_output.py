@@ -1,0 +1,63 @@
+"""What the dataset tools share: where they write, and that nothing is lost there."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any, Dict, Mapping, Sequence
+
+from atom_core.commands import common
+from atom_core.errors import OutputError
+from atom_core.io.atomic import write_text_atomically
+from atom_core.io.dataset_json import dumps, relocated
+
+
+def add_overwrite_option(parser: argparse.ArgumentParser) -> None:
+    """Add the permission to replace files."""
+    common.add_option(
+        parser, "overwrite", "-ow", action="store_true", help="replace files of an earlier run"
+    )
+
+
+def beside(dataset: Path, addition: str) -> Path:
+    """Return a path beside a dataset: `train.json` and `_a` give `train_a.json`."""
+    return dataset.with_name(f"{dataset.stem}{addition}.json")
+
+
+def write_documents(
+    source: Path, documents: Mapping[Path, Mapping[str, Any]], overwrite: bool
+) -> None:
+    """Write datasets that were made from another one; say what each holds.
+
+    Args:
+        source: the dataset that they were made from, whose data files they share.
+        documents: by path.
+        overwrite: replace files; never the source.
+
+    Raises:
+        OutputError: a file is in the way, and nothing is written.
+    """
+    refuse_existing(source, list(documents), overwrite)
+    for path, document in documents.items():
+        text = dumps(relocated(document, source.parent, path.parent))
+        write_text_atomically(path, text)
+        print(described(path, document))
+
+
+def refuse_existing(source: Path, targets: Sequence[Path], overwrite: bool) -> None:
+    """Refuse targets that exist.
+
+    Raises:
+        OutputError: naming the first.
+    """
+    for path in targets:
+        if path.exists() and path.resolve() == source.resolve():
+            raise OutputError(f"{path}: is the input, which is left alone; choose another name")
+        if path.exists() and not overwrite:
+            raise OutputError(f"{path}: exists already; add --overwrite, or choose another name")
+
+
+def described(path: Path, document: Mapping[str, Any]) -> str:
+    """Return a line on a dataset that was written."""
+    counts: Dict[str, int] = {name: len(document[name]) for name in ("sensors", "collections")}
+    return f"{path}: {counts['sensors']} sensors, {counts['collections']} collections"

@@ -1,0 +1,62 @@
+"""Put the collections of two datasets of one rig into a new one."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from pathlib import Path
+
+from atom_core.commands import common
+from atom_core.commands.dataset_output import add_overwrite_option, described
+from atom_core.errors import OutputError
+from atom_core.io.atomic import prepare_output_folder, write_text_atomically
+from atom_core.io.dataset_json import dumps, read_dataset
+from atom_core.io.dataset_tools import merged
+from atom_core.io.dataset_writer import DATASET_FILE
+
+EXAMPLE = "python3 -m atom_core merge_atom_datasets -ds1 a/dataset.json -ds2 b/dataset.json -dof ab"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    for number, which in ((1, "one"), (2, "the other, whose collections are renumbered")):
+        common.add_option(
+            parser,
+            f"dataset{number}",
+            f"-ds{number}",
+            required=True,
+            type=Path,
+            metavar="FILE",
+            help=f"the dataset's JSON: {which}",
+        )
+    common.add_option(
+        parser,
+        "output",
+        *("-dof", "--dataset_output_folder", "-o"),
+        required=True,
+        type=Path,
+        metavar="DIR",
+        help="folder for both, data files included",
+    )
+    add_overwrite_option(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Check, copy, write the JSON last, so that the dataset is whole or absent."""
+    common.refuse_occupied(args.output, args.overwrite)
+    document, files = merged(read_dataset(args.dataset1), read_dataset(args.dataset2))
+    target = args.output / DATASET_FILE
+    for source in (args.dataset1, args.dataset2):
+        if source.resolve().parent == args.output.resolve():
+            raise OutputError(
+                f"{args.output}: holds {source.name}, which would change; choose another"
+            )
+    folder = prepare_output_folder(args.output, args.overwrite)
+    for file in files:
+        try:
+            shutil.copyfile(file.source, folder / file.name)
+        except OSError as error:
+            raise OutputError(f"{folder / file.name}: {error.strerror}") from None
+    write_text_atomically(target, dumps(document))
+    print(described(target, document))
+    return 0

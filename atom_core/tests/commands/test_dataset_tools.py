@@ -1,0 +1,235 @@
+"""ATOM's tools for datasets: nothing is lost, nothing is made up, the input stays as it was."""
+
+import json
+import math
+import shutil
+
+import numpy as np
+import pytest
+
+from atom_core import cli
+from atom_core.io.dataset_json import read_dataset
+from atom_core.io.dataset_tools import joint_clusters
+from atom_core.io.dataset_writer import write_dataset_folder
+from atom_core.synthetic import Noise, arm, scenes
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Return a folder with a dataset of two cameras and a LiDAR, all data files in it."""
+    folder = tmp_path_factory.mktemp("made")
+    scene = scenes.random_scene(2, depth=0, lidar3d=1, collections=7, noise=Noise.none())
+    boards = {("pattern_1", "000"): ("rgb_1", np.eye(4))}
+    write_dataset_folder(scene.dataset, folder / "data", name="seven", initial_boards=boards)
+    return folder / "data"
+
+
+@pytest.fixture
+def path(made, tmp_path):
+    shutil.copytree(made, tmp_path / "data")
+    return tmp_path / "data" / "dataset.json"
+
+
+def run(*words, code=0):
+    assert cli.main([str(word) for word in words]) == code
+
+
+def refused(capsys, *words):
+    capsys.readouterr()
+    run(*words, code=2)
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1
+    return line
+
+
+def document_of(path):
+    return json.loads(path.read_text())
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("percent", [30, 50, 72])
+def test_the_parts_of_a_split_are_the_whole(path, percent, seed):
+    run("split_atom_dataset", "-json", path, "-tp", percent, "-ss", seed)
+    whole = document_of(path)
+    train, test = (document_of(path.with_name(f"dataset_{p}.json")) for p in ("train", "test"))
+    assert len(train["collections"]) == math.floor(7 * percent / 100)
+    assert {**train["collections"], **test["collections"]} == whole["collections"]
+    assert not set(train["collections"]) & set(test["collections"])
+    assert train["_metadata"]["dataset_name"] == "seven_train"
+    for part in (train, test):
+        initial = part["patterns"]["pattern_1"]["transforms_initial"]
+        assert set(initial) == set(part["collections"])
+    run("split_atom_dataset", "-json", path, "-tp", percent, "-ss", seed, "-ow")
+    assert document_of(path.with_name("dataset_train.json")) == train  # of the same seed
+    assert document_of(path) == whole
+
+
+def test_a_split_is_alike_in_what_is_seen(path):
+    """Half of the collections without the LiDAR: so is half of each part."""
+    document = document_of(path)
+    seen = [k for k, c in document["collections"].items() if label(c)["detected"]]
+    for key in seen[: len(seen) // 2]:
+        label(document["collections"][key]).update(detected=False, idxs=[], idxs_limit_points=[])
+    path.write_text(json.dumps(document))
+    there = len(seen) - len(seen) // 2
+    for seed in range(5):
+        run("split_atom_dataset", "-json", path, "-tp", 58, "-ss", seed, "-ow")
+        train = read_dataset(path.with_name("dataset_train.json"))
+        count = sum(key.sensor == "lidar_1" for key, _ in train.detections())
+        assert abs(count - there * 4 / 7) < 1.5
+
+
+def label(collection):
+    return collection["labels"]["pattern_1"]["lidar_1"]
+
+
+def test_a_split_that_blinds_a_sensor_is_refused(path, capsys):
+    document = document_of(path)
+    for key in list(document["collections"])[1:]:
+        label(document["collections"][key]).update(detected=False, idxs=[], idxs_limit_points=[])
+    assert label(document["collections"]["000"])["detected"]
+    path.write_text(json.dumps(document))
+    assert "leaves sensor 'lidar_1'" in refused(
+        capsys, "split_atom_dataset", "-json", path, "-tp", "50"
+    )
+    for percent in (0, 5, 100):
+        assert "both parts need one" in refused(
+            capsys, "split_atom_dataset", "-json", path, "-tp", percent
+        )
+    assert sorted(p.name for p in path.parent.glob("*.json")) == ["dataset.json"]
+
+
+def test_what_was_split_merges_into_the_same(path, tmp_path):
+    run("split_atom_dataset", "-json", path, "-tp", "50")
+    parts = [path.with_name(f"dataset_{part}.json") for part in ("train", "test")]
+    run("merge_atom_datasets", "-ds1", parts[0], "-ds2", parts[1], "-dof", tmp_path / "new")
+    new = read_dataset(tmp_path / "new" / "dataset.json")
+    old = read_dataset(path)
+    order = [key for part in parts for key in read_dataset(part).collections]
+    names = list(read_dataset(parts[0]).collections)
+    begin = int(max(names)) + 1
+    names += [f"{begin + i:03d}" for i in range(len(order) - len(names))]
+    assert list(new.collections) == names
+    first = new.document["patterns"]["pattern_1"]["transforms_initial"]
+    assert set(first) == set(names)
+    for before, after in zip(order, names):
+        a, b = old.collections[before], new.collections[after]
+        assert {k: v.summary(old.patterns[k[1]]) for k, v in a.labels.items()} == {
+            k: v.summary(new.patterns[k[1]]) for k, v in b.labels.items()
+        }
+        np.testing.assert_array_equal(
+            old.data.read(before, "lidar_1"), new.data.read(after, "lidar_1")
+        )
+        stored = old.document["patterns"]["pattern_1"]["transforms_initial"][before]
+        assert first[after] == stored
+    assert cli.main(["check", "--dataset", str(new.source)]) == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda d: d["sensors"]["rgb_1"]["camera_info"]["K"].__setitem__(0, 9.0), "camera_info"),
+        (lambda d: d["sensors"]["rgb_2"].update(calibration_child="x"), "calibrated edge"),
+        (lambda d: d["sensors"].pop("rgb_2"), "the sensors differ"),
+        (
+            lambda d: d["calibration_config"]["calibration_patterns"]["pattern_1"].update(
+                fixed=True
+            ),
+            "another board",
+        ),
+    ],
+)
+def test_rigs_that_differ_are_not_merged(path, tmp_path, capsys, change, words):
+    document = document_of(path)
+    change(document)
+    other = path.with_name("other.json")
+    other.write_text(json.dumps(document))
+    line = ["merge_atom_datasets", "-ds1", path, "-ds2", other, "-dof", tmp_path / "new"]
+    assert words in refused(capsys, *line)
+    assert not (tmp_path / "new").exists()
+
+
+def test_collections_are_kept_as_selected(path, tmp_path, capsys):
+    tool = ["remove_collections_from_atom_dataset", "-json", path]
+    run(*tool, "-csf", "lambda x: int(x) in [1, 4]")
+    assert list(document_of(path.with_name("dataset_filtered.json"))["collections"]) == [
+        "001",
+        "004",
+    ]
+    assert "exists already" in refused(capsys, *tool, "-csf", "000")
+    assert "is the input" in refused(capsys, *tool, "-csf", "000", "-o", path, "-ow")
+    elsewhere = tmp_path / "elsewhere" / "few.json"
+    elsewhere.parent.mkdir()
+    run(*tool, "-csf", "!000", "-o", elsewhere)
+    few = read_dataset(elsewhere)
+    assert len(few.collections) == 6
+    assert few.data.read("001", "lidar_1").shape[1] == 3  # names its data from there
+
+
+def test_a_renamed_sensor_is_the_same_everywhere(path, capsys):
+    tool = ["rename_sensor", "-json", path]
+    run(*tool, "-s", "rgb_1", "-n", "left")
+    before, after = read_dataset(path), read_dataset(path.with_name("dataset_renamed.json"))
+    assert "rgb_1" not in path.with_name("dataset_renamed.json").read_text().replace(
+        "rgb_1_", ""
+    ).replace("/rgb_1/", "")
+    assert after.config.anchored_sensor == "left" and after.sensors["left"].name == "left"
+    seen = [{k for k, _ in d.detections()} for d in (before, after)]
+    assert {(k.collection, k.sensor.replace("rgb_1", "left")) for k in seen[0]} == {
+        (k.collection, k.sensor) for k in seen[1]
+    }
+    assert "there is no sensor 'x'" in refused(capsys, *tool, "-s", "x", "-n", "y", "-ow")
+    assert "taken" in refused(capsys, *tool, "-s", "rgb_1", "-n", "rgb_2", "-ow")
+
+
+def test_a_truth_is_kept_beside_the_transforms(path, capsys):
+    true = path.with_name("true.json")
+    run("add_ground_truth_to_dataset", "-ji", path, "-jo", true)
+    for collection in document_of(true)["collections"].values():
+        assert collection["transforms_ground_truth"] == collection["transforms"]
+    again = ["add_ground_truth_to_dataset", "-ji", true, "-jo", path.with_name("b.json")]
+    assert "already" in refused(capsys, *again)
+
+
+def test_a_dataset_and_its_folder_are_renamed(path, capsys):
+    (path.parent / "notes.json").write_text("[1]")
+    run("rename_atom_dataset", "-d", path.parent, "-n", "train")
+    moved = path.parent.with_name("train")
+    assert document_of(moved / "dataset.json")["_metadata"]["dataset_name"] == "train"
+    assert (moved / "notes.json").read_text() == "[1]" and not path.parent.exists()
+    assert "exists already" in refused(capsys, "rename_atom_dataset", "-d", moved, "-n", "train")
+
+
+def test_inspection_tells_what_is_seen(path, capsys):
+    run("inspect_atom_dataset", "-json", path, "-csf", "000", "001")
+    out = capsys.readouterr().out
+    dataset = read_dataset(path)
+    for key in ("000", "001"):
+        row = next(line for line in out.splitlines() if line.startswith(f"{key}  "))
+        missing = len(dataset.sensors) - len(dataset.collections[key].labels)
+        assert row.count("not detected") == missing
+    assert "complete: " in out and "002" not in out
+
+
+def test_joints_are_inspected_and_collections_grouped_by_them(tmp_path, capsys):
+    scene = arm.camera_on_arm(0, errors={"elbow": {"position_bias": 0.0}}, collections=4)
+    path = write_dataset_folder(scene.dataset, tmp_path / "arm", name="arm")
+    run("inspect_atom_dataset", "-json", path)
+    assert "Positions of the joints" in capsys.readouterr().out
+    dataset = read_dataset(path)
+    positions = {key: c.joints["elbow"].position for key, c in dataset.collections.items()}
+    for distance in (0.0, 0.05, 0.2, 10.0):
+        clusters = joint_clusters(dataset, "elbow", distance)
+        assert sorted(key for keys in clusters.values() for key in keys) == sorted(positions)
+        group = {key: number for number, keys in clusters.items() for key in keys}
+        for a in positions:
+            near = [b for b in positions if b != a and abs(positions[a] - positions[b]) <= distance]
+            assert (group[a] == -1) == (not near)
+            assert all(group[b] == group[a] for b in near)
+    run("filter_dataset_based_on_joint_states", "-json", path, "-j", "elbow", "-t", "10")
+    assert (
+        document_of(path.with_name("dataset_elbow_0.json"))["collections"].keys()
+        == positions.keys()
+    )
+    wrong = ["filter_dataset_based_on_joint_states", "-json", path, "-j", "knee"]
+    assert "no joint 'knee'" in refused(capsys, *wrong)
