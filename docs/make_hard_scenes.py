@@ -18,14 +18,14 @@ from make_label_sheets import FOLDER, _sheet, _write
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "atom_core" / "tests" / "labeling"))
 from hard_labels import CAMERA, Measured, judged, measured, world_T_sensor  # noqa: E402
-from hard_scenes import DIFFICULTIES, KINDS, Frame, hard_frame, middle_of  # noqa: E402
+from hard_scenes import DIFFICULTIES, IMAGES, KINDS, Frame, hard_frame, middle_of  # noqa: E402
 
 from atom_core.geometry import se3  # noqa: E402
 
 WIDTH, HEIGHT, LINE = 200, 166, 16  # of a tile [px]
 SCALE = 4  # tiles are drawn larger
 OUTSIDE = 0.35  # of the board's size, shown around it
-LIDARS = [kind for kind in KINDS if kind != "depth"]
+LIDARS = [kind for kind in KINDS if kind not in IMAGES]
 
 
 def main() -> None:

@@ -1,10 +1,11 @@
 """Measures hard scenes, labels them with a seed and by search, and compares with the truth."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple, Optional, Tuple
 
 import numpy as np
-from hard_scenes import KINDS, LARGE, Frame, Plate, middle_of
+from hard_scenes import IMAGES, KINDS, LARGE, Frame, Plate, middle_of
 from lidar_scenes import ranges_of, scan
 
 from atom_core.geometry import se3
@@ -63,7 +64,10 @@ class Judged:
 
 def measured(frame: Frame) -> Measured:
     """Return what the frame's sensor measures."""
-    return _image(frame) if frame.kind == "depth" else _cloud(frame)
+    if frame.kind not in IMAGES:
+        return _cloud(frame)
+    image = _image(frame)
+    return image if frame.kind == "depth" else image._replace(data=Cloud(image.points))
 
 
 def judged(frame: Frame, seen: Measured) -> Tuple[Optional[Judged], Judged]:
@@ -85,8 +89,8 @@ def at_the_other(frame: Frame, seen: Measured) -> Optional[Judged]:
     if frame.other is None:
         return None
     plate = frame.other
-    for x, y in plate.border.sample(0.05) if frame.kind == "depth" else ():
-        if _as_seed(frame, se3.apply(plate.world_T_plate, np.array([[x, y, 0.0]]))[0]) is None:
+    for x, y in plate.border.sample(0.05) if frame.kind in IMAGES else ():
+        if _in_image(frame, se3.apply(plate.world_T_plate, np.array([[x, y, 0.0]]))[0]) is None:
             return None
     seed = _as_seed(frame, middle_of(*frame.other))
     if seed is None:
@@ -96,19 +100,23 @@ def at_the_other(frame: Frame, seen: Measured) -> Optional[Judged]:
 
 def labeler_of(frame: Frame):
     """Return the labeler of a frame's sensor and board."""
-    size = frame.border.half_size[0] / 0.4 * 0.06 if frame.border is LARGE else 0.02
-    borders = (0.04, 0.03) if frame.border is LARGE else (0.015, 0.01)
+    return _labeler(frame.kind == "depth", frame.border is LARGE)
+
+
+@lru_cache(maxsize=None)
+def _labeler(depth_image: bool, large: bool):
+    size, borders = (0.06, (0.04, 0.03)) if large else (0.02, (0.015, 0.01))
     config = charuco(size=size, inner_size=0.75 * size, border_size=borders)
     pattern = pattern_from_config("board", config)
     edge = Edge("world", "sensor")
-    if frame.kind == "depth":
+    if depth_image:
         return DepthLabeler(Sensor("sensor", DEPTH, "sensor", edge, CAMERA), pattern)
     return Lidar3dLabeler(Sensor("sensor", LIDAR3D, "sensor", edge), pattern)
 
 
 def world_T_sensor(frame: Frame) -> np.ndarray:
     """Return the sensor's pose."""
-    return frame.scene.world_T_lidar @ (OPTICAL if frame.kind == "depth" else np.eye(4))
+    return frame.scene.world_T_lidar @ (OPTICAL if frame.kind in IMAGES else np.eye(4))
 
 
 def _cloud(frame: Frame) -> Measured:
@@ -146,9 +154,7 @@ def _in_dark(frame: Frame, points: np.ndarray) -> np.ndarray:
 
 def _image(frame: Frame) -> Measured:
     rng, shape = np.random.default_rng(frame.seed), (CAMERA.height, CAMERA.width)
-    row, column = np.mgrid[0 : shape[0], 0 : shape[1]]
-    rays = CAMERA.normalise(np.column_stack([column.ravel(), row.ravel()]))
-    rays = np.column_stack([rays, np.ones(len(rays))])
+    rays = _rays()
     scene = frame.scene._replace(world_T_lidar=world_T_sensor(frame))
     z, on_board = ranges_of(scene, rays, frame.border)
     z = z.reshape(shape)
@@ -177,6 +183,13 @@ def _image(frame: Frame) -> Measured:
     return Measured(seen, points, on_board, at_edge.ravel(), _share_seen(frame), bool(enough))
 
 
+@lru_cache(maxsize=None)
+def _rays() -> np.ndarray:
+    row, column = np.mgrid[0 : CAMERA.height, 0 : CAMERA.width]
+    rays = CAMERA.normalise(np.column_stack([column.ravel(), row.ravel()]))
+    return np.column_stack([rays, np.ones(len(rays))])
+
+
 def _share_seen(frame: Frame) -> float:
     """Return the share of the board that is in the field of view and behind nothing."""
     board = frame.scene.world_T_board
@@ -189,7 +202,7 @@ def _share_seen(frame: Frame) -> float:
     points = se3.apply(sensor_T_board, np.column_stack([grid, np.zeros(len(grid))]))
     scene = frame.scene._replace(world_T_lidar=world_T_sensor(frame))
     _, free = ranges_of(scene, points, frame.border)
-    if frame.kind == "depth":
+    if frame.kind in IMAGES:
         pixels = CAMERA.project(points)
         free &= np.all((pixels >= 0) & (pixels < [CAMERA.width, CAMERA.height]), axis=1)
     else:
@@ -206,12 +219,18 @@ def _share_seen(frame: Frame) -> float:
 
 def _as_seed(frame: Frame, in_world: np.ndarray) -> Optional[np.ndarray]:
     """Return a point as a seed of the sensor; None where it is out of an image."""
+    if frame.kind not in IMAGES:
+        return se3.apply(se3.inverse(world_T_sensor(frame)), in_world[None])[0]
+    seen = _in_image(frame, in_world)
+    return None if seen is None else seen[0 if frame.kind == "depth" else 1]
+
+
+def _in_image(frame: Frame, in_world: np.ndarray) -> Optional[Tuple[np.ndarray, np.ndarray]]:
+    """Return the pixel of a point and the point in the camera's frame; None out of the image."""
     point = se3.apply(se3.inverse(world_T_sensor(frame)), in_world[None])
-    if frame.kind != "depth":
-        return point[0]
     pixel = CAMERA.project(point)[0]
     inside = np.all((pixel >= 0) & (pixel <= [CAMERA.width - 1, CAMERA.height - 1]))
-    return pixel if inside and point[0, 2] > 0.1 else None
+    return (pixel, point[0]) if inside and point[0, 2] > 0.1 else None
 
 
 def _judged(frame: Frame, seen: Measured, labeled: Labeled, least: float) -> Judged:

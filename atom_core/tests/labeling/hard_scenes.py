@@ -64,7 +64,9 @@ KINDS: Dict[str, Kind] = {
     "strewn": Kind(strewn(), 0.008, 3.0, 1.4, np.radians(30.0)),
     "tof": Kind(tof(), 0.005, 3.0, 1.4, np.radians(24.0)),
     "depth": Kind(None, 0.0, 2.6, 1.3, np.radians(23.4)),
+    "depth points": Kind(None, 0.0, 2.6, 1.3, np.radians(23.4)),
 }
+IMAGES = ("depth", "depth points")  # the same camera's images, and its points as a cloud
 
 
 @dataclass(frozen=True)

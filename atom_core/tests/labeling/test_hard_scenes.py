@@ -9,19 +9,18 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 
 from hard_labels import at_the_other, judged, measured
-from hard_scenes import DIFFICULTIES, KINDS, hard_frame
+from hard_scenes import DIFFICULTIES, IMAGES, KINDS, hard_frame
 
 from atom_core import native
 
 pytestmark = pytest.mark.skipif(not native.available(), reason="the compiled core is not built")
 
-PAIRS = [(d, k) for d in DIFFICULTIES for k in KINDS if d != "sun" or k == "depth"]
+PAIRS = [(d, k) for d in DIFFICULTIES for k in KINDS if d != "sun" or k in IMAGES]
 LEAST_FOUND = 0.9
 WEAK = {  # what is reached so far
     ("cut by the view", "rosette"): 0.1,
     ("cut by the view", "strewn"): 0.0,
     ("cut by the view", "tof"): 0.0,
-    ("wall behind", "depth"): 0.7,
     ("small on a pole", "64 layers"): 0.6,
 }
 FEW, MANY = 1, 40  # frames of each pair; five kinds of LiDARs make 200 of a difficulty
@@ -50,7 +49,7 @@ def test_a_hard_scene_gives_no_false_label(difficulty, kind):
 @pytest.mark.long
 @pytest.mark.parametrize(("difficulty", "kind"), PAIRS)
 def test_hard_scenes(difficulty, kind):
-    expected, tried = results(difficulty, kind, range(200 if kind == "depth" else MANY))
+    expected, tried = results(difficulty, kind, range(200 if kind in IMAGES else MANY))
     assert not any(label.false for label in tried)
     if expected:
         least = WEAK.get((difficulty, kind), LEAST_FOUND)
@@ -63,6 +62,15 @@ def test_another_board_is_refused_with_both_sizes(kind):
     for label in judged(frame, measured(frame)):
         assert not label.labeled.detected
         assert SIZES in label.labeled.reason
+
+
+@pytest.mark.parametrize(
+    ("difficulty", "number"), [("wall behind", 1000), ("small on posts", 1054)]
+)
+def test_a_depth_camera_finds_boards_before_walls_and_on_posts_by_search(difficulty, number):
+    frame = hard_frame(difficulty, "depth", number)
+    at_seed, searched = judged(frame, measured(frame))
+    assert at_seed.found and searched.found
 
 
 @pytest.mark.parametrize("kind", KINDS)

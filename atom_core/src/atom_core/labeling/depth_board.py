@@ -25,7 +25,8 @@ _SQUARE = np.ones((3, 3), dtype=np.uint8)
 _WIDER, _WIDEST = np.ones((5, 5), dtype=np.uint8), np.ones((7, 7), dtype=np.uint8)
 _RING_PX = 4  # more than what the ring around a region reaches beyond it
 _SHIFT = 4  # binary digits of a pixel for drawing
-_POST_SHARE, _LEAST_CORE = 0.25, 0.5
+_POST_SHARE, _LEAST_CORE = 0.4, 0.5  # of the board's shorter side, and of its area
+_INTO_CORNERS = 0.6  # of the radius of what fits into a board
 _BORDER_POINTS, _LEAST_BORDER_PX = 400, 12
 _BORDER_M = 0.012
 _SAME_SIZE = 0.03  # of a side
@@ -91,7 +92,9 @@ def judge(view: DepthView, plane: Plane, region: Region) -> Labeled:
         return nothing(DEPTH, _too("slanted", quality["angle_deg"], "deg"), quality)
     pixel_m = quality["distance_m"] / view.focal_px
     slant = float(np.cos(np.radians(quality["angle_deg"])))
-    region = _without_posts(region, 2.0 * float(view.half_size.min()) * slant / pixel_m)
+    board_px = 2.0 * view.half_size / pixel_m
+    narrow_px, all_px = float(board_px.min()) * slant, float(board_px.prod()) * slant
+    region = _without_posts(view, region, narrow_px, all_px)
     surface = _Surface(view, plane, axes, region)
     quality["pixels"] = float(np.count_nonzero(region.mask))
     inner = surface.in_plane(*_thinned(region.mask))
@@ -263,20 +266,41 @@ def _index(view: DepthView, region: Region, rows: np.ndarray, columns: np.ndarra
     return columns + region.left + (rows + region.top) * view.camera.width
 
 
-def _without_posts(region: Region, width_px: float) -> Region:
-    """Return the region without what is much narrower than the board: the post that carries it.
+def _without_posts(view: DepthView, region: Region, width_px: float, board_px: float) -> Region:
+    """Return the region without what is much narrower than the board: the posts that carry it.
 
     Args:
+        view: the image.
         region: on the plane, without holes.
         width_px: the board's shorter side, foreshortened [px].
+        board_px: number of pixels on the whole board, foreshortened.
     """
-    side = int(np.clip(_POST_SHARE * width_px, 3, 61)) | 1
-    kernel = np.ones((side, side), np.uint8)
-    wide = cv2.dilate(cv2.morphologyEx(region.mask, cv2.MORPH_OPEN, kernel), kernel)
-    core = region.mask & wide
-    if np.count_nonzero(core) < _LEAST_CORE * np.count_nonzero(region.mask):
+    radius_px = _POST_SHARE * width_px / 2.0
+    if 2.0 * radius_px > max(region.mask.shape):
+        return region
+    core = region.mask & _wide(view, region, radius_px)
+    if np.count_nonzero(core) < _LEAST_CORE * min(np.count_nonzero(region.mask), board_px):
         return region  # all of it is narrow: a corner of the board at the image's edge
     return region._replace(mask=core)
+
+
+def _wide(view: DepthView, region: Region, radius_px: float) -> np.ndarray:
+    """Return 1 where a circle of some radius fits into a region, and a little around.
+
+    A little, since no circle reaches into a corner. Beyond the image the region goes on.
+    """
+    pad = int(radius_px) + 2
+    (height, width), camera = region.mask.shape, view.camera
+    vertical = (region.top == 0, region.top + height == camera.height)
+    horizontal = (region.left == 0, region.left + width == camera.width)
+    inner = [pad if at_edge else 0 for at_edge in (*vertical, *horizontal)]
+    grown = cv2.copyMakeBorder(region.mask, *inner, cv2.BORDER_REPLICATE)
+    outer = [pad - size for size in inner]
+    grown = cv2.copyMakeBorder(grown, *outer, cv2.BORDER_CONSTANT, value=0)
+    middles = cv2.distanceTransform(grown, cv2.DIST_L2, 5) >= radius_px
+    away = cv2.distanceTransform((~middles).astype(np.uint8), cv2.DIST_L2, 5)
+    wide = (away <= (1.0 + _INTO_CORNERS) * radius_px) & bool(middles.any())
+    return wide[pad : pad + height, pad : pad + width].astype(np.uint8)
 
 
 def _outermost(mask: np.ndarray) -> np.ndarray:

@@ -14,7 +14,15 @@ from atom_core.labeling.depth_plane import (
     grown_plane,
     plane_region,
 )
-from atom_core.labeling.depth_view import CROSS, DepthView, Plane, PlaneAxes, Region, closed
+from atom_core.labeling.depth_view import (
+    CROSS,
+    DepthView,
+    Plane,
+    PlaneAxes,
+    Region,
+    closed,
+    spread,
+)
 
 _MOST_REGIONS = 30
 _COARSE = 2  # pixels, of the map of what is searched
@@ -22,6 +30,9 @@ _LEAST_DEEP_PX = 5.0  # from a region's middle to its border
 _LEAST_DEEP = 0.15  # the same as a share of the board's shorter half side
 _PATCH, _BEYOND = 0.3, 1.02  # of the diagonal: what a first plane is fitted to; farther is no board
 _LEAST_RING, _LARGER_SHARE, _FAR_TOLERANCE = 6, 0.4, 2.0
+_BEHIND = 0.6  # tolerances of a pixel: 2 sigmas
+_FITS, _FIT_POINTS = 2, 2000  # of a larger surface
+_ON_PLANE, _AROUND = 0.5, (5, 5)  # tolerances, on the average of so many pixels
 
 
 def plane_regions(view: DepthView) -> Iterator[PlaneRegion]:
@@ -84,14 +95,34 @@ def _larger_surface(view: DepthView, seed: np.ndarray) -> Optional[np.ndarray]:
     if len(ring[0]) < _LEAST_RING:
         return None
     seen = view.depth_m[ring]
-    off = np.abs(seen - plane.z(view.rays[ring]))
-    near = off <= _FAR_TOLERANCE * view.tolerance_m(plane, seen)
-    if np.mean(near) < _LARGER_SHARE:
-        return None
-    seen = view.depth_m[::_COARSE, ::_COARSE]
-    everywhere = plane.z(view.rays[::_COARSE, ::_COARSE])
-    with np.errstate(invalid="ignore"):
-        return np.abs(seen - everywhere) <= view.tolerance_m(plane, seen)
+    off = (seen - plane.z(view.rays[ring])) / view.tolerance_m(plane, seen)
+    if np.mean(np.abs(off) <= _FAR_TOLERANCE) < _LARGER_SHARE or np.median(off) > _BEHIND:
+        return None  # a wall right behind a board is all behind its plane
+    return _on_plane(view, plane)
+
+
+def _on_plane(view: DepthView, plane: Plane) -> np.ndarray:
+    """Return the pixels, coarse, that lie on a plane on the average of those around them.
+
+    The plane is fitted again to all that it meets: a board right before a wall is off the wall's
+    plane by little more than the noise of a pixel.
+    """
+    seen, rays = view.depth_m[::_COARSE, ::_COARSE], view.rays[::_COARSE, ::_COARSE]
+    for _ in range(_FITS):
+        with np.errstate(invalid="ignore"):
+            near = np.abs(seen - plane.z(rays)) <= view.tolerance_m(plane, seen)
+        rows, columns = np.nonzero(near)
+        chosen = spread(len(rows), _FIT_POINTS)
+        at = rows[chosen], columns[chosen]
+        again = grown_plane(rays[at], seen[at], np.zeros(len(chosen)))
+        if again is None:
+            break
+        plane = again
+    off = (seen - plane.z(rays)) / view.tolerance_m(plane, seen)
+    known = np.isfinite(off)
+    off = cv2.blur(np.where(known, np.clip(off, -2.0, 2.0), 0.0).astype(np.float32), _AROUND)
+    share = cv2.blur(known.astype(np.float32), _AROUND)
+    return known & (np.abs(off) <= _ON_PLANE * share)
 
 
 def _patch_plane(view: DepthView, seed: np.ndarray) -> Optional[Plane]:

@@ -2,7 +2,7 @@
 
 Planes and outlines are found in C++ (``board_segmentation.h``), by the layers of a spinning scanner
 where the cloud has them, by the outline in the plane where it has none; here clouds are read, and
-results become labels.
+results become labels. Clouds that are depth images are labeled as such (`image_cloud`).
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from atom_core.errors import LabelingError
 from atom_core.geometry import se3
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.labeling.base import Labeled, nothing
+from atom_core.labeling.image_cloud import as_image, label_in_image
 from atom_core.model.config import PatternConfig
 from atom_core.model.labels import RangeLabel
 from atom_core.model.pattern import Pattern
@@ -64,12 +65,14 @@ class Lidar3dOptions:
         dark_square_m: side of squares that may return nothing; 0: a hole is a hole. The labeler
             takes the pattern's.
         use_layers: False: do as if the cloud had no scan layers.
+        use_image: False: do as if the cloud were no depth image.
     """
 
     least_layers: int = 4
     beam_width_rad: float = 0.0
     dark_square_m: float = 0.0
     use_layers: bool = True
+    use_image: bool = True
 
 
 class FoundBoard(NamedTuple):
@@ -104,7 +107,7 @@ class Lidar3dLabeler:
     ):
         """Take what is known of sensor and pattern."""
         self._place = f"sensor '{sensor.name}', pattern '{pattern.name}'"
-        self._border = pattern.border
+        self._sensor, self._pattern, self._border = sensor, pattern, pattern.border
         self._options = options or Lidar3dOptions(
             beam_width_rad=sensor.beam_width_rad, dark_square_m=pattern.square_m
         )
@@ -122,6 +125,9 @@ class Lidar3dLabeler:
         """
         try:
             cloud = as_cloud(data)
+            in_image = self._in_image(cloud, seed)
+            if in_image is not None:
+                return in_image
             if seed is not None:
                 return board_at(cloud, self._border, seed, self._options).labeled
             found = _searched(cloud, self._border, self._options)
@@ -130,6 +136,15 @@ class Lidar3dLabeler:
         if not found:
             return nothing(LIDAR3D, _NO_BOARD)
         return found[0].labeled
+
+    def _in_image(self, cloud: Cloud, seed: Optional[np.ndarray]) -> Optional[Labeled]:
+        """Label a cloud that is a depth image; None where it is none."""
+        if cloud.ring is not None or not self._options.use_image:
+            return None
+        image = as_image(np.asarray(cloud.points, dtype=float), cloud.width, cloud.height)
+        if image is None:
+            return None
+        return label_in_image(image, cloud.points, self._sensor, self._pattern, seed)
 
 
 def as_cloud(data: CloudLike) -> Cloud:
