@@ -23,6 +23,7 @@ from atom_core.model.labels import RgbLabel
 from atom_core.model.pattern import pattern_from_config
 from atom_core.synthetic.board import charuco, chessboard
 from atom_core.synthetic.board_image import render
+from atom_core.synthetic.exposure import Exposure, exposed
 
 PIXEL_PX = 12**-0.5  # standard deviation of a pixel's own width
 K = np.array([[900.0, 0.0, 480.0], [0.0, 900.0, 360.0], [0.0, 0.0, 1.0]])
@@ -38,12 +39,21 @@ def pose_at(distance_m, tilt_deg, pattern):
     return pose
 
 
-def view_of(config, distance_m=1.0, tilt_deg=20.0, blur=(0.0, 0.0), scale=0.75, offset=25.0):
+def view_of(
+    config,
+    distance_m=1.0,
+    tilt_deg=20.0,
+    blur=(0.0, 0.0),
+    scale=0.75,
+    offset=25.0,
+    motion=(0.0, 0.0),
+):
     pattern = pattern_from_config("board", config)
     pose = pose_at(distance_m, tilt_deg, pattern)
     image = render(CAMERA, [((pattern, config), pose)])[..., 0].astype(float)
     if max(blur) > 0.0:
         image = cv2.GaussianBlur(image, (0, 0), max(blur[0], 0.01), sigmaY=max(blur[1], 0.01))
+    image = exposed(image, Exposure(motion_px=motion), np.random.default_rng(0)).astype(float)
     noise = 4.0 * np.random.default_rng(0).standard_normal(image.shape)
     image = np.clip(np.rint(image * scale + offset + noise), 0, 255).astype(np.uint8)
     ids = np.arange(pattern.corner_count)
@@ -66,6 +76,23 @@ def test_a_sharp_picture_has_the_blur_of_its_pixels_and_of_drawing(board):
 def test_of_motion_blur_the_worse_direction_counts():
     found = view_of(BOARDS["chessboard"], blur=(2.0, 0.5))["blur_px"]
     assert found == pytest.approx(np.hypot(2.0, PIXEL_PX), abs=0.2)
+
+
+@pytest.mark.parametrize("board", list(BOARDS))
+@pytest.mark.parametrize("towards_deg", [0, 37, 53, 90, 143])
+def test_motion_is_told_from_other_blur_in_any_direction(board, towards_deg):
+    direction = np.array([np.cos(np.radians(towards_deg)), np.sin(np.radians(towards_deg))])
+    figures = view_of(BOARDS[board], blur=(0.7, 0.7), motion=5.0 * direction)
+    assert figures["smear_px"] == pytest.approx(5.0, rel=0.25)
+    assert "px while the shutter was open" in described(figures)
+
+
+@pytest.mark.parametrize("board", list(BOARDS))
+@pytest.mark.parametrize("tilt_deg", [0.0, 45.0])
+@pytest.mark.parametrize("sigma", [0.0, 1.5])
+def test_other_blur_is_no_motion(board, tilt_deg, sigma):
+    figures = view_of(BOARDS[board], tilt_deg=tilt_deg, blur=(sigma, sigma))
+    assert figures["smear_px"] == 0.0 and "shutter" not in described(figures)
 
 
 def test_a_picture_without_edges_has_no_blur():

@@ -31,6 +31,7 @@ QUALITY_FILE = "quality.json"
 _VERSION = "1.0"
 _SHOWN = {  # figures of the summary: key, heading, decimals
     "blur_px": ("blur [px]", 2),
+    "smear_px": ("smear [px]", 1),
     "speed_px_s": ("motion [px/s]", 1),
     "speed_mm_s": ("motion [mm/s]", 1),
     "distance_m": ("distance [m]", 2),

@@ -15,6 +15,7 @@ from scipy.special import erf
 
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
+from atom_core.labeling.smear import smear_of
 from atom_core.labeling.stillness import CORNER_SIGMA_PX, CornerSighting
 from atom_core.model.config import PatternConfig
 from atom_core.model.labels import RgbLabel
@@ -75,10 +76,11 @@ def corner_view(
         camera_T_pattern: (4, 4) its pose; None: not known.
 
     Returns:
-        ``blur_px`` (of the more blurred direction), ``white_level`` and ``black_level`` (grey
-        values), ``clipped_share`` of the board's pixels that are as white as can be,
-        ``square_px``, and with a pose ``distance_m`` and ``tilt_deg``. What cannot be measured is
-        left out.
+        ``blur_px`` (of the more blurred direction), ``smear_px`` (how far the board moved while
+        the shutter was open; 0 where the blur is about the same all round), ``white_level`` and
+        ``black_level`` (grey values), ``clipped_share`` of the board's pixels that are as white as
+        can be, ``square_px``, and with a pose ``distance_m`` and ``tilt_deg``. What cannot be
+        measured is left out.
     """
     figures: Dict[str, float] = {}
     grey, corner = _around(image, label.pixels)
@@ -86,6 +88,7 @@ def corner_view(
     grid[label.ids] = label.pixels - corner
     grid = grid.reshape(pattern.rows, pattern.columns, 2)
     edges = [_edges(grid), _edges(grid.transpose(1, 0, 2))]
+    along: Optional[Tuple[float, float]] = None
     lengths = [np.linalg.norm(end - start, axis=1) for start, end in edges]
     if all(len(length) for length in lengths):
         figures["square_px"] = float(min(np.median(length) for length in lengths))
@@ -94,7 +97,12 @@ def corner_view(
         known = [blur for blur in blurs if blur is not None]
         if known:
             figures["blur_px"] = max(known)
+        if len(known) == 2:
+            along = (known[0], known[1])
     figures.update(_exposure(grey, label.pixels - corner))
+    if along is not None and "white_level" in figures:
+        step = figures["white_level"] - figures["black_level"]
+        figures["smear_px"] = smear_of(grey, grid, along, step).length_px
     if camera_T_pattern is not None:
         seen = surface_view(*_middle(camera_T_pattern, pattern))
         figures.update(seen)
@@ -137,6 +145,8 @@ def described(figures: Mapping[str, float]) -> str:
     """Return the figures of a label in a few words; empty where none of them is known."""
     forms = {"blur_px": "blur {:.1f} px", "distance_m": "{:.1f} m", "tilt_deg": "{:.0f} deg"}
     said = [form.format(figures[key]) for key, form in forms.items() if key in figures]
+    if figures.get("smear_px", 0.0) > 0.0:
+        said.insert(1, f"moved {figures['smear_px']:.0f} px while the shutter was open")
     word = exposure_word(figures)
     return ", ".join([*said, f"{word}exposed"] if word in ("over", "under") else said)
 
