@@ -9,7 +9,7 @@ JOBS := $(shell nproc)
 REPEAT := 1
 # A module of tests stays in one process, since its tests share what it made. One thread of linear
 # algebra in each process: more of them would only take the processors from one another.
-PYTEST = OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python3 -m pytest -n $(JOBS) --dist loadfile \
+PYTEST = env OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python3 -m pytest -n $(JOBS) --dist loadfile \
 	--no-loadscope-reorder --durations 20
 # Every recipe that runs Python, ROS or a tool of the virtual environment starts with this.
 ENV := source ./env.bash;
@@ -40,17 +40,8 @@ build: setup ## compile into build/ and devel/
 demo: build ## the main job on the simulated cell, from bags to evaluation; results in demo_output/
 	@$(ENV) rosrun atom_examples demo --output demo_output --overwrite
 
-# Rostests wait for much of their time: one more of them than there are processors.
 test: build ## lint and every test: pytest, gtest, rostest
-	@$(ENV) failed=(); \
-	$(MAKE) --no-print-directory lint-only || failed+=(lint); \
-	$(PYTEST) || failed+=(pytest); \
-	bash tests/noetic_versions.bash || failed+=("Noetic's versions"); \
-	$(COMPILE) --target tests || failed+=("tests' build"); \
-	rm -rf build/test_results; \
-	(cd build && ROS_HOME="$$PWD/ros_home" ctest -j $$(($(JOBS) + 1)) --output-on-failure) \
-	|| { python3 tests/failed_cases.py build/test_results; failed+=(ctest); }; \
-	if [ "$${#failed[@]}" -gt 0 ]; then echo "make test: failed: $${failed[*]}" >&2; exit 1; fi
+	@$(ENV) bash tests/all.bash $(JOBS) $(PYTEST)
 
 test-regression: build ## does calibration still work? rostests on recordings of the simulated cell
 	@$(ENV) cd build && ROS_HOME="$$PWD/ros_home" ctest -j $(JOBS) --output-on-failure -R regression

@@ -1,0 +1,60 @@
+#!/usr/bin/env bash
+# Lint and every test, so that no processor is idle while there is work; `make test` runs it.
+#
+# Rostests wait for much of their time, so pytest runs beside them, and yields to them (nice): they
+# play data by the clock. What plays a whole recording has the machine to itself (label "real_time").
+# Lint and the tests with Noetic's versions take what all the others leave over. What runs beside
+# writes to build/test_logs; it is printed when it has ended.
+#
+# Usage: all.bash PROCESSES PYTEST... (pytest's command), in the environment of env.bash
+set -uo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+processes=$1
+shift
+logs=$PWD/build/test_logs
+rm -rf build/test_results "$logs"
+mkdir -p "$logs"
+failed=()
+declare -A started=()
+
+# Each of them is a group of processes of its own, so that Ctrl-C here ends all of them.
+beside() { # NAME COMMAND...: start a command
+  set -m
+  "${@:2}" >"$logs/$1.log" 2>&1 </dev/null &
+  set +m
+  started[$1]=$!
+}
+
+ended() { # NAME: wait for it, print what it said, remember whether it failed
+  wait "${started[$1]}" || failed+=("$1")
+  unset "started[$1]"
+  echo "---- $1"
+  cat "$logs/$1.log"
+}
+
+stop_all() {
+  local process
+  for process in "${started[@]}"; do kill -TERM -- "-$process" 2>/dev/null; done
+}
+trap stop_all EXIT
+trap 'exit 130' INT TERM
+
+run_ctest() { (cd build && ROS_HOME="$PWD/ros_home" ctest --output-on-failure "$@"); }
+
+flock CMakeLists.txt cmake --build build -j "$processes" --target tests || failed+=("tests' build")
+beside lint nice -n 19 make --no-print-directory lint-only
+beside "Noetic's versions" nice -n 19 bash tests/noetic_versions.bash
+beside ctest run_ctest -j "$processes" --label-exclude real_time
+nice -n 5 "$@" || failed+=(pytest)
+ended ctest
+echo "---- ctest, in real time"
+run_ctest --label-regex real_time || failed+=("ctest in real time")
+ended lint
+ended "Noetic's versions"
+python3 tests/failed_cases.py build/test_results
+if [ "${#failed[@]}" -gt 0 ]; then
+  printf -v names '%s, ' "${failed[@]}"
+  echo "make test: failed: ${names%, }" >&2
+  exit 1
+fi
