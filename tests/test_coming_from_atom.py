@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from atom_core import cli
-from atom_core.commands.atom_options import CALIBRATE
+from atom_core.commands import atom_options
+from atom_core.commands.pair_evaluation import EVALUATORS
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "coming_from_atom.md"
@@ -26,7 +27,16 @@ def table(options):
     return lines
 
 
-@pytest.mark.parametrize(("name", "options"), [("calibrate", CALIBRATE)])
+TABLES = {
+    "calibrate": atom_options.CALIBRATE,
+    "collect_data": atom_options.COLLECT_DATA,
+    "the labelers": atom_options.LABELER,
+    "dataset_playback": atom_options.DATASET_PLAYBACK,
+    "transform_corrector": atom_options.TRANSFORM_CORRECTOR,
+}
+
+
+@pytest.mark.parametrize(("name", "options"), TABLES.items(), ids=list(TABLES))
 def test_the_page_tells_of_every_option(name, options):
     text = PAGE.read_text(encoding="utf-8")
     _, _, behind = text.partition(f"<!-- begin: options of {name} -->\n")
@@ -41,7 +51,7 @@ def lines_of(heading):
     return re.findall(r"^\| `([^`]+)` \|", behind.partition("\n## ")[0], re.M)
 
 
-TOOLS = lines_of("Tools for datasets")
+TOOLS = [*lines_of("Tools for datasets"), *lines_of("Evaluations of a pair")]
 
 
 @pytest.mark.parametrize("line", TOOLS)
@@ -56,4 +66,5 @@ def test_the_lines_of_the_tools_parse_and_rosrun_has_them(line):
 
 def test_the_page_shows_every_tool():
     shown = {line.split()[0] for line in TOOLS}
-    assert {name for name in cli.COMMANDS if "dataset" in name or "sensor" in name} == shown
+    tools = {name for name in cli.COMMANDS if "dataset" in name or "sensor" in name}
+    assert tools | set(EVALUATORS) == shown

@@ -39,6 +39,12 @@ COMMANDS = (
     "rename_atom_dataset",
     "rename_sensor",
     "add_ground_truth_to_dataset",
+    "rgb_to_rgb_evaluation",
+    "lidar_to_rgb_evaluation",
+    "lidar_to_depth_evaluation",
+    "depth_to_rgb_evaluation",
+    "depth_to_depth_evaluation",
+    "lidar_to_lidar_evaluation",
 )  # modules of atom_core.commands
 
 

@@ -6,6 +6,7 @@ The page docs/coming_from_atom.md is held to this table by a test.
 from __future__ import annotations
 
 import argparse
+import shlex
 from typing import Any, Iterable, List, NamedTuple, Optional
 
 NOTES = "atom_notes"  # of the parsed arguments: what the user is told, each once
@@ -113,6 +114,39 @@ CALIBRATE = (
     _same("sfr", "save_file_results", remark="in the current folder, as there"),
     _same("sfrn", "save_file_results_name", "errors.csv"),
 )
+_DRAWN = "RViz shows the labels of all sensors, each in a display of its own"
+_BORDER = "where a depth image's border points are wrong, a polygon removes them"
+COLLECT_DATA = (
+    _same("o", "output_folder", "DIR", ours="output"),
+    _same("c", "calibration_file", "config.yml", ours="config"),
+    _same("ov", "overwrite", remark="replaces; nothing is moved to /tmp"),
+    _same("s", "marker_size", "0.4"),
+    AtomOption(
+        *("ssl", "skip_sensor_labels", "'lambda s: False'"),
+        remark="labelers are programs of their own, so that one can be left out",
+    ),
+)
+LABELER = (
+    _same("cfg", "config_file", "config.yml", ours="config"),
+    _same("sn", "sensor_name", "camera", ours="sensor"),
+    AtomOption("d", "debug", remark=_DRAWN),
+    AtomOption("c", "color", "1 0 0", remark=_DRAWN),
+)
+DATASET_PLAYBACK = (
+    _same("json", "json_file", "dataset.json", ours="dataset"),
+    _same("ow", "overwrite"),
+    AtomOption("rnb", "remove_nan_border", remark=_BORDER),
+)
+TRANSFORM_CORRECTOR = (
+    _same("json", "json_file", "dataset.json", ours="dataset"),
+    _same("ow", "overwrite"),
+    _same("pll", "parent_link_list", "a"),
+    _same("cll", "child_link_list", "b"),
+    _same("rc", "reference_collection", "000"),
+    _same("2d", "two_dimensional"),
+    _same("s", "marker_scale", "0.5"),
+    AtomOption("rnb", "remove_nan_border", remark=_BORDER),
+)
 LIVE = ("ros_visualization", "draw_per_collection_colors")  # options of a node
 _NO_ROS = "this program runs without ROS; use rosrun atom_calibration calibrate"
 
@@ -129,7 +163,7 @@ def add_meaningless_options(parser: Any, options: Iterable[AtomOption]) -> None:
             parser.add_argument(
                 *option.names,
                 action=_Note,
-                nargs=1 if option.example else 0,
+                nargs=len(shlex.split(option.example)),
                 dest=NOTES,
                 default=argparse.SUPPRESS,
                 help=argparse.SUPPRESS,

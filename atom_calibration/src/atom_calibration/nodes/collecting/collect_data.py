@@ -28,6 +28,7 @@ from atom_calibration.sources.live_topics import LiveTopics, wait_for
 from atom_calibration.sources.live_transforms import LiveTransforms
 from atom_calibration.sources.receipts import ReceiptTimes
 from atom_calibration.sources.rig import Rig, check_frames, rig_from_bag
+from atom_core.commands.atom_options import COLLECT_DATA, add_meaningless_options
 from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import AtomError
@@ -196,6 +197,7 @@ def _parser() -> argparse.ArgumentParser:
     add_receive_time_option(parser)
     add_marker_size_option(parser, 0.5)
     _add_limits(parser)
+    add_meaningless_options(parser, COLLECT_DATA)
     return parser
 
 

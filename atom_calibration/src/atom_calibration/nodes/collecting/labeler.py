@@ -19,6 +19,7 @@ from atom_calibration.runtime import options, running
 from atom_calibration.sources.live_topics import LiveTopics, wait_for
 from atom_calibration.sources.receipts import ReceiptTimes
 from atom_calibration.sources.rig import Rig, rig_from_bag
+from atom_core.commands.atom_options import LABELER, add_meaningless_options
 from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import ConfigError
@@ -95,4 +96,5 @@ def _parser(name: str) -> argparse.ArgumentParser:
         parser, "sensor", "-sn", "--sensor_name", required=True, metavar="NAME", help="which one"
     )
     options.add_labeling_options(parser)
+    add_meaningless_options(parser, LABELER)
     return parser

@@ -39,6 +39,7 @@ from atom_calibration.srv import (
     ShowCollection,
     ShowCollectionResponse,
 )
+from atom_core.commands.atom_options import DATASET_PLAYBACK, add_meaningless_options
 from atom_core.commands.common import add_dataset_option, add_option
 from atom_core.commands.option_parser import OptionParser
 from atom_core.editing.label_corrections import LabelCorrections
@@ -351,4 +352,5 @@ def parser() -> argparse.ArgumentParser:
         help="collection to begin with (default: the first)",
     )
     options.add_marker_size_option(made, 0.3)
+    add_meaningless_options(made, DATASET_PLAYBACK)
     return made

@@ -29,6 +29,7 @@ from atom_calibration.show.pose_marker import (
     Moved,
     PoseMarker,
 )
+from atom_core.commands.atom_options import TRANSFORM_CORRECTOR, add_meaningless_options
 from atom_core.commands.common import add_dataset_option, add_option
 from atom_core.commands.option_parser import OptionParser
 from atom_core.editing.transform_corrections import TransformCorrections, chosen_edges
@@ -252,6 +253,7 @@ def parser() -> argparse.ArgumentParser:
     )
     options.add_marker_scale_option(made)
     options.add_corrected_options(made)
+    add_meaningless_options(made, TRANSFORM_CORRECTOR)
     return made
 
 

@@ -1,0 +1,49 @@
+"""The nodes know ATOM's options: with its meaning, or answered with a note."""
+
+import shlex
+
+import pytest
+
+from atom_calibration.nodes.calibrating import calibrate
+from atom_calibration.nodes.collecting import collect_data, labeler
+from atom_calibration.nodes.correcting import dataset_playback, transform_corrector
+from atom_core.commands import atom_options
+
+NODES = {
+    "calibrate": (calibrate.parser, atom_options.CALIBRATE, "-json a.json"),
+    "collect_data": (collect_data._parser, atom_options.COLLECT_DATA, "-o DIR -c a.yml"),
+    "rgb_labeler": (
+        lambda: labeler._parser("rgb_labeler"),
+        atom_options.LABELER,
+        "-cfg a.yml -sn camera",
+    ),
+    "dataset_playback": (
+        dataset_playback.parser,
+        atom_options.DATASET_PLAYBACK,
+        "-json a.json",
+    ),
+    "transform_corrector": (
+        transform_corrector.parser,
+        atom_options.TRANSFORM_CORRECTOR,
+        "-json a.json -pll a -cll b",
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("node", "option"),
+    [(node, option) for node, (_, options, _) in NODES.items() for option in options],
+    ids=lambda value: getattr(value, "short", value),
+)
+def test_every_option_of_atom_is_known_by_both_names(node, option, capsys):
+    make, _, needed = NODES[node]
+    values = shlex.split(option.example)
+    if len(values) > 1 and values[0] == "lambda":
+        values = [option.example]
+    for name in option.names:
+        args = make().parse_args([*needed.split(), name, *values])
+        note = capsys.readouterr().err
+        if option.ours is None:
+            assert note == f"{node}: note: {option.note}\n"
+        else:
+            assert not note and getattr(args, option.ours) not in (None, False)

@@ -1,0 +1,205 @@
+"""ATOM's evaluations of one pair of sensors, as data; each is a short form of ``evaluate``."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+from pathlib import Path
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+
+from atom_core.calibration.prepare.input_changes import without_partial_detections
+from atom_core.commands import common
+from atom_core.commands.atom_options import AtomOption, add_meaningless_options
+from atom_core.errors import DatasetError, OutputError
+from atom_core.evaluation.evaluate import PairResult, evaluate
+from atom_core.io.annotations import read_annotations
+from atom_core.io.atomic import write_text_atomically
+from atom_core.io.dataset_json import read_dataset
+from atom_core.model.dataset import Dataset, is_complete
+from atom_core.model.selection import select_names
+from atom_core.report.tables import text_table
+
+_AVERAGES = "Averages"
+_DECIMALS = 4
+_MM_PER_M = 1000.0
+_NOT_HERE = (
+    AtomOption(
+        *("si", "show_images"),
+        remark="nothing is drawn; docs/evaluation.md tells how the distances are measured",
+    ),
+    AtomOption("bt", "border_tolerance", "0.025", remark="the border is clipped to the image"),
+    AtomOption(
+        *("ua", "use_annotation"),
+        remark="annotations of the border are used wherever they lie beside the test set",
+    ),
+)
+
+
+class Evaluator(NamedTuple):
+    """A command of ATOM that evaluates one pair.
+
+    Attributes:
+        name: of the command.
+        kind: of the pair, as in ``evaluation.json``.
+        source, target: short and long names of the options that name the sensors.
+    """
+
+    name: str
+    kind: str
+    source: Tuple[str, str]
+    target: Tuple[str, str]
+
+
+_SENSORS = ("ss", "sensor_source"), ("st", "sensor_target")
+_RANGE, _DEPTH, _CAMERA = ("rs", "range_sensor"), ("ds", "depth_sensor"), ("cs", "camera_sensor")
+EVALUATORS = {
+    evaluator.name: evaluator
+    for evaluator in (
+        Evaluator("rgb_to_rgb_evaluation", "rgb-rgb", *_SENSORS),
+        Evaluator("lidar_to_rgb_evaluation", "lidar3d-rgb", _RANGE, _CAMERA),
+        Evaluator("lidar_to_depth_evaluation", "lidar3d-depth", _RANGE, _DEPTH),
+        Evaluator("depth_to_rgb_evaluation", "depth-rgb", _DEPTH, _CAMERA),
+        Evaluator("depth_to_depth_evaluation", "depth-depth", *_SENSORS),
+        Evaluator("lidar_to_lidar_evaluation", "lidar3d-lidar3d", *_SENSORS),
+    )
+}
+
+
+def example(name: str) -> str:
+    """Return a command line of an evaluator."""
+    tool = EVALUATORS[name]
+    return (
+        f"python3 -m atom_core {name} -train_json atom_calibration.json -test_json dataset.json "
+        f"-{tool.source[0]} A -{tool.target[0]} B -sfr"
+    )
+
+
+def adder(name: str) -> Callable[[argparse.ArgumentParser], None]:
+    """Return what adds an evaluator's options."""
+
+    def add_arguments(parser: argparse.ArgumentParser) -> None:
+        add = common.add_option
+        for option in ("train_json", "test_json"):
+            help_text = f"the {'calibrated ' if 'train' in option else 'test '}dataset"
+            add(parser, option, f"-{option}", required=True, type=Path, metavar="F", help=help_text)
+        tool = EVALUATORS[name]
+        for dest, (short, long) in (("source", tool.source), ("target", tool.target)):
+            names = (f"-{short}", f"--{long}")
+            add(parser, dest, *names, required=True, metavar="SENSOR", help=f"the {dest}")
+        texts = {"-csf": "collection_selection_function", "-pn": "pattern_name"}
+        for short, option in texts.items():
+            add(parser, option, short, nargs="+", metavar="SELECTION", help="only these")
+        flags = {
+            "-uic": ("use_incomplete_collections", "also where not all sensors see all patterns"),
+            "-rpd": ("remove_partial_detections", "without labels of cameras that lack corners"),
+            "-sfr": ("save_file_results", "write the table as CSV"),
+        }
+        for short, (option, what) in flags.items():
+            add(parser, option, short, action="store_true", help=what)
+        add(parser, "save_file_results_name", "-sfrn", type=Path, metavar="FILE", help="its name")
+        add(parser, "overwrite", "-ow", action="store_true", help="replace that file")
+        add_meaningless_options(parser, _NOT_HERE)
+
+    return add_arguments
+
+
+def runner(name: str) -> Callable[[argparse.Namespace], int]:
+    """Return what runs an evaluator."""
+
+    def run(args: argparse.Namespace) -> int:
+        target = _file(args)
+        if target is not None and target.exists() and not args.overwrite:
+            raise OutputError(f"{target}: exists already; add --overwrite, or another -sfrn FILE")
+        headers, rows = _table(_measured(EVALUATORS[name], args))
+        print(text_table(headers, rows, f"{args.source} to {args.target}", _DECIMALS))
+        if target is not None:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            write_text_atomically(target, _csv(headers, rows))
+            print(f"\nresults: {target}")
+        return 0
+
+    return run
+
+
+def _file(args: argparse.Namespace) -> Optional[Path]:
+    if args.save_file_results_name:
+        return Path(args.save_file_results_name)
+    if not args.save_file_results:
+        return None
+    stem = args.train_json.name.partition(".")[0]
+    name = f"{stem}_{args.source}_to_{args.target}_results.csv"
+    return Path(args.test_json.parent / "results" / name)
+
+
+def _measured(tool: Evaluator, args: argparse.Namespace) -> PairResult:
+    train, test = read_dataset(args.train_json), _test_set(args)
+    evaluation = evaluate(
+        train,
+        test,
+        sensors=[s for s in test.sensors if s in (args.source, args.target)],
+        pairs=[f"{args.source}:{args.target}"],
+        annotations=read_annotations(args.test_json.parent, test.sensors, test.patterns),
+    )
+    of_kind = [result for result in evaluation.pairs if result.pair.kind.name == tool.kind]
+    ends = args.source, args.target
+    found = [r for r in of_kind if (r.pair.source, r.pair.target) == ends] or of_kind
+    if not found or found[0].measured is None:
+        why = found[0].skipped if found else f"they are no pair of {tool.kind}"
+        pair = " to ".join(f"'{end}'" for end in ends)
+        raise DatasetError(f"{args.test_json}: {pair} cannot be measured: {why}")
+    return found[0]
+
+
+def _test_set(args: argparse.Namespace) -> Dataset:
+    """Read the test set and reduce it as ATOM does: complete collections, unless -uic is given."""
+
+    def choose(keys: Any) -> List[str]:
+        return select_names(keys, args.collection_selection_function, "collection")
+
+    test = read_dataset(args.test_json, choose)
+    for name in (args.source, args.target):
+        if name not in test.sensors:
+            raise DatasetError(
+                f"{args.test_json}: there is no sensor '{name}'; there are: "
+                f"{', '.join(test.sensors)}"
+            )
+    if args.remove_partial_detections:
+        test, _ = without_partial_detections(test)
+    if not args.use_incomplete_collections:
+        complete = [key for key in test.collections if is_complete(test, key)]
+        if not complete:
+            raise DatasetError(
+                f"{args.test_json}: in no collection all sensors see all patterns; add -uic"
+            )
+        test = test.selected(collections=complete)
+    return test.selected(patterns=select_names(test.patterns, args.pattern_name, "pattern"))
+
+
+def _table(result: PairResult) -> Tuple[List[str], List[List[Any]]]:
+    """Return ATOM's columns: a line for each collection and the means."""
+    measured, kind = result.measured, result.pair.kind
+    assert measured is not None
+    in_metres = kind.unit != "px"
+    unit, factor = ("m", 1.0 / _MM_PER_M) if in_metres else ("pix", 1.0)
+    columns: Dict[str, Tuple[str, float]] = {f"RMS ({unit})": ("rms", factor)}
+    if not in_metres:
+        columns["X err (pix)"], columns["Y err (pix)"] = ("x_mean_abs", 1.0), ("y_mean_abs", 1.0)
+    if measured.translation_mm is not None:
+        columns["Trans (mm)"], columns["Rot (deg)"] = ("translation_mm", 1.0), ("rotation_deg", 1.0)
+
+    def cells(figures: Any) -> List[Optional[float]]:
+        values = [(getattr(figures, name), scale) for name, scale in columns.values()]
+        return [None if value is None else scale * value for value, scale in values]
+
+    rows = [[key, *cells(figures)] for key, figures in measured.per_collection.items()]
+    return ["Collection #", *columns], [*rows, [_AVERAGES, *cells(measured)]]
+
+
+def _csv(headers: List[str], rows: List[List[Any]]) -> str:
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\r\n")
+    writer.writerow(headers)
+    for name, *values in rows:
+        writer.writerow([name, *("" if v is None else f"{v:.{_DECIMALS}f}" for v in values)])
+    return stream.getvalue()

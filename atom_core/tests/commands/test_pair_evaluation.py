@@ -1,0 +1,100 @@
+"""ATOM's evaluations of one pair give the figures of `evaluate`, under ATOM's columns."""
+
+import csv
+import json
+
+import pytest
+
+from atom_core import cli
+from atom_core.commands.pair_evaluation import EVALUATORS
+from atom_core.io.dataset_writer import write_dataset_folder
+from atom_core.synthetic import scenes
+
+PAIRS = {
+    "rgb_to_rgb_evaluation": ("rgb_1", "rgb_2"),
+    "lidar_to_rgb_evaluation": ("lidar_1", "rgb_1"),
+    "lidar_to_depth_evaluation": ("lidar_1", "depth_1"),
+    "depth_to_rgb_evaluation": ("depth_1", "rgb_2"),
+    "lidar_to_lidar_evaluation": ("lidar_1", "lidar_2"),
+}
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    """Return a dataset, whose transforms are off by a little, and what `evaluate` says of it."""
+    folder = tmp_path_factory.mktemp("pairs")
+    scene = scenes.random_scene(4, lidar3d=2, collections=6, disturbance=(0.01, 0.01))
+    path = write_dataset_folder(scene.dataset, folder / "data", name="pairs")
+    line = ["evaluate", "--train", path, "--test", path, "--output", folder / "all"]
+    assert cli.main([str(word) for word in line]) == 0
+    return path, json.loads((folder / "all" / "evaluation.json").read_text())["pairs"]
+
+
+def line_of(name, path, source, target):
+    tool = EVALUATORS[name]
+    files = ["-train_json", str(path), "-test_json", str(path)]
+    return [name, *files, f"-{tool.source[0]}", source, f"-{tool.target[0]}", target]
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_the_figures_are_those_of_evaluate(data, tmp_path, name, capsys):
+    path, pairs = data
+    source, target = PAIRS[name]
+    line = [*line_of(name, path, source, target), "-uic", "-sfrn", str(tmp_path / "a.csv")]
+    assert cli.main([*line, "-si", "-csf", "lambda x: int(x) < 90"]) == 0
+    assert "note: -si has no meaning here, because" in capsys.readouterr().err
+    ends = (EVALUATORS[name].kind, source, target)
+    (wanted,) = [p for p in pairs if (p["kind"], p["source"], p["target"]) == ends]
+    header, *rows = csv.reader((tmp_path / "a.csv").read_text().splitlines())
+    assert header[0] == "Collection #"
+    factor = 1e-3 if "(m)" in header[1] else 1.0
+    assert {row[0]: float(row[1]) for row in rows[:-1]} == pytest.approx(
+        {key: factor * value["rms"] for key, value in wanted["per_collection"].items()}, abs=6e-5
+    )
+    assert rows[-1][0] == "Averages"
+    assert float(rows[-1][1]) == pytest.approx(factor * wanted["rms"], abs=6e-5)
+
+
+def test_without_a_name_the_file_lies_in_results_beside_the_test_set(data, capsys):
+    path, _ = data
+    line = [*line_of("rgb_to_rgb_evaluation", path, "rgb_1", "rgb_2"), "-uic", "-sfr"]
+    made = path.parent / "results" / "dataset_rgb_1_to_rgb_2_results.csv"
+    assert cli.main(line) == 0
+    assert made.read_bytes().startswith(
+        b"Collection #,RMS (pix),X err (pix),Y err (pix),Trans (mm),Rot (deg)\r\n"
+    )
+    capsys.readouterr()
+    assert cli.main(line) == 2
+    assert "exists already" in capsys.readouterr().err
+    assert cli.main([*line, "-ow"]) == 0
+
+
+def test_what_cannot_be_measured_is_refused_in_one_line(data, capsys):
+    path, _ = data
+    for pair, words in (
+        (("rgb_1", "rgb_9"), "no sensor 'rgb_9'"),
+        (("lidar_1", "rgb_1"), "no pair of rgb-rgb"),
+    ):
+        assert cli.main([*line_of("rgb_to_rgb_evaluation", path, *pair), "-uic"]) == 2
+        error = capsys.readouterr().err
+        assert words in error and error.count("\n") == 1
+
+
+def test_only_complete_collections_count_unless_asked(data, tmp_path, capsys):
+    """As in ATOM: `-uic` keeps the others."""
+    path, pairs = data
+    document = json.loads(path.read_text())
+    first, *others = sorted(document["collections"])
+    for key in others:
+        label = document["collections"][key]["labels"]["pattern_1"]["lidar_2"]
+        label.update(detected=False, idxs=[], idxs_limit_points=[])
+    seen = [s["detected"] for s in document["collections"][first]["labels"]["pattern_1"].values()]
+    other = path.with_name("incomplete.json")
+    other.write_text(json.dumps(document))
+    line = line_of("rgb_to_rgb_evaluation", other, "rgb_1", "rgb_2")
+    code = cli.main([*line, "-sfrn", str(tmp_path / "b.csv")])
+    if not all(seen):
+        assert code == 2 and "-uic" in capsys.readouterr().err
+    else:
+        rows = list(csv.reader((tmp_path / "b.csv").read_text().splitlines()))
+        assert [row[0] for row in rows] == ["Collection #", first, "Averages"]
