@@ -13,7 +13,9 @@ from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.io.truth_file import read_any_truth
 from atom_core.io.truth_json import write_truth
 from atom_core.model.truth import truth_of, with_truth
-from atom_core.synthetic import Noise, scenes
+from atom_core.synthetic import Noise, arm, scenes
+
+pytest.importorskip("atom_core._core", reason="descriptions are read by the compiled module")
 
 URDF = """<?xml version="1.0"?>
 <robot name="rig">{links}
@@ -127,3 +129,18 @@ def test_a_truth_without_a_sensors_edge_is_refused(rig, tmp_path, dataset, capsy
     assert cli.main(line) == 2
     assert "the truth lacks edge" in capsys.readouterr().err
     assert read_dataset(dataset).sensors
+
+
+def test_only_joints_that_are_off_move_to_their_truth():
+    """What tf says of the others stays, though their positions may say a little else."""
+    dataset = arm.camera_on_arm(0, errors={"elbow": {"position_bias": 0.0}}, collections=2).dataset
+    elbow, wrist = dataset.joint("elbow").edge, dataset.joint("wrist_1").edge
+    truth = truth_of(dataset)
+    shaken = {key: {wrist: np.eye(4)} for key in dataset.collections}
+    off = dataset.with_joint_parameters({"elbow": {"position_bias": 0.1}}).with_transforms(shaken)
+    found = with_truth(off, truth)
+    for key, collection in dataset.collections.items():
+        np.testing.assert_allclose(
+            found.collections[key].transforms[elbow], collection.joints["elbow"].parent_T_child
+        )
+        np.testing.assert_array_equal(found.collections[key].transforms[wrist], np.eye(4))

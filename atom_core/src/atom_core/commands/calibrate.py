@@ -77,7 +77,7 @@ def run(args: argparse.Namespace, watcher: Optional[Watcher] = None) -> int:
         options = replace(options, solver=replace(options.solver, progress=looking_on.progress))
     calibration = calibrate(given.dataset, options)
     if phases is not None and phases.ended:
-        raise KeyboardInterrupt
+        raise CalibrationError("-phased: ended by the key q at the start; nothing is written")
     solver = options.solver_name or default_solver()
     results = calibration_results(calibration, solver, given.truth)
     writing = time.perf_counter()

@@ -11,6 +11,8 @@ from atom_core.errors import DatasetError
 from atom_core.model.dataset import Dataset, board_edge
 from atom_core.model.transforms import Edge
 
+_SAME = 1e-9  # m or rad
+
 
 @dataclass(frozen=True)
 class Truth:
@@ -42,7 +44,7 @@ def with_truth(dataset: Dataset, truth: Truth) -> Dataset:
     for sensor in dataset.sensors.values():
         if any(truth.value(sensor.edge, key) is None for key in dataset.collections):
             raise DatasetError(f"the truth lacks edge '{sensor.edge}' of sensor '{sensor.name}'")
-    dataset = dataset.with_joint_parameters(truth.joints)
+    dataset = dataset.with_joint_parameters(_joints_that_differ(dataset, truth))
     changes = {}
     for key, collection in dataset.collections.items():
         found = {edge: truth.value(edge, key) for edge in collection.transforms}
@@ -52,6 +54,17 @@ def with_truth(dataset: Dataset, truth: Truth) -> Dataset:
                 edges[board_edge(pattern)] = truth.boards[(name, key)]
         changes[key] = edges
     return dataset.with_transforms(changes)
+
+
+def _joints_that_differ(dataset: Dataset, truth: Truth) -> Dict[str, Mapping[str, float]]:
+    """Return the true parameters of joints that have others; the others' transforms stay."""
+    known = {name for collection in dataset.collections.values() for name in collection.joints}
+    found = {}
+    for name in known & set(truth.joints):
+        now = dataset.joint(name).parameters
+        if any(abs(now[key] - value) > _SAME for key, value in truth.joints[name].items()):
+            found[name] = truth.joints[name]
+    return found
 
 
 def truth_of(dataset: Dataset) -> Truth:
