@@ -5,8 +5,12 @@ import shlex
 import pytest
 
 from atom_calibration.nodes.calibrating import calibrate
-from atom_calibration.nodes.collecting import collect_data, labeler
-from atom_calibration.nodes.correcting import dataset_playback, transform_corrector
+from atom_calibration.nodes.collecting import collect_data, collect_data_rviz, labeler
+from atom_calibration.nodes.correcting import (
+    dataset_playback,
+    dataset_playback_rviz,
+    transform_corrector,
+)
 from atom_core.commands import atom_options
 
 NODES = {
@@ -47,3 +51,12 @@ def test_every_option_of_atom_is_known_by_both_names(node, option, capsys):
             assert note == f"{node}: note: {option.note}\n"
         else:
             assert not note and getattr(args, option.ours) not in (None, False)
+
+
+@pytest.mark.parametrize(
+    ("node", "needed"), [(collect_data_rviz, "-cfg a.yml"), (dataset_playback_rviz, "-json a.json")]
+)
+def test_what_is_meant_for_rviz_passes(node, needed):
+    theirs = ["-d", "a.rviz", "--fullscreen", "__name:=rviz"]
+    _, rest = node._parser().parse_known_args([*needed.split(), *theirs])
+    assert rest == theirs

@@ -70,3 +70,11 @@ def test_words_with_spaces_and_words_behind_a_command_are_left_alone(capsys):
     args = made.parse_args(["run", "-ssf", "lambda x: x[-1] == '-o'"])
     assert args.selection == ["lambda x: x[-1] == '-o'"]
     assert "unknown option -o" in refusal(made, capsys, "run", "-o", "x")
+
+
+def test_options_of_another_program_pass_where_that_is_wanted():
+    made = OptionParser(prog="tool", others_pass=True, allow_abbrev=False)
+    add_option(made, "dataset", "-json")
+    args, rest = made.parse_known_args(["-json", "a", "-d", "x.rviz", "--splash-screen", "--data"])
+    assert args.dataset == "a"
+    assert rest == ["-d", "x.rviz", "--splash-screen", "--data"]

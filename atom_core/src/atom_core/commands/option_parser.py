@@ -23,15 +23,19 @@ _NAMED = 3  # similar options that a refusal names
 class OptionParser(argparse.ArgumentParser):
     """An argument parser that takes no option for another one."""
 
-    def __init__(self, *args: Any, **settings: Any):
-        """Take the arguments of ``argparse.ArgumentParser``."""
+    def __init__(self, *args: Any, others_pass: bool = False, **settings: Any):
+        """Take the arguments of ``argparse.ArgumentParser``, and whether others' options pass.
+
+        These are what ``parse_known_args`` returns beside the parsed ones, for another program.
+        """
         super().__init__(*args, **settings)
+        self._others_pass = others_pass
         self._negative_number_matcher = _NUMBER  # argparse's own does not know -1e-3
 
     def parse_known_args(  # type: ignore[override]
         self, args: Optional[Sequence[str]] = None, namespace: Optional[argparse.Namespace] = None
     ) -> Tuple[argparse.Namespace, List[str]]:
-        """Parse words of which every option is known; others are refused with their nearest."""
+        """Parse words; unknown options are refused with their nearest, unless they pass."""
         words = list(sys.argv[1:] if args is None else args)
         parsed, rest = super().parse_known_args(self._in_full(words), namespace)
         for note in vars(parsed).pop(NOTES, []):
@@ -59,6 +63,8 @@ class OptionParser(argparse.ArgumentParser):
         typed, equals, value = word.partition("=")
         known: Dict[str, argparse.Action] = self._option_string_actions
         if typed in known:
+            return word
+        if self._others_pass:
             return word
         found = {id(known[name]): name for name in known if _begins(name, typed)}
         if len(found) == 1:

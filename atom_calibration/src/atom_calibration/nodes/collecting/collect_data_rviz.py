@@ -47,6 +47,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = OptionParser(
         prog=NAME,
         description=__doc__,
+        allow_abbrev=False,
+        others_pass=True,
         epilog=f"example: rosrun atom_calibration {NAME} -cfg config.yml",
     )
     options.add_config_option(parser)

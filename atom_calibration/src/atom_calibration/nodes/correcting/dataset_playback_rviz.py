@@ -35,6 +35,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = OptionParser(
         prog=NAME,
         description=__doc__,
+        allow_abbrev=False,
+        others_pass=True,
         epilog=f"example: rosrun atom_calibration {NAME} -json dataset.json",
     )
     add_dataset_option(parser)
