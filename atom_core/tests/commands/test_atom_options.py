@@ -164,6 +164,7 @@ def test_partial_labels_are_not_used_but_kept(copy):
 def test_only_the_anchored_sensor_is_held_and_boards_are_placed(copy):
     document = calibrate(copy, "-oas")
     assert list(document["sensors"]) == ["rgb_1"]
+    assert any(warning.startswith("-oas: ") for warning in document["warnings"])
     assert [edge["anchored"] for edge in document["edges"].values()] == [True]
     before, after = read_dataset(copy), read_dataset(copy.with_name("atom_calibration.json"))
     edge = before.sensors["rgb_1"].edge

@@ -55,6 +55,8 @@ def read_input(args: argparse.Namespace) -> CalibrationInput:
         truth: Optional[Truth] = truth_of(original)
     else:
         truth = read_any_truth(args.truth) if args.truth else None
+    if args.only_anchored_sensor:
+        remarks.append("-oas: the anchored sensor is held and the boards are placed, no more")
     if args.remove_partial_detections:
         dataset, count = without_partial_detections(dataset)
         remarks.append(f"{count} labels of cameras lack corners and are not used (-rpd)")
