@@ -104,7 +104,12 @@ class Camera:
 
     def project(self, points: np.ndarray) -> np.ndarray:
         """Return distorted pixels (n, 2) of points (n, 3) [m] in the optical frame."""
-        return self._normalised(points)[0] * self.focal_px + self.centre_px
+        points = np.asarray(points, dtype=float)
+        if self.model == "equidistant":
+            normalised = _project_equidistant(points, self.D)[0]
+        else:
+            normalised = self._distort(_ideal(points))[0]
+        return normalised * self.focal_px + self.centre_px
 
     def project_with_jacobian(self, points: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
         """Return pixels (n, 2) and their derivatives (n, 2, 3) by the points [px/m]."""
@@ -177,7 +182,7 @@ class Camera:
         x, y, z = points[:, 0], points[:, 1], points[:, 2]
         front, inverse_z = z >= NEAR_M, inverse_depth(z)
         slope = np.where(front, -(inverse_z**2), -1.0 / NEAR_M**2)
-        ideal = np.stack([x * inverse_z, y * inverse_z], axis=1)
+        ideal = points[:, :2] * inverse_z[:, None]
         by_point = np.zeros((len(points), 2, 3))
         by_point[:, 0, 0] = by_point[:, 1, 1] = inverse_z
         by_point[:, 0, 2], by_point[:, 1, 2] = x * slope, y * slope
@@ -224,6 +229,11 @@ def inverse_depth(z: np.ndarray) -> np.ndarray:
     """Return 1/z (n,), nearer than NEAR_M and behind the camera along its tangent there."""
     front = z >= NEAR_M
     return np.where(front, 1.0 / np.where(front, z, 1.0), (2 * NEAR_M - z) / NEAR_M**2)
+
+
+def _ideal(points: np.ndarray) -> np.ndarray:
+    """Return undistorted normalised coordinates (n, 2) of points (n, 3)."""
+    return points[:, :2] * inverse_depth(points[:, 2])[:, None]
 
 
 def _trim_coefficients(model: str, D: np.ndarray) -> np.ndarray:

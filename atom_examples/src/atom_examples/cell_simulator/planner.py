@@ -118,11 +118,14 @@ _POINTS_SEEN: Dict[type, Callable[[Any, np.ndarray, Pattern], np.ndarray]] = {
 }
 
 
-def is_open(world: World, line: Sight) -> np.ndarray:
-    """Return (n,) bool: nothing stands between a sensor and what it looks at."""
+def is_open(world: World, line: Sight, *, still: bool = True) -> np.ndarray:
+    """Return (n,) bool: nothing stands between a sensor and what it looks at.
+
+    Without ``still``, only board, tripod and person are looked at.
+    """
     to_goal = line.goals - line.origin
     distance = np.linalg.norm(to_goal, axis=1)
-    met = world.scene.cast(line.origin, to_goal / distance[:, None]).distance
+    met = world.scene.cast(line.origin, to_goal / distance[:, None], still=still).distance
     return met > distance - _BEHIND_M
 
 
@@ -184,11 +187,12 @@ class _FreePoses:
         return scene.cast(clamp, down, moving=False).distance[0] > clamp[2] - _FLOOR_M
 
     def _place_person(self, world_T_pattern: np.ndarray, lines: List[Sight]) -> Optional[Person]:
+        """Return where a person hides nothing of what is open without one; None: nowhere."""
         middle = se3.apply(world_T_pattern, np.array([[*self.pattern.border.centre, 0.0]]))[0]
         for person in self._places(middle):
             if self._may_stand(person):
                 self.scene.place_person(person)
-                if all(np.all(is_open(self.world, line)) for line in lines):
+                if all(np.all(is_open(self.world, line, still=False)) for line in lines):
                     return person
         return None
 
