@@ -161,6 +161,13 @@ def test_partial_labels_are_not_used_but_kept(copy):
     assert {key for key, _ in again.detections()} == {key for key, _ in counts}
 
 
+def test_a_camera_with_nothing_but_partial_labels_is_named(real_data, tmp_path, capsys):
+    path = real_data("atom_softbot") / "nig_0.1_run001" / "atom_calibration.json"
+    line = ["calibrate", "-json", str(path), "-rpd", "-ssf", "*camera", "-o", str(tmp_path / "out")]
+    assert cli.main(line) == 2
+    assert "all labels of sensor 'front_left_camera' lack corners" in capsys.readouterr().err
+
+
 def test_only_the_anchored_sensor_is_held_and_boards_are_placed(copy):
     document = calibrate(copy, "-oas")
     assert list(document["sensors"]) == ["rgb_1"]

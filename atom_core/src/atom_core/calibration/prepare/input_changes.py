@@ -84,14 +84,25 @@ def check_boards_known(dataset: Dataset) -> None:
 
 
 def without_partial_detections(dataset: Dataset) -> Tuple[Dataset, int]:
-    """Return the dataset without cameras' labels that lack corners, and how many they are."""
+    """Return the dataset without cameras' labels that lack corners, and how many they are.
+
+    Raises:
+        CalibrationError: a camera has no others.
+    """
     partial = [
         key
         for key, label in dataset.detections()
         if not dataset.sensors[key.sensor].kind.measures_range
         and label.is_partial(dataset.patterns[key.pattern])
     ]
+    removed = set(partial)
+    whole = {key.sensor for key, _ in dataset.detections() if key not in removed}
     for key in partial:
+        if key.sensor not in whole:
+            raise CalibrationError(
+                f"--remove_partial_detections: all labels of sensor '{key.sensor}' lack corners, "
+                f"it would see nothing; leave the option out"
+            )
         dataset = dataset.with_labels(key.collection, {(key.sensor, key.pattern): None})
     return dataset, len(partial)
 
