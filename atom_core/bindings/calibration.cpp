@@ -363,11 +363,35 @@ Raises:
            py::arg("rounding"), py::arg("smallest_unit"));
 }
 
+void BindEvaluations(py::class_<CalibrationProblem>* problem) {
+  problem
+      ->def("assess", &AssessProblem, py::arg("x"), py::arg("sigmas"), py::arg("loss"),
+            py::arg("with_insets"), R"(What an Assessment is made from.
+
+Returns:
+    For each residual block a dict with detection (m,), information (m, 6, 6), gradient (m, 6), or
+    (m, 18, 18), (m, 18) where the camera's intrinsics are estimated;
+    for border blocks, with_insets, also across (n, 2), by_steps (n,), curvature, slope,
+    by_twist (m, 6).
+    And the twist of each detection by the numbers of its chain's blocks, (d, k, 6, 6).
+)")
+      .def("rows", &RowsOfProblem, py::arg("residual_block"), py::arg("x"), R"(A block's rows.
+
+Returns:
+    Residuals (n, dimension), and (n, dimension, 6) their derivatives by the left twist of each
+    detection's pose; the cameras' intrinsics are those that the problem was made with.
+)")
+      .def("squares", &SquaresOfProblem, py::arg("x"), py::arg("sigmas"),
+           "For each residual block, squared norms (n,) of the residuals in units of sigma.");
+}
+
 void BindProblem(py::module& m) {
-  py::class_<CalibrationProblem>(m, "CalibrationProblem", R"(A calibration problem as arrays.
+  py::class_<CalibrationProblem> problem(m, "CalibrationProblem",
+                                         R"(A calibration problem as arrays.
 
 The fast twin of atom_core.problem.problem.Problem, which is the specification.
-)")
+)");
+  problem
       .def(py::init(&MakeProblem), py::arg("initial"), py::arg("eliminated"), py::arg("constants"),
            py::arg("block"), py::arg("inverted"), py::arg("intrinsics"), py::arg("residual_blocks"),
            py::arg("parts") = py::list(), R"(
@@ -409,25 +433,8 @@ Returns:
       .def("set_inset", &CalibrationProblem::SetInset, py::arg("residual_block"), py::arg("inset"),
            "Replaces the inset (n, 2) [m] of a border block.")
       .def("set_points", &CalibrationProblem::SetPoints, py::arg("residual_block"),
-           py::arg("points"), "Moves the points (n, 3) [m] of an orthogonal or border block.")
-      .def("assess", &AssessProblem, py::arg("x"), py::arg("sigmas"), py::arg("loss"),
-           py::arg("with_insets"), R"(What an Assessment is made from.
-
-Returns:
-    For each residual block a dict with detection (m,), information (m, 6, 6), gradient (m, 6), or
-    (m, 18, 18), (m, 18) where the camera's intrinsics are estimated;
-    for border blocks, with_insets, also across (n, 2), by_steps (n,), curvature, slope,
-    by_twist (m, 6).
-    And the twist of each detection by the numbers of its chain's blocks, (d, k, 6, 6).
-)")
-      .def("rows", &RowsOfProblem, py::arg("residual_block"), py::arg("x"), R"(A block's rows.
-
-Returns:
-    Residuals (n, dimension), and (n, dimension, 6) their derivatives by the left twist of each
-    detection's pose; the cameras' intrinsics are those that the problem was made with.
-)")
-      .def("squares", &SquaresOfProblem, py::arg("x"), py::arg("sigmas"),
-           "For each residual block, squared norms (n,) of the residuals in units of sigma.");
+           py::arg("points"), "Moves the points (n, 3) [m] of an orthogonal or border block.");
+  BindEvaluations(&problem);
 }
 
 }  // namespace

@@ -121,8 +121,8 @@ void SquaredNorms(const ResidualBlock& block, const Segment& segment,
 
 /// Writes a segment's residuals and their derivatives by the left twist of its pose.
 ///
-/// \param residual (n dimension) of the whole block, in its unit; an item has one row, a corner two.
-/// \param by_twist (n dimension, 6) likewise.
+/// \param residual (2 n,) of a block of corners, (n,) of another, in its unit.
+/// \param by_twist (2 n, 6) or (n, 6).
 void WriteRows(const ResidualBlock& block, const Segment& segment,
                const Eigen::Isometry3d& sensor_T_pattern, Eigen::Ref<Eigen::VectorXd> residual,
                Eigen::Ref<TwistRows> by_twist);

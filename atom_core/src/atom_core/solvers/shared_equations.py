@@ -133,9 +133,8 @@ def shared_equations(
         equations = tempered(problem, equations, shares, scalars.x)
     size = equations.layout.shared * BLOCK_SIZE
     m = size + scalars.count
-    total, held_gradient = np.zeros((m, m)), np.zeros(m)
-    held_gradient[:size] = problem.parameters.prior_gradient(scalars.x)[:size]
-    total[:size, :size] = equations.shared
+    total, held_gradient = _of_no_collection(problem, scalars, priors, size)
+    total[:size, :size] += equations.shared
     names: List[str] = []
     parts: List[CollectionPart] = []
     gradient = np.zeros((len({key.collection for key in problem.detections}), m))
@@ -147,10 +146,6 @@ def shared_equations(
         names += some.names
         if with_parts:
             parts += some.parts(m - scalars.of_fields)
-    for j, error in enumerate(scalars.errors, m - len(scalars.errors)):
-        prior = prior_information(error, priors)
-        total[j, j] += prior
-        held_gradient[j] = prior * problem.model_errors.get(error, 0.0) / error.step
     return SharedEquations(
         tuple(names),
         scalars.errors,
@@ -160,6 +155,27 @@ def shared_equations(
         tuple(parts),
         *(gradient, total, held_gradient),
     )
+
+
+def _of_no_collection(
+    problem: Problem, scalars: Scalars, priors: Mapping[ModelError, float], size: int
+) -> Tuple[np.ndarray, np.ndarray]:
+    """Return what priors say of the model errors (m, m), and the priors' gradient (m,).
+
+    Args:
+        problem: whose model errors have their values.
+        scalars: beside the poses.
+        priors: standard deviations of some model errors about zero, in their units.
+        size: how many numbers the shared blocks have.
+    """
+    m = size + scalars.count
+    information, gradient = np.zeros((m, m)), np.zeros(m)
+    gradient[:size] = problem.parameters.prior_gradient(scalars.x)[:size]
+    for j, error in enumerate(scalars.errors, m - len(scalars.errors)):
+        information[j, j] = prior_information(error, priors)
+        value = problem.model_errors.get(error, 0.0) / error.step
+        gradient[j] = information[j, j] * value
+    return information, gradient
 
 
 def shares_of(
