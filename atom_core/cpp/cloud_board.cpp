@@ -35,6 +35,7 @@ constexpr double kFlattest = 75.0 * M_PI / 180.0;  // incidence
 constexpr double kSlack = 6.0;                     // insets: the points fill less than the board
 constexpr double kGoodSide = 0.5;                  // of its bins are on the border
 constexpr int kGoodSides = 3;
+constexpr double kOpenSide = 0.2;       // of its bins, and more than on the border: a larger thing
 constexpr double kOnShare = 0.7;        // of the bins that are not hidden or touched
 constexpr double kBorderRms = 0.6;      // of the spacing, and
 constexpr double kBorderNoise = 0.012;  // [m] about the border
@@ -257,26 +258,31 @@ std::vector<PlaneReturn> ReturnsNear(const BoardSearch& search, const Patch& pat
 bool SidesFit(const Sides& sides, double spacing, BoardSegment* segment) {
   int good = 0, on = 0, all = 0, open = 0, bins = 0;
   double squares = 0.0;
+  bool goes_on = false;
   for (const auto& side : sides) {
-    int here = 0;
+    int here = 0, open_here = 0;
     for (const SideBin& bin : side) {
       const bool is_on = bin.OnBorder();
       here += is_on;
-      open += bin.GoesOn();
+      open_here += bin.GoesOn();
       all += bin.GoesOn() || (!bin.hidden && TouchMargin(bin, 0.01) == 0.0);
       if (is_on) squares += std::pow(bin.beyond + bin.inset, 2);
     }
     on += here;
+    open += open_here;
     bins += static_cast<int>(side.size());
+    goes_on |= open_here > std::max<double>(here, kOpenSide * side.size());
     good += here >= kGoodSide * side.size();
   }
   segment->border_rms = std::sqrt(squares / std::max(on, 1));
   const double most = kBorderNoise + kBorderRms * spacing;
-  if (good >= kGoodSides && on >= kOnShare * all && segment->border_rms < most) return true;
+  if (!goes_on && good >= kGoodSides && on >= kOnShare * all && segment->border_rms < most) {
+    return true;
+  }
   std::string reason =
       Text("the outline is not the board's (%.0f %% of it seen on %.0f sides, %.0f mm RMS)",
            100.0 * on / std::max(bins, 1), good, 1e3 * segment->border_rms);
-  if (open > 0.25 * bins) reason = "the surface goes on beyond the board's outline";
+  if (goes_on || open > 0.25 * bins) reason = "the surface goes on beyond the board's outline";
   Refuse(4, reason, segment);
   return false;
 }

@@ -56,6 +56,15 @@ def test_hard_scenes(difficulty, kind):
         assert np.mean([label.found for label in expected]) >= least
 
 
+@pytest.mark.parametrize(
+    ("difficulty", "number"), [("only another board", 1002), ("second board", 1007)]
+)
+def test_a_part_of_a_larger_board_is_none(difficulty, number):
+    frame = hard_frame(difficulty, "tof", number)  # its height is the board's within 3 %
+    seen = measured(frame)
+    assert not any(label.false for label in (*judged(frame, seen), at_the_other(frame, seen)))
+
+
 @pytest.mark.parametrize("kind", ["rosette", "strewn", "tof"])
 def test_another_board_is_refused_with_both_sizes(kind):
     frame = hard_frame("only another board", kind, 1)
