@@ -58,9 +58,7 @@ def dataset(name):
     """Return the path of the dataset that ``collect_from_bag`` makes of a bag."""
     source, folder = bag(name), FOLDER / name
     with locked(name):
-        made_of = _hash_of_code() + source.with_suffix(".fingerprint.json").read_text("utf-8")
-        stamp = folder / "made_of"
-        if not stamp.is_file() or stamp.read_text("utf-8") != made_of:
+        if not _is_made_of(folder, source):
             shutil.rmtree(folder, ignore_errors=True)
             run(
                 "rosrun",
@@ -73,8 +71,31 @@ def dataset(name):
                 "--output",
                 folder,
             )
-            stamp.write_text(made_of, "utf-8")
+            _stamp(folder).write_text(_origin(source), "utf-8")
     return folder / "dataset.json"
+
+
+def share_dataset(name, made):
+    """Let others have a dataset that was just made of a bag, by the same code and configuration."""
+    folder = FOLDER / name
+    with locked(name):
+        shutil.rmtree(folder, ignore_errors=True)
+        shutil.copytree(made, folder)
+        _stamp(folder).write_text(_origin(FOLDER / f"{name}.bag"), "utf-8")
+
+
+def _stamp(folder):
+    return folder / "made_of"
+
+
+def _is_made_of(folder, source):
+    stamp = _stamp(folder)
+    return stamp.is_file() and stamp.read_text("utf-8") == _origin(source)
+
+
+def _origin(source):
+    """Return what a dataset follows from: the code, and the inputs of its bag."""
+    return _hash_of_code() + source.with_suffix(".fingerprint.json").read_text("utf-8")
 
 
 def evaluate(folder):

@@ -25,6 +25,7 @@ class Offline(RegressionCase):
             "overwrite:=true",
         )
         cls.status = read(OUTPUT / "status.json")
+        recordings.share_dataset("train", OUTPUT / "dataset")
 
     def test_1_the_launch_file_says_that_it_is_done(self):
         self.assertEqual((self.status["step"], self.status["exit_code"]), ("calibrate", 0))
