@@ -28,11 +28,22 @@ int Beams(const BoardSearch& search, const Surface& surface, const RectanglePose
       to = std::max(to, azimuth);
     }
   }
+  std::vector<Eigen::Vector3d> columns;  // level directions
+  for (double azimuth = from; azimuth <= to; azimuth += scan.azimuth_step) {
+    columns.push_back(scan.Direction(middle + azimuth, 0.0));
+  }
+  const Eigen::Vector3d axis = scan.sensor_R_spin.col(2);
+  const double reach = half.norm();  // of the rectangle about its middle
+  const Eigen::Vector3d centre = sensor_T_board.topRightCorner<3, 1>();
+  const double away = centre.norm(), off = std::asin(std::min(reach / std::max(away, 1e-9), 1.0));
+  const double mean = std::asin(std::max(-1.0, std::min(1.0, axis.dot(centre) / away)));
   int count = 0;
   for (const double elevation : elevations) {
-    for (double azimuth = from; azimuth <= to; azimuth += scan.azimuth_step) {
+    if (std::abs(elevation - mean) > off) continue;
+    const double horizontal = std::cos(elevation), up = std::sin(elevation);
+    for (const Eigen::Vector3d& column : columns) {
       Eigen::Vector2d p;
-      if (surface.Meets(scan.Direction(middle + azimuth, elevation), &p) &&
+      if (surface.Meets(horizontal * column + up * axis, &p) &&
           SignedDistance(pose.ToBoard(p), half) <= 0.0) {
         ++count;
       }

@@ -19,7 +19,9 @@ Eigen::Vector2d Turned(const Eigen::Vector2d& point, double angle) {
   return {c * point.x() + s * point.y(), -s * point.x() + c * point.y()};
 }
 
-double Cost(const Outline& outline, const Eigen::Vector2d& half, const RectanglePose& pose) {
+// What a pose costs; where that is no less than `enough`, something that is no less.
+double Cost(const Outline& outline, const Eigen::Vector2d& half, const RectanglePose& pose,
+            double enough) {
   const double cap = kCapShare * half.minCoeff(), most = cap * cap;
   const double c = std::cos(pose.angle), s = std::sin(pose.angle);
   const auto distance = [&](const Eigen::Vector2d& point) {
@@ -30,14 +32,17 @@ double Cost(const Outline& outline, const Eigen::Vector2d& half, const Rectangle
   for (const auto& point : outline.limits) {
     const double d = distance(point);
     cost += std::min(d * d, most);
+    if (cost >= enough) return cost;
   }
   for (const auto& point : outline.inside) {
     const double d = std::max(distance(point), 0.0);
     cost += std::min(d * d, most);
+    if (cost >= enough) return cost;
   }
   for (const auto& point : outline.outside) {
     const double d = std::min(distance(point), 0.0);
     cost += std::min(d * d, most);
+    if (cost >= enough) return cost;
   }
   return cost;
 }
@@ -66,7 +71,7 @@ std::vector<RectanglePose> Starts(const Outline& outline, const Eigen::Vector2d&
     for (const double centre_x : PossibleCentres(x, half.x())) {
       for (const double centre_y : PossibleCentres(y, half.y())) {
         RectanglePose pose{angle, Turned({centre_x, centre_y}, -angle), 0.0};
-        pose.cost = Cost(outline, half, pose);
+        pose.cost = Cost(outline, half, pose, best.cost);
         if (pose.cost < best.cost) best = pose;
       }
     }
@@ -99,7 +104,7 @@ RectanglePose Refined(const Outline& outline, const Eigen::Vector2d& half, Recta
         const double along = k / 2 == 1 ? 0.0 : M_PI / 2.0;
         tried.centre += Turned({signed_step, 0.0}, -(pose.angle + along));
       }
-      tried.cost = Cost(outline, half, tried);
+      tried.cost = Cost(outline, half, tried, pose.cost);
       if (tried.cost < pose.cost) pose = tried, better = true;
     }
     if (!better) step /= 2.0;

@@ -33,11 +33,7 @@ struct StraightRun {
 
 std::vector<const ScanPoint*> LayerByLayer(const Scan& scan) {
   std::vector<const ScanPoint*> sorted;
-  for (const ScanPoint& point : scan.points) sorted.push_back(&point);
-  std::sort(sorted.begin(), sorted.end(), [](const ScanPoint* a, const ScanPoint* b) {
-    if (a->layer != b->layer) return a->layer < b->layer;
-    return a->azimuth != b->azimuth ? a->azimuth < b->azimuth : a->index < b->index;
-  });
+  for (const int i : scan.by_azimuth) sorted.push_back(&scan.points[i]);
   return sorted;
 }
 

@@ -272,16 +272,37 @@ void Assign(const Grouping& grouping, Scan* scan) {
   }
 }
 
+void SortByAzimuth(Scan* scan) {
+  const std::vector<ScanPoint>& points = scan->points;
+  scan->by_azimuth.resize(points.size());
+  scan->layer_begin.assign(scan->layer_elevation.size() + 1, 0);
+  for (const ScanPoint& point : points) ++scan->layer_begin[point.layer + 1];
+  std::partial_sum(scan->layer_begin.begin(), scan->layer_begin.end(), scan->layer_begin.begin());
+  std::vector<int> next(scan->layer_begin.begin(), scan->layer_begin.end() - 1);
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    scan->by_azimuth[next[points[i].layer]++] = static_cast<int>(i);
+  }
+  const auto begin = scan->by_azimuth.begin();
+  for (std::size_t k = 0; k + 1 < scan->layer_begin.size(); ++k) {
+    std::sort(begin + scan->layer_begin[k], begin + scan->layer_begin[k + 1], [&](int a, int b) {
+      return points[a].azimuth != points[b].azimuth ? points[a].azimuth < points[b].azimuth : a < b;
+    });
+  }
+}
+
 // The azimuth step of the fullest layer: the mean over runs of neighbours, not the median of single
 // steps: where azimuths jitter (a cloud that was undistorted, say), sorted ones are mostly closer
 // than a step. A low quantile over the runs, since some have gaps and none has too many points.
 double AzimuthStep(const Scan& scan) {
-  std::vector<std::vector<double>> azimuths(scan.layer_elevation.size());
-  for (const ScanPoint& point : scan.points) azimuths[point.layer].push_back(point.azimuth);
-  auto& fullest =
-      *std::max_element(azimuths.begin(), azimuths.end(),
-                        [](const auto& a, const auto& b) { return a.size() < b.size(); });
-  std::sort(fullest.begin(), fullest.end());
+  std::size_t most = 0;
+  for (std::size_t k = 1; k + 1 < scan.layer_begin.size(); ++k) {
+    const auto size = [&](std::size_t i) { return scan.layer_begin[i + 1] - scan.layer_begin[i]; };
+    if (size(k) > size(most)) most = k;
+  }
+  std::vector<double> fullest;
+  for (int i = scan.layer_begin[most]; i < scan.layer_begin[most + 1]; ++i) {
+    fullest.push_back(scan.points[scan.by_azimuth[i]].azimuth);
+  }
   const auto same = [](double a, double b) { return b - a <= kSameAzimuth; };
   fullest.erase(std::unique(fullest.begin(), fullest.end(), same), fullest.end());
   const std::size_t run = std::min(kStepsOfRun, std::max<std::size_t>(fullest.size() / 4, 1));
@@ -324,6 +345,7 @@ Scan FindLayers(const Eigen::Ref<const PointRows>& cloud, const CloudLayout& lay
     grouping.axis = Eigen::Vector3d::UnitZ();
   }
   Assign(grouping, &scan);
+  SortByAzimuth(&scan);
   scan.azimuth_step = AzimuthStep(scan);
   return scan;
 }

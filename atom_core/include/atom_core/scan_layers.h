@@ -33,6 +33,8 @@ struct Scan {
   std::vector<ScanPoint> points;        ///< in the order of the cloud
   Eigen::Matrix3d sensor_R_spin;        ///< third column: the spin axis in the sensor's frame
   std::vector<double> layer_elevation;  ///< mean of each layer, ascending [rad]
+  std::vector<int> by_azimuth;          ///< positions in points, by layer, azimuth and index
+  std::vector<int> layer_begin;         ///< in by_azimuth, of each layer; and the end of the last
   double azimuth_step = 0.0;            ///< between neighbours in a layer [rad]
   bool has_layers = false;              ///< false: no axis gives distinct layers; all are in one
 
