@@ -107,6 +107,11 @@ bool HasExtent(const BoardSearch& search, const Surface& surface, BoardSegment* 
     return false;
   }
   if (longest > 2.0 * search.options.size.norm()) {
+    segment->sensor_T_board.block<3, 1>(0, 2) = surface.plane().normal;
+    segment->sensor_T_board.block<3, 1>(0, 3) = surface.origin();
+    for (const int i : surface.piece()) {
+      segment->too_large.push_back(&search.At(i) - search.scan.points.data());
+    }
     Reject(1,
            Text("the plane is larger than the board (%.2f m across, the board %.2f m)", longest,
                 search.options.size.norm()),

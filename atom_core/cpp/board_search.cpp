@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <utility>
 #include <vector>
 
 #include "atom_core/board_segmentation.h"
@@ -25,10 +27,13 @@ constexpr std::size_t kSmoothed = 3;  // returns on each side are averaged, and
 constexpr double kSmoothedOver = 0.06;  // [m] on each side
 constexpr double kBesideEnd = 0.12;     // [m] within which a part of a run must end, to stand out
 constexpr double kApart = 0.3;          // of the shorter side: nearer seeds are one
+constexpr double kKnownShare = 0.7;     // of a run's returns are on what is known
+constexpr double kKnownSigmas = 0.5;    // by which their mean may be off its plane, or
+constexpr double kKnownOff = 0.008;     // [m]
 
 struct StraightRun {
   Eigen::Vector3d middle;
-  int returns;
+  int first, returns;  // in Scan::by_azimuth
 };
 
 std::vector<const ScanPoint*> LayerByLayer(const Scan& scan) {
@@ -129,7 +134,8 @@ std::vector<StraightRun> FindStraightRuns(const Scan& scan, const BoardOptions& 
     const int returns = static_cast<int>(last - first) + 1;
     if (returns < kLeastReturns || length < shortest || length > longest) return false;
     if (!IsStraight(points, first, last)) return false;
-    runs.push_back({(points[first]->position + points[last]->position) / 2.0, returns});
+    const Eigen::Vector3d middle = (points[first]->position + points[last]->position) / 2.0;
+    runs.push_back({middle, static_cast<int>(first), returns});
     return true;
   };
   for (std::size_t first = 0, i = 1; i <= points.size(); ++i) {
@@ -150,24 +156,86 @@ std::vector<StraightRun> FindStraightRuns(const Scan& scan, const BoardOptions& 
   return runs;
 }
 
-// One seed for runs side by side; there must be as many of them as a board has layers.
-std::vector<Eigen::Vector3d> Seeds(const Scan& scan, const BoardOptions& options) {
-  const std::vector<StraightRun> runs = FindStraightRuns(scan, options);
-  std::vector<Eigen::Vector3d> seeds;
-  for (const StraightRun& run : runs) {
-    const double apart = kApart * options.size.minCoeff();
-    if (std::any_of(seeds.begin(), seeds.end(), [&](const Eigen::Vector3d& seed) {
-          return (seed - run.middle).norm() < apart;
-        })) {
-      continue;
-    }
-    const auto beside = std::count_if(runs.begin(), runs.end(), [&](const StraightRun& other) {
-      return (other.middle - run.middle).norm() < 0.6 * options.size.norm();
-    });
-    if (beside >= options.least_layers - 1) seeds.push_back(run.middle);
+// What returns are known to belong to: planes that are too large, boards that were found.
+class KnownSurfaces {
+ public:
+  explicit KnownSurfaces(const Scan& scan) : scan_(scan), of_(scan.points.size(), -1) {}
+
+  void Add(const Eigen::Matrix4d& sensor_T_surface, double sigma, const std::vector<int>& points) {
+    const Eigen::Vector3d normal = sensor_T_surface.block<3, 1>(0, 2);
+    const Eigen::Vector3d middle = sensor_T_surface.block<3, 1>(0, 3);
+    planes_.push_back({normal, normal.dot(middle), std::max(kKnownSigmas * sigma, kKnownOff)});
+    for (const int i : points) of_[i] = static_cast<int>(planes_.size()) - 1;
   }
-  return seeds;
-}
+
+  // Tells whether a run is known. One before a wall has the wall's returns only by its scatter.
+  bool Has(const StraightRun& run) const {
+    std::map<int, std::pair<int, double>> on;  // by plane: returns, and their residuals' sum
+    for (int k = run.first; k < run.first + run.returns; ++k) {
+      const int i = scan_.by_azimuth[k], plane = of_[i];
+      if (plane < 0) continue;
+      auto& own = on[plane];
+      ++own.first;
+    }
+    int count = 0;
+    for (auto& item : on) count += item.second.first;
+    if (count < kKnownShare * run.returns) return false;
+    const auto most = std::max_element(on.begin(), on.end(), [](const auto& a, const auto& b) {
+      return a.second.first < b.second.first;
+    });
+    const Known& plane = planes_[most->first];
+    double sum = 0.0;
+    for (int k = run.first; k < run.first + run.returns; ++k) {
+      sum += plane.normal.dot(scan_.points[scan_.by_azimuth[k]].position) - plane.distance;
+    }
+    return std::abs(sum / run.returns) < plane.off;
+  }
+
+ private:
+  struct Known {
+    Eigen::Vector3d normal;
+    double distance, off;
+  };
+  const Scan& scan_;
+  std::vector<int> of_;
+  std::vector<Known> planes_;
+};
+
+// One seed for runs side by side; there must be as many of them as a board has layers.
+class Seeds {
+ public:
+  Seeds(const Scan& scan, const BoardOptions& options)
+      : options_(options), runs_(FindStraightRuns(scan, options)) {}
+
+  // Sets the next seed on nothing that is known; false: there is none.
+  bool Next(const KnownSurfaces& known, Eigen::Vector3d* seed) {
+    const double apart = kApart * options_.size.minCoeff();
+    for (; next_ < runs_.size(); ++next_) {
+      const StraightRun& run = runs_[next_];
+      if (Near(seeds_, run, apart) || known.Has(run)) continue;
+      const auto beside = std::count_if(runs_.begin(), runs_.end(), [&](const StraightRun& other) {
+        return (other.middle - run.middle).norm() < 0.6 * options_.size.norm();
+      });
+      if (beside < options_.least_layers - 1) continue;
+      seeds_.push_back(run.middle);
+      *seed = run.middle;
+      return true;
+    }
+    return false;
+  }
+
+ private:
+  static bool Near(const std::vector<Eigen::Vector3d>& seeds, const StraightRun& run, double apart) {
+    return std::any_of(seeds.begin(), seeds.end(), [&](const Eigen::Vector3d& seed) {
+      return (seed - run.middle).norm() < apart;
+    });
+  }
+
+  const BoardOptions& options_;
+  const std::vector<StraightRun> runs_;
+  std::vector<Eigen::Vector3d> seeds_;
+  std::size_t next_ = 0;
+};
 
 // Many layers must show two opposite sides: without a seed, a hidden wall has one side at most.
 bool IsConvincing(const BoardSegment& segment, const BoardOptions& options) {
@@ -212,11 +280,15 @@ std::vector<BoardSegment> FindBoards(const Scan& scan, const BoardOptions& optio
       Strict(options);  // a seed is on the board, if there is one: its plane comes first
   here.seed_radius = kPatch * options.size.minCoeff() / options.size.norm();
   here.most_planes = 1;
+  here.at_seed = true;
   const BoardOptions strict = Strict(options);
   std::vector<BoardSegment> boards;
   BoardSegment nearest;  // to a board, if there is none
-  for (const Eigen::Vector3d& seed : Seeds(scan, options)) {
+  KnownSurfaces known(scan);
+  Seeds seeds(scan, options);
+  for (Eigen::Vector3d seed; seeds.Next(known, &seed);) {
     BoardSegment board = SegmentBoard(scan, seed, here);
+    if (!board.too_large.empty()) known.Add(board.sensor_T_board, board.plane_sigma, board.too_large);
     if (board.detected)
       board = SegmentBoard(scan, Middle(board), strict);  // the same from anywhere
     if (board.detected && !IsConvincing(board, options)) Doubt(&board);

@@ -1,5 +1,6 @@
 #include "atom_core/board_segmentation.h"
 
+#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
@@ -40,11 +41,22 @@ BoardSegment BestOnPlane(const BoardSearch& search, const Plane& plane,
     const Eigen::Vector3d& position = search.At(i).position;
     if (std::abs(plane.Residual(position)) < kThreshold * options.noise) inliers.push_back(i);
   }
+  const auto is_at_seed = [&](const std::vector<int>& piece) {
+    const std::vector<int>& sphere = search.window.sphere;
+    auto in_piece = piece.begin();
+    for (const int i : sphere) {
+      in_piece = std::lower_bound(in_piece, piece.end(), i);
+      if (in_piece == piece.end()) return false;
+      if (*in_piece == i) return true;
+    }
+    return false;
+  };
   BoardSegment best;
   best.reason = "no plane has enough points";
   for (auto& piece : FindPieces(search.scan, search.window, inliers, plane, options.size.minCoeff(),
                                 options.LongestDark())) {
     if (static_cast<int>(piece.size()) < options.least_points) break;
+    if (options.at_seed && !is_at_seed(piece)) continue;
     BoardSegment segment = JudgePiece(search, std::move(piece));
     const Eigen::Vector3d middle = segment.sensor_T_board.topRightCorner<3, 1>();
     segment.score += 0.5 * (middle - seed).norm() / SeedRadius(options);

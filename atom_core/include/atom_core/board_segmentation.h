@@ -32,6 +32,7 @@ struct BoardOptions {
   double dark = 0.0;             ///< side of squares that may return nothing; 0: none may [m]
   double seed_radius = 0.75;     ///< planes are proposed within this many diagonals of the seed
   int most_planes = 8;           ///< proposed around a seed
+  bool at_seed = false;          ///< only what has points of the plane around the seed is looked at
   int least_layers = 4;          ///< that meet the board
   int least_points = 20;         ///< on the board
   double least_coverage = 0.70;  ///< share of the expected returns that is there or hidden
@@ -52,6 +53,7 @@ struct BoardSegment {
   std::string reason;                       ///< one sentence; empty when detected
   std::vector<std::int64_t> indices;        ///< of the returns, into the cloud as given, ascending
   std::vector<std::int64_t> limit_indices;  ///< those on the border
+  std::vector<int> too_large;  ///< positions in the scan of a plane's returns that reach too far
   Eigen::Matrix4d sensor_T_board = Eigen::Matrix4d::Identity();   ///< origin in the middle, x along
                                                                   ///< the width, z away from the
                                                                   ///< sensor; open to half a turn
