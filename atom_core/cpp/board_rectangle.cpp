@@ -24,24 +24,25 @@ double Cost(const Outline& outline, const Eigen::Vector2d& half, const Rectangle
             double enough) {
   const double cap = kCapShare * half.minCoeff(), most = cap * cap;
   const double c = std::cos(pose.angle), s = std::sin(pose.angle);
-  const auto distance = [&](const Eigen::Vector2d& point) {
+  const auto beyond = [&](const Eigen::Vector2d& point) {
     const Eigen::Vector2d p = point - pose.centre;
-    return SignedDistance({c * p.x() + s * p.y(), -s * p.x() + c * p.y()}, half);
+    return Eigen::Array2d(std::abs(c * p.x() + s * p.y()) - half.x(),
+                          std::abs(c * p.y() - s * p.x()) - half.y());
   };
   double cost = 0.0;
   for (const auto& point : outline.limits) {
-    const double d = distance(point);
-    cost += std::min(d * d, most);
+    const Eigen::Array2d off = beyond(point);
+    const double inside = std::min(off.maxCoeff(), 0.0);
+    cost += std::min(inside * inside + off.max(0.0).square().sum(), most);
     if (cost >= enough) return cost;
   }
   for (const auto& point : outline.inside) {
-    const double d = std::max(distance(point), 0.0);
-    cost += std::min(d * d, most);
+    cost += std::min(beyond(point).max(0.0).square().sum(), most);
     if (cost >= enough) return cost;
   }
   for (const auto& point : outline.outside) {
-    const double d = std::min(distance(point), 0.0);
-    cost += std::min(d * d, most);
+    const double inside = std::min(beyond(point).maxCoeff(), 0.0);
+    cost += std::min(inside * inside, most);
     if (cost >= enough) return cost;
   }
   return cost;

@@ -156,50 +156,70 @@ std::vector<StraightRun> FindStraightRuns(const Scan& scan, const BoardOptions& 
   return runs;
 }
 
+Eigen::Vector3d Middle(const BoardSegment& segment) {
+  return segment.sensor_T_board.topRightCorner<3, 1>();
+}
+
 // What returns are known to belong to: planes that are too large, boards that were found.
 class KnownSurfaces {
  public:
-  explicit KnownSurfaces(const Scan& scan) : scan_(scan), of_(scan.points.size(), -1) {}
+  explicit KnownSurfaces(const Scan& scan) : scan_(scan), of_(scan.points.size(), kUnknown) {}
 
-  void Add(const Eigen::Matrix4d& sensor_T_surface, double sigma, const std::vector<int>& points) {
-    const Eigen::Vector3d normal = sensor_T_surface.block<3, 1>(0, 2);
-    const Eigen::Vector3d middle = sensor_T_surface.block<3, 1>(0, 3);
-    planes_.push_back({normal, normal.dot(middle), std::max(kKnownSigmas * sigma, kKnownOff)});
-    for (const int i : points) of_[i] = static_cast<int>(planes_.size()) - 1;
+  void AddBoard(const std::vector<int>& points) {
+    for (const int i : points) of_[i] = kBoard;
+  }
+  void AddPlane(const BoardSegment& segment) {
+    const Eigen::Vector3d normal = segment.sensor_T_board.block<3, 1>(0, 2);
+    const double off = std::max(kKnownSigmas * segment.plane_sigma, kKnownOff);
+    for (const int i : segment.too_large) of_[i] = static_cast<int>(planes_.size());
+    planes_.push_back({normal, normal.dot(Middle(segment)), off});
   }
 
-  // Tells whether a run is known. One before a wall has the wall's returns only by its scatter.
+  // Tells whether a run is known. A board before a wall may have some of the wall's returns, but
+  // their mean is off the wall.
   bool Has(const StraightRun& run) const {
-    std::map<int, std::pair<int, double>> on;  // by plane: returns, and their residuals' sum
-    for (int k = run.first; k < run.first + run.returns; ++k) {
-      const int i = scan_.by_azimuth[k], plane = of_[i];
-      if (plane < 0) continue;
-      auto& own = on[plane];
-      ++own.first;
-    }
+    std::map<int, int> returns;  // of the run, by surface
     int count = 0;
-    for (auto& item : on) count += item.second.first;
-    if (count < kKnownShare * run.returns) return false;
-    const auto most = std::max_element(on.begin(), on.end(), [](const auto& a, const auto& b) {
-      return a.second.first < b.second.first;
-    });
-    const Known& plane = planes_[most->first];
-    double sum = 0.0;
     for (int k = run.first; k < run.first + run.returns; ++k) {
-      sum += plane.normal.dot(scan_.points[scan_.by_azimuth[k]].position) - plane.distance;
+      const int surface = of_[scan_.by_azimuth[k]];
+      if (surface != kUnknown) ++returns[surface], ++count;
     }
-    return std::abs(sum / run.returns) < plane.off;
+    if (count < kKnownShare * run.returns) return false;
+    const auto fewer = [](const auto& a, const auto& b) { return a.second < b.second; };
+    const int most = std::max_element(returns.begin(), returns.end(), fewer)->first;
+    return most == kBoard || std::abs(MeanResidual(run, planes_[most])) < planes_[most].off;
   }
 
  private:
+  static constexpr int kUnknown = -2, kBoard = -1;
   struct Known {
     Eigen::Vector3d normal;
     double distance, off;
   };
+
+  double MeanResidual(const StraightRun& run, const Known& plane) const {
+    double sum = 0.0;
+    for (int k = run.first; k < run.first + run.returns; ++k) {
+      sum += plane.normal.dot(scan_.points[scan_.by_azimuth[k]].position) - plane.distance;
+    }
+    return sum / run.returns;
+  }
+
   const Scan& scan_;
-  std::vector<int> of_;
+  std::vector<int> of_;  // surface of each point
   std::vector<Known> planes_;
 };
+
+std::vector<int> PositionsOf(const Scan& scan, const std::vector<std::int64_t>& indices) {
+  std::vector<int> positions;
+  for (const std::int64_t index : indices) {
+    const auto i = std::lower_bound(
+        scan.points.begin(), scan.points.end(), index,
+        [](const ScanPoint& point, std::int64_t value) { return point.index < value; });
+    positions.push_back(static_cast<int>(i - scan.points.begin()));
+  }
+  return positions;
+}
 
 // One seed for runs side by side; there must be as many of them as a board has layers.
 class Seeds {
@@ -225,7 +245,8 @@ class Seeds {
   }
 
  private:
-  static bool Near(const std::vector<Eigen::Vector3d>& seeds, const StraightRun& run, double apart) {
+  static bool Near(const std::vector<Eigen::Vector3d>& seeds, const StraightRun& run,
+                   double apart) {
     return std::any_of(seeds.begin(), seeds.end(), [&](const Eigen::Vector3d& seed) {
       return (seed - run.middle).norm() < apart;
     });
@@ -268,10 +289,6 @@ BoardOptions Strict(BoardOptions options) {
   return options;
 }
 
-Eigen::Vector3d Middle(const BoardSegment& segment) {
-  return segment.sensor_T_board.topRightCorner<3, 1>();
-}
-
 }  // namespace
 
 std::vector<BoardSegment> FindBoards(const Scan& scan, const BoardOptions& options) {
@@ -288,7 +305,7 @@ std::vector<BoardSegment> FindBoards(const Scan& scan, const BoardOptions& optio
   Seeds seeds(scan, options);
   for (Eigen::Vector3d seed; seeds.Next(known, &seed);) {
     BoardSegment board = SegmentBoard(scan, seed, here);
-    if (!board.too_large.empty()) known.Add(board.sensor_T_board, board.plane_sigma, board.too_large);
+    if (!board.too_large.empty()) known.AddPlane(board);
     if (board.detected)
       board = SegmentBoard(scan, Middle(board), strict);  // the same from anywhere
     if (board.detected && !IsConvincing(board, options)) Doubt(&board);
@@ -297,9 +314,10 @@ std::vector<BoardSegment> FindBoards(const Scan& scan, const BoardOptions& optio
     };
     if (!board.detected) {
       if (board.progress > nearest.progress) nearest = board;
-    } else if (std::none_of(boards.begin(), boards.end(), is_same)) {
-      boards.push_back(board);
+      continue;
     }
+    known.AddBoard(PositionsOf(scan, board.indices));
+    if (std::none_of(boards.begin(), boards.end(), is_same)) boards.push_back(board);
   }
   std::stable_sort(boards.begin(), boards.end(),
                    [](const BoardSegment& a, const BoardSegment& b) { return a.score < b.score; });

@@ -5,7 +5,9 @@
 
 namespace atom_core {
 
-double Wrapped(double angle) { return std::remainder(angle, 2.0 * M_PI); }
+double Wrapped(double angle) {
+  return std::abs(angle) <= M_PI ? angle : std::remainder(angle, 2.0 * M_PI);
+}
 
 double Azimuth(const Scan& scan, const Eigen::Vector3d& position) {
   const Eigen::Vector3d in_spin = scan.sensor_R_spin.transpose() * position;
@@ -27,10 +29,9 @@ Window CutWindow(const Scan& scan, const Eigen::Vector3d& seed, const BoardOptio
     const auto begin = scan.by_azimuth.begin() + scan.layer_begin[k],
                end = scan.by_azimuth.begin() + scan.layer_begin[k + 1];
     const auto size = end - begin;
-    auto i = std::lower_bound(begin, end, Wrapped(seed_azimuth - reach),
-                              [&](int a, double azimuth) {
-                                return scan.points[a].azimuth < azimuth;
-                              });
+    auto i =
+        std::lower_bound(begin, end, Wrapped(seed_azimuth - reach),
+                         [&](int a, double azimuth) { return scan.points[a].azimuth < azimuth; });
     for (auto count = size; count > 0; --count, ++i) {
       if (i == end) i = begin;
       const ScanPoint& point = scan.points[*i];
