@@ -20,6 +20,7 @@ constexpr double kSteepest = 1.4;           // of the logarithm of the spacing, 
 constexpr std::size_t kLeastForSlope = 30;  // samples
 constexpr double kPixelShare = 0.02;        // of the board's diagonal
 constexpr double kLinkSpacings = 2.0;       // points as near hang together
+constexpr double kLinkCell = 0.25;          // of the longest link
 constexpr double kLinkShare = 0.05;         // of the board's shorter side: so do these
 constexpr double kRightBehind = 0.05;       // [m] beyond the threshold
 constexpr double kTrimmed = 0.01;           // of the points at each end of a box
@@ -40,14 +41,15 @@ int Octant(const Eigen::Vector2d& v) {
 // Points of a plane in square cells, row by row.
 class PlaneGrid {
  public:
-  PlaneGrid(const PlanePoints& points, double reach) : points_(points) {
+  PlaneGrid(const PlanePoints& points, double reach, double side = 0.0) : points_(points) {
     Eigen::Vector2d high = points.front();
     low_ = high;
     for (const Eigen::Vector2d& point : points) {
       low_ = low_.cwiseMin(point), high = high.cwiseMax(point);
     }
     const Eigen::Vector2d size = (high - low_).array() + 1e-6;
-    cell_ = std::max(std::sqrt(kPointsOfCell * size.prod() / points.size()), size.maxCoeff() / 500);
+    if (side == 0.0) side = std::sqrt(kPointsOfCell * size.prod() / points.size());
+    cell_ = std::max(side, size.maxCoeff() / 500);
     cell_ = std::min(cell_, reach);
     columns_ = static_cast<int>(size.x() / cell_) + 1;
     rows_ = static_cast<int>(size.y() / cell_) + 1;
@@ -72,6 +74,17 @@ class PlaneGrid {
         const std::size_t cell = static_cast<std::size_t>(y) * columns_ + x;
         for (int k = first_[cell]; k < first_[cell + 1]; ++k) call(points_[order_[k]]);
       }
+    }
+  }
+  // Calls with the number of each point in the cells that are nearer to a place than a reach.
+  template <typename Call>
+  void Around(const Eigen::Vector2d& at, double reach, const Call& call) const {
+    const Eigen::Vector2d wide = Eigen::Vector2d::Constant(reach);
+    const Eigen::Vector2d from = (at - wide).cwiseMax(low_), to = at + wide;
+    for (int y = Row(from); y <= std::min(Row(to), rows_ - 1); ++y) {
+      const std::size_t row = static_cast<std::size_t>(y) * columns_;
+      const int end = first_[row + std::min(Column(to), columns_ - 1) + 1];
+      for (int k = first_[row + Column(from)]; k < end; ++k) call(order_[k]);
     }
   }
 
@@ -146,23 +159,16 @@ std::vector<int> Linked(const PlanePoints& points, const Spacing& spacing, doubl
     link[i] = std::max(kLinkSpacings * spacing.At(points[i]), least);
     longest = std::max(longest, link[i]);
   }
-  std::unordered_map<std::int64_t, std::vector<int>> cells;
-  for (std::size_t i = 0; i < points.size(); ++i) cells[Key(points[i], longest)].push_back(i);
+  const PlaneGrid grid(points, longest, kLinkCell * longest);
   std::vector<int> parent(points.size());
   std::iota(parent.begin(), parent.end(), 0);
   for (std::size_t i = 0; i < points.size(); ++i) {
-    for (const double x : {-longest, 0.0, longest}) {
-      for (const double y : {-longest, 0.0, longest}) {
-        const auto cell = cells.find(Key(points[i] + Eigen::Vector2d(x, y), longest));
-        if (cell == cells.end()) continue;
-        for (const int k : cell->second) {
-          if (k >= static_cast<int>(i)) break;
-          if ((points[k] - points[i]).norm() < link[i]) {
-            parent[Root(&parent, i)] = Root(&parent, k);
-          }
-        }
+    const double squared = link[i] * link[i];
+    grid.Around(points[i], link[i], [&](int k) {
+      if (k < static_cast<int>(i) && (points[k] - points[i]).squaredNorm() < squared) {
+        parent[Root(&parent, i)] = Root(&parent, k);
       }
-    }
+    });
   }
   for (std::size_t i = 0; i < points.size(); ++i) parent[i] = Root(&parent, i);
   return parent;
@@ -243,6 +249,7 @@ std::vector<std::vector<int>> ConnectedPieces(const Window& window, const std::v
   PlanePoints thin;
   std::unordered_map<std::int64_t, int> place;  // of each pixel among the thinned points
   std::vector<int> of(inliers.size());
+  place.reserve(inliers.size());
   for (std::size_t i = 0; i < inliers.size(); ++i) {
     const Eigen::Vector2d point = axes.InPlane(window.At(inliers[i]).position);
     const auto item = place.emplace(Key(point, pixel), static_cast<int>(thin.size()));
