@@ -7,8 +7,8 @@ from typing import Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
-from atom_core import native
 from atom_core.calibration.judge.statistics import Table, residual_table
+from atom_core.calibration.board_sizes import look_at_boards
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.connectivity import check_connected, floats_freely
 from atom_core.calibration.prepare.joints import check_joints
@@ -16,7 +16,7 @@ from atom_core.calibration.prepare.preparation import absent_data, free_edges
 from atom_core.calibration.start.boards import carried_boards
 from atom_core.errors import AtomError
 from atom_core.model.dataset import Dataset, is_complete
-from atom_core.model.labels import DetectionKey, RangeLabel, place
+from atom_core.model.labels import DetectionKey, place
 from atom_core.problem.builder import FreeEdges, build_problem, check_edges
 from atom_core.problem.measured_size import MeasuredSide, measured_sides
 from atom_core.problem.measurements import Measurement, read_measurements
@@ -74,8 +74,10 @@ def preflight(dataset: Dataset) -> Preflight:
             "nothing ties the rig to world: the first sensor will be held (anchored_sensor, -as)"
         )
     widths = {sensor.name: sensor.beam_width_rad for sensor in dataset.sensors.values()}
-    sides = measured_sides(measurements, widths)
-    warnings += _of_another_size(sides, present)
+    by_labeler, remarks = look_at_boards(present)
+    known = {(side.sensor, side.pattern) for side in by_labeler}
+    sides = [s for s in measured_sides(measurements, widths) if (s.sensor, s.pattern) not in known]
+    warnings += remarks + _of_another_size(sides)
     held = _problem_at_held_boards(present, measurements)
     return Preflight(
         detections=_detections(dataset),
@@ -85,11 +87,11 @@ def preflight(dataset: Dataset) -> Preflight:
         problems=tuple(problems),
         warnings=tuple(warnings),
         residuals=residual_table(held, np.zeros(0)) if held else None,
-        sides=tuple(sides),
+        sides=(*by_labeler, *sides),
     )
 
 
-def _of_another_size(sides: Sequence[MeasuredSide], dataset: Dataset) -> List[str]:
+def _of_another_size(sides: Sequence[MeasuredSide]) -> List[str]:
     """Return a sentence for each sensor to which a board is not of the configured size."""
     remarks = []
     for sensor, pattern in dict.fromkeys((s.sensor, s.pattern) for s in sides if s.is_off):
@@ -101,32 +103,8 @@ def _of_another_size(sides: Sequence[MeasuredSide], dataset: Dataset) -> List[st
         remarks.append(
             f"pattern '{pattern}' looks {looks} to sensor '{sensor}'; the configuration says "
             f"{configured}: measure the board, and correct its size and border"
-            + _or_wide_beams(own, dataset)
         )
     return remarks
-
-
-def _or_wide_beams(sides: Sequence[MeasuredSide], dataset: Dataset) -> str:
-    """Return what else may enlarge a board to a sensor, if that is possible; empty if not."""
-    name, pattern = sides[0].sensor, dataset.patterns[sides[0].pattern]
-    estimate = dataset.sensors[name].kind.beam_width
-    if estimate is None or not native.available():
-        return ""
-    if any(side.measured_m < side.configured_m for side in sides):
-        return ""
-    boards = []
-    for key, label in dataset.detections():
-        if (key.sensor, key.pattern) == (name, pattern.name) and isinstance(label, RangeLabel):
-            cloud = dataset.data.read(key.collection, name)
-            boards.append((cloud, np.mean(cloud[label.indices], axis=0)))
-    width = estimate(boards, pattern.border)
-    if width is None:
-        return ""
-    return (
-        f". If the board is right, the sensor's beams are {width.width_rad:.4f} rad wide "
-        f"(+- {width.sigma_rad:.4f}, from {width.boards} boards): write beam_width: "
-        f"{width.width_rad:.4f} to sensor '{name}' in the configuration, and collect anew"
-    )
 
 
 def _collect(check: Callable[[], None], problems: List[str]) -> None:

@@ -17,6 +17,7 @@ from atom_core.geometry.rays import spinning_rays
 from atom_core.io.data_formats import CLOUDS
 from atom_core.io.label_json import range_label_format
 from atom_core.labeling.beam_width import estimate_beam_width
+from atom_core.labeling.board_size import seen_boards
 from atom_core.labeling.lidar3d import Lidar3dLabeler
 from atom_core.model.modality import Modality, SeedFormat
 from atom_core.model.range_points import cloud_points
@@ -63,6 +64,7 @@ LIDAR_3D = Modality(
     measures_range=True,
     can_estimate_range_offset=True,
     beam_width=estimate_beam_width,
+    seen_boards=seen_boards,
     spins_about_z=True,
     data=CLOUDS,
     labels=range_label_format("idxs_limit_points"),

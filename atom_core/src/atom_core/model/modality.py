@@ -34,6 +34,7 @@ if TYPE_CHECKING:  # types of the layers above, which a modality's functions tak
     from atom_core.geometry.rectangle import Rectangle
     from atom_core.labeling.base import Labeler
     from atom_core.labeling.beam_width import BeamWidth
+    from atom_core.labeling.board_size import SeenBoard
     from atom_core.model.config import PatternConfig
     from atom_core.model.dataset import Dataset
     from atom_core.model.pattern import Pattern
@@ -45,6 +46,7 @@ if TYPE_CHECKING:  # types of the layers above, which a modality's functions tak
 _ROOMS = "atom_core.modalities"
 
 EstimateBeamWidth = Callable[[Sequence[Tuple[Any, np.ndarray]], "Rectangle"], Optional["BeamWidth"]]
+SeeBoards = Callable[[Sequence[Tuple[Any, np.ndarray]], "Rectangle", float], List["SeenBoard"]]
 
 
 class SeedFormat(NamedTuple):
@@ -112,6 +114,8 @@ class Modality:
         can_estimate_range_offset: ``--range_offset`` is for it.
         beam_width: given clouds of one sensor, each with a seed on its board, and the board's
             border, estimates how wide its beams are; None: that is not asked of it.
+        seen_boards: given the same and the configured width of the beams [rad], how large each
+            board looks; None: its limit points have to tell.
         spins_about_z: so that an error about its z axis has a reason of its own.
         data, labels: how they stand in a dataset.
         seed: how a person says where the board is; None where nobody has to.
@@ -142,6 +146,7 @@ class Modality:
     can_estimate_intrinsics: bool = False
     can_estimate_range_offset: bool = False
     beam_width: Optional[EstimateBeamWidth] = None
+    seen_boards: Optional[SeeBoards] = None
     spins_about_z: bool = False
     seed: Optional[SeedFormat] = None
     points: Optional[Callable[[Dataset, DetectionKey], RangePoints]] = None

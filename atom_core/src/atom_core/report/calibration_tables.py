@@ -319,7 +319,7 @@ def _size_table(result: Preflight) -> str:
         for s in sorted(result.sides)
     ]
     headers = ["Pattern", "Side", "Configured [m]", "To sensor", "Looks [m]", "[%]", "Detections"]
-    title = "Boards as they look (border points lie half a beam step or a pixel inside)"
+    title = "Boards as they look (limit points of cameras lie half a pixel inside)"
     return text_table(headers, rows, title)
 
 

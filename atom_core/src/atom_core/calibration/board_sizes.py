@@ -1,0 +1,86 @@
+"""How large boards look to sensors whose labeler measures outlines, against the configuration."""
+
+from __future__ import annotations
+
+from typing import Any, Dict, List, Tuple
+
+import numpy as np
+
+from atom_core import native
+from atom_core.geometry.rectangle import Rectangle
+from atom_core.labeling.board_size import SizeFinding, find_size, size_remark
+from atom_core.model.dataset import Dataset
+from atom_core.model.labels import RangeLabel
+from atom_core.problem.measured_size import MeasuredSide
+
+Boards = List[Tuple[Any, np.ndarray]]
+
+
+def look_at_boards(dataset: Dataset) -> Tuple[List[MeasuredSide], List[str]]:
+    """Return the sides of boards, and a sentence for each sensor to which one is of another size.
+
+    The labeler looks again at each labeled cloud. Its outline is laid between the last return on
+    the board and the first beside it, so that it tells more than limit points do. Empty where the
+    compiled module is not built.
+    """
+    sides: List[MeasuredSide] = []
+    remarks: List[str] = []
+    if not native.available():
+        return sides, remarks
+    for (name, pattern), boards in _labeled(dataset).items():
+        sensor, border = dataset.sensors[name], dataset.patterns[pattern].border
+        see = sensor.kind.seen_boards
+        if see is None:
+            continue
+        finding = find_size(see(boards, border, sensor.beam_width_rad), border)
+        if finding is None:
+            continue
+        sides += _sides(name, pattern, border, finding)
+        remark = size_remark(name, pattern, border, finding)
+        if remark is not None:
+            remarks.append(remark + _or_wide_beams(dataset, name, pattern, boards, finding))
+    return sides, remarks
+
+
+def _labeled(dataset: Dataset) -> Dict[Tuple[str, str], Boards]:
+    """Return by sensor and pattern the clouds with a point on the board."""
+    found: Dict[Tuple[str, str], Boards] = {}
+    for key, label in dataset.detections():
+        wanted = dataset.sensors[key.sensor].kind.seen_boards is not None
+        if wanted and isinstance(label, RangeLabel) and len(label.indices):
+            cloud = dataset.data.read(key.collection, key.sensor)
+            seed = np.mean(cloud[label.indices], axis=0)
+            found.setdefault((key.sensor, key.pattern), []).append((cloud, seed))
+    return found
+
+
+def _sides(
+    sensor: str, pattern: str, border: Rectangle, finding: SizeFinding
+) -> List[MeasuredSide]:
+    return [
+        MeasuredSide(
+            *(sensor, pattern, across, 2.0 * float(border.half_size[across])),
+            *(finding.sides_m[across], finding.sigma_m[across], finding.counts[across]),
+        )
+        for across in (0, 1)
+        if np.isfinite(finding.sides_m[across])
+    ]
+
+
+def _or_wide_beams(
+    dataset: Dataset, name: str, pattern: str, boards: Boards, finding: SizeFinding
+) -> str:
+    """Return what else may enlarge a board to a sensor, if that is possible; empty if not."""
+    border, estimate = dataset.patterns[pattern].border, dataset.sensors[name].kind.beam_width
+    longer = np.array(finding.sides_m) - 2.0 * border.half_size
+    surely_size = finding.by_size and not finding.by_beams
+    if estimate is None or np.nanmin(longer) < 0.0 or surely_size:
+        return ""
+    width = estimate(boards, border)
+    if width is None:
+        return ""
+    return (
+        f". If the board is right, the sensor's beams are {width.width_rad:.4f} rad wide "
+        f"(+- {width.sigma_rad:.4f}, from {width.boards} boards): write beam_width: "
+        f"{width.width_rad:.4f} to sensor '{name}' in the configuration, and collect anew"
+    )

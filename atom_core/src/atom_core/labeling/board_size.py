@@ -1,0 +1,184 @@
+"""Whether a board has the configured size, told by what a 3D LiDAR saw of it several times.
+
+A single label leaves a few per cent open. Over several boards their median tells; and since wide
+beams enlarge a board by their width times its distance, and a board of another size is that at any
+distance, boards from near and far tell the two apart.
+"""
+
+from __future__ import annotations
+
+from typing import List, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
+
+from atom_core.errors import LabelingError
+from atom_core.geometry.rectangle import Rectangle
+from atom_core.labeling.lidar3d import CloudLike, Lidar3dOptions, as_cloud, board_at
+
+LEAST_SIDES = 3  # of a kind, to say anything
+OFF_SHARE = 0.02  # of a side: so much the outline of a right board may leave open
+_SIGMAS = 3.0
+_ROUNDS = 10
+_LEAST_RATIO = 1.6  # of the farthest board's range to the nearest, to tell another size from beams
+_LEAST_SIGMA_M = 0.002  # of a side that is measured once
+
+
+class SeenBoard(NamedTuple):
+    """What one label says of a board's size.
+
+    Attributes:
+        away_m: range of its middle.
+        sides_m: its width and height without what beams of the configured width add; NaN where two
+            opposite sides were not seen.
+    """
+
+    away_m: float
+    sides_m: Tuple[float, float]
+
+
+class SizeFinding(NamedTuple):
+    """How large boards look.
+
+    Attributes:
+        sides_m: medians of width and height, NaN where fewer than three labels tell.
+        sigma_m: of these.
+        counts: labels that tell.
+        nearest_m, farthest_m: ranges of the boards.
+        by_size: wide beams alone do not explain it.
+        by_beams: another size alone does not explain it: the farther, the larger.
+    """
+
+    sides_m: Tuple[float, float]
+    sigma_m: Tuple[float, float]
+    counts: Tuple[int, int]
+    nearest_m: float
+    farthest_m: float
+    by_size: bool
+    by_beams: bool
+
+
+def seen_boards(
+    boards: Sequence[Tuple[CloudLike, np.ndarray]], border: Rectangle, beam_width_rad: float
+) -> List[SeenBoard]:
+    """Return what is seen of a board in each cloud where it is found.
+
+    Args:
+        boards: clouds of one sensor, each with a seed (3,) on its board [m].
+        border: the board's edges [m].
+        beam_width_rad: as configured; 0 where it is not.
+    """
+    seen, options = [], Lidar3dOptions(beam_width_rad=beam_width_rad)
+    for cloud, seed in boards:
+        try:
+            found = board_at(as_cloud(cloud), border, seed, options)
+        except LabelingError:
+            continue
+        quality = found.labeled.quality
+        if found.labeled.detected:
+            width, height = (quality.get(f"measured_{s}_m", np.nan) for s in ("width", "height"))
+            away = float(np.linalg.norm(found.sensor_T_centre[:3, 3]))
+            seen.append(SeenBoard(away, (width, height)))
+    return seen
+
+
+def find_size(seen: Sequence[SeenBoard], border: Rectangle) -> Optional[SizeFinding]:
+    """Return how large boards look; None where fewer than three labels show a side whole."""
+    configured = 2.0 * border.half_size
+    sides = np.array([one.sides_m for one in seen], dtype=float).reshape(-1, 2)
+    known = np.isfinite(sides).sum(axis=0)
+    told = [axis for axis in (0, 1) if known[axis] >= LEAST_SIDES]
+    if not told:
+        return None
+    medians, sigmas = np.full(2, np.nan), np.full(2, np.nan)
+    for axis in told:
+        medians[axis], sigmas[axis] = _median(sides[np.isfinite(sides[:, axis]), axis])
+    away = np.array([one.away_m for one in seen])
+    by_size, by_beams = _causes(away, sides - configured, told)
+    return SizeFinding(
+        (float(medians[0]), float(medians[1])),
+        (float(sigmas[0]), float(sigmas[1])),
+        (int(known[0]), int(known[1])),
+        float(away.min()),
+        float(away.max()),
+        by_size,
+        by_beams,
+    )
+
+
+def is_off(side_m: float, configured_m: float, sigma_m: float) -> bool:
+    """Tell whether a side is farther from the configured one than its measurement leaves open."""
+    off_m = abs(side_m - configured_m)
+    return bool(off_m > max(OFF_SHARE * configured_m, _SIGMAS * sigma_m))
+
+
+def size_remark(
+    sensor: str, pattern: str, border: Rectangle, finding: Optional[SizeFinding]
+) -> Optional[str]:
+    """Return a sentence where a board looks larger or smaller than configured, and why; or None."""
+    if finding is None:
+        return None
+    configured = 2.0 * border.half_size
+    told = [axis for axis in (0, 1) if np.isfinite(finding.sides_m[axis])]
+    off = [
+        axis
+        for axis in told
+        if is_off(finding.sides_m[axis], configured[axis], finding.sigma_m[axis])
+    ]
+    if not off:
+        return None
+    looks, says = (
+        " and ".join(f"{lengths[axis]:.3f} m {('wide', 'high')[axis]}" for axis in told)
+        for lengths in (finding.sides_m, configured)
+    )
+    remark = (
+        f"pattern '{pattern}' looks {looks} to sensor '{sensor}'; the configuration says {says}: "
+        f"measure the board, and correct its size and border"
+    )
+    larger = all(finding.sides_m[axis] > configured[axis] for axis in off)
+    return remark + (_cause(finding) if larger else "")
+
+
+def _cause(finding: SizeFinding) -> str:
+    spread = f"{finding.nearest_m:.1f} to {finding.farthest_m:.1f} m"
+    if finding.by_size and not finding.by_beams:
+        return f". It looks so at any distance ({spread}); wide beams would enlarge it with distance"
+    if finding.by_beams and not finding.by_size:
+        return f". It looks the larger the farther it is ({spread}), as wide beams make it"
+    if finding.by_size:
+        return f". It looks so near by, and still larger far away ({spread}): wide beams add to it"
+    return (
+        f". These boards ({spread} away) do not tell a larger board from wide beams; boards nearer "
+        f"and farther away would"
+    )
+
+
+def _causes(away_m: np.ndarray, beyond_m: np.ndarray, told: List[int]) -> Tuple[bool, bool]:
+    """Fit beyond = own of the side + width * range, robustly; return which of the two is sure."""
+    rows, values = [], []
+    for axis in told:
+        for away, beyond in zip(away_m, beyond_m[:, axis]):
+            if np.isfinite(beyond):
+                rows.append([*(float(axis == a) for a in told), away])
+                values.append(beyond)
+    A, b = np.array(rows), np.array(values)
+    if len(b) <= A.shape[1] + 1 or A[:, -1].max() < _LEAST_RATIO * A[:, -1].min():
+        return False, False
+    weight, x = np.ones(len(b)), np.zeros(A.shape[1])
+    sigma = _LEAST_SIGMA_M
+    for _ in range(_ROUNDS):
+        x = np.linalg.lstsq(A * weight[:, None], b * weight, rcond=None)[0]
+        off = np.abs(b - A @ x)
+        sigma = max(1.4826 * float(np.median(off)), _LEAST_SIGMA_M)
+        weight = 1.0 / np.sqrt(1.0 + (off / (2.0 * sigma)) ** 2)
+    # Two sides of one label have their plane and distance in common.
+    covariance = 2.0 * sigma**2 * np.linalg.pinv((A * weight[:, None] ** 2).T @ A)
+    sigmas = np.sqrt(np.diag(covariance))
+    by_size = bool(np.any(x[:-1] > _SIGMAS * sigmas[:-1]))
+    return by_size, bool(x[-1] > _SIGMAS * sigmas[-1])
+
+
+def _median(values: np.ndarray) -> Tuple[float, float]:
+    """Return the median and its sigma."""
+    median = float(np.median(values))
+    scatter = max(1.4826 * float(np.median(np.abs(values - median))), _LEAST_SIGMA_M)
+    return median, 1.25 * scatter / float(np.sqrt(len(values)))
