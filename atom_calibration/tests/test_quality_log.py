@@ -16,9 +16,9 @@ from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.labeling.base import Labeled, nothing
 from atom_core.model.config import CalibrationConfig
-from atom_core.model.labels import RgbLabel
+from atom_core.model.labels import RangeLabel, RgbLabel
 from atom_core.model.pattern import pattern_from_config
-from atom_core.model.sensor import RGB, Sensor
+from atom_core.model.sensor import LIDAR3D, RGB, Sensor
 from atom_core.model.transforms import Edge
 from atom_core.synthetic.board import charuco
 from atom_core.synthetic.board_image import render
@@ -144,6 +144,26 @@ def test_cameras_that_see_a_board_mirrored_to_each_other_are_named(cell):
     (line,) = cell.log.mirrored()
     assert line.startswith("the pattern is mirrored: ") and cell.said == [line]
     assert "black to near and white to far" in line
+
+
+def test_a_board_of_another_size_is_named_over_the_collections_of_a_lidar(cell):
+    lidar = Sensor("lidar", LIDAR3D, "lidar_link", Edge("world", "lidar_link"))
+    log = QualityLog(cell.config, {"lidar": lidar}, cell.patterns, cell.said.append)
+    for k, away in enumerate(np.linspace(1.5, 3.5, 8)):
+        points = np.array([[away, x, y] for x in (-0.2, 0.0, 0.2) for y in (-0.2, 0.0, 0.2)])
+        figures = {"measured_width_m": 0.84 + 0.001 * (k % 3), "measured_height_m": 0.63}
+        labeled = Labeled(
+            RangeLabel(np.arange(9), np.arange(4)), quality=figures, next_seed=points.mean(axis=0)
+        )
+        cloud = np.rec.fromarrays(points.T, names="x,y,z")
+        frame = Frame(lidar, float(k), {}, cloud)
+        frame.set_label("board", labeled)
+        log.add(f"{k:03d}", {"lidar": frame}, {}, cell.tree)
+    (line,) = log.sizes()
+    assert "looks 0.841 m wide and 0.630 m high to sensor 'lidar'" in line
+    for k in range(8):
+        log.delete(f"{k:03d}")
+    assert log.sizes() == []
 
 
 # ------------------------------------------------------------------------------ from a bag

@@ -11,6 +11,7 @@
 #include "board_beside.h"
 #include "board_filling.h"
 #include "plane_pieces.h"
+#include "plane_points.h"
 
 namespace atom_core {
 namespace {
@@ -85,10 +86,11 @@ std::optional<Surface> SurfaceOf(const BoardSearch& search, std::vector<int> pie
   segment->incidence = surface.incidence();
   segment->layers = static_cast<int>(surface.ends().size());
   if (segment->layers >= search.options.least_layers) return surface;
+  const std::string layers = segment->layers == 1 ? "only one layer meets"
+                                                  : Text("only %.0f layers meet", segment->layers);
   return Reject(2,
-                Text("only %.0f layers meet the plane at %.1f m, %.0f are needed: bring the board "
-                     "nearer",
-                     segment->layers, surface.origin().norm(), search.options.least_layers),
+                layers + Text(" the plane at %.1f m, %.0f are needed: bring the board nearer",
+                              surface.origin().norm(), search.options.least_layers),
                 segment);
 }
 
@@ -112,10 +114,7 @@ bool HasExtent(const BoardSearch& search, const Surface& surface, BoardSegment* 
     for (const int i : surface.piece()) {
       segment->too_large.push_back(&search.At(i) - search.scan.points.data());
     }
-    Reject(1,
-           Text("the plane is larger than the board (%.2f m across, the board %.2f m)", longest,
-                search.options.size.norm()),
-           segment);
+    Reject(1, "the plane there is larger than the board", segment);
     return false;
   }
   return true;
@@ -229,8 +228,7 @@ std::string SizeReason(const Eigen::Vector2d& measured, const BoardOptions& opti
         "that side is to be %.2f",
         measured[1 - axis], options.size.x(), options.size.y(), options.size[1 - axis]);
   }
-  return Text("the plane there measures %.2f x %.2f m; the configuration says %.2f x %.2f",
-              measured.x(), measured.y(), options.size.x(), options.size.y());
+  return SizeText(measured, options.size);
 }
 
 bool SizeFits(const BoardSearch& search, const Surface& surface, const RectanglePose& pose,
@@ -383,15 +381,7 @@ void Label(const BoardSearch& search, const Surface& surface, const RectanglePos
   segment->layers = static_cast<int>(ends.size());
 }
 
-}  // namespace
-
-std::string Text(const char* format, double a, double b, double c, double d) {
-  char buffer[200];
-  std::snprintf(buffer, sizeof buffer, format, a, b, c, d);
-  return buffer;
-}
-
-BoardSegment JudgePiece(const BoardSearch& search, std::vector<int> piece) {
+BoardSegment Judge(const BoardSearch& search, std::vector<int> piece) {
   BoardSegment segment;
   const auto surface = FindSurface(search, std::move(piece), &segment);
   if (!surface) return segment;
@@ -405,6 +395,36 @@ BoardSegment JudgePiece(const BoardSearch& search, std::vector<int> piece) {
   if (GoesOnBesideSide(search, *restricted, *pose, &segment)) return segment;
   segment.detected = true;
   Label(search, *restricted, *pose, &segment);
+  return segment;
+}
+
+}  // namespace
+
+std::string SizeText(const Eigen::Vector2d& measured, const Eigen::Vector2d& configured) {
+  return Text("the plane there measures %.2f x %.2f m; the configuration says %.2f x %.2f",
+              measured.x(), measured.y(), configured.x(), configured.y());
+}
+
+void TellSize(const BoardSearch& search, const std::vector<int>& piece, BoardSegment* segment) {
+  if (segment->detected || piece.size() < 3) return;
+  if (segment->reason.find("measures") != std::string::npos) return;
+  const PlaneAxes axes(FitPlane(search.window, piece), search.At(piece.front()).position);
+  PlanePoints points;
+  for (const int i : piece) points.push_back(axes.InPlane(search.At(i).position));
+  const Eigen::Vector2d size = MeasurePiece(points, 0.0), board = search.options.size;
+  segment->reason += "; " + SizeText(board.x() >= board.y() ? size : size.reverse().eval(), board);
+}
+
+std::string Text(const char* format, double a, double b, double c, double d) {
+  char buffer[200];
+  std::snprintf(buffer, sizeof buffer, format, a, b, c, d);
+  return buffer;
+}
+
+BoardSegment JudgePiece(const BoardSearch& search, std::vector<int> piece) {
+  if (!search.options.tells_size) return Judge(search, std::move(piece));
+  BoardSegment segment = Judge(search, piece);
+  TellSize(search, piece, &segment);
   return segment;
 }
 

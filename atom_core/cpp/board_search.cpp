@@ -298,9 +298,12 @@ std::vector<BoardSegment> FindBoards(const Scan& scan, const BoardOptions& optio
   here.seed_radius = kPatch * options.size.minCoeff() / options.size.norm();
   here.most_planes = 1;
   here.at_seed = true;
-  const BoardOptions strict = Strict(options);
+  here.tells_size = false;
+  BoardOptions strict = Strict(options);
+  strict.tells_size = false;
   std::vector<BoardSegment> boards;
   BoardSegment nearest;  // to a board, if there is none
+  Eigen::Vector3d nearest_seed = Eigen::Vector3d::Zero();
   KnownSurfaces known(scan);
   Seeds seeds(scan, options);
   for (Eigen::Vector3d seed; seeds.Next(known, &seed);) {
@@ -313,7 +316,7 @@ std::vector<BoardSegment> FindBoards(const Scan& scan, const BoardOptions& optio
       return (Middle(other) - Middle(board)).norm() < 0.5 * options.size.minCoeff();
     };
     if (!board.detected) {
-      if (board.progress > nearest.progress) nearest = board;
+      if (board.progress > nearest.progress) nearest = board, nearest_seed = seed;
       continue;
     }
     known.AddBoard(PositionsOf(scan, board.indices));
@@ -321,7 +324,11 @@ std::vector<BoardSegment> FindBoards(const Scan& scan, const BoardOptions& optio
   }
   std::stable_sort(boards.begin(), boards.end(),
                    [](const BoardSegment& a, const BoardSegment& b) { return a.score < b.score; });
-  if (boards.empty() && nearest.progress >= kWorthNaming) boards.push_back(nearest);
+  if (boards.empty() && nearest.progress >= kWorthNaming) {
+    here.tells_size = true;
+    const BoardSegment again = SegmentBoard(scan, nearest_seed, here);
+    boards.push_back(again.progress == nearest.progress && !again.detected ? again : nearest);
+  }
   return boards;
 }
 

@@ -63,11 +63,6 @@ std::vector<int> Around(const BoardSearch& search, const PlaneAxes& axes,
   return best;
 }
 
-std::string SizeReason(const Eigen::Vector2d& measured, const BoardOptions& options) {
-  return Text("the plane there measures %.2f x %.2f m; the configuration says %.2f x %.2f",
-              measured.x(), measured.y(), options.size.x(), options.size.y());
-}
-
 // Walls, floors and small things are known before anything is fitted.
 bool IsOfSize(const BoardSearch& search, const std::vector<int>& piece, BoardSegment* segment) {
   if (static_cast<int>(piece.size()) < search.options.least_points) return true;
@@ -77,13 +72,8 @@ bool IsOfSize(const BoardSearch& search, const std::vector<int>& piece, BoardSeg
   const bool is_small = longest < kLargest || Area(search, piece) < kLargestArea * board.prod();
   if (longest > kSmallest && is_small && !is_strip) return true;
   segment->sensor_T_board.block<3, 1>(0, 3) = search.At(piece.front()).position;
-  const char* format = longest < 1.0 || is_strip
-                           ? "the plane there is smaller than the board: %.2f x %.2f m"
-                           : "the plane there is larger than the board: %.2f x %.2f m";
-  Refuse(1,
-         Text(format, size.x(), size.y()) +
-             Text("; the configuration says %.2f x %.2f", board.x(), board.y()),
-         segment);
+  const std::string how = longest < 1.0 || is_strip ? "smaller" : "larger";
+  Refuse(1, "the plane there is " + how + " than the board; " + SizeText(size, board), segment);
   return false;
 }
 
@@ -294,7 +284,7 @@ bool PieceFits(const Patch& patch, const BoardOptions& options, BoardSegment* se
   const double most = 0.5 * patch.spacing.At({0.0, 0.0}) + 0.01;
   if ((error.array() < kSizeTolerance * options.size.array() + most).all()) return true;
   segment->measured_size = size - beam;
-  segment->reason = SizeReason(segment->measured_size, options);
+  segment->reason = SizeText(segment->measured_size, options.size);
   return false;
 }
 
@@ -317,7 +307,7 @@ bool SizeFits(const MeasuredSize& measured, const Patch& patch, const BoardOptio
     Refuse(5, "no two opposite sides of the plane there are seen", segment);
     return false;
   }
-  if (!fits) Refuse(5, SizeReason(shown, options), segment);
+  if (!fits) Refuse(5, SizeText(shown, options.size), segment);
   return fits;
 }
 

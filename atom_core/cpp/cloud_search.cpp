@@ -64,7 +64,8 @@ BoardSegment BestPiece(const BoardSearch& search, const Plane& plane, const Eige
                      pieces.empty() ? 0 : pieces.front().size(), search.options.least_points);
   for (std::size_t k = 0; k < std::min(pieces.size(), kMostPieces); ++k) {
     if (static_cast<int>(pieces[k].size()) < search.options.least_points) break;
-    BoardSegment segment = JudgeCloudPiece(search, std::move(pieces[k]));
+    BoardSegment segment = JudgeCloudPiece(search, pieces[k]);
+    if (search.options.tells_size) TellSize(search, pieces[k], &segment);
     const Eigen::Vector3d middle = segment.sensor_T_board.topRightCorner<3, 1>();
     segment.score += 0.5 * (middle - seed).norm() / SeedRadius(search.options);
     if (k == 0 || IsBetter(segment, best)) best = segment;
@@ -227,6 +228,7 @@ class CloudSearch {
     const std::vector<int> piece = PieceOfPatch(search, plane, margin, place);
     BoardSegment segment;
     if (!piece.empty()) segment = JudgeCloudPiece(search, piece);
+    if (segment.progress > nearest_.progress) TellSize(search, piece, &segment);
     if (segment.progress == kOtherSize) Know(window, piece);
     Know(window, OnPlane(window, window.sphere, plane, margin));
     if (!segment.detected) return segment;

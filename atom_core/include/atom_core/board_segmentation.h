@@ -32,6 +32,7 @@ struct BoardOptions {
   double dark = 0.0;             ///< side of squares that may return nothing; 0: none may [m]
   double seed_radius = 0.75;     ///< planes are proposed within this many diagonals of the seed
   int most_planes = 8;           ///< proposed around a seed
+  bool tells_size = true;        ///< reasons say how large a plane is that is no board
   bool at_seed = false;          ///< only what has points of the plane around the seed is looked at
   int least_layers = 4;          ///< that meet the board
   int least_points = 20;         ///< on the board

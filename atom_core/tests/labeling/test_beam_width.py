@@ -83,12 +83,12 @@ def test_the_configuration_and_the_dataset_keep_it(tmp_path):
     assert {sensor.beam_width_rad for sensor in read.sensors.values()} == {0.0134}
 
 
-def test_check_names_what_enlarges_a_board():
+def test_check_names_the_width_that_would_explain_a_board_that_looks_too_large():
     large = scenes.lidar_only(1, collections=12, realism=replace(PLAIN, board_scale=0.04))
     (warning,) = [w for w in preflight(large.dataset).warnings if "to sensor 'lidar_1'" in w]
     assert "measure the board" in warning
-    told = "any distance" in warning
-    assert told or "If the board is right, the sensor's beams are 0.0" in warning
-    assert told or "write beam_width: 0.0" in warning
+    assert "(2.0 to 2.5 m away) do not tell a larger board from wide beams" in warning
+    assert "If the board is right, the sensor's beams are 0.0" in warning
+    assert "write beam_width: 0.0" in warning
     small = scenes.lidar_only(1, collections=12, realism=replace(PLAIN, board_scale=-0.1))
     assert not any("beam" in warning for warning in preflight(small.dataset).warnings)

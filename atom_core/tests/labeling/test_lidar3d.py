@@ -188,9 +188,26 @@ def test_nothing_is_found_where_no_board_is(seed):
 def test_a_board_of_another_size_is_refused(scale):
     other = Rectangle(0.0, 0.0, 0.8 * scale, 0.6 * scale)
     scene = Scene(pose(EYE), board_facing(EYE, (1.8, 0.2, 1.5), 20.0, border=other))
-    found = label(scan(scene, 6, border=other))
+    cloud = scan(scene, 6, border=other)
+    found = label(cloud)
     assert not found.detected
-    assert found.reason
+    assert "measures" in found.reason and "the configuration says 0.80 x 0.60" in found.reason
+    config, sensor = charuco(), Sensor("lidar", LIDAR3D, "lidar", Edge("world", "lidar"))
+    labeler = labeler_for(sensor, pattern_from_config("pattern_1", config), config)
+    searched = labeler.label(Cloud(cloud.points, cloud.ring))
+    assert not searched.detected
+    assert "the configuration says 0.80 x 0.60" in searched.reason or scale < 0.7
+
+
+@pytest.mark.parametrize("layers", [1, 3])
+def test_too_few_layers_are_named_with_the_size_of_what_they_see(layers):
+    scene = Scene(pose(EYE), board_facing(EYE, (1.8, 0.2, 1.5), 0.0))
+    cloud = scan(scene, 6)
+    rings = np.unique(cloud.ring[cloud.on_board])[:layers]
+    kept = ~cloud.on_board | np.isin(cloud.ring, rings)
+    found = board_at(Cloud(cloud.points[kept], cloud.ring[kept]), BORDER, cloud.seed).labeled
+    assert not found.detected and "only 1 layers" not in found.reason
+    assert "the configuration says 0.80 x 0.60" in found.reason
 
 
 # ---- clouds of other layouts

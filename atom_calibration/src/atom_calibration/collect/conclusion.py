@@ -87,4 +87,5 @@ def summary(collector: Collector, keys: List[str]) -> List[str]:
         lines.append(f"{name:16} {count:4d}{why}")
     figures = list(collector.quality.summary())
     advice = [f"advice: {line}" for line in collector.quality.advice()]
+    advice += [f"warning: {line}" for line in collector.quality.sizes()]
     return [*lines, *([""] + figures if figures else []), *([""] + advice if advice else [])]

@@ -15,6 +15,8 @@ from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.errors import DatasetError
 from atom_core.io.atomic import write_json_atomically
 from atom_core.labeling.advice import LEAST_FAILURES, Failure, advice, same_reason
+from atom_core.labeling.base import Labeled
+from atom_core.labeling.board_size import SeenBoard, find_size, size_remark
 from atom_core.labeling.rgb import STARTS_BLACK
 from atom_core.labeling.view_quality import (
     ForeseenView,
@@ -56,6 +58,7 @@ class QualityLog:
         self._config, self._sensors, self._patterns, self._warn = config, sensors, patterns, warn
         self._figures: Dict[str, Dict[Key, Figures]] = {}  # by collection
         self._failures: Dict[str, Dict[Key, Failure]] = {}  # by collection
+        self._sizes: Dict[str, Dict[Key, SeenBoard]] = {}  # by collection
 
     def add(
         self,
@@ -74,6 +77,7 @@ class QualityLog:
         """
         figures: Dict[Key, Figures] = {}
         failures: Dict[Key, Failure] = {}
+        sizes: Dict[Key, SeenBoard] = {}
         before = {*self.advice(), *self.mirrored()}
         for name, pattern in self._patterns.items():
             config = self._config.calibration_patterns[name]
@@ -92,7 +96,9 @@ class QualityLog:
                 if speed is not None and np.isfinite(speed):
                     seen.update(speed_figure(frame.sightings.get(name), speed))
                 figures[(sensor, name)] = seen
-        self._figures[key], self._failures[key] = figures, failures
+                if self._sensors[sensor].kind.seen_boards and labeled.next_seed is not None:
+                    sizes[(sensor, name)] = _seen_size(labeled)
+        self._figures[key], self._failures[key], self._sizes[key] = figures, failures, sizes
         for line in (*self.advice(), *self.mirrored()):
             if _subject(line) not in {_subject(other) for other in before}:
                 self._warn(line)
@@ -101,6 +107,7 @@ class QualityLog:
         """Forget a collection."""
         self._figures.pop(key, None)
         self._failures.pop(key, None)
+        self._sizes.pop(key, None)
 
     def advice(self) -> List[str]:
         """Return a line for each kind of label that failed twice or more."""
@@ -136,6 +143,18 @@ class QualityLog:
                     f"the driver and collect again"
                 )
         return lines
+
+    def sizes(self) -> List[str]:
+        """Return a line for each 3D LiDAR to which a board is not of the configured size."""
+        seen: Dict[Key, List[SeenBoard]] = defaultdict(list)
+        for of_one in self._sizes.values():
+            for key, board in of_one.items():
+                seen[key].append(board)
+        remarks = []
+        for (sensor, name), boards in seen.items():
+            border = self._patterns[name].border
+            remarks.append(size_remark(sensor, name, border, find_size(boards, border)))
+        return [remark for remark in remarks if remark is not None]
 
     def of_one(self, key: str) -> str:
         """Return what one collection is like, in a line; empty if nothing is known."""
@@ -209,6 +228,12 @@ class QualityLog:
 def _subject(line: str) -> str:
     """Return a line of advice without what changes with every collection."""
     return same_reason(line)
+
+
+def _seen_size(labeled: Labeled) -> SeenBoard:
+    """Return what the outline of a label says of the board's size."""
+    width, height = (labeled.quality.get(f"measured_{s}_m", np.nan) for s in ("width", "height"))
+    return SeenBoard(float(np.linalg.norm(labeled.next_seed)), (width, height))
 
 
 def _cell(values: List[float], decimals: int) -> str:
