@@ -97,7 +97,8 @@ class QualityLog:
                     seen.update(speed_figure(frame.sightings.get(name), speed))
                 figures[(sensor, name)] = seen
                 if self._sensors[sensor].kind.seen_boards and labeled.next_seed is not None:
-                    sizes[(sensor, name)] = _seen_size(labeled)
+                    away_m = float(np.linalg.norm(labeled.next_seed))
+                    sizes[(sensor, name)] = _seen_size(labeled, away_m)
         self._figures[key], self._failures[key], self._sizes[key] = figures, failures, sizes
         for line in (*self.advice(), *self.mirrored()):
             if _subject(line) not in {_subject(other) for other in before}:
@@ -230,10 +231,10 @@ def _subject(line: str) -> str:
     return same_reason(line)
 
 
-def _seen_size(labeled: Labeled) -> SeenBoard:
+def _seen_size(labeled: Labeled, away_m: float) -> SeenBoard:
     """Return what the outline of a label says of the board's size."""
     width, height = (labeled.quality.get(f"measured_{s}_m", np.nan) for s in ("width", "height"))
-    return SeenBoard(float(np.linalg.norm(labeled.next_seed)), (width, height))
+    return SeenBoard(away_m, (width, height))
 
 
 def _cell(values: List[float], decimals: int) -> str:

@@ -141,7 +141,9 @@ def size_remark(
 def _cause(finding: SizeFinding) -> str:
     spread = f"{finding.nearest_m:.1f} to {finding.farthest_m:.1f} m"
     if finding.by_size and not finding.by_beams:
-        return f". It looks so at any distance ({spread}); wide beams would enlarge it with distance"
+        return (
+            f". It looks so at any distance ({spread}); wide beams would enlarge it with distance"
+        )
     if finding.by_beams and not finding.by_size:
         return f". It looks the larger the farther it is ({spread}), as wide beams make it"
     if finding.by_size:
