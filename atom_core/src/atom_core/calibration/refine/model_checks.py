@@ -25,6 +25,7 @@ _LEVERAGE = 0.9  # no collection counts as deciding more than this of a number
 _DETERMINED = 1e-6  # part of its information that other numbers must leave a candidate
 _SAME = 0.9  # two candidates whose effects are so much alike cannot be told apart ...
 _RIVAL = 0.8  # ... where the second one explains this part of what the first one does
+_TIE = 1e-3  # part of the gain by which errors that explain the same differ by rounding and noise
 _CAUTIOUS = 16.0  # gain that is left when a detection counts for little more than one row
 _MOST = 12
 
@@ -84,9 +85,12 @@ def _best(step: _Step, cautious: _Step) -> Optional[ModelCheck]:
     tested, careful = step.tested(), cautious.stepped()
     both = tested.significant & (careful.gain > _CAUTIOUS) & (tested.value * careful.value > 0.0)
     gains = np.where(both, tested.gain, -1.0)
-    i = int(np.argmax(gains))
-    if gains[i] < 0.0:
+    if np.max(gains) < 0.0:
         return None
+    # Of those that explain the same, what is least unusual is the likeliest.
+    usual = np.array([error.usual / error.step for error in step.candidates])
+    tied = gains >= (1.0 - _TIE) * np.max(gains)
+    i = int(np.argmin(np.where(tied, np.abs(tested.value) / usual, np.inf)))
     rivals = tested.determined & (np.abs(step.alike[i]) > _SAME)
     rivals &= tested.gain > _RIVAL * tested.gain[i]
     rivals[i] = False
