@@ -119,8 +119,10 @@ def recorded(tmp_path_factory):
 def test_a_recording_loads_no_module_that_its_fingerprint_does_not_know(recorded):
     _, loaded, known = recorded
     mine = {name for name in loaded if name.split(".")[0] in ("atom_core", "atom_examples")}
-    # The compiled module takes part by the robots that it reads, which are hashed as they are.
+    # The compiled module takes part by the robots that it reads, which are hashed as they are, and
+    # the parser of commands by what it reads, which is hashed, too.
     others = {"atom_core", "atom_core.io", "atom_examples", "atom_core._core"}
+    others |= {f"atom_core.commands{m}" for m in ("", ".option_parser", ".atom_options")}
     assert mine - others <= known
 
 
