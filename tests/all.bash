@@ -2,9 +2,10 @@
 # Lint and every test, so that no processor is idle while there is work; `make test` runs it.
 #
 # Rostests wait for much of their time, so pytest runs beside them, and yields to them (nice): they
-# play data by the clock. What plays a whole recording has the machine to itself (label "real_time").
-# Lint and the tests with Noetic's versions take what all the others leave over. What runs beside
-# writes to build/test_logs; it is printed when it has ended.
+# play data by the clock. What plays a whole recording (label "real_time") comes last, one after the
+# other, and then pytest takes no more than what is left over, as lint and the tests with Noetic's
+# versions always do. What runs beside pytest writes to build/test_logs; it is printed when it has
+# ended.
 #
 # Usage: all.bash PROCESSES PYTEST... (pytest's command), in the environment of env.bash
 set -uo pipefail
@@ -40,16 +41,28 @@ stop_all() {
 trap stop_all EXIT
 trap 'exit 130' INT TERM
 
+rostests() {
+  local status=0
+  run_ctest -j "$processes" --label-exclude real_time || status=1
+  renice -n 19 -g "${started[pytest]}" >/dev/null 2>&1 # unless it has ended
+  echo "---- ctest, in real time"
+  run_ctest --label-regex real_time || status=1
+  return $status
+}
+
 run_ctest() { (cd build && ROS_HOME="$PWD/ros_home" ctest --output-on-failure "$@"); }
 
 flock CMakeLists.txt cmake --build build -j "$processes" --target tests || failed+=("tests' build")
 beside lint nice -n 19 make --no-print-directory lint-only
 beside "Noetic's versions" nice -n 19 bash tests/noetic_versions.bash
-beside ctest run_ctest -j "$processes" --label-exclude real_time
-nice -n 5 "$@" || failed+=(pytest)
+set -m # pytest, whose words are to be seen as they come, is a group of its own, too
+nice -n 5 "$@" </dev/null &
+set +m
+started[pytest]=$!
+beside ctest rostests
+wait "${started[pytest]}" || failed+=(pytest)
+unset "started[pytest]"
 ended ctest
-echo "---- ctest, in real time"
-run_ctest --label-regex real_time || failed+=("ctest in real time")
 ended lint
 ended "Noetic's versions"
 python3 tests/failed_cases.py build/test_results
