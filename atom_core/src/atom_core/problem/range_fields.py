@@ -181,10 +181,13 @@ class WaveField(RangeField):
         """Take the waves of one camera."""
         self._any, camera = waves[0], waves[0].camera
         self._counts = _ACROSS, max(round(_ACROSS * camera.height / camera.width), 1)
-        rows = np.arange(self._counts[0] * self._counts[1]) // _ACROSS
-        columns = np.arange(len(rows)) % _ACROSS
-        x, y = ((n + 0.5) / count for n, count in zip((columns, rows), self._counts))
-        super().__init__(waves, np.column_stack([wave.height(x, y) for wave in waves]))
+        middles = [(np.arange(count) + 0.5) / count for count in self._counts]
+        along = [
+            {n: np.cos(np.pi * n * middle) for n in {wave.half_waves[axis] for wave in waves}}
+            for axis, middle in enumerate(middles)
+        ]
+        heights = [np.outer(along[1][y], along[0][x]) for x, y in (w.half_waves for w in waves)]
+        super().__init__(waves, np.column_stack([height.ravel() for height in heights]))
 
     def cells(self, points: np.ndarray) -> np.ndarray:
         """Return (n,): which cell of the image points (n, 3) in the camera's frame are in."""

@@ -187,7 +187,7 @@ def shares_of(
     """
     shares = []
     for block, sigma, part in zip(problem.residual_blocks, sigmas, common):
-        starts = np.unique(block.detection, return_index=True)[1]
+        starts = [items.start for _, items in block.segments]
         shares.append(1.0 / (1.0 + np.add.reduceat((part / sigma) ** 2, starts)))
     return shares
 
@@ -299,12 +299,11 @@ def _reduced(
         columns = summed_columns(problem, scalars, shares, collection)
         beside = np.flatnonzero(np.any(np.diagonal(columns.information, axis1=1, axis2=2), axis=0))
         if len(beside) < scalars.count:
-            columns = Columns(
-                columns.information[:, beside[:, None], beside],
-                columns.gradient[:, beside],
-                columns.by_state[:, :, beside],
+            columns = columns._replace(
+                information=columns.information[:, beside[:, None], beside],
+                gradient=columns.gradient[:, beside],
             )
-        stacked = _stacked(problem, equations, normal, columns.by_state, collection)
+        stacked = _stacked(problem, equations, normal, (columns.by_state, beside), collection)
         numbers = np.concatenate([stacked.numbers, size + beside])
         yield _Reduced(
             tuple(names[first : first + at_a_time].tolist()),
@@ -337,7 +336,7 @@ def _stacked(
     problem: Problem,
     equations: NormalEquations,
     normal: Tuple[np.ndarray, np.ndarray],
-    by_state: np.ndarray,
+    beside: Tuple[np.ndarray, np.ndarray],
     collection: np.ndarray,
 ) -> _Stacked:
     """Return the detections of some collections.
@@ -346,7 +345,7 @@ def _stacked(
         problem: whose detections.
         equations: of the problem.
         normal: information (d, c, c) and gradient (d, c) of the detections.
-        by_state: (d, c, k).
+        beside: (d, c, m) what all scalars and the states have in common, and which (k,) count.
         collection: (d,) of each detection; those below zero are left out.
     """
     chosen = np.flatnonzero(collection >= 0)
@@ -363,7 +362,8 @@ def _stacked(
     groups = np.full(of_chosen[-1] + 1, -1)
     np.maximum.at(groups, of_chosen, group)
     weighted = normal[0][chosen] @ jacobian
-    arrays = jacobian, weighted, normal[1][chosen], by_state[chosen]
+    by_state = beside[0][chosen][:, :, beside[1]]
+    arrays = jacobian, weighted, normal[1][chosen], by_state
     return _Stacked(numbers, groups, *(stacked(values) for values in arrays))
 
 

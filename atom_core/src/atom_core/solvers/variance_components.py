@@ -10,6 +10,7 @@ from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION
 from atom_core.solvers import losses
 from atom_core.solvers.covariance import Covariance
+from atom_core.solvers.free_fit import median
 from atom_core.solvers.normal_equations import NormalEquations
 
 SMALLEST_SIGMA = {REPROJECTION: 0.01, ORTHOGONAL: 1e-5, BORDER: 1e-4}  # px, m, m
@@ -41,8 +42,8 @@ def scale_factors(
         if loss == losses.NONE:
             factor = np.sqrt(np.sum(square) / redundancy)
         else:
-            median = np.sqrt(np.median(square)) / MEDIAN_OF_NORM[block.dimension]
-            factor = median * np.sqrt(rows / redundancy)
+            middle = np.sqrt(median(square)) / MEDIAN_OF_NORM[block.dimension]
+            factor = middle * np.sqrt(rows / redundancy)
         if factor * np.min(sigma) < SMALLEST_SIGMA[block.kind]:  # else the median is above it
             factor = max(factor, SMALLEST_SIGMA[block.kind] / float(np.median(sigma)))
         factors.append(float(factor))

@@ -140,7 +140,7 @@ def _checked(
         return covariance, []
     checks = solution.checks(refined.summary, loss)
     checks += layer_checks(
-        refined.solver, refined.summary, loss, equations, solution.scalars, checks
+        refined.solver, refined.summary, loss, equations, solution.layers, checks
     )
     checks += wave_checks(initial, refined.solver, refined.summary, refined.options, checks)
     return covariance, sorted(checks, key=lambda check: -check.gain)

@@ -37,7 +37,7 @@ def layer_checks(
     summary: SolverSummary,
     loss: str,
     shared: SharedEquations,
-    scalars: Scalars,
+    layers: Sequence[LayerSums],
     others: Sequence[ModelCheck],
 ) -> List[ModelCheck]:
     """Return the LiDARs whose layers differ, where no other error explains as much.
@@ -47,30 +47,24 @@ def layer_checks(
         summary: its solution.
         loss: robust loss.
         shared: what each collection says of the shared numbers.
-        scalars: the columns beside the poses, those of layers that are not estimated among them.
+        layers: of the LiDARs whose layers are not estimated.
         others: the checks of single errors.
     """
     problem = solver.problem
     if len(shared.collections) < _FEWEST:
         return []
-    common = summary.common or [0.0] * len(problem.residual_blocks)
-    shares = shares_of(problem, summary.sigmas, common)
     explained, found = max((check.gain for check in others), default=0.0), []
-    for part in scalars.parts:
-        block = problem.residual_blocks[part.block]
-        sums = _sums(scalars, part, shares[part.block], len(problem.detections))
-        if sums is None or not isinstance(block, OrthogonalBlock):
-            continue
+    for sums in layers:
         if _hint(problem, sums) < _HINT:
             continue
         equations = _equations(solver, summary, loss)
-        check = _judged(problem, equations, shared, sums, block.sensor, losses.step_length(loss))
+        check = _judged(problem, equations, shared, sums, losses.step_length(loss))
         if check is not None and check.gain > explained:
             found.append(check)
     return sorted(found, key=lambda check: -check.gain)
 
 
-def _hint(problem: Problem, sums: _Sums) -> float:
+def _hint(problem: Problem, sums: LayerSums) -> float:
     """Return the statistic as if poses did not follow: far from zero where layers differ."""
     _, collection = np.unique([key.collection for key in problem.detections], return_inverse=True)
     slopes = np.zeros((collection.max() + 1, sums.slope.shape[1]))
@@ -87,39 +81,55 @@ def _equations(solver: Solver, summary: SolverSummary, loss: str) -> NormalEquat
     return tempered(solver.problem, equations, shares, summary.x)
 
 
-class _Sums(NamedTuple):
-    """Of each detection d and layer r: (d, r), (d, r) and, with the twist, (d, r, 6)."""
+class LayerSums(NamedTuple):
+    """What the points of a LiDAR on boards say of its layers, by detection d and layer r [m].
 
+    Attributes:
+        sensor: which.
+        curvature, slope: (d, r).
+        by_twist: (d, r, 6) what the layers and the detections' poses have in common.
+    """
+
+    sensor: str
     curvature: np.ndarray
     slope: np.ndarray
     by_twist: np.ndarray
 
 
-def _sums(
-    scalars: Scalars, part: ScalarPart, share: np.ndarray, detections: int
-) -> Optional[_Sums]:
-    """Return the sums of a residual block's layers [m]; None where there are too few.
+def layer_sums(
+    problem: Problem, scalars: Scalars, shares: Sequence[np.ndarray]
+) -> Tuple[LayerSums, ...]:
+    """Return the sums of the LiDARs that have enough layers.
 
     Args:
-        scalars: all columns.
-        part: those of the block.
-        share: (m,) the part of its weight that each of its detections has.
-        detections: how many there are in all.
+        problem: whose rows.
+        scalars: the columns beside the poses, those of layers among them.
+        shares: for each residual block, (m,) the part of its weight that a detection has.
     """
-    errors = [scalars.error(number) for number in part.columns]
-    mine = [k for k, error in enumerate(errors) if isinstance(error, LayerOffset)]
-    if len(mine) < _FEWEST_LAYERS:
-        return None
-    result = _Sums(
-        np.zeros((detections, len(mine))),
-        np.zeros((detections, len(mine))),
-        np.zeros((detections, len(mine), BLOCK_SIZE)),
-    )
-    by_step, by_twist = share[:, None] / LayerOffset.step, np.swapaxes(part.by_state, 1, 2)
-    result.curvature[part.detection] = part.information[:, mine, mine] * by_step / LayerOffset.step
-    result.slope[part.detection] = part.gradient[:, mine] * by_step
-    result.by_twist[part.detection] = by_twist[:, mine] * by_step[:, None]
-    return result
+    found = []
+    for part in scalars.parts:
+        block = problem.residual_blocks[part.block]
+        errors = [scalars.error(number) for number in part.columns]
+        mine = [k for k, error in enumerate(errors) if isinstance(error, LayerOffset)]
+        if len(mine) >= _FEWEST_LAYERS and isinstance(block, OrthogonalBlock):
+            sums = _sums(part, mine, shares[part.block], len(problem.detections))
+            found.append(LayerSums(block.sensor, *sums))
+    return tuple(found)
+
+
+def _sums(
+    part: ScalarPart, mine: Sequence[int], share: np.ndarray, detections: int
+) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return curvature, slope and by_twist of some columns of a residual block."""
+    count = len(mine)
+    curvature, slope = np.zeros((detections, count)), np.zeros((detections, count))
+    by_twist = np.zeros((detections, count, BLOCK_SIZE))
+    by_step = share[:, None] / LayerOffset.step
+    curvature[part.detection] = part.information[:, mine, mine] * by_step / LayerOffset.step
+    slope[part.detection] = part.gradient[:, mine] * by_step
+    common = np.swapaxes(part.by_state, 1, 2)[:, mine]
+    by_twist[part.detection] = common * by_step[:, None]
+    return curvature, slope, by_twist
 
 
 @dataclass(frozen=True)
@@ -142,7 +152,7 @@ class _Layers:
 
 
 def _layers(
-    problem: Problem, equations: NormalEquations, shared: SharedEquations, sums: _Sums
+    problem: Problem, equations: NormalEquations, shared: SharedEquations, sums: LayerSums
 ) -> _Layers:
     size, layout = BLOCK_SIZE * shared.blocks, equations.layout
     names = np.array([key.collection for key in problem.detections])
@@ -201,8 +211,7 @@ def _judged(
     problem: Problem,
     equations: NormalEquations,
     shared: SharedEquations,
-    sums: _Sums,
-    sensor: str,
+    sums: LayerSums,
     length: float,
 ) -> Optional[ModelCheck]:
     """Return the check of a LiDAR whose layers differ, else None."""
@@ -222,7 +231,7 @@ def _judged(
         return None
     moves = np.zeros(shared.shared)
     moves[: len(layers.gains)] = -layers.gains @ (layers.mixing @ value) * length
-    return ModelCheck(LayerOffsets(sensor), length * size, length * sigma, gain, moves, ())
+    return ModelCheck(LayerOffsets(sums.sensor), length * size, length * sigma, gain, moves, ())
 
 
 def _clearness(slopes: np.ndarray, left: np.ndarray) -> float:

@@ -12,6 +12,7 @@ from atom_core.calibration.refine.candidates import (
     usual_sizes,
 )
 from atom_core.calibration.refine.error_words import described
+from atom_core.calibration.refine.layer_checks import LayerSums, layer_sums
 from atom_core.calibration.refine.model_checks import ModelCheck, model_checks
 from atom_core.model.dataset import Dataset
 from atom_core.problem.model_errors import ModelError
@@ -26,8 +27,8 @@ from atom_core.solvers.base import (
 )
 from atom_core.solvers.detection_noise import weighted_by_detections
 from atom_core.solvers.reweighting import solve_again
-from atom_core.solvers.scalar_columns import Scalars, scalars_of
-from atom_core.solvers.shared_equations import SharedEquations, shared_equations
+from atom_core.solvers.scalar_columns import scalars_of
+from atom_core.solvers.shared_equations import SharedEquations, shared_equations, shares_of
 
 _MOST = 12
 # What the rows of a detection may have in common, be the sensor and the labels ever so good: what
@@ -44,13 +45,13 @@ class CheckedSolution:
         cautious: with what the rows of a detection may have in common.
         with_fields: as it was weighted, with the errors that differ from ray to ray as well, where
             they were asked for.
-        scalars: the columns of all of them.
+        layers: what the data say of LiDARs' layers, likewise.
     """
 
     equations: SharedEquations
     cautious: SharedEquations
     with_fields: SharedEquations
-    scalars: Scalars
+    layers: Tuple[LayerSums, ...]
 
     def checks(self, summary: SolverSummary, loss: str) -> List[ModelCheck]:
         """Return the model errors that the data show, what explains most first."""
@@ -92,7 +93,7 @@ def checked(
         whole.without_fields(),
         shared_equations(problem, equations, few, sigmas, priors, at_least, with_parts=False),
         whole,
-        scalars,
+        layer_sums(problem, scalars, shares_of(problem, sigmas, common)),
     )
 
 
