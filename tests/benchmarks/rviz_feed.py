@@ -63,7 +63,7 @@ def state_message(now) -> CollectorState:
     state.header.stamp = now
     for name in SENSORS:
         sensor = SensorState(name, name[:-2], f"/{name}", name, now, [], [])
-        sensor.patterns = [PatternState("board", True, "", int(now.nsecs % 97))]
+        sensor.patterns = [PatternState("board", True, "", int(now.nsecs % 97), "")]
         state.sensors.append(sensor)
     return state
 
