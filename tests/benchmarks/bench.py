@@ -89,6 +89,8 @@ def growth(args: argparse.Namespace) -> None:
             _verdict(
                 f"{size}, defaults over plain Ceres", row["solve_s"] / row["plain_s"], 0.8, "x"
             )
+            checked = row["checked_s"] / row["plain_s"]
+            _verdict(f"{size}, defaults with sigmas and checks over plain Ceres", checked, 0.5, "x")
     if small:
         _verdict("7x23, peak memory", small["peak_mb"], 200, "MB")
     clock, cores = command_seconds(args.output)

@@ -52,6 +52,7 @@ COLUMNS = (
     "plain_cost",
     "atom_none_s",
     "atom_none_cost",
+    "checked_s",
 )
 
 
@@ -88,7 +89,8 @@ def _measured(size: Size, folder: Path, output: Path, all_solvers: bool) -> List
         rows.append(_run(path, size, "scipy", ["--repeat", "1"]))
         compared = _run(path, size, "ceres", [*repeat, "--plain", str(output)])
         rows[0].update({k: v for k, v in compared.items() if k.startswith(("plain", "atom_none"))})
-        rows[0]["solve_s"] = compared["solve_s"]  # in turns with the plain program
+        for name in ("solve_s", "checked_s"):  # in turns with the plain program
+            rows[0][name] = compared[name]
     else:
         print(f"{sensors}x{collections}: scipy and the plain program are left out (--everything)")
     return rows
@@ -106,7 +108,16 @@ def _run(path: Path, size: Size, solver: str, more: Sequence[str]) -> Row:
 
 
 def _table(rows: List[Row]) -> str:
-    shown = ("rows", "parameters", "iterations", *STEPS, "peak_mb", "plain_s", "atom_none_s")
+    shown = (
+        "rows",
+        "parameters",
+        "iterations",
+        *STEPS,
+        "peak_mb",
+        "plain_s",
+        "atom_none_s",
+        "checked_s",
+    )
     body = [
         [f"{row['sensors']}x{row['collections']}", row["solver"], *(row.get(c) for c in shown)]
         for row in rows
