@@ -24,6 +24,23 @@ def beside(dataset: Path, addition: str) -> Path:
     return dataset.with_name(f"{dataset.stem}{addition}.json")
 
 
+def add_output_option(parser: argparse.ArgumentParser, addition: str, *other_names: str) -> None:
+    """Add where the new dataset goes; without it beside the input, see `output_path`."""
+    common.add_option(
+        parser,
+        "output",
+        *("-o", *other_names),
+        type=Path,
+        metavar="FILE",
+        help=f"the new dataset (default: NAME{addition}.json beside it)",
+    )
+
+
+def output_path(args: argparse.Namespace, addition: str) -> Path:
+    """Return where the new dataset goes."""
+    return args.output or beside(args.dataset, addition)
+
+
 def write_documents(
     source: Path, documents: Mapping[Path, Mapping[str, Any]], overwrite: bool
 ) -> None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 from pathlib import Path
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
@@ -18,9 +16,9 @@ from atom_core.io.atomic import write_text_atomically
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset, is_complete
 from atom_core.model.selection import select_names
+from atom_core.report.atom_csv import AVERAGES, csv_text
 from atom_core.report.tables import text_table
 
-_AVERAGES = "Averages"
 _DECIMALS = 4
 _MM_PER_M = 1000.0
 _NOT_HERE = (
@@ -115,7 +113,7 @@ def runner(name: str) -> Callable[[argparse.Namespace], int]:
         print(text_table(headers, rows, f"{args.source} to {args.target}", _DECIMALS))
         if target is not None:
             target.parent.mkdir(parents=True, exist_ok=True)
-            write_text_atomically(target, _csv(headers, rows))
+            write_text_atomically(target, csv_text(headers, rows, _DECIMALS, absent=""))
             print(f"\nresults: {target}")
         return 0
 
@@ -193,13 +191,4 @@ def _table(result: PairResult) -> Tuple[List[str], List[List[Any]]]:
         return [None if value is None else scale * value for value, scale in values]
 
     rows = [[key, *cells(figures)] for key, figures in measured.per_collection.items()]
-    return ["Collection #", *columns], [*rows, [_AVERAGES, *cells(measured)]]
-
-
-def _csv(headers: List[str], rows: List[List[Any]]) -> str:
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\r\n")
-    writer.writerow(headers)
-    for name, *values in rows:
-        writer.writerow([name, *("" if v is None else f"{v:.{_DECIMALS}f}" for v in values)])
-    return stream.getvalue()
+    return ["Collection #", *columns], [*rows, [AVERAGES, *cells(measured)]]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Iterator, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -88,7 +88,7 @@ def edge_errors(initial: Dataset, solved: Dataset, truth: Truth) -> List[EdgeErr
 
 def _known(solved: Dataset, truth: Truth) -> Iterator[Tuple[Edge, str, Mapping[str, np.ndarray]]]:
     """Yield edges with their names and true values by collection."""
-    names: dict = {}
+    names: Dict[Edge, List[str]] = {}
     for sensor in solved.sensors.values():
         names.setdefault(sensor.edge, []).append(sensor.name)
     for name, entry in solved.config.additional_tfs.items():

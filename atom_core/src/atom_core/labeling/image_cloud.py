@@ -48,12 +48,8 @@ class ImageCloud(NamedTuple):
 
     def pixel(self, point: np.ndarray) -> Optional[np.ndarray]:
         """Return the pixel (2,) at which a point (3,) is seen; None out of the image."""
-        x, y, z = self.camera_R_cloud @ point
-        if z <= 0.0:
-            return None
-        pixel = (self.camera.K @ [x / z, y / z, 1.0])[:2]
-        size = np.array([self.camera.width, self.camera.height])
-        return pixel if np.all((pixel >= -0.5) & (pixel <= size - 0.5)) else None
+        in_camera = (self.camera_R_cloud @ point)[None]
+        return self.camera.project(in_camera)[0] if self.camera.in_image(in_camera)[0] else None
 
 
 def as_image(points: np.ndarray, width: int = 0, height: int = 1) -> Optional[ImageCloud]:

@@ -94,9 +94,7 @@ class Rows:
     def in_plane(self) -> np.ndarray:
         """(n, 2) range points in the pattern's plane, along its x and y [m]."""
         assert isinstance(self.block, RangeBlock)
-        axes = self.poses[:, :3, :2]
-        origin = np.einsum("di,dij->dj", self.poses[:, :3, 3], axes)
-        return self.block.turned(self.block.points, axes) - origin[self.block.detection]
+        return self.block.in_plane(self.poses)
 
 
 @dataclass(frozen=True)

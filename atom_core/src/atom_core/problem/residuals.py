@@ -65,6 +65,12 @@ class ResidualBlock(ABC):
         items = map(slice, starts.tolist(), ends.tolist())
         return tuple(zip(self.detection[starts].tolist(), items))
 
+    @cached_property
+    def segment_of_items(self) -> np.ndarray:
+        """(n,) in which of the segments each item is."""
+        counts = [items.stop - items.start for _, items in self.segments]
+        return np.repeat(np.arange(len(counts)), counts)
+
     def turned(self, vectors: np.ndarray, by: np.ndarray) -> np.ndarray:
         """Return (n, k): the items' vectors (n, j) times their detections' matrices (d, j, k)."""
         result = np.empty((self.count, by.shape[2]))
@@ -164,6 +170,12 @@ class RangeBlock(ResidualBlock):
             return self.points
         moved = self.points - self.range_offset_m[:, None] * self.rays
         return moved / (1.0 + self.range_scale[:, None])
+
+    def in_plane(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
+        """Return the points (n, 2) in the boards' planes, along x and y of the patterns [m]."""
+        axes = sensor_T_pattern[:, :3, :2]
+        origin = np.einsum("di,dij->dj", sensor_T_pattern[:, :3, 3], axes)
+        return self.turned(self.points, axes) - origin[self.detection]
 
     def with_range_errors(self, offset_m: np.ndarray, scale: np.ndarray) -> RangeBlock:
         """Return the block with its points corrected by other offsets (n,) and scales (n,)."""
@@ -266,9 +278,7 @@ class BorderBlock(RangeBlock):
 
     def _distance(self, sensor_T_pattern: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
         """Return signed distances (n,) and their gradients (n, 2) in the board's plane."""
-        axes = sensor_T_pattern[:, :3, :2]
-        origin = np.einsum("di,dij->dj", sensor_T_pattern[:, :3, 3], axes)
-        in_plane = self.turned(self.points, axes) - origin[self.detection]
+        in_plane = self.in_plane(sensor_T_pattern)
         return blended_distance_to_rectangles(in_plane, self.centre, self.expected_half_size)
 
 

@@ -75,10 +75,17 @@ def _csv(headers: List[str], rows: List[List[Any]], decimals: int, averages: int
         columns = list(zip(*rows))[averages:] if rows else [()] * (len(headers) - averages)
         means = [_average(column) for column in columns]
         rows = [*rows, [AVERAGES, *[""] * (averages - 1), *means]]
+    return csv_text(headers, rows, decimals)
+
+
+def csv_text(
+    headers: Sequence[str], rows: Sequence[Sequence[Any]], decimals: int, absent: str = ABSENT
+) -> str:
+    """Return a table as ATOM writes it: floats with so many decimals, `absent` where none is."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\r\n")
     writer.writerow(headers)
-    writer.writerows([_cell(value, decimals) for value in row] for row in rows)
+    writer.writerows([_cell(value, decimals, absent) for value in row] for row in rows)
     return stream.getvalue()
 
 
@@ -87,9 +94,9 @@ def _average(column: Sequence[Optional[float]]) -> Optional[float]:
     return float(np.mean(known)) if known else None
 
 
-def _cell(value: Any, decimals: int) -> str:
+def _cell(value: Any, decimals: int, absent: str) -> str:
     if value is None:
-        return ABSENT
+        return absent
     return f"{value:.{decimals}f}" if isinstance(value, float) else str(value)
 
 

@@ -13,6 +13,7 @@ from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import PATTERN, PoseBlock
 from atom_core.problem.parameters import Parameters
 from atom_core.problem.problem import PoseChains, Problem
+from atom_core.problem.residuals import ResidualBlock
 from atom_core.solvers.base import Solver, SolverFactory
 from atom_core.solvers.criteria import ROUGH
 
@@ -59,16 +60,15 @@ def distances(solver: Solver, x: np.ndarray, sigmas: Sequence[np.ndarray]) -> Li
     return [np.sqrt(square) * s for square, s in zip(solver.squares(x, sigmas), sigmas)]
 
 
-def medians(detection: np.ndarray, values: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-    """Return the detections (m,) of items in their order, and the median of each one's values (m,).
+def medians(block: ResidualBlock, values: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+    """Return the detections (m,) of a block, and the median of what each one's items have (m,).
 
     Args:
-        detection: (n,) of the items, rising.
+        block: whose items.
         values: (n,) theirs.
     """
-    starts = np.flatnonzero(np.diff(detection, prepend=-1))
-    ends = np.append(starts[1:], len(detection))
-    return detection[starts], np.array([median(values[a:b]) for a, b in zip(starts, ends)])
+    detections = np.array([detection for detection, _ in block.segments], dtype=int)
+    return detections, np.array([median(values[items]) for _, items in block.segments])
 
 
 def median(values: np.ndarray) -> float:

@@ -212,8 +212,7 @@ def _summed_by_cell(
 ) -> _CellSums:
     """Return the sums of weighted rows (n, q + 1), the residuals last."""
     count, q = len(field.shares), flat.shape[1] - 1
-    detection = np.cumsum(np.diff(block.detection, prepend=block.detection[:1]) > 0)  # ascending
-    key = detection * count + field.cell
+    key = block.segment_of_items * count + field.cell
     pairs = np.flatnonzero(np.bincount(key))
     place = np.zeros(int(pairs[-1]) + 1, dtype=int)
     place[pairs] = np.arange(len(pairs))

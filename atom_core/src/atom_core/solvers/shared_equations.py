@@ -298,12 +298,15 @@ def _reduced(
         collection = np.where(some, of_detection - first, -1)
         columns = summed_columns(problem, scalars, shares, collection)
         beside = np.flatnonzero(np.any(np.diagonal(columns.information, axis1=1, axis2=2), axis=0))
-        if len(beside) < scalars.count:
-            columns = columns._replace(
-                information=columns.information[:, beside[:, None], beside],
-                gradient=columns.gradient[:, beside],
-            )
-        stacked = _stacked(problem, equations, normal, (columns.by_state, beside), collection)
+        which = beside if len(beside) < scalars.count else slice(None)  # of all no copy is made
+        chosen = np.flatnonzero(some)
+        chosen = chosen[np.argsort(collection[chosen], kind="stable")]
+        columns = Columns(
+            columns.information[:, which][:, :, which],
+            columns.gradient[:, which],
+            columns.by_state[chosen][:, :, which],
+        )
+        stacked = _stacked(problem, equations, normal, columns.by_state, chosen, collection[chosen])
         numbers = np.concatenate([stacked.numbers, size + beside])
         yield _Reduced(
             tuple(names[first : first + at_a_time].tolist()),
@@ -336,7 +339,8 @@ def _stacked(
     problem: Problem,
     equations: NormalEquations,
     normal: Tuple[np.ndarray, np.ndarray],
-    beside: Tuple[np.ndarray, np.ndarray],
+    by_state: np.ndarray,
+    chosen: np.ndarray,
     collection: np.ndarray,
 ) -> _Stacked:
     """Return the detections of some collections.
@@ -345,24 +349,21 @@ def _stacked(
         problem: whose detections.
         equations: of the problem.
         normal: information (d, c, c) and gradient (d, c) of the detections.
-        beside: (d, c, m) what all scalars and the states have in common, and which (k,) count.
-        collection: (d,) of each detection; those below zero are left out.
+        by_state: (m, c, k) what the columns and the states of those detections have in common.
+        chosen: (m,) the detections of the collections, in their order.
+        collection: (m,) which of the g collections each is of.
     """
-    chosen = np.flatnonzero(collection >= 0)
-    chosen = chosen[np.argsort(collection[chosen], kind="stable")]
-    of_chosen = collection[chosen]
-    place = of_chosen, np.arange(len(chosen)) - np.searchsorted(of_chosen, of_chosen)
+    place = collection, np.arange(len(chosen)) - np.searchsorted(collection, collection)
     jacobian, numbers, group = _jacobian(problem, equations, chosen)
 
     def stacked(values: np.ndarray) -> np.ndarray:
-        padded = np.zeros((of_chosen[-1] + 1, place[1].max() + 1, *values.shape[1:]))
+        padded = np.zeros((collection[-1] + 1, place[1].max() + 1, *values.shape[1:]))
         padded[place] = values
         return padded.reshape(len(padded), padded.shape[1] * values.shape[1], *values.shape[2:])
 
-    groups = np.full(of_chosen[-1] + 1, -1)
-    np.maximum.at(groups, of_chosen, group)
+    groups = np.full(collection[-1] + 1, -1)
+    np.maximum.at(groups, collection, group)
     weighted = normal[0][chosen] @ jacobian
-    by_state = beside[0][chosen][:, :, beside[1]]
     arrays = jacobian, weighted, normal[1][chosen], by_state
     return _Stacked(numbers, groups, *(stacked(values) for values in arrays))
 

@@ -106,13 +106,13 @@ def misfits(
     problem, found = solver.problem, []
     joint = distances(solver, x, sigmas)
     blocks = problem.residual_blocks
-    middles = [np.median(medians(block.detection, d)[1]) for block, d in zip(blocks, joint)]
+    middles = [np.median(medians(block, d)[1]) for block, d in zip(blocks, joint)]
     if all(middle <= _EXCESS[block.kind] for block, middle in zip(blocks, middles)):
         return []  # by themselves they could not fit so much better
     alone = distances_alone(problem, x, sigmas, loss, make_solver)
     for block, together, own in zip(problem.residual_blocks, joint, alone):
-        detections, by_joint = medians(block.detection, together)
-        _, by_itself = medians(block.detection, own)
+        detections, by_joint = medians(block, together)
+        _, by_itself = medians(block, own)
         joint_middle, alone_middle = np.median(by_joint), np.median(by_itself)
         if len(detections) < _FEWEST or not _is_worse(block.kind, joint_middle, alone_middle):
             continue

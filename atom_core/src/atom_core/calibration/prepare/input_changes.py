@@ -96,6 +96,7 @@ def without_partial_detections(dataset: Dataset) -> Tuple[Dataset, int]:
         and label.is_partial(dataset.patterns[key.pattern])
     ]
     removed = set(partial)
+    of_collection: Dict[str, Dict[Tuple[str, str], None]] = {}
     whole = {key.sensor for key, _ in dataset.detections() if key not in removed}
     for key in partial:
         if key.sensor not in whole:
@@ -103,7 +104,9 @@ def without_partial_detections(dataset: Dataset) -> Tuple[Dataset, int]:
                 f"--remove_partial_detections: all labels of sensor '{key.sensor}' lack corners, "
                 f"it would see nothing; leave the option out"
             )
-        dataset = dataset.with_labels(key.collection, {(key.sensor, key.pattern): None})
+        of_collection.setdefault(key.collection, {})[key.sensor, key.pattern] = None
+    for collection, labels in of_collection.items():
+        dataset = dataset.with_labels(collection, labels)
     return dataset, len(partial)
 
 

@@ -74,7 +74,7 @@ def _sigmas(
     """
     shared: Dict[str, List[np.ndarray]] = {}
     for block, own_sigma, together in zip(blocks, noise, joint):
-        of_detections = medians(block.detection, together)[1] / MEDIAN_OF_NORM[block.dimension]
+        of_detections = medians(block, together)[1] / MEDIAN_OF_NORM[block.dimension]
         excess = of_detections**2 - own_sigma**2
         if np.median(excess) < _NOTHING * own_sigma**2:
             excess = np.zeros_like(excess)

@@ -97,9 +97,8 @@ def seen_waves(
     poses = problem.poses(x)
     residual = block.residuals(poses)
     weight = row_weight(residual, sigma, loss)
-    group = np.repeat(np.arange(len(block.segments)), [i.stop - i.start for _, i in block.segments])
-    in_pattern = block.turned(block.points, poses[:, :3, :2])  # a plane wherever its origin is
-    height = _beside_planes(residual[:, 0], in_pattern, weight, group)
+    group = block.segment_of_items
+    height = _beside_planes(residual[:, 0], block.in_plane(poses), weight, group)
     x_cell, y_cell = (
         np.clip((wave.across(block.points, axis) * count).astype(int), 0, count - 1)
         for axis, count in enumerate(_CELLS)
@@ -123,10 +122,10 @@ def seen_waves(
 
 
 def _beside_planes(
-    height: np.ndarray, in_pattern: np.ndarray, weight: np.ndarray, group: np.ndarray
+    height: np.ndarray, in_plane: np.ndarray, weight: np.ndarray, group: np.ndarray
 ) -> np.ndarray:
     """Return heights (n,) beside the plane that fits best those of their group."""
-    columns = np.ones(len(height)), in_pattern[:, 0], in_pattern[:, 1]
+    columns = np.ones(len(height)), in_plane[:, 0], in_plane[:, 1]
     weighted = [weight * column for column in columns]
     normal = np.array([[np.bincount(group, w * column) for column in columns] for w in weighted])
     slope = np.array([np.bincount(group, w * height) for w in weighted])
