@@ -175,6 +175,9 @@ def run(tmp_path_factory):
     arm_data = str(folder / "arm_data" / "dataset.json")
     of_arm = ["--dataset", arm_data, "--output", str(folder / "arm_result")]
     assert cli.main(["calibrate", *of_arm, "-oi", "-ctgt"]) == 0
+    of_arm = ["--train", str(folder / "arm_result" / "atom_calibration.json"), "--test", arm_data]
+    of_arm += ["--truth", arm_data, "--output", str(folder / "arm_evaluation")]
+    assert cli.main(["evaluate", *of_arm, "--baseline", "hand_eye"]) == 0
     train = str(result / "atom_calibration.json")
     assert (
         cli.main(
@@ -206,7 +209,11 @@ def test_keys_of_evaluation_json_are_those_documented(run):
     keys = documented_keys("evaluation.json")
     compared = document.pop("compared_with")
     assert undocumented(document, keys) == []
-    assert set(compared) == {"train", "pairs", "averages", "ground_truth"}
+    results = {"single_cameras", "between_collections", "ground_truth"}
+    assert set(compared) == {"train", "pairs", "averages", *results}
+    on_arm = read(run / "arm_evaluation" / "evaluation.json")
+    assert on_arm.pop("pairs") == []  # one camera
+    assert undocumented(on_arm, keys) == []
 
 
 def test_keys_of_the_truth_file_are_those_documented(run):

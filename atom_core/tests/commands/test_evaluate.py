@@ -8,7 +8,8 @@ import pytest
 from atom_core.cli import main
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.io.truth_json import write_truth
-from atom_core.synthetic.scenes import random_scene
+from atom_core.synthetic import degenerate
+from atom_core.synthetic.scenes import hand_eye, random_scene
 
 
 @pytest.fixture(scope="module")
@@ -131,3 +132,50 @@ def test_hand_annotations_beside_the_test_set_are_used(scene, evaluate):
     finally:
         for sensor in ("rgb_1", "rgb_2"):
             (scene / "test" / f"annotation_{sensor}.json").unlink()
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("arm")
+    synthetic = hand_eye(1, collections=8, disturbance=(0.01, 0.01))
+    write_dataset_folder(synthetic.dataset, folder / "test", name="test")
+    write_truth(synthetic.truth, folder / "truth.json")
+    return folder
+
+
+def test_one_camera_on_an_arm_is_evaluated_beside_the_test_set(arm, capsys):
+    dataset, results = arm / "test" / "dataset.json", arm / "test" / "results" / "dataset"
+    line = ["evaluate", "--train", str(dataset), "--test", str(dataset)]
+    line += ["--truth", str(arm / "truth.json"), "--baseline", "hand_eye"]
+    assert main(line) == 0
+    shown = capsys.readouterr().out
+    assert "Spread of fixed boards" in shown and "OpenCV park" in shown and str(results) in shown
+    document = result(results)
+    assert document["pairs"] == [] and document["averages"] == {}
+    (single,), (spread,) = document["single_cameras"], document["between_collections"]
+    assert single["one_pose"] and single["mean"] > 2.0 * single["at_truth"]["mean"]
+    assert spread["translation_mm"] > 2.0 * spread["at_truth"]["translation_mm"]
+    assert spread["collections"] == 28  # pairs of eight
+    assert main(line) == 2 and "--overwrite" in capsys.readouterr().err
+
+    # What a method found is a dataset like any other, wherever it lies.
+    again = ["evaluate", "--train", str(results / "hand_eye_park.json"), "--test", str(dataset)]
+    assert main([*again, "--output", str(arm / "park")]) == 0
+    of_park = document["baselines"]["hand_eye_park"]
+    for key in ("single_cameras", "between_collections"):
+        for figure in ("rms", "mean", "points"):
+            found = result(arm / "park")[key][0][figure]
+            assert found == pytest.approx(of_park[key][0][figure], rel=1e-6)
+    assert of_park["cameras"]["rgb_1"]["error_m"] < 0.02
+    ours = document["baselines"]["hand_eye"]["cameras"]["rgb_1"]
+    assert ours["reprojection_px"] == pytest.approx(single["mean"])
+
+
+def test_a_baseline_that_motion_does_not_allow_is_refused_and_nothing_is_written(tmp_path, capsys):
+    scene = degenerate.translating_arm(0, collections=4)
+    dataset = write_dataset_folder(scene.dataset, tmp_path / "test", name="test")
+    line = ["evaluate", "--train", str(dataset), "--test", str(dataset), "--baseline", "hand_eye"]
+    assert main(line) == 2
+    error = capsys.readouterr().err
+    assert "only translates" in error and error.count("\n") == 1
+    assert not (tmp_path / "test" / "results").exists()

@@ -9,6 +9,7 @@ from typing import List, Optional
 
 from atom_core.commands import common
 from atom_core.evaluation.evaluate import Evaluation, evaluate
+from atom_core.evaluation.hand_eye_comparison import compare_hand_eye
 from atom_core.evaluation.pairs import pair_kinds
 from atom_core.io.annotations import read_annotations
 from atom_core.io.atomic import (
@@ -16,10 +17,11 @@ from atom_core.io.atomic import (
     write_json_atomically,
     write_text_atomically,
 )
-from atom_core.io.dataset_json import read_dataset
+from atom_core.io.dataset_json import read_dataset, write_dataset
 from atom_core.io.truth_file import read_any_truth
 from atom_core.model.dataset import Dataset
 from atom_core.model.selection import select_names
+from atom_core.model.truth import Truth
 from atom_core.report.evaluation_csv import csv_name, csv_texts
 from atom_core.report.evaluation_document import evaluation_document
 from atom_core.report.evaluation_tables import evaluation_report
@@ -29,32 +31,18 @@ EXAMPLE = (
     "--test test/dataset.json --output evaluation"
 )
 RESULT_FILE = "evaluation.json"
+HAND_EYE = "hand_eye"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
     add = common.add_option
-    add(
-        parser,
-        "train",
-        "-train_json",
-        "--train_json",
-        required=True,
-        type=Path,
-        metavar="FILE",
-        help="the calibrated dataset (atom_calibration.json)",
-    )
-    add(
-        parser,
-        "test",
-        "-test_json",
-        "--test_json",
-        required=True,
-        type=Path,
-        metavar="FILE",
-        help="the dataset to measure on",
-    )
-    common.add_output_options(parser)
+    files = {"train": "the calibrated dataset (atom_calibration.json)"}
+    files["test"] = "the dataset to measure on"
+    for name, what in files.items():
+        names = (f"-{name}_json", f"--{name}_json")
+        add(parser, name, *names, required=True, type=Path, metavar="FILE", help=what)
+    common.add_output_options(parser, "results/TRAIN beside the test set")
     add(
         parser,
         "truth",
@@ -77,25 +65,42 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="OTHER",
         help="another calibrated dataset, to stand beside the first",
     )
+    add(
+        parser,
+        "baseline",
+        choices=[HAND_EYE],
+        help="put OpenCV's hand-eye methods beside it, on the labels of the train file; each "
+        "result is written as a dataset",
+    )
     common.add_selection_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate, write the results, print the tables; 1 when no pair could be measured."""
-    common.refuse_occupied(args.output, args.overwrite)
-    test = read_dataset(args.test)
-    evaluation = _evaluate(args, args.train, test)
-    compared = _evaluate(args, args.compare, test) if args.compare else None
-    document = evaluation_document(evaluation, compared)
+    folder = args.output or args.test.parent / "results" / args.train.name.partition(".")[0]
+    common.refuse_occupied(folder, args.overwrite)
+    train, test = read_dataset(args.train), _selected(args, read_dataset(args.test))
+    truth = read_any_truth(args.truth) if args.truth else None
+    evaluation = _evaluate(args, train, test, truth)
+    compared = _evaluate(args, read_dataset(args.compare), test, truth) if args.compare else None
+    hand_eye = None
+    if args.baseline == HAND_EYE:
+        sensors = _sensors(args, train, test)
+        hand_eye = compare_hand_eye(train, test, evaluation, truth=truth, sensors=sensors)
+    document = evaluation_document(evaluation, compared, hand_eye)
     document["options"] = common.options_document(args)
-    folder = prepare_output_folder(args.output, args.overwrite)
+    prepare_output_folder(folder, args.overwrite)
     _write_csv_files(folder, evaluation)
+    for baseline in hand_eye.baselines if hand_eye else ():
+        if baseline.dataset is not None:
+            write_dataset(baseline.dataset, folder / f"{HAND_EYE}_{baseline.method}.json")
     write_json_atomically(folder / RESULT_FILE, document, sort_keys=False)
-    print(evaluation_report(evaluation, compared, verbose=args.verbose))
+    print(evaluation_report(evaluation, compared, args.verbose, hand_eye))
     print(f"\nresults: {folder}")
     if evaluation.measured:
         return 0
-    why = "the table says why" if evaluation.pairs else "no two of these sensors can be compared"
+    told = evaluation.pairs or evaluation.spread
+    why = "the table says why" if told else "no two of these sensors can be compared"
     print(f"evaluate: no pair was measured, {why}", file=sys.stderr)
     return 1
 
@@ -110,13 +115,13 @@ def _write_csv_files(folder: Path, evaluation: Evaluation) -> None:
             (folder / csv_name(kind)).unlink()
 
 
-def _evaluate(args: argparse.Namespace, path: Path, test: Dataset) -> Evaluation:
-    train = read_dataset(path)
-    test = _selected(args, test)
+def _evaluate(
+    args: argparse.Namespace, train: Dataset, test: Dataset, truth: Optional[Truth]
+) -> Evaluation:
     return evaluate(
         train,
         test,
-        truth=read_any_truth(args.truth) if args.truth else None,
+        truth=truth,
         sensors=_sensors(args, train, test),
         pairs=args.pairs,
         annotations=read_annotations(args.test.parent, test.sensors, test.patterns),

@@ -10,7 +10,8 @@ from atom_core.calibration.prepare.input_changes import without_partial_detectio
 from atom_core.commands import common
 from atom_core.commands.atom_options import AtomOption, add_meaningless_options
 from atom_core.errors import DatasetError, OutputError
-from atom_core.evaluation.evaluate import PairResult, evaluate
+from atom_core.evaluation.evaluate import evaluate
+from atom_core.evaluation.results import PairResult
 from atom_core.io.annotations import read_annotations
 from atom_core.io.atomic import write_text_atomically
 from atom_core.io.dataset_json import read_dataset

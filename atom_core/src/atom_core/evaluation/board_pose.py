@@ -38,13 +38,13 @@ def refine_pose(measurement: CornerMeasurement, camera_T_pattern: np.ndarray) ->
     """
     corners, pixels = measurement.corners_in_pattern, measurement.pixels
     pose, damping = camera_T_pattern, 1e-6
-    error, jacobian = _linearise(measurement.camera, pose, corners, pixels)
+    error, jacobian = linearised(measurement.camera, pose, corners, pixels)
     for _ in range(_ITERATIONS):
         normal = jacobian.T @ jacobian
         damped = normal + damping * np.diag(np.diagonal(normal))
         step = np.linalg.solve(damped, -jacobian.T @ error)
-        candidate = _moved(pose, step)
-        new_error, new_jacobian = _linearise(measurement.camera, candidate, corners, pixels)
+        candidate = moved(pose, step)
+        new_error, new_jacobian = linearised(measurement.camera, candidate, corners, pixels)
         if new_error @ new_error > error @ error:
             damping *= 10.0
         else:
@@ -55,7 +55,7 @@ def refine_pose(measurement: CornerMeasurement, camera_T_pattern: np.ndarray) ->
     return BoardPose(pose, float(np.sqrt(error @ error / len(corners))))
 
 
-def _linearise(
+def linearised(
     camera: Camera, pose: np.ndarray, corners: np.ndarray, pixels: np.ndarray
 ) -> Tuple[np.ndarray, np.ndarray]:
     """Return errors (2n,) [px] and their derivatives (2n, 6) by rotation and translation."""
@@ -65,6 +65,7 @@ def _linearise(
     return (projected - pixels).ravel(), jacobian.reshape(-1, 6)
 
 
-def _moved(pose: np.ndarray, step: np.ndarray) -> np.ndarray:
+def moved(pose: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Return a pose (4, 4) after a step (6,), a rotation vector and a translation, in its axes."""
     rotation = se3.rotation_from_rotation_vector(step[:3])
     return se3.transform(rotation @ pose[:3, :3], pose[:3, 3] + step[3:])

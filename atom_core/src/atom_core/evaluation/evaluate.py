@@ -3,69 +3,20 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
+from atom_core.evaluation.between_collections import spreads
 from atom_core.evaluation.ground_truth import GroundTruth, ground_truth_errors
 from atom_core.evaluation.mixed import mixed_dataset
 from atom_core.evaluation.observed import Borders, NotMeasurableError, Observed
 from atom_core.evaluation.pairs import Pair, pairs_of
-from atom_core.evaluation.statistics import Errors, Figures, figures, mean_of
+from atom_core.evaluation.results import PairFigures, PairResult, summarised
+from atom_core.evaluation.single_camera import SingleCamera, single_cameras
+from atom_core.evaluation.statistics import Errors, mean_of
 from atom_core.model.dataset import Dataset, pose
 from atom_core.model.labels import DetectionKey
 from atom_core.model.truth import Truth, with_truth
-
-
-@dataclass(frozen=True)
-class Row:
-    """Figures of one collection and one pattern."""
-
-    collection: str
-    pattern: str
-    figures: Figures
-
-
-@dataclass(frozen=True)
-class PairFigures:
-    """Figures of a pair of sensors.
-
-    Attributes:
-        rows: by collection and pattern.
-        per_collection: by collection, its patterns pooled.
-        rms, x_mean_abs, y_mean_abs, translation_mm, rotation_deg: unweighted means over the
-            collections, as ATOM's table has them.
-        pooled: figures of all errors of all collections together.
-    """
-
-    rows: Tuple[Row, ...]
-    per_collection: Mapping[str, Figures]
-    rms: float
-    x_mean_abs: Optional[float]
-    y_mean_abs: Optional[float]
-    translation_mm: Optional[float]
-    rotation_deg: Optional[float]
-    pooled: Figures
-
-
-@dataclass(frozen=True)
-class PairResult:
-    """A pair, measured or skipped.
-
-    Attributes:
-        pair: which sensors, and how they are compared.
-        measured: with the calibrated edges; None when skipped.
-        at_truth: the same labels with the true edges; None without a truth.
-        skipped: why nothing was measured.
-        unmeasured: why, of collections in which both detect the same pattern.
-        unseen: points that the target image does not show.
-    """
-
-    pair: Pair
-    measured: Optional[PairFigures]
-    at_truth: Optional[PairFigures] = None
-    skipped: Optional[str] = None
-    unmeasured: Mapping[str, str] = field(default_factory=dict)
-    unseen: int = 0
 
 
 @dataclass(frozen=True)
@@ -87,6 +38,8 @@ class Evaluation:
         pairs: in the order of kinds and configuration.
         averages: by kind.
         ground_truth: errors of the sensors; None without a truth.
+        single: each camera by itself.
+        spread: each camera with itself in other collections, over boards that stay.
     """
 
     train: str
@@ -94,11 +47,13 @@ class Evaluation:
     pairs: Tuple[PairResult, ...]
     averages: Mapping[str, Average]
     ground_truth: Optional[GroundTruth] = None
+    single: Tuple[SingleCamera, ...] = ()
+    spread: Tuple[PairResult, ...] = ()
 
     @property
     def measured(self) -> bool:
-        """Tell whether any pair was measured."""
-        return any(result.measured for result in self.pairs)
+        """Tell whether anything was measured that depends on the calibration."""
+        return any(result.measured for result in (*self.pairs, *self.spread))
 
 
 def evaluate(
@@ -117,7 +72,7 @@ def evaluate(
         test: the dataset to measure on; the same file is allowed.
         truth: true edges of a simulation, for the floor of the metrics and the sensors' errors.
         sensors: names of the sensors to compare; None: all.
-        pairs: only these pairs, see `pairs_of`.
+        pairs: only these pairs, see `pairs_of`, and no camera by itself.
         annotations: hand-drawn borders of the test set, by collection, sensor and pattern.
 
     Raises:
@@ -136,6 +91,8 @@ def evaluate(
         pairs=results,
         averages=averages_of(results),
         ground_truth=None if truth is None else ground_truth_errors(mixed, truth),
+        single=tuple(single_cameras(mixed, observed, true)) if pairs is None else (),
+        spread=tuple(spreads(mixed, observed, true)) if pairs is None else (),
     )
 
 
@@ -219,22 +176,3 @@ def _why_skipped(pair: Pair, reasons: Mapping[str, str]) -> str:
         return f"no collection in which '{pair.source}' and '{pair.target}' detect the same pattern"
     counted = Counter(reasons.values()).most_common()
     return "; ".join(f"{why} ({count} collections)" for why, count in counted)
-
-
-def summarised(errors: Mapping[Tuple[str, str], Errors]) -> PairFigures:
-    """Return the figures of a pair from its errors by (collection, pattern)."""
-    by_collection: Dict[str, List[Errors]] = {}
-    for (collection, _), part in errors.items():
-        by_collection.setdefault(collection, []).append(part)
-    per_collection = {key: figures(parts) for key, parts in by_collection.items()}
-    values = list(per_collection.values())
-    return PairFigures(
-        rows=tuple(Row(key, pattern, figures([e])) for (key, pattern), e in errors.items()),
-        per_collection=per_collection,
-        rms=float(mean_of([v.rms for v in values]) or 0.0),
-        x_mean_abs=mean_of([v.x_mean_abs for v in values]),
-        y_mean_abs=mean_of([v.y_mean_abs for v in values]),
-        translation_mm=mean_of([v.translation_mm for v in values]),
-        rotation_deg=mean_of([v.rotation_deg for v in values]),
-        pooled=figures(list(errors.values())),
-    )

@@ -5,12 +5,15 @@ OpenCV 4.2, which ROS Noetic has, differs from later versions in what it takes.
 
 from __future__ import annotations
 
-from typing import List, Optional, Sequence
+from typing import Any, List, Optional, Sequence, Tuple
 
 import cv2
 import numpy as np
 
 from atom_core.geometry import se3
+
+HAND_EYE_METHODS = ("tsai", "park", "horaud", "andreff", "daniilidis")
+ROBOT_WORLD_METHODS = ("shah", "li")
 
 
 def planar_poses(points: np.ndarray, rays: np.ndarray) -> List[np.ndarray]:
@@ -41,26 +44,64 @@ def planar_poses(points: np.ndarray, rays: np.ndarray) -> List[np.ndarray]:
     return poses
 
 
-def hand_eye_pose(G: Sequence[np.ndarray], H: Sequence[np.ndarray]) -> Optional[np.ndarray]:
+def hand_eye_pose(
+    G: Sequence[np.ndarray], H: Sequence[np.ndarray], method: str = "park"
+) -> Optional[np.ndarray]:
     """Return the X (4, 4) of ``G_i X H_i = const``, or None where the motion does not tell it.
 
-    Park, Martin, "Robot sensor calibration: solving AX=XB on the Euclidean group" (1994), by
-    OpenCV.
+    By OpenCV; its default here is Park, Martin, "Robot sensor calibration: solving AX=XB on the
+    Euclidean group" (1994).
 
     Args:
         G: poses (4, 4), one for each position, at least three.
         H: poses (4, 4), as many.
+        method: one of ``HAND_EYE_METHODS``.
     """
+    how = getattr(cv2, f"CALIB_HAND_EYE_{method.upper()}")
     try:
-        rotation, translation = cv2.calibrateHandEye(
-            [g[:3, :3] for g in G],
-            [g[:3, 3] for g in G],
-            [h[:3, :3] for h in H],
-            [h[:3, 3] for h in H],
-            method=cv2.CALIB_HAND_EYE_PARK,
-        )
+        rotation, translation = cv2.calibrateHandEye(*_parts(G), *_parts(H), method=how)
     except cv2.error:
         return None
-    X = se3.transform(rotation, translation.ravel())
-    proper = np.all(np.isfinite(X)) and np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6)
-    return X if proper else None
+    return _proper(rotation, translation)
+
+
+def has_robot_world() -> bool:
+    """Tell whether this OpenCV has the methods of ``robot_world_poses``; that of Noetic has not."""
+    return hasattr(cv2, "calibrateRobotWorldHandEye")
+
+
+def robot_world_poses(
+    G: Sequence[np.ndarray], H: Sequence[np.ndarray], method: str
+) -> Optional[Tuple[np.ndarray, np.ndarray]]:
+    """Return X and F (4, 4) of ``G_i X H_i = F``, both in one; None where they are not told.
+
+    By OpenCV, where it `has_robot_world`.
+
+    Args:
+        G: poses (4, 4), one for each position, at least three.
+        H: poses (4, 4), as many.
+        method: one of ``ROBOT_WORLD_METHODS``.
+    """
+    how = getattr(cv2, f"CALIB_ROBOT_WORLD_HAND_EYE_{method.upper()}")
+    solve: Any = getattr(cv2, "calibrateRobotWorldHandEye")  # noqa: B009 (mypy knows no such)
+    inverses = [se3.inverse(g) for g in G]
+    try:  # H_i F^-1 = X^-1 G_i^-1
+        found = solve(*_parts(H), *_parts(inverses), method=how)
+    except cv2.error:
+        return None
+    board_inverse, eye_inverse = _proper(*found[:2]), _proper(*found[2:])
+    if board_inverse is None or eye_inverse is None:
+        return None
+    return se3.inverse(eye_inverse), se3.inverse(board_inverse)
+
+
+def _parts(poses: Sequence[np.ndarray]) -> Tuple[List[np.ndarray], List[np.ndarray]]:
+    """Return rotations and translations, as OpenCV takes them."""
+    return [pose[:3, :3] for pose in poses], [pose[:3, 3] for pose in poses]
+
+
+def _proper(rotation: np.ndarray, translation: np.ndarray) -> Optional[np.ndarray]:
+    pose = se3.transform(rotation, np.ravel(translation))
+    if not np.all(np.isfinite(pose)) or np.linalg.det(rotation) < 0:
+        return None
+    return pose if np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6) else None

@@ -10,8 +10,9 @@ import csv
 import io
 from typing import Any, Dict, List, Optional, Tuple, Union
 
-from atom_core.evaluation.evaluate import Evaluation, PairFigures, PairResult
+from atom_core.evaluation.evaluate import Evaluation
 from atom_core.evaluation.pairs import PairKind
+from atom_core.evaluation.results import PairFigures, PairResult
 from atom_core.evaluation.statistics import Figures
 
 DECIMALS = 4  # as ATOM rounds

@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any, Dict, Optional
 
-from atom_core.evaluation.evaluate import Average, Evaluation, PairFigures, PairResult
+from atom_core.evaluation.evaluate import Average, Evaluation
+from atom_core.evaluation.hand_eye_comparison import CALIBRATION, HandEyeComparison
+from atom_core.evaluation.results import PairFigures, PairResult
+from atom_core.evaluation.single_camera import SingleCamera
 from atom_core.evaluation.statistics import Figures
 from atom_core.report.ground_truth_document import ground_truth_document
 
@@ -13,20 +16,23 @@ VERSION = "1.0"
 
 
 def evaluation_document(
-    evaluation: Evaluation, compared: Optional[Evaluation] = None
+    evaluation: Evaluation,
+    compared: Optional[Evaluation] = None,
+    hand_eye: Optional[HandEyeComparison] = None,
 ) -> Dict[str, Any]:
     """Return the document; all numbers finite, lengths in the unit that stands beside them.
 
     Args:
         evaluation: of the calibration under test.
         compared: of another calibration on the same test set.
+        hand_eye: baselines of cameras on an arm.
     """
     document = {
         "version": VERSION,
         "train": evaluation.train,
         "test": evaluation.test,
         **_results(evaluation),
-        "baselines": {},
+        "baselines": {} if hand_eye is None else _hand_eye(hand_eye),
     }
     if compared is not None:
         document["compared_with"] = {"train": compared.train, **_results(compared)}
@@ -37,8 +43,48 @@ def _results(evaluation: Evaluation) -> Dict[str, Any]:
     return {
         "pairs": [pair_document(result) for result in evaluation.pairs],
         "averages": {kind: _average(value) for kind, value in evaluation.averages.items()},
+        "single_cameras": [_single(result) for result in evaluation.single],
+        "between_collections": [pair_document(result) for result in evaluation.spread],
         "ground_truth": ground_truth_document(evaluation.ground_truth),
     }
+
+
+def _single(result: SingleCamera) -> Dict[str, Any]:
+    measured = result.measured
+    per_collection = {} if measured is None else measured.per_collection
+    return {
+        "sensor": result.sensor,
+        "pattern": result.pattern,
+        "unit": "px",
+        "one_pose": result.one_pose,
+        "tells_of_calibration": result.tells_of_calibration,
+        "collections": len(per_collection),
+        "points": 0 if measured is None else measured.pooled.points,
+        **({} if measured is None else _figures(measured)),
+        "at_truth": None if result.at_truth is None else _figures(result.at_truth),
+        "per_collection": {key: _present(value) for key, value in per_collection.items()},
+        "skipped": result.skipped,
+    }
+
+
+def _hand_eye(comparison: HandEyeComparison) -> Dict[str, Any]:
+    """Return the entry of each method, and the figures of the calibration in their terms."""
+
+    def scores(method: str) -> Dict[str, Any]:
+        of_method = comparison.scores.items()
+        return {camera: score._asdict() for (name, camera), score in of_method if name == method}
+
+    entries: Dict[str, Any] = {"hand_eye": {"cameras": scores(CALIBRATION)}}
+    for baseline in comparison.baselines:
+        found = comparison.evaluations.get(baseline.method)
+        empty: Dict[str, Any] = {"pairs": [], "ground_truth": None}
+        entries[f"hand_eye_{baseline.method}"] = {
+            **(empty if found is None else _results(found)),
+            "cameras": scores(baseline.method),
+            "boards": dict(baseline.boards),
+            "skipped": baseline.skipped,
+        }
+    return entries
 
 
 def pair_document(result: PairResult) -> Dict[str, Any]:

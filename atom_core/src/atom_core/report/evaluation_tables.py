@@ -4,16 +4,22 @@ from __future__ import annotations
 
 from typing import Any, List, Optional, Sequence, Union
 
-from atom_core.evaluation.evaluate import Evaluation, PairResult
+from atom_core.evaluation.evaluate import Evaluation
 from atom_core.evaluation.ground_truth import GroundTruth, MeanError, SensorError
+from atom_core.evaluation.hand_eye_comparison import CALIBRATION, HandEyeComparison
 from atom_core.evaluation.pairs import Pair
+from atom_core.evaluation.results import PairResult
+from atom_core.evaluation.single_camera import SingleCamera
 from atom_core.report.tables import text_table
 
 MM_PER_M = 1000.0
 
 
 def evaluation_report(
-    evaluation: Evaluation, compared: Optional[Evaluation] = None, verbose: bool = False
+    evaluation: Evaluation,
+    compared: Optional[Evaluation] = None,
+    verbose: bool = False,
+    hand_eye: Optional[HandEyeComparison] = None,
 ) -> str:
     """Return all tables as one text.
 
@@ -21,6 +27,7 @@ def evaluation_report(
         evaluation: of the calibration under test.
         compared: of another calibration on the same test set; stands beside it.
         verbose: also the reverse pairs, and a line for each collection.
+        hand_eye: baselines of cameras on an arm.
     """
     shown = [r for r in evaluation.pairs if verbose or not r.pair.reverse]
     measured = [r for r in shown if r.measured is not None]
@@ -29,11 +36,15 @@ def evaluation_report(
         range_pair_table([r for r in measured if not _has_poses(r)], compared),
         *[collection_table(r) for r in measured if verbose],
         averages_table(evaluation, compared),
-        skipped_table(shown),
+        single_camera_table(evaluation.single),
+        spread_table(evaluation.spread),
+        skipped_table([*shown, *evaluation.spread]),
     ]
     if evaluation.ground_truth is not None:
         other = None if compared is None else compared.ground_truth
         parts.append(ground_truth_table(evaluation.ground_truth, other))
+    if hand_eye is not None:
+        parts.append(hand_eye_table(hand_eye))
     return "\n\n".join(part for part in parts if part)
 
 
@@ -119,6 +130,58 @@ def ground_truth_table(ground_truth: GroundTruth, compared: Optional[GroundTruth
     other = [] if compared is None else _errors(compared.mean)
     rows.append(["mean", *_errors(ground_truth.mean), None, *other])
     return text_table(headers, rows, "Errors against the truth")
+
+
+def single_camera_table(results: Sequence[SingleCamera]) -> str:
+    """Return one line for each camera and pattern; empty if there is none."""
+    headers = ["camera", "pattern", "board", "coll.", "corners", "mean [px]", "RMS [px]"]
+    with_truth = any(result.at_truth is not None for result in results)
+    headers += ["mean at truth"] if with_truth else []
+    rows: List[List[Any]] = []
+    for result in results:
+        if result.measured is None:
+            continue
+        m = result.measured
+        kind = "one pose for all" if result.one_pose else "a pose for each"
+        counts = [len(m.per_collection), m.pooled.points]
+        row = [result.sensor, result.pattern, kind, *counts, m.pooled.mean, m.rms]
+        floor = None if result.at_truth is None else result.at_truth.pooled.mean
+        rows.append([*row, floor] if with_truth else row)
+    return text_table(headers, rows, "Cameras by themselves: reprojection") if rows else ""
+
+
+def spread_table(results: Sequence[PairResult]) -> str:
+    """Return how far apart each camera's collections put a board; empty if there is nothing."""
+    headers = ["camera", "pairs of coll.", "corners", "RMS [px]", "apart [mm]", "turned [deg]"]
+    with_truth = any(result.at_truth is not None for result in results)
+    headers += ["at truth [px]", "[mm]", "[deg]"] if with_truth else []
+    rows: List[List[Any]] = []
+    for result in results:
+        if result.measured is None:
+            continue
+        row: List[Any] = [result.pair.source, *_counts(result)]
+        both = [result.measured, result.at_truth] if with_truth else [result.measured]
+        for m in both:
+            row += [None] * 3 if m is None else [m.rms, m.translation_mm, m.rotation_deg]
+        rows.append(row)
+    title = "Spread of fixed boards: from one collection to another"
+    return text_table(headers, rows, title) if rows else ""
+
+
+def hand_eye_table(comparison: HandEyeComparison) -> str:
+    """Return the calibration and OpenCV's methods on the same test set, camera by camera."""
+    headers = ["method", "camera", "reprojection [px]", "spread [px]", "[mm]", "[deg]"]
+    known = any(score.error_m is not None for score in comparison.scores.values())
+    headers += ["error [mm]", "[deg]"] if known else []
+    rows: List[List[Any]] = []
+    for (method, camera), score in comparison.scores.items():
+        name = method if method == CALIBRATION else f"OpenCV {method}"
+        row = [name, camera, *score[:4]]
+        error = None if score.error_m is None else MM_PER_M * score.error_m
+        rows.append([*row, error, score.error_deg] if known else row)
+    lines = [text_table(headers, rows, "Hand-eye methods on the same labels")]
+    lines += [f"OpenCV {b.method}: {b.skipped}" for b in comparison.baselines if b.skipped]
+    return "\n".join([*lines, *comparison.remarks])
 
 
 def _with_references(

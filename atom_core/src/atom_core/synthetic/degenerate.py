@@ -66,6 +66,32 @@ def planar_motion(
     )
 
 
+def translating_arm(
+    seed: int = 0,
+    *,
+    collections: int = 12,
+    noise: Noise = Noise(),  # noqa: B008 (frozen)
+    disturbance: Disturbance = (0.0, 0.0),
+) -> SyntheticDataset:
+    """Simulate a camera on an arm that only translates before a board that stands still.
+
+    Open: the camera's place in the hand, which the board's place imitates.
+    """
+    rng = np.random.default_rng([seed, 204])
+    hand_T_link = se3.from_rpy(np.array([0.05, 0.02, 0.08]), rng.uniform(-0.2, 0.2, 3))
+    mount = camera_mount("rgb_1", RGB, _BASE, hand_T_link, COLOUR_CAMERA)
+    rig = assemble("world", {}, [mount], room=_ROOM)
+    board = held_before(np.array([0.0, 2.0, 1.2]), np.array(_CENTRE), _BORDER, rng, tilt_rad=0.2)
+    middle = looking_at(np.array([0.0, 1.8, 1.1]), np.array(_CENTRE)) @ se3.inverse(hand_T_link)
+    motion: List[Mapping[Edge, np.ndarray]] = [
+        {Edge("world", _BASE): se3.transform(middle[:3, :3], middle[:3, 3] + shift)}
+        for shift in rng.uniform(-0.3, 0.3, (collections, 3))
+    ]
+    boards = [board] * collections
+    name = "translating_arm"
+    return _simulated(name, rig, boards, noise, disturbance, rng, motion=motion, fixed=True)
+
+
 def parallel_boards(
     seed: int = 0,
     *,

@@ -269,8 +269,15 @@ def two_patterns(seed: int = 0, **options: Any) -> SyntheticDataset:
     return _finish("two_patterns", rig, poses, rng, chosen, patterns=patterns)
 
 
-def hand_eye(seed: int = 0, **options: Any) -> SyntheticDataset:
-    """Simulate a camera on a moving flange before a board that stands still; nothing anchored."""
+def hand_eye(seed: int = 0, *, aim_m: float = 0.1, **options: Any) -> SyntheticDataset:
+    """Simulate a camera on a moving flange before a board that stands still; nothing anchored.
+
+    Args:
+        seed: of everything random.
+        aim_m: how far beside the board's place the camera aims, along each axis; from some 0.4 on
+            boards are seen in part.
+        options: of ``SceneOptions``.
+    """
     rng, chosen = np.random.default_rng([seed, 106]), SceneOptions(seed=seed, **options)
     flange_T_link = jittered(se3.from_rpy(np.array([0.05, 0.0, 0.08]), np.zeros(3)), 0.02, 0.2, rng)
     mount = camera_mount("rgb_1", RGB, _FLANGE, flange_T_link, COLOUR_CAMERA)
@@ -280,7 +287,7 @@ def hand_eye(seed: int = 0, **options: Any) -> SyntheticDataset:
     moving: List[Dict[Edge, np.ndarray]] = []
     for _ in range(chosen.collections):
         eye = _around((0.0, 0.0, 0.6), rng.uniform(-0.7, 0.7), rng, metres=1.6)
-        target = centre + rng.uniform(-0.1, 0.1, 3)
+        target = centre + rng.uniform(-aim_m, aim_m, 3)
         world_T_link = looking_at(eye, target, rng.uniform(-1.0, 1.0))
         moving.append(_flange_at(rig, world_T_link @ se3.inverse(flange_T_link)))
     poses = {"pattern_1": [board] * chosen.collections}
@@ -288,8 +295,14 @@ def hand_eye(seed: int = 0, **options: Any) -> SyntheticDataset:
     return _finish("hand_eye", rig, poses, rng, chosen, patterns=patterns, motion=moving)
 
 
-def board_on_arm(seed: int = 0, **options: Any) -> SyntheticDataset:
-    """Simulate a board on a moving flange before a camera that stands still; nothing anchored."""
+def board_on_arm(seed: int = 0, *, spread_m: float = 0.2, **options: Any) -> SyntheticDataset:
+    """Simulate a board on a moving flange before a camera that stands still; nothing anchored.
+
+    Args:
+        seed: of everything random.
+        spread_m: how far the board is moved, along each axis; from some 0.5 on it is seen in part.
+        options: of ``SceneOptions``.
+    """
     rng, chosen = np.random.default_rng([seed, 107]), SceneOptions(seed=seed, **options)
     centre, structure = (0.0, 0.0, 1.0), _base(rng)
     mount = _mounted("rgb_1", RGB, _around(centre, 0.0, rng), centre, structure, rng)
@@ -299,7 +312,7 @@ def board_on_arm(seed: int = 0, **options: Any) -> SyntheticDataset:
     )
     moving = []
     for _ in range(chosen.collections):
-        world_T_pattern = _before(centre, rng, bearings=(-0.5, 0.5), spread_m=0.2)
+        world_T_pattern = _before(centre, rng, bearings=(-0.5, 0.5), spread_m=spread_m)
         moving.append(_flange_at(rig, world_T_pattern @ se3.inverse(flange_T_pattern)))
     poses = {"pattern_1": [flange_T_pattern] * chosen.collections}
     patterns = {"pattern_1": charuco(parent_link=_FLANGE, fixed=True)}

@@ -151,8 +151,7 @@ def _boards_follow(problem: Problem, blocks: Sequence[int]) -> Optional[str]:
         mine = np.any(chains == i, axis=1)
         boards = {int(b) for b in chains[mine].ravel() if int(b) in own}
         seen = np.any(np.isin(chains, list(boards)), axis=1)
-        beside = all(_next_to(row, i, own) for row in chains[mine])
-        if beside and np.array_equal(seen, mine):
+        if np.array_equal(seen, mine) and _always_beside(problem, i, own):
             edge = problem.parameters.blocks[i].edge
             return (
                 f"edge '{edge}' stands between the boards and every sensor that sees them, and "
@@ -161,10 +160,22 @@ def _boards_follow(problem: Problem, blocks: Sequence[int]) -> Optional[str]:
     return None
 
 
-def _next_to(row: np.ndarray, i: int, others: Set[int]) -> bool:
-    at = int(np.flatnonzero(row == i)[0])
-    near = [int(row[k]) for k in (at - 1, at + 1) if 0 <= k < len(row)]
-    return any(b in others for b in near)
+def _always_beside(problem: Problem, i: int, others: Set[int]) -> bool:
+    """Tell whether a block has one of others beside it in every chain, and nothing moves between.
+
+    What stands between may differ from pattern to pattern, whose parents are others.
+    """
+    between: Dict[str, List[np.ndarray]] = {}
+    chains = problem.chains
+    for row, constants, key in zip(chains.block, chains.constants, problem.detections):
+        if i not in row:
+            continue
+        at = int(np.flatnonzero(row == i)[0])
+        near = [k for k in (at - 1, at + 1) if 0 <= k < len(row) and int(row[k]) in others]
+        if not near:
+            return False
+        between.setdefault(key.pattern, []).append(constants[max(at, near[0])])
+    return all(np.allclose(poses, poses[0], atol=1e-9) for poses in between.values())
 
 
 # ------------------------------------------------------------------------------- boards

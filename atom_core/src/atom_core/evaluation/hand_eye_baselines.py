@@ -1,0 +1,112 @@
+"""OpenCV's hand-eye methods on the labels of a calibrated dataset, to be evaluated like it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Dict, List, Mapping, Optional, Tuple
+
+import cv2
+import numpy as np
+
+from atom_core.errors import DatasetError
+from atom_core.evaluation.hand_eye_views import (
+    HandEyeViews,
+    board_of,
+    hand_eye_views,
+    with_hand_eye,
+)
+from atom_core.evaluation.observed import Observed
+from atom_core.geometry.pose_solvers import (
+    HAND_EYE_METHODS,
+    ROBOT_WORLD_METHODS,
+    hand_eye_pose,
+    has_robot_world,
+    robot_world_poses,
+)
+from atom_core.model.dataset import Dataset
+from atom_core.model.sensor import RGB
+
+METHODS = (*HAND_EYE_METHODS, *ROBOT_WORLD_METHODS)
+NO_ROBOT_WORLD = f"OpenCV {cv2.__version__} has no calibrateRobotWorldHandEye, which came with 4.5"
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """A method's answer.
+
+    Attributes:
+        method: one of ``METHODS``.
+        dataset: the dataset with the answers in the cameras' edges; None where there is none.
+        boards: the board that was used, by camera.
+        skipped: why there is no answer.
+    """
+
+    method: str
+    dataset: Optional[Dataset]
+    boards: Mapping[str, str] = field(default_factory=dict)
+    skipped: Optional[str] = None
+
+
+def hand_eye_baselines(dataset: Dataset) -> Tuple[List[Baseline], List[str]]:
+    """Solve every camera that can be by every method.
+
+    Args:
+        dataset: with the labels, and where the robot was.
+
+    Returns:
+        A baseline for each method; and remarks: which board was taken where there are several,
+        and why cameras were left out.
+
+    Raises:
+        DatasetError: no camera can be solved; the message says why of the first.
+    """
+    observed, remarks = Observed(dataset), []
+    refused: List[DatasetError] = []
+    views: Dict[str, Tuple[str, HandEyeViews]] = {}
+    for sensor in dataset.sensors.values():
+        if sensor.modality != RGB:
+            continue
+        try:
+            board = board_of(dataset, sensor.name)
+            views[sensor.name] = (
+                board,
+                hand_eye_views(dataset, sensor.name, board, None, observed),
+            )
+        except DatasetError as error:
+            refused.append(error)
+            remarks.append(f"no hand-eye baseline of '{sensor.name}': {error}")
+            continue
+        if sum(pattern.fixed for pattern in dataset.patterns.values()) > 1:
+            remarks.append(f"hand-eye baselines of '{sensor.name}' are by board '{board}' alone")
+    if not views:
+        why = refused[0] if refused else f"{dataset.source}: there is no rgb camera"
+        raise DatasetError(f"--baseline hand_eye: {why}")
+    return [_baseline(dataset, method, views) for method in METHODS], remarks
+
+
+def _baseline(
+    dataset: Dataset, method: str, views: Mapping[str, Tuple[str, HandEyeViews]]
+) -> Baseline:
+    if method in ROBOT_WORLD_METHODS and not has_robot_world():
+        return Baseline(method, None, skipped=NO_ROBOT_WORLD)
+    solved = dataset
+    for camera, (board, of_camera) in views.items():
+        X = solved_by(method, of_camera)
+        if X is None:
+            return Baseline(method, None, skipped=f"{method} finds no pose of '{camera}'")
+        solved = with_hand_eye(solved, camera, board, of_camera, X)
+    return Baseline(method, solved, {camera: board for camera, (board, _) in views.items()})
+
+
+def solved_by(method: str, views: HandEyeViews) -> Optional[np.ndarray]:
+    """Return ``camera_side_T_camera`` (4, 4) by a method; None where it finds none.
+
+    Raises:
+        DatasetError: this OpenCV does not have the method.
+    """
+    if method in HAND_EYE_METHODS:
+        return hand_eye_pose(views.G, views.H, method)
+    if not has_robot_world():
+        raise DatasetError(NO_ROBOT_WORLD)
+    found = robot_world_poses(views.G, views.H, method)
+    return None if found is None else found[0]

@@ -1,0 +1,176 @@
+"""Cameras on an arm, or before one: their own figures, the spread of boards, OpenCV's methods."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from atom_core.calibration.calibrate import calibrate
+from atom_core.errors import DatasetError
+from atom_core.evaluation import hand_eye_baselines as baselines
+from atom_core.evaluation.evaluate import evaluate
+from atom_core.evaluation.hand_eye_baselines import METHODS, hand_eye_baselines
+from atom_core.evaluation.hand_eye_comparison import CALIBRATION, compare_hand_eye
+from atom_core.geometry import se3
+from atom_core.geometry.pose_solvers import has_robot_world
+from atom_core.model.dataset import pose
+from atom_core.synthetic import Noise, degenerate, scenes
+
+SCENES = {"camera moves": scenes.hand_eye, "board moves": scenes.board_on_arm}
+NOT_FOR_HALF_TURNS = ("tsai", "daniilidis")  # the arm with the board makes some
+CAMERA, BOARD = "rgb_1", "pattern_1"
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def exact(request):
+    return SCENES[request.param](2, collections=8, noise=Noise.none())
+
+
+def moved_camera(dataset, shift):
+    """Return the dataset with the camera's edge shifted in its parent [m]."""
+    edge = dataset.sensors[CAMERA].edge
+    value = se3.transform(np.eye(3), np.asarray(shift)) @ dataset.first_value(edge)
+    return dataset.with_transforms(dict.fromkeys(dataset.collections, {edge: value}))
+
+
+def standing(dataset):
+    """Return the dataset with the robot in one place."""
+    first = next(iter(dataset.collections.values()))
+    return dataset.with_transforms(dict.fromkeys(dataset.collections, dict(first.transforms)))
+
+
+def test_without_noise_nothing_is_left_at_the_truth(exact):
+    found = evaluate(exact.dataset, exact.dataset, truth=exact.truth)
+    (single,), (spread,) = found.single, found.spread
+    assert found.measured and not found.pairs
+    assert (single.one_pose, single.tells_of_calibration) == (True, True)
+    for figures in (single.measured, single.at_truth, spread.measured, spread.at_truth):
+        assert figures.pooled.rms < 1e-4
+    assert spread.measured.translation_mm < 1e-3
+
+
+def test_the_spread_is_what_a_shifted_camera_does(exact):
+    """A camera off by d puts the board off by R d, which differs as the arm turns."""
+    dataset, shift = exact.dataset, np.array([0.004, -0.003, 0.005])
+    found = evaluate(moved_camera(dataset, shift), dataset)
+    graph, parent = dataset.graph, dataset.sensors[CAMERA].edge.parent
+    side = dataset.patterns[BOARD].parent_frame
+    turns = {k: pose(c, graph, side, parent)[:3, :3] for k, c in dataset.collections.items()}
+    (spread,) = found.spread
+    pairs = [(a, b) for i, a in enumerate(turns) for b in list(turns)[i + 1 :]]
+    wanted = {f"{a}-{b}": 1e3 * np.linalg.norm((turns[a] - turns[b]) @ shift) for a, b in pairs}
+    measured = {key: f.translation_mm for key, f in spread.measured.per_collection.items()}
+    assert measured == pytest.approx(wanted, abs=1e-3)
+    assert found.single[0].measured.rms > 0.5
+
+
+def test_at_the_truth_the_labels_noise_is_left():
+    noisy = scenes.hand_eye(3, collections=8)
+    (single,) = evaluate(noisy.dataset, noisy.dataset, truth=noisy.truth).single
+    expected_px = 0.3 * np.sqrt(np.pi / 2.0)  # mean length of two errors of 0.3 px
+    assert single.at_truth.pooled.mean == pytest.approx(expected_px, rel=0.1)
+
+
+def test_boards_that_are_moved_by_hand_tell_nothing_of_the_camera_s_place():
+    scene = scenes.two_cameras(1, collections=4)
+    found = evaluate(moved_camera(scene.dataset, [0.1, 0.0, 0.0]), scene.dataset, truth=scene.truth)
+    assert not found.spread
+    for single in found.single:
+        assert (single.one_pose, single.tells_of_calibration) == (False, False)
+        assert single.measured.pooled.mean < 0.5 and single.at_truth is None
+
+
+def test_where_nothing_moves_no_spread_is_told(exact):
+    still = standing(exact.dataset)
+    found = evaluate(still, still)
+    (spread,) = found.spread
+    assert spread.measured is None and "any calibration gives the same" in spread.skipped
+    assert not found.measured and not found.single[0].tells_of_calibration
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_without_noise_the_methods_find_the_truth(name):
+    exact = SCENES[name](2, collections=8, noise=Noise.none(), disturbance=(0.1, 0.1))
+    edge = exact.dataset.sensors[CAMERA].edge
+    found, remarks = hand_eye_baselines(exact.dataset)
+    assert [b.method for b in found] == list(METHODS) and not remarks
+    for baseline in found:
+        if baseline.skipped or (name == "board moves" and baseline.method in NOT_FOR_HALF_TURNS):
+            continue
+        np.testing.assert_allclose(
+            baseline.dataset.first_value(edge), exact.truth.edges[edge], atol=1e-5
+        )
+        # The board is put where the result sees it.
+        (single,) = evaluate(baseline.dataset, exact.dataset).single
+        assert single.measured.pooled.mean < 0.01
+
+
+def test_the_comparison_scores_the_calibration_and_every_method():
+    scene = scenes.hand_eye(4, collections=10, aim_m=0.5, disturbance=(0.1, 0.1))
+    solved = calibrate(scene.dataset).dataset
+    found = evaluate(solved, scene.dataset, truth=scene.truth)
+    compared = compare_hand_eye(solved, scene.dataset, found, truth=scene.truth)
+    ours = compared.scores[CALIBRATION, CAMERA]
+    assert ours.error_m == pytest.approx(found.ground_truth.sensors[CAMERA].translation_m)
+    for method, evaluation in compared.evaluations.items():
+        score = compared.scores[method, CAMERA]
+        assert score.error_m == pytest.approx(evaluation.ground_truth.sensors[CAMERA].translation_m)
+        assert ours.reprojection_px < score.reprojection_px
+    assert len(compared.evaluations) == (7 if has_robot_world() else 5)
+
+
+def test_an_old_opencv_is_named(monkeypatch, exact):
+    monkeypatch.setattr(baselines, "has_robot_world", lambda: False)
+    found, _ = hand_eye_baselines(exact.dataset)
+    without = {b.method: b.skipped for b in found if b.dataset is None}
+    assert {"shah", "li"} <= set(without)
+    assert "has no calibrateRobotWorldHandEye" in without["shah"]
+
+
+def not_fixed(dataset):
+    board = replace(dataset.patterns[BOARD], fixed=False)
+    return replace(dataset, patterns={BOARD: board})
+
+
+@pytest.mark.parametrize(
+    "scene, change, words",
+    [
+        (degenerate.translating_arm, None, "only translates, it never turns"),
+        (degenerate.planar_motion, None, "turns about one axis only"),
+        (scenes.hand_eye, standing, "neither of them moves"),
+        (scenes.hand_eye, not_fixed, "sees no board that is fixed"),
+        (scenes.hand_eye, lambda d: d.selected(collections=["000", "001"]), "in 2 collections"),
+        (scenes.hand_eye, lambda d: d.selected(sensors=[]), "there is no rgb camera"),
+    ],
+)
+def test_what_motion_does_not_tell_is_refused_in_one_sentence(scene, change, words):
+    dataset = scene(1, collections=6).dataset
+    with pytest.raises(DatasetError, match=words) as refusal:
+        hand_eye_baselines(change(dataset) if change else dataset)
+    assert "\n" not in str(refusal.value)
+
+
+def test_of_several_boards_the_one_seen_most_is_taken_and_named(exact):
+    dataset = exact.dataset
+    other = replace(dataset.patterns[BOARD], name="other", frame="other_link")
+    label = dataset.collections["000"].labels[CAMERA, BOARD]
+    two = replace(dataset, patterns={"other": other, **dataset.patterns})
+    two = two.with_labels("000", {(CAMERA, "other"): label})
+    found, remarks = hand_eye_baselines(two)
+    assert found[0].boards == {CAMERA: BOARD}
+    assert remarks == [f"hand-eye baselines of '{CAMERA}' are by board '{BOARD}' alone"]
+
+
+def test_the_calibration_names_an_arm_that_only_translates():
+    scene = degenerate.translating_arm(0, disturbance=(0.05, 0.05))
+    result = calibrate(scene.dataset)
+    assert result.status == "rank_deficient" and len(result.weak_directions) == 3
+    for weak in result.weak_directions:
+        assert weak.unit == "m" and any(name.startswith("rgb_1 ") for name in weak.parameters)
+        assert "moves but never turns; collect with turns about two axes" in weak.why
+
+
+def test_the_calibration_names_one_camera_s_planar_robot():
+    scene = degenerate.planar_motion(0, disturbance=(0.05, 0.05))
+    (weak,) = calibrate(scene.dataset.selected(sensors=["rgb_1"])).weak_directions
+    assert "turns about this axis only, as in planar motion" in weak.why
