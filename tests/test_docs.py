@@ -237,6 +237,7 @@ def test_keys_of_the_configuration_are_those_documented(run):
         EdgeConfig,
         JointConfig,
         PatternConfig,
+        PriorConfig,
         SensorConfig,
     )
 
@@ -246,6 +247,7 @@ def test_keys_of_the_configuration_are_those_documented(run):
         "calibration_patterns.<pattern>": PatternConfig,
         "additional_tfs.<name>": EdgeConfig,
         "joints.<joint>": JointConfig,
+        "priors.<name>": PriorConfig,
     }.items():
         expected |= {f"{place}.{key}" for key in entry.KEYS}
     assert set(documented_keys("Configuration")) == expected

@@ -66,10 +66,10 @@ void SetParts(const py::list& parts, std::vector<ParameterBlock>* blocks) {
     Expect(kind == "origin" || kind == "bias" || kind == "camera" || kind == "pose",
            "a part's kind must be origin, bias, camera or pose");
     block.free = item["free"].cast<Vector6d>();
-    if (kind == "camera" || kind == "pose") {
-      block.prior_mean = item["prior_mean"].cast<Vector6d>();
-      block.prior_weight = item["prior_weight"].cast<Vector6d>();
-      if (kind == "pose") continue;
+    block.prior_mean = item["prior_mean"].cast<Vector6d>();
+    block.prior_weight = item["prior_weight"].cast<Vector6d>();
+    if (kind == "pose") continue;
+    if (kind == "camera") {
       block.kind = BlockKind::kCamera;
       block.first = item["first"].cast<int>();
       Expect(block.first == 0 || block.first == 6, "a camera's first number is 0 or 6");
@@ -404,9 +404,9 @@ Args:
         camera (dict), pixels (n, 2) for reprojection, centre, half_size (n, 2), steps (2 n, 3),
         inset (n, 2), blend for border; for orthogonal perhaps deviation (n,), added to the heights.
     parts: list of dict, for blocks that are more than poses: block (index), kind (origin, bias,
-        camera or pose), free (6,) 1 or 0; values (6,) of the first two, and of a bias axis (3,) and
-        is_prismatic; prior_mean, prior_weight (6,) of the last two; of a camera first (0 or 6), and
-        its residual blocks' dict camera has number_scale (12,), most_log, width and height.
+        camera or pose), free (6,) 1 or 0, prior_mean, prior_weight (6,); values (6,) of the first
+        two, and of a bias axis (3,) and is_prismatic; of a camera first (0 or 6), and its residual
+        blocks' dict camera has number_scale (12,), most_log, width and height.
 
 Raises:
     ValueError: shapes or indices do not fit together.

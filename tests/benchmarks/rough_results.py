@@ -14,7 +14,7 @@ from cell_runs import STOPS, CellRun
 from atom_core.calibration.options import AUTO, SUGGEST
 from atom_core.io.truth_json import pose_from_document, read_truth
 from atom_core.model.transforms import Edge
-from atom_core.report.calibration_results import EdgeResult
+from atom_core.report.edge_results import EdgeResult
 from atom_core.report.stated_errors import StatedError, stated_errors
 
 MODES = (SUGGEST, AUTO)  # the first one is the default

@@ -17,7 +17,7 @@ from atom_core.model.config import EdgeConfig
 from atom_core.model.dataset import board_edge, pose
 from atom_core.model.transforms import Edge
 from atom_core.model.truth import with_truth
-from atom_core.report.calibration_results import edge_variance
+from atom_core.report.edge_results import edge_variance
 from atom_core.solvers.base import SolverOptions, SolverSetup
 from atom_core.solvers.choice import SOLVERS, solver_factory
 from atom_core.synthetic import Noise, paper_cell, scenes

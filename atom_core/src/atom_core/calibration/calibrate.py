@@ -9,6 +9,7 @@ from typing import Dict, Mapping, Optional, Tuple
 from atom_core.calibration.judge.exclusion import Exclusion
 from atom_core.calibration.judge.judgement import judge
 from atom_core.calibration.judge.misfit import Misfit
+from atom_core.calibration.judge.priors import HeldDirection, PriorResult
 from atom_core.calibration.judge.weak_directions import WeakDirection
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.preparation import prepare
@@ -41,6 +42,8 @@ class Calibration:
         status: converged, not_converged, rank_deficient, inconsistent or failed.
         message: one sentence.
         weak_directions: what the data leave open.
+        held_directions: what they leave open and priors hold.
+        priors: how far the solution is from each prior.
         misfits: sensors that the joint solution fits far worse than they fit by themselves.
         exclusions: sensors of which too much was left out, or all of one sort.
         checks: errors of the model that the data show, and that were not estimated.
@@ -64,6 +67,8 @@ class Calibration:
     status: str
     message: str
     weak_directions: Tuple[WeakDirection, ...]
+    held_directions: Tuple[HeldDirection, ...]
+    priors: Tuple[PriorResult, ...]
     misfits: Tuple[Misfit, ...]
     exclusions: Tuple[Exclusion, ...]
     checks: Tuple[ModelCheck, ...]
@@ -112,6 +117,8 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
         status=judgement.status,
         message=judgement.message,
         weak_directions=judgement.weak_directions,
+        held_directions=judgement.held_directions,
+        priors=judgement.priors,
         misfits=judgement.misfits,
         exclusions=judgement.exclusions,
         checks=judgement.checks,

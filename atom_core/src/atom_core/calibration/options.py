@@ -56,6 +56,8 @@ class CalibrationOptions:
         board_bend: patterns whose bend along x and along y is estimated.
         moving_edge_sigma: frames of moving parts (an arm's flange) whose poses in a collection are
             off: metres and radians along and about each axis, None where that is estimated.
+        priors: metres and radians, standard deviations about the dataset's value, by the name of a
+            sensor, an additional tf or a joint, or by an edge; beside those of the configuration.
         model_errors: whether errors of the model are looked for (``suggest``), estimated until
             none is left (``auto``), or left alone (``off``).
         keep_collections: keys of collections that are used even if they contradict the others.
@@ -84,6 +86,7 @@ class CalibrationOptions:
     board_border: Tuple[str, ...] = ()
     board_bend: Tuple[str, ...] = ()
     moving_edge_sigma: Mapping[str, Optional[Tuple[float, float]]] = field(default_factory=dict)
+    priors: Mapping[str, Tuple[float, float]] = field(default_factory=dict)
     model_errors: str = SUGGEST
     keep_collections: Tuple[str, ...] = ()
     keep_detections: Tuple[Tuple[str, str], ...] = ()
@@ -117,5 +120,8 @@ class CalibrationOptions:
         for frame, sigmas in self.moving_edge_sigma.items():
             if sigmas is not None and not all(0 < sigma < np.inf for sigma in sigmas):
                 raise ValueError(f"moving_edge_sigma of {frame} needs two numbers > 0, or none")
+        for name, sigmas in self.priors.items():
+            if not all(0 < sigma < np.inf for sigma in sigmas):
+                raise ValueError(f"the prior of {name} needs two numbers > 0: metres and radians")
         if min(self.undetermined_limit) <= 0:
             raise ValueError("undetermined_limit needs two numbers > 0: metres and radians")

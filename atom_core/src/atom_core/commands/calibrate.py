@@ -19,6 +19,7 @@ from atom_core.commands.model_error_options import (
     selected_model_errors,
     selected_moving_edges,
     sensors_of,
+    stated_priors,
 )
 from atom_core.commands.phases import Phases, Watcher
 from atom_core.errors import CalibrationError, DescriptionError, OutputError
@@ -189,6 +190,7 @@ def _options(args: argparse.Namespace) -> CalibrationOptions:
             seed=args.sample_seed,
             undetermined_limit=tuple(args.undetermined_limit),
             intrinsics_sigma=args.intrinsics_sigma,
+            priors=stated_priors(args.prior),
             model_errors=args.model_errors,
         )
     except ValueError as error:

@@ -28,7 +28,7 @@ _OF_SENSORS: Dict[str, Tuple[Callable[[Modality], bool], str]] = {
         "by which part all depths of these cameras must grow",
     ),
 }
-_MOVING = "--moving_edge_sigma"
+_MOVING, _PRIOR = "--moving_edge_sigma", "--prior"
 _OF_BOARDS = {
     "board_size": "by which part these boards are larger than described",
     "board_border": "where the four sides of these boards are, seen from the print",
@@ -67,12 +67,45 @@ def add_model_error_options(parser: argparse.ArgumentParser) -> None:
     )
     common.add_option(
         parser,
+        "prior",
+        nargs=3,
+        action="append",
+        metavar=("EDGE|JOINT", "SIGMA_M", "SIGMA_RAD"),
+        help="a sensor's edge, an additional tf or a joint (its name, or parent-child) is where "
+        "the dataset has it but for a Gaussian deviation, of so many metres in each length and "
+        "radians in each angle; can stand several times",
+    )
+    common.add_option(
+        parser,
         "model_errors",
         choices=[SUGGEST, AUTO, OFF],
         default=SUGGEST,
         help="errors of sensors and boards that the data show: name them, estimate them in turn "
         "until none is left, or do not look for them",
     )
+
+
+def stated_priors(words: Optional[Sequence[Sequence[str]]]) -> Dict[str, Tuple[float, float]]:
+    """Return the standard deviations [m, rad] of --prior, by name.
+
+    Args:
+        words: three for each time that the option stands.
+
+    Raises:
+        CalibrationError: the figures are not above zero, or a name stands twice.
+    """
+    stated: Dict[str, Tuple[float, float]] = {}
+    for name, *figures in words or []:
+        sigmas = [n for n in map(_number, figures) if n is not None and 0 < n < math.inf]
+        if len(sigmas) != len(figures):
+            raise CalibrationError(
+                f"{_PRIOR} {name} {' '.join(figures)}: after the name it needs two figures > 0, "
+                f"metres and radians ({_PRIOR} {name} 0.005 0.01)"
+            )
+        if name in stated:
+            raise CalibrationError(f"{_PRIOR} {name} stands twice; leave one of the two out")
+        stated[name] = (sigmas[0], sigmas[1])
+    return stated
 
 
 def selected_model_errors(args: argparse.Namespace, dataset: Dataset) -> Dict[str, Tuple[str, ...]]:

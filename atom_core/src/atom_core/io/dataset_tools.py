@@ -286,6 +286,8 @@ def with_sensor_renamed(document: Mapping[str, Any], old: str, new: str) -> Dict
     config["sensors"] = renamed(config.get("sensors") or {})
     if config.get("anchored_sensor") == old:
         config["anchored_sensor"] = new
+    if old in (config.get("priors") or {}):
+        config["priors"][new] = config["priors"].pop(old)
     for collection in result["collections"].values():
         collection["data"] = renamed(collection.get("data") or {})
         labels = collection.get("labels") or {}

@@ -17,6 +17,7 @@ from atom_core.model.config_entries import (
     EdgeConfig,
     JointConfig,
     PatternConfig,
+    PriorConfig,
     SensorConfig,
 )
 from atom_core.model.config_section import (
@@ -42,6 +43,7 @@ __all__ = [
     "EdgeConfig",
     "JointConfig",
     "PatternConfig",
+    "PriorConfig",
     "SensorConfig",
 ]
 
@@ -50,7 +52,7 @@ DEFAULT_MAX_DURATION_MS = 1000
 _PATTERN_OF_VERSION_2 = "calibration_pattern"  # one, without a name
 _NAME_OF_MIGRATED_PATTERN = "pattern_1"
 _GREATEST_SQUARE_M = 1.0
-_MAPS = ("sensors", "calibration_patterns", "additional_tfs", "joints")
+_MAPS = ("sensors", "calibration_patterns", "additional_tfs", "joints", "priors")
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,7 @@ class CalibrationConfig:
             **milliseconds**, below 1 in seconds; use `max_duration_between_msgs_s` in
             computations.
         package_name: of the calibration package.
+        priors: what is known beforehand, by the name of a sensor, an additional tf or a joint.
         version: of the format.
         extra: unknown keys.
         warnings: what the user should know, one line each.
@@ -78,7 +81,7 @@ class CalibrationConfig:
     KEYS = (
         *("description_file", "bag_file", "world_link", "sensors", "additional_tfs", "joints"),
         *("calibration_patterns", "anchored_sensor", "max_duration_between_msgs"),
-        *("package_name", "version"),
+        *("package_name", "version", "priors"),
     )
 
     world_link: str
@@ -91,6 +94,7 @@ class CalibrationConfig:
     anchored_sensor: Optional[str] = None
     max_duration_between_msgs: float = DEFAULT_MAX_DURATION_MS
     package_name: Optional[str] = None
+    priors: Mapping[str, PriorConfig] = field(default_factory=dict)
     version: float = CURRENT_VERSION
     extra: Mapping[str, Any] = field(default_factory=dict)
     warnings: Tuple[str, ...] = field(default=(), compare=False)
@@ -156,6 +160,7 @@ class CalibrationConfig:
         try:
             root = Section(document, _known_keys(document))
             config = _read(cls, root)
+            config._check_priors()
         except ConfigValueError as error:
             dotted = ".".join(error.key_path) or "the configuration"
             raise ConfigError(f"{place(error.key_path)}: {dotted} {error.problem}") from None
@@ -170,6 +175,8 @@ class CalibrationConfig:
         for key in _MAPS:
             entries = {name: entry.to_document() for name, entry in getattr(self, key).items()}
             document[key] = entries or None
+        if not self.priors:  # which ATOM does not know
+            del document["priors"]
         return document
 
     def _check_anchor(self) -> None:
@@ -180,6 +187,15 @@ class CalibrationConfig:
                 f"leave it empty",
                 "anchored_sensor",
             )
+
+    def _check_priors(self) -> None:
+        there = [*self.sensors, *self.additional_tfs, *self.joints]
+        for name in self.priors:
+            if name not in there:
+                raise ConfigValueError(
+                    f"is of no sensor, additional tf or joint; use {choices(there)}",
+                    ("priors", name),
+                )
 
     def _check_one_parent_per_frame(self) -> None:
         parents: Dict[str, Tuple[str, str]] = {}
@@ -219,6 +235,7 @@ def _read(cls: Callable[..., CalibrationConfig], root: Section) -> CalibrationCo
         anchored_sensor=root.get("anchored_sensor"),
         max_duration_between_msgs=_duration(root),
         package_name=root.get("package_name"),
+        priors={n: PriorConfig.from_section(s) for n, s in root.named("priors", PriorConfig.KEYS)},
         version=CURRENT_VERSION if migrated else root.get("version", CURRENT_VERSION),
         extra=root.extra(),
     )

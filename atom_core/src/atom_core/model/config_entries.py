@@ -81,6 +81,40 @@ class EdgeConfig:
 
 
 @dataclass(frozen=True)
+class PriorConfig:
+    """What is known of a sensor's edge, an additional tf or a joint beforehand.
+
+    Attributes:
+        sigma_m, sigma_rad: standard deviations about the described value.
+        extra: unknown keys.
+    """
+
+    KEYS = ("sigma_m", "sigma_rad")
+
+    sigma_m: float
+    sigma_rad: float
+    extra: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_number(self.sigma_m, "sigma_m", "metres", above=0)
+        check_number(self.sigma_rad, "sigma_rad", "radians", above=0)
+
+    @classmethod
+    def from_section(cls, section: Section) -> PriorConfig:
+        """Read one entry of ``priors``."""
+        return section.build(
+            cls,
+            sigma_m=section.require("sigma_m", "the standard deviation of each length, in metres"),
+            sigma_rad=section.require("sigma_rad", "that of each angle, in radians"),
+            extra=section.extra(),
+        )
+
+    def to_document(self) -> Dict[str, Any]:
+        """Return the entry as plain values."""
+        return document_of(self, self.KEYS)
+
+
+@dataclass(frozen=True)
 class SensorConfig:
     """A sensor: its data, and the edge that is estimated for it.
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.model.transforms import Edge
+from atom_core.problem.priors import Prior
 
 SENSOR, ADDITIONAL_TF, PATTERN = "sensor", "additional_tf", "pattern"
 JOINT, INTRINSICS = "joint", "intrinsics"
@@ -82,6 +83,25 @@ class ParameterBlock(ABC):
         """(6,) bool: the numbers that are angles; the others are lengths."""
         return np.arange(BLOCK_SIZE) < ROTATION.stop
 
+    @property
+    def prior_mean(self) -> np.ndarray:
+        """(6,) the numbers that are expected."""
+        return np.zeros(BLOCK_SIZE)
+
+    @property
+    def prior_weight(self) -> np.ndarray:
+        """(6,) one over the variance of the numbers about what is expected; 0: anything goes."""
+        return np.zeros(BLOCK_SIZE)
+
+    @property
+    def prior(self) -> Optional[Prior]:
+        """What the user knows of it beforehand; None: nothing."""
+        return None
+
+    def without_prior(self) -> ParameterBlock:
+        """Return the block as the data alone tell it."""
+        return self
+
 
 @dataclass(frozen=True)
 class TransformBlock(ParameterBlock):
@@ -137,6 +157,59 @@ class PoseBlock(TransformBlock):
         rotation = self.initial[:3, :3] @ se3.rotation_from_rotation_vector(x[ROTATION])
         to_parent[ROTATION, ROTATION] = rotation @ se3.right_jacobian(x[ROTATION])
         return to_parent
+
+
+@dataclass(frozen=True)
+class ExpectedPoseBlock(PoseBlock):
+    """The pose of an edge that is expected near a given one.
+
+    Attributes:
+        given: (4, 4) ``parent_T_child`` near which.
+        sigma_m, sigma_rad: standard deviations along and about each axis of the child.
+    """
+
+    given: np.ndarray
+    sigma_m: float
+    sigma_rad: float
+
+    @property
+    def prior_mean(self) -> np.ndarray:
+        """(6,) the numbers at which the edge is as given."""
+        mean = np.empty(BLOCK_SIZE)
+        turn = self.initial[:3, :3].T @ self.given[:3, :3]
+        mean[ROTATION] = se3.rotation_vector_from_rotation(turn)
+        mean[TRANSLATION] = self.given[:3, 3] - self.initial[:3, 3]
+        return mean
+
+    @property
+    def prior_weight(self) -> np.ndarray:
+        """(6,) one over the variance of the numbers."""
+        return prior_weight(self.sigma_m, self.sigma_rad)
+
+
+@dataclass(frozen=True)
+class PriorPoseBlock(ExpectedPoseBlock):
+    """The pose of an edge of which the user knows something beforehand.
+
+    Attributes:
+        stated: what.
+    """
+
+    stated: Prior
+
+    @property
+    def prior(self) -> Prior:
+        """What the user knows of it beforehand."""
+        return self.stated
+
+    def without_prior(self) -> PoseBlock:
+        """Return the block as the data alone tell it."""
+        return PoseBlock(self.edge, self.kind, self.collection, self.names, self.initial)
+
+
+def prior_weight(sigma_m: float, sigma_rad: float) -> np.ndarray:
+    """Return (6,) one over the variance of three angles and three lengths."""
+    return np.array([sigma_rad**-2.0] * 3 + [sigma_m**-2.0] * 3)
 
 
 def pose_at(initial: np.ndarray, x: np.ndarray) -> np.ndarray:

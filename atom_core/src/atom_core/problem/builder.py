@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Dict, FrozenSet, List, Mapping, Sequence, Set, Tuple, Union
+from typing import Any, Dict, FrozenSet, List, Mapping, Optional, Sequence, Set, Tuple, Union
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from atom_core.problem.blocks import (
     SENSOR,
     ParameterBlock,
     PoseBlock,
+    PriorPoseBlock,
 )
 from atom_core.problem.camera_blocks import ExpectedCamera, camera_blocks
 from atom_core.problem.joint_blocks import (
@@ -31,6 +32,7 @@ from atom_core.problem.joint_blocks import (
 from atom_core.problem.measurements import Measurement
 from atom_core.problem.moving_blocks import MOVING, MovingBlock, MovingPart
 from atom_core.problem.parameters import Parameters
+from atom_core.problem.priors import Prior
 from atom_core.problem.problem import PoseChains, Problem
 from atom_core.problem.residuals import ResidualBlock
 
@@ -47,6 +49,7 @@ class FreeEdges:
         intrinsics: names of the intrinsics to estimate, by camera.
         expected_cameras: near which they are expected, by camera; none: anywhere.
         moving: edges whose pose in a collection is off from what the dataset says.
+        priors: what the user knows beforehand of edges, those of joints among them.
     """
 
     anchored_sensors: Tuple[str, ...] = ()
@@ -56,6 +59,7 @@ class FreeEdges:
     intrinsics: Mapping[str, Tuple[str, ...]] = field(default_factory=dict)
     expected_cameras: Mapping[str, ExpectedCamera] = field(default_factory=dict)
     moving: Mapping[Edge, MovingPart] = field(default_factory=dict)
+    priors: Mapping[Edge, Prior] = field(default_factory=dict)
 
     def without_intrinsics(self) -> FreeEdges:
         """Return the same with all intrinsics held."""
@@ -152,9 +156,20 @@ def _sensor_blocks(
         if sensor.name in seen and sensor.edge not in held:
             names.setdefault(sensor.edge, []).append(sensor.name)
     return [
-        PoseBlock(edge, SENSOR, None, tuple(sharing), _value(dataset, first, edge))
+        _pose_block(dataset, free, (edge, SENSOR, None, tuple(sharing)), first)
         for edge, sharing in names.items()
     ]
+
+
+def _pose_block(
+    dataset: Dataset, free: FreeEdges, owner: Tuple[Edge, str, Optional[str], Any], key: str
+) -> PoseBlock:
+    """Return the block of an edge, from its value in a collection, with what is known of it."""
+    value, prior = _value(dataset, key, owner[0]), free.priors.get(owner[0])
+    if prior is None:
+        return PoseBlock(*owner, value)
+    sigmas = prior.sigma_m, prior.sigma_rad
+    return PriorPoseBlock(*owner, value, prior.poses.get(key, value), *sigmas, prior)
 
 
 def _additional_blocks(
@@ -168,12 +183,12 @@ def _additional_blocks(
             continue
         if dataset.edge_types.get(edge) == MULTIPLE:
             blocks += [
-                PoseBlock(edge, ADDITIONAL_TF, key, (name,), _value(dataset, key, edge))
+                _pose_block(dataset, free, (edge, ADDITIONAL_TF, key, (name,)), key)
                 for key in collections
             ]
         elif collections:
-            value = _value(dataset, collections[0], edge)
-            blocks.append(PoseBlock(edge, ADDITIONAL_TF, None, (name,), value))
+            owner = (edge, ADDITIONAL_TF, None, (name,))
+            blocks.append(_pose_block(dataset, free, owner, collections[0]))
     return blocks
 
 
@@ -181,15 +196,15 @@ def _joint_blocks(dataset: Dataset, free: FreeEdges) -> List[ParameterBlock]:
     blocks: List[ParameterBlock] = []
     for name, selected in free.joints.items():
         joint = dataset.joint(name)
-        values = joint.parameters
+        values, prior = joint.parameters, free.priors.get(joint.edge)
         owner = (joint.edge, JOINT, None, (name,))
         chosen = np.array([parameter in selected for parameter in ORIGIN_PARAMETERS])
         if np.any(chosen):
             initial = np.array([values[parameter] for parameter in ORIGIN_PARAMETERS])
-            blocks.append(JointOriginBlock(*owner, initial, chosen))
+            blocks.append(JointOriginBlock(*owner, initial, chosen, prior))
         if POSITION_BIAS in selected:
             bias = values[POSITION_BIAS]
-            blocks.append(JointBiasBlock(*owner, joint.axis, joint.is_prismatic, bias))
+            blocks.append(JointBiasBlock(*owner, joint.axis, joint.is_prismatic, bias, prior))
     return blocks
 
 

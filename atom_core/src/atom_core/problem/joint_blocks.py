@@ -9,8 +9,8 @@ stay zero and have no derivative.
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
-from typing import Dict, Tuple
+from dataclasses import dataclass, replace
+from typing import Dict, Optional, Tuple
 
 import numpy as np
 
@@ -22,7 +22,9 @@ from atom_core.problem.blocks import (
     ROTATION,
     TRANSLATION,
     TransformBlock,
+    prior_weight,
 )
+from atom_core.problem.priors import Prior
 
 ORIGIN_PARAMETERS = (
     "origin_roll",
@@ -37,6 +39,26 @@ ORIGIN_PARAMETERS = (
 @dataclass(frozen=True)
 class JointBlock(TransformBlock):
     """Parameters of a joint."""
+
+    @property
+    @abstractmethod
+    def initial_values(self) -> np.ndarray:
+        """(6,) values [rad, m] to start from."""
+
+    @property
+    def prior_mean(self) -> np.ndarray:
+        """(6,) the numbers at which the estimated parameters are as described."""
+        if self.prior is None:
+            return np.zeros(BLOCK_SIZE)
+        described = [self.prior.parameters.get(name, 0.0) for name in self.components]
+        return np.where(self.free, described - self.initial_values, 0.0)
+
+    @property
+    def prior_weight(self) -> np.ndarray:
+        """(6,) one over the variance of the numbers; 0: anything goes."""
+        if self.prior is None:
+            return np.zeros(BLOCK_SIZE)
+        return np.where(self.free, prior_weight(self.prior.sigma_m, self.prior.sigma_rad), 0.0)
 
     @property
     def joint(self) -> str:
@@ -70,10 +92,26 @@ class JointOriginBlock(JointBlock):
     Attributes:
         initial: (6,) values to start from.
         selected: (6,) bool: those that are estimated.
+        stated: what the user knows of them beforehand; None: nothing.
     """
 
     initial: np.ndarray
     selected: np.ndarray
+    stated: Optional[Prior] = None
+
+    @property
+    def prior(self) -> Optional[Prior]:
+        """What the user knows of the joint beforehand; None: nothing."""
+        return self.stated
+
+    def without_prior(self) -> JointOriginBlock:
+        """Return the block as the data alone tell it."""
+        return replace(self, stated=None)
+
+    @property
+    def initial_values(self) -> np.ndarray:
+        """(6,) values [rad, m] to start from."""
+        return self.initial
 
     @property
     def components(self) -> Tuple[str, ...]:
@@ -115,11 +153,27 @@ class JointBiasBlock(JointBlock):
         axis: (3,) unit vector of the motion, in the joint's frame.
         is_prismatic: whether the position is a length.
         initial: value to start from.
+        stated: what the user knows of the joint beforehand; None: nothing.
     """
 
     axis: np.ndarray
     is_prismatic: bool
     initial: float
+    stated: Optional[Prior] = None
+
+    @property
+    def prior(self) -> Optional[Prior]:
+        """What the user knows of the joint beforehand; None: nothing."""
+        return self.stated
+
+    def without_prior(self) -> JointBiasBlock:
+        """Return the block as the data alone tell it."""
+        return replace(self, stated=None)
+
+    @property
+    def initial_values(self) -> np.ndarray:
+        """(6,) the bias in its place [rad or m]."""
+        return np.where(self.free, self.initial, 0.0)
 
     @property
     def place(self) -> int:

@@ -12,8 +12,7 @@ from typing import FrozenSet, Mapping, Tuple
 
 import numpy as np
 
-from atom_core.geometry import se3
-from atom_core.problem.blocks import BLOCK_SIZE, ROTATION, TRANSLATION, PoseBlock
+from atom_core.problem.blocks import ExpectedPoseBlock
 
 MOVING = "moving_part"
 FAR = 100.0  # times the standard deviations: as good as free
@@ -47,28 +46,5 @@ class MovingPart:
 
 
 @dataclass(frozen=True)
-class MovingBlock(PoseBlock):
-    """The pose of a moving part in one collection.
-
-    Attributes:
-        given: (4, 4) ``parent_T_child`` as the dataset says.
-        sigma_m, sigma_rad: standard deviations about it.
-    """
-
-    given: np.ndarray
-    sigma_m: float
-    sigma_rad: float
-
-    @property
-    def prior_mean(self) -> np.ndarray:
-        """(6,) the numbers at which the part is where the dataset says."""
-        mean = np.empty(BLOCK_SIZE)
-        turn = self.initial[:3, :3].T @ self.given[:3, :3]
-        mean[ROTATION] = se3.rotation_vector_from_rotation(turn)
-        mean[TRANSLATION] = self.given[:3, 3] - self.initial[:3, 3]
-        return mean
-
-    @property
-    def prior_weight(self) -> np.ndarray:
-        """(6,) one over the variance of the numbers."""
-        return np.array([self.sigma_rad**-2.0] * 3 + [self.sigma_m**-2.0] * 3)
+class MovingBlock(ExpectedPoseBlock):
+    """The pose of a moving part in one collection, expected where the dataset says."""

@@ -25,6 +25,7 @@ from atom_core.problem.blocks import (
 from atom_core.problem.camera_blocks import CameraBlock
 from atom_core.problem.joint_blocks import JointBlock
 from atom_core.problem.moving_blocks import MovingBlock
+from atom_core.problem.priors import Prior
 
 
 class Component(NamedTuple):
@@ -80,8 +81,7 @@ class Parameters:
         self.prior_mean = np.zeros((len(self.blocks), BLOCK_SIZE))
         self.prior_weight = np.zeros((len(self.blocks), BLOCK_SIZE))
         for i, block in enumerate(self.blocks):
-            if isinstance(block, (CameraBlock, MovingBlock)):
-                self.prior_mean[i], self.prior_weight[i] = block.prior_mean, block.prior_weight
+            self.prior_mean[i], self.prior_weight[i] = block.prior_mean, block.prior_weight
         self.has_prior = bool(np.any(self.prior_weight))
         self.is_transform = _flags(isinstance(b, TransformBlock) for b in self.blocks)
         self.is_board_of_collection = _flags(b.is_board_of_collection for b in self.blocks)
@@ -160,6 +160,22 @@ class Parameters:
         for i, block in enumerate(self.shared_blocks):
             if isinstance(block, CameraBlock):
                 yield i, block
+
+    def priors(self) -> Iterator[Tuple[int, Prior]]:
+        """Yield what the user knows beforehand, with the indices of the blocks it is known of."""
+        for i, block in enumerate(self.blocks):
+            if block.prior is not None:
+                yield i, block.prior
+
+    @property
+    def stated_weight(self) -> np.ndarray:
+        """(b, 6) the prior weights that are the user's knowledge of an edge or a joint."""
+        mine = _flags(block.prior is not None for block in self.blocks)
+        return np.where(mine[:, None], self.prior_weight, 0.0)
+
+    def without_priors(self) -> Parameters:
+        """Return the same blocks without what the user knows of edges and joints beforehand."""
+        return Parameters([block.without_prior() for block in self.blocks])
 
     def prior_cost(self, x: np.ndarray) -> float:
         """Return half the squared deviation of the vector x from what is expected."""

@@ -184,6 +184,10 @@ class Problem:
             blocks[i] = replace(block, inset=inset)
         return replace(self, residual_blocks=tuple(blocks))
 
+    def without_priors(self) -> Problem:
+        """Return the problem without what the user knows of edges and joints beforehand."""
+        return replace(self, parameters=self.parameters.without_priors())
+
     def with_cameras(self, x: np.ndarray) -> Problem:
         """Return the problem with the cameras of the vector x in its rows, to be held there."""
         return replace(self, residual_blocks=self._blocks_at(x))

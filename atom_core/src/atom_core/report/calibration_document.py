@@ -15,11 +15,10 @@ from atom_core.problem.blocks import ROTATION, TRANSLATION
 from atom_core.report.calibration_results import (
     CalibrationResults,
     CollectionResult,
-    EdgeResult,
-    ParameterResult,
     Residuals,
     SensorResult,
 )
+from atom_core.report.edge_results import EdgeResult, ParameterResult
 from atom_core.report.ground_truth_document import ground_truth_document
 from atom_core.report.truth_tables import truth_document
 
@@ -44,7 +43,7 @@ def calibration_document(results: CalibrationResults, options: Mapping[str, Any]
         "message": calibration.message,
         "solver": _solver(results),
         "edges": {str(edge.edge): _edge(edge) for edge in results.edges},
-        "joints": {name: _parameters(joint) for name, joint in results.joints.items()},
+        "joints": {name: _joint(joint) for name, joint in results.joints.items()},
         "sensors": {name: _sensor(sensor) for name, sensor in results.sensors.items()},
         "collections": {key: _collection(value) for key, value in results.collections.items()},
         "propagation": _propagation(results),
@@ -59,6 +58,7 @@ def calibration_document(results: CalibrationResults, options: Mapping[str, Any]
             {**asdict(weak), "parameters": list(weak.parameters)}
             for weak in calibration.weak_directions
         ],
+        **_priors(calibration),
         "model_errors": [
             {**asdict(error), "rivals": list(error.rivals)} for error in results.model_errors
         ],
@@ -137,7 +137,7 @@ def _finite(value: float) -> float:
 
 
 def _edge(edge: EdgeResult) -> Dict[str, Any]:
-    matrix = edge.parent_T_child
+    matrix, prior = edge.parent_T_child, edge.prior
     return {
         "parent": edge.edge.parent,
         "child": edge.edge.child,
@@ -151,12 +151,41 @@ def _edge(edge: EdgeResult) -> Dict[str, Any]:
         "combined_sigma_rotation_rad": edge.combined_sigma[ROTATION].tolist(),
         "model_sigma_translation_m": edge.model_sigma[TRANSLATION].tolist(),
         "model_sigma_rotation_rad": edge.model_sigma[ROTATION].tolist(),
+        "prior_sigma_m": prior and prior.sigma_m,
+        "prior_sigma_rad": prior and prior.sigma_rad,
+        "held_by_prior": edge.held,
     }
 
 
 def _parameters(parameters: Sequence[ParameterResult]) -> Dict[str, Dict[str, Any]]:
     keys = ("value", "change", "sigma", "combined_sigma", "unit")
     return {p.name: {key: getattr(p, key) for key in keys} for p in parameters}
+
+
+def _joint(parameters: Sequence[ParameterResult]) -> Dict[str, Dict[str, Any]]:
+    document = _parameters(parameters)
+    for p in parameters:
+        document[p.name].update(prior_sigma=p.prior_sigma, held_by_prior=p.held)
+    return document
+
+
+def _priors(calibration: Calibration) -> Dict[str, Any]:
+    return {
+        "priors": [
+            {
+                "name": result.prior.name,
+                "sigma_m": result.prior.sigma_m,
+                "sigma_rad": result.prior.sigma_rad,
+                "deviation_sigmas": result.deviation,
+                "contradicted": result.contradicted,
+            }
+            for result in calibration.priors
+        ],
+        "held_by_prior": [
+            {**asdict(held), "parameters": list(held.parameters), "priors": list(held.priors)}
+            for held in calibration.held_directions
+        ],
+    }
 
 
 def _sensor(sensor: SensorResult) -> Dict[str, Any]:

@@ -21,76 +21,27 @@ from atom_core.calibration.judge.statistics import (
     kinds_of,
     residual_table,
 )
-from atom_core.calibration.judge.weak_directions import edge_covariance
 from atom_core.calibration.prepare.preparation import camera_of
 from atom_core.calibration.refine.error_words import described
 from atom_core.evaluation.edge_errors import EdgeError, JointError, edge_errors, joint_errors
 from atom_core.evaluation.ground_truth import GroundTruth, ground_truth_errors
 from atom_core.geometry.intrinsics import intrinsics_names, intrinsics_values
-from atom_core.model.transforms import Edge
 from atom_core.model.truth import Truth
-from atom_core.problem.blocks import BLOCK_SIZE, ROTATION, TRANSLATION
 from atom_core.problem.model_errors import ModelError, RangeOffset
 from atom_core.problem.residuals import UNITS
-from atom_core.solvers.covariance import Covariance
+from atom_core.report.edge_results import (
+    EdgeResult,
+    ParameterResult,
+    block_variances,
+    edge_result,
+    joint_results,
+    selected_edges,
+)
 
 # What is not seen at all gets these instead of infinity, which JSON does not have.
-_LARGEST_VARIANCE, _LARGEST_SIGMA, _LARGEST_SIGMA_M = 1e12, 1e12, 1e6
+_LARGEST_SIGMA, _LARGEST_SIGMA_M = 1e12, 1e6
 
 Residuals = Mapping[str, ResidualStatistics]  # by kind
-
-
-@dataclass(frozen=True)
-class EdgeResult:
-    """A selected edge, estimated or anchored.
-
-    Attributes:
-        edge: parent and child.
-        sensors: names of those that stand on it.
-        anchored: whether it was held.
-        parent_T_child: (4, 4); of an edge with a value for each collection, the first.
-        sigma: (6,) of turns [rad] and shifts [m] about and along the parent's axes.
-        model_sigma: (6,) likewise, as the assumed noise has it.
-        combined_sigma: (6,) likewise, with usual errors of sensors and boards; as `sigma` where
-            nothing is known of them.
-    """
-
-    edge: Edge
-    sensors: Tuple[str, ...]
-    anchored: bool
-    parent_T_child: np.ndarray
-    sigma: np.ndarray
-    model_sigma: np.ndarray
-    combined_sigma: np.ndarray
-
-    @property
-    def sigma_rotation_rad(self) -> np.ndarray:
-        """(3,) about the parent's axes."""
-        return self.sigma[ROTATION]
-
-    @property
-    def sigma_translation_m(self) -> np.ndarray:
-        """(3,) along the parent's axes."""
-        return self.sigma[TRANSLATION]
-
-
-@dataclass(frozen=True)
-class ParameterResult:
-    """An estimated parameter of a joint or of a camera's intrinsics, in its unit.
-
-    Attributes:
-        name, unit: of the parameter.
-        value, change: at the solution, and since the start.
-        sigma: standard deviation.
-        combined_sigma: likewise, with usual errors of sensors and boards.
-    """
-
-    name: str
-    value: float
-    change: float
-    sigma: float
-    combined_sigma: float
-    unit: str
 
 
 @dataclass(frozen=True)
@@ -237,8 +188,8 @@ def calibration_results(
     return CalibrationResults(
         calibration=calibration,
         solver_name=solver_name,
-        edges=tuple(_edge(calibration, edge) for edge in selected_edges(calibration)),
-        joints=_joints(calibration),
+        edges=tuple(edge_result(calibration, edge) for edge in selected_edges(calibration)),
+        joints=joint_results(calibration),
         sensors={n: _sensor(calibration, n, table, outliers) for n in calibration.dataset.sensors},
         collections=_collections(calibration, table),
         model_errors=_model_errors(calibration),
@@ -269,86 +220,10 @@ def _ground_truth(calibration: Calibration, truth: Truth) -> GroundTruth:
     return ground_truth_errors(dataset, truth, held)
 
 
-def selected_edges(calibration: Calibration) -> Dict[Edge, np.ndarray]:
-    """Return ``parent_T_child`` (4, 4) of every selected edge, estimated or anchored.
-
-    Of an edge with a value for each collection, the first.
-    """
-    dataset = calibration.dataset
-    edges = [s.edge for s in dataset.sensors.values()]
-    edges += list(calibration.free.additional_tfs.values())
-    return {edge: dataset.first_value(edge) for edge in edges}
-
-
-def edge_variance(
-    calibration: Calibration, edge: Edge, covariance: Optional[Covariance] = None
-) -> Optional[np.ndarray]:
-    """Return (6,) variances of rotation and translation in the parent's axes; None if held.
-
-    Args:
-        calibration: whose edge.
-        edge: which.
-        covariance: another one than the calibration's.
-    """
-    parameters = calibration.problem.parameters
-    covariance = covariance or calibration.covariance
-    for i, block in parameters.pose_blocks():
-        if block.edge == edge:
-            x = calibration.summary.x[parameters.slice_of(i)]
-            return np.diagonal(edge_covariance(block, x, covariance.block(i)))
-    return None
-
-
 def pairs_of(calibration: Calibration) -> List[SensorPair]:
     """Return every ordered pair of sensors with the covariance of its pose."""
     x, parameters = calibration.summary.x, calibration.problem.parameters
     return sensor_pairs(calibration.dataset, parameters, x, calibration.covariance)
-
-
-def _edge(calibration: Calibration, edge: Edge) -> EdgeResult:
-    dataset = calibration.dataset
-
-    def sigma(covariance: Covariance) -> np.ndarray:
-        variance = edge_variance(calibration, edge, covariance)
-        if variance is None:
-            return np.zeros(BLOCK_SIZE)
-        return np.sqrt(np.minimum(variance, _LARGEST_VARIANCE))
-
-    return EdgeResult(
-        edge,
-        tuple(s.name for s in dataset.sensors.values() if s.edge == edge),
-        edge in calibration.free.held_edges(dataset),
-        dataset.first_value(edge),
-        sigma(calibration.covariance),
-        sigma(calibration.covariance.of_model),
-        sigma(calibration.covariance.combined),
-    )
-
-
-def _joints(calibration: Calibration) -> Dict[str, Tuple[ParameterResult, ...]]:
-    found: Dict[str, Tuple[ParameterResult, ...]] = {}
-    for i, block in calibration.problem.parameters.joint_blocks():
-        sigma, combined = np.sqrt(np.minimum(_variances(calibration, i), _LARGEST_VARIANCE))
-        now, before = (d.joint(block.joint) for d in (calibration.dataset, calibration.initial))
-        found[block.joint] = found.get(block.joint, ()) + tuple(
-            ParameterResult(
-                name,
-                now.parameters[name],
-                now.parameters[name] - before.parameters[name],
-                float(sigma[place]),
-                float(combined[place]),
-                now.unit(name),
-            )
-            for place, name in block.free_components
-        )
-    return found
-
-
-def _variances(calibration: Calibration, block: int) -> Tuple[np.ndarray, np.ndarray]:
-    """Return (6,) variances of a parameter block's numbers: as stated, and combined."""
-    covariance = calibration.covariance
-    stated, combined = (np.diagonal(c.block(block)) for c in (covariance, covariance.combined))
-    return stated, combined
 
 
 def _intrinsics(calibration: Calibration, sensor: str) -> Tuple[ParameterResult, ...]:
@@ -358,7 +233,7 @@ def _intrinsics(calibration: Calibration, sensor: str) -> Tuple[ParameterResult,
             continue
         now, before = (camera_of(d, sensor) for d in (calibration.dataset, calibration.initial))
         values = dict(zip(intrinsics_names(now), zip(*map(intrinsics_values, (now, before)))))
-        sigma, combined = (block.sigmas(v, now) for v in _variances(calibration, i))
+        sigma, combined = (block.sigmas(v, now) for v in block_variances(calibration, i))
         for place, name in block.free_components:
             value, initial = values[name]
             sigmas = min(sigma[name], _LARGEST_SIGMA), min(combined[name], _LARGEST_SIGMA)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Dict, List, Mapping, NamedTuple, Sequence, Tuple
+from typing import Any, Dict, List, Mapping, NamedTuple, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -17,7 +17,11 @@ from atom_core.model.labels import DetectionKey
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import ROTATION, TRANSLATION
 from atom_core.problem.model_errors import METRE
-from atom_core.report.calibration_results import CalibrationResults, GroundTruth, ParameterResult
+from atom_core.report.calibration_results import (
+    CalibrationResults,
+    GroundTruth,
+)
+from atom_core.report.edge_results import EdgeResult, ParameterResult
 from atom_core.report.tables import ABSENT, text_table
 from atom_core.report.truth_tables import truth_tables
 
@@ -61,6 +65,12 @@ def calibration_report(
             f"undetermined: {', '.join(weak.parameters)} (sigma {weak.sigma:.3g} {weak.unit}): "
             f"{weak.why}"
         )
+    parts += [
+        f"held by prior of {', '.join(held.priors)}: {', '.join(held.parameters)} (sigma "
+        f"{held.sigma:.3g} {held.unit}): {held.why}"
+        for held in calibration.held_directions
+    ]
+    parts += [f"inconsistent: {prior.why}" for prior in calibration.priors if prior.contradicted]
     parts += [f"inconsistent: {misfit.why}" for misfit in calibration.misfits]
     parts += [f"inconsistent: {exclusion.why}" for exclusion in calibration.exclusions]
     problem = calibration.problem
@@ -83,7 +93,7 @@ def _edges_table(results: CalibrationResults) -> str:
                 math.degrees(float(np.max(sigma[ROTATION]))),
             )
         ]
-        state = "anchored" if edge.anchored else "estimated"
+        state = "anchored" if edge.anchored else _estimated(edge)
         position = edge.parent_T_child[:3, 3].tolist()
         rows.append([", ".join(edge.sensors), str(edge.edge), state, *position, *sigmas])
     headers = ["Sensors", "Edge (parent-child)", "", "x [m]", "y [m]", "z [m]"]
@@ -98,14 +108,19 @@ def _edges_table(results: CalibrationResults) -> str:
     return text_table(headers, rows, f"Calibrated edges ({meaning}the largest of three axes)")
 
 
+def _estimated(result: Union[EdgeResult, ParameterResult]) -> str:
+    """Return how an edge or a joint's parameter was found."""
+    return "held by prior" if result.held else "estimated"
+
+
 def _joints_table(results: CalibrationResults) -> List[str]:
     rows = []
     for name, parameters in results.joints.items():
         for p in parameters:
             factor, unit = (1e3, "mm") if p.unit == "m" else (math.degrees(1.0), "deg")
             numbers = [factor * v for v in _figures(results, p)]
-            rows.append([name, p.name, *numbers, unit])
-    headers = ["Joint", "Parameter", *_figure_names(results), "Unit"]
+            rows.append([name, p.name, _estimated(p), *numbers, unit])
+    headers = ["Joint", "Parameter", "", *_figure_names(results), "Unit"]
     return [text_table(headers, rows, "Calibrated joints")] if rows else []
 
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import ROTATION, TRANSLATION
-from atom_core.report.calibration_results import CalibrationResults, EdgeResult
+from atom_core.report.calibration_results import CalibrationResults
+from atom_core.report.edge_results import EdgeResult
 
 _DISTANCE_M = 2.0  # of the point that is carried to the reference
 
@@ -34,7 +35,8 @@ def _comment(results: CalibrationResults, edge: EdgeResult) -> str:
     move = ", ".join(f"{1e3 * s:.2g}" for s in edge.combined_sigma[TRANSLATION])
     turn = ", ".join(f"{np.rad2deg(s):.2g}" for s in edge.combined_sigma[ROTATION])
     sort = "combined sigma" if results.has_combined_sigmas else "sigma"
-    text = f"calibrated; {sort} x y z: {move} mm, about x y z: {turn} deg"
+    text = "calibrated, in part held by a prior" if edge.held else "calibrated"
+    text += f"; {sort} x y z: {move} mm, about x y z: {turn} deg"
     anchored = results.calibration.free.anchored_sensors
     reference = anchored[0] if anchored else next(iter(results.sensors))
     for pair in results.propagation:

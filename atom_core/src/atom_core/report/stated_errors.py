@@ -9,7 +9,7 @@ import numpy as np
 from atom_core.geometry import se3
 from atom_core.model.transforms import Edge
 from atom_core.model.truth import Truth
-from atom_core.report.calibration_results import EdgeResult
+from atom_core.report.edge_results import EdgeResult
 
 
 class StatedError(NamedTuple):

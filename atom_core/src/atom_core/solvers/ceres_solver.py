@@ -14,11 +14,10 @@ from atom_core import native
 from atom_core.geometry.camera import NEAR_M, Camera
 from atom_core.geometry.intrinsics import COUNT, MOST_LOG, number_scales
 from atom_core.geometry.rectangle import BLEND
-from atom_core.problem.blocks import ParameterBlock, PoseBlock
+from atom_core.problem.blocks import ExpectedPoseBlock, ParameterBlock, PoseBlock
 from atom_core.problem.camera_blocks import CameraBlock
 from atom_core.problem.joint_blocks import JointBiasBlock, JointOriginBlock
 from atom_core.problem.model_errors import RangeOffset, RangeScale
-from atom_core.problem.moving_blocks import MovingBlock
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import (
     BorderBlock,
@@ -208,22 +207,23 @@ def _native_problem(problem: Problem) -> Any:
         parts=[
             {"block": i, "free": np.asarray(block.free, dtype=float), **_part(block)}
             for i, block in enumerate(parameters.blocks)
-            if not isinstance(block, PoseBlock) or isinstance(block, MovingBlock)
+            if not isinstance(block, PoseBlock) or isinstance(block, ExpectedPoseBlock)
         ],
     )
 
 
 def _part(block: ParameterBlock) -> Dict[str, Any]:
     """Return a block that is more than a pose, as the native problem takes it."""
+    expected = {"prior_mean": block.prior_mean, "prior_weight": block.prior_weight}
     if isinstance(block, JointOriginBlock):
-        return {"kind": "origin", "values": block.initial}
-    if isinstance(block, (CameraBlock, MovingBlock)):
-        expected = {"prior_mean": block.prior_mean, "prior_weight": block.prior_weight}
-        if isinstance(block, MovingBlock):
-            return {"kind": "pose", **expected}
+        return {"kind": "origin", "values": block.initial, **expected}
+    if isinstance(block, ExpectedPoseBlock):
+        return {"kind": "pose", **expected}
+    if isinstance(block, CameraBlock):
         return {"kind": "camera", "first": block.first, **expected}
     assert isinstance(block, JointBiasBlock)
     return {
+        **expected,
         "kind": "bias",
         "values": block.initial * np.asarray(block.free, dtype=float),
         "axis": block.axis,

@@ -8,7 +8,7 @@ covariance with clusters, Cameron and Miller 2015) shows how much the answer han
 
 from __future__ import annotations
 
-from typing import Sequence
+from typing import Sequence, Tuple
 
 import numpy as np
 from scipy import special
@@ -20,6 +20,7 @@ from atom_core.solvers.shared_equations import SharedEquations, inverse
 FEWEST = 4  # collections; fewer do not tell
 _FEW = 8  # fewer may happen to be off alike
 _QUANTILE = 0.975  # of the interval that is to hold the truth in 95 %
+_LEAST_TOLD = 1e-3  # part of a variance that comes from the collections; less tells nothing
 _LEFT_OUT = 0.95  # part of a collection that is left out: some number may hang on it alone
 
 
@@ -40,23 +41,37 @@ def sigma_factors(
     """
     place = {e: equations.shared + i for i, e in enumerate(equations.errors)}
     base = [*range(equations.shared), *(place[e] for e in estimated if e in place)]
-    model, count = _model_variance(equations, base), len(equations.collections)
+    model, known = _model_variance(equations, base)
+    count, numbers = len(equations.collections), BLOCK_SIZE * equations.blocks
+    is_told = model - known > _LEAST_TOLD * model
+    told = np.where(is_told, model - known, np.inf)  # what the collections leave open
     ratios = np.zeros(len(base))
     if count >= FEWEST:
         # A deviation seen in few collections is itself not sure: Student's t is wider.
         wider = special.stdtrit(max(count / 2.0, 3.0), _QUANTILE) / special.ndtri(_QUANTILE)
-        ratios = wider**2 * _jackknife_variance(equations, base) / np.maximum(model, 1e-30)
+        ratios = wider**2 * _jackknife_variance(equations, base) / told
     if count < _FEW:
-        ratios = np.maximum(ratios, _model_variance(cautious, base) / np.maximum(model, 1e-30))
-    numbers = BLOCK_SIZE * equations.blocks
+        careful, also_known = _model_variance(cautious, base)
+        ratios = np.maximum(ratios, (careful - also_known) / told)
     triples = ratios[:numbers].reshape(-1, BLOCK_SIZE // 2)
-    ratios[:numbers] = np.repeat(triples.mean(axis=1), BLOCK_SIZE // 2)
-    return np.maximum(np.sqrt(ratios), 1.0)
+    counted = (equations.free & is_told[:numbers]).reshape(triples.shape)
+    means = np.sum(triples * counted, axis=1) / np.maximum(np.sum(counted, axis=1), 1)
+    ratios[:numbers] = np.repeat(means, BLOCK_SIZE // 2)
+    share = np.maximum(model - known, 0.0) / np.maximum(model, 1e-30)
+    return np.maximum(np.sqrt(1.0 + (ratios - 1.0) * share), 1.0)
 
 
-def _model_variance(equations: SharedEquations, base: Sequence[int]) -> np.ndarray:
-    """Return (n,) variances of the numbers of the base, as the normal equations have them."""
-    return np.diagonal(inverse(equations.total[np.ix_(base, base)]))
+def _model_variance(
+    equations: SharedEquations, base: Sequence[int]
+) -> Tuple[np.ndarray, np.ndarray]:
+    """Return (n,) variances of the numbers of the base, as the normal equations have them.
+
+    And (n,) the part of them that comes from what the user knows beforehand, which is the same
+    whatever the collections say.
+    """
+    covariance = inverse(equations.total[np.ix_(base, base)])
+    of_blocks = covariance[:, : len(equations.stated)]
+    return np.diagonal(covariance), np.sum(of_blocks**2 * equations.stated, axis=1)
 
 
 def _jackknife_variance(equations: SharedEquations, base: Sequence[int]) -> np.ndarray:

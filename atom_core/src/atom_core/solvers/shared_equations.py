@@ -82,6 +82,8 @@ class SharedEquations:
         gradient: (g, m).
         total: (m, m) information of all, with what is no collection's, such as a prior's.
         held_gradient: (m,) gradient that is no collection's.
+        free: (6 blocks,) bool: the numbers of shared blocks that are estimated.
+        stated: (6 blocks,) what the user knows of them beforehand, as one over variances.
     """
 
     collections: Tuple[str, ...]
@@ -93,6 +95,8 @@ class SharedEquations:
     gradient: np.ndarray
     total: np.ndarray
     held_gradient: np.ndarray
+    free: np.ndarray
+    stated: np.ndarray
 
     def without_fields(self) -> SharedEquations:
         """Return what is said where the errors of fields are held."""
@@ -154,6 +158,8 @@ def shared_equations(
         scalars.of_fields,
         tuple(parts),
         *(gradient, total, held_gradient),
+        problem.parameters.free.ravel()[:size],
+        problem.parameters.stated_weight.ravel()[:size],
     )
 
 

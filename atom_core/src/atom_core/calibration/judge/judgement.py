@@ -10,6 +10,13 @@ import numpy as np
 from atom_core.calibration.judge.ambiguity import ambiguity
 from atom_core.calibration.judge.exclusion import Exclusion, exclusions
 from atom_core.calibration.judge.misfit import Misfit, misfits
+from atom_core.calibration.judge.priors import (
+    HeldDirection,
+    PriorResult,
+    contradictions,
+    held_directions,
+    prior_results,
+)
 from atom_core.calibration.judge.reasons import Solution
 from atom_core.calibration.judge.usual_errors import usual_errors_covariance
 from atom_core.calibration.judge.weak_directions import (
@@ -58,6 +65,8 @@ class Judgement:
         dataset: with the calibrated edges and board poses in its transforms.
         covariance: of the parameters.
         weak_directions: what the data leave open.
+        held_directions: what they leave open and priors hold.
+        priors: how far the solution is from each prior.
         misfits: sensors that the joint solution fits far worse than they fit by themselves.
         exclusions: sensors of which too much was left out, or all of one sort.
         checks: errors of the model that the data show.
@@ -70,6 +79,8 @@ class Judgement:
     dataset: Dataset
     covariance: Covariance
     weak_directions: Tuple[WeakDirection, ...]
+    held_directions: Tuple[HeldDirection, ...]
+    priors: Tuple[PriorResult, ...]
     misfits: Tuple[Misfit, ...]
     exclusions: Tuple[Exclusion, ...]
     checks: Tuple[ModelCheck, ...]
@@ -94,12 +105,8 @@ def judge(
     covariance = covariance_of(refined.solver, summary, refined.options)
     boards = _of_use(start.initial, start.boards, problem)
     dataset = solved_dataset(start.initial, problem, summary.x, boards)
-    weak = ambiguity(chosen.solution, chosen.rivals)
     solution = Solution(dataset, problem, summary.x)
-    weak += weak_directions(solution, covariance, *options.undetermined_limit)
-    weak += weak_model_errors(covariance, options.undetermined_limit[0])
-    if not weak and summary.status == NOT_CONVERGED and not summary.interrupted:
-        weak = _weak_at_the_start(start, refined, options)
+    weak = _weak(chosen, refined, solution, covariance, options)
     unfit: List[Misfit] = []
     checks: List[ModelCheck] = []
     moving: List[MovingEdge] = []
@@ -111,15 +118,60 @@ def judge(
             covariance, checks = _checked(start.initial, refined, options, covariance)
             moving = _moving(dataset, refined, options, checks)
             remarks = _few_collections(problem)
+    known = tuple(prior_results(problem.parameters, summary.x, covariance))
     out = exclusions(start.initial, start.measurements, refined.rejected)
     reasons = [suggestion(c) for c in strong(checks, covariance)] + _unusual(refined, covariance)
-    reasons += unusual_parts(refined.free, options)
+    reasons += unusual_parts(refined.free, options) + contradictions(known)
     if unfit:  # else it is noise that the sigmas know of
         reasons = [edge.why for edge in moving] + reasons
     reasons += [m.why for m in unfit] + [e.why for e in out]
     status, message = _verdict(summary, weak, reasons, refined.failure)
-    verdicts = tuple(unfit), tuple(out), tuple(checks), tuple(moving)
-    return Judgement(dataset, covariance, tuple(weak), *verdicts, status, message, remarks)
+    return Judgement(
+        dataset,
+        covariance,
+        weak_directions=tuple(weak),
+        held_directions=_held(solution, refined, covariance, options, make_solver),
+        priors=known,
+        misfits=tuple(unfit),
+        exclusions=tuple(out),
+        checks=tuple(checks),
+        moving=tuple(moving),
+        status=status,
+        message=message,
+        remarks=remarks,
+    )
+
+
+def _weak(
+    chosen: ChosenStart,
+    refined: Refined,
+    solution: Solution,
+    covariance: Covariance,
+    options: CalibrationOptions,
+) -> List[WeakDirection]:
+    """Return what the data leave open."""
+    weak = ambiguity(chosen.solution, chosen.rivals)
+    weak += weak_directions(solution, covariance, *options.undetermined_limit)
+    weak += weak_model_errors(covariance, options.undetermined_limit[0])
+    summary = refined.summary
+    if not weak and summary.status == NOT_CONVERGED and not summary.interrupted:
+        return _weak_at_the_start(chosen.solution.start, refined, options)
+    return weak
+
+
+def _held(
+    solution: Solution,
+    refined: Refined,
+    covariance: Covariance,
+    options: CalibrationOptions,
+    make_solver: SolverFactory,
+) -> Tuple[HeldDirection, ...]:
+    """Return the directions that priors alone hold."""
+    if not any(True for _ in solution.problem.parameters.priors()):
+        return ()
+    solver = make_solver(solution.problem.without_priors())
+    of_data = covariance_of(solver, refined.summary, refined.options)
+    return tuple(held_directions(solution, covariance, of_data, *options.undetermined_limit))
 
 
 def _checked(

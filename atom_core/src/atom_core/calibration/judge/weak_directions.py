@@ -85,7 +85,7 @@ def weak_directions(
     if not blocks:
         return []
     limits = np.where(np.concatenate([b.is_angle for b in blocks]), limit_rad, limit_m)
-    scaled = _in_parent_axes(parameters, x, covariance.shared) / limits[:, None] / limits
+    scaled = parent_axes_covariance(parameters, x, covariance.shared) / limits[:, None] / limits
     scaled = _capped(scaled, _LARGEST_SIGMA / limits)
     values, vectors = np.linalg.eigh((scaled + scaled.T) / 2.0)
     left = np.diagonal(scaled).copy()
@@ -150,7 +150,8 @@ def _along_boards(
     return found
 
 
-def _in_parent_axes(parameters: Parameters, x: np.ndarray, shared: np.ndarray) -> np.ndarray:
+def parent_axes_covariance(parameters: Parameters, x: np.ndarray, shared: np.ndarray) -> np.ndarray:
+    """Return the covariance (6 s, 6 s) of the shared blocks, poses in their parents' axes."""
     to_parent = np.eye(len(shared))
     for i, block in parameters.pose_blocks():
         if block.collection is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Dict, Hashable, Iterable, List, Sequence
 
 import networkx
@@ -68,10 +69,13 @@ def check_connected(dataset: Dataset, measurements: Sequence[Measurement], free:
 def floats_freely(dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges) -> bool:
     """Tell whether the whole solution could move as one rigid body (gauge freedom).
 
-    It can when nothing is anchored and no motion of the robot or the boards' parents ties the
-    solution to world: then every sensor and every board may move along.
+    It can when nothing is anchored, no sensor's place is known beforehand, and no motion of the
+    robot or the boards' parents ties the solution to world: then every sensor and every board may
+    move along.
     """
     if free.anchored_sensors or free.anchor_patterns:
+        return False
+    if any(sensor.edge in free.priors for sensor in dataset.sensors.values()):
         return False
     return nothing_moves(
         dataset,
@@ -79,6 +83,20 @@ def floats_freely(dataset: Dataset, measurements: Sequence[Measurement], free: F
         {m.key.pattern for m in measurements},
         sorted({m.key.collection for m in measurements}),
     )
+
+
+def only_by_priors(
+    dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges
+) -> List[str]:
+    """Return a sentence where priors alone tie the rig to world."""
+    edges = {sensor.edge for sensor in dataset.sensors.values()}
+    names = [prior.name for edge, prior in free.priors.items() if edge in edges]
+    if not names or not floats_freely(dataset, measurements, replace(free, priors={})):
+        return []
+    return [
+        f"only the prior of {_list(names)} ties the rig to '{dataset.world}', and its standard "
+        f"deviations are in those of all edges; for places relative to a sensor, hold it (-as)"
+    ]
 
 
 def nothing_moves(

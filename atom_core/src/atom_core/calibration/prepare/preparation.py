@@ -8,7 +8,11 @@ from typing import Dict, List, Mapping, Sequence, Set, Tuple
 import numpy as np
 
 from atom_core.calibration.options import AUTO, CalibrationOptions
-from atom_core.calibration.prepare.connectivity import check_connected, floats_freely
+from atom_core.calibration.prepare.connectivity import (
+    check_connected,
+    floats_freely,
+    only_by_priors,
+)
 from atom_core.calibration.prepare.joints import (
     check_joints,
     configured_joints,
@@ -16,6 +20,7 @@ from atom_core.calibration.prepare.joints import (
 )
 from atom_core.calibration.prepare.memory import check_memory
 from atom_core.calibration.prepare.moving_parts import Sigmas, check_told, moving_parts
+from atom_core.calibration.prepare.priors import priors
 from atom_core.errors import CalibrationError
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics import intrinsics_names
@@ -66,12 +71,15 @@ def prepare(dataset: Dataset, options: CalibrationOptions) -> Prepared:
     check_joints(dataset, free)
     moving = moving_parts(dataset, options, free)
     dataset, joint_remarks = with_joint_transforms(dataset, free)
+    known, prior_remarks = priors(dataset, options, free)
+    free = replace(free, priors=known)
     check_memory(dataset, options.solver_name or default_solver())
     measurements, remarks = read_measurements(dataset)
     check_units(measurements)
-    remarks += joint_remarks
+    remarks += [*joint_remarks, *prior_remarks]
     measurements, unused = _usable(dataset, measurements, options)
     check_connected(dataset, measurements, free)
+    remarks += only_by_priors(dataset, measurements, free)
     if floats_freely(dataset, measurements, free):
         free, remark = _anchor_first(dataset, free)
         remarks.append(remark)

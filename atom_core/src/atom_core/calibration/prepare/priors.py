@@ -1,0 +1,130 @@
+"""What the user knows beforehand of edges and joints, from options and configuration."""
+
+from __future__ import annotations
+
+from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+
+from atom_core.calibration.options import CalibrationOptions
+from atom_core.errors import CalibrationError
+from atom_core.model.dataset import Dataset
+from atom_core.model.transforms import Edge
+from atom_core.problem.builder import FreeEdges
+from atom_core.problem.priors import Prior
+from atom_core.solvers.base import SIGMA
+
+OPTION = "--prior"
+
+
+class _Target(NamedTuple):
+    """What a prior may be of.
+
+    Attributes:
+        edge: its own.
+        what: words for it.
+        joint: the name, of a joint.
+        held: why it is not estimated; None where it is.
+    """
+
+    edge: Edge
+    what: str
+    joint: Optional[str]
+    held: Optional[str]
+
+
+def priors(
+    dataset: Dataset, options: CalibrationOptions, free: FreeEdges
+) -> Tuple[Dict[Edge, Prior], List[str]]:
+    """Return what is known beforehand, by edge, and remarks.
+
+    A prior of the options takes the place of that of the configuration.
+
+    Args:
+        dataset: its values are those near which edges and joints are expected.
+        options: with the priors that were asked for.
+        free: what is estimated.
+
+    Raises:
+        CalibrationError: an unknown name, an edge that is not estimated or has a prior already, or
+            weights that are no variances.
+    """
+    configured = {n: (p.sigma_m, p.sigma_rad) for n, p in dataset.config.priors.items()}
+    if (configured or options.priors) and options.solver.weights != SIGMA:
+        raise CalibrationError(f"{OPTION} needs --weights sigma")
+    targets = _targets(dataset, free)
+    found: Dict[Edge, Prior] = {}
+    for name, sigmas in options.priors.items():
+        target = _target(targets, name)
+        if target.held is not None:
+            raise CalibrationError(
+                f"{OPTION} {name}: {target.what} is not estimated ({target.held}); leave the prior "
+                f"out, or have it estimated"
+            )
+        _add(found, dataset, name, target, sigmas)
+    remarks, of_options = [], set(found)
+    for name, sigmas in configured.items():
+        target = _target(targets, name, "priors of the configuration: ")
+        if target.held is not None:
+            remarks.append(
+                f"the configuration's prior of '{name}' has no effect: {target.what} is not "
+                f"estimated ({target.held})"
+            )
+        elif target.edge not in of_options:
+            _add(found, dataset, name, target, sigmas)
+    return found, remarks
+
+
+def _target(targets: Mapping[str, _Target], name: str, where: str = f"{OPTION} ") -> _Target:
+    if name not in targets:
+        there = [n for n, t in targets.items() if t.held is None and n != str(t.edge)]
+        raise CalibrationError(
+            f"{where}{name}: there is no such sensor, additional tf, joint or edge; those "
+            f"estimated are: {', '.join(there) or 'none'}"
+        )
+    return targets[name]
+
+
+def _targets(dataset: Dataset, free: FreeEdges) -> Dict[str, _Target]:
+    """Return all that a prior may be of, by name and by edge; what is estimated wins."""
+    held = free.held_edges(dataset)
+    found: List[Tuple[str, _Target]] = []
+    for sensor in dataset.sensors.values():
+        why = "it is held" if sensor.edge in held else None
+        found.append((sensor.name, _Target(sensor.edge, f"edge '{sensor.edge}'", None, why)))
+    for name, entry in dataset.config.additional_tfs.items():
+        why = None if name in free.additional_tfs else "it is not selected with -atsf"
+        why = "it is held" if entry.edge in held else why
+        found.append((name, _Target(entry.edge, f"edge '{entry.edge}'", None, why)))
+    known = {n: j.edge for c in dataset.collections.values() for n, j in c.joints.items()}
+    for name, edge in known.items():
+        why = None if name in free.joints else "select it with -jsf, or in the configuration"
+        found.append((name, _Target(edge, f"joint '{name}'", name, why)))
+    by_name: Dict[str, _Target] = {}
+    for name, target in sorted(found, key=lambda item: item[1].held is not None):
+        by_name.setdefault(name, target)
+        by_name.setdefault(str(target.edge), target)
+    return by_name
+
+
+def _add(
+    found: Dict[Edge, Prior],
+    dataset: Dataset,
+    name: str,
+    target: _Target,
+    sigmas: Sequence[float],
+) -> None:
+    before = found.get(target.edge)
+    if before is not None:
+        raise CalibrationError(
+            f"{OPTION} {name}: {target.what} has a prior already, that of '{before.name}'; leave "
+            f"one of the two out"
+        )
+    if target.joint is not None:
+        parameters = dataset.joint(target.joint).parameters
+        found[target.edge] = Prior(name, sigmas[0], sigmas[1], parameters=parameters)
+        return
+    poses = {
+        key: collection.transforms[target.edge]
+        for key, collection in dataset.collections.items()
+        if target.edge in collection.transforms
+    }
+    found[target.edge] = Prior(name, sigmas[0], sigmas[1], poses)
