@@ -37,8 +37,8 @@ build: setup ## compile into build/ and devel/
 	@[ build/build.ninja -nt Makefile ] || flock CMakeLists.txt $(CONFIGURE)
 	@$(COMPILE)
 
-demo: build ## the main job on the simulated cell, from bags to evaluation; results in demo_output/
-	@$(ENV) rosrun atom_examples demo --output demo_output --overwrite
+demo: build ## the main job on the simulated cell, from bags to evaluation, in demo_output/; EXAMPLE=rihbot: on that robot
+	@$(ENV) rosrun atom_examples demo --overwrite $(if $(EXAMPLE),--example $(EXAMPLE) --output demo_output/$(EXAMPLE),--output demo_output)
 
 test: build ## lint and every test: pytest, gtest, rostest
 	@$(ENV) bash tests/all.bash $(JOBS) $(PYTEST)

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from atom_examples import demo
+from atom_examples import demo, demo_steps
 
 STEPS = ["simulate", "simulate", "collect", "collect", "check", "calibrate", "evaluate"]
 
@@ -32,7 +32,7 @@ def play(monkeypatch, tmp_path, capsys):
 
         monkeypatch.setattr(demo.cell_simulator, "main", stand_in("simulate"))
         monkeypatch.setattr(demo.collect_from_bag, "main", stand_in("collect"))
-        monkeypatch.setattr(demo.cli, "main", stand_in(None))
+        monkeypatch.setattr(demo_steps.cli, "main", stand_in(None))
         code = demo.main(["--output", str(tmp_path / "out"), *more])
         return code, done, capsys.readouterr()
 

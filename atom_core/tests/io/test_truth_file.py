@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from atom_core import cli
-from atom_core.errors import AtomError
+from atom_core.errors import AtomError, DatasetError
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.io.truth_file import read_any_truth
 from atom_core.io.truth_json import write_truth
-from atom_core.model.truth import truth_of, with_truth
+from atom_core.model.truth import Truth, truth_of, with_truth
 from atom_core.synthetic import Noise, arm, scenes
 
 pytest.importorskip("atom_core._core", reason="descriptions are read by the compiled module")
@@ -144,3 +144,19 @@ def test_only_joints_that_are_off_move_to_their_truth():
             found.collections[key].transforms[elbow], collection.joints["elbow"].parent_T_child
         )
         np.testing.assert_array_equal(found.collections[key].transforms[wrist], np.eye(4))
+
+
+def test_joints_of_a_truth_file_come_back(tmp_path):
+    path, joints = tmp_path / "truth.json", {"elbow": {"position_bias": 0.0123}}
+    write_truth(Truth({}, joints=joints), path)
+    assert read_any_truth(path).joints == joints
+    write_truth(Truth({}), path)
+    assert "joints" not in json.loads(path.read_text()) and read_any_truth(path).joints == {}
+
+
+@pytest.mark.parametrize("joints", [{"elbow": 1.0}, {"elbow": {"position_bias": None}}, [1]])
+def test_malformed_joints_of_a_truth_file_are_refused(tmp_path, joints):
+    path = tmp_path / "truth.json"
+    path.write_text(json.dumps({"edges": {}, "joints": joints}))
+    with pytest.raises(DatasetError, match="not a truth file"):
+        read_any_truth(path)

@@ -6,10 +6,9 @@ import argparse
 import json
 import sys
 from pathlib import Path
-from typing import Callable, List, Optional, Sequence
+from typing import List, Optional, Sequence
 
 from atom_calibration.nodes.collecting import collect_from_bag
-from atom_core import cli
 from atom_core.commands import calibrate, evaluate
 from atom_core.commands.common import add_option, add_output_options
 from atom_core.commands.option_parser import OptionParser
@@ -18,25 +17,30 @@ from atom_core.io.atomic import prepare_output_folder
 from atom_core.io.dataset_writer import DATASET_FILE
 from atom_core.io.paths import package_folder
 from atom_core.synthetic.cell import SCENARIOS
+from atom_examples import robot_demo
 from atom_examples.cell_simulator import main as cell_simulator
 from atom_examples.cell_simulator.profiles import PLAIN_PROFILE, ROUGH_PROFILE
+from atom_examples.demo_steps import (
+    BAD_INPUT,
+    DONE,
+    INTERRUPTED,
+    NOT_ACCEPTABLE,
+    SETS,
+    core,
+    refusing,
+    title,
+)
 
 PROGRAM = "demo"
 EXAMPLE = "rosrun atom_examples demo --output demo_output --overwrite"
-DONE, NOT_ACCEPTABLE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
-_SETS = ("train", "test")
 _CONFIGS = {False: "config.yml", True: "config_with_scanners.yml"}
-
-
-class StepError(AtomError):
-    """A step ended with a refusal, which it has printed."""
 
 
 def main(argv: Optional[Sequence[str]] = None) -> int:
     """Run the demo; return the exit code: 0, 1 for an answer that is not acceptable, 2, 130."""
     args = build_parser().parse_args(sys.argv[1:] if argv is None else argv)
     try:
-        return run(args)
+        return run(args) if args.example is None else _example(args)
     except AtomError as error:
         print(f"{PROGRAM}: {error}", file=sys.stderr)
         return BAD_INPUT
@@ -62,8 +66,10 @@ def build_parser() -> argparse.ArgumentParser:
         type=int,
         nargs=2,
         metavar=("TRAIN", "TEST"),
-        default=tuple(SCENARIOS[name].collections for name in _SETS),
-        help="number of stops of the board in each recording (default: 23 17)",
+        help="number of stops in each recording (default: 23 17, or the example's)",
+    )
+    add_option(
+        parser, "example", metavar="NAME", help="one of the example robots, in place of the cell"
     )
     add_option(parser, "scanners", action="store_true", help="with two 2D LiDARs beside the cell")
     add_option(
@@ -76,38 +82,45 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _example(args: argparse.Namespace) -> int:
+    if args.scanners or args.realism != PLAIN_PROFILE:
+        raise AtomError("--scanners and --realism are of the cell; leave them out with --example")
+    return robot_demo.run(args)
+
+
 def run(args: argparse.Namespace) -> int:
-    """Do the five steps.
+    """Do the five steps with the cell.
 
     Raises:
         AtomError: a step refuses to go on.
     """
     folder = prepare_output_folder(args.output, args.overwrite)
-    counts = dict(zip(_SETS, args.collections))
+    usual = [SCENARIOS[name].collections for name in SETS]
+    counts = dict(zip(SETS, args.collections or usual))
     stops = " and ".join(str(count) for count in counts.values())
-    _title(
+    title(
         1,
         f"simulate: {'nine' if args.scanners else 'seven'} sensors see a board at {stops} stops; "
         "every mount but one is 0.1 m and 0.1 rad off (some two minutes at first, kept for the "
         "next run)",
     )
-    for name in _SETS:
+    for name in SETS:
         _simulate(folder, name, counts[name], args)
-    _title(2, "collect: label images, depth images and clouds; one collection for each stop")
-    for name in _SETS:
+    title(2, "collect: label images, depth images and clouds; one collection for each stop")
+    for name in SETS:
         _collect(folder, name, args.scanners)
-    _title(3, "check: who sees what, is it enough?")
-    _core("check", "--dataset", folder / "train" / DATASET_FILE)
-    _title(4, "calibrate")
+    title(3, "check: who sees what, is it enough?")
+    core("check", "--dataset", folder / "train" / DATASET_FILE)
+    title(4, "calibrate")
     acceptable = _calibrate(folder) == DONE
-    _title(5, "evaluate on the test recording, against the truth")
+    title(5, "evaluate on the test recording, against the truth")
     measured = _evaluate(folder, args.verbose) == DONE
     print("\n" + "\n".join(_conclusion(folder)))
     return DONE if acceptable and measured else NOT_ACCEPTABLE
 
 
 def _simulate(folder: Path, name: str, collections: int, args: argparse.Namespace) -> None:
-    _refusing(
+    refusing(
         cell_simulator.main,
         "--bag",
         folder / f"{name}.bag",
@@ -133,7 +146,7 @@ def _collect(folder: Path, name: str, scanners: bool) -> None:
     check and the calibration say.
     """
     config = package_folder("atom_examples") / "collab_cell" / "config" / _CONFIGS[scanners]
-    _refusing(
+    refusing(
         collect_from_bag.main,
         "--config",
         config,
@@ -146,7 +159,7 @@ def _collect(folder: Path, name: str, scanners: bool) -> None:
 
 
 def _calibrate(folder: Path) -> int:
-    return _core(
+    return core(
         "calibrate",
         "--dataset",
         folder / "train" / DATASET_FILE,
@@ -159,7 +172,7 @@ def _calibrate(folder: Path) -> int:
 
 
 def _evaluate(folder: Path, verbose: bool) -> int:
-    return _core(
+    return core(
         "evaluate",
         "--train",
         folder / "calibration" / calibrate.DATASET_FILE,
@@ -172,29 +185,6 @@ def _evaluate(folder: Path, verbose: bool) -> int:
         "--overwrite",
         *["--verbose"] * verbose,
     )
-
-
-def _core(*words: object) -> int:
-    return _refusing(cli.main, *words)
-
-
-def _refusing(program: Callable[[List[str]], int], *words: object) -> int:
-    """Run a program; return 0 or 1.
-
-    Raises:
-        KeyboardInterrupt: the program was interrupted.
-        StepError: it refused.
-    """
-    code = program([str(word) for word in words])
-    if code == INTERRUPTED:
-        raise KeyboardInterrupt
-    if code not in (DONE, NOT_ACCEPTABLE):
-        raise StepError("the step above refused to go on; nothing further is done")
-    return code
-
-
-def _title(step: int, text: str) -> None:
-    print(f"\n{step}/5 {text}\n", flush=True)
 
 
 def _conclusion(folder: Path) -> List[str]:

@@ -1,4 +1,4 @@
-"""The truth file of a simulation: JSON with every calibrated edge and every board pose."""
+"""The truth file of a simulation: JSON with calibrated edges, board poses and joints."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ VERSION = "1.0"
 
 
 def write_truth(truth: Truth, path: Path, more: Optional[Mapping[str, Any]] = None) -> None:
-    """Write the truth: ``edges`` by name, ``boards`` by pattern and collection.
+    """Write the truth: ``edges`` by name, ``boards`` by pattern and collection, ``joints``.
 
     Args:
-        truth: edges and boards.
+        truth: edges, boards, and joints if there are any.
         path: the file.
         more: further entries of the document, which ``read_truth`` passes over.
     """
@@ -33,6 +33,8 @@ def write_truth(truth: Truth, path: Path, more: Optional[Mapping[str, Any]] = No
         for edge, matrix in truth.edges.items()
     }
     document = {**(more or {}), "version": VERSION, "edges": edges, "boards": boards}
+    if truth.joints:
+        document["joints"] = {name: dict(values) for name, values in truth.joints.items()}
     write_json_atomically(Path(path), document, sort_keys=True, indent=2)
 
 
@@ -55,9 +57,19 @@ def read_truth(path: Path) -> Truth:
             for pattern, by_collection in document.get("boards", {}).items()
             for collection, value in by_collection.items()
         }
+        joints = {
+            str(joint): {str(name): _finite(value) for name, value in values.items()}
+            for joint, values in document.get("joints", {}).items()
+        }
     except (KeyError, ValueError, TypeError, AttributeError) as error:
         raise DatasetError(f"{path}: not a truth file ({error})") from None
-    return Truth(edges, boards)
+    return Truth(edges, boards, joints=joints)
+
+
+def _finite(value: Any) -> float:
+    if not np.isfinite(float(value)):
+        raise ValueError(f"{value} is not finite")
+    return float(value)
 
 
 def pose_document(parent_T_child: np.ndarray) -> Dict[str, Any]:

@@ -6,13 +6,15 @@ from typing import Dict, Optional, Union
 
 from atom_core.evaluation.ground_truth import GroundTruth, MeanError, SensorError
 
+MEAN = "mean"  # the entry beside those of the sensors
+
 
 def ground_truth_document(errors: Optional[GroundTruth]) -> Optional[Dict[str, Dict[str, float]]]:
     """Return the entry ``ground_truth``: the mean, then the sensors; None without a truth."""
     if errors is None:
         return None
     sensors = {name: _entry(error) for name, error in errors.sensors.items()}
-    return {"mean": _entry(errors.mean), **sensors}
+    return {MEAN: _entry(errors.mean), **sensors}
 
 
 def _entry(error: Union[MeanError, SensorError]) -> Dict[str, float]:

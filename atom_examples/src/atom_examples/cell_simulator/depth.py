@@ -74,7 +74,7 @@ class DepthCamera:
         hits = self._cast(scene)
         z = hits.distance * self._along_z
         in_range = (z >= self.range_m[0]) & (z <= self.range_m[1])
-        return np.flatnonzero((hits.shape == scene.plate) & in_range).astype(np.int32)
+        return np.flatnonzero(np.isin(hits.shape, scene.plates) & in_range).astype(np.int32)
 
     def capture(self, scene: Scene, rng: Optional[np.random.Generator] = None) -> np.ndarray:
         """Return depths (height, width) [m] float32, NaN where there is none.

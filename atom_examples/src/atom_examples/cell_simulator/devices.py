@@ -163,4 +163,9 @@ _KINDS: Dict[type, Type[Device]] = {
 def devices_of(world: World) -> List[Device]:
     """Return the devices of a cell, in the order of the settings."""
     sensors: Dict[str, Any] = {**world.colours, **world.depths, **world.lidars}
-    return [_KINDS[type(s)](s, sensors[s.name]) for s in world.settings.all]
+    return [device_of(s, sensors[s.name]) for s in world.settings.all]
+
+
+def device_of(settings: AnySettings, sensor: Any) -> Device:
+    """Return the device of a sensor; ``sensor`` captures the scene."""
+    return _KINDS[type(settings)](settings, sensor)

@@ -190,9 +190,9 @@ class Lidar:
         count = lines.shape[1]
         met, shape = np.isfinite(distance[0]), hits.shape[:count]
         albedo = np.where(met, scene.albedo[shape], 0.0)
-        plate = met & (shape == scene.plate)
+        plate = met & np.isin(shape, scene.plates)
         on_board = np.where(plate, distance[0], 0.0)[:, None] * rays[:count] + origin
-        albedo[plate] = scene.printed_albedo(on_board[plate])
+        albedo[plate] = scene.printed_albedo(on_board[plate], shape[plate])
         cosine = np.abs(np.einsum("ni,ni->n", rays[:count], hits.normal[:count]))
         intensity = np.where(met, np.rint(100.0 * albedo * (0.3 + 0.7 * cosine)), 0.0)
         return distance, intensity.astype(np.float32), plate

@@ -1,23 +1,25 @@
-"""The simulated cell into a bag, without a master."""
+"""The simulated cell, or another world, into a bag, without a master."""
 
 from __future__ import annotations
 
 import os
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Dict, Iterator, List, Optional, Tuple
+from typing import Any, Dict, Iterator, List, Mapping, Optional, Protocol, Sequence, Tuple
 
 import numpy as np
 import rosbag
 import rospy
 from tqdm import tqdm
 
+from atom_core.model.transforms import Edge
 from atom_core.synthetic.cell import SCENARIOS
 from atom_examples.cell_simulator import messages
 from atom_examples.cell_simulator.devices import CameraDevice, Device, Packing, devices_of
 from atom_examples.cell_simulator.errors import SimulatorError
 from atom_examples.cell_simulator.planner import plan_stops
+from atom_examples.cell_simulator.scene import Scene
 from atom_examples.cell_simulator.trajectory import TICK_S, State, Trajectory
 from atom_examples.cell_simulator.truth import Labels, write_recording_truth
 from atom_examples.cell_simulator.world import DISTURBED, World
@@ -70,24 +72,121 @@ def record(world: World, recording: Recording, path: Path, progress: bool = True
     """
     stops = plan_stops(world, recording.scenario, recording.collections)
     trajectory = Trajectory(stops, recording.stop_s, world.scene.board.pattern)
-    files = recording_files(path)
-    active = [file.with_name(file.name + ".active") for file in files]
-    try:
-        with _open(active[2], recording) as bag:
-            labels = Labels(world)
-            writer = _Writer(world, recording, bag, labels)
-            ticks = range(trajectory.ticks)
-            for tick in tqdm(ticks, desc=path.name, unit="tick", disable=not progress):
-                writer.write_tick(tick, trajectory.state(tick))
+    labels = Labels(world)
+    with all_or_none(path, recording_files(path)) as active:
+        shown = _ShownCell(world, recording)
+        record_ticks(shown, trajectory, recording, path, active[2], labels, progress)
         labels.write(active[0])
         model = {"lidar": world.lidar} if world.lidar else {}
         write_recording_truth(
             active[1],
             world,
             [s.world_T_pattern for s in stops],
-            {f"{n:03d}": _interval(trajectory, n) for n in range(len(stops))},
+            {f"{n:03d}": interval_s(trajectory, n) for n in range(len(stops))},
             {"seed": world.seed, **model, **asdict(recording)},
         )
+
+
+class TickState(Protocol):
+    """The moving part of a world at one instant."""
+
+    @property
+    def stop(self) -> Optional[int]:
+        """Number of the stop where everything stands still, None while it moves."""
+
+    @property
+    def tick_of_stop(self) -> int:
+        """Ticks since it came to the stop."""
+
+
+class Motion(Protocol):
+    """How a world moves."""
+
+    @property
+    def ticks(self) -> int:
+        """How many there are."""
+
+    def state(self, tick: int) -> Any:
+        """Return the state (`TickState`) at a tick."""
+
+    def interval(self, stop: int) -> tuple:
+        """Return the first tick of a stop and the first one after it."""
+
+
+class Shown(Protocol):
+    """A world as it is recorded."""
+
+    @property
+    def seed(self) -> int:
+        """What random numbers are drawn from, ..."""
+
+    @property
+    def stream(self) -> int:
+        """... in a stream of their own."""
+
+    @property
+    def scene(self) -> Scene:
+        """What there is to be seen."""
+
+    @property
+    def devices(self) -> Sequence[Device]:
+        """The sensors."""
+
+    @property
+    def still(self) -> Mapping[Edge, np.ndarray]:
+        """The edges (4, 4) of /tf_static."""
+
+    def told(self, state: Any, tick: int) -> Mapping[Edge, np.ndarray]:
+        """Return the moving edges (4, 4) as the robot tells them."""
+
+    def positions(self, state: Any) -> Mapping[str, float]:
+        """Return the positions of joints as the robot reports them [rad, m]."""
+
+    def place(self, state: Any) -> None:
+        """Put everything in the scene where it is."""
+
+    def stamp_error_s(self, sensor: int, tick: int) -> float:
+        """Return by how much a stamp is off."""
+
+
+class _ShownCell:
+    """The cell: its arm waits, the board is carried about beside a person."""
+
+    def __init__(self, world: World, recording: Recording):
+        self._world, self.scene, self.seed = world, world.scene, world.seed
+        self.stream = SCENARIOS[recording.scenario].stream
+        robot = world.description(recording.initial_estimate).robot
+        self.still, self._joints = messages.split_edges(robot, world.home)
+        self.devices = devices_of(world)
+
+    def told(self, state: State, tick: int) -> Mapping[Edge, np.ndarray]:
+        return self._world.as_told(self._joints, self.stream, tick)
+
+    def positions(self, state: State) -> Mapping[str, float]:
+        return self._world.home
+
+    def place(self, state: State) -> None:
+        self.scene.place_board(state.world_T_pattern)
+        self.scene.place_person(state.person)
+
+    def stamp_error_s(self, sensor: int, tick: int) -> float:
+        return self._world.stamp_error_s(self.stream, sensor, tick)
+
+
+@contextmanager
+def all_or_none(path: Path, files: Sequence[Path]) -> Iterator[List[Path]]:
+    """Yield names for files that get their own when all is done, and are removed if it fails.
+
+    Args:
+        path: what messages call them.
+        files: the bag is the last one.
+
+    Raises:
+        SimulatorError: one cannot be written.
+    """
+    active = [file.with_name(file.name + ".active") for file in files]
+    try:
+        yield active
         for unnamed, file in zip(active, files):
             os.replace(unnamed, file)
     except BaseException as error:
@@ -100,6 +199,33 @@ def record(world: World, recording: Recording, path: Path, progress: bool = True
                 f"it is removed. Make room, or record fewer collections or with --compressed"
             ) from None
         raise
+
+
+def record_ticks(
+    shown: Shown,
+    motion: Motion,
+    recording: Recording,
+    path: Path,
+    active: Path,
+    labels: Optional[Labels] = None,
+    progress: bool = True,
+) -> None:
+    """Write a bag.
+
+    Args:
+        shown: the world.
+        motion: how it moves.
+        recording: rates and packing.
+        path: what the progress bar calls it.
+        active: the file.
+        labels: is told what truly belongs to the board, if anybody wants to know.
+        progress: show a bar.
+    """
+    with _open(active, recording) as bag:
+        writer = _Writer(shown, recording, bag, labels)
+        ticks = range(motion.ticks)
+        for tick in tqdm(ticks, desc=path.name, unit="tick", disable=not progress):
+            writer.write_tick(tick, motion.state(tick))
 
 
 def _open(path: Path, recording: Recording) -> _Bag:
@@ -123,45 +249,45 @@ def stamp_of(tick: int) -> rospy.Time:
     return rospy.Time(0, int(START_S * 1e9) + tick * int(round(TICK_S * 1e9)))
 
 
-def _interval(trajectory: Trajectory, stop: int) -> Dict[str, float]:
-    first, after = trajectory.interval(stop)
+def interval_s(motion: Motion, stop: int) -> Dict[str, float]:
+    """Return when a stop begins and ends [s]."""
+    first, after = motion.interval(stop)
     return {"start_s": stamp_of(first).to_sec(), "end_s": stamp_of(after).to_sec()}
 
 
 class _Writer:
     """Writes what the sensors see, tick by tick."""
 
-    def __init__(self, world: World, recording: Recording, bag: rosbag.Bag, labels: Labels):
-        self.world, self.recording, self.bag, self.labels = world, recording, bag, labels
-        robot = world.description(recording.initial_estimate).robot
-        self._still, self._joints = messages.split_edges(robot, world.home)
-        self._devices = devices_of(world)
+    def __init__(
+        self, shown: Shown, recording: Recording, bag: rosbag.Bag, labels: Optional[Labels]
+    ):
+        self.shown, self.recording, self.bag, self.labels = shown, recording, bag, labels
         self._packing = Packing(recording.depth_encoding, recording.compressed)
         self._seq: Dict[str, int] = {}
-        self._stream = SCENARIOS[recording.scenario].stream
 
-    def write_tick(self, tick: int, state: State) -> None:
+    def write_tick(self, tick: int, state: TickState) -> None:
         """Write all messages of a tick."""
-        world, stamp = self.world, stamp_of(tick)
+        shown, stamp = self.shown, stamp_of(tick)
         if tick == 0:
-            self._write_latched("/tf_static", messages.transforms(self._still, stamp), stamp)
-        told = world.as_told(self._joints, self._stream, tick)
-        self.bag.write("/tf", messages.transforms(told, stamp), stamp)
-        joints = messages.joint_state(world.home, stamp, self._next_seq("/joint_states"))
-        self.bag.write("/joint_states", joints, stamp)
+            self._write_latched("/tf_static", messages.transforms(shown.still, stamp), stamp)
+        told, positions = shown.told(state, tick), shown.positions(state)
+        if told:
+            self.bag.write("/tf", messages.transforms(told, stamp), stamp)
+        if positions:
+            joints = messages.joint_state(positions, stamp, self._next_seq("/joint_states"))
+            self.bag.write("/joint_states", joints, stamp)
         due = list(self._due(tick, state))
         if due:
-            world.scene.place_board(state.world_T_pattern)
-            world.scene.place_person(state.person)
+            shown.place(state)
         for number, device in due:
-            off = rospy.Duration(world.stamp_error_s(self._stream, number, tick))
+            off = rospy.Duration(shown.stamp_error_s(number, tick))
             self._write_device(device, state, stamp, stamp + off, self._rng(number, tick))
-        if state.stop is not None and state.tick_of_stop == 0:
+        if self.labels is not None and state.stop is not None and state.tick_of_stop == 0:
             self.labels.add_stop(state.stop)
 
-    def _due(self, tick: int, state: State) -> Iterator[Tuple[int, Device]]:
+    def _due(self, tick: int, state: TickState) -> Iterator[Tuple[int, Device]]:
         wanted, still = self.recording, state.stop is not None
-        for number, device in enumerate(self._devices):
+        for number, device in enumerate(self.shown.devices):
             if device.draws_pictures:
                 rate = wanted.image_hz if still else wanted.moving_image_hz
             else:
@@ -173,12 +299,12 @@ class _Writer:
     def _rng(self, sensor: int, tick: int) -> Optional[np.random.Generator]:
         if not self.recording.noise:
             return None
-        return np.random.default_rng([self.world.seed, self._stream, _NOISE, sensor, tick])
+        return np.random.default_rng([self.shown.seed, self.shown.stream, _NOISE, sensor, tick])
 
     def _write_device(
         self,
         device: Device,
-        state: State,
+        state: TickState,
         stamp: rospy.Time,
         told: rospy.Time,
         rng: Optional[np.random.Generator],
@@ -186,13 +312,13 @@ class _Writer:
         """Write what a device sees at a time, and says that it saw at another one."""
         sensor = device.settings
         head = messages.header(sensor.frame, told, self._next_seq(sensor.topic))
-        seen = device.capture(self.world.scene, rng)
+        seen = device.capture(self.shown.scene, rng)
         message = device.pack(seen, head, self._packing)
         self.bag.write(device.topic(self._packing), message, stamp)
         if isinstance(device, CameraDevice):
             self.bag.write(device.info_topic, device.info(head), stamp)
         on_plate = device.on_plate(seen)
-        if state.stop is not None and on_plate is not None:
+        if self.labels is not None and state.stop is not None and on_plate is not None:
             self.labels.add_scan(state.stop, sensor.name, told.to_sec(), on_plate)
 
     def _write_latched(self, topic: str, message: Any, stamp: rospy.Time) -> None:

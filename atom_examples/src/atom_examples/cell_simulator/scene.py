@@ -1,4 +1,4 @@
-"""The world of the simulator: a robot's visuals, a room, the board on its tripod, a person."""
+"""A simulated world: a robot's visuals, what stands around, boards, perhaps a person."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from atom_core.geometry import se3
 from atom_core.model.robot import RobotDescription
 from atom_core.model.transforms import FrameGraph, chain_transform
 from atom_core.synthetic.board import BentPattern
-from atom_core.synthetic.rig import Room
 from atom_examples.cell_simulator.errors import SimulatorError
 from atom_examples.cell_simulator.graphics import Renderer, import_mujoco
 from atom_examples.cell_simulator.scene_model import (
@@ -18,10 +17,13 @@ from atom_examples.cell_simulator.scene_model import (
     HOUSINGS,
     MOVING,
     PLATE,
+    PLATE_NAME,
     PRINT,
     STILL,
     Board,
     ModelBuilder,
+    Print,
+    Surroundings,
     View,
     print_of,
     wxyz,
@@ -53,7 +55,9 @@ class Scene:
     """The world, its moving parts, and rays and pictures of it.
 
     Attributes:
-        plate: id of the board's plate among the shapes that rays meet.
+        boards: all of them; ``board`` is the first.
+        plates: ids (n,) of the boards' plates among the shapes that rays meet; ``plate`` likewise.
+        world_T_patterns: where the boards are (4, 4); ``world_T_pattern`` likewise.
     """
 
     def __init__(
@@ -62,10 +66,11 @@ class Scene:
         visuals: Sequence[Visual],
         positions: Mapping[str, float],
         housings: Set[str],
-        board: Board,
+        boards: Sequence[Board],
         views: Sequence[View],
-        room: Room,
+        around: Surroundings,
         supersampling: int,
+        moving: bool = False,
     ):
         """Build the world.
 
@@ -74,18 +79,19 @@ class Scene:
             visuals: of its links.
             positions: of its joints by name.
             housings: links of the sensors' bodies; range sensors do not see them.
-            board: the calibration pattern.
+            boards: the calibration patterns, at least one.
             views: cameras to draw for.
-            room: walls around.
+            around: what stands around.
             supersampling: how much finer pictures are drawn.
+            moving: the joints will be moved (``place_joints``).
         """
         self._mujoco = mujoco = import_mujoco()
-        self.robot, self.board, self._views = robot, board, {v.name: v for v in views}
+        self.robot, self.boards, self._views = robot, tuple(boards), {v.name: v for v in views}
         self._frames = FrameGraph(joint.edge for joint in robot.joints.values())
         self._transforms = robot.transforms(positions)
         spec = mujoco.MjSpec()
-        builder = ModelBuilder(mujoco, spec)
-        builder.build(robot, self.pose, visuals, housings, board, views, room)
+        builder = ModelBuilder(mujoco, spec, moving)
+        builder.build(robot, self.pose, visuals, housings, boards, views, around)
         largest = [
             supersampling * max([1, *(getattr(v.camera, n) for v in views)])
             for n in ("width", "height")
@@ -99,13 +105,34 @@ class Scene:
         self._largest = dict(zip(("width", "height"), largest))
         self._supersampling = supersampling
         self._renderer: Optional[Renderer] = None
-        self.plate = self.model.geom("plate").id
+        endings = [f"_{number}" if number else "" for number in range(len(boards))]
+        self.plates = np.array([self.model.geom(PLATE_NAME + ending).id for ending in endings])
         self.albedo = self.model.geom_rgba[:, :3].mean(axis=1)
-        self._print = print_of(board)
+        self._prints = [print_of(board) for board in boards]
         self._moving = np.flatnonzero(np.isin(self.model.geom_group, (MOVING, PLATE)))
-        self._stand = sorted({visual.link for visual in board.visuals})
-        self.place_board(se3.from_rpy(np.array([0.0, 0.0, 1.0]), np.array([np.pi / 2, 0, 0])))
+        self._stands = [sorted({visual.link for visual in board.visuals}) for board in boards]
+        self._moved, self._person = list(builder.moved), around.person
+        upright = se3.from_rpy(np.array([0.0, 0.0, 1.0]), np.array([np.pi / 2, 0, 0]))
+        self.world_T_patterns = [upright] * len(boards)
+        for number in range(len(boards)):
+            self.place_board(upright, number)
         self.place_person(Person(1.0, 0.0, 0.0))
+        self.place_joints(positions)
+
+    @property
+    def board(self) -> Board:
+        """The first board."""
+        return self.boards[0]
+
+    @property
+    def plate(self) -> int:
+        """Id of the first board's plate."""
+        return int(self.plates[0])
+
+    @property
+    def world_T_pattern(self) -> np.ndarray:
+        """Where the first board is (4, 4)."""
+        return self.world_T_patterns[0]
 
     # ---- poses
 
@@ -120,19 +147,32 @@ class Scene:
         chain = self._frames.chain(self.robot.root_link, frame)
         return chain_transform(chain, self._transforms)
 
-    def place_board(self, world_T_pattern: np.ndarray) -> None:
-        """Put the board, and the tripod upright under it, its feet on the floor."""
-        robot, root = self.board.robot, self.board.pattern.frame
+    def place_board(self, world_T_pattern: np.ndarray, number: int = 0) -> None:
+        """Put a board, and the tripod, if it has one, upright under it, its feet on the floor."""
+        board = self.boards[number]
+        robot, root = board.robot, board.pattern.frame
         transforms = robot.transforms(_tripod_joints(robot, root, world_T_pattern))
         frames = FrameGraph(transforms)
-        for link in self._stand:
-            chain = frames.chain(root, link)
-            self._move(link, world_T_pattern @ chain_transform(chain, transforms))
-        self.world_T_pattern = world_T_pattern
+        for link in self._stands[number]:
+            move = np.eye(4)
+            if link != root:
+                move = chain_transform(frames.chain(root, link), transforms)
+            self._move(link, world_T_pattern @ move)
+        self.world_T_patterns[number] = world_T_pattern
         self._update()
 
+    def place_joints(self, positions: Mapping[str, float]) -> None:
+        """Move the robot's joints, by name [rad, m]; those not named stand at zero."""
+        if self._moved:
+            self._transforms = self.robot.transforms(positions)
+            for link in self._moved:
+                self._move(f"moved/{link}", self.pose(link))
+            self._update()
+
     def place_person(self, person: Person) -> None:
-        """Put the person."""
+        """Put the person, if there is one."""
+        if not self._person:
+            return
         rotation = se3.rotation_from_rpy(np.array([0.0, 0.0, person.heading]))
         self._move("person", se3.transform(rotation, np.array([person.x, person.y, 0.0])))
         self._update()
@@ -153,19 +193,14 @@ class Scene:
             for number in self._moving
         ]
 
-    def printed_albedo(self, points: np.ndarray) -> np.ndarray:
-        """Return how white (0 to 1) the plate is at points (n, 3) of the world on it."""
-        in_pattern = se3.apply(se3.inverse(self.world_T_pattern), points)
-        column, row = np.floor(in_pattern[:, :2].T * self._print.scale + self._print.margin).astype(
-            int
-        )
-        height, width = self._print.texture.shape
-        texel = self._print.texture[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
-        away = in_pattern[:, 2]
-        if isinstance(self.board.pattern, BentPattern):
-            away = away - self.board.pattern.height_m(in_pattern[:, :2])
-        front = away < self.board.thickness_m / 2
-        return np.where(front, _INK + (1.0 - _INK) * texel / 255.0, 1.0)
+    def printed_albedo(self, points: np.ndarray, shapes: np.ndarray) -> np.ndarray:
+        """Return how white (0 to 1) plates are at points (n, 3) of the world on shapes (n,)."""
+        albedo = np.ones(len(points))
+        for number, plate in enumerate(self.plates):
+            on_it = shapes == plate
+            in_pattern = se3.apply(se3.inverse(self.world_T_patterns[number]), points[on_it])
+            albedo[on_it] = _albedo_of(self._prints[number], self.boards[number], in_pattern)
+        return albedo
 
     # ---- rays
 
@@ -229,6 +264,18 @@ class Scene:
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
+
+
+def _albedo_of(print_: Print, board: Board, in_pattern: np.ndarray) -> np.ndarray:
+    """Return how white (0 to 1) a plate is at points (n, 3) on it, in the board's frame."""
+    column, row = np.floor(in_pattern[:, :2].T * print_.scale + print_.margin).astype(int)
+    height, width = print_.texture.shape
+    texel = print_.texture[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
+    away = in_pattern[:, 2]
+    if isinstance(board.pattern, BentPattern):
+        away = away - board.pattern.height_m(in_pattern[:, :2])
+    front = away < board.thickness_m / 2
+    return np.where(front, _INK + (1.0 - _INK) * texel / 255.0, 1.0)
 
 
 def _tripod_joints(

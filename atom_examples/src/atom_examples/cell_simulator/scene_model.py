@@ -1,9 +1,20 @@
-"""MuJoCo's model of the simulator's world: room, furniture, robot, board and tripod, person."""
+"""MuJoCo's model of a simulated world: room, furniture, robot, boards with a tripod, person."""
 
 from __future__ import annotations
 
 from types import ModuleType
-from typing import Any, Callable, Dict, Iterator, NamedTuple, Sequence, Set, Tuple, Union
+from typing import (
+    Any,
+    Callable,
+    Dict,
+    Iterator,
+    NamedTuple,
+    Optional,
+    Sequence,
+    Set,
+    Tuple,
+    Union,
+)
 
 import numpy as np
 
@@ -22,13 +33,14 @@ _Rgba = Tuple[float, ...]  # four numbers
 # Groups of shapes. The plate is a textured mesh for pictures and an exact box for rays.
 STILL, ARM, MOVING, HOUSINGS, PRINT, PLATE = range(6)
 
+PLATE_NAME = "plate"
 _TEXTURE_PX = 56  # of a square; a marker of 45/60 then has 6 pixels for each of its 7 cells
 _STRIPS = 32  # of a bent plate; flat ones, a thousandth of the sagitta off
 _NEAR_M, _FAR_M = 0.1, 40.0
 PERSON_M = (0.45, 0.28, 1.72)  # a box
 _GREYS = {"wall": (0.80, 0.81, 0.80, 1.0), "floor": (0.52, 0.52, 0.51, 1.0)}
 # Around the cell: middle, lengths [m], colour. Desk with screen, shelf with boxes, cabinet.
-_FURNITURE = (
+CELL_FURNITURE = (
     ((3.2, -2.6, 0.72), (0.8, 1.6, 0.04), (0.62, 0.47, 0.31, 1.0)),
     ((3.2, -2.6, 0.35), (0.7, 1.5, 0.70), (0.33, 0.34, 0.36, 1.0)),
     ((3.4, -2.6, 1.05), (0.05, 0.62, 0.38), (0.10, 0.11, 0.13, 1.0)),
@@ -61,20 +73,43 @@ class Board(NamedTuple):
         return min(v.size[2] for v in self.visuals if v.link == self.pattern.frame)
 
 
+class Surroundings(NamedTuple):
+    """What stands around the robot.
+
+    Attributes:
+        room: walls, floor and ceiling.
+        furniture: boxes: middle (3,), lengths (3,) [m], colour (4,).
+        person: somebody stands in the room.
+    """
+
+    room: Room
+    furniture: Sequence[Tuple[Tuple[float, ...], Tuple[float, ...], _Rgba]] = ()
+    person: bool = False
+
+
 class View(NamedTuple):
-    """A pinhole of the scene: where it is and what it sees; K without distortion."""
+    """A pinhole of the scene: where it is and what it sees; K without distortion.
+
+    Attributes:
+        name, camera: what it is called, and its intrinsics.
+        frame: its optical frame.
+        frame_T_optical: (4, 4) where it is in another frame; None: it is the frame.
+    """
 
     name: str
     frame: str
     camera: Camera
+    frame_T_optical: Optional[np.ndarray] = None
 
 
 class ModelBuilder:
     """Fills a specification of MuJoCo's."""
 
-    def __init__(self, mujoco: ModuleType, spec: Any):
-        self.mujoco, self.spec = mujoco, spec
+    def __init__(self, mujoco: ModuleType, spec: Any, moving: bool = False):
+        """Take the specification; ``moving``: the robot's joints will move."""
+        self.mujoco, self.spec, self.moving = mujoco, spec, moving
         self.meshes: Dict[Tuple[str, Tuple[float, ...]], str] = {}
+        self.moved: Dict[str, Any] = {}  # bodies of links and frames that joints move
 
     def build(
         self,
@@ -82,9 +117,9 @@ class ModelBuilder:
         pose: Callable[[str], np.ndarray],
         visuals: Sequence[Visual],
         housings: Set[str],
-        board: Board,
+        boards: Sequence[Board],
         views: Sequence[View],
-        room: Room,
+        around: Surroundings,
     ) -> None:
         """Add everything.
 
@@ -93,25 +128,40 @@ class ModelBuilder:
             pose: a link to ``world_T_link`` (4, 4).
             visuals: of the robot's links.
             housings: links of the sensors' bodies.
-            board: the calibration pattern.
+            boards: the calibration patterns.
             views: cameras to draw for.
-            room: walls around.
+            around: what stands around.
         """
         self._settings()
-        self._room(room)
-        for middle, size, rgba in _FURNITURE:
+        self._room(around.room)
+        for middle, size, rgba in around.furniture:
             place = se3.transform(np.eye(3), np.array(middle))
             self._box(self.spec.worldbody, np.array(size), place, rgba, STILL)
         for visual in visuals:
             group = HOUSINGS if visual.link in housings else STILL
             if any(j.type != FIXED for j in _joints_above(robot, visual.link)):
+                if self.moving:
+                    kind = HOUSINGS if visual.link in housings else MOVING
+                    self._shape(self._moved(visual.link), visual, visual.link_T_visual, kind)
+                    continue
                 group = ARM
             world_T_visual = pose(visual.link) @ visual.link_T_visual
             self._shape(self.spec.worldbody, visual, world_T_visual, group)
-        self._board(board)
-        self._person()
+        for number, board in enumerate(boards):
+            self._board(board, f"_{number}" if number else "")
+        if around.person:
+            self._person()
         for view in views:
-            self._view(view, pose(view.frame))
+            if self.moving and any(j.type != FIXED for j in _joints_above(robot, view.frame)):
+                self._view(view, np.eye(4), self._moved(view.frame))
+            else:
+                self._view(view, pose(view.frame), self.spec.worldbody)
+
+    def _moved(self, link: str) -> Any:
+        """Return the body of a link that joints move."""
+        if link not in self.moved:
+            self.moved[link] = self.spec.worldbody.add_body(name=f"moved/{link}", mocap=True)
+        return self.moved[link]
 
     def _settings(self) -> None:
         visual = self.spec.visual
@@ -146,7 +196,8 @@ class ModelBuilder:
                     STILL,
                 )
 
-    def _board(self, board: Board) -> None:
+    def _board(self, board: Board, ending: str) -> None:
+        """Add a board; the names of its shapes end with what tells it from the others."""
         bodies: Dict[str, Any] = {}
         for visual in board.visuals:
             if visual.link not in bodies:
@@ -154,32 +205,35 @@ class ModelBuilder:
             if visual.link != board.pattern.frame:  # the tripod
                 self._shape(bodies[visual.link], visual, visual.link_T_visual, MOVING)
         plate = bodies[board.pattern.frame]
-        self._printed_plate(plate, board)
+        self._printed_plate(plate, board, ending)
         if isinstance(board.pattern, BentPattern):
-            self._bent_plate(plate, board)
+            self._bent_plate(plate, board, ending)
             return
         border, thickness = board.pattern.border, board.thickness_m
         middle = np.array([*border.centre, thickness / 2])
         size = np.array([*(2 * border.half_size), thickness])
         white = (1.0, 1.0, 1.0, 1.0)
-        self._box(plate, size, se3.transform(np.eye(3), middle), white, PLATE, name="plate")
+        place = se3.transform(np.eye(3), middle)
+        self._box(plate, size, place, white, PLATE, name=PLATE_NAME + ending)
 
-    def _bent_plate(self, body: Any, board: Board) -> None:
+    def _bent_plate(self, body: Any, board: Board, ending: str) -> None:
         """Add what rays meet of a bent plate."""
         vertices, _, faces = plate_mesh(board)
         mesh = self.spec.add_mesh(
-            name="bent_plate", uservert=vertices.ravel().tolist(), userface=faces.ravel().tolist()
+            name="bent_plate" + ending,
+            uservert=vertices.ravel().tolist(),
+            userface=faces.ravel().tolist(),
         )
         mesh.inertia = self.mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
         kind, white = self.mujoco.mjtGeom.mjGEOM_MESH, (1.0, 1.0, 1.0, 1.0)
-        more = {"meshname": mesh.name, "name": "plate"}
+        more = {"meshname": mesh.name, "name": PLATE_NAME + ending}
         self._add(body, kind, np.zeros(3), np.eye(4), white, PLATE, **more)
 
-    def _printed_plate(self, body: Any, board: Board) -> None:
+    def _printed_plate(self, body: Any, board: Board, ending: str) -> None:
         mujoco, spec = self.mujoco, self.spec
         vertices, coordinates, faces = plate_mesh(board)
         mesh = spec.add_mesh(
-            name="plate_with_print",
+            name="plate_with_print" + ending,
             uservert=vertices.ravel().tolist(),
             usertexcoord=coordinates.ravel().tolist(),
             userface=faces.ravel().tolist(),
@@ -187,19 +241,19 @@ class ModelBuilder:
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
         texture = print_of(board).texture
         image = spec.add_texture(
-            name="print",
+            name="print" + ending,
             type=mujoco.mjtTexture.mjTEXTURE_2D,
             height=texture.shape[0],
             width=texture.shape[1],
             nchannel=3,
         )
         image.data = np.repeat(texture[..., None], 3, axis=2).tobytes()
-        material = spec.add_material(name="print", specular=0.0)
-        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "print"
+        material = spec.add_material(name="print" + ending, specular=0.0)
+        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "print" + ending
         body.add_geom(
             type=mujoco.mjtGeom.mjGEOM_MESH,
             meshname=mesh.name,
-            material="print",
+            material="print" + ending,
             contype=0,
             conaffinity=0,
             group=PRINT,
@@ -210,16 +264,18 @@ class ModelBuilder:
         middle = se3.transform(np.eye(3), np.array([0.0, 0.0, PERSON_M[2] / 2]))
         self._box(body, np.array(PERSON_M), middle, _PERSON_RGBA, MOVING, name="person")
 
-    def _view(self, view: View, world_T_optical: np.ndarray) -> None:
+    def _view(self, view: View, body_T_optical: np.ndarray, body: Any) -> None:
+        if view.frame_T_optical is not None:
+            body_T_optical = body_T_optical @ view.frame_T_optical
         camera = view.camera
         (fx, fy), (cx, cy) = camera.focal_px, camera.centre_px
         width, height = camera.width, camera.height
         # An optical frame looks along z with y down, a camera of OpenGL along -z with y up; its
         # pixels are counted from the corner of the first one, ours from the middle.
-        turned = world_T_optical[:3, :3] @ np.diag([1.0, -1.0, -1.0])
-        self.spec.worldbody.add_camera(
+        turned = body_T_optical[:3, :3] @ np.diag([1.0, -1.0, -1.0])
+        body.add_camera(
             name=view.name,
-            pos=world_T_optical[:3, 3],
+            pos=body_T_optical[:3, 3],
             quat=wxyz(turned),
             resolution=[width, height],
             sensor_size=[width * 1e-5, height * 1e-5],

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple, Union
 
 import numpy as np
-import yaml
 
 from atom_core.geometry.camera import Camera
 from atom_core.model.config import PatternConfig
@@ -20,6 +19,15 @@ from atom_examples.cell_simulator.depth import DepthNoise
 from atom_examples.cell_simulator.errors import SimulatorError
 from atom_examples.cell_simulator.lidar import LidarNoise
 from atom_examples.cell_simulator.profiles import PLAIN_PROFILE
+from atom_examples.cell_simulator.yaml_entry import (
+    Entry,
+    count,
+    not_negative,
+    pair,
+    positive,
+    read_yaml,
+    share,
+)
 
 ENCODINGS = ("16UC1", "32FC1")
 _NO_PROFILES = {PLAIN_PROFILE: PLAIN}
@@ -108,13 +116,8 @@ def read_settings(path: Path, scanners: bool = False, lidar: Optional[str] = Non
         SimulatorError: it is absent or malformed; names the sensor and the key. Or there is no
             such model.
     """
-    try:
-        document = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SimulatorError(f"{path}: cannot be read ({error.strerror}); give a file") from None
-    except yaml.YAMLError as error:
-        raise SimulatorError(f"{path}: no YAML ({error}); mend it") from None
-    entry = _Entry(str(path), document)
+    entry = read_yaml(path)
+    document = entry.values
     sensors = _sensors(entry.part("sensors"))
     if lidar is not None:
         sensors = {name: _of_model(settings, lidar) for name, settings in sensors.items()}
@@ -124,6 +127,15 @@ def read_settings(path: Path, scanners: bool = False, lidar: Optional[str] = Non
         board=_pattern(entry.part("pattern")),
         profiles=_profiles(entry.part("realism")) if "realism" in document else _NO_PROFILES,
     )
+
+
+def read_sensors(path: Path) -> Dict[str, AnySettings]:
+    """Read the sensors alone, by name, in the order of the file.
+
+    Raises:
+        SimulatorError: it is absent or malformed; names the sensor and the key.
+    """
+    return _sensors(read_yaml(path).part("sensors"))
 
 
 def _of_model(settings: AnySettings, name: str) -> AnySettings:
@@ -139,33 +151,8 @@ def _of_model(settings: AnySettings, name: str) -> AnySettings:
     return replace(settings, model=model, noise=noise)
 
 
-class _Entry:
-    """A mapping of the file, with its place for error messages."""
-
-    def __init__(self, place: str, values: Any):
-        if not isinstance(values, dict):
-            raise SimulatorError(f"{place}: a mapping of keys to values is needed")
-        self.place, self.values = place, values
-
-    def get(self, key: str, kind: Callable[[Any], Any]) -> Any:
-        """Return a value made by ``kind``.
-
-        Raises:
-            SimulatorError: it is absent, or ``kind`` refuses it.
-        """
-        if key not in self.values:
-            raise SimulatorError(f"{self.place}: '{key}' is missing; add it")
-        try:
-            return kind(self.values[key])
-        except (TypeError, ValueError) as error:
-            raise SimulatorError(f"{self.place}: '{key}' is malformed ({error}); mend it") from None
-
-    def part(self, key: str) -> _Entry:
-        return _Entry(f"{self.place}: {key}", self.get(key, lambda value: value))
-
-
-def _sensors(entries: _Entry) -> Dict[str, AnySettings]:
-    readers: Mapping[str, Callable[[_Entry, Dict[str, Any]], AnySettings]]
+def _sensors(entries: Entry) -> Dict[str, AnySettings]:
+    readers: Mapping[str, Callable[[Entry, Dict[str, Any]], AnySettings]]
     readers = {RGB: _colour, DEPTH: _depth, LIDAR3D: _lidar, LIDAR2D: _scanner}
     sensors: Dict[str, AnySettings] = {}
     for name in entries.values:
@@ -179,74 +166,74 @@ def _sensors(entries: _Entry) -> Dict[str, AnySettings]:
             "name": str(name),
             "frame": entry.get("frame", str),
             "topic": entry.get("topic", str),
-            "rate_hz": entry.get("rate_hz", _positive),
+            "rate_hz": entry.get("rate_hz", positive),
         }
         sensors[name] = readers[modality](entry, common)
     return sensors
 
 
-def _colour(entry: _Entry, common: Dict[str, Any]) -> ColourSettings:
+def _colour(entry: Entry, common: Dict[str, Any]) -> ColourSettings:
     return ColourSettings(
         **common,
         info_topic=entry.get("camera_info_topic", str),
         camera=_camera(entry),
-        noise_grey=entry.part("noise").get("sigma_grey", _not_negative),
+        noise_grey=entry.part("noise").get("sigma_grey", not_negative),
     )
 
 
-def _depth(entry: _Entry, common: Dict[str, Any]) -> DepthSettings:
+def _depth(entry: Entry, common: Dict[str, Any]) -> DepthSettings:
     noise = entry.part("noise")
     return DepthSettings(
         **common,
         info_topic=entry.get("camera_info_topic", str),
         camera=_camera(entry),
-        range_m=entry.get("range_m", _pair),
+        range_m=entry.get("range_m", pair),
         noise=DepthNoise(
-            sigma_m=noise.get("sigma_m", _not_negative),
-            sigma_per_square_m=noise.get("sigma_per_square_m", _not_negative),
+            sigma_m=noise.get("sigma_m", not_negative),
+            sigma_per_square_m=noise.get("sigma_per_square_m", not_negative),
             sigma_from_m=noise.get("sigma_from_m", float),
-            dropout=noise.get("dropout", _share),
+            dropout=noise.get("dropout", share),
             bleeding_px=noise.get("bleeding_px", int),
         ),
     )
 
 
-def _lidar(entry: _Entry, common: Dict[str, Any]) -> LidarSettings:
+def _lidar(entry: Entry, common: Dict[str, Any]) -> LidarSettings:
     return LidarSettings(
         **common,
         model=LidarModel(
-            rings=entry.get("rings", _count),
-            elevation_deg=entry.get("elevation_deg", _pair),
-            azimuth_steps=entry.get("azimuth_steps", _count),
-            range_m=entry.get("range_m", _pair),
+            rings=entry.get("rings", count),
+            elevation_deg=entry.get("elevation_deg", pair),
+            azimuth_steps=entry.get("azimuth_steps", count),
+            range_m=entry.get("range_m", pair),
         ),
         noise=_lidar_noise(entry),
     )
 
 
-def _scanner(entry: _Entry, common: Dict[str, Any]) -> ScannerSettings:
-    beams = entry.get("beams", _count)
+def _scanner(entry: Entry, common: Dict[str, Any]) -> ScannerSettings:
+    beams = entry.get("beams", count)
     model = Lidar2dModel(
-        angle_increment=2.0 * np.pi / beams, beams=beams, range_m=entry.get("range_m", _pair)
+        angle_increment=2.0 * np.pi / beams, beams=beams, range_m=entry.get("range_m", pair)
     )
     return ScannerSettings(**common, model=model, noise=_lidar_noise(entry))
 
 
-def _lidar_noise(entry: _Entry) -> LidarNoise:
+def _lidar_noise(entry: Entry) -> LidarNoise:
     noise = entry.part("noise")
     return LidarNoise(
-        sigma_m=noise.get("sigma_m", _not_negative),
-        dropout=noise.get("dropout", _share),
-        mixed_within_rad=entry.get("beam_divergence_rad", _not_negative)
-        * noise.get("mixed_within_beams", _not_negative),
+        sigma_m=noise.get("sigma_m", not_negative),
+        dropout=noise.get("dropout", share),
+        mixed_within_rad=entry.get("beam_divergence_rad", not_negative)
+        * noise.get("mixed_within_beams", not_negative),
     )
 
 
-def _camera(entry: _Entry) -> Camera:
+def _camera(entry: Entry) -> Camera:
     try:
         return Camera(
-            width=entry.get("width", _count),
-            height=entry.get("height", _count),
+            width=entry.get("width", count),
+            height=entry.get("height", count),
             K=entry.get("K", np.array),
             D=entry.get("D", np.array),
             model=entry.get("distortion_model", str),
@@ -255,17 +242,17 @@ def _camera(entry: _Entry) -> Camera:
         raise SimulatorError(f"{entry.place}: {error}") from None
 
 
-def _pattern(entry: _Entry) -> PatternConfig:
-    columns, rows = entry.get("corners", _pair)
+def _pattern(entry: Entry) -> PatternConfig:
+    columns, rows = entry.get("corners", pair)
     return PatternConfig(
         link=entry.get("frame", str),
         parent_link=entry.get("parent_frame", str),
         fixed=False,
         pattern_type=entry.get("type", str),
         dimension=(int(columns), int(rows)),
-        size=entry.get("square_m", _positive),
+        size=entry.get("square_m", positive),
         **entry.get("border_m", _border),
-        inner_size=entry.get("marker_m", _positive),
+        inner_size=entry.get("marker_m", positive),
         dictionary=entry.get("dictionary", str),
     )
 
@@ -273,13 +260,13 @@ def _pattern(entry: _Entry) -> PatternConfig:
 def _border(value: Any) -> Dict[str, Any]:
     """Return the border as a configuration has it: [x, y], or a width for each side."""
     if not isinstance(value, Mapping):
-        return {"border_size": _pair(value)}
+        return {"border_size": pair(value)}
     if set(value) != set(SIDES):
         raise ValueError(f"it has {', '.join(map(str, value))}, not {', '.join(SIDES)}")
-    return {"border": tuple(_not_negative(value[side]) for side in SIDES)}
+    return {"border": tuple(not_negative(value[side]) for side in SIDES)}
 
 
-def _profiles(entries: _Entry) -> Dict[str, Realism]:
+def _profiles(entries: Entry) -> Dict[str, Realism]:
     profiles = dict(_NO_PROFILES)
     known = {field.name for field in fields(Realism)}
     for name in entries.values:
@@ -300,32 +287,3 @@ def _size(value: Any) -> Any:
     if isinstance(value, (bool, str)) or not np.isfinite(value):
         raise ValueError(f"{value} is no number")
     return value
-
-
-def _positive(value: Any) -> float:
-    if not 0 < float(value) < float("inf"):
-        raise ValueError(f"{value} is not positive")
-    return float(value)
-
-
-def _not_negative(value: Any) -> float:
-    if not 0 <= float(value) < float("inf"):
-        raise ValueError(f"{value} is negative or no number")
-    return float(value)
-
-
-def _share(value: Any) -> float:
-    if not 0 <= float(value) < 1:
-        raise ValueError(f"{value} is not in [0, 1)")
-    return float(value)
-
-
-def _count(value: Any) -> int:
-    if int(value) != value or value < 1:
-        raise ValueError(f"{value} is no positive integer")
-    return int(value)
-
-
-def _pair(value: Any) -> Tuple[float, float]:
-    first, second = value
-    return float(first), float(second)

@@ -11,8 +11,8 @@ from atom_core.geometry import se3
 from atom_core.io.atomic import write_bytes_atomically
 from atom_core.io.truth_json import write_truth
 from atom_core.model.truth import Truth
-from atom_examples.cell_simulator.planner import is_open, sight
 from atom_examples.cell_simulator.profiles import PLAIN_PROFILE
+from atom_examples.cell_simulator.sight import is_open, sight
 from atom_examples.cell_simulator.world import EXACT, PATTERN, World
 
 

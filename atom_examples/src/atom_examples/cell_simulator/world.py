@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Dict, List, Mapping, Optional, Type, TypeVar, Union
+from typing import Any, Dict, List, Mapping, Optional, TypeVar, Union
 
 import numpy as np
 import yaml
@@ -18,25 +18,20 @@ from atom_core.model.transforms import Edge
 from atom_core.synthetic.cell import cell_rig, initial_edges
 from atom_core.synthetic.lidar_models import GridModel, RosetteModel
 from atom_core.synthetic.planted import (
-    CameraErrors,
-    DepthErrors,
-    RangeErrors,
     SensorErrors,
 )
 from atom_core.synthetic.realism import Realism
 from atom_core.synthetic.rig import Rig, camera_of, jittered, looking_at
 from atom_core.synthetic.scanners import cell_with_scanners_rig
 from atom_core.synthetic.sensing import planted_in
-from atom_examples.cell_simulator.camera import FINER, ColourCamera, pinhole_view
-from atom_examples.cell_simulator.depth import DepthCamera
+from atom_examples.cell_simulator.camera import FINER
 from atom_examples.cell_simulator.errors import SimulatorError
-from atom_examples.cell_simulator.lidar import Lidar
 from atom_examples.cell_simulator.mounts import Box, boxes_of, clear_of
 from atom_examples.cell_simulator.profiles import PLAIN_PROFILE
 from atom_examples.cell_simulator.scene import Scene
-from atom_examples.cell_simulator.scene_model import Board, View
+from atom_examples.cell_simulator.scene_model import CELL_FURNITURE, Board, Surroundings
+from atom_examples.cell_simulator.sensing import colour_camera, depth_camera, lidar_of, view_of
 from atom_examples.cell_simulator.settings import (
-    AnySettings,
     ColourSettings,
     DepthSettings,
     LidarSettings,
@@ -133,30 +128,22 @@ class World:
 
     def _make_sensors(self) -> None:
         """Set ``colours``, ``depths`` and ``lidars``."""
+        planted = {s.name: self.planted.of(s.name) for s in self.settings.all}
         self.colours = {
-            s.name: ColourCamera(
-                s.name, self._camera(s), s.noise_grey, self._errors(s, CameraErrors)
-            )
+            s.name: colour_camera(s, self._camera(s), planted[s.name])
             for s in self._all_of(ColourSettings)
         }
         self.depths = {
-            s.name: DepthCamera(
-                s.name, s.frame, self._camera(s), s.range_m, s.noise, self._errors(s, DepthErrors)
-            )
+            s.name: depth_camera(s, self._camera(s), planted[s.name])
             for s in self._all_of(DepthSettings)
         }
         self.lidars = {
-            s.name: Lidar(s.name, s.frame, s.model, s.noise, self._errors(s, RangeErrors))
+            s.name: lidar_of(s, planted[s.name])
             for s in [*self._all_of(LidarSettings), *self._all_of(ScannerSettings)]
         }
 
     def _all_of(self, kind: type) -> List[Any]:
         return [sensor for sensor in self.settings.all if isinstance(sensor, kind)]
-
-    def _errors(self, settings: AnySettings, kind: Type[_Errors]) -> _Errors:
-        """Return the errors planted in a sensor; all zero where there are none."""
-        planted = self.planted.of(settings.name)
-        return planted if isinstance(planted, kind) else kind()
 
     def _camera(self, settings: Union[ColourSettings, DepthSettings]) -> Camera:
         """Return the true intrinsics of a camera."""
@@ -233,9 +220,7 @@ class World:
             read_visuals(stand.urdf, self._resolve),
         )
         views = [
-            pinhole_view(s.name, s.frame, self._camera(s))
-            if isinstance(s, ColourSettings)
-            else View(s.name, s.frame, self._camera(s))
+            view_of(s, self._camera(s))
             for s in settings.all
             if isinstance(s, (ColourSettings, DepthSettings))
         ]
@@ -244,9 +229,9 @@ class World:
             read_visuals(truth.urdf, self._resolve),
             self.home,
             {sensor.edge.child for sensor in self.rig.sensors.values()},
-            board,
+            [board],
             views,
-            self.rig.room,
+            Surroundings(self.rig.room, CELL_FURNITURE, person=True),
             FINER,
         )
 

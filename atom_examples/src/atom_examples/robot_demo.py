@@ -1,0 +1,102 @@
+"""The main job on an example robot: recordings, collections, calibration, errors."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Dict, List, Optional
+
+from atom_calibration.nodes.collecting import collect_from_bag
+from atom_core.commands import calibrate, evaluate
+from atom_core.io.atomic import prepare_output_folder
+from atom_core.io.config_yaml import read_config
+from atom_core.io.dataset_writer import DATASET_FILE
+from atom_core.report.ground_truth_document import MEAN
+from atom_examples.demo_steps import DONE, NOT_ACCEPTABLE, SETS, core, refusing, title
+from atom_examples.robot_simulator import main as robot_simulator
+from atom_examples.robot_simulator.robots import Robot, robot_named
+from atom_examples.robot_simulator.scenario import read_scenario
+
+Counts = Dict[str, Optional[int]]
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do the five steps with the robot of ``--example``; return the exit code.
+
+    Raises:
+        AtomError: there is no such robot, or a step refuses to go on.
+    """
+    robot = robot_named(args.example)
+    scenario, config = read_scenario(robot.scenario), read_config(robot.config)
+    folder = prepare_output_folder(args.output, args.overwrite)
+    counts: Counts = dict(zip(SETS, args.collections or (None, None)))
+    told = " and ".join(str(counts[name] or scenario.stops[name]) for name in SETS)
+    title(
+        1,
+        f"simulate {robot.name}: {told} stops; every calibrated edge but an anchored one is 0.1 m "
+        f"and 0.1 rad off",
+    )
+    for name in SETS:
+        _simulate(robot, folder, name, counts[name], args.seed)
+    title(2, "collect: label the recordings; one collection for each stop")
+    for name in SETS:
+        _collect(robot, folder, name)
+    title(3, "check: who sees what, is it enough?")
+    core("check", "--dataset", folder / "train" / DATASET_FILE)
+    title(4, "calibrate")
+    acceptable = _calibrate(folder, scenario.calibrate) == DONE
+    title(5, "evaluate on the test recording, against the truth")
+    # With one sensor there is no pair to measure; its errors against the truth are there.
+    measured = _evaluate(folder, args.verbose) == DONE or len(config.sensors) == 1
+    print("\n" + "\n".join(conclusion(folder)))
+    return DONE if acceptable and measured else NOT_ACCEPTABLE
+
+
+def _simulate(robot: Robot, folder: Path, name: str, stops: Optional[int], seed: int) -> None:
+    refusing(
+        robot_simulator.main,
+        *("--robot", robot.folder),
+        *("--bag", folder / f"{name}.bag", "--scenario", name, "--seed", seed, "--overwrite"),
+        *(() if stops is None else ("--stops", stops)),
+    )
+
+
+def _collect(robot: Robot, folder: Path, name: str) -> None:
+    refusing(
+        collect_from_bag.main,
+        *("--config", robot.config, "--bag", folder / f"{name}.bag"),
+        *("--output", folder / name, "--overwrite"),
+    )
+
+
+def _calibrate(folder: Path, more: tuple) -> int:
+    return core(
+        "calibrate",
+        *("--dataset", folder / "train" / DATASET_FILE, "--output", folder / "calibration"),
+        *("--overwrite", "--truth", folder / "train.truth.json", *more),
+    )
+
+
+def _evaluate(folder: Path, verbose: bool) -> int:
+    return core(
+        "evaluate",
+        *("--train", folder / "calibration" / calibrate.DATASET_FILE),
+        *("--test", folder / "test" / DATASET_FILE, "--truth", folder / "test.truth.json"),
+        *("--output", folder / "evaluation", "--overwrite", *["--verbose"] * verbose),
+    )
+
+
+def conclusion(folder: Path) -> List[str]:
+    """Return what a newcomer wants to know: how good, and where."""
+    path = folder / "evaluation" / evaluate.RESULT_FILE
+    errors = json.loads(path.read_text("utf-8"))["ground_truth"]
+    worst = [
+        max(entry[key] for name, entry in errors.items() if name != MEAN)
+        for key in ("translation_error_m", "rotation_error_deg")
+    ]
+    return [
+        f"sensors against the truth: at most {1000 * worst[0]:.2f} mm and {worst[1]:.3f} deg off; "
+        f"at the start 100 mm and 5.7 deg",
+        f"all results: {folder}/",
+    ]

@@ -1,0 +1,65 @@
+"""The robots that there are: a folder each, with what describes it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import List, NamedTuple, Optional
+
+from atom_core.io.paths import PackageResolver, package_folder
+from atom_examples.cell_simulator.errors import SimulatorError
+
+PACKAGE = "atom_examples"
+
+
+class Robot(NamedTuple):
+    """A robot's folder."""
+
+    name: str
+    folder: Path
+
+    @property
+    def config(self) -> Path:
+        """What is calibrated: ATOM's config.yml."""
+        return self.folder / "config" / "config.yml"
+
+    @property
+    def sensors(self) -> Path:
+        """How its sensors measure and err."""
+        return self.folder / "config" / "sensors.yaml"
+
+    @property
+    def scenario(self) -> Path:
+        """Where its boards are, and how its joints move."""
+        return self.folder / "config" / "scenario.yaml"
+
+
+def robots_folder(resolve_package: Optional[PackageResolver] = None) -> Path:
+    """Return the folder of all of them."""
+    return package_folder(PACKAGE, resolve_package) / "robots"
+
+
+def robot_names(resolve_package: Optional[PackageResolver] = None) -> List[str]:
+    """Return the names of all robots that can be simulated."""
+    folder = robots_folder(resolve_package)
+    return sorted(path.parents[1].name for path in folder.glob("*/config/scenario.yaml"))
+
+
+def robot_named(name: str, resolve_package: Optional[PackageResolver] = None) -> Robot:
+    """Return a robot.
+
+    Args:
+        name: of an example, or the path of a folder that is laid out like one.
+        resolve_package: finds packages.
+
+    Raises:
+        SimulatorError: there is none.
+    """
+    if name in robot_names(resolve_package):
+        return Robot(name, robots_folder(resolve_package) / name)
+    folder = Path(name)
+    if (folder / "config" / "scenario.yaml").is_file():
+        return Robot(folder.resolve().name, folder)
+    raise SimulatorError(
+        f"there is no robot '{name}'; use {', '.join(robot_names(resolve_package))}, or a folder "
+        f"with config/scenario.yaml"
+    )
