@@ -14,6 +14,7 @@ from atom_core.evaluation.edge_errors import joint_errors
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.truth_json import read_truth
+from atom_examples import robot_demo
 from atom_examples.cell_simulator.errors import SimulatorError
 from atom_examples.robot_simulator import main as program
 from atom_examples.robot_simulator.motion import RobotMotion
@@ -172,6 +173,28 @@ def test_a_camera_in_a_hand_is_found_with_small_images_at_six_stops(tmp_path):
 @pytest.mark.parametrize("name", NAMES)
 def test_every_robot_is_calibrated_from_its_recording(tmp_path, name):
     check_errors(calibrated(robot_named(name), tmp_path), tmp_path / "a.truth.json")
+
+
+def test_the_conclusion_tells_the_largest_errors(tmp_path):
+    def entry(metres, degrees):
+        return {"translation_error_m": metres, "rotation_error_deg": degrees}
+
+    errors = {"mean": entry(0.002, 0.2), "a": entry(0.001, 0.3), "b": entry(0.003, 0.1)}
+    joints = [
+        {"unit": "rad", "before": -0.1, "after": np.radians(-0.02)},
+        {"unit": "rad", "before": 0.05, "after": np.radians(0.01)},
+        {"unit": "m", "before": 0.01, "after": -0.0005},
+    ]
+    for name, document in (
+        ("evaluation", {"ground_truth": errors}),
+        ("calibration", {"truth_comparison": {"joints": joints}}),
+    ):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / f"{name}.json").write_text(json.dumps(document))
+    sensors, turning, sliding, _ = robot_demo.conclusion(tmp_path)
+    assert "at most 3.000 mm and 0.3000 deg" in sensors
+    assert "at most 0.0200 deg off" in turning and "at first 5.73 deg" in turning
+    assert "at most 0.5000 mm off" in sliding and "at first 10.00 mm" in sliding
 
 
 # ---- refusals

@@ -7,10 +7,11 @@ import json
 from pathlib import Path
 from typing import Dict, List, Optional
 
+import numpy as np
+
 from atom_calibration.nodes.collecting import collect_from_bag
 from atom_core.commands import calibrate, evaluate
 from atom_core.io.atomic import prepare_output_folder
-from atom_core.io.config_yaml import read_config
 from atom_core.io.dataset_writer import DATASET_FILE
 from atom_core.report.ground_truth_document import MEAN
 from atom_examples.demo_steps import DONE, NOT_ACCEPTABLE, SETS, core, refusing, title
@@ -28,7 +29,7 @@ def run(args: argparse.Namespace) -> int:
         AtomError: there is no such robot, or a step refuses to go on.
     """
     robot = robot_named(args.example)
-    scenario, config = read_scenario(robot.scenario), read_config(robot.config)
+    scenario = read_scenario(robot.scenario)
     folder = prepare_output_folder(args.output, args.overwrite)
     counts: Counts = dict(zip(SETS, args.collections or (None, None)))
     told = " and ".join(str(counts[name] or scenario.stops[name]) for name in SETS)
@@ -47,8 +48,7 @@ def run(args: argparse.Namespace) -> int:
     title(4, "calibrate")
     acceptable = _calibrate(folder, scenario.calibrate) == DONE
     title(5, "evaluate on the test recording, against the truth")
-    # With one sensor there is no pair to measure; its errors against the truth are there.
-    measured = _evaluate(folder, args.verbose) == DONE or len(config.sensors) == 1
+    measured = _evaluate(folder, args.verbose) == DONE
     print("\n" + "\n".join(conclusion(folder)))
     return DONE if acceptable and measured else NOT_ACCEPTABLE
 
@@ -89,14 +89,23 @@ def _evaluate(folder: Path, verbose: bool) -> int:
 
 def conclusion(folder: Path) -> List[str]:
     """Return what a newcomer wants to know: how good, and where."""
-    path = folder / "evaluation" / evaluate.RESULT_FILE
-    errors = json.loads(path.read_text("utf-8"))["ground_truth"]
-    worst = [
-        max(entry[key] for name, entry in errors.items() if name != MEAN)
+    evaluation = json.loads((folder / "evaluation" / evaluate.RESULT_FILE).read_text("utf-8"))
+    sensors = [v for name, v in evaluation["ground_truth"].items() if name != MEAN]
+    metres, degrees = (
+        max(entry[key] for entry in sensors)
         for key in ("translation_error_m", "rotation_error_deg")
+    )
+    calibration = json.loads((folder / "calibration" / calibrate.RESULT_FILE).read_text("utf-8"))
+    joints = calibration["truth_comparison"]["joints"]
+    lines = [
+        f"sensors against the truth: at most {1000 * metres:.3f} mm and {degrees:.4f} deg off; at "
+        f"the start 100 mm and 5.7 deg, where an edge is not held"
     ]
-    return [
-        f"sensors against the truth: at most {1000 * worst[0]:.2f} mm and {worst[1]:.3f} deg off; "
-        f"at the start 100 mm and 5.7 deg",
-        f"all results: {folder}/",
-    ]
+    for unit, factor, told in (("rad", np.degrees(1.0), "deg"), ("m", 1000.0, "mm")):
+        pairs = [(abs(j["before"]), abs(j["after"])) for j in joints if j["unit"] == unit]
+        if pairs:
+            before, after = (factor * max(values) for values in zip(*pairs))
+            lines.append(
+                f"joints: at most {after:.4f} {told} off; at the start {before:.2f} {told}"
+            )
+    return [*lines, f"all results: {folder}/"]

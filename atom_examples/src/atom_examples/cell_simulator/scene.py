@@ -92,32 +92,31 @@ class Scene:
         spec = mujoco.MjSpec()
         builder = ModelBuilder(mujoco, spec, moving)
         builder.build(robot, self.pose, visuals, housings, boards, views, around)
-        largest = [
-            supersampling * max([1, *(getattr(v.camera, n) for v in views)])
-            for n in ("width", "height")
-        ]
-        spec.visual.global_.offwidth, spec.visual.global_.offheight = largest
-        try:
-            self.model = spec.compile()
-        except ValueError as error:
-            raise SimulatorError(f"MuJoCo cannot build the scene: {error}") from None
+        self._largest = {
+            name: supersampling * max([1, *(getattr(v.camera, name) for v in views)])
+            for name in ("width", "height")
+        }
+        self.model = _compiled(spec, self._largest)
         self.data = mujoco.MjData(self.model)
-        self._largest = dict(zip(("width", "height"), largest))
         self._supersampling = supersampling
         self._renderer: Optional[Renderer] = None
-        endings = [f"_{number}" if number else "" for number in range(len(boards))]
-        self.plates = np.array([self.model.geom(PLATE_NAME + ending).id for ending in endings])
-        self.albedo = self.model.geom_rgba[:, :3].mean(axis=1)
-        self._prints = [print_of(board) for board in boards]
-        self._moving = np.flatnonzero(np.isin(self.model.geom_group, (MOVING, PLATE)))
-        self._stands = [sorted({visual.link for visual in board.visuals}) for board in boards]
         self._moved, self._person = list(builder.moved), around.person
+        self._index_shapes()
         upright = se3.from_rpy(np.array([0.0, 0.0, 1.0]), np.array([np.pi / 2, 0, 0]))
         self.world_T_patterns = [upright] * len(boards)
         for number in range(len(boards)):
             self.place_board(upright, number)
         self.place_person(Person(1.0, 0.0, 0.0))
         self.place_joints(positions)
+
+    def _index_shapes(self) -> None:
+        """Find the shapes that rays are told apart by."""
+        endings = [f"_{number}" if number else "" for number in range(len(self.boards))]
+        self.plates = np.array([self.model.geom(PLATE_NAME + ending).id for ending in endings])
+        self.albedo = self.model.geom_rgba[:, :3].mean(axis=1)
+        self._prints = [print_of(board) for board in self.boards]
+        self._moving = np.flatnonzero(np.isin(self.model.geom_group, (MOVING, PLATE)))
+        self._stands = [sorted({visual.link for visual in b.visuals}) for b in self.boards]
 
     @property
     def board(self) -> Board:
@@ -264,6 +263,16 @@ class Scene:
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
+
+
+def _compiled(spec: Any, largest: Mapping[str, int]) -> Any:
+    """Return MuJoCo's model, for pictures of a size at most."""
+    spec.visual.global_.offwidth = largest["width"]
+    spec.visual.global_.offheight = largest["height"]
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise SimulatorError(f"MuJoCo cannot build the scene: {error}") from None
 
 
 def _albedo_of(print_: Print, board: Board, in_pattern: np.ndarray) -> np.ndarray:
