@@ -193,8 +193,8 @@ def test_the_conclusion_tells_the_largest_errors(tmp_path):
         (tmp_path / name / f"{name}.json").write_text(json.dumps(document))
     sensors, turning, sliding, _ = robot_demo.conclusion(tmp_path)
     assert "at most 3.000 mm and 0.3000 deg" in sensors
-    assert "at most 0.0200 deg off" in turning and "at first 5.73 deg" in turning
-    assert "at most 0.5000 mm off" in sliding and "at first 10.00 mm" in sliding
+    assert "at most 0.0200 deg off" in turning and "at the start 5.73 deg" in turning
+    assert "at most 0.5000 mm off" in sliding and "at the start 10.00 mm" in sliding
 
 
 # ---- refusals
