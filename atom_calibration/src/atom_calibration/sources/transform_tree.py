@@ -19,6 +19,7 @@ from atom_calibration.errors import TransformError
 from atom_calibration.messages.headers import stamp_s
 from atom_calibration.messages.poses import TF_MESSAGE, edge_of, transform_matrix
 from atom_calibration.sources.bag_reader import BagReader
+from atom_calibration.sources.described_edges import DescribedEdges
 from atom_core.geometry import se3
 from atom_core.model.transforms import Edge
 
@@ -70,6 +71,11 @@ class TransformTree:
     def frames(self) -> Set[str]:
         """Every frame."""
         return {*self._parents, *self._parents.values()}
+
+    @property
+    def placed(self) -> Set[str]:
+        """Every frame that stands in another one."""
+        return set(self._parents)
 
     def connected_edges(self, root: str) -> List[Edge]:
         """Return every edge below a frame (or above it, towards tf's own root)."""
@@ -173,26 +179,42 @@ class BagTransforms:
             more than a delay: a bag that was played and recorded anew. Otherwise 0.
     """
 
-    def __init__(self, bag: BagReader, max_gap_s: float = DEFAULT_MAX_GAP_S):
+    def __init__(
+        self,
+        bag: BagReader,
+        max_gap_s: float = DEFAULT_MAX_GAP_S,
+        described: Optional[DescribedEdges] = None,
+    ):
         """Read /tf_static.
+
+        Args:
+            bag: the recording.
+            max_gap_s: longest time between two poses of an edge that is bridged.
+            described: edges that a description tells; of their frames nothing in /tf counts.
 
         Raises:
             TransformError: the bag has no transforms at all.
         """
-        topics = bag.topics_of([TF_MESSAGE, "tf/tfMessage"])
-        if not topics:
+        topics = tf_topics(bag)
+        if not topics and described is None:
             raise TransformError(
-                f"{bag.path}: the bag has neither /tf nor /tf_static; record them with the "
-                f"sensors' data, e.g. `rosbag record /tf /tf_static ...`"
+                f"{bag.path}: the bag has neither /tf nor /tf_static, and there is no robot "
+                f"description: name one (--description FILE, or description_file in the "
+                f"configuration), or record them, e.g. `rosbag record /tf /tf_static ...`"
             )
+        self._described = described
         self._bag, self._max_gap_s = bag, max_gap_s
         self._static_topics = [name for name in topics if name.endswith("tf_static")]
         self._moving_topics = [name for name in topics if name not in self._static_topics]
         self._static: Dict[Edge, Any] = {}  # the last message of each edge holds
         if self._static_topics:
             for found in bag.messages(self._static_topics):
-                self._static.update({edge_of(m): m for m in found.message.transforms})
+                self._static.update({edge_of(m): m for m in self._counting(found.message)})
+        if described is not None:
+            self._static.update({edge_of(m): m for m in described.fixed})
         lag_s = bag.receipt_lag_s(self._moving_topics, _newest_s) if self._moving_topics else None
+        if lag_s is None and described is not None and described.topics:
+            lag_s = bag.receipt_lag_s(described.topics, stamp_s)
         self.lag_s = 0.0 if lag_s is None or abs(lag_s) <= _LATENCY_S else lag_s
         self._window: Tuple[float, float] = (np.inf, -np.inf)
         self._tree = TransformTree()
@@ -216,8 +238,21 @@ class BagTransforms:
         tree.add(self._static.values(), fixed=True)
         if self._moving_topics:
             for found in self._bag.messages(self._moving_topics, *recorded):
-                tree.add(found.message.transforms, fixed=False)
+                tree.add(self._counting(found.message), fixed=False)
+        if self._described is not None and self._described.topics:
+            for found in self._bag.messages(self._described.topics, *recorded):
+                tree.add(self._described.transforms(found.message), fixed=False)
         return tree
+
+    def _counting(self, message: Any) -> List[Any]:
+        """Return the TransformStamped of a message that count."""
+        transforms: List[Any] = message.transforms
+        return transforms if self._described is None else self._described.others(transforms)
+
+
+def tf_topics(bag: BagReader) -> List[str]:
+    """Return the topics of a bag that carry transforms."""
+    return bag.topics_of([TF_MESSAGE, "tf/tfMessage"])
 
 
 def edges_at(

@@ -71,6 +71,7 @@ def _outcome(
 def _collect(args: argparse.Namespace) -> Tuple[int, str]:
     options = ["--config", args.config, "--bag", args.bag, "--output", args.output / "dataset"]
     options += ["--seeds", args.seeds] if args.seeds else []
+    options += ["--description", args.description] if args.description else []
     parsed = collect_from_bag.parser().parse_args(_texts(options, args))
     code = collect_from_bag.collect_from_bag(parsed)
     return code, "done" if code == 0 else "some sensors or moments gave nothing; see the output"
@@ -119,6 +120,13 @@ def _parser() -> argparse.ArgumentParser:
         add_option(parser, name, required=True, type=Path, metavar="FILE", help=help_text)
     add_option(parser, "output", "-o", required=True, type=Path, metavar="DIR", help="results")
     add_option(parser, "seeds", type=_optional_path, metavar="FILE", help="seeds given by hand")
+    add_option(
+        parser,
+        "description",
+        type=_optional_path,
+        metavar="URDF_OR_XACRO",
+        help="take its transforms, moved by the bag's /joint_states, in place of /tf",
+    )
     add_option(parser, "truth", type=_optional_path, metavar="FILE", help="a simulation's truth")
     add_option(parser, "overwrite", "-ow", action="store_true", help="replace earlier results")
     add_view_options(parser)

@@ -36,6 +36,7 @@ from atom_calibration.labels.frame_labeler import FrameLabeler
 from atom_calibration.modalities.frames import Frame, decode
 from atom_calibration.runtime.options import add_receive_time_option
 from atom_calibration.sources.bag_reader import BagReader
+from atom_calibration.sources.described_bag import SAVED, check_described, transforms_of_bag
 from atom_calibration.sources.rig import Rig, check_frames, rig_from_bag
 from atom_calibration.sources.transform_tree import BagTransforms
 from atom_core.commands.common import add_option, add_output_options
@@ -81,10 +82,14 @@ def collect_from_bag(args: argparse.Namespace) -> int:
     config = read_config(args.config)
     with BagReader(args.bag) as bag:
         rig = rig_from_bag(config, bag)
-        transforms = BagTransforms(bag)
-        check_frames(rig, config, transforms.at(bag.start_s - transforms.lag_s))
+        transforms, described, remarks = transforms_of_bag(
+            bag, args.description, config, args.config
+        )
+        first_s = bag.start_s - transforms.lag_s
+        check_described(described, transforms, rig, config, first_s)
+        check_frames(rig, config, transforms.at(first_s))
         clocks = _clocks(bag, rig, args.use_receive_time, transforms.lag_s)
-        for warning in (*config.warnings, *rig.warnings, *clocks):
+        for warning in (*config.warnings, *rig.warnings, *remarks, *clocks):
             _warn(warning)
         patterns = {n: pattern_from_config(n, p) for n, p in config.calibration_patterns.items()}
         seeds = read_seeds(args.seeds, rig.sensors) if args.seeds else []
@@ -253,6 +258,7 @@ def parser() -> argparse.ArgumentParser:
         metavar="FILE",
         help="where range sensors find the board (YAML); these seeds win over automatic ones",
     )
+    add_description_option(made)
     _add_moments(made)
     add_option(
         made,
@@ -266,6 +272,21 @@ def parser() -> argparse.ArgumentParser:
         made, "pictures", action="store_true", help="write pictures of the labels to look at"
     )
     return made
+
+
+def add_description_option(made: argparse.ArgumentParser) -> None:
+    """Add the description that tells the transforms."""
+    add_option(
+        made,
+        "description",
+        nargs="?",
+        type=Path,
+        const=SAVED,
+        metavar="URDF_OR_XACRO",
+        help="take its transforms, moved by the bag's /joint_states, and from /tf only what it "
+        "does not have (without a file: the package's first guess, or the configuration's "
+        "description; also without the option, where the bag has no /tf)",
+    )
 
 
 def _add_moments(made: argparse.ArgumentParser) -> None:

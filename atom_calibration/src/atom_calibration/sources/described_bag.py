@@ -1,0 +1,81 @@
+"""Which robot description tells a bag's transforms, if one does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import List, Optional, Tuple
+
+from atom_calibration.errors import TransformError
+from atom_calibration.sources.bag_reader import BagReader
+from atom_calibration.sources.described_edges import DescribedEdges
+from atom_calibration.sources.rig import Rig
+from atom_calibration.sources.transform_tree import DEFAULT_MAX_GAP_S, BagTransforms, tf_topics
+from atom_core.io.urdf import read_description
+from atom_core.model.config import CalibrationConfig
+
+FIRST_GUESS = Path("urdf", "initial_estimate.urdf.xacro")  # in a calibration package
+SAVED = Path()  # of the option without a file: the package's first guess, or the configuration's
+
+
+def transforms_of_bag(
+    bag: BagReader, description: Optional[Path], config: CalibrationConfig, config_file: Path
+) -> Tuple[BagTransforms, Optional[DescribedEdges], List[str]]:
+    """Return the transforms of a bag, which of them a description tells, and remarks.
+
+    Args:
+        bag: the recording.
+        description: URDF or xacro; `SAVED` for that of the calibration package; None: /tf alone,
+            or that of the package where the bag has none.
+        config: may name a description.
+        config_file: where it stands; a package's first guess is beside its folder.
+
+    Raises:
+        AtomError: neither bag nor description tells the transforms, or one cannot be read.
+    """
+    has_tf, remarks = bool(tf_topics(bag)), []
+    if description is None and has_tf:
+        return BagTransforms(bag), None, []
+    file = _saved(config, config_file) if description in (None, SAVED) else str(description)
+    if file is None and description is None:
+        return BagTransforms(bag), None, []  # which refuses, and says what to do
+    if file is None:
+        raise TransformError(
+            f"--description: neither {_first_guess(config_file)} nor a description_file in "
+            f"{config_file} is there; give the file: --description FILE"
+        )
+    described = DescribedEdges(bag, read_description(file).robot)
+    if description is None:
+        moved = f", moved by {', '.join(described.topics)}" if described.topics else ""
+        remarks.append(
+            f"the bag has neither /tf nor /tf_static: its transforms are those of {file}{moved}"
+        )
+    return BagTransforms(bag, DEFAULT_MAX_GAP_S, described), described, remarks
+
+
+def check_described(
+    described: Optional[DescribedEdges],
+    transforms: BagTransforms,
+    rig: Rig,
+    config: CalibrationConfig,
+    time_s: float,
+) -> None:
+    """Refuse a bag that does not tell where a joint stands that a sensor or board hangs on.
+
+    Raises:
+        TransformError: naming the joint, what hangs on it, and the joints that the bag has.
+    """
+    if described is None:
+        return
+    needed = {f"sensor '{s.name}'": s.frame for s in rig.sensors.values()}
+    for name, pattern in config.calibration_patterns.items():
+        needed[f"pattern '{name}'"] = pattern.parent_link
+    described.check(config.world_link, needed, transforms.at(time_s).placed)
+
+
+def _saved(config: CalibrationConfig, config_file: Path) -> Optional[str]:
+    first_guess = _first_guess(config_file)
+    return str(first_guess) if first_guess.exists() else config.description_file
+
+
+def _first_guess(config_file: Path) -> Path:
+    return config_file.absolute().parent.parent / FIRST_GUESS

@@ -1,0 +1,129 @@
+"""Transforms of a bag that a description tells: fixed joints, and what /joint_states says.
+
+So ATOM takes all bags: the description moved by /joint_states, and from /tf only what is not in it.
+"""
+
+from __future__ import annotations
+
+from itertools import islice
+from typing import Any, FrozenSet, Iterable, List, Mapping, Tuple
+
+import numpy as np
+from geometry_msgs.msg import TransformStamped
+from rospy import Time
+
+from atom_calibration.errors import MessageError, TransformError
+from atom_calibration.messages.headers import frame_name
+from atom_calibration.messages.poses import transform_message
+from atom_calibration.sources.bag_reader import BagReader
+from atom_core.model.joints import MOVING_TYPES
+from atom_core.model.robot import FIXED, Joint, RobotDescription
+
+JOINT_STATE = "sensor_msgs/JointState"
+_USUAL = "/joint_states"
+_FIRST = 500  # messages that tell which joints there are
+
+
+class DescribedEdges:
+    """The edges of a description whose poses need no /tf.
+
+    Attributes:
+        topics: with positions of joints.
+        told: names of the joints that they move.
+        frames: the children of the edges; of these nothing in /tf counts.
+        fixed: the edges that never move.
+    """
+
+    def __init__(self, bag: BagReader, robot: RobotDescription):
+        """Look which joints the bag has.
+
+        Raises:
+            MessageError: a position is no number.
+        """
+        self._bag, self._robot = bag, robot
+        there = bag.topics_of([JOINT_STATE])
+        self.topics: Tuple[str, ...] = (_USUAL,) if _USUAL in there else tuple(there)
+        moving = {n: j for n, j in robot.joints.items() if j.type in MOVING_TYPES}
+        first = islice(bag.messages(self.topics), _FIRST) if self.topics else ()
+        self._named = {name for found in first for name in positions(found.message)}
+        told = [n for n, j in moving.items() if _moved_by(j) in self._named or n in self._named]
+        self.told: FrozenSet[str] = frozenset(told)
+        still = robot.transforms()
+        self.fixed: List[TransformStamped] = [
+            transform_message(joint.edge, still[joint.edge], Time())
+            for joint in robot.joints.values()
+            if joint.type == FIXED
+        ]
+        self.frames: FrozenSet[str] = frozenset(
+            joint.child_link
+            for name, joint in robot.joints.items()
+            if joint.type == FIXED or name in self.told
+        )
+
+    def transforms(self, message: Any) -> List[TransformStamped]:
+        """Return the edges that a JointState moves.
+
+        Raises:
+            MessageError: a position is no number.
+        """
+        known = positions(message)
+        poses = self._robot.transforms(known)
+        joints = (self._robot.joints[name] for name in self.told)
+        return [
+            transform_message(joint.edge, poses[joint.edge], message.header.stamp)
+            for joint in joints
+            if joint.name in known or _moved_by(joint) in known
+        ]
+
+    def others(self, transforms: Iterable[Any]) -> List[Any]:
+        """Return those TransformStamped that the description does not tell."""
+        return [t for t in transforms if frame_name(t.child_frame_id) not in self.frames]
+
+    def check(self, world: str, needed: Mapping[str, str], placed: Iterable[str]) -> None:
+        """Refuse a bag that does not tell where a joint stands that something hangs on.
+
+        Args:
+            world: the frame from which everything is seen.
+            needed: frames that must be known, by what they are of.
+            placed: frames that description, /tf and /tf_static place.
+
+        Raises:
+            TransformError: naming the joint, and the joints that the bag has.
+        """
+        known = self.frames | set(placed)
+        for whose, frame in needed.items():
+            joint = self._robot.joint_above(frame)
+            while joint is not None and frame != world:
+                if joint.child_link not in known:
+                    raise TransformError(self._untold(joint, whose))
+                frame = joint.parent_link
+                joint = self._robot.joint_above(frame)
+
+    def _untold(self, joint: Joint, whose: str) -> str:
+        if not self.topics:
+            where = "the bag has no /joint_states, and /tf does not have it"
+        else:
+            there = ", ".join(sorted(self._named)[:12]) or "none"
+            where = f"it is not in {', '.join(self.topics)} (there are: {there}), nor in /tf"
+        return (
+            f"{self._bag.path}: the position of joint '{joint.name}', on which {whose} hangs, is "
+            f"not known: {where}; record it, or correct the joint's name in the description"
+        )
+
+
+def positions(message: Any) -> Mapping[str, float]:
+    """Return the positions [rad or m] of a JointState by joint; those without one are left out.
+
+    Raises:
+        MessageError: a position is no number.
+    """
+    found = dict(zip(message.name, message.position))
+    for name, position in found.items():
+        if not np.isfinite(position):
+            raise MessageError(f"joint '{name}' is at {position}; correct its publisher")
+    return found
+
+
+def _moved_by(joint: Joint) -> str:
+    """Return the joint that moves one."""
+    return joint.name if joint.mimic is None else joint.mimic.joint

@@ -1,0 +1,170 @@
+"""A bag without /tf: its transforms are those of the description, moved by /joint_states."""
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import JointState
+from stand_in_rig import CONFIG, STOPS, Place, messages, use_stand_ins
+
+from atom_calibration.errors import MessageError
+from atom_calibration.nodes.collecting.collect_from_bag import main
+from atom_calibration.sources.described_edges import positions
+from atom_core.io.dataset_json import read_dataset
+from atom_core.model.transforms import Edge
+
+URDF = """<?xml version="1.0"?>
+<robot name="rig">
+  <link name="world"/> <link name="cam"/> <link name="cam_optical"/> <link name="arm"/>
+  <link name="lidar"/> <link name="jaw"/> <link name="finger"/>
+  <joint name="post" type="fixed">
+    <parent link="world"/> <child link="cam"/> <origin xyz="0 0.5 0"/>
+  </joint>
+  <joint name="optics" type="fixed"> <parent link="cam"/> <child link="cam_optical"/> </joint>
+  <joint name="slide" type="prismatic">
+    <parent link="world"/> <child link="arm"/> <axis xyz="1 0 0"/>
+    <limit lower="0" upper="9" effort="1" velocity="1"/>
+  </joint>
+  <joint name="mount" type="fixed"> <parent link="arm"/> <child link="lidar"/> </joint>
+  <joint name="grip" type="prismatic">
+    <parent link="arm"/> <child link="jaw"/> <axis xyz="1 0 0"/>
+    <limit lower="0" upper="9" effort="1" velocity="1"/>
+  </joint>
+  <joint name="follower" type="prismatic">
+    <parent link="arm"/> <child link="finger"/> <axis xyz="1 0 0"/> <mimic joint="slide"/>
+    <limit lower="0" upper="9" effort="1" velocity="1"/>
+  </joint>
+</robot>
+"""
+STILL = URDF.replace('name="slide" type="prismatic"', 'name="slide" type="fixed"')
+
+
+@pytest.fixture(autouse=True)
+def stand_in(monkeypatch):
+    use_stand_ins(monkeypatch)
+
+
+@pytest.fixture
+def place(make, tmp_path):
+    return Place(make, tmp_path)
+
+
+def joints(make, name="slide"):
+    """Yield the messages of the rig, its arm told by /joint_states instead of /tf."""
+    for topic, message, time_s in messages(make):
+        if topic == "/tf":
+            arm_m = message.transforms[0].transform.translation.x
+            told = JointState(
+                header=make.header("", time_s), name=[name, "wheel"], position=[arm_m, 0.0]
+            )
+            yield "/joint_states", told, time_s
+        elif topic != "/tf_static":
+            yield topic, message, time_s
+
+
+def still(make):
+    return [m for m in messages(make) if not m[0].startswith("/tf")]
+
+
+def description(tmp_path, text=URDF, name="rig.urdf"):
+    path = tmp_path / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    return path
+
+
+def refusal(arguments, capsys):
+    capsys.readouterr()
+    assert main(arguments) == 2
+    lines = [x for x in capsys.readouterr().err.split("\n") if x.startswith("collect_from_bag:")]
+    assert len(lines) == 1, lines
+    return lines[0]
+
+
+def lidar_places(place):
+    """Return the LiDAR's place along x and its stamp less 100 s, by collection."""
+    dataset = read_dataset(place.folder / "dataset.json")
+    assert len(dataset.collections) == STOPS
+    for key, collection in dataset.collections.items():
+        stamp = dataset.document["collections"][key]["data"]["lidar"]["header"]["stamp"]
+        yield collection, stamp["secs"] + 1e-9 * stamp["nsecs"] - 100.0
+
+
+def test_joint_states_move_the_description(place, make, tmp_path):
+    arguments = [*place(joints(make)), "--description", str(description(tmp_path))]
+    assert main(arguments) == 0
+    for collection, seconds in lidar_places(place):
+        moved = collection.transforms
+        assert moved[Edge("world", "arm")][0, 3] == pytest.approx(0.1 * seconds, abs=1e-6)
+        assert moved[Edge("arm", "finger")][0, 3] == pytest.approx(0.1 * seconds, abs=0.01)
+        np.testing.assert_allclose(moved[Edge("world", "cam")][:3, 3], [0, 0.5, 0], atol=1e-12)
+        assert Edge("arm", "jaw") not in moved  # nothing tells where it is, nothing needs it
+
+
+def test_of_the_descriptions_frames_nothing_in_tf_counts(place, make, tmp_path):
+    both = sorted([*messages(make), *joints(make)], key=lambda m: m[2])
+    assert main([*place(both), "--description", str(description(tmp_path))]) == 0
+    for collection, seconds in lidar_places(place):
+        np.testing.assert_allclose(
+            collection.transforms[Edge("world", "cam")][:3, 3], [0, 0.5, 0], atol=1e-12
+        )
+        arm = collection.transforms[Edge("world", "arm")]
+        assert arm[0, 3] == pytest.approx(0.1 * seconds, abs=1e-6)
+
+
+def test_a_joint_that_only_tf_tells_is_taken_from_there(place, make, tmp_path):
+    moving = [m for m in messages(make) if m[0] != "/tf_static"]
+    assert main([*place(moving), "--description", str(description(tmp_path))]) == 0
+    for collection, seconds in lidar_places(place):
+        arm = collection.transforms[Edge("world", "arm")]
+        assert arm[0, 3] == pytest.approx(0.1 * seconds, abs=1e-6)
+
+
+def test_a_still_rig_needs_images_and_clouds_alone(place, make, tmp_path, capsys):
+    path = description(tmp_path, STILL)
+    place.config.write_text(f"description_file: {path}\n{CONFIG}")
+    assert main(place(still(make))) == 0
+    assert f"its transforms are those of {path}" in capsys.readouterr().err
+    assert len(list(lidar_places(place))) == STOPS
+
+
+def test_the_first_guess_that_a_package_saved_comes_before_its_description(
+    place, make, tmp_path, capsys
+):
+    place.config = tmp_path / "package" / "calibration" / "config.yml"
+    place.config.parent.mkdir(parents=True)
+    place.config.write_text(f"description_file: {description(tmp_path, STILL)}\n{CONFIG}")
+    guess = STILL.replace("0 0.5 0", "0 0.7 0")
+    path = description(tmp_path / "package" / "urdf", guess, "initial_estimate.urdf.xacro")
+    assert main([*place(still(make)), "--description"]) == 0
+    for collection, _ in lidar_places(place):
+        assert collection.transforms[Edge("world", "cam")][1, 3] == pytest.approx(0.7)
+    assert str(path) not in capsys.readouterr().err  # it was asked for
+
+
+def test_a_bag_with_neither_tf_nor_joints_is_refused(place, make, tmp_path, capsys):
+    arguments = [*place(still(make)), "--description", str(description(tmp_path))]
+    line = refusal(arguments, capsys)
+    assert "joint 'slide', on which sensor 'lidar' hangs" in line
+    assert "the bag has no /joint_states" in line
+
+
+def test_a_bag_without_tf_whose_configuration_names_no_description_is_refused(place, make, capsys):
+    assert "there is no robot description: name one" in refusal(place(still(make)), capsys)
+    line = refusal([*place(still(make)), "--description", "--overwrite"], capsys)
+    assert "--description: neither" in line and "initial_estimate.urdf.xacro" in line
+
+
+def test_joints_of_other_names_are_named(place, make, tmp_path, capsys):
+    arguments = [*place(joints(make, "rail")), "--description", str(description(tmp_path))]
+    line = refusal(arguments, capsys)
+    assert "joint 'slide'" in line and "(there are: rail, wheel)" in line
+
+
+def test_a_description_that_is_not_there_is_refused(place, make, tmp_path, capsys):
+    line = refusal([*place(), "--description", str(tmp_path / "no.urdf")], capsys)
+    assert "no.urdf" in line
+
+
+def test_a_position_that_is_no_number_is_refused():
+    with pytest.raises(MessageError, match="joint 'slide' is at nan"):
+        positions(JointState(name=["slide"], position=[float("nan")]))
+    assert positions(JointState(name=["slide"])) == {}
