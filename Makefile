@@ -18,7 +18,7 @@ PYTHON_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicat
 CPP_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicate \
 	-- '*.h' '*.cpp' | xargs -r ls -d 2>/dev/null)
 
-.PHONY: help setup build demo test test-noetic-versions test-regression test-rviz test-quick test-long lint format bench bench-labels results clean pictures pictures-cell
+.PHONY: help setup build demo test test-noetic-versions test-regression test-rviz test-quick test-long lint format bench bench-labels bench-hand-eye results clean pictures pictures-cell
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1	\2/p' Makefile | expand -t 14
@@ -85,6 +85,9 @@ bench-labels: build ## speed and accuracy of the labelers, on synthetic and on r
 	@$(ENV) python3 tests/benchmarks/bench_labeling.py; \
 	python3 tests/benchmarks/bench_lidar_labeling.py; python3 tests/benchmarks/bench_real_data.py; \
 	python3 tests/benchmarks/bench_lidar_models.py; python3 tests/benchmarks/bench_hard_labels.py
+
+bench-hand-eye: build ## ours against OpenCV's hand-eye methods on the same labels, a minute; page in docs/results
+	@$(ENV) python3 tests/benchmarks/bench_hand_eye.py --keep docs/results
 
 results: build ## the paper's tables and the labels against their truth, docs/results; three quarters of an hour, 13 GB
 	@$(ENV) python3 tests/benchmarks/results.py

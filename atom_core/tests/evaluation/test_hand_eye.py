@@ -11,6 +11,7 @@ from atom_core.evaluation import hand_eye_baselines as baselines
 from atom_core.evaluation.evaluate import evaluate
 from atom_core.evaluation.hand_eye_baselines import METHODS, hand_eye_baselines
 from atom_core.evaluation.hand_eye_comparison import CALIBRATION, compare_hand_eye
+from atom_core.evaluation.metrics import pose_difference
 from atom_core.geometry import se3
 from atom_core.geometry.pose_solvers import has_robot_world
 from atom_core.model.dataset import pose
@@ -117,6 +118,25 @@ def test_the_comparison_scores_the_calibration_and_every_method():
         assert score.error_m == pytest.approx(evaluation.ground_truth.sensors[CAMERA].translation_m)
         assert ours.reprojection_px < score.reprojection_px
     assert len(compared.evaluations) == (7 if has_robot_world() else 5)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_calibration_is_nearer_the_truth_than_every_method_in_the_median(name):
+    """In short; over many rigs, with arms that err: tests/benchmarks/bench_hand_eye.py."""
+    partly = {"camera moves": {"aim_m": 0.5}, "board moves": {"spread_m": 0.6}}[name]
+    errors = {}
+    for seed in range(4):
+        scene = SCENES[name](seed, collections=12, disturbance=(0.1, 0.1), **partly)
+        edge = scene.dataset.sensors[CAMERA].edge
+        answers = {b.method: b.dataset for b in hand_eye_baselines(scene.dataset)[0] if b.dataset}
+        answers[CALIBRATION] = calibrate(scene.dataset).dataset
+        for method, answer in answers.items():
+            found = pose_difference(scene.truth.edges[edge], answer.first_value(edge))
+            errors.setdefault(method, []).append(found)
+    medians = {method: np.median(found, axis=0) for method, found in errors.items()}
+    ours = medians.pop(CALIBRATION)
+    for method, median in medians.items():
+        assert np.all(2.0 * ours < median), method
 
 
 def test_an_old_opencv_is_named(monkeypatch, exact):
