@@ -7,11 +7,12 @@ from typing import Any, Dict, List, Mapping, Sequence
 
 HEAD = """# Hand-eye calibration against OpenCV's methods
 
-Written by `make bench-hand-eye`; do not edit. {seeds} simulated rigs of each kind, OpenCV {opencv}, {date}. A camera of an arm sees a ChArUco that
-stands still, or a camera that stands still sees one on the arm: 15 collections, boards partly
-out of the image, 5 % of the corners lost, corners wrong by 0.3 px along each axis. All get the
-same labels and poses of the arm. OpenCV's methods get the board's pose in each image by planar
-PnP, refined in pixels. Ours starts 0.1 m and 0.1 rad off.
+Written by `make bench-hand-eye`; do not edit. {seeds} simulated rigs of each kind, OpenCV
+{opencv}, {date}. A camera of an arm sees a ChArUco that stands still, or a camera that
+stands still sees one on the arm: 15 collections, boards partly out of the image, 5 % of the
+corners lost, corners wrong by 0.3 px along each axis. All get the same labels and poses of the
+arm. OpenCV's methods get the board's pose in each image by planar PnP, refined in pixels. Ours
+starts 0.1 m and 0.1 rad off.
 
 The error is that of the camera's calibrated edge against the truth. *Best of seven / ours*: how
 many times larger the error of the best of the seven methods is, figure by figure; above 1 ours

@@ -1,13 +1,18 @@
 """A camera on a real arm whose poses are wrong by millimetres (ViSP's tutorial on eye-in-hand)."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
-from real_arm import EYE, FOLDER, HAND, PUBLISHED, real_arm
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.geometry import se3
 from atom_core.report.calibration_results import calibration_results
+
+sys.path.insert(0, str(Path(__file__).parent))
+from real_arm import EYE, FOLDER, HAND, PUBLISHED, real_arm  # noqa: E402
 
 
 @pytest.fixture(scope="module")
