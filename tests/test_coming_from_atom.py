@@ -33,6 +33,9 @@ TABLES = {
     "the labelers": atom_options.LABELER,
     "dataset_playback": atom_options.DATASET_PLAYBACK,
     "transform_corrector": atom_options.TRANSFORM_CORRECTOR,
+    "set_initial_estimate": atom_options.SET_INITIAL_ESTIMATE,
+    "configure_calibration_pkg": atom_options.CONFIGURE_CALIBRATION_PKG,
+    "create_calibration_pkg": atom_options.CREATE_CALIBRATION_PKG,
 }
 
 
@@ -68,3 +71,12 @@ def test_the_page_shows_every_tool():
     shown = {line.split()[0] for line in TOOLS}
     tools = {name for name in cli.COMMANDS if "dataset" in name or "sensor" in name}
     assert tools | set(EVALUATORS) == shown
+
+
+@pytest.mark.parametrize("name", EVALUATORS)
+def test_the_package_of_atoms_evaluations_has_the_same_programs(name):
+    theirs, ours = (
+        (ROOT / package / "scripts" / name).read_text(encoding="utf-8")
+        for package in ("atom_evaluation", "atom_calibration")
+    )
+    assert theirs == ours

@@ -41,11 +41,12 @@ def dependencies(folder):
 # ---- packages
 
 
-def test_the_five_packages_stand_beside_the_root():
+def test_the_packages_stand_beside_the_root():
     assert set(PACKAGES) == {
         "atom",
         "atom_core",
         "atom_calibration",
+        "atom_evaluation",
         "atom_rviz_plugins",
         "atom_examples",
         "collab_cell_description",

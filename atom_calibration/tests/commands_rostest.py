@@ -20,6 +20,7 @@ PACKAGES = (
     "atom",
     "atom_core",
     "atom_calibration",
+    "atom_evaluation",
     "atom_rviz_plugins",
     "atom_examples",
     "collab_cell_description",

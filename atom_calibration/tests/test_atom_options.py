@@ -4,6 +4,7 @@ import shlex
 
 import pytest
 
+from atom_calibration.configure import configure_package, create_package
 from atom_calibration.nodes.calibrating import calibrate
 from atom_calibration.nodes.collecting import collect_data, collect_data_rviz, labeler
 from atom_calibration.nodes.correcting import (
@@ -11,6 +12,7 @@ from atom_calibration.nodes.correcting import (
     dataset_playback_rviz,
     transform_corrector,
 )
+from atom_calibration.nodes.estimating import set_initial_estimate
 from atom_core.commands import atom_options
 
 NODES = {
@@ -30,6 +32,21 @@ NODES = {
         transform_corrector.parser,
         atom_options.TRANSFORM_CORRECTOR,
         "-json a.json -pll a -cll b",
+    ),
+    "set_initial_estimate": (
+        set_initial_estimate.parser,
+        atom_options.SET_INITIAL_ESTIMATE,
+        "-c a.yml",
+    ),
+    "configure_calibration_pkg": (
+        configure_package.parser,
+        atom_options.CONFIGURE_CALIBRATION_PKG,
+        "-n robot",
+    ),
+    "create_calibration_pkg": (
+        create_package.parser,
+        atom_options.CREATE_CALIBRATION_PKG,
+        "-n robot",
     ),
 }
 

@@ -18,6 +18,7 @@ from atom_calibration.configure import configure_package, create_package
 from atom_calibration.configure.check import BagFacts
 from atom_calibration.configure.package import find_package, launch_text
 from atom_calibration.configure.render import collecting_view, rendered_files
+from atom_core.commands.atom_options import LAUNCH_ARGUMENTS
 from atom_core.errors import OutputError
 from atom_core.io.config_yaml import read_config
 from atom_core.io.urdf import read_description
@@ -422,3 +423,10 @@ def test_paths_of_the_configuration_stay_portable_in_launch_files(package):
     assert launch_text("~/a.bag", found) == "$(env HOME)/a.bag"
     expected = "$(find small_rig_calibration)/calibration/a.bag"
     assert launch_text("a.bag", found) == expected
+
+
+@pytest.mark.parametrize("step", LAUNCH_ARGUMENTS)
+def test_launch_files_declare_atoms_arguments(made_once, step):
+    root = ElementTree.parse(str(made_once / "launch" / f"{step}.launch")).getroot()
+    declared = {arg.get("name") for arg in root.findall("arg") if arg.get("value") is None}
+    assert set(LAUNCH_ARGUMENTS[step]) <= declared

@@ -29,6 +29,10 @@ from atom_calibration.configure.render import needed_packages, rendered_files
 from atom_calibration.configure.summary import FORMATS, dot_text, draw
 from atom_calibration.configure.tree import TransformGraph, graph_document, networkx_graph
 from atom_calibration.sources.bag_reader import BagReader
+from atom_core.commands.atom_options import (
+    CONFIGURE_CALIBRATION_PKG,
+    add_meaningless_options,
+)
 from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import AtomError, ConfigError
@@ -274,6 +278,7 @@ def parser() -> argparse.ArgumentParser:
         action="store_true",
         help="replace the first guess that set_initial_estimate saved, too",
     )
+    add_meaningless_options(made, CONFIGURE_CALIBRATION_PKG)
     return made
 
 

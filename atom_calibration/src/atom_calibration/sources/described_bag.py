@@ -40,7 +40,7 @@ def transforms_of_bag(
         return BagTransforms(bag), None, []  # which refuses, and says what to do
     if file is None:
         raise TransformError(
-            f"--description: neither {_first_guess(config_file)} nor a description_file in "
+            f"--description: neither {first_guess_file(config_file)} nor a description_file in "
             f"{config_file} is there; give the file: --description FILE"
         )
     described = DescribedEdges(bag, read_description(file).robot)
@@ -73,9 +73,10 @@ def check_described(
 
 
 def _saved(config: CalibrationConfig, config_file: Path) -> Optional[str]:
-    first_guess = _first_guess(config_file)
-    return str(first_guess) if first_guess.exists() else config.description_file
+    file = first_guess_file(config_file)
+    return str(file) if file.exists() else config.description_file
 
 
-def _first_guess(config_file: Path) -> Path:
+def first_guess_file(config_file: Path) -> Path:
+    """Return where the package of a configuration has its first guess."""
     return config_file.absolute().parent.parent / FIRST_GUESS

@@ -147,6 +147,34 @@ TRANSFORM_CORRECTOR = (
     _same("s", "marker_scale", "0.5"),
     AtomOption("rnb", "remove_nan_border", remark=_BORDER),
 )
+SET_INITIAL_ESTIMATE = (
+    _same("f", "filename", "guess.urdf.xacro"),
+    _same("s", "marker_scale", "0.5"),
+    _same("c", "calibration_file", "config.yml", ours="config_file"),
+)
+CONFIGURE_CALIBRATION_PKG = (
+    _same("n", "name", "my_robot_calibration", remark="or its folder"),
+    _same("cfg", "config_file", "config.yml", remark="or its path"),
+    AtomOption(
+        *("cgt", "compare_ground_truth"),
+        remark="a truth is compared with when it is calibrated: calibrate --truth, or -ctgt",
+    ),
+)
+CREATE_CALIBRATION_PKG = (_same("n", "name", "my_robot_calibration", remark="or its folder"),)
+# Arguments of the launch files that ATOM makes for a calibration package.
+LAUNCH_ARGUMENTS = {
+    "playbag": (
+        *("bag_file", "bag_start", "bag_rate", "optimized", "rviz_file", "description_file"),
+    ),
+    "set_initial_estimate": ("config_file", "output_file", "marker_size", "rviz_file"),
+    "collect_data": (
+        *("output_folder", "overwrite", "ow", "marker_size", "bag_file", "bag_start", "bag_rate"),
+        *("ssl", "config_file", "description_file", "rviz_file"),
+    ),
+    "dataset_playback": ("rviz_file", "ow"),
+    "calibrate": ("rviz_file",),
+    "full_evaluation": ("train_json", "test_json", "csf"),
+}
 LIVE = ("ros_visualization", "draw_per_collection_colors")  # options of a node
 _NO_ROS = "this program runs without ROS; use rosrun atom_calibration calibrate"
 

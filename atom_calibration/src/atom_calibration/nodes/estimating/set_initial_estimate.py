@@ -26,6 +26,7 @@ from atom_calibration.runtime.actions import Actions
 from atom_calibration.show import markers
 from atom_calibration.show.menu_sphere import MenuSphere
 from atom_calibration.show.pose_marker import MarkerServer, MenuEntries, Moved, PoseMarker
+from atom_calibration.sources.described_bag import first_guess_file
 from atom_calibration.srv import (
     GetSensorInteractiveMarker,
     GetSensorInteractiveMarkerResponse,
@@ -35,6 +36,7 @@ from atom_calibration.srv import (
 from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser
 from atom_core.editing.first_guess import FirstGuess, values_from_dataset
+from atom_core.errors import ConfigError
 from atom_core.io.config_yaml import read_config
 from atom_core.io.urdf import read_description
 from atom_core.model.config import CalibrationConfig
@@ -53,7 +55,8 @@ def main() -> int:
 
 def _run(args: argparse.Namespace) -> int:
     config = read_config(args.config_file)
-    guess = FirstGuess(config, read_description(args.description_file))
+    description = args.description_file or _description(args.config_file)
+    guess = FirstGuess(config, read_description(description))
     remarks = [f"{remark}, so it has no marker" for remark in guess.remarks]
     if args.from_dataset:
         missing = guess.start_from(values_from_dataset(Path(args.from_dataset)))
@@ -64,8 +67,23 @@ def _run(args: argparse.Namespace) -> int:
     running.start(NODE)
     for remark in remarks:
         rospy.logwarn(remark)
-    SetInitialEstimate(config, guess, args.filename or args.description_file, args.marker_scale)
+    SetInitialEstimate(config, guess, args.filename or description, args.marker_scale)
     return running.wait()
+
+
+def _description(config_file: Path) -> Path:
+    """Return the first guess of the package of a configuration.
+
+    Raises:
+        ConfigError: there is none.
+    """
+    file = first_guess_file(config_file)
+    if not file.exists():
+        raise ConfigError(
+            f"{file} is not there, with which the package of {config_file} would begin; run "
+            f"`rosrun PKG configure`, or name the description: -d FILE"
+        )
+    return file
 
 
 class SetInitialEstimate:
@@ -238,10 +256,9 @@ def parser() -> argparse.ArgumentParser:
         made,
         "description_file",
         "-d",
-        required=True,
         type=Path,
         metavar="FILE",
-        help="URDF or xacro to start from",
+        help="URDF or xacro to start from (default: the first guess of the config's package)",
     )
     add_option(
         made,
