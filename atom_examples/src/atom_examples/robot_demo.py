@@ -96,7 +96,7 @@ def conclusion(folder: Path) -> List[str]:
         for key in ("translation_error_m", "rotation_error_deg")
     )
     calibration = json.loads((folder / "calibration" / calibrate.RESULT_FILE).read_text("utf-8"))
-    joints = calibration["truth_comparison"]["joints"]
+    joints = calibration["truth_comparison"].get("joints", [])
     lines = [
         f"sensors against the truth: at most {1000 * metres:.3f} mm and {degrees:.4f} deg off; at "
         f"the start 100 mm and 5.7 deg, where an edge is not held"

@@ -78,7 +78,8 @@ def _run(args: argparse.Namespace) -> int:
         initial_estimate=args.initial_estimate,
         compressed=args.compressed,
         noise=not args.no_noise,
-        moving_cloud_hz=2.0,
+        cloud_hz=2.0,
+        moving_cloud_hz=1.0,
     )
     try:
         record(world, recording, args.bag, stops)

@@ -77,10 +77,12 @@ class Seen:
     Attributes:
         detections: pairs of a sensor and a board, at least.
         part: of a board's corners, or of its points before a range sensor, for a detection.
+        by: the boards that count, by sensor; None: all of them with every sensor.
     """
 
     detections: int = 1
     part: float = 0.7
+    by: Optional[Mapping[str, Tuple[str, ...]]] = None
 
 
 @dataclass(frozen=True)
@@ -152,12 +154,15 @@ def _joints(entry: Entry) -> Joints:
 
 
 def _seen(entry: Entry) -> Seen:
-    entry.only(("detections", "part"))
+    entry.only(("detections", "part", "by"))
     given: Dict[str, Any] = {}
     if "detections" in entry.values:
         given["detections"] = entry.get("detections", count)
     if "part" in entry.values:
         given["part"] = entry.get("part", share)
+    if "by" in entry.values:
+        by = entry.part("by")
+        given["by"] = {str(sensor): by.get(sensor, _words) for sensor in by.values}
     return Seen(**given)
 
 

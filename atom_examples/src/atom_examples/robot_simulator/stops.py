@@ -57,7 +57,10 @@ def draw_stops(world: RobotWorld, name: str, number: Optional[int] = None) -> Li
 
 
 def _pairs(world: RobotWorld) -> List[Pair]:
-    return [(sensor, board) for sensor in world.settings.sensors for board in world.scenario.boards]
+    """Return the pairs that count."""
+    boards = tuple(world.scenario.boards)
+    by = world.scenario.seen.by or dict.fromkeys(world.settings.sensors, boards)
+    return [(sensor, board) for sensor, of_sensor in by.items() for board in of_sensor]
 
 
 def _draw_until(

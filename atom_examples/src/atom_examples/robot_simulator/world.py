@@ -219,6 +219,13 @@ class RobotWorld:
                 )
 
     def _check_boards(self) -> None:
+        for sensor, boards in (self.scenario.seen.by or {}).items():
+            for name in (sensor, *boards):
+                if name not in self.settings.sensors and name not in self.scenario.boards:
+                    raise SimulatorError(
+                        f"{self.robot.scenario}: seen: by: '{name}' is no sensor and no board; "
+                        f"mend its name"
+                    )
         for name, board in self.scenario.boards.items():
             config = self.config.calibration_patterns[name]
             if config.parent_link not in self.description.links:
