@@ -153,6 +153,12 @@ class RvizTest(unittest.TestCase):
         self.screen.click(*place)
         self.wait_for_calls(("automatic", True), ("automatic", False))
 
+    def test_12_s_in_the_view_saves_a_collection(self):
+        x, y = middle(self.left)
+        self.screen.move(x, y - 100)
+        self.screen.key("s")
+        self.wait_for_calls(("save",))
+
     def test_13_delete_asks_once_more_and_deletes_the_selected_collection(self):
         self.assertIsNone(self.screen.find(DELETE), "nothing is selected yet")
         self.select_last_row(COLLECTIONS)

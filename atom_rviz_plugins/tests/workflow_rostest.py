@@ -213,8 +213,21 @@ class WorkflowTest(unittest.TestCase):
         wait_until(lambda: state.message.undo_steps == 1, lambda: state.message.message)
         self.press(SAVE_LABELS, lambda: not state.message.unsaved, state)
         self.check_corrected(dataset, wanted)
-        self.end_launch()
+        self.press_atoms_keys(corner, state)
         self.finished()
+
+    def press_atoms_keys(self, corner, state):
+        """The arrows turn, d says what polygons do, q ends; the mouse is in the view."""
+        self.screen.move(*corner[:2])
+        self.screen.key("Right")
+        wait_until(lambda: state.message.collection == KEYS[1], lambda: state.message.message)
+        self.screen.key("Left")
+        wait_until(lambda: state.message.collection == KEYS[0], lambda: state.message.message)
+        before = state.message.polygon_removes_border
+        self.screen.key("d")
+        wait_until(lambda: state.message.polygon_removes_border != before, "the key d")
+        self.screen.key("q")
+        self.assertEqual(self.launch.wait(PATIENCE_S), 0)
 
     def label_on_screen(self, dataset, key):
         """Return the indices (n,) of the LiDAR's label, and where its points are in the world."""

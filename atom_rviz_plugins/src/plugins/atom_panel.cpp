@@ -1,7 +1,13 @@
 #include "plugins/atom_panel.h"
 
+#include <rviz/render_panel.h>
+
+#include <QApplication>
+#include <QKeyEvent>
 #include <QVBoxLayout>
 #include <pluginlib/class_list_macros.hpp>
+
+#include "plugins/image_canvas.h"
 
 namespace atom_rviz {
 
@@ -13,6 +19,24 @@ AtomPanel::AtomPanel(QWidget* parent) : rviz::Panel(parent) {
   auto* layout = new QVBoxLayout(this);
   layout->setContentsMargins(2, 2, 2, 2);
   layout->addWidget(pages_);
+  qApp->installEventFilter(this);
+}
+
+bool AtomPanel::takes_keys(QObject* watched) const {
+  const auto* widget = qobject_cast<QWidget*>(watched);
+  if (!widget || !isVisible()) return false;
+  return widget == this || isAncestorOf(widget) || qobject_cast<const rviz::RenderPanel*>(widget) ||
+         qobject_cast<const ImageCanvas*>(widget);
+}
+
+bool AtomPanel::eventFilter(QObject* watched, QEvent* event) {
+  if (event->type() == QEvent::KeyPress && takes_keys(watched)) {
+    const auto* key = static_cast<QKeyEvent*>(event);
+    const bool alone = (key->modifiers() & ~Qt::KeypadModifier) == Qt::NoModifier;
+    const auto page = static_cast<std::size_t>(pages_->currentIndex());
+    if (alone && all_pages()[page]->press(key->key())) return true;
+  }
+  return rviz::Panel::eventFilter(watched, event);
 }
 
 void AtomPanel::onInitialize() {

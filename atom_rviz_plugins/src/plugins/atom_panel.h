@@ -25,7 +25,11 @@ class AtomPanel : public rviz::Panel {
   void load(const rviz::Config& config) override;
   void save(rviz::Config config) const override;
 
+  /// Take ATOM's keys where the view, a picture or the panel has the focus.
+  bool eventFilter(QObject* watched, QEvent* event) override;
+
  private:
+  bool takes_keys(QObject* watched) const;
   std::array<Page*, 3> all_pages() const { return {collect_, calibrate_, playback_}; }
 
   QTabWidget* pages_ = new QTabWidget;

@@ -118,6 +118,12 @@ void CollectPage::call_and_say(const std::string& name, const Service& service,
   });
 }
 
+bool CollectPage::press(int key) {
+  if (!node_runs() || key != Qt::Key_S) return false;
+  save_->click();
+  return true;
+}
+
 void CollectPage::save() {
   call_and_say(full_name(kSaveService), atom_calibration::SaveCollection(), "Saved.");
 }

@@ -19,6 +19,9 @@ class CollectPage : public Page {
  public:
   explicit CollectPage(QWidget* parent = nullptr);
 
+  /// s: save a collection.
+  bool press(int key) override;
+
  protected:
   void listen() override;
   void show_all() override;

@@ -31,6 +31,11 @@ class Page : public QWidget {
   /// What the master says: whether the node runs, and what is wrong.
   void show_master(const MasterStatus& status);
 
+  /// A key of ATOM's, pressed alone in the view, a picture or the panel while the page is shown.
+  ///
+  /// Returns whether it has a meaning here; RViz does not see it then.
+  virtual bool press(int /*key*/) { return false; }
+
   /// Services the master is asked for; the node runs where the first of them is offered.
   const std::vector<std::string>& watched_services() const { return watched_services_; }
 

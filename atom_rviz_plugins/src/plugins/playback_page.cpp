@@ -106,6 +106,29 @@ void PlaybackPage::show_buttons() {
   if (!is_waiting()) polygons_->setChecked(state_ && state_->polygon_removes_border);
 }
 
+bool PlaybackPage::press(int key) {
+  if (!node_runs()) return false;
+  switch (key) {
+    case Qt::Key_Right:
+      next_->click();
+      return true;
+    case Qt::Key_Left:
+      previous_->click();
+      return true;
+    case Qt::Key_S:
+      save_->click();
+      return true;
+    case Qt::Key_D:
+      polygons_->click();
+      return true;
+    case Qt::Key_Q:
+      if (!is_waiting()) call("quit", std_srvs::Trigger());
+      return true;
+    default:
+      return false;
+  }
+}
+
 void PlaybackPage::delete_label() {
   const atom_calibration::LabelState* label =
       state_ ? label_of_row(*state_, labels_->selected_key()) : nullptr;

@@ -19,6 +19,9 @@ class PlaybackPage : public Page {
  public:
   explicit PlaybackPage(QWidget* parent = nullptr);
 
+  /// Right and left: next and previous collection; s: save; q: save and end; d: what polygons do.
+  bool press(int key) override;
+
  protected:
   void listen() override;
   void show_all() override;

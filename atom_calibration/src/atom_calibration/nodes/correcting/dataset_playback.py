@@ -56,6 +56,7 @@ _POINT_TOPICS = {
     "clear": "/rviz/selected_clear_all_points",
 }
 _MENU_PLACE_M = (0.0, 0.0, 1.0)  # above the world's origin; orange: something is not saved
+_LAST_WORDS_S = 0.5  # until the answer to `quit` has been heard
 _BUFFER_BYTES = 2**25
 
 
@@ -135,6 +136,12 @@ class DatasetPlayback:
         """Write the corrected dataset."""
         return self._corrections.save(self._output)
 
+    def quit(self) -> str:
+        """Save what is not saved, and end."""
+        words = self.save() if self._corrections.unsaved else "nothing was left to save"
+        rospy.Timer(rospy.Duration(_LAST_WORDS_S), lambda _: _end(), oneshot=True)
+        return words
+
     def finish(self) -> None:
         """Save what is not saved."""
         with self._lock:
@@ -172,7 +179,7 @@ class DatasetPlayback:
     # --- services, topics, menu ---------------------------------------------------------------
 
     def _serve(self) -> None:
-        for name in ("next", "previous", "undo", "redo", "reset", "save"):
+        for name in ("next", "previous", "undo", "redo", "reset", "save", "quit"):
             action = getattr(self, name)
             rospy.Service(f"~{name}", Trigger, lambda _, a=action: TriggerResponse(*self._do(a)))
         corrections = self._corrections
@@ -331,6 +338,10 @@ class DatasetPlayback:
         )
         self._matrix.publish(view.collection_states(corrections.dataset))
         self._menu.show(corrections.place, ORANGE if corrections.unsaved else BLUE)
+
+
+def _end() -> None:
+    rospy.signal_shutdown("quit")
 
 
 def parser() -> argparse.ArgumentParser:
