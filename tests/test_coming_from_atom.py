@@ -8,6 +8,7 @@ import pytest
 
 from atom_core import cli
 from atom_core.commands import atom_options
+from atom_core.commands.hand_eye_baseline import TOOLS as BASELINES
 from atom_core.commands.pair_evaluation import EVALUATORS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -54,7 +55,11 @@ def lines_of(heading):
     return re.findall(r"^\| `([^`]+)` \|", behind.partition("\n## ")[0], re.M)
 
 
-TOOLS = [*lines_of("Tools for datasets"), *lines_of("Evaluations of a pair")]
+TOOLS = [
+    *lines_of("Tools for datasets"),
+    *lines_of("Evaluations of a pair"),
+    *lines_of("A camera by itself, and hand-eye baselines"),
+]
 
 
 @pytest.mark.parametrize("line", TOOLS)
@@ -70,10 +75,10 @@ def test_the_lines_of_the_tools_parse_and_rosrun_has_them(line):
 def test_the_page_shows_every_tool():
     shown = {line.split()[0] for line in TOOLS}
     tools = {name for name in cli.COMMANDS if "dataset" in name or "sensor" in name}
-    assert tools | set(EVALUATORS) == shown
+    assert tools | set(EVALUATORS) | set(BASELINES) | {"single_rgb_evaluation"} == shown
 
 
-@pytest.mark.parametrize("name", EVALUATORS)
+@pytest.mark.parametrize("name", [*EVALUATORS, *BASELINES, "single_rgb_evaluation"])
 def test_the_package_of_atoms_evaluations_has_the_same_programs(name):
     theirs, ours = (
         (ROOT / package / "scripts" / name).read_text(encoding="utf-8")

@@ -45,6 +45,19 @@ COMMANDS = (
     "depth_to_rgb_evaluation",
     "depth_to_depth_evaluation",
     "lidar_to_lidar_evaluation",
+    "inter_collection_rgb_to_rgb_evaluation",
+    "inter_collection_lidar_to_rgb_evaluation",
+    "inter_collection_lidar_to_depth_evaluation",
+    "inter_collection_depth_to_rgb_evaluation",
+    "inter_collection_depth_to_depth_evaluation",
+    "inter_collection_lidar_to_lidar_evaluation",
+    "single_rgb_evaluation",
+    "cv_eye_in_hand",
+    "cv_eye_to_hand",
+    "cv_eye_to_hand_robot_world",
+    "li_eye_in_hand",
+    "li_eye_to_hand",
+    "shah_eye_in_hand",
 )  # modules of atom_core.commands
 
 

@@ -46,7 +46,7 @@ def read_input(args: argparse.Namespace) -> CalibrationInput:
     Raises:
         AtomError: the files are unusable, or what was asked for cannot be done.
     """
-    biases = _joint_biases(args)
+    biases = joint_biases(args)
     if args.truth and args.comparison_to_ground_truth:
         raise CalibrationError("--truth and -ctgt are two truths; leave one of them out")
     original = _only_anchored(common.selected_dataset(args), args)
@@ -85,7 +85,12 @@ def _only_anchored(dataset: Dataset, args: argparse.Namespace) -> Dataset:
     return dataset.selected(sensors=[anchored])
 
 
-def _joint_biases(args: argparse.Namespace) -> List[JointBias]:
+def joint_biases(args: argparse.Namespace) -> List[JointBias]:
+    """Return by what `-jbn -jbp -jbv` disturb the robot.
+
+    Raises:
+        CalibrationError: they are not of one length.
+    """
     names, parameters, values = (
         common.strings(args.joint_bias_names),
         common.strings(args.joint_bias_params),

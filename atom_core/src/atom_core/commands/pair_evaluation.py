@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from atom_core.calibration.prepare.input_changes import without_partial_detections
 from atom_core.commands import common
 from atom_core.commands.atom_options import AtomOption, add_meaningless_options
 from atom_core.errors import DatasetError, OutputError
+from atom_core.evaluation.between_collections import between_collections
 from atom_core.evaluation.evaluate import evaluate
+from atom_core.evaluation.mixed import mixed_dataset
+from atom_core.evaluation.observed import Observed
+from atom_core.evaluation.pairs import Pair, pair_kinds
 from atom_core.evaluation.results import PairResult
 from atom_core.io.annotations import read_annotations
 from atom_core.io.atomic import write_text_atomically
@@ -42,27 +46,34 @@ class Evaluator(NamedTuple):
         name: of the command.
         kind: of the pair, as in ``evaluation.json``.
         source, target: short and long names of the options that name the sensors.
+        between: the source of one collection is compared with the target of another one.
     """
 
     name: str
     kind: str
     source: Tuple[str, str]
     target: Tuple[str, str]
+    between: bool = False
+
+    @property
+    def column(self) -> str:
+        """Header of ATOM's first column."""
+        in_pairs = self.between and self.kind in ("lidar3d-rgb", "lidar3d-lidar3d")
+        return "Collection Pair" if in_pairs else "Collection #"
 
 
 _SENSORS = ("ss", "sensor_source"), ("st", "sensor_target")
 _RANGE, _DEPTH, _CAMERA = ("rs", "range_sensor"), ("ds", "depth_sensor"), ("cs", "camera_sensor")
-EVALUATORS = {
-    evaluator.name: evaluator
-    for evaluator in (
-        Evaluator("rgb_to_rgb_evaluation", "rgb-rgb", *_SENSORS),
-        Evaluator("lidar_to_rgb_evaluation", "lidar3d-rgb", _RANGE, _CAMERA),
-        Evaluator("lidar_to_depth_evaluation", "lidar3d-depth", _RANGE, _DEPTH),
-        Evaluator("depth_to_rgb_evaluation", "depth-rgb", _DEPTH, _CAMERA),
-        Evaluator("depth_to_depth_evaluation", "depth-depth", *_SENSORS),
-        Evaluator("lidar_to_lidar_evaluation", "lidar3d-lidar3d", *_SENSORS),
-    )
-}
+_IN_ONE = (
+    Evaluator("rgb_to_rgb_evaluation", "rgb-rgb", *_SENSORS),
+    Evaluator("lidar_to_rgb_evaluation", "lidar3d-rgb", _RANGE, _CAMERA),
+    Evaluator("lidar_to_depth_evaluation", "lidar3d-depth", _RANGE, _DEPTH),
+    Evaluator("depth_to_rgb_evaluation", "depth-rgb", _DEPTH, _CAMERA),
+    Evaluator("depth_to_depth_evaluation", "depth-depth", *_SENSORS),
+    Evaluator("lidar_to_lidar_evaluation", "lidar3d-lidar3d", *_SENSORS),
+)
+_BETWEEN = [e._replace(name=f"inter_collection_{e.name}", between=True) for e in _IN_ONE]
+EVALUATORS = {evaluator.name: evaluator for evaluator in (*_IN_ONE, *_BETWEEN)}
 
 
 def example(name: str) -> str:
@@ -89,50 +100,73 @@ def adder(name: str) -> Callable[[argparse.ArgumentParser], None]:
         texts = {"-csf": "collection_selection_function", "-pn": "pattern_name"}
         for short, option in texts.items():
             add(parser, option, short, nargs="+", metavar="SELECTION", help="only these")
-        flags = {
-            "-uic": ("use_incomplete_collections", "also where not all sensors see all patterns"),
-            "-rpd": ("remove_partial_detections", "without labels of cameras that lack corners"),
-            "-sfr": ("save_file_results", "write the table as CSV"),
-        }
-        for short, (option, what) in flags.items():
-            add(parser, option, short, action="store_true", help=what)
-        add(parser, "save_file_results_name", "-sfrn", type=Path, metavar="FILE", help="its name")
-        add(parser, "overwrite", "-ow", action="store_true", help="replace that file")
+        if tool.between:
+            what = "in which the board stays (default: the pattern's parent_link)"
+            add(parser, "fixed_frame", "-wf", metavar="FRAME", help=what)
+        add_common_options(parser)
         add_meaningless_options(parser, _NOT_HERE)
 
     return add_arguments
+
+
+def add_common_options(parser: argparse.ArgumentParser) -> None:
+    """Add what ATOM's evaluations have in common."""
+    add = common.add_option
+    flags = {
+        "-uic": ("use_incomplete_collections", "also where not all sensors see all patterns"),
+        "-rpd": ("remove_partial_detections", "without labels of cameras that lack corners"),
+        "-sfr": ("save_file_results", "write the table as CSV"),
+    }
+    for short, (option, what) in flags.items():
+        add(parser, option, short, action="store_true", help=what)
+    add(parser, "save_file_results_name", "-sfrn", type=Path, metavar="FILE", help="its name")
+    add(parser, "overwrite", "-ow", action="store_true", help="replace that file")
 
 
 def runner(name: str) -> Callable[[argparse.Namespace], int]:
     """Return what runs an evaluator."""
 
     def run(args: argparse.Namespace) -> int:
-        target = _file(args)
-        if target is not None and target.exists() and not args.overwrite:
-            raise OutputError(f"{target}: exists already; add --overwrite, or another -sfrn FILE")
-        headers, rows = _table(_measured(EVALUATORS[name], args))
-        print(text_table(headers, rows, f"{args.source} to {args.target}", _DECIMALS))
-        if target is not None:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            write_text_atomically(target, csv_text(headers, rows, _DECIMALS, absent=""))
-            print(f"\nresults: {target}")
+        tool = EVALUATORS[name]
+        beginning = "inter_collection_" if tool.between else ""
+        target = results_file(args, f"{beginning}{args.source}_to_{args.target}_results.csv")
+        measured = _measured_between if tool.between else _measured
+        headers, rows = _table(measured(tool, args), tool.column)
+        show_table(headers, rows, f"{args.source} to {args.target}", target)
         return 0
 
     return run
 
 
-def _file(args: argparse.Namespace) -> Optional[Path]:
-    if args.save_file_results_name:
-        return Path(args.save_file_results_name)
-    if not args.save_file_results:
+def results_file(args: argparse.Namespace, name: str) -> Optional[Path]:
+    """Return where a table goes as CSV, if it was asked for: to `results/` beside the test set.
+
+    Raises:
+        OutputError: the file exists, and nothing says that it may be replaced.
+    """
+    if not args.save_file_results and not args.save_file_results_name:
         return None
     stem = args.train_json.name.partition(".")[0]
-    name = f"{stem}_{args.source}_to_{args.target}_results.csv"
-    return Path(args.test_json.parent / "results" / name)
+    usual = args.test_json.parent / "results" / f"{stem}_{name}"
+    target = Path(args.save_file_results_name or usual)
+    if target.exists() and not args.overwrite:
+        raise OutputError(f"{target}: exists already; add --overwrite, or another -sfrn FILE")
+    return target
+
+
+def show_table(
+    headers: List[str], rows: List[List[Any]], title: str, target: Optional[Path]
+) -> None:
+    """Print a table, and write it where it was asked for."""
+    print(text_table(headers, rows, title, _DECIMALS))
+    if target is not None:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_text_atomically(target, csv_text(headers, rows, _DECIMALS, absent=""))
+        print(f"\nresults: {target}")
 
 
 def _measured(tool: Evaluator, args: argparse.Namespace) -> PairResult:
-    train, test = read_dataset(args.train_json), _test_set(args)
+    train, test = read_dataset(args.train_json), test_set(args, [args.source, args.target])
     evaluation = evaluate(
         train,
         test,
@@ -150,14 +184,36 @@ def _measured(tool: Evaluator, args: argparse.Namespace) -> PairResult:
     return found[0]
 
 
-def _test_set(args: argparse.Namespace) -> Dataset:
-    """Read the test set and reduce it as ATOM does: complete collections, unless -uic is given."""
+def _measured_between(tool: Evaluator, args: argparse.Namespace) -> PairResult:
+    """Return the figures of a pair between collections; source and target may be one sensor."""
+    train, test = read_dataset(args.train_json), test_set(args, [args.source, args.target])
+    (kind,) = (kind for kind in pair_kinds() if kind.name == tool.kind)
+    named = f"'{args.source}' to '{args.target}'"
+    if [test.sensors[s].modality for s in (args.source, args.target)] != [kind.source, kind.target]:
+        raise DatasetError(
+            f"{args.test_json}: {named} cannot be measured: they are no pair of {tool.kind}"
+        )
+    mixed = mixed_dataset(train, test, [args.source, args.target])
+    annotations = read_annotations(args.test_json.parent, test.sensors, test.patterns)
+    pair, observed = Pair(kind, args.source, args.target), Observed(mixed, annotations)
+    result = between_collections(pair, observed, mixed, frame=args.fixed_frame)
+    if result.measured is None:
+        raise DatasetError(f"{args.test_json}: {named} cannot be measured: {result.skipped}")
+    return result
+
+
+def test_set(args: argparse.Namespace, sensors: Sequence[str] = ()) -> Dataset:
+    """Read the test set and reduce it as ATOM does: complete collections, unless -uic is given.
+
+    Raises:
+        DatasetError: it lacks one of some sensors, or no collection is complete.
+    """
 
     def choose(keys: Any) -> List[str]:
         return select_names(keys, args.collection_selection_function, "collection")
 
     test = read_dataset(args.test_json, choose)
-    for name in (args.source, args.target):
+    for name in sensors:
         if name not in test.sensors:
             raise DatasetError(
                 f"{args.test_json}: there is no sensor '{name}'; there are: "
@@ -175,7 +231,7 @@ def _test_set(args: argparse.Namespace) -> Dataset:
     return test.selected(patterns=select_names(test.patterns, args.pattern_name, "pattern"))
 
 
-def _table(result: PairResult) -> Tuple[List[str], List[List[Any]]]:
+def _table(result: PairResult, column: str) -> Tuple[List[str], List[List[Any]]]:
     """Return ATOM's columns: a line for each collection and the means."""
     measured, kind = result.measured, result.pair.kind
     assert measured is not None
@@ -192,4 +248,4 @@ def _table(result: PairResult) -> Tuple[List[str], List[List[Any]]]:
         return [None if value is None else scale * value for value, scale in values]
 
     rows = [[key, *cells(figures)] for key, figures in measured.per_collection.items()]
-    return ["Collection #", *columns], [*rows, [AVERAGES, *cells(measured)]]
+    return [column, *columns], [*rows, [AVERAGES, *cells(measured)]]
