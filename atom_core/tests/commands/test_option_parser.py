@@ -2,6 +2,7 @@
 
 import pytest
 
+from atom_core.cli import main
 from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser
 
@@ -78,3 +79,13 @@ def test_options_of_another_program_pass_where_that_is_wanted():
     args, rest = made.parse_known_args(["-json", "a", "-d", "x.rviz", "--splash-screen", "--data"])
     assert args.dataset == "a"
     assert rest == ["-d", "x.rviz", "--splash-screen", "--data"]
+
+
+@pytest.mark.parametrize(
+    "words", [["-json", "", "--output", "out"], ["-json", "a.json", "--output", " "]]
+)
+def test_an_argument_that_a_launch_file_was_not_given_is_refused(words, capsys):
+    with pytest.raises(SystemExit) as refused:
+        main(["calibrate", *words])
+    assert refused.value.code == 2
+    assert "is empty; name it behind the option, or to roslaunch as" in capsys.readouterr().err

@@ -46,6 +46,19 @@ def add_dataset_options(parser: argparse.ArgumentParser) -> None:
     add_selection_options(parser)
 
 
+def named_path(text: str) -> Path:
+    """Return a path of the command line; an argument that a launch file was not given is refused.
+
+    Raises:
+        argparse.ArgumentTypeError: the text is empty.
+    """
+    if not text.strip():
+        raise argparse.ArgumentTypeError(
+            "is empty; name it behind the option, or to roslaunch as dataset:=FILE, output:=DIR"
+        )
+    return Path(text)
+
+
 def add_dataset_option(parser: argparse.ArgumentParser) -> None:
     """Add the dataset."""
     add_option(
@@ -54,7 +67,7 @@ def add_dataset_option(parser: argparse.ArgumentParser) -> None:
         "-json",
         "--json_file",
         required=True,
-        type=Path,
+        type=named_path,
         metavar="FILE",
         help="the dataset's JSON (ATOM v3)",
     )
@@ -90,7 +103,7 @@ def add_output_options(parser: argparse.ArgumentParser, elsewhere: str = "") -> 
         "output",
         "-o",
         required=not elsewhere,
-        type=Path,
+        type=named_path,
         metavar="DIR",
         help=f"folder for the results; must be empty or absent, or add --overwrite{default}",
     )
