@@ -26,6 +26,9 @@ constexpr double kFlatness = 2.0;           // of the scatter among neighbours, 
 constexpr double kUneven = 0.005;           // [m] about the plane are flat
 constexpr double kLargest = 2.0;            // of the board's diagonal: a larger piece is none
 constexpr double kLargestArea = 2.0;        // of the board's, where strips make a piece long
+constexpr double kAreaPixel = 0.06;         // of the diagonal, by which that is measured
+constexpr double kCoarsePixel = 0.15;       // the same, so that sparse points fill them
+constexpr double kMuchLarger = 3.5;         // of it, on coarse pixels: no board, however long
 constexpr double kSmallest = 0.6;           // of it: so is a smaller one
 constexpr double kNarrowest = 0.5;          // of its shorter side: strips where surfaces meet
 constexpr double kSizeTolerance = 0.03;     // of a side, and
@@ -69,7 +72,9 @@ bool IsOfSize(const BoardSearch& search, const std::vector<int>& piece, BoardSeg
   const Eigen::Vector2d size = RoughSize(search, piece), board = search.options.size;
   const double longest = size.x() / board.norm();
   const bool is_strip = size.y() < kNarrowest * board.minCoeff();
-  const bool is_small = longest < kLargest || Area(search, piece) < kLargestArea * board.prod();
+  const bool is_small =
+      (longest < kLargest || Area(search, piece, kAreaPixel) < kLargestArea * board.prod()) &&
+      Area(search, piece, kCoarsePixel) < kMuchLarger * board.prod();
   if (longest > kSmallest && is_small && !is_strip) return true;
   segment->sensor_T_board.block<3, 1>(0, 3) = search.At(piece.front()).position;
   const std::string how = longest < 1.0 || is_strip ? "smaller" : "larger";
@@ -381,15 +386,28 @@ void Label(const BoardSearch& search, const Patch& patch, const RectanglePose& p
 
 }  // namespace
 
+std::optional<Patch> FitCloudPiece(const BoardSearch& search, std::vector<int> piece,
+                                   BoardSegment* segment) {
+  if (!IsOfSize(search, piece, segment)) return std::nullopt;
+  auto patch = Refit(search, std::move(piece), segment);
+  // A piece of a plane that was a little off may have grown.
+  if (!patch || !IsOfSize(search, patch->piece, segment) || !IsPossible(search, *patch, segment)) {
+    return std::nullopt;
+  }
+  return patch;
+}
+
 BoardSegment JudgeCloudPiece(const BoardSearch& search, std::vector<int> piece) {
   BoardSegment segment;
+  const auto patch = FitCloudPiece(search, std::move(piece), &segment);
+  return patch ? JudgeCloudPatch(search, *patch, segment) : segment;
+}
+
+BoardSegment JudgeCloudPatch(const BoardSearch& search, const Patch& patch, BoardSegment segment) {
   const BoardOptions& options = search.options;
-  if (!IsOfSize(search, piece, &segment)) return segment;
-  const auto patch = Refit(search, std::move(piece), &segment);
-  if (!patch || !IsPossible(search, *patch, &segment)) return segment;
-  RectanglePose pose = FirstRectangle(*patch, options);
-  SetPose(*patch, pose, &segment);
-  const auto board = Restrict(search, *patch, &pose, &segment);
+  RectanglePose pose = FirstRectangle(patch, options);
+  SetPose(patch, pose, &segment);
+  const auto board = Restrict(search, patch, &pose, &segment);
   if (!board || !IsPossible(search, *board, &segment) || !IsFlat(search, *board, &segment)) {
     return segment;
   }
@@ -413,11 +431,11 @@ BoardSegment JudgeCloudPiece(const BoardSearch& search, std::vector<int> piece) 
   }
   const CellShares cells = LookAtCells(search.scan, board->axes, pose, board->half, widest, &sides);
   if (!SidesFit(sides, widest, &segment)) {
-    PieceFits(*patch, options, &segment);
+    PieceFits(patch, options, &segment);
     return segment;
   }
   if (!SizeFits(MeasureSides(sides, board->half), *board, options, &segment)) {
-    if (!segment.measured_size.allFinite()) PieceFits(*patch, options, &segment);
+    if (!segment.measured_size.allFinite()) PieceFits(patch, options, &segment);
     return segment;
   }
   if (!IsFilled(cells, options, &segment)) return segment;

@@ -5,10 +5,12 @@
 #define ATOM_CORE_CPP_CLOUD_BOARD_H_
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "atom_core/board_segmentation.h"
 #include "board_surface.h"
+#include "cloud_patch.h"
 
 namespace atom_core {
 
@@ -19,6 +21,17 @@ namespace atom_core {
 /// \param piece positions in the window.
 /// \return the board with its labels, or the reason why it is none, with what was measured so far.
 BoardSegment JudgeCloudPiece(const BoardSearch& search, std::vector<int> piece);
+
+/// The first part of JudgeCloudPiece: the plane of a piece, and what lies on it.
+///
+/// \param segment gets what was measured, and the reason where the piece cannot be the board.
+std::optional<Patch> FitCloudPiece(const BoardSearch& search, std::vector<int> piece,
+                                   BoardSegment* segment);
+
+/// The second part: the outline.
+///
+/// \param segment as FitCloudPiece left it.
+BoardSegment JudgeCloudPatch(const BoardSearch& search, const Patch& patch, BoardSegment segment);
 
 /// The same as SegmentBoard, for a cloud without scan layers.
 BoardSegment SegmentCloudBoard(const Scan& scan, const Eigen::Vector3d& seed,

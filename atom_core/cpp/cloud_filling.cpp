@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 
 namespace atom_core {
 namespace {
@@ -12,7 +11,10 @@ constexpr double kLeastCell = 0.01;  // [m]
 constexpr int kMargin = 2;           // cells around the rectangle
 constexpr double kConeMargin = 1.2;  // of the circle about the cells
 
-enum Content : std::uint8_t { kThere = 1, kNearer = 2, kFarther = 4 };
+// Points that are met in a cell: on the plane, nearer to the sensor, and farther from it.
+struct Content {
+  int there = 0, nearer = 0, farther = 0;
+};
 
 // Cells of a rectangle and around it.
 class Cells {
@@ -23,11 +25,11 @@ class Cells {
       cell_[axis] = 2.0 * half[axis] / inner_[axis];
       count_[axis] = inner_[axis] + 2 * kMargin;
     }
-    content_.assign(static_cast<std::size_t>(count_[0]) * count_[1], 0);
+    content_.resize(static_cast<std::size_t>(count_[0]) * count_[1]);
   }
 
   // The content at a point in the rectangle's axes; none outside the cells.
-  std::uint8_t* At(const Eigen::Vector2d& point) {
+  Content* At(const Eigen::Vector2d& point) {
     const Eigen::Vector2d place = (point + half_).cwiseQuotient(cell_);
     const int x = static_cast<int>(std::floor(place.x())) + kMargin;
     const int y = static_cast<int>(std::floor(place.y())) + kMargin;
@@ -35,17 +37,17 @@ class Cells {
     return &Cell(x, y);
   }
   // Those of the rectangle, counted from its corner.
-  std::uint8_t Inner(int x, int y) { return Cell(x + kMargin, y + kMargin); }
+  const Content& Inner(int x, int y) { return Cell(x + kMargin, y + kMargin); }
   const Eigen::Vector2i& inner() const { return inner_; }
   const Eigen::Vector2d& cell() const { return cell_; }
   double Radius() const { return (half_ + kMargin * cell_).norm(); }
 
  private:
-  std::uint8_t& Cell(int x, int y) { return content_[static_cast<std::size_t>(y) * count_[0] + x]; }
+  Content& Cell(int x, int y) { return content_[static_cast<std::size_t>(y) * count_[0] + x]; }
 
   Eigen::Vector2d half_, cell_;
   Eigen::Vector2i inner_, count_;
-  std::vector<std::uint8_t> content_;
+  std::vector<Content> content_;
 };
 
 void Fill(const Scan& scan, const PlaneAxes& axes, const RectanglePose& pose, Cells* cells) {
@@ -60,10 +62,12 @@ void Fill(const Scan& scan, const PlaneAxes& axes, const RectanglePose& pose, Ce
     if (slant < 1e-3) continue;
     const bool holds = plane.Holds(point);
     const Eigen::Vector3d met = point.position * (plane.distance / slant / point.range);
-    std::uint8_t* content = cells->At(pose.ToBoard(axes.InPlane(holds ? point.position : met)));
+    Content* content = cells->At(pose.ToBoard(axes.InPlane(holds ? point.position : met)));
     if (content == nullptr) continue;
     const int side = plane.Side(point);
-    *content |= holds ? kThere : side < 0 ? kNearer : side > 0 ? kFarther : 0;
+    content->there += holds;
+    content->nearer += !holds && side < 0;
+    content->farther += !holds && side > 0;
   }
 }
 
@@ -72,10 +76,10 @@ bool IsEnclosed(Cells* cells, int x, int y) {
   bool found[4] = {false, false, false, false};
   const Eigen::Vector2i count = cells->inner();
   for (int i = 0; i < count.x(); ++i) {
-    if (i != x && (cells->Inner(i, y) & kThere) != 0) found[i < x ? 0 : 1] = true;
+    if (i != x && cells->Inner(i, y).there > 0) found[i < x ? 0 : 1] = true;
   }
   for (int i = 0; i < count.y(); ++i) {
-    if (i != y && (cells->Inner(x, i) & kThere) != 0) found[i < y ? 2 : 3] = true;
+    if (i != y && cells->Inner(x, i).there > 0) found[i < y ? 2 : 3] = true;
   }
   return found[0] && found[1] && found[2] && found[3];
 }
@@ -86,12 +90,12 @@ CellShares Count(Cells* cells) {
   const double one = 1.0 / count.prod();
   for (int y = 0; y < count.y(); ++y) {
     for (int x = 0; x < count.x(); ++x) {
-      const std::uint8_t content = cells->Inner(x, y);
-      if ((content & kThere) != 0) {
+      const Content& content = cells->Inner(x, y);
+      if (content.there > 0) {
         shares.there += one;
-      } else if ((content & kNearer) != 0) {
+      } else if (content.nearer > 0) {
         shares.nearer += one;
-      } else if ((content & kFarther) != 0) {
+      } else if (content.farther > 0) {
         shares.farther += one;
       } else if (IsEnclosed(cells, x, y)) {
         shares.enclosed += one;
@@ -101,7 +105,8 @@ CellShares Count(Cells* cells) {
   return shares;
 }
 
-// A side is hidden where something nearer begins just outside it, or where it should be.
+// A side is hidden where something nearer begins just outside it, or where it should be. Single
+// returns from before what most beams there meet (rain, dust) hide nothing.
 void MarkHidden(const Eigen::Vector2d& half, Cells* cells, Sides* sides) {
   for (int k = 0; k < 4; ++k) {
     const int axis = k / 2;
@@ -110,9 +115,9 @@ void MarkHidden(const Eigen::Vector2d& half, Cells* cells, Sides* sides) {
         Eigen::Vector2d place;
         place[axis] = (half[axis] + step * cells->cell()[axis]) * (k % 2 == 0 ? 1.0 : -1.0);
         place[1 - axis] = bin.along;
-        const std::uint8_t* content = cells->At(place);
-        const bool is_before = content != nullptr && (*content & kNearer) != 0;
-        if (is_before && (step > 0 || (*content & kThere) == 0)) bin.hidden = true;
+        const Content* content = cells->At(place);
+        if (content == nullptr || content->nearer <= content->farther) continue;
+        if (step > 0 || content->there == 0) bin.hidden = true;
       }
     }
   }

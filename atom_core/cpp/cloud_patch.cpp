@@ -11,7 +11,6 @@ namespace {
 constexpr std::size_t kNeighbourSamples = 60;
 constexpr double kNeighbourhood = 3.0;  // spacings
 constexpr int kLeastNeighbours = 8;
-constexpr double kAreaPixel = 0.06;  // of the diagonal
 
 }  // namespace
 
@@ -80,9 +79,9 @@ Eigen::Vector2d RoughSize(const BoardSearch& search, const std::vector<int>& pie
   return {longest, most - least};
 }
 
-double Area(const BoardSearch& search, const std::vector<int>& piece) {
+double Area(const BoardSearch& search, const std::vector<int>& piece, double pixel_share) {
   const PlaneAxes axes(FitPlane(search.window, piece), search.At(piece.front()).position);
-  const double pixel = kAreaPixel * search.options.size.norm();
+  const double pixel = pixel_share * search.options.size.norm();
   PlanePoints points;
   for (const int i : piece) points.push_back(axes.InPlane(search.At(i).position));
   return Thinned(points, pixel).size() * pixel * pixel;

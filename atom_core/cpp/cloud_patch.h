@@ -36,7 +36,9 @@ double ScatterAmongNeighbours(const BoardSearch& search, const Patch& patch);
 Eigen::Vector2d RoughSize(const BoardSearch& search, const std::vector<int>& piece);
 
 /// Returns the area that a piece fills, strips that hang on it included [m^2].
-double Area(const BoardSearch& search, const std::vector<int>& piece);
+///
+/// \param pixel_share side of the squares that are counted, of the board's diagonal.
+double Area(const BoardSearch& search, const std::vector<int>& piece, double pixel_share);
 
 }  // namespace atom_core
 

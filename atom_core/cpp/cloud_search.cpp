@@ -4,7 +4,8 @@
 #include <cmath>
 #include <cstdint>
 #include <iterator>
-#include <unordered_map>
+#include <numeric>
+#include <optional>
 #include <utility>
 
 #include "board_judgement.h"
@@ -29,6 +30,7 @@ constexpr double kRingShare = 0.4;                 // of the sectors: the plane 
 constexpr double kRingDensity = 0.2;               // of the points, against those inside
 constexpr double kRightBehind = 0.05;              // [m] behind such a margin
 constexpr double kLeastMargin = 0.008;             // [m] about a plane that is known
+constexpr double kSamePiece = 0.95;  // of the points of two pieces: what is said of one holds
 
 constexpr int kOtherSize = 1;  // progress of pieces that are too large or too small
 
@@ -111,35 +113,55 @@ BoardSegment BestOfPlanes(const BoardSearch& search, const Eigen::Vector3d& seed
   return best;
 }
 
-// The points of a scan in cubes, to find those around a place.
+// The points of a scan in cubes: sorted by them, so that those around a place stand together.
 class CellIndex {
  public:
-  CellIndex(const Scan& scan, double side) : scan_(scan), side_(side) {
+  CellIndex(const Scan& scan, double side) : side_(side) {
+    std::vector<std::pair<std::int64_t, int>> order;
+    order.reserve(scan.points.size());
     for (std::size_t i = 0; i < scan.points.size(); ++i) {
-      const auto item = number_.emplace(Key(Cube(scan.points[i].position)), cells_.size());
-      if (item.second) cells_.emplace_back();
-      cells_[item.first->second].push_back(static_cast<int>(i));
+      order.emplace_back(Key(Cube(scan.points[i].position)), static_cast<int>(i));
     }
+    std::sort(order.begin(), order.end());
+    scan_.sensor_R_spin = scan.sensor_R_spin;
+    for (const auto& item : order) {
+      if (keys_.empty() || item.first != keys_.back()) {
+        keys_.push_back(item.first);
+        begins_.push_back(static_cast<int>(scan_.points.size()));
+      }
+      scan_.points.push_back(scan.points[item.second]);
+    }
+    begins_.push_back(static_cast<int>(scan_.points.size()));
   }
 
-  const std::vector<Positions>& cells() const { return cells_; }
+  // The scan in the order of the cubes.
+  const Scan& scan() const { return scan_; }
+  std::vector<std::size_t> FullestFirst() const {
+    std::vector<std::size_t> cells(keys_.size());
+    std::iota(cells.begin(), cells.end(), std::size_t{0});
+    std::stable_sort(cells.begin(), cells.end(), [&](std::size_t a, std::size_t b) {
+      return End(a) - Begin(a) > End(b) - Begin(b);
+    });
+    return cells;
+  }
+  int Begin(std::size_t cell) const { return begins_[cell]; }
+  int End(std::size_t cell) const { return begins_[cell + 1]; }
+
+  // The points nearer to a place than a radius, ascending.
   Positions Around(const Eigen::Vector3d& place, double radius) const {
     Positions found;
     const Eigen::Vector3i low = Cube(place.array() - radius), high = Cube(place.array() + radius);
+    auto column = keys_.begin();
     for (int x = low.x(); x <= high.x(); ++x) {
       for (int y = low.y(); y <= high.y(); ++y) {
-        for (int z = low.z(); z <= high.z(); ++z) {
-          const auto cell = number_.find(Key({x, y, z}));
-          if (cell == number_.end()) continue;
-          for (const int i : cells_[cell->second]) {
-            if ((scan_.points[i].position - place).squaredNorm() < radius * radius) {
-              found.push_back(i);
-            }
-          }
+        column = std::lower_bound(column, keys_.end(), Key({x, y, low.z()}));
+        const auto end = std::upper_bound(column, keys_.end(), Key({x, y, high.z()}));
+        for (int i = begins_[column - keys_.begin()]; i < begins_[end - keys_.begin()]; ++i) {
+          const Eigen::Vector3d away = scan_.points[i].position - place;
+          if (away.squaredNorm() < radius * radius) found.push_back(i);
         }
       }
     }
-    std::sort(found.begin(), found.end());
     return found;
   }
 
@@ -152,26 +174,27 @@ class CellIndex {
     return (part(cube.x()) << 42) + (part(cube.y()) << 21) + part(cube.z());
   }
 
-  const Scan& scan_;
   double side_;
-  std::vector<Positions> cells_;
-  std::unordered_map<std::int64_t, std::size_t> number_;
+  Scan scan_;
+  std::vector<std::int64_t> keys_;  // of the cells
+  std::vector<int> begins_;         // of each cell among the points; and the end of the last
 };
 
 // Looks for boards patch by patch; what is known to be something else is not looked at again.
 class CloudSearch {
  public:
   CloudSearch(const Scan& scan, const BoardOptions& options)
-      : scan_(scan),
-        options_(options),
+      : options_(options),
         index_(scan, kCellShare * options.size.minCoeff()),
-        known_(scan.points.size(), false) {}
+        scan_(index_.scan()),
+        known_(scan.points.size(), false),
+        in_round_(scan.points.size(), 0) {}
 
   std::vector<BoardSegment> Boards() {
     std::vector<BoardSegment> boards;
-    for (const Positions& cell : index_.cells()) {
+    for (const std::size_t cell : index_.FullestFirst()) {
       Positions unknown;
-      for (const int i : cell) {
+      for (int i = index_.Begin(cell); i < index_.End(cell); ++i) {
         if (!known_[i]) unknown.push_back(i);
       }
       if (unknown.size() < kLeastOfCell) continue;
@@ -225,11 +248,16 @@ class CloudSearch {
   BoardSegment Judged(const Window& window, const Plane& plane, const Eigen::Vector3d& place,
                       double margin) {
     const BoardSearch search{scan_, window, options_};
-    const std::vector<int> piece = PieceOfPatch(search, plane, margin, place);
+    std::vector<int> piece = PieceOfPatch(search, plane, margin, place);
     BoardSegment segment;
-    if (!piece.empty()) segment = JudgeCloudPiece(search, piece);
+    const auto patch =
+        piece.empty() ? std::nullopt : FitCloudPiece(search, piece, &segment);
+    if (patch && !WasRefused(window, patch->piece)) {
+      segment = JudgeCloudPatch(search, *patch, segment);
+      if (!segment.detected) Refuse(window, patch->piece);
+    }
     if (segment.progress > nearest_.progress) TellSize(search, piece, &segment);
-    if (segment.progress == kOtherSize) Know(window, piece);
+    if (segment.progress == kOtherSize) Know(window, patch ? patch->piece : piece);
     Know(window, OnPlane(window, window.sphere, plane, margin));
     if (!segment.detected) return segment;
     const Eigen::Vector3d middle = segment.sensor_T_board.topRightCorner<3, 1>();
@@ -258,7 +286,29 @@ class CloudSearch {
   }
 
   void Know(const Window& window, const std::vector<int>& positions) {
-    for (const int i : positions) known_[window.points[i].point - scan_.points.data()] = true;
+    for (const int i : positions) known_[NumberOf(window, i)] = true;
+  }
+
+  std::size_t NumberOf(const Window& window, int position) const {
+    return window.points[position].point - scan_.points.data();
+  }
+
+  // Remembers a piece that is no board.
+  void Refuse(const Window& window, const std::vector<int>& piece) {
+    refused_.emplace_back();
+    for (const int i : piece) refused_.back().push_back(NumberOf(window, i));
+  }
+
+  // Tells whether a piece was refused before, from another patch of it.
+  bool WasRefused(const Window& window, const std::vector<int>& piece) {
+    ++round_;
+    for (const int i : piece) in_round_[NumberOf(window, i)] = round_;
+    return std::any_of(refused_.begin(), refused_.end(), [&](const auto& other) {
+      const double least = kSamePiece * std::max(other.size(), piece.size());
+      return std::count_if(other.begin(), other.end(), [&](std::size_t point) {
+               return in_round_[point] == round_;
+             }) > least;
+    });
   }
 
   // Tells whether the plane goes on all around, farther than any board; its points are then known.
@@ -295,10 +345,13 @@ class CloudSearch {
     return true;
   }
 
-  const Scan& scan_;
   const BoardOptions options_;
-  CellIndex index_;
+  const CellIndex index_;
+  const Scan& scan_;
   std::vector<bool> known_;
+  std::vector<std::vector<std::size_t>> refused_;  // pieces that were judged: points of the scan
+  std::vector<int> in_round_;                      // of each point, when it was compared with them
+  int round_ = 0;
   BoardSegment nearest_;
 };
 

@@ -5,10 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdint>
 #include <limits>
 #include <numeric>
-#include <unordered_map>
 
 namespace atom_core {
 namespace {
@@ -27,11 +25,32 @@ constexpr double kTrimmed = 0.01;           // of the points at each end of a bo
 constexpr std::size_t kMostMeasured = 500;  // points of a box
 constexpr std::size_t kBoxAngles = 45;
 
-std::int64_t Key(const Eigen::Vector2d& point, double pixel) {
-  const auto x = static_cast<std::int64_t>(std::floor(point.x() / pixel));
-  const auto y = static_cast<std::int64_t>(std::floor(point.y() / pixel));
-  return x * (std::int64_t{1} << 32) + y;
-}
+// Squares that points of a plane lie in, numbered row by row over their extent.
+class Squares {
+ public:
+  Squares(const PlanePoints& points, double side) : side_(side) {
+    if (points.empty()) return;
+    Eigen::Vector2d low = points.front(), high = low;
+    for (const Eigen::Vector2d& point : points) {
+      low = low.cwiseMin(point), high = high.cwiseMax(point);
+    }
+    low_ = (low / side).array().floor();
+    const Eigen::Array2d count = (high / side).array().floor() - low_ + 1.0;
+    columns_ = static_cast<std::size_t>(count.x());
+    count_ = columns_ * static_cast<std::size_t>(count.y());
+  }
+
+  std::size_t count() const { return count_; }
+  std::size_t Of(const Eigen::Vector2d& point) const {
+    const Eigen::Array2d place = (point / side_).array().floor() - low_;
+    return static_cast<std::size_t>(place.y()) * columns_ + static_cast<std::size_t>(place.x());
+  }
+
+ private:
+  double side_;
+  Eigen::Array2d low_ = Eigen::Array2d::Zero();
+  std::size_t columns_ = 0, count_ = 0;
+};
 
 int Octant(const Eigen::Vector2d& v) {
   const int quadrant = (v.x() < 0 ? 1 : 0) + (v.y() < 0 ? 2 : 0);
@@ -208,37 +227,49 @@ Spacing EstimateSpacing(const PlanePoints& points, double reach) {
 }
 
 std::vector<int> Thinned(const PlanePoints& points, double pixel) {
-  std::unordered_map<std::int64_t, int> first;
+  const Squares squares(points, pixel);
+  std::vector<bool> taken(squares.count(), false);
   std::vector<int> kept;
   for (std::size_t i = 0; i < points.size(); ++i) {
-    if (first.emplace(Key(points[i], pixel), i).second) kept.push_back(i);
+    const std::size_t square = squares.Of(points[i]);
+    if (taken[square]) continue;
+    taken[square] = true;
+    kept.push_back(static_cast<int>(i));
   }
   return kept;
 }
 
 std::vector<int> InliersOf(const Window& window, const PlaneAxes& axes, double threshold,
                            double cell) {
-  std::vector<int> inliers, behind;
+  std::vector<int> inliers;
+  PlanePoints beside;                 // of inliers and of what is right behind them
+  std::vector<std::size_t> of_behind;  // of these
   for (std::size_t i = 0; i < window.points.size(); ++i) {
     const double off = axes.plane.Residual(window.At(i).position);
-    if (std::abs(off) < threshold) {
+    if (off <= -threshold || off >= threshold + kRightBehind) continue;
+    if (off < threshold) {
       inliers.push_back(static_cast<int>(i));
-    } else if (off > 0.0 && off < threshold + kRightBehind) {
-      behind.push_back(static_cast<int>(i));
+    } else {
+      of_behind.push_back(beside.size());
+    }
+    beside.push_back(axes.InPlane(window.At(i).position));
+  }
+  if (of_behind.empty()) return inliers;
+  const Squares squares(beside, cell);
+  std::vector<int> excess(squares.count(), 0);  // of returns behind the plane, by square
+  std::vector<std::size_t> square;              // of the inliers
+  auto behind = of_behind.begin();
+  for (std::size_t i = 0; i < beside.size(); ++i) {
+    const std::size_t here = squares.Of(beside[i]);
+    if (behind != of_behind.end() && *behind == i) {
+      ++excess[here], ++behind;
+    } else {
+      --excess[here], square.push_back(here);
     }
   }
-  if (behind.empty()) return inliers;
-  std::unordered_map<std::int64_t, int> excess;  // of returns behind the plane, by square
-  const auto key = [&](int i) { return Key(axes.InPlane(window.At(i).position), cell); };
-  for (const int i : behind) ++excess[key(i)];
-  for (const int i : inliers) {
-    const auto item = excess.find(key(i));
-    if (item != excess.end()) --item->second;
-  }
   std::vector<int> kept;
-  for (const int i : inliers) {
-    const auto item = excess.find(key(i));
-    if (item == excess.end() || item->second <= 0) kept.push_back(i);
+  for (std::size_t i = 0; i < inliers.size(); ++i) {
+    if (excess[square[i]] <= 0) kept.push_back(inliers[i]);
   }
   return kept;
 }
@@ -246,25 +277,25 @@ std::vector<int> InliersOf(const Window& window, const PlaneAxes& axes, double t
 std::vector<std::vector<int>> ConnectedPieces(const Window& window, const std::vector<int>& inliers,
                                               const PlaneAxes& axes, const Eigen::Vector2d& size) {
   const double pixel = kPixelShare * size.norm();
-  PlanePoints thin;
-  std::unordered_map<std::int64_t, int> place;  // of each pixel among the thinned points
+  PlanePoints points, thin;
+  for (const int i : inliers) points.push_back(axes.InPlane(window.At(i).position));
+  const Squares squares(points, pixel);
+  std::vector<int> place(squares.count(), -1);  // of each square among the thinned points
   std::vector<int> of(inliers.size());
-  place.reserve(inliers.size());
   for (std::size_t i = 0; i < inliers.size(); ++i) {
-    const Eigen::Vector2d point = axes.InPlane(window.At(inliers[i]).position);
-    const auto item = place.emplace(Key(point, pixel), static_cast<int>(thin.size()));
-    if (item.second) thin.push_back(point);
-    of[i] = item.first->second;
+    int& here = place[squares.Of(points[i])];
+    if (here < 0) here = static_cast<int>(thin.size()), thin.push_back(points[i]);
+    of[i] = here;
   }
   std::vector<std::vector<int>> pieces;
   if (thin.size() < 3) return pieces;
   const Spacing spacing = EstimateSpacing(thin, 0.5 * size.minCoeff());
   const std::vector<int> root = Linked(thin, spacing, kLinkShare * size.minCoeff());
-  std::unordered_map<int, int> number;
+  std::vector<int> number(thin.size(), -1);  // of the piece of each root
   for (std::size_t i = 0; i < inliers.size(); ++i) {
-    const auto item = number.emplace(root[of[i]], static_cast<int>(pieces.size()));
-    if (item.second) pieces.emplace_back();
-    pieces[item.first->second].push_back(inliers[i]);
+    int& piece = number[root[of[i]]];
+    if (piece < 0) piece = static_cast<int>(pieces.size()), pieces.emplace_back();
+    pieces[piece].push_back(inliers[i]);
   }
   std::stable_sort(pieces.begin(), pieces.end(),
                    [](const auto& a, const auto& b) { return a.size() > b.size(); });

@@ -146,21 +146,59 @@ int NumberRuns(std::vector<Run>* runs, double* apart) {
   return count;
 }
 
+// Elevations in narrow bins, lowest first. A gap is wider than a bin, so it never lies within one.
+class ElevationBins {
+ public:
+  explicit ElevationBins(const std::vector<double>& elevation) : bin_(elevation.size()) {
+    const auto ends = std::minmax_element(elevation.begin(), elevation.end());
+    lowest_ = *ends.first;
+    bins_.resize(static_cast<std::size_t>((*ends.second - lowest_) / kLeastGap) + 1);
+    for (std::size_t i = 0; i < elevation.size(); ++i) {
+      bin_[i] = static_cast<int>((elevation[i] - lowest_) / kLeastGap);
+      bins_[bin_[i]].Add(elevation[i]);
+    }
+  }
+
+  // Returns the runs without a gap, and tells which each elevation belongs to.
+  std::vector<Run> Runs(Labels* run) const {
+    std::vector<Run> runs;
+    std::vector<int> of_bin(bins_.size(), 0);
+    double last = -std::numeric_limits<double>::infinity();
+    for (std::size_t k = 0; k < bins_.size(); ++k) {
+      const Bin& bin = bins_[k];
+      if (bin.size == 0) continue;
+      if (bin.low - last > kLeastGap) runs.emplace_back();
+      Run& here = runs.back();
+      here.size += bin.size;
+      here.mean += (bin.sum - bin.size * here.mean) / here.size;
+      of_bin[k] = static_cast<int>(runs.size()) - 1;
+      last = bin.high;
+    }
+    run->resize(bin_.size());
+    std::transform(bin_.begin(), bin_.end(), run->begin(), [&](int bin) { return of_bin[bin]; });
+    return runs;
+  }
+
+ private:
+  struct Bin {
+    double low = std::numeric_limits<double>::infinity(), high = -low, sum = 0.0;
+    int size = 0;
+    void Add(double elevation) {
+      low = std::min(low, elevation), high = std::max(high, elevation);
+      sum += elevation, ++size;
+    }
+  };
+
+  double lowest_ = 0.0;
+  std::vector<int> bin_;  // of each elevation
+  std::vector<Bin> bins_;
+};
+
 // Groups of elevations with gaps between them.
 Grouping FromElevations(const std::vector<ScanPoint>& points, const Eigen::Vector3d& axis) {
   Grouping grouping;
-  const std::vector<double> elevation = Elevations(points, axis);
-  std::vector<int> order(points.size());
-  std::iota(order.begin(), order.end(), 0);
-  std::sort(order.begin(), order.end(), [&](int a, int b) { return elevation[a] < elevation[b]; });
-  grouping.layer.resize(points.size());
-  std::vector<Run> runs;
-  for (std::size_t i = 0; i < order.size(); ++i) {
-    if (i == 0 || elevation[order[i]] - elevation[order[i - 1]] > kLeastGap) runs.emplace_back();
-    runs.back().mean += (elevation[order[i]] - runs.back().mean) / ++runs.back().size;
-    grouping.layer[order[i]] = static_cast<int>(runs.size()) - 1;
-  }
-  grouping.count = runs.empty() ? 0 : NumberRuns(&runs, &grouping.apart);
+  std::vector<Run> runs = ElevationBins(Elevations(points, axis)).Runs(&grouping.layer);
+  grouping.count = NumberRuns(&runs, &grouping.apart);
   for (int& layer : grouping.layer) layer = runs[layer].layer;
   if (grouping.count > 1 && grouping.count <= static_cast<int>(kMostLayers)) {
     FitAxis(points, &grouping);
@@ -339,11 +377,7 @@ Scan FindLayers(const Eigen::Ref<const PointRows>& cloud, const CloudLayout& lay
   if (scan.points.empty()) return scan;
   Grouping grouping = Group(scan.points, layout);
   scan.has_layers = grouping.Distinct();
-  if (!scan.has_layers) {
-    grouping.layer.assign(scan.points.size(), 0);
-    grouping.count = 1;
-    grouping.axis = Eigen::Vector3d::UnitZ();
-  }
+  if (!scan.has_layers) return scan;
   Assign(grouping, &scan);
   SortByAzimuth(&scan);
   scan.azimuth_step = AzimuthStep(scan);

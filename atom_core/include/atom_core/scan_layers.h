@@ -18,7 +18,7 @@
 
 namespace atom_core {
 
-/// A return of a scan.
+/// A return of a scan; without layers azimuth, elevation and layer are zero.
 struct ScanPoint {
   std::int64_t index;        ///< in the cloud as it was given
   Eigen::Vector3d position;  ///< in the sensor's frame [m]
@@ -36,7 +36,7 @@ struct Scan {
   std::vector<int> by_azimuth;          ///< positions in points, by layer, azimuth and index
   std::vector<int> layer_begin;         ///< in by_azimuth, of each layer; and the end of the last
   double azimuth_step = 0.0;            ///< between neighbours in a layer [rad]
-  bool has_layers = false;              ///< false: no axis gives distinct layers; all are in one
+  bool has_layers = false;              ///< false: no axis gives distinct layers; none are here
 
   /// Returns the unit vector, in the sensor's frame, of a beam.
   Eigen::Vector3d Direction(double azimuth, double elevation) const;
