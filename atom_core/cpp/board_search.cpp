@@ -21,7 +21,6 @@ constexpr int kManyLayers = 8;
 constexpr double kLittle = 0.1;  // of the board may be hidden where no side is measured
 constexpr int kWorthNaming = 4;  // progress of what is named where there is no board: has its size
 constexpr double kBorderRms = 0.03;   // [m] of the layers' ends
-constexpr double kSizeError = 0.06;   // of what is measured of the size
 constexpr double kBend = 0.022;       // [m] of smoothed returns from a chord: the run is cut there
 constexpr std::size_t kSmoothed = 3;  // returns on each side are averaged, and
 constexpr double kSmoothedOver = 0.06;  // [m] on each side
@@ -259,16 +258,10 @@ class Seeds {
 };
 
 // Many layers must show two opposite sides: without a seed, a hidden wall has one side at most.
-bool IsConvincing(const BoardSegment& segment, const BoardOptions& options) {
+bool IsConvincing(const BoardSegment& segment) {
   if (segment.border_rms > kBorderRms) return false;
-  int measured = 0;
-  for (int axis = 0; axis < 2; ++axis) {
-    const double size = segment.measured_size[axis];
-    if (!std::isfinite(size)) continue;
-    if (std::abs(size / options.size[axis] - 1.0) > kSizeError) return false;
-    ++measured;
-  }
-  return measured > 0 || (segment.layers < kManyLayers && segment.hidden < kLittle);
+  const bool measured = segment.measured_size.array().isFinite().any();
+  return measured || (segment.layers < kManyLayers && segment.hidden < kLittle);
 }
 
 void Doubt(BoardSegment* board) {
@@ -311,7 +304,7 @@ std::vector<BoardSegment> FindBoards(const Scan& scan, const BoardOptions& optio
     if (!board.too_large.empty()) known.AddPlane(board);
     if (board.detected)
       board = SegmentBoard(scan, Middle(board), strict);  // the same from anywhere
-    if (board.detected && !IsConvincing(board, options)) Doubt(&board);
+    if (board.detected && !IsConvincing(board)) Doubt(&board);
     const auto is_same = [&](const BoardSegment& other) {
       return (Middle(other) - Middle(board)).norm() < 0.5 * options.size.minCoeff();
     };
