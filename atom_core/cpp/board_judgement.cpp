@@ -41,10 +41,9 @@ std::nullopt_t Reject(int progress, const std::string& reason, BoardSegment* seg
 // The piece of the plane that has most in common with the one before.
 std::vector<int> PieceAround(const BoardSearch& search, const Plane& plane,
                              const std::vector<int>& before) {
-  std::vector<int> inliers;
-  for (std::size_t i = 0; i < search.window.points.size(); ++i) {
-    if (plane.Holds(search.At(i))) inliers.push_back(i);
-  }
+  const PlaneAxes axes(plane, search.At(before.front()).position);
+  const std::vector<int> inliers = InliersOf(search.window, axes, kThreshold * plane.sigma,
+                                             kSquareShare * search.options.size.minCoeff());
   std::vector<int> best;
   std::size_t most = 0;
   for (auto& piece : FindPieces(search.scan, search.window, inliers, plane,

@@ -58,11 +58,10 @@ bool GoesOn(const Scan& scan, const ScanPoint& a, const ScanPoint& b, double dar
          (b.position - a.position).norm() < dark;
 }
 
-// Cuts a run where it bends or steps, as where a board hangs before a wall, and calls with the
-// first and last return of each part.
-template <typename Call>
-void Cut(const std::vector<Eigen::Vector3d>& smooth, std::size_t first, std::size_t last,
-         const Call& call) {
+// The return between two others that is farthest from the line through them; where none is farther
+// than a bend, the first.
+std::size_t Farthest(const std::vector<Eigen::Vector3d>& smooth, std::size_t first,
+                     std::size_t last) {
   const Eigen::Vector3d start = smooth[first], along = (smooth[last] - start).normalized();
   std::size_t farthest = first;
   double most = kBend;
@@ -71,12 +70,29 @@ void Cut(const std::vector<Eigen::Vector3d>& smooth, std::size_t first, std::siz
     const double off = (offset - along * along.dot(offset)).norm();
     if (off > most) most = off, farthest = i;
   }
-  if (farthest == first) {
-    call(first, last);
-  } else {
-    Cut(smooth, first, farthest, call);
-    Cut(smooth, farthest, last, call);
+  return farthest;
+}
+
+void Cut(const std::vector<Eigen::Vector3d>& smooth, std::size_t first, std::size_t last,
+         std::vector<std::size_t>* cuts) {
+  const std::size_t farthest = Farthest(smooth, first, last);
+  if (farthest == first) return;
+  Cut(smooth, first, farthest, cuts);
+  cuts->push_back(farthest);
+  Cut(smooth, farthest, last, cuts);
+}
+
+// Where a run bends or steps, as where a board hangs before a wall; its first and last return, too.
+// What was cut to begin with need not be a bend of the parts beside it.
+std::vector<std::size_t> Bends(const std::vector<Eigen::Vector3d>& smooth) {
+  std::vector<std::size_t> cuts{0}, bends{0};
+  Cut(smooth, 0, smooth.size() - 1, &cuts);
+  cuts.push_back(smooth.size() - 1);
+  for (std::size_t k = 1; k + 1 < cuts.size(); ++k) {
+    if (Farthest(smooth, bends.back(), cuts[k + 1]) != bends.back()) bends.push_back(cuts[k]);
   }
+  bends.push_back(cuts.back());
+  return bends;
 }
 
 // Each return's mean with those near it, up to three on each side, as many on both.
@@ -143,9 +159,10 @@ std::vector<StraightRun> FindStraightRuns(const Scan& scan, const BoardOptions& 
     }
     if (!add(first, i - 1) && i - first >= static_cast<std::size_t>(3 * kLeastReturns)) {
       const std::vector<Eigen::Vector3d> smooth = Smoothed(points, first, i - 1);
-      Cut(smooth, 0, i - 1 - first, [&](std::size_t from, std::size_t to) {
-        if (StandsOut(smooth, from, to)) add(first + from, first + to);
-      });
+      const std::vector<std::size_t> bends = Bends(smooth);
+      for (std::size_t k = 1; k < bends.size(); ++k) {
+        if (StandsOut(smooth, bends[k - 1], bends[k])) add(first + bends[k - 1], first + bends[k]);
+      }
     }
     first = i;
   }

@@ -7,6 +7,7 @@
 #include "board_judgement.h"
 #include "cloud_board.h"
 #include "plane_pieces.h"
+#include "plane_points.h"
 
 namespace atom_core {
 namespace {
@@ -36,11 +37,9 @@ void Check(const Eigen::Vector3d& seed, const BoardOptions& options) {
 BoardSegment BestOnPlane(const BoardSearch& search, const Plane& plane,
                          const Eigen::Vector3d& seed) {
   const BoardOptions& options = search.options;
-  std::vector<int> inliers;
-  for (std::size_t i = 0; i < search.window.points.size(); ++i) {
-    const Eigen::Vector3d& position = search.At(i).position;
-    if (std::abs(plane.Residual(position)) < kThreshold * options.noise) inliers.push_back(i);
-  }
+  const std::vector<int> inliers =
+      InliersOf(search.window, PlaneAxes(plane, seed), kThreshold * options.noise,
+                kSquareShare * options.size.minCoeff());
   const auto is_at_seed = [&](const std::vector<int>& piece) {
     const std::vector<int>& sphere = search.window.sphere;
     auto in_piece = piece.begin();
