@@ -24,12 +24,10 @@ constexpr double kWidestSpacing = 1.0 / 8;  // of the shorter side: sparser poin
 constexpr double kPixelShare = 0.008;       // of the diagonal
 constexpr double kFlatness = 2.0;           // of the scatter among neighbours, and
 constexpr double kUneven = 0.005;           // [m] about the plane are flat
-constexpr double kLargest = 2.0;            // of the board's diagonal: a larger piece is none
-constexpr double kLargestArea = 2.0;        // of the board's, where strips make a piece long
-constexpr double kAreaPixel = 0.06;         // of the diagonal, by which that is measured
-constexpr double kCoarsePixel = 0.15;       // the same, so that sparse points fill them
-constexpr double kMuchLarger = 3.5;         // of it, on coarse pixels: no board, however long
-constexpr double kSmallest = 0.6;           // of it: so is a smaller one
+constexpr double kLargest = 2.0;            // of the board's diagonal: a longer piece is none, if
+constexpr double kLargestCore = 1.0;        // of the board's area are its core: posts have none
+constexpr double kMuchLarger = 1.7;         // the same, however long it is
+constexpr double kSmallest = 0.6;           // of that diagonal: so is a smaller one
 constexpr double kNarrowest = 0.5;          // of its shorter side: strips where surfaces meet
 constexpr double kSizeTolerance = 0.03;     // of a side, and
 constexpr double kSizeSigmas = 3.0;         // of what is measured
@@ -72,9 +70,8 @@ bool IsOfSize(const BoardSearch& search, const std::vector<int>& piece, BoardSeg
   const Eigen::Vector2d size = RoughSize(search, piece), board = search.options.size;
   const double longest = size.x() / board.norm();
   const bool is_strip = size.y() < kNarrowest * board.minCoeff();
-  const bool is_small =
-      (longest < kLargest || Area(search, piece, kAreaPixel) < kLargestArea * board.prod()) &&
-      Area(search, piece, kCoarsePixel) < kMuchLarger * board.prod();
+  const double core = CoreOfPiece(search, piece) / board.prod();
+  const bool is_small = core < (longest < kLargest ? kMuchLarger : kLargestCore);
   if (longest > kSmallest && is_small && !is_strip) return true;
   segment->sensor_T_board.block<3, 1>(0, 3) = search.At(piece.front()).position;
   const std::string how = longest < 1.0 || is_strip ? "smaller" : "larger";

@@ -11,6 +11,7 @@ namespace {
 constexpr std::size_t kNeighbourSamples = 60;
 constexpr double kNeighbourhood = 3.0;  // spacings
 constexpr int kLeastNeighbours = 8;
+constexpr double kCorePixel = 0.15;  // of the diagonal: sparse points fill it
 
 }  // namespace
 
@@ -79,12 +80,11 @@ Eigen::Vector2d RoughSize(const BoardSearch& search, const std::vector<int>& pie
   return {longest, most - least};
 }
 
-double Area(const BoardSearch& search, const std::vector<int>& piece, double pixel_share) {
+double CoreOfPiece(const BoardSearch& search, const std::vector<int>& piece) {
   const PlaneAxes axes(FitPlane(search.window, piece), search.At(piece.front()).position);
-  const double pixel = pixel_share * search.options.size.norm();
   PlanePoints points;
   for (const int i : piece) points.push_back(axes.InPlane(search.At(i).position));
-  return Thinned(points, pixel).size() * pixel * pixel;
+  return CoreArea(points, kCorePixel * search.options.size.norm());
 }
 
 }  // namespace atom_core

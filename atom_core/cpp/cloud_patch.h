@@ -35,10 +35,8 @@ double ScatterAmongNeighbours(const BoardSearch& search, const Patch& patch);
 /// Returns about the largest distance of two points of a piece, and how wide it is across that [m].
 Eigen::Vector2d RoughSize(const BoardSearch& search, const std::vector<int>& piece);
 
-/// Returns the area that a piece fills, strips that hang on it included [m^2].
-///
-/// \param pixel_share side of the squares that are counted, of the board's diagonal.
-double Area(const BoardSearch& search, const std::vector<int>& piece, double pixel_share);
+/// Returns the area that a piece fills, without its rim and the strips that hang on it [m^2].
+double CoreOfPiece(const BoardSearch& search, const std::vector<int>& piece);
 
 }  // namespace atom_core
 

@@ -250,8 +250,7 @@ class CloudSearch {
     const BoardSearch search{scan_, window, options_};
     std::vector<int> piece = PieceOfPatch(search, plane, margin, place);
     BoardSegment segment;
-    const auto patch =
-        piece.empty() ? std::nullopt : FitCloudPiece(search, piece, &segment);
+    const auto patch = piece.empty() ? std::nullopt : FitCloudPiece(search, piece, &segment);
     if (patch && !WasRefused(window, patch->piece)) {
       segment = JudgeCloudPatch(search, *patch, segment);
       if (!segment.detected) Refuse(window, patch->piece);
@@ -305,9 +304,8 @@ class CloudSearch {
     for (const int i : piece) in_round_[NumberOf(window, i)] = round_;
     return std::any_of(refused_.begin(), refused_.end(), [&](const auto& other) {
       const double least = kSamePiece * std::max(other.size(), piece.size());
-      return std::count_if(other.begin(), other.end(), [&](std::size_t point) {
-               return in_round_[point] == round_;
-             }) > least;
+      return std::count_if(other.begin(), other.end(),
+                           [&](std::size_t point) { return in_round_[point] == round_; }) > least;
     });
   }
 

@@ -41,6 +41,7 @@ class Squares {
   }
 
   std::size_t count() const { return count_; }
+  std::size_t columns() const { return columns_; }
   std::size_t Of(const Eigen::Vector2d& point) const {
     const Eigen::Array2d place = (point / side_).array().floor() - low_;
     return static_cast<std::size_t>(place.y()) * columns_ + static_cast<std::size_t>(place.x());
@@ -239,10 +240,24 @@ std::vector<int> Thinned(const PlanePoints& points, double pixel) {
   return kept;
 }
 
+double CoreArea(const PlanePoints& points, double pixel) {
+  const Squares squares(points, pixel);
+  std::vector<bool> filled(squares.count(), false);
+  for (const Eigen::Vector2d& point : points) filled[squares.Of(point)] = true;
+  const std::size_t row = squares.columns();
+  std::size_t core = 0;
+  for (std::size_t i = row; i + row < filled.size(); ++i) {
+    const std::size_t column = i % row;
+    if (column == 0 || column + 1 == row) continue;
+    core += filled[i] && filled[i - 1] && filled[i + 1] && filled[i - row] && filled[i + row];
+  }
+  return core * pixel * pixel;
+}
+
 std::vector<int> InliersOf(const Window& window, const PlaneAxes& axes, double threshold,
                            double cell) {
   std::vector<int> inliers;
-  PlanePoints beside;                 // of inliers and of what is right behind them
+  PlanePoints beside;                  // of inliers and of what is right behind them
   std::vector<std::size_t> of_behind;  // of these
   for (std::size_t i = 0; i < window.points.size(); ++i) {
     const double off = axes.plane.Residual(window.At(i).position);

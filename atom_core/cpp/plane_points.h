@@ -53,6 +53,10 @@ Spacing EstimateSpacing(const PlanePoints& points, double reach);
 /// Returns positions of points of which no two share a square of the side `pixel` [m].
 std::vector<int> Thinned(const PlanePoints& points, double pixel);
 
+/// Returns the area of the squares that hold points, and whose four neighbours do [m^2]: strips
+/// that are narrower than three of them have none.
+double CoreArea(const PlanePoints& points, double pixel);
+
 /// Returns the positions of a window on a plane, without those where more returns are right behind
 /// it than on it: a wall behind a board scatters into the board's plane.
 ///

@@ -16,9 +16,10 @@ from atom_core.calibration.preflight import preflight
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.dataset_writer import write_dataset_folder
+from atom_core.io.pcd import read_pcd
 from atom_core.labeling.base import labeler_for
 from atom_core.labeling.beam_width import estimate_beam_width
-from atom_core.labeling.lidar3d import Cloud
+from atom_core.labeling.lidar3d import Cloud, find_boards
 from atom_core.model.pattern import pattern_from_config
 from atom_core.model.sensor import LIDAR3D, Sensor
 from atom_core.model.transforms import Edge
@@ -92,3 +93,14 @@ def test_check_names_the_width_that_would_explain_a_board_that_looks_too_large()
     assert "write beam_width: 0.0" in warning
     small = scenes.lidar_only(1, collections=12, realism=replace(PLAIN, board_scale=-0.1))
     assert not any("beam" in warning for warning in preflight(small.dataset).warnings)
+
+
+@pytest.mark.parametrize("number", [2, 4])
+def test_a_real_board_that_beams_enlarge_by_6_percent_is_found_without_a_seed(real_data, number):
+    file = read_pcd(real_data("ouster_board") / f"pointcloud{number}.pcd")
+    side_m = 1.016
+    border = Rectangle(-side_m / 2.0, -side_m / 2.0, side_m / 2.0, side_m / 2.0)
+    data = Cloud(file.xyz, file.fields["ring"], file.width, file.height)
+    (found,) = find_boards(data, border)  # the beams' width is not known
+    quality = found.labeled.quality
+    assert max(quality["measured_width_m"], quality["measured_height_m"]) > 1.06 * side_m

@@ -82,6 +82,21 @@ def test_a_depth_camera_finds_boards_before_walls_and_on_posts_by_search(difficu
     assert at_seed.found and searched.found
 
 
+@pytest.mark.parametrize(
+    ("difficulty", "kind", "number"),
+    [
+        ("wall behind", "16 layers", 1010),  # layers bend at the board's ends and nowhere on it
+        ("wall behind", "64 layers", 1025),  # returns of the wall lie in the board's plane
+        ("rain", "rosette", 1000),  # drops before a side do not hide it
+        ("small on posts", "tof", 1024),  # posts are no larger plane
+    ],
+)
+def test_a_lidar_finds_hard_boards_by_search(difficulty, kind, number):
+    frame = hard_frame(difficulty, kind, number)
+    at_seed, searched = judged(frame, measured(frame))
+    assert at_seed.found and searched.found
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_dark_squares_are_no_holes(kind):
     frame = hard_frame("dark squares", kind, 0)
