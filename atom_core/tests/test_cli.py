@@ -31,6 +31,8 @@ CALIBRATION_KEYS = {
     "outlier_limit_sigmas",
     "rejected_detections",
     "weak_directions",
+    "priors",
+    "held_by_prior",
     "model_errors",
     "moving_parts",
     "moving_edges",
