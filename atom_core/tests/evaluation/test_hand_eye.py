@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from atom_core.calibration.calibrate import calibrate
-from atom_core.errors import DatasetError
+from atom_core.errors import CalibrationError, DatasetError
 from atom_core.evaluation import hand_eye_baselines as baselines
 from atom_core.evaluation.evaluate import evaluate
 from atom_core.evaluation.hand_eye_baselines import METHODS, hand_eye_baselines
@@ -188,6 +188,12 @@ def test_the_calibration_names_an_arm_that_only_translates():
     for weak in result.weak_directions:
         assert weak.unit == "m" and any(name.startswith("rgb_1 ") for name in weak.parameters)
         assert "moves but never turns; collect with turns about two axes" in weak.why
+
+
+def test_the_calibration_refuses_a_camera_that_nothing_ties_to_the_world(exact):
+    """It would stay where it is, and be called converged."""
+    with pytest.raises(CalibrationError, match="it is alone, and neither what carries it nor"):
+        calibrate(standing(exact.dataset))
 
 
 def test_the_calibration_names_one_camera_s_planar_robot():
