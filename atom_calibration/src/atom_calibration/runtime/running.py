@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import sys
 import threading
@@ -92,9 +93,21 @@ def _master_pid() -> Optional[int]:
         return None
 
 
+def arguments() -> List[str]:
+    """Return the words of the command line, without those that roslaunch adds.
+
+    roslaunch starts nodes in ROS's own folder. Relative paths are those of where the user stands,
+    as with any other command: the process goes there.
+    """
+    stands = os.environ.get("PWD", "")
+    if any(word.startswith("__log:=") for word in sys.argv) and os.path.isdir(stands):
+        os.chdir(stands)
+    return [str(word) for word in rospy.myargv(sys.argv)[1:]]
+
+
 def run(name: str, parser: argparse.ArgumentParser, work: Work) -> int:
     """Run a node with the arguments of the command line; return its exit code."""
-    args = parser.parse_args(rospy.myargv(sys.argv)[1:])
+    args = parser.parse_args(arguments())
     return guarded(name, lambda: work(args))
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import argparse
 
-import rospy
-
 from atom_calibration.runtime import running
 from atom_calibration.show.view_options import ViewOptions, add_view_options, take_view_options
 from atom_core import cli
@@ -21,7 +19,7 @@ EXAMPLE = (
 
 def main() -> int:
     """Run the command, or the node; return its exit code."""
-    args = parser().parse_args(rospy.myargv()[1:])
+    args = parser().parse_args(running.arguments())
     view, stay = take_view_options(args)
     if view is None:
         return cli.guarded(NODE, lambda: calibrate.run(args))

@@ -12,8 +12,6 @@ import sys
 from pathlib import Path
 from typing import Callable, List, Optional, Sequence, Tuple
 
-import rospy
-
 from atom_calibration.nodes.calibrating.calibration_view import CalibrationView
 from atom_calibration.nodes.collecting import collect_from_bag
 from atom_calibration.runtime import running
@@ -135,4 +133,4 @@ def _parser() -> argparse.ArgumentParser:
 
 def run_as_node() -> int:
     """Run with the arguments of a launch file, without those that are roslaunch's own."""
-    return main(rospy.myargv(sys.argv)[1:])
+    return main(running.arguments())
