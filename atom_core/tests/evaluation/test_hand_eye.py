@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from atom_core.calibration.calibrate import calibrate
+from atom_core.calibration.preflight import preflight
 from atom_core.errors import CalibrationError, DatasetError
 from atom_core.evaluation import hand_eye_baselines as baselines
 from atom_core.evaluation.evaluate import evaluate
@@ -192,8 +193,11 @@ def test_the_calibration_names_an_arm_that_only_translates():
 
 def test_the_calibration_refuses_a_camera_that_nothing_ties_to_the_world(exact):
     """It would stay where it is, and be called converged."""
-    with pytest.raises(CalibrationError, match="it is alone, and neither what carries it nor"):
+    why = "it is alone, and neither what carries it nor"
+    with pytest.raises(CalibrationError, match=why):
         calibrate(standing(exact.dataset))
+    assert any(why in problem for problem in preflight(standing(exact.dataset)).problems)
+    assert not preflight(exact.dataset).problems
 
 
 def test_the_calibration_names_one_camera_s_planar_robot():

@@ -12,7 +12,7 @@ from atom_core.calibration.judge.statistics import Table, residual_table
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.connectivity import check_connected, floats_freely
 from atom_core.calibration.prepare.joints import check_joints
-from atom_core.calibration.prepare.preparation import absent_data, free_edges
+from atom_core.calibration.prepare.preparation import absent_data, check_not_alone, free_edges
 from atom_core.calibration.start.boards import carried_boards
 from atom_core.errors import AtomError
 from atom_core.model.dataset import Dataset, is_complete
@@ -70,6 +70,7 @@ def preflight(dataset: Dataset) -> Preflight:
         _collect(check, problems)
     warnings += remarks + _implausible(present, measurements)
     if floats_freely(present, measurements, free):
+        _collect(lambda: check_not_alone(present, free), problems)
         warnings.append(
             "nothing ties the rig to world: the first sensor will be held (anchored_sensor, -as)"
         )

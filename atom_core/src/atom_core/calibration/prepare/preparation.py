@@ -243,6 +243,21 @@ def _usable(
 def _anchor_first(dataset: Dataset, free: FreeEdges) -> Tuple[FreeEdges, str]:
     """Hold the first sensor of a rig that nothing ties to world; refuse where nothing is left."""
     name = next(iter(dataset.sensors))
+    check_not_alone(dataset, free)
+    remark = (
+        f"nothing ties the rig to '{dataset.world}': sensor '{name}' is held where it is, all "
+        f"others are relative to it (name one with anchored_sensor or -as)"
+    )
+    return replace(free, anchored_sensors=(name,)), remark
+
+
+def check_not_alone(dataset: Dataset, free: FreeEdges) -> None:
+    """Refuse a rig that nothing ties to world and of which, the first sensor held, nothing is left.
+
+    Raises:
+        CalibrationError: naming the sensor.
+    """
+    name = next(iter(dataset.sensors))
     others = {sensor.edge for sensor in dataset.sensors.values()} - {dataset.sensors[name].edge}
     if not (others or free.additional_tfs or free.joints or free.intrinsics):
         raise CalibrationError(
@@ -250,8 +265,3 @@ def _anchor_first(dataset: Dataset, free: FreeEdges) -> Tuple[FreeEdges, str]:
             f"carries it nor the board's parent moves between the collections; move the arm that "
             f"carries one of them, or add a second sensor"
         )
-    remark = (
-        f"nothing ties the rig to '{dataset.world}': sensor '{name}' is held where it is, all "
-        f"others are relative to it (name one with anchored_sensor or -as)"
-    )
-    return replace(free, anchored_sensors=(name,)), remark
