@@ -5,6 +5,8 @@
 #include <numeric>
 #include <utility>
 
+#include "disjoint_sets.h"
+
 namespace atom_core {
 namespace {
 
@@ -23,11 +25,6 @@ bool Continues(const Scan& scan, const Window& window, int i, int j, const Plane
     hidden = hidden || side < 0;
   }
   return hidden || apart < dark || b.azimuth - a.azimuth <= kDropoutSteps * scan.azimuth_step;
-}
-
-int Root(std::vector<int>* parent, int i) {
-  while ((*parent)[i] != i) i = (*parent)[i] = (*parent)[(*parent)[i]];
-  return i;
 }
 
 }  // namespace
@@ -60,14 +57,14 @@ std::vector<std::vector<int>> FindPieces(const Scan& scan, const Window& window,
     while (runs[low].layer < runs[i].layer - 1) ++low;
     for (std::size_t k = low; k < i && runs[k].layer < runs[i].layer; ++k) {
       if (runs[k].from <= runs[i].to + slack && runs[i].from <= runs[k].to + slack) {
-        parent[Root(&parent, i)] = Root(&parent, k);
+        Unite(&parent, i, k);
       }
     }
   }
   std::map<int, std::vector<int>> pieces;
   std::size_t next = 0;
   for (std::size_t i = 0; i < runs.size(); ++i) {
-    std::vector<int>& piece = pieces[Root(&parent, i)];
+    std::vector<int>& piece = pieces[FindRoot(&parent, i)];
     for (; next < inliers.size() && inliers[next] <= runs[i].last; ++next) {
       piece.push_back(inliers[next]);
     }

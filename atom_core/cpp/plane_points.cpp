@@ -8,6 +8,8 @@
 #include <limits>
 #include <numeric>
 
+#include "disjoint_sets.h"
+
 namespace atom_core {
 namespace {
 
@@ -166,11 +168,6 @@ void FitSlope(const PlanePoints& places, const std::vector<double>& logs, double
   spacing->slope = solution.tail<2>();
 }
 
-int Root(std::vector<int>* parent, int i) {
-  while ((*parent)[i] != i) i = (*parent)[i] = (*parent)[(*parent)[i]];
-  return i;
-}
-
 // The number of the piece of each point: roots of a forest of points that are linked.
 std::vector<int> Linked(const PlanePoints& points, const Spacing& spacing, double least) {
   std::vector<double> link(points.size());
@@ -186,11 +183,11 @@ std::vector<int> Linked(const PlanePoints& points, const Spacing& spacing, doubl
     const double squared = link[i] * link[i];
     grid.Around(points[i], link[i], [&](int k) {
       if (k < static_cast<int>(i) && (points[k] - points[i]).squaredNorm() < squared) {
-        parent[Root(&parent, i)] = Root(&parent, k);
+        Unite(&parent, i, k);
       }
     });
   }
-  for (std::size_t i = 0; i < points.size(); ++i) parent[i] = Root(&parent, i);
+  for (std::size_t i = 0; i < points.size(); ++i) parent[i] = FindRoot(&parent, i);
   return parent;
 }
 
