@@ -7,6 +7,7 @@ from typing import List, Optional, Tuple
 
 import cv2
 import numpy as np
+from scipy import sparse
 
 from atom_core.aruco import charuco_print
 from atom_core.geometry import se3
@@ -67,14 +68,12 @@ def _draw(
         # pixel i of the print covers i to i + 1 in units of its side, hence the half
         start = 0.0 if pattern.kind == CHARUCO else -pattern.square_m
         scale = _PIXELS_PER_SQUARE / pattern.square_m
-        maps = [np.where(covered, (v - start) * scale - 0.5, -10.0) for v in (x, y)]
-        grey = cv2.remap(
-            squares,
-            maps[0].astype(np.float32),
-            maps[1].astype(np.float32),
-            cv2.INTER_LINEAR,
-            borderValue=border_grey,
-        )
+        for v in (x, y):
+            v -= start
+            v *= scale
+            v -= 0.5
+            v[~covered] = -10.0
+        grey = cv2.remap(squares, x, y, cv2.INTER_LINEAR, borderValue=border_grey)
     part = picture[top:bottom, left:right]
     fine = np.where(covered, grey, np.repeat(np.repeat(part, _FINER, axis=0), _FINER, axis=1))
     part[:] = cv2.resize(fine, (right - left, bottom - top), interpolation=cv2.INTER_AREA)
@@ -103,21 +102,25 @@ def _in_plane(
     to_columns, columns = _interpolation(left, right)
     to_rows, rows = _interpolation(top, bottom)
     coarse = camera.normalise(np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2))
-    u, v = (to_rows @ c.reshape(len(rows), -1) @ to_columns.T for c in coarse.T)
     # ray = s [first axis, second axis, origin] (x, y, 1) with s > 0 for what lies in front
     h = np.linalg.inv(camera_T_pattern[:3, [0, 1, 3]])
-    x, y, w = (row[0] * u + row[1] * v + row[2] for row in h)
+    at_knots = (coarse @ h[:, :2].T + h[:, 2]).T.reshape(3, len(rows), len(columns))
+    x, y, w = (to_rows @ (to_columns @ c.T.astype(np.float32)).T for c in at_knots)
     in_front = w > 0
-    safe = np.where(in_front, w, 1.0)
-    return x / safe, y / safe, in_front
+    w[~in_front] = 1.0
+    return x / w, y / w, in_front
 
 
-def _interpolation(first: int, end: int) -> Tuple[np.ndarray, np.ndarray]:
+def _interpolation(first: int, end: int) -> Tuple[sparse.csr_matrix, np.ndarray]:
     """Return the matrix from values at knots to those at fine pixels, and the knots [px]."""
     knots = np.arange(first - _COARSE_PX, end + 2 * _COARSE_PX, _COARSE_PX, dtype=float)
     fine = (np.arange(first * _FINER, end * _FINER) + 0.5) / _FINER - 0.5
-    distance = np.abs(fine[:, None] - knots) / _COARSE_PX
-    return np.maximum(1.0 - distance, 0.0), knots
+    place = (fine - knots[0]) / _COARSE_PX
+    before = place.astype(int)
+    share = np.column_stack([before + 1 - place, place - before]).astype(np.float32)
+    columns = np.column_stack([before, before + 1])
+    starts = 2 * np.arange(len(fine) + 1)
+    return sparse.csr_matrix((share.ravel(), columns.ravel(), starts), (len(fine), len(knots))), knots
 
 
 def printed(
