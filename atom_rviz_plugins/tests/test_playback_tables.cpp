@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "logic/playback_tables.h"
+#include "table_laws.h"
 
 namespace atom_rviz {
 namespace {
@@ -37,10 +38,6 @@ PlaybackState state_of(const std::vector<LabelState>& labels) {
   state.collections = 3;
   state.labels = labels;
   return state;
-}
-
-void expect_rectangular(const Table& table) {
-  for (const Row& row : table.rows) EXPECT_EQ(row.cells.size(), table.header.size()) << row.key;
 }
 
 TEST(LabelTable, TellsFiguresInTheUnitsOfTheModality) {

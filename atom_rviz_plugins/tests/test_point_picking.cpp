@@ -10,7 +10,7 @@
 namespace atom_rviz {
 namespace {
 
-const float kNan = std::numeric_limits<float>::quiet_NaN();
+const float kNoReturn = std::numeric_limits<float>::quiet_NaN();
 using Indices = std::vector<std::uint32_t>;
 
 /// An eye at the origin of the cloud that looks along x, z up, 90 degrees wide; 200 x 200 pixels:
@@ -43,7 +43,8 @@ TEST(PointsInRectangle, EdgesBelongToIt) {
 }
 
 TEST(PointsInRectangle, IndicesCountInvalidPointsOfAnOrganisedCloud) {
-  const auto cloud = cloud_of({{kNan, kNan, kNan}, {2, 0, 0}, {2, kNan, 0}, {2, 0.1f, 0}}, 2);
+  const auto cloud =
+      cloud_of({{kNoReturn, kNoReturn, kNoReturn}, {2, 0, 0}, {2, kNoReturn, 0}, {2, 0.1f, 0}}, 2);
   EXPECT_EQ(points_in_rectangle(cloud, looking_along_x(), {{0, 0}, {200, 200}}, 0),
             (Indices{1, 3}));
 }
@@ -83,7 +84,7 @@ TEST(PointsInRectangle, ParallelViewsWorkToo) {
 }
 
 TEST(PointAt, IsTheNearestToTheClick) {
-  const auto cloud = cloud_of({{2, 0, 0}, {2, 0.1f, 0}, {kNan, 0, 0}}, 3);  // at 100 and 95 px
+  const auto cloud = cloud_of({{2, 0, 0}, {2, 0.1f, 0}, {kNoReturn, 0, 0}}, 3);  // at 100 and 95 px
   const auto hit = point_at(cloud, looking_along_x(), {96, 101}, 8);
   ASSERT_TRUE(hit);
   EXPECT_EQ(hit->index, 1u);

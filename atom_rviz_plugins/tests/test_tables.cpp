@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "logic/tables.h"
+#include "table_laws.h"
 
 namespace atom_rviz {
 namespace {
@@ -48,10 +49,6 @@ CollectionState collection_of(const std::string& name,
     collection.detections.push_back(detection);
   }
   return collection;
-}
-
-void expect_rectangular(const Table& table) {
-  for (const Row& row : table.rows) EXPECT_EQ(row.cells.size(), table.header.size()) << row.key;
 }
 
 TEST(SensorTable, TellsWhatEachSensorSees) {

@@ -11,7 +11,7 @@
 namespace atom_rviz {
 namespace {
 
-const std::string kNode = "/collect_data/";
+const std::string kCollectNode = "/collect_data/";
 const char kSaveService[] = "save_collection";
 const char kDeleteService[] = "delete_collection";
 const char kAutomaticService[] = "toggle_automatic_data_collector";
@@ -21,7 +21,9 @@ constexpr int kArmed_ms = 5000;
 }  // namespace
 
 CollectPage::CollectPage(QWidget* parent)
-    : Page(kNode, {kNode + kSaveService, kNode + kDeleteService, kNode + kAutomaticService},
+    : Page(kCollectNode,
+           {kCollectNode + kSaveService, kCollectNode + kDeleteService,
+            kCollectNode + kAutomaticService},
            "The collector is not running. Start it with\n"
            "roslaunch atom_calibration collect_data.launch config:=... output_folder:=...",
            parent) {

@@ -12,13 +12,13 @@
 namespace atom_rviz {
 namespace {
 
-const std::string kNode = "/dataset_playback/";
-constexpr int kRefresh_ms = 100;
+const std::string kPlaybackNode = "/dataset_playback/";
+constexpr int kPlaybackRefresh_ms = 100;
 
 }  // namespace
 
 PlaybackPage::PlaybackPage(QWidget* parent)
-    : Page(kNode, {kNode + "save"},
+    : Page(kPlaybackNode, {kPlaybackNode + "save"},
            "No dataset is shown. Start with\n"
            "roslaunch atom_calibration dataset_playback.launch dataset:=...",
            parent) {
@@ -28,7 +28,7 @@ PlaybackPage::PlaybackPage(QWidget* parent)
   connect(labels_, &QTableWidget::itemSelectionChanged, this, &PlaybackPage::show_buttons);
   connect(table_, &QTableWidget::itemActivated, this, &PlaybackPage::show_collection);
   connect(&refresh_timer_, &QTimer::timeout, this, &PlaybackPage::show_changes);
-  refresh_timer_.start(kRefresh_ms);
+  refresh_timer_.start(kPlaybackRefresh_ms);
   show_status("Asking the ROS master...");
   show_buttons();
 }

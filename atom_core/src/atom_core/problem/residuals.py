@@ -71,6 +71,12 @@ class ResidualBlock(ABC):
         counts = [items.stop - items.start for _, items in self.segments]
         return np.repeat(np.arange(len(counts)), counts)
 
+    def sums(self, values: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+        """Return the detections that have items (m,), and the sums (m, ...) of theirs (n, ...)."""
+        detection = np.array([d for d, _ in self.segments], dtype=int)
+        starts = [items.start for _, items in self.segments]
+        return detection, np.add.reduceat(values, starts, axis=0) if starts else values
+
     def turned(self, vectors: np.ndarray, by: np.ndarray) -> np.ndarray:
         """Return (n, k): the items' vectors (n, j) times their detections' matrices (d, j, k)."""
         result = np.empty((self.count, by.shape[2]))

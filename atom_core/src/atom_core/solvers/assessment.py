@@ -10,7 +10,6 @@ from typing import List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
-from atom_core.problem.camera_blocks import TWIST_SIZE
 from atom_core.problem.problem import Linearisation, Problem
 from atom_core.problem.residuals import BorderBlock, squared_norms
 from atom_core.solvers import losses
@@ -83,10 +82,8 @@ def _columns(
         if not isinstance(block, BorderBlock):
             continue
         by_steps = block.by_inset_steps(poses)
-        detection, place = np.unique(block.detection, return_inverse=True)
-        by_twist = np.zeros((len(detection), TWIST_SIZE))
         rows = linearisation.by_state[i][:, 0]
-        np.add.at(by_twist, place, (weights[i] * by_steps)[:, None] * rows)
+        detection, by_twist = block.sums((weights[i] * by_steps)[:, None] * rows)
         curvature = float(np.sum(weights[i] * by_steps**2))
         slope = float(np.sum(weights[i] * by_steps * linearisation.residuals[i][:, 0]))
         if curvature > 0:

@@ -86,9 +86,10 @@ def _column(
         curvature += float(np.sum(weighted[i] * derivatives[i]))
         slope += float(np.sum(weighted[i] * residual))
         common = np.einsum("nr,nrs->ns", weighted[i], by_block_state)
-        np.add.at(by_state[:, : common.shape[1]], block.detection, common)
-    detection = np.arange(len(poses))
-    return ErrorColumn(error, curvature, slope, detection, by_state, derivatives, weighted)
+        detection, summed = block.sums(common)
+        by_state[detection, : common.shape[1]] += summed
+    everything = np.arange(len(poses))
+    return ErrorColumn(error, curvature, slope, everything, by_state, derivatives, weighted)
 
 
 def apply_errors(
