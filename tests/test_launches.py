@@ -2,7 +2,9 @@
 
 Launch files are found by name, so that a new one is covered without a word here; only an argument
 that it asks for, and that no other one has, needs its line in `Inputs.arguments`. Those with RViz
-are started with it by `make test`, and without it, too, by `make test-long`.
+are started with it by `make test`, and without it, too, by `make test-long`. The cell's are written
+from the same templates as those of a fresh package (`test_configure.py` compares them): of the
+latter `make test` starts only what the cell does not have.
 """
 
 from __future__ import annotations
@@ -91,8 +93,13 @@ def both(package: str, file: str, text: str) -> List[Case]:
 
 CASES = launch_files()
 WITHOUT_ITS_RVIZ = {case for case in CASES if case._replace(rviz=True) in CASES and not case.rviz}
+OF_THE_CELL = {
+    case._replace(package=GENERATED, file=case.file[len("collab_cell/") :])
+    for case in CASES
+    if case.file.startswith("collab_cell/")
+}
 CHOSEN = [
-    pytest.param(case, marks=pytest.mark.long) if case in WITHOUT_ITS_RVIZ else case
+    pytest.param(case, marks=pytest.mark.long) if case in WITHOUT_ITS_RVIZ | OF_THE_CELL else case
     for case in CASES
 ]
 

@@ -120,7 +120,8 @@ def _interpolation(first: int, end: int) -> Tuple[sparse.csr_matrix, np.ndarray]
     share = np.column_stack([before + 1 - place, place - before]).astype(np.float32)
     columns = np.column_stack([before, before + 1])
     starts = 2 * np.arange(len(fine) + 1)
-    return sparse.csr_matrix((share.ravel(), columns.ravel(), starts), (len(fine), len(knots))), knots
+    shape = (len(fine), len(knots))
+    return sparse.csr_matrix((share.ravel(), columns.ravel(), starts), shape), knots
 
 
 def printed(
