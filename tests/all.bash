@@ -50,11 +50,15 @@ rostests() {
   return $status
 }
 
-run_ctest() { (cd build && ROS_HOME="$PWD/ros_home" ctest --output-on-failure "$@"); }
+# One thread of linear algebra in each process, as for pytest (Makefile).
+run_ctest() {
+  (cd build && env ROS_HOME="$PWD/ros_home" OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 \
+    ctest --output-on-failure "$@")
+}
 
-flock CMakeLists.txt cmake --build build -j "$processes" --target tests || failed+=("tests' build")
 beside lint nice -n 19 make --no-print-directory lint-only
 beside "Noetic's versions" nice -n 19 bash tests/noetic_versions.bash
+flock CMakeLists.txt cmake --build build -j "$processes" --target tests || failed+=("tests' build")
 set -m # pytest, whose words are to be seen as they come, is a group of its own, too
 nice -n 5 "$@" </dev/null &
 set +m

@@ -68,9 +68,8 @@ def test_the_statistics_are_those_of_the_paper(world, scenario, plans):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "seed", [1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (2, 3, 4))]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_the_statistics_are_those_of_the_paper_for_other_seeds(seed):
     cell = World(seed)
     for scenario in ("train", "test"):

@@ -113,7 +113,7 @@ def carried_ratios(result, scene):
 @pytest.fixture(
     scope="module",
     params=[
-        pytest.param(8, id="8 rigs"),
+        pytest.param(6, id="6 rigs"),
         pytest.param(100, id="100 rigs", marks=pytest.mark.long),
     ],
 )

@@ -95,7 +95,7 @@ def test_more_than_a_tenth_is_too_much(prepared):
     assert "fit no board" in garbage.likely[0]
 
 
-@pytest.mark.parametrize("share", [0.2, 0.3])
+@pytest.mark.parametrize("share", [pytest.param(0.2, marks=pytest.mark.long), 0.3])
 def test_exchanged_labels_are_left_out_and_inconsistent(share):
     """The answer is right; that it is, a third of a sensor's labels being wrong, none can say."""
     scene = paper_cell(0, disturbance=DISTURBED)

@@ -153,7 +153,7 @@ def test_what_auto_finds_by_the_data_is_no_contradiction():
     assert is_right(result, scene) and result.status == "converged"
 
 
-@pytest.mark.parametrize("share", [0.2, 0.3])
+@pytest.mark.parametrize("share", [pytest.param(0.2, marks=pytest.mark.long), 0.3])
 def test_some_exchanged_data_are_left_out_and_the_labels_named(share):
     scene = FAULTS[f"lidar_1: exchanged in {100 * share:.0f} %"](0)
     result = calibrate(scene.dataset)

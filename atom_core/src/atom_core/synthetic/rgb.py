@@ -30,9 +30,13 @@ def visible_corners(camera: Camera, camera_T_pattern: np.ndarray, pattern: Patte
         return none
     ids = np.arange(pattern.corner_count)
     in_camera = se3.apply(camera_T_pattern, pattern.corners_of(ids))
-    seen = camera.in_image(in_camera, margin_px=2.0)
-    seen &= _square_px(camera, camera_T_pattern, in_camera, pattern.square_m) >= LEAST_SQUARE_PX
-    return ids[seen] if np.sum(seen) >= LEAST_SHARE * len(ids) else none
+    least = LEAST_SHARE * len(ids)
+    ids = ids[camera.in_image(in_camera, margin_px=2.0)]
+    if len(ids) < least:
+        return none
+    square_px = _square_px(camera, camera_T_pattern, in_camera[ids], pattern.square_m)
+    ids = ids[square_px >= LEAST_SQUARE_PX]
+    return ids if len(ids) >= least else none
 
 
 def _square_px(
