@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Dict, List, Sequence, Tuple
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtrc  # scipy.stats has it as chi2.sf, and takes long to load
 
 from atom_core.calibration.judge.reasons import Solution
 from atom_core.calibration.judge.weak_directions import (
@@ -162,4 +162,4 @@ def _chance(deviation: np.ndarray, spread: np.ndarray) -> float:
     if not np.any(seen):
         return 1.0
     along = vectors[:, seen].T @ deviation
-    return float(stats.chi2.sf(np.sum(along**2 / values[seen]), int(np.sum(seen))))
+    return float(chdtrc(int(np.sum(seen)), np.sum(along**2 / values[seen])))
