@@ -7,6 +7,7 @@ shift in pixels (0: not there), and the first forty points of a cloud are the bo
 import numpy as np
 
 from atom_calibration.labels import frame_labeler as labeling
+from atom_calibration.nodes.collecting.collect_from_bag import main
 from atom_core.labeling.base import Labeled, nothing
 from atom_core.model.labels import RangeLabel, RgbLabel
 from atom_core.model.sensor import RGB
@@ -100,3 +101,12 @@ class Place:
         path = self.make.bag(self.root / "a.bag", content, **options)
         words = {"--config": self.config, "--bag": path, "--output": self.folder}
         return [str(word) for pair in words.items() for word in pair]
+
+
+def refusal(arguments, capsys):
+    """Run collect_from_bag, expect a refusal, return its one line."""
+    capsys.readouterr()
+    assert main(arguments) == 2
+    lines = [x for x in capsys.readouterr().err.split("\n") if x.startswith("collect_from_bag:")]
+    assert len(lines) == 1, lines
+    return lines[0]

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 import rosbag
-from stand_in_rig import CONFIG, GRID, STOPS, Place, messages, position, use_stand_ins
+from stand_in_rig import CONFIG, GRID, STOPS, Place, messages, position, refusal, use_stand_ins
 
 from atom_calibration.nodes.collecting.collect_from_bag import main
 from atom_core.cli import main as core_main
@@ -24,15 +24,6 @@ def stand_in(monkeypatch):
 def place(make, tmp_path):
     """Return a function: messages -> arguments of the command for a bag of them."""
     return Place(make, tmp_path)
-
-
-def refusal(arguments, capsys):
-    """Run the command, expect a refusal, return its one line."""
-    capsys.readouterr()
-    assert main(arguments) == 2
-    lines = [x for x in capsys.readouterr().err.split("\n") if x.startswith("collect_from_bag:")]
-    assert len(lines) == 1, lines
-    return lines[0]
 
 
 def test_each_stop_becomes_a_collection_with_its_data_labels_and_transforms(place):

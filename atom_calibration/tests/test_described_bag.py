@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
-from stand_in_rig import CONFIG, STOPS, Place, messages, use_stand_ins
+from stand_in_rig import CONFIG, STOPS, Place, messages, refusal, use_stand_ins
 
 from atom_calibration.errors import MessageError
 from atom_calibration.nodes.collecting.collect_from_bag import main
@@ -69,14 +69,6 @@ def description(tmp_path, text=URDF, name="rig.urdf"):
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
     return path
-
-
-def refusal(arguments, capsys):
-    capsys.readouterr()
-    assert main(arguments) == 2
-    lines = [x for x in capsys.readouterr().err.split("\n") if x.startswith("collect_from_bag:")]
-    assert len(lines) == 1, lines
-    return lines[0]
 
 
 def lidar_places(place):

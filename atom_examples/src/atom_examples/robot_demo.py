@@ -32,11 +32,11 @@ def run(args: argparse.Namespace) -> int:
     scenario = read_scenario(robot.scenario)
     folder = prepare_output_folder(args.output, args.overwrite)
     counts: Counts = dict(zip(SETS, args.collections or (None, None)))
-    told = " and ".join(str(counts[name] or scenario.stops[name]) for name in SETS)
+    numbers = " and ".join(str(counts[name] or scenario.stops[name]) for name in SETS)
     title(
         1,
-        f"simulate {robot.name}: {told} stops; every calibrated edge but an anchored one is 0.1 m "
-        f"and 0.1 rad off",
+        f"simulate {robot.name}: {numbers} stops; every calibrated edge but an anchored one is "
+        f"0.1 m and 0.1 rad off",
     )
     for name in SETS:
         _simulate(robot, folder, name, counts[name], args.seed)
@@ -101,11 +101,11 @@ def conclusion(folder: Path) -> List[str]:
         f"sensors against the truth: at most {1000 * metres:.3f} mm and {degrees:.4f} deg off; at "
         f"the start 100 mm and 5.7 deg, where an edge is not held"
     ]
-    for unit, factor, told in (("rad", np.degrees(1.0), "deg"), ("m", 1000.0, "mm")):
+    for unit, factor, shown in (("rad", np.degrees(1.0), "deg"), ("m", 1000.0, "mm")):
         pairs = [(abs(j["before"]), abs(j["after"])) for j in joints if j["unit"] == unit]
         if pairs:
             before, after = (factor * max(values) for values in zip(*pairs))
             lines.append(
-                f"joints: at most {after:.4f} {told} off; at the start {before:.2f} {told}"
+                f"joints: at most {after:.4f} {shown} off; at the start {before:.2f} {shown}"
             )
     return [*lines, f"all results: {folder}/"]

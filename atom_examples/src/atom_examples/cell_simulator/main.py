@@ -5,12 +5,18 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, List, Optional
+from typing import TYPE_CHECKING, List, Optional
 
 from atom_core.commands.option_parser import OptionParser
-from atom_core.errors import AtomError, OutputError
+from atom_core.errors import OutputError
 from atom_core.synthetic.cell import SCENARIOS
 from atom_core.synthetic.lidar_models import LIDAR_MODELS
+from atom_examples.cell_simulator.command_line import (
+    add_option,
+    check_bag,
+    check_least,
+    exit_code,
+)
 from atom_examples.cell_simulator.profiles import PLAIN_PROFILE, ROUGH_PROFILE
 
 if TYPE_CHECKING:  # both need MuJoCo, which takes its time
@@ -19,7 +25,6 @@ if TYPE_CHECKING:  # both need MuJoCo, which takes its time
 
 PROGRAM = "cell_simulator"
 EXAMPLE = "rosrun atom_examples cell_simulator --bag train.bag --scenario train --seed 0"
-BAD_INPUT, INTERRUPTED = 2, 130
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -37,15 +42,15 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--collections", type=int, metavar="N", help="stops of the board; default the scenario's"
     )
-    _add(
+    add_option(
         parser,
         "initial_estimate",
         choices=("exact", "disturbed"),
         default="disturbed",
         help="the mounts in /tf_static: the true ones, or each 0.1 m and 0.1 rad off",
     )
-    _add(parser, "compressed", action="store_true", help="smaller bags: CompressedImage, LZ4")
-    _add(
+    add_option(parser, "compressed", action="store_true", help="smaller bags: CompressedImage, LZ4")
+    add_option(
         parser,
         "depth_encoding",
         choices=("16UC1", "32FC1"),
@@ -53,14 +58,14 @@ def build_parser() -> argparse.ArgumentParser:
         help="depth in millimetres or in metres",
     )
     _add_sensor_options(parser)
-    _add(parser, "overwrite", action="store_true", help="replace an existing bag")
-    _add(
+    add_option(parser, "overwrite", action="store_true", help="replace an existing bag")
+    add_option(
         parser,
         "reuse",
         action="store_true",
         help="keep an existing bag that would be the same again",
     )
-    _add(
+    add_option(
         parser,
         "rtf",
         type=float,
@@ -73,27 +78,21 @@ def build_parser() -> argparse.ArgumentParser:
 
 def _add_sensor_options(parser: argparse.ArgumentParser) -> None:
     """Add which sensors there are, and how they err."""
-    _add(parser, "scanners", action="store_true", help="with two 2D LiDARs beside the cell")
-    _add(
+    add_option(parser, "scanners", action="store_true", help="with two 2D LiDARs beside the cell")
+    add_option(
         parser,
         "lidar",
         choices=tuple(LIDAR_MODELS),
         help="model of all 3D LiDARs; default: 16 layers, as sensors.yaml has them",
     )
-    _add(
+    add_option(
         parser,
         "realism",
         choices=(PLAIN_PROFILE, ROUGH_PROFILE),
         default=PLAIN_PROFILE,
         help="rough: with the systematic errors of real sensors; their sizes are in sensors.yaml",
     )
-    _add(parser, "no_noise", action="store_true", help="sensors without noise")
-
-
-def _add(parser: argparse.ArgumentParser, name: str, **settings: Any) -> None:
-    """Add an option that is accepted with ``_`` and with ``-``."""
-    spellings = dict.fromkeys([f"--{name}", "--" + name.replace("_", "-")])
-    parser.add_argument(*spellings, dest=name, **settings)
+    add_option(parser, "no_noise", action="store_true", help="sensors without noise")
 
 
 def main(argv: Optional[List[str]] = None) -> int:
@@ -101,16 +100,7 @@ def main(argv: Optional[List[str]] = None) -> int:
     words = sys.argv[1:] if argv is None else argv
     # roslaunch adds the node's name and log file as __name:=... and __log:=...
     args = build_parser().parse_args([word for word in words if ":=" not in word])
-    try:
-        if args.live:
-            return _live(args)
-        return _bag(args)
-    except AtomError as error:
-        print(f"{PROGRAM}: {error}", file=sys.stderr)
-        return BAD_INPUT
-    except KeyboardInterrupt:
-        print(f"{PROGRAM}: interrupted, nothing is written", file=sys.stderr)
-        return INTERRUPTED
+    return exit_code(PROGRAM, lambda: _live(args) if args.live else _bag(args))
 
 
 def _bag(args: argparse.Namespace) -> int:
@@ -118,14 +108,8 @@ def _bag(args: argparse.Namespace) -> int:
     from atom_examples.cell_simulator.world import World
 
     wanted = SCENARIOS[args.scenario].collections if args.collections is None else args.collections
-    if wanted < 1:
-        raise OutputError(f"--collections is {wanted}; give 1 or more")
-    if args.bag.is_dir() or not args.bag.name.endswith(".bag"):
-        raise OutputError(f"{args.bag}: no name of a bag; give one that ends with .bag")
-    if args.bag.exists() and not (args.overwrite or args.reuse):
-        raise OutputError(f"{args.bag}: exists; choose another name or add --overwrite")
-    if not args.bag.parent.is_dir():
-        raise OutputError(f"{args.bag.parent}: no such folder; create it")
+    check_least("collections", wanted, 1)
+    check_bag(args.bag, may_exist=args.overwrite or args.reuse)
     recording = Recording(
         scenario=args.scenario,
         collections=wanted,
@@ -134,9 +118,8 @@ def _bag(args: argparse.Namespace) -> int:
         depth_encoding=args.depth_encoding,
         noise=not args.no_noise,
     )
-    world = World(
-        _checked_seed(args.seed), scanners=args.scanners, profile=args.realism, lidar=args.lidar
-    )
+    seed = check_least("seed", args.seed, 0)
+    world = World(seed, scanners=args.scanners, profile=args.realism, lidar=args.lidar)
     try:
         print(f"{args.bag}: {_recorded(world, recording, args)}")
     finally:
@@ -167,12 +150,6 @@ def _live(args: argparse.Namespace) -> int:
         raise OutputError(f"--rtf is {args.rtf}; give a number above 0")
     from atom_examples.cell_simulator.node import run
 
-    seed = _checked_seed(args.seed)
+    seed = check_least("seed", args.seed, 0)
     world = {"scanners": args.scanners, "profile": args.realism, "lidar": args.lidar}
     return run(seed, args.initial_estimate, args.depth_encoding, args.rtf, **world)
-
-
-def _checked_seed(seed: int) -> int:
-    if seed < 0:
-        raise OutputError(f"--seed is {seed}; give 0 or more")
-    return seed

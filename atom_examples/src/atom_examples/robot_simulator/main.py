@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import List, Optional
 
 from atom_core.commands.option_parser import OptionParser
-from atom_core.errors import AtomError, OutputError
+from atom_examples.cell_simulator.command_line import (
+    add_option,
+    check_bag,
+    check_least,
+    exit_code,
+)
 from atom_examples.robot_simulator.robots import robot_named
 from atom_examples.robot_simulator.scenario import STOPS
 
 PROGRAM = "robot_simulator"
 EXAMPLE = "rosrun atom_examples robot_simulator --robot rihbot --bag train.bag"
-BAD_INPUT, INTERRUPTED = 2, 130
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -29,14 +32,15 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--scenario", choices=STOPS, default="train")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of stops and noise")
     parser.add_argument("--stops", type=int, metavar="N", help="default: the scenario's")
-    parser.add_argument(
-        *("--initial_estimate", "--initial-estimate"),
+    add_option(
+        parser,
+        "initial_estimate",
         choices=("exact", "disturbed"),
         default="disturbed",
         help="the calibrated edges in /tf_static: the true ones, or each 0.1 m and 0.1 rad off",
     )
     parser.add_argument("--compressed", action="store_true", help="smaller bags: JPEG, PNG, LZ4")
-    parser.add_argument(*("--no_noise", "--no-noise"), action="store_true", help="exact sensors")
+    add_option(parser, "no_noise", action="store_true", help="sensors without noise")
     parser.add_argument("--overwrite", action="store_true", help="replace an existing bag")
     return parser
 
@@ -44,27 +48,14 @@ def build_parser() -> argparse.ArgumentParser:
 def main(argv: Optional[List[str]] = None) -> int:
     """Run the simulator; return the exit code."""
     args = build_parser().parse_args(argv)
-    try:
-        return _run(args)
-    except AtomError as error:
-        print(f"{PROGRAM}: {error}", file=sys.stderr)
-        return BAD_INPUT
-    except KeyboardInterrupt:
-        print(f"{PROGRAM}: interrupted, nothing is written", file=sys.stderr)
-        return INTERRUPTED
+    return exit_code(PROGRAM, lambda: _run(args))
 
 
 def _run(args: argparse.Namespace) -> int:
-    for name, least in (("seed", 0), ("stops", 1)):
-        value = getattr(args, name)
-        if value is not None and value < least:
-            raise OutputError(f"--{name} is {value}; give {least} or more")
-    if args.bag.is_dir() or not args.bag.name.endswith(".bag"):
-        raise OutputError(f"{args.bag}: no name of a bag; give one that ends with .bag")
-    if args.bag.exists() and not args.overwrite:
-        raise OutputError(f"{args.bag}: exists; choose another name or add --overwrite")
-    if not args.bag.parent.is_dir():
-        raise OutputError(f"{args.bag.parent}: no such folder; create it")
+    check_least("seed", args.seed, 0)
+    if args.stops is not None:
+        check_least("stops", args.stops, 1)
+    check_bag(args.bag, may_exist=args.overwrite)
     robot = robot_named(args.robot)
     from atom_examples.cell_simulator.recorder import Recording
     from atom_examples.robot_simulator.recorder import record
