@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Optional, Tuple
+from typing import Callable, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -31,20 +31,37 @@ def board_pose(measurement: CornerMeasurement) -> Optional[BoardPose]:
 
 
 def refine_pose(measurement: CornerMeasurement, camera_T_pattern: np.ndarray) -> BoardPose:
-    """Minimise the distances between detected and projected (distorted) pixels.
+    """Minimise the distances between detected and projected (distorted) pixels."""
+    camera, corners, pixels = (
+        measurement.camera,
+        measurement.corners_in_pattern,
+        measurement.pixels,
+    )
+    pose, error = best_pose(lambda at: linearised(camera, at, corners, pixels), camera_T_pattern)
+    return BoardPose(pose, float(np.sqrt(error @ error / len(corners))))
 
-    Levenberg-Marquardt; a step is a rotation about the pattern's origin and a translation, both
-    in the camera's axes.
+
+def best_pose(
+    linearise: Callable[[np.ndarray], Tuple[np.ndarray, np.ndarray]], pose: np.ndarray
+) -> Tuple[np.ndarray, np.ndarray]:
+    """Minimise a sum of squares over a pose, by Levenberg-Marquardt.
+
+    Args:
+        linearise: pose (4, 4) -> errors (m,) and their derivatives (m, 6) by a step of `moved`: a
+            rotation about the moved frame's origin and a translation, in the other frame's axes.
+        pose: (4, 4), the start.
+
+    Returns:
+        The pose (4, 4), and the errors (m,) there.
     """
-    corners, pixels = measurement.corners_in_pattern, measurement.pixels
-    pose, damping = camera_T_pattern, 1e-6
-    error, jacobian = linearised(measurement.camera, pose, corners, pixels)
+    damping = 1e-6
+    error, jacobian = linearise(pose)
     for _ in range(_ITERATIONS):
         normal = jacobian.T @ jacobian
         damped = normal + damping * np.diag(np.diagonal(normal))
         step = np.linalg.solve(damped, -jacobian.T @ error)
         candidate = moved(pose, step)
-        new_error, new_jacobian = linearised(measurement.camera, candidate, corners, pixels)
+        new_error, new_jacobian = linearise(candidate)
         if new_error @ new_error > error @ error:
             damping *= 10.0
         else:
@@ -52,7 +69,7 @@ def refine_pose(measurement: CornerMeasurement, camera_T_pattern: np.ndarray) ->
             damping = max(damping / 10.0, 1e-12)
         if np.max(np.abs(step)) < _SMALL_STEP:
             break
-    return BoardPose(pose, float(np.sqrt(error @ error / len(corners))))
+    return pose, error
 
 
 def linearised(
