@@ -257,7 +257,9 @@ def test_an_empty_image_is_left_out_and_told_and_only_such_images_are_refused(pl
     error = capsys.readouterr().err
     assert "sensor 'cam', topic /cam/image_raw, time 103.000: the image is empty" in error
     images[0].data = b""
+    before = read_dataset(place.folder / "dataset.json").document
     assert "time 100.000: the image is empty" in refusal([*place(spoiled), "--overwrite"], capsys)
+    assert read_dataset(place.folder / "dataset.json").document == before  # it is back
 
 
 def test_a_cloud_without_positions_is_refused(place, make, capsys):

@@ -1,12 +1,15 @@
 """A dataset assembled from its collections is the dataset; what breaks leaves the rest whole."""
 
+import itertools
 import json
+import os
 import shutil
 
 import pytest
 
 from atom_core.cli import main
 from atom_core.errors import DatasetError, OutputError
+from atom_core.io import earlier_run
 from atom_core.io.atomic import write_bytes_atomically
 from atom_core.io.collections import CollectionStore, StoredCollection, recover_dataset
 from atom_core.io.dataset_json import read_dataset, read_document
@@ -93,6 +96,107 @@ def test_a_folder_in_use_is_only_taken_when_asked_and_then_cleared(collected):
         CollectionStore.create(collected.folder)
     assert collected.keys
     assert CollectionStore.create(collected.folder, overwrite=True).keys == []
+
+
+# ---- a dataset that is to be replaced
+
+
+def files_of(folder):
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
+
+
+@pytest.fixture
+def assembled(collected):
+    """The folder of a dataset, with what others have put there."""
+    collected.assemble()
+    (collected.folder / "pictures").mkdir()
+    (collected.folder / "pictures" / "000.jpg").write_bytes(b"picture")
+    (collected.folder / "notes.txt").write_text("mine")
+    return collected.folder
+
+
+def begun_anew(folder):
+    """Begin another run over a dataset, as far as its first collection."""
+    document = read_document(folder / "dataset.json")
+    key, collection = next(iter(document["collections"].items()))
+    store = CollectionStore.create(folder, overwrite=True, beside=["pictures"])
+    store.write_header(document)
+    for entry in collection["data"].values():
+        (folder / entry["data_file"]).write_bytes(b"new")
+    store.save(StoredCollection(key, collection, {}))
+    return store
+
+
+def test_the_dataset_of_before_is_kept_until_the_new_one_is_whole(assembled):
+    before = files_of(assembled)
+    store = begun_anew(assembled)
+    kept = files_of(assembled / "previous")
+    assert {name for name in before if name not in kept} == {"notes.txt"}
+    assert all(before[name] == data for name, data in kept.items())
+    assert read_dataset(assembled / "previous" / "dataset.json").collections
+    store.assemble()
+    store.keep()
+    assert not (assembled / "previous").exists() and (assembled / "notes.txt").is_file()
+    assert len(read_dataset(assembled / "dataset.json").collections) == 1
+
+
+def test_after_a_kill_either_dataset_can_be_had(assembled, capsys):
+    before = files_of(assembled)
+    begun_anew(assembled)
+    # a second try over what the killed one has left: the dataset of before is still the kept one
+    CollectionStore.create(assembled, overwrite=True, beside=["pictures"])
+    assert files_of(assembled / "previous").items() <= before.items()
+    assert main(["recover", str(assembled), "--previous"]) == 0
+    assert files_of(assembled) == before
+    assert main(["recover", str(assembled), "--previous"]) == 2
+    assert "no earlier dataset is kept" in capsys.readouterr().err
+
+
+def test_a_run_that_collects_nothing_brings_the_dataset_back(assembled):
+    before = files_of(assembled)
+    store = CollectionStore.create(assembled, overwrite=True, beside=["pictures"])
+    assert not (assembled / "dataset.json").exists()
+    assert store.give_up_if_empty()
+    assert files_of(assembled) == before
+
+
+def test_a_kill_amid_the_setting_aside_is_undone(assembled, monkeypatch):
+    before = files_of(assembled)
+    replace = os.replace
+    for number in range(len(before) + 1):
+        calls = itertools.count()
+
+        def killed(*paths, calls=calls, number=number):
+            if next(calls) == number:
+                raise SystemExit  # no handler of ours catches it: as a kill, between two steps
+            replace(*paths)
+
+        monkeypatch.setattr("os.replace", killed)
+        with pytest.raises(SystemExit):
+            CollectionStore.create(assembled, overwrite=True, beside=["pictures"])
+            raise SystemExit
+        monkeypatch.undo()
+        earlier_run.undo_partial(assembled)
+        earlier_run.put_back(assembled)
+        assert files_of(assembled) == before
+
+
+def test_files_outside_of_the_folder_are_not_touched(assembled):
+    outside = assembled.parent / "others.jpg"
+    outside.write_bytes(b"precious")
+    path = assembled / "dataset.json"
+    document = json.loads(path.read_text())
+    entry = next(iter(next(iter(document["collections"].values()))["data"].values()))
+    for name in ("../others.jpg", str(outside)):
+        entry["data_file"] = name
+        path.write_text(json.dumps(document))
+        store = CollectionStore.create(assembled, overwrite=True)
+        assert outside.read_bytes() == b"precious"
+        store.give_up_if_empty()
 
 
 def test_a_full_disk_leaves_the_other_collections_whole(collected, monkeypatch):

@@ -11,7 +11,7 @@ from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Proto
 import numpy as np
 
 from atom_calibration.collect.joint_positions import joint_states
-from atom_calibration.collect.quality import QualityLog
+from atom_calibration.collect.quality import QUALITY_FILE, QualityLog
 from atom_calibration.collect.selection import (
     Moment,
     RecentFrames,
@@ -43,6 +43,7 @@ from atom_core.model.sensor import Sensor
 from atom_core.model.transforms import Edge, FrameGraph, chain_transform
 
 PICTURES_FOLDER = "pictures"
+WRITTEN_BESIDE = (SEEDS_FILE, QUALITY_FILE, PICTURES_FOLDER)  # what there is but for the dataset
 _LEAST_MEMORY_S = 1.0  # so that a message can say how far away data are
 
 

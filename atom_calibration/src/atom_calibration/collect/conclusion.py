@@ -9,6 +9,7 @@ import numpy as np
 from atom_calibration.collect.collector import Collector
 from atom_calibration.errors import CollectionError
 from atom_core.io.collections import CollectionStore
+from atom_core.io.earlier_run import FOLDER, has_earlier_run
 
 DONE, NOT_ACCEPTABLE = 0, 1
 
@@ -53,11 +54,23 @@ def conclude(
         warn(text)
     for text in collector.quality.mirrored():
         raise CollectionError(f"{path}: {text}")
+    store.keep()
     unseen = [name for name, count in collector.taken.items() if not count]
     for name in unseen:
         warn(f"sensor '{name}' never saw the board in a collection")
     fewer = len(collector.passed) > len(keys)
     return NOT_ACCEPTABLE if unseen or collector.refused or fewer else DONE
+
+
+def give_up(store: CollectionStore, warn: Callable[[str], None]) -> None:
+    """Bring back the dataset of before, if nothing was collected, or say where it is kept."""
+    if store.give_up_if_empty():
+        warn(f"the dataset that was in {store.folder} is back")
+    elif has_earlier_run(store.folder):
+        warn(
+            f"{store.folder / FOLDER} keeps the dataset that was here before; `python3 -m "
+            f"atom_core recover {store.folder} --previous` brings it back"
+        )
 
 
 def left_out(collector: Collector, keys: List[str]) -> Iterator[str]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import json
 import time
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Dict, List, Optional, Tuple
@@ -26,6 +28,7 @@ from atom_core.errors import CalibrationError, DescriptionError, OutputError
 from atom_core.io.atomic import prepare_output_folder, write_json_atomically, write_text_atomically
 from atom_core.io.dataset_json import write_dataset
 from atom_core.io.results import write_arguments_yaml, write_parameters_yaml
+from atom_core.io.together import finish_interrupted, written_together
 from atom_core.io.urdf import Description, read_description, write_calibrated_description
 from atom_core.model.dataset import Dataset
 from atom_core.model.joints import JointSelection
@@ -49,6 +52,10 @@ EXAMPLE = "python3 -m atom_core calibrate --dataset data/dataset.json --output r
 DATASET_FILE, RESULT_FILE = "atom_calibration.json", "calibration.json"
 PARAMETERS_FILE, DESCRIPTION_FILE = "atom_calibration_params.yml", "optimized.urdf.xacro"
 ORIGINAL_FILE, ARGUMENTS_FILE = "original_calibration_params.yml", "command_line_args.yml"
+_ATOMS_FILES = (DATASET_FILE, PARAMETERS_FILE, DESCRIPTION_FILE, ORIGINAL_FILE, ARGUMENTS_FILE)
+_ALWAYS = (RESULT_FILE, *_ATOMS_FILES)
+RESULT_FILES = (*_ALWAYS, ERRORS_FILE, TRANSFORMS_FILE, JOINTS_FILE)
+NOT_CONVERGED_FOLDER = "not_converged"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -83,17 +90,21 @@ def run(args: argparse.Namespace, watcher: Optional[Watcher] = None) -> int:
     results = calibration_results(calibration, solver, given.truth)
     writing = time.perf_counter()
     prepare_output_folder(folder, args.overwrite or not args.output)
-    remarks = [*_solver_remarks(options), *_write_files(folder, results, description)]
-    _write_atoms_files(folder, args, results, given.original)
-    ended = time.perf_counter()
-    around = {"load": load_seconds, "write": ended - writing, "total": ended - began}
-    results = replace(
-        results,
-        warnings=(*given.remarks, *results.warnings, *remarks),
-        seconds={**results.seconds, **around},
-    )
-    document = calibration_document(results, common.options_document(args))
-    write_json_atomically(folder / RESULT_FILE, document, sort_keys=False)
+    folder, remarks = _where_nothing_good_is_lost(folder, calibration.status)
+    with written_together(folder, RESULT_FILES):
+        remarks += [*_solver_remarks(options), *_write_files(folder, results, description)]
+        _write_atoms_files(folder, args, results, given.original)
+        ended = time.perf_counter()
+        around = {"load": load_seconds, "write": ended - writing, "total": ended - began}
+        results = replace(
+            results,
+            warnings=(*given.remarks, *results.warnings, *remarks),
+            seconds={**results.seconds, **around},
+        )
+        document = calibration_document(results, common.options_document(args))
+        write_json_atomically(folder / RESULT_FILE, document, sort_keys=False)
+    if calibration.status == CONVERGED:
+        _remove_results(folder / NOT_CONVERGED_FOLDER)
     if looking_on is not None:
         looking_on.end(calibration)
     print(calibration_report(results, args.verbose, args.show_normalized_values))
@@ -109,13 +120,38 @@ def _checked_folder(args: argparse.Namespace) -> Path:
     if args.output:
         common.refuse_occupied(args.output, args.overwrite)
         return Path(args.output)
-    names = [DATASET_FILE, RESULT_FILE, PARAMETERS_FILE, DESCRIPTION_FILE]
-    names += [ORIGINAL_FILE, ARGUMENTS_FILE]
+    names = list(_ALWAYS)
     if args.save_calibration_errors:
         names.append(ERRORS_FILE)
     if args.truth or args.comparison_to_ground_truth:
         names += [TRANSFORMS_FILE, JOINTS_FILE]
     return common.refuse_results_beside(args.dataset, names, args.overwrite)
+
+
+def _where_nothing_good_is_lost(folder: Path, status: str) -> Tuple[Path, List[str]]:
+    """Return where results go, and what is to be said of it: none replaces a better one."""
+    if status == CONVERGED or not _holds_converged_results(folder):
+        return folder, []
+    aside = prepare_output_folder(folder / NOT_CONVERGED_FOLDER, overwrite=True)
+    return aside, [f"the converged results of before stay in {folder}; this run's are in {aside}"]
+
+
+def _holds_converged_results(folder: Path) -> bool:
+    finish_interrupted(folder)
+    try:
+        earlier = json.loads((folder / RESULT_FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(earlier, dict) and earlier.get("status") == CONVERGED
+
+
+def _remove_results(folder: Path) -> None:
+    """Remove what an earlier run left in a folder, and the folder if nothing else is in it."""
+    with suppress(OSError):
+        for name in RESULT_FILES:
+            with suppress(FileNotFoundError):
+                (folder / name).unlink()
+        folder.rmdir()
 
 
 def _short_file(args: argparse.Namespace) -> Optional[Path]:

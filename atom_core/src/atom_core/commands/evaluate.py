@@ -18,6 +18,7 @@ from atom_core.io.atomic import (
     write_text_atomically,
 )
 from atom_core.io.dataset_json import read_dataset, write_dataset
+from atom_core.io.together import written_together
 from atom_core.io.truth_file import read_any_truth
 from atom_core.model.dataset import Dataset
 from atom_core.model.selection import select_names
@@ -90,11 +91,14 @@ def run(args: argparse.Namespace) -> int:
     document = evaluation_document(evaluation, compared, hand_eye)
     document["options"] = common.options_document(args)
     prepare_output_folder(folder, args.overwrite)
-    _write_csv_files(folder, evaluation)
-    for baseline in hand_eye.baselines if hand_eye else ():
-        if baseline.dataset is not None:
-            write_dataset(baseline.dataset, folder / f"{HAND_EYE}_{baseline.method}.json")
-    write_json_atomically(folder / RESULT_FILE, document, sort_keys=False)
+    earlier = [path.name for path in folder.glob(f"{HAND_EYE}_*.json")]
+    with written_together(folder, [RESULT_FILE, *map(csv_name, pair_kinds()), *earlier]):
+        for name, text in csv_texts(evaluation).items():
+            write_text_atomically(folder / name, text)
+        for baseline in hand_eye.baselines if hand_eye else ():
+            if baseline.dataset is not None:
+                write_dataset(baseline.dataset, folder / f"{HAND_EYE}_{baseline.method}.json")
+        write_json_atomically(folder / RESULT_FILE, document, sort_keys=False)
     print(evaluation_report(evaluation, compared, args.verbose, hand_eye))
     print(f"\nresults: {folder}")
     if evaluation.measured:
@@ -103,16 +107,6 @@ def run(args: argparse.Namespace) -> int:
     why = "the table says why" if told else "no two of these sensors can be compared"
     print(f"evaluate: no pair was measured, {why}", file=sys.stderr)
     return 1
-
-
-def _write_csv_files(folder: Path, evaluation: Evaluation) -> None:
-    """Write a file for each kind that was measured; remove those of an earlier run."""
-    texts = csv_texts(evaluation)
-    for kind in pair_kinds():
-        if csv_name(kind) in texts:
-            write_text_atomically(folder / csv_name(kind), texts[csv_name(kind)])
-        elif (folder / csv_name(kind)).is_file():
-            (folder / csv_name(kind)).unlink()
 
 
 def _evaluate(

@@ -1,4 +1,7 @@
-"""Assemble a dataset from the collections that an interrupted collector left."""
+"""Assemble a dataset from the collections that an interrupted collector left.
+
+With --previous they are removed, and the dataset that --overwrite was to replace is back.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ import sys
 from pathlib import Path
 
 from atom_core.commands import common
-from atom_core.io.collections import recover_dataset
+from atom_core.io.collections import CollectionStore, recover_dataset
 from atom_core.io.dataset_json import read_dataset
 
 EXAMPLE = "python3 -m atom_core recover my_dataset"
@@ -21,14 +24,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     common.add_option(
         parser, "overwrite", "-ow", action="store_true", help="replace a dataset.json in it"
     )
+    parser.add_argument(
+        "--previous",
+        action="store_true",
+        help="bring back the dataset that was there before; what was collected since is removed",
+    )
     common.add_verbose_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Assemble, read back, and say what was found."""
-    path, warnings = recover_dataset(args.folder, args.overwrite)
-    for warning in warnings:
-        print(f"recover: {warning}", file=sys.stderr)
+    if args.previous:
+        path = CollectionStore(args.folder).bring_back()
+    else:
+        path, warnings = recover_dataset(args.folder, args.overwrite)
+        for warning in warnings:
+            print(f"recover: {warning}", file=sys.stderr)
     dataset = read_dataset(path)
     print(f"{path}: {len(dataset.sensors)} sensors, {len(dataset.collections)} collections")
     return 0

@@ -8,14 +8,18 @@ import json
 import math
 import os
 import secrets
+from contextvars import ContextVar
 from pathlib import Path
-from typing import Any, Mapping, Optional, Sequence, Tuple, Union
+from typing import Any, List, Mapping, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
 from atom_core.errors import OutputError
 
 PathLike = Union[str, "os.PathLike[str]"]
+Renames = List[Tuple[Path, Path]]  # temporary file, and the name that it shall have
+# A folder whose files get their names later, all at once (`together`), and the files so far.
+postponed: ContextVar[Optional[Tuple[Path, Renames]]] = ContextVar("postponed", default=None)
 
 _REMEDIES = {
     errno.ENOSPC: "free some space or choose another folder",
@@ -52,16 +56,21 @@ def write_bytes_atomically(path: PathLike, data: bytes) -> None:
     """
     target = Path(os.path.realpath(path))
     if target.is_dir():
-        raise _output_error(path, OSError(errno.EISDIR, os.strerror(errno.EISDIR)))
+        raise output_error(path, OSError(errno.EISDIR, os.strerror(errno.EISDIR)))
     temporary = target.with_name(f".{target.name[:200]}.{secrets.token_hex(6)}.tmp")
+    later = postponed.get()
     try:
         _write_and_sync(temporary, target, data)
+        if later is not None and target.parent == later[0]:
+            later[1].append((temporary, target))
+            return
         os.replace(temporary, target)
     except OSError as error:
-        raise _output_error(path, error) from error
+        raise output_error(path, error) from error
     finally:  # also upon Ctrl-C; after the rename there is nothing left to remove
-        _remove_if_there(temporary)
-    _sync_folder(target.parent)
+        if later is None or (temporary, target) not in later[1]:
+            _remove_if_there(temporary)
+    sync_folder(target.parent)
 
 
 def write_json_atomically(
@@ -125,14 +134,14 @@ def prepare_output_folder(path: PathLike, overwrite: bool = False) -> Path:
             f"{folder}: a file is in the way; move it or choose another folder"
         ) from error
     except OSError as error:
-        raise _output_error(folder, error) from error
+        raise output_error(folder, error) from error
     if occupied and not overwrite:
         raise OutputError(
             f"{folder}: the folder is not empty; add --overwrite to replace the files in it, or "
             f"choose another one"
         )
     if not os.access(folder, os.W_OK | os.X_OK):
-        raise _output_error(folder, OSError(errno.EACCES, os.strerror(errno.EACCES)))
+        raise output_error(folder, OSError(errno.EACCES, os.strerror(errno.EACCES)))
     return folder
 
 
@@ -152,7 +161,7 @@ def _remove_if_there(path: Path) -> None:
         path.unlink()
 
 
-def _sync_folder(folder: Path) -> None:
+def sync_folder(folder: Path) -> None:
     """Put the new name on the disk too; file systems that cannot do so are left alone."""
     try:
         descriptor = os.open(folder, os.O_RDONLY)
@@ -163,7 +172,8 @@ def _sync_folder(folder: Path) -> None:
     os.close(descriptor)
 
 
-def _output_error(path: PathLike, error: OSError) -> OutputError:
+def output_error(path: PathLike, error: OSError) -> OutputError:
+    """Return what to raise where the system refuses to write: what, why, and what to do."""
     reason = (error.strerror or str(error)).lower()
     remedy = _REMEDIES.get(error.errno or 0, "choose another folder")
     return OutputError(f"{path}: cannot be written ({reason}); {remedy}")

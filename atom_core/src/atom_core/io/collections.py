@@ -3,19 +3,22 @@
 A collector writes each collection when it is taken: first its data files, then
 ``collections/NNN.json``, which appears under its name only when it is whole. ``dataset.json`` is
 assembled from these files, at the end or, after a crash, by ``recover``. What holds for all
-collections (sensors, patterns, configuration) stands in ``collections/header.json``.
+collections (sensors, patterns, configuration) stands in ``collections/header.json``. The dataset
+that a new one shall replace is kept in ``previous/`` until the new one is whole.
 """
 
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
 from atom_core.errors import DatasetError, OutputError
+from atom_core.io import earlier_run
 from atom_core.io.atomic import prepare_output_folder, write_text_atomically
 from atom_core.io.dataset_json import CURRENT_VERSION, dumps
 from atom_core.io.dataset_writer import DATASET_FILE
@@ -50,22 +53,94 @@ class CollectionStore:
         self._inside = self.folder / FOLDER
 
     @classmethod
-    def create(cls, folder: Path, overwrite: bool = False) -> CollectionStore:
+    def create(
+        cls, folder: Path, overwrite: bool = False, beside: Sequence[str] = ()
+    ) -> CollectionStore:
         """Make the folder ready for the first collection.
 
         Args:
             folder: where; made when absent.
-            overwrite: accept a folder that holds something, and remove the collections in it.
+            overwrite: accept a folder that holds something. A dataset in it is kept in
+                ``previous/`` until `keep`; what a later run left that was interrupted is removed.
+            beside: names of further files and folders that a run writes.
 
         Raises:
             OutputError: the folder is not empty or cannot be written to.
         """
         store = cls(prepare_output_folder(folder, overwrite))
+        earlier_run.undo_partial(store.folder)
+        if earlier_run.has_earlier_run(store.folder) and not store.is_assembled:
+            store.begin_anew()
+        else:
+            earlier_run.set_aside(store.folder, store._files(beside))
         prepare_output_folder(store._inside, overwrite=True)
-        for path in (*store._inside.glob("*.json"), store.folder / DATASET_FILE):
+        return store
+
+    @property
+    def is_assembled(self) -> bool:
+        """Tell whether the dataset is there."""
+        return (self.folder / DATASET_FILE).is_file()
+
+    def begin_anew(self) -> None:
+        """Remove what this run has collected so far."""
+        for path in list(self._files()):
             if path.is_file():
                 path.unlink()
-        return store
+
+    def keep(self) -> None:
+        """Say that the new dataset is what was wanted: the one before it is removed."""
+        earlier_run.forget(self.folder)
+
+    def give_up_if_empty(self) -> bool:
+        """Bring back the dataset that was there before, if this run has collected nothing.
+
+        Returns:
+            True if it is back.
+
+        Raises:
+            OutputError: it cannot be moved.
+        """
+        if self.keys or self.is_assembled or not earlier_run.has_earlier_run(self.folder):
+            return False
+        earlier_run.put_back(self.folder)
+        return True
+
+    def bring_back(self) -> Path:
+        """Remove what this run has collected and bring back the dataset that was there before.
+
+        Raises:
+            DatasetError: there was none.
+            OutputError: it cannot be moved.
+        """
+        earlier_run.undo_partial(self.folder)
+        if not earlier_run.has_earlier_run(self.folder):
+            raise DatasetError(
+                f"{self.folder / earlier_run.FOLDER}: absent; no earlier dataset is kept here"
+            )
+        self.begin_anew()
+        earlier_run.put_back(self.folder)
+        return self.folder / DATASET_FILE
+
+    def _files(self, beside: Sequence[str] = ()) -> Iterator[Path]:
+        """Yield the files of a run: data, collections, dataset, and others named."""
+        for key in self.keys:
+            with suppress(DatasetError):  # damaged: its data cannot be told from others' files
+                yield from self._data_files(self.load(key)).values()
+        with suppress(DatasetError):
+            yield from self._assembled_data_files()
+        for name in beside:
+            yield self.folder / name
+            yield from (self.folder / name).rglob("*")
+        yield from self._inside.glob("*.json")
+        yield self.folder / DATASET_FILE
+
+    def _assembled_data_files(self) -> Iterator[Path]:
+        if not self.is_assembled:
+            return
+        collections = _read(self.folder / DATASET_FILE).get("collections")
+        for collection in collections.values() if isinstance(collections, dict) else ():
+            if isinstance(collection, dict):
+                yield from self._data_files(StoredCollection("", collection, {})).values()
 
     @property
     def keys(self) -> List[str]:
@@ -183,11 +258,14 @@ class CollectionStore:
         return whole, warnings
 
     def _data_files(self, stored: StoredCollection) -> Dict[str, Path]:
-        return {
-            sensor: self.folder / entry["data_file"]
-            for sensor, entry in stored.document.get("data", {}).items()
-            if "data_file" in entry
+        """Return by sensor the files of this folder that a collection names, and no others."""
+        data = stored.document.get("data")
+        named = {
+            sensor: entry["data_file"]
+            for sensor, entry in (data if isinstance(data, dict) else {}).items()
+            if isinstance(entry, dict) and isinstance(entry.get("data_file"), str)
         }
+        return {s: self.folder / name for s, name in named.items() if Path(name).name == name}
 
 
 def recover_dataset(folder: Path, overwrite: bool = False) -> Tuple[Path, List[str]]:
@@ -210,7 +288,7 @@ def recover_dataset(folder: Path, overwrite: bool = False) -> Tuple[Path, List[s
             f"{folder}: there is no folder '{FOLDER}' in it; name the folder that was the "
             f"collector's --output"
         )
-    if (store.folder / DATASET_FILE).is_file() and not overwrite:
+    if store.is_assembled and not overwrite:
         raise OutputError(
             f"{store.folder / DATASET_FILE}: is there already; add --overwrite to assemble it anew"
         )

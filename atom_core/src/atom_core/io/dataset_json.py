@@ -29,6 +29,7 @@ from atom_core.io.dataset_entries import (
 )
 from atom_core.io.earliest_layout import CURRENT_VERSION, completed, is_before_version_2
 from atom_core.io.label_json import is_old_layout, with_label
+from atom_core.io.together import finish_interrupted
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.dataset import Collection, Dataset
 from atom_core.model.joints import JointState
@@ -71,6 +72,7 @@ def read_dataset(path: Path, choose: Optional[Choose] = None) -> Dataset:
 
 def read_document(path: Path) -> Dict[str, Any]:
     """Return the JSON document of a dataset, unchecked but for being one."""
+    finish_interrupted(path.parent)
     if not path.is_file():
         raise DatasetError(f"{path}: no such file; give the dataset's JSON with --dataset")
     try:

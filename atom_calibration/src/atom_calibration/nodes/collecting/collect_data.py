@@ -15,8 +15,8 @@ from typing import Callable
 
 import rospy
 
-from atom_calibration.collect.collector import Setup
-from atom_calibration.collect.conclusion import conclude
+from atom_calibration.collect.collector import WRITTEN_BESIDE, Setup
+from atom_calibration.collect.conclusion import conclude, give_up
 from atom_calibration.collect.joint_positions import described_joints
 from atom_calibration.collect.stamps import check_received
 from atom_calibration.errors import CollectionError
@@ -52,7 +52,7 @@ def main() -> int:
 def _run(args: argparse.Namespace) -> int:
     config = read_config(args.config)
     running.start(NAME)
-    store = CollectionStore.create(args.output, args.overwrite)
+    store = CollectionStore.create(args.output, args.overwrite, WRITTEN_BESIDE)
     code, message = running.BAD_INPUT, "interrupted"
     try:
         code = _collect(args, config, store)
@@ -63,6 +63,7 @@ def _run(args: argparse.Namespace) -> int:
         message = str(error)
         raise
     finally:
+        give_up(store, rospy.logwarn)
         status = {"step": "collect", "exit_code": code, "message": message}
         write_json_atomically(store.folder / STATUS_FILE, status)
     return code

@@ -25,8 +25,8 @@ import numpy as np
 import rospy
 from tqdm import tqdm
 
-from atom_calibration.collect.collector import Collector, Moments, Setup
-from atom_calibration.collect.conclusion import conclude
+from atom_calibration.collect.collector import WRITTEN_BESIDE, Collector, Moments, Setup
+from atom_calibration.collect.conclusion import conclude, give_up
 from atom_calibration.collect.expectation import PointExpectation
 from atom_calibration.collect.joint_positions import described_joints
 from atom_calibration.collect.selection import StopMoments, TimedMoments
@@ -95,16 +95,19 @@ def collect_from_bag(args: argparse.Namespace) -> int:
         seeds = read_seeds(args.seeds, rig.sensors) if args.seeds else []
         labeler = FrameLabeler(config, rig.sensors, patterns, seeds, args.automatic_seeds == "on")
         recording = Recording(config, bag, rig, patterns, transforms, labeler)
-        setup = _setup(args, recording, args.overwrite)
-        collector, keys = _collected(args, recording, setup)
-        if labeler.relocated:
-            for text in labeler.relocated.values():
-                _warn(text)
-            _warn("the bag is read once more, with that in mind")
-            labeler.begin_anew()
-            setup = _setup(args, recording, True)
-            collector, keys = _collected(args, recording, setup)
-    return conclude(setup.store, collector, keys, print, _warn)
+        store = CollectionStore.create(args.output, args.overwrite, WRITTEN_BESIDE)
+        try:
+            collector, keys = _collected(args, recording, store)
+            if labeler.relocated:
+                for text in labeler.relocated.values():
+                    _warn(text)
+                _warn("the bag is read once more, with that in mind")
+                labeler.begin_anew()
+                store.begin_anew()
+                collector, keys = _collected(args, recording, store)
+            return conclude(store, collector, keys, print, _warn)
+        finally:
+            give_up(store, _warn)
 
 
 class Recording(NamedTuple):
@@ -118,14 +121,14 @@ class Recording(NamedTuple):
     labeler: FrameLabeler
 
 
-def _setup(args: argparse.Namespace, recording: Recording, overwrite: bool) -> Setup:
+def _setup(args: argparse.Namespace, recording: Recording, store: CollectionStore) -> Setup:
     config, _, rig, patterns, transforms, _ = recording
     return Setup(
         config,
         rig.sensors,
         patterns,
         transforms.at,
-        CollectionStore.create(args.output, overwrite),
+        store,
         args.bag.stem,
         args.pictures,
         not (args.times or args.interval),
@@ -135,10 +138,11 @@ def _setup(args: argparse.Namespace, recording: Recording, overwrite: bool) -> S
 
 
 def _collected(
-    args: argparse.Namespace, recording: Recording, setup: Setup
+    args: argparse.Namespace, recording: Recording, store: CollectionStore
 ) -> Tuple[Collector, List[str]]:
     """Read the bag once; return the collector and the keys of its collections."""
     config, bag, rig, _, transforms, labeler = recording
+    setup = _setup(args, recording, store)
     moments = _moments(args, config, (bag.start_s, bag.end_s), transforms.lag_s)
     collector, expectation = Collector(setup, moments), PointExpectation(setup)
     keys: List[str] = []

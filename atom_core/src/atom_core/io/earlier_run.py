@@ -1,0 +1,103 @@
+"""What an earlier run left in a folder, kept there until the new run is whole.
+
+``previous/`` holds its files. They come there by way of ``.previous.partial/``, which gets the name
+in one step, so a run that is killed amid the moving is undone by the next one.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+from typing import Iterable, Iterator
+
+from atom_core.io.atomic import output_error, sync_folder
+
+FOLDER = "previous"
+_PARTIAL, _OLDER = ".previous.partial", ".previous.older"
+
+
+def has_earlier_run(folder: Path) -> bool:
+    """Tell whether the folder keeps the files of an earlier run."""
+    return (folder / FOLDER).is_dir()
+
+
+def set_aside(folder: Path, files: Iterable[Path]) -> None:
+    """Move files to ``previous/``; what was there before is removed when all are there.
+
+    Args:
+        folder: of the run.
+        files: in it or in folders below it; those that are absent are passed over.
+
+    Raises:
+        OutputError: a file cannot be moved; everything is where it was.
+    """
+    try:
+        undo_partial(folder)
+        for path in files:
+            if path.is_file():
+                _move(path, folder / _PARTIAL / path.relative_to(folder))
+        if not (folder / _PARTIAL).is_dir():
+            return
+        if has_earlier_run(folder):
+            os.replace(folder / FOLDER, folder / _OLDER)
+        os.replace(folder / _PARTIAL, folder / FOLDER)
+        sync_folder(folder)
+        _remove(folder / _OLDER)
+    except OSError as error:
+        undo_partial(folder)
+        raise output_error(folder / FOLDER, error) from error
+
+
+def undo_partial(folder: Path) -> None:
+    """Put everything where it was, if an earlier call of `set_aside` was killed amid its work."""
+    _put_back_from(folder, folder / _PARTIAL)
+    if (folder / _OLDER).is_dir():
+        if has_earlier_run(folder):
+            _remove(folder / _OLDER)
+        else:
+            os.replace(folder / _OLDER, folder / FOLDER)
+
+
+def put_back(folder: Path) -> None:
+    """Move the files of ``previous/`` to where they were, over files of the same names.
+
+    Raises:
+        OutputError: a file cannot be moved; the next call goes on.
+    """
+    try:
+        undo_partial(folder)
+        if has_earlier_run(folder):
+            os.replace(folder / FOLDER, folder / _PARTIAL)  # the next run goes on if this is killed
+            undo_partial(folder)
+    except OSError as error:
+        raise output_error(folder, error) from error
+
+
+def forget(folder: Path) -> None:
+    """Remove ``previous/``: the new run is whole."""
+    if has_earlier_run(folder):
+        os.replace(folder / FOLDER, folder / _OLDER)
+        _remove(folder / _OLDER)
+
+
+def _put_back_from(folder: Path, kept: Path) -> None:
+    for path in list(_files_below(kept)):
+        _move(path, folder / path.relative_to(kept))
+    _remove(kept)
+
+
+def _files_below(folder: Path) -> Iterator[Path]:
+    for parent, _, names in os.walk(folder):
+        for name in names:
+            yield Path(parent) / name
+
+
+def _move(source: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    os.replace(source, target)
+
+
+def _remove(folder: Path) -> None:
+    if folder.is_dir():
+        shutil.rmtree(folder)
