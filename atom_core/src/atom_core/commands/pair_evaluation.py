@@ -110,15 +110,28 @@ def adder(name: str) -> Callable[[argparse.ArgumentParser], None]:
 
 
 def add_common_options(parser: argparse.ArgumentParser) -> None:
-    """Add what ATOM's evaluations have in common."""
-    add = common.add_option
+    """Add what ATOM's evaluations of labels have in common."""
     flags = {
         "-uic": ("use_incomplete_collections", "also where not all sensors see all patterns"),
         "-rpd": ("remove_partial_detections", "without labels of cameras that lack corners"),
-        "-sfr": ("save_file_results", "write the table as CSV"),
     }
     for short, (option, what) in flags.items():
-        add(parser, option, short, action="store_true", help=what)
+        common.add_option(parser, option, short, action="store_true", help=what)
+    add_results_options(parser)
+
+
+def add_results_options(parser: argparse.ArgumentParser, may_have_value: bool = False) -> None:
+    """Add where a table goes as CSV.
+
+    Args:
+        parser: of the command.
+        may_have_value: ATOM's -sfr has a value there, which it never uses.
+    """
+    add, what = common.add_option, "write the table as CSV"
+    kind: Dict[str, Any] = {"action": "store_true"}
+    if may_have_value:
+        kind = {"nargs": "?", "const": True, "default": False, "metavar": "IGNORED"}
+    add(parser, "save_file_results", "-sfr", help=what, **kind)
     add(parser, "save_file_results_name", "-sfrn", type=Path, metavar="FILE", help="its name")
     add(parser, "overwrite", "-ow", action="store_true", help="replace that file")
 

@@ -21,6 +21,21 @@ def segments_of(points: np.ndarray, closed: bool = False) -> np.ndarray:
     return np.stack([points, following], axis=1)[: len(points) if closed else len(points) - 1]
 
 
+def evenly_spaced(points: np.ndarray, density: float) -> np.ndarray:
+    """Return points (n, 2) along a polyline, as many as its length times the density.
+
+    Each segment has them between its ends, both included; a single point stays one.
+    """
+    points = np.asarray(points, dtype=float).reshape(-1, 2)
+    if len(points) < 2:
+        return points
+    found = []
+    for start, end in segments_of(points):
+        count = int(round(density * round(float(np.linalg.norm(end - start)))))
+        found.append(np.linspace(start, end, max(count, 2)))
+    return np.concatenate(found)
+
+
 def offsets_to_segments(points: np.ndarray, segments: np.ndarray) -> np.ndarray:
     """Return (n, 2) from the nearest point of any segment to each point (n, 2).
 

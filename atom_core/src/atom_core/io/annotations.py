@@ -7,16 +7,21 @@ pattern; where a dataset has several, ``{pattern: {side: ...}}`` is read as well
 
 from __future__ import annotations
 
+import getpass
 import json
+import time
 from pathlib import Path
-from typing import Any, Collection, Dict, Iterable, Mapping, Tuple
+from typing import Any, Collection, Dict, Iterable, List, Mapping, Sequence, Tuple
 
 import numpy as np
 
 from atom_core.errors import DatasetError
-from atom_core.geometry.polyline import segments_of
+from atom_core.geometry.polyline import evenly_spaced, segments_of
+from atom_core.io.atomic import write_json_atomically
 
 SIDES = ("top", "right", "bottom", "left")
+
+_METADATA, _VERSION = "_metadata", "2.0"
 
 BorderKey = Tuple[str, str, str]  # collection, sensor, pattern
 
@@ -43,10 +48,75 @@ def read_annotations(
     return borders
 
 
+def read_lines(
+    path: Path, patterns: Collection[str], pattern: str
+) -> Dict[str, Dict[str, List[Tuple[float, float]]]]:
+    """Return the clicked points [px] of a pattern by collection and side, to draw on.
+
+    Raises:
+        DatasetError: the file is malformed.
+    """
+    if not path.is_file():
+        return {}
+    _read(path, patterns)  # which refuses what is malformed
+    document = json.loads(path.read_text(encoding="utf-8"))
+    lines = {}
+    for collection, entry in document.items():
+        if collection != _METADATA:
+            sides = _by_pattern(entry, patterns).get(pattern) or {}
+            points = {side: sides.get(side) or {} for side in SIDES}
+            lines[collection] = {
+                side: list(zip(value.get("xs") or [], value.get("ys") or []))
+                for side, value in points.items()
+            }
+    return lines
+
+
+def write_annotations(
+    path: Path,
+    lines: Mapping[str, Mapping[str, Sequence[Tuple[float, float]]]],
+    *,
+    points_per_pixel: float = 1.0,
+    pattern: str = "",
+) -> None:
+    """Write the border that was drawn in the images of a sensor.
+
+    Args:
+        path: the file; of other patterns it keeps what it has.
+        lines: clicked points [px] by collection and side.
+        points_per_pixel: how densely the lines are sampled for ATOM.
+        pattern: whose sides they are, where the dataset has several; empty: as ATOM, without.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    old = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    document: Dict[str, Any] = {
+        _METADATA: {
+            "timestamp": str(time.time()),
+            "date": time.asctime(),
+            "user": getpass.getuser(),
+            "version": _VERSION,
+        }
+    }
+    for collection, sides in lines.items():
+        entry = {side: _side(sides.get(side, ()), points_per_pixel) for side in SIDES}
+        kept = old.get(collection) or {}
+        document[collection] = {**kept, pattern: entry} if pattern else entry
+    write_json_atomically(path, document)
+
+
+def _side(points: Sequence[Tuple[float, float]], points_per_pixel: float) -> Dict[str, Any]:
+    clicked = np.array(points, dtype=float).reshape(-1, 2)
+    sampled = np.round(evenly_spaced(clicked, points_per_pixel)).astype(int)
+    (xs, ys), (ixs, iys) = clicked.T.tolist(), sampled.T.tolist()
+    return {"xs": xs, "ys": ys, "ixs": ixs, "iys": iys}
+
+
 def _read(path: Path, patterns: Collection[str]) -> Dict[Tuple[str, str], np.ndarray]:
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-        entries = {key: value for key, value in document.items() if key != "_metadata"}
+        entries = {key: value for key, value in document.items() if key != _METADATA}
         borders = {}
         for collection, entry in entries.items():
             for pattern, sides in _by_pattern(entry, patterns).items():

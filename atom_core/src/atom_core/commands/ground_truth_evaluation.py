@@ -1,0 +1,72 @@
+"""What ATOM's two evaluations against the truth share."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any, List, NamedTuple
+
+import numpy as np
+
+from atom_core.commands import common
+from atom_core.errors import DatasetError
+from atom_core.evaluation.mixed import mixed_dataset
+from atom_core.geometry import se3
+from atom_core.io.dataset_json import read_dataset
+from atom_core.io.truth_file import read_any_truth
+from atom_core.model.dataset import Dataset
+from atom_core.model.selection import select_names
+from atom_core.model.truth import with_truth
+
+COLUMNS = (
+    *("Trans (m)", "Rot (rad)", "X (m)", "Y (m)", "Z (m)"),
+    *("Roll (rad)", "Pitch (rad)", "Yaw (rad)"),
+)
+
+
+class Compared(NamedTuple):
+    """The test set with the calibrated edges, and with the true ones."""
+
+    found: Dataset
+    true: Dataset
+
+
+def add_files(parser: argparse.ArgumentParser) -> None:
+    """Add both datasets, the truth and the selection."""
+    add = common.add_option
+    for option, what in (("train_json", "calibrated"), ("test_json", "test")):
+        text = f"the {what} dataset"
+        add(parser, option, f"-{option}", required=True, type=Path, metavar="F", help=text)
+    text = (
+        "a truth file, a dataset with true transforms, a URDF or xacro (default: the test set: its "
+        "transforms_ground_truth, else its transforms)"
+    )
+    add(parser, "truth", type=Path, metavar="FILE", help=text)
+    add(parser, "collection_selection_function", "-csf", nargs="+", metavar="S", help="only these")
+    text = "a line for each collection"
+    add(parser, "show_all_collections", "-sac", action="store_true", help=text)
+
+
+def compared(args: argparse.Namespace) -> Compared:
+    """Read both datasets and the truth.
+
+    Raises:
+        DatasetError: the truth is that of the calibrated file itself.
+    """
+
+    def choose(keys: Any) -> List[str]:
+        return select_names(keys, args.collection_selection_function, "collection")
+
+    train, test = read_dataset(args.train_json), read_dataset(args.test_json, choose)
+    source = args.truth or args.test_json
+    if source.resolve() == args.train_json.resolve():
+        raise DatasetError(
+            f"{source}: the calibration would be compared with itself; give the truth with --truth"
+        )
+    true = with_truth(test, read_any_truth(source))
+    return Compared(mixed_dataset(train, test), true)
+
+
+def angle(found_T_true: np.ndarray) -> float:
+    """Return the geodesic angle [rad] of a difference (4, 4)."""
+    return float(se3.rotation_angle(found_T_true[:3, :3]))

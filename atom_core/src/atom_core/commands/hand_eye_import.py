@@ -1,0 +1,251 @@
+"""Images and a robot's poses become a dataset: its corners, and intrinsics where none are known."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Dict, List, Mapping, Optional, Tuple
+
+import numpy as np
+
+from atom_core.commands import common
+from atom_core.errors import ConfigError, DatasetError, OutputError
+from atom_core.geometry import se3
+from atom_core.geometry.camera import Camera
+from atom_core.geometry.intrinsics_from_boards import camera_of_boards
+from atom_core.io.atomic import prepare_output_folder, write_text_atomically
+from atom_core.io.camera_info_yaml import read_camera_info
+from atom_core.io.config_yaml import read_config
+from atom_core.io.dataset_json import dumps
+from atom_core.io.dataset_writer import DATASET_FILE, new_document
+from atom_core.io.hand_eye_folders import RobotImages
+from atom_core.io.images import read_image
+from atom_core.labeling.rgb import RgbLabeler
+from atom_core.model.config import CalibrationConfig
+from atom_core.model.dataset import MULTIPLE, Collection, Dataset, DataSource
+from atom_core.model.labels import Label, RgbLabel
+from atom_core.model.pattern import Pattern, pattern_from_config
+from atom_core.model.sensor import RGB, Sensor
+from atom_core.model.transforms import Edge
+
+_OPTICAL = se3.from_rpy(np.zeros(3), np.array([-np.pi / 2, 0.0, -np.pi / 2]))
+
+Labels = Dict[Tuple[str, int, str], RgbLabel]  # by camera, number, pattern
+
+
+def add_import_options(parser: argparse.ArgumentParser) -> None:
+    """Add what all conversions into a dataset take."""
+    add = common.add_option
+    add(
+        parser,
+        "config",
+        *("-json", "--json_file", "-c"),
+        required=True,
+        type=Path,
+        metavar="FILE",
+        help="the calibration's config.yml (or JSON), with cameras and boards",
+    )
+    add(
+        parser,
+        "output",
+        *("-out", "--output_folder", "-o"),
+        required=True,
+        type=Path,
+        metavar="DIR",
+        help="folder for the dataset; must be empty or absent, or add --overwrite",
+    )
+    text = "the frame whose poses the robot reports (default: parent of the camera or the board)"
+    add(parser, "hand_link", "-hl", metavar="FRAME", help=text)
+    text = "the frame in which it reports them (default: the configuration's world_link)"
+    add(parser, "base_link", "-bl", metavar="FRAME", help=text)
+    add(
+        parser,
+        "camera_info",
+        nargs=2,
+        action="append",
+        default=[],
+        metavar=("CAMERA", "FILE"),
+        help="its intrinsics, as camera_calibration writes them (default: from the images)",
+    )
+    add(parser, "overwrite", "-ow", action="store_true", help="replace files in the folder")
+
+
+def import_folder(args: argparse.Namespace, content: RobotImages) -> int:
+    """Make the dataset, write it, and say what was found."""
+    common.refuse_occupied(args.output, args.overwrite)
+    config = _config_of(read_config(args.config), list(content.images))
+    hand, base = _frames(config, args)
+    patterns = {n: pattern_from_config(n, e) for n, e in config.calibration_patterns.items()}
+    known = {name: read_camera_info(Path(path)) for name, path in args.camera_info}
+    sensors, labels = {}, {}
+    for name in content.images:
+        camera, found = _camera(name, config, patterns, content, known.get(name))
+        sensors[name] = _sensor(name, config, camera)
+        labels.update(found)
+    dataset = _dataset(args.output, config, sensors, labels, content, Edge(base, hand))
+    _write(dataset, content, args)
+    print(f"{args.output / DATASET_FILE}: {len(sensors)} cameras, {len(dataset.collections)} poses")
+    return 0
+
+
+def _config_of(config: CalibrationConfig, cameras: List[str]) -> CalibrationConfig:
+    """Return the configuration of these cameras alone."""
+    for name in cameras:
+        if name not in config.sensors:
+            known = ", ".join(config.sensors)
+            raise ConfigError(f"camera '{name}' is not in the configuration; there are: {known}")
+    kept = {name: config.sensors[name] for name in cameras}
+    anchor = config.anchored_sensor if config.anchored_sensor in kept else None
+    return replace(config, sensors=kept, anchored_sensor=anchor)
+
+
+def _frames(config: CalibrationConfig, args: argparse.Namespace) -> Tuple[str, str]:
+    """Return the frames of hand and base.
+
+    Raises:
+        ConfigError: the configuration does not tell them, or hangs something on neither.
+    """
+    base = args.base_link or config.world_link
+    entries: Mapping[str, Any] = {**config.sensors, **config.calibration_patterns}
+    parents = {name: entry.parent_link for name, entry in entries.items()}
+    others = sorted(set(parents.values()) - {base, config.world_link})
+    hand = args.hand_link or (others[0] if len(others) == 1 else None)
+    if hand is None:
+        raise ConfigError(
+            f"the parents of cameras and boards do not tell which frame is the hand "
+            f"({', '.join(others) or 'all are ' + base}); name it with --hand_link"
+        )
+    for name, parent in parents.items():
+        if parent not in (base, hand, config.world_link):
+            raise ConfigError(
+                f"'{name}' has the parent_link '{parent}', and the robot's poses connect only "
+                f"'{base}' and '{hand}'; correct it, or --hand_link and --base_link"
+            )
+    return hand, base
+
+
+def _sensor(name: str, config: CalibrationConfig, camera: Camera) -> Sensor:
+    entry = config.sensors[name]
+    return Sensor(name, RGB, entry.link, entry.edge, camera, entry.topic_name)
+
+
+def _camera(
+    name: str,
+    config: CalibrationConfig,
+    patterns: Mapping[str, Pattern],
+    content: RobotImages,
+    known: Optional[Camera],
+) -> Tuple[Camera, Labels]:
+    """Find the corners in a camera's images, and its intrinsics where they are not known."""
+    files = content.images[name]
+    size = read_image(next(iter(files.values()))).shape[:2]
+    guess = Camera(size[1], size[0], np.array([size[1], 0, 0, 0, size[1], 0, 0, 0, 1.0]))
+    sensor = _sensor(name, config, known or guess)
+    labels: Labels = {}
+    for pattern_name, pattern in patterns.items():
+        labeler = RgbLabeler(sensor, pattern, config.calibration_patterns[pattern_name])
+        for number, path in files.items():
+            label = labeler.label(read_image(path, sensor_size(sensor))).label
+            if label.detected:
+                assert isinstance(label, RgbLabel)
+                labels[name, number, pattern_name] = label
+    print(f"{name}: boards found in {len({n for _, n, _ in labels})} of {len(files)} images")
+    if not labels:
+        raise DatasetError(
+            f"{files[next(iter(files))].parent}: no board is found in any image of '{name}'; check "
+            f"the boards of the configuration"
+        )
+    if known is not None:
+        return known, labels
+    points = [patterns[p].corners_of(label.ids) for (_, _, p), label in labels.items()]
+    pixels = [label.pixels for label in labels.values()]
+    try:
+        camera, rms_px = camera_of_boards(points, pixels, size[1], size[0])
+    except ValueError as error:
+        raise DatasetError(f"intrinsics of '{name}': {error}; give them: --camera_info") from None
+    print(f"{name}: intrinsics from these images, {rms_px:.3f} px; focal lengths {camera.focal_px}")
+    return camera, labels
+
+
+def sensor_size(sensor: Sensor) -> Tuple[int, int]:
+    """Return rows and columns of a camera's images."""
+    assert sensor.camera is not None
+    return sensor.camera.height, sensor.camera.width
+
+
+class _Images(DataSource):
+    """The images where they lie."""
+
+    def __init__(self, files: Mapping[Tuple[str, str], Path]):
+        self.files = files
+
+    def has_data(self, collection: str, sensor: str) -> bool:
+        """Tell whether there is an image."""
+        return (collection, sensor) in self.files
+
+    def read(self, collection: str, sensor: str) -> Any:
+        """Return an image (height, width, 3)."""
+        return read_image(self.files[collection, sensor])
+
+
+def _dataset(
+    folder: Path,
+    config: CalibrationConfig,
+    sensors: Mapping[str, Sensor],
+    labels: Labels,
+    content: RobotImages,
+    arm: Edge,
+) -> Dataset:
+    constant = {sensor.edge: np.eye(4) for sensor in sensors.values()}
+    for sensor in sensors.values():
+        if sensor.frame != sensor.edge.child:
+            constant[Edge(sensor.edge.child, sensor.frame)] = _OPTICAL
+    if arm.parent != config.world_link:
+        constant[Edge(config.world_link, arm.parent)] = np.eye(4)
+    collections, files = {}, {}
+    for number, base_T_hand in content.base_T_hand.items():
+        key = f"{number:03d}"
+        seen: Dict[Tuple[str, str], Label] = {
+            (camera, p): label for (camera, n, p), label in labels.items() if n == number
+        }
+        collections[key] = Collection(key, seen, {arm: base_T_hand, **constant})
+        for camera, of_camera in content.images.items():
+            if number in of_camera:
+                files[key, camera] = of_camera[number]
+    patterns = {n: pattern_from_config(n, e) for n, e in config.calibration_patterns.items()}
+    return Dataset(
+        source=folder / DATASET_FILE,
+        config=config,
+        sensors=sensors,
+        patterns=patterns,
+        collections=collections,
+        edge_types={arm: MULTIPLE},
+        data=_Images(files),
+    )
+
+
+def _write(dataset: Dataset, content: RobotImages, args: argparse.Namespace) -> None:
+    """Copy the images as they are; the JSON last."""
+    document = new_document(dataset, name=args.output.name)
+    folder = prepare_output_folder(args.output, args.overwrite)
+    for number in content.base_T_hand:
+        data = document["collections"][f"{number:03d}"]["data"]
+        for camera, entry in data.items():
+            source = content.images[camera][number]
+            entry["data_file"] = f"{camera}_{number:03d}{source.suffix}"
+            copy_file(source, folder / entry["data_file"])
+    write_text_atomically(folder / DATASET_FILE, dumps(document))
+
+
+def copy_file(source: Path, target: Path) -> None:
+    """Copy a file.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    try:
+        shutil.copyfile(source, target)
+    except OSError as error:
+        raise OutputError(f"{target}: {error.strerror}") from None

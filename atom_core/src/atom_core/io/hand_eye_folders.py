@@ -1,0 +1,117 @@
+"""Published layouts of hand-eye data, RWHE's and Tabb's: images and robot poses in a folder."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Dict, List, Mapping, NamedTuple, Sequence
+
+import numpy as np
+
+from atom_core.errors import DatasetError
+from atom_core.io.robot_poses import read_rwhe_poses, read_tabb_poses
+from atom_core.model.pattern import Pattern
+
+RWHE_POSES, RWHE_SQUARE = "RobotPosesVec.txt", "squaresize.txt"
+RWHE_MATLAB, RWHE_MATLAB_NAME = "RobotPoses.mat", "handposes"
+TABB_POSES, TABB_BOARD, TABB_DETAILS = (
+    "robot_cali.txt",
+    "calibration_object.txt",
+    "ExperimentDetails.txt",
+)
+TABB_IMAGES = "images"
+_ENDINGS = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm")
+_MM_PER_M = 1000.0
+
+
+class RobotImages(NamedTuple):
+    """Images of cameras, and where the robot's hand was.
+
+    Attributes:
+        images: files by camera and by the number in their names.
+        base_T_hand: (4, 4) [m] by the same numbers.
+    """
+
+    images: Mapping[str, Mapping[int, Path]]
+    base_T_hand: Mapping[int, np.ndarray]
+
+
+def read_rwhe_folder(folder: Path, camera: str) -> RobotImages:
+    """Read images with a number in their names, and ``RobotPosesVec.txt``.
+
+    As many images as poses belong together in the order of their numbers; otherwise image n to
+    line n.
+
+    Raises:
+        DatasetError: there are no images, or one has no pose.
+    """
+    images = numbered_images(folder)
+    poses = read_rwhe_poses(folder / RWHE_POSES)
+    if len(images) == len(poses):
+        return RobotImages({camera: images}, dict(zip(images, poses)))
+    without = [number for number in images if not 1 <= number <= len(poses)]
+    if without:
+        raise DatasetError(
+            f"{images[without[0]]}: {RWHE_POSES} has {len(poses)} lines, and none for image "
+            f"{without[0]}; image n belongs to line n"
+        )
+    return RobotImages({camera: images}, {number: poses[number - 1] for number in images})
+
+
+def read_tabb_folder(folder: Path) -> RobotImages:
+    """Read ``images/<camera>/`` and ``robot_cali.txt``; poses are in the order of the numbers.
+
+    Raises:
+        DatasetError: there are no images, or not as many poses as numbers.
+    """
+    above = folder / TABB_IMAGES
+    cameras = sorted(path for path in above.iterdir() if path.is_dir()) if above.is_dir() else []
+    if not cameras:
+        raise DatasetError(f"{above}: no folder of a camera is in it, so there are no images")
+    images = {path.name: numbered_images(path) for path in cameras}
+    numbers = sorted({number for of_camera in images.values() for number in of_camera})
+    poses = read_tabb_poses(folder / TABB_POSES)
+    if len(poses) != len(numbers):
+        raise DatasetError(
+            f"{folder / TABB_POSES}: {len(poses)} poses for {len(numbers)} numbers of images; each "
+            f"number needs one"
+        )
+    return RobotImages(images, dict(zip(numbers, poses)))
+
+
+def numbered_images(folder: Path) -> Dict[int, Path]:
+    """Return the images of a folder by the last number in their names, in its order.
+
+    Raises:
+        DatasetError: there is none, one has no number, or two have the same.
+    """
+    files = sorted(folder.iterdir()) if folder.is_dir() else []
+    found: Dict[int, Path] = {}
+    for path in files:
+        if path.suffix.lower() not in _ENDINGS:
+            continue
+        numbers = re.findall(r"\d+", path.stem)
+        if not numbers:
+            raise DatasetError(f"{path}: has no number in its name, which tells its pose")
+        number = int(numbers[-1])
+        if number in found:
+            raise DatasetError(f"{path}: has the number of {found[number].name}; rename one")
+        found[number] = path
+    if not found:
+        raise DatasetError(f"{folder}: there are no images in it")
+    return dict(sorted(found.items()))
+
+
+def tabb_board_text(pattern: Pattern) -> str:
+    """Return ``calibration_object.txt``: sides of a square in mm, numbers of inner corners."""
+    side_mm = _MM_PER_M * pattern.square_m
+    return (
+        f"chess_mm_height {side_mm:g}\nchess_mm_width {side_mm:g}\n"
+        f"chess_height {pattern.rows}\nchess_width {pattern.columns}\n"
+    )
+
+
+def matlab_poses(base_T_hand: Sequence[np.ndarray]) -> Dict[str, np.ndarray]:
+    """Return what ``RobotPoses.mat`` holds: poses (n, 16), row by row."""
+    rows: List[np.ndarray] = [pose.ravel() for pose in base_T_hand]
+    return {RWHE_MATLAB_NAME: np.array(rows)}

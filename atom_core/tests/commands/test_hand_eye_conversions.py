@@ -1,0 +1,211 @@
+"""Published layouts of hand-eye data: what is written is read back, and calibrates."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+from atom_core import cli
+from atom_core.errors import DatasetError
+from atom_core.geometry import se3
+from atom_core.io.config_yaml import write_config
+from atom_core.io.dataset_json import read_dataset
+from atom_core.io.dataset_writer import write_dataset_folder
+from atom_core.io.hand_eye_folders import numbered_images, read_rwhe_folder
+from atom_core.io.robot_poses import read_rwhe_poses, read_tabb_poses, rwhe_text, tabb_text
+from atom_core.model.dataset import pose
+from atom_core.model.truth import with_truth
+from atom_core.synthetic import Noise, scenes
+
+pytest.importorskip("atom_core._core", reason="calibrates")
+CAMERA, FLANGE = "rgb_1", "flange"
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Return a folder with a dataset of a camera on an arm, its configuration, and the scene."""
+    folder = tmp_path_factory.mktemp("made")
+    scene = scenes.hand_eye(1, collections=7, noise=Noise.none())
+    write_dataset_folder(scene.dataset, folder / "data", name="arm")
+    write_config(folder / "config.yml", scene.dataset.config)
+    for layout, more in (("rwhe", ["-e", CAMERA, "-sf", "world", "-tf", FLANGE, "-sd"]),):
+        run(f"convert_to_{layout}_dataset", *to(folder, layout), *more)
+    run("convert_to_tabb_dataset", *to(folder, "tabb"), "-hl", FLANGE)
+    return folder, scene
+
+
+def to(folder, name):
+    return "-json", folder / "data" / "dataset.json", "-out", folder / name
+
+
+def run(*words, code=0):
+    assert cli.main([str(word) for word in words]) == code
+
+
+def refused(capsys, *words):
+    capsys.readouterr()
+    run(*words, code=2)
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1
+    return line
+
+
+def world_T_flange(dataset):
+    graph = dataset.graph
+    return [pose(c, graph, "world", FLANGE) for c in dataset.collections.values()]
+
+
+def from_layout(folder, layout, output, *more):
+    source = {"rwhe": ["-rwhe", folder / "rwhe", "-s", CAMERA], "tabb": ["-ds", folder / "tabb"]}
+    tail = ["-json", folder / "config.yml", "-out", output, *more]
+    return [f"convert_from_{layout}_dataset", *source[layout], *tail]
+
+
+@pytest.mark.parametrize("layout", ["rwhe", "tabb"])
+def test_there_and_back(made, tmp_path, layout, capsys):
+    """Poses to the last digit but one; images byte by byte; corners found anew where they were."""
+    folder, scene = made
+    run(*from_layout(folder, layout, tmp_path / "new"))
+    assert "boards found in 7 of 7 images" in capsys.readouterr().out
+    old, new = scene.dataset, read_dataset(tmp_path / "new" / "dataset.json")
+    for wanted, found in zip(world_T_flange(old), world_T_flange(new)):
+        np.testing.assert_allclose(found, wanted, atol=1e-12)
+    for before, after in zip(old.collections, new.collections):
+        name = new.document["collections"][after]["data"][CAMERA]["data_file"]
+        copied = (tmp_path / "new" / name).read_bytes()
+        assert copied == (folder / "data" / f"{CAMERA}_{before}.jpg").read_bytes()
+        a, b = (
+            d.collections[k].labels[CAMERA, "pattern_1"] for d, k in ((old, before), (new, after))
+        )
+        both = np.intersect1d(a.ids, b.ids)
+        assert len(both) > 0.8 * len(a.ids)
+        one, other = (x.pixels[np.searchsorted(x.ids, both)] for x in (a, b))
+        assert np.max(np.abs(one - other)) < 0.5
+    found, wanted = (d.sensors[CAMERA].camera.K for d in (new, old))
+    np.testing.assert_allclose(found, wanted, rtol=0.02, atol=1e-9)
+
+
+def test_what_was_converted_calibrates(made, tmp_path):
+    """From a camera of which nothing is known: with its intrinsics the edge is right to 1 mm."""
+    folder, scene = made
+    camera = scene.dataset.sensors[CAMERA].camera
+    document = {
+        "image_width": camera.width,
+        "image_height": camera.height,
+        "camera_matrix": {"data": camera.K.ravel().tolist()},
+        "distortion_model": camera.model,
+        "distortion_coefficients": {"data": camera.D.tolist()},
+    }
+    (tmp_path / "camera.yaml").write_text(json.dumps(document))
+    new = tmp_path / "new"
+    run(*from_layout(folder, "rwhe", new, "--camera_info", CAMERA, tmp_path / "camera.yaml"))
+    assert (
+        cli.main(["calibrate", "-json", str(new / "dataset.json"), "-o", str(tmp_path / "r")]) < 2
+    )
+    solved = read_dataset(tmp_path / "r" / "atom_calibration.json")
+    frame = scene.dataset.sensors[CAMERA].frame
+    true = with_truth(scene.dataset, scene.truth)
+    wanted, found = (
+        pose(next(iter(d.collections.values())), d.graph, FLANGE, frame) for d in (true, solved)
+    )
+    error = se3.inverse(wanted) @ found
+    assert np.linalg.norm(error[:3, 3]) < 1e-3
+    assert se3.rotation_angle(error[:3, :3]) < np.radians(0.05)
+
+
+def test_what_is_beside_the_images(made):
+    folder, scene = made
+    pattern = scene.dataset.patterns["pattern_1"]
+    assert (folder / "rwhe" / "squaresize.txt").read_text() == f"{pattern.square_m:g}m\n"
+    stored = loadmat(str(folder / "rwhe" / "RobotPoses.mat"))["handposes"]
+    poses = world_T_flange(scene.dataset)
+    np.testing.assert_allclose(stored, [p.ravel() for p in poses], atol=1e-12)
+    label = scene.dataset.collections["003"].labels[CAMERA, "pattern_1"]
+    corners = np.loadtxt(folder / "rwhe" / "detections" / "003.txt")
+    np.testing.assert_array_equal(corners, label.pixels)
+    words = (folder / "tabb" / "calibration_object.txt").read_text().split()
+    board = dict(zip(words[::2], words[1::2]))
+    assert board["chess_height"] == str(pattern.rows) and board["chess_width"] == str(
+        pattern.columns
+    )
+    assert float(board["chess_mm_width"]) == pytest.approx(1e3 * pattern.square_m)
+    assert float((folder / "tabb" / "robot_cali.txt").read_text().split()[0]) == len(poses)
+    hand_T_base_mm = np.loadtxt(folder / "tabb" / "robot_cali.txt", skiprows=1)[:4]
+    hand_T_base_mm[:3, 3] /= 1e3
+    np.testing.assert_allclose(hand_T_base_mm @ poses[0], np.eye(4), atol=1e-12)
+
+
+def test_poses_are_read_with_tabs_and_few_digits(tmp_path):
+    rng = np.random.default_rng(0)
+    poses = [se3.random_move(1.0, 2.0, rng) for _ in range(5)]
+    rounded = tmp_path / "a.txt"
+    rows = ["\t".join(f"{value:.5f}" for value in pose.ravel()) for pose in poses]
+    rounded.write_text("\n".join(rows) + "\n\n")
+    for found, wanted in zip(read_rwhe_poses(rounded), poses):
+        np.testing.assert_allclose(found, wanted, atol=2e-5)
+        np.testing.assert_allclose(found[:3, :3] @ found[:3, :3].T, np.eye(3), atol=1e-12)
+    exact = tmp_path / "b.txt"
+    for read, text in ((read_rwhe_poses, rwhe_text), (read_tabb_poses, tabb_text)):
+        exact.write_text(text(poses))
+        np.testing.assert_allclose(read(exact), poses, atol=1e-13)
+
+
+def test_images_belong_to_the_line_of_their_number(made, tmp_path):
+    """As many images as lines: in their order. Fewer: image n to line n."""
+    folder, scene = made
+    shutil.copytree(folder / "rwhe", tmp_path / "rwhe")
+    poses = world_T_flange(scene.dataset)
+    images = tmp_path / "rwhe"
+    (images / "2.jpg").unlink()
+    found = read_rwhe_folder(images, CAMERA)
+    assert list(found.base_T_hand) == [1, 3, 4, 5, 6, 7]
+    np.testing.assert_allclose(found.base_T_hand[5], poses[4], atol=1e-12)
+    (images / "7.jpg").rename(images / "abc0.jpg")
+    with pytest.raises(DatasetError, match="none for image 0"):
+        read_rwhe_folder(images, CAMERA)
+    shutil.copy(images / "6.jpg", images / "x6b44.jpg")
+    assert list(numbered_images(images)) == [0, 1, 3, 4, 5, 6, 44]
+    in_order = read_rwhe_folder(images, CAMERA)
+    np.testing.assert_allclose(in_order.base_T_hand[44], poses[6], atol=1e-12)
+
+
+def test_what_does_not_belong_together_is_refused(made, tmp_path, capsys):
+    folder, _ = made
+    for name in ("rwhe", "tabb"):
+        shutil.copytree(folder / name, tmp_path / name)
+    shutil.copy(folder / "config.yml", tmp_path / "config.yml")
+    line = from_layout(tmp_path, "rwhe", tmp_path / "new")
+    poses = tmp_path / "rwhe" / "RobotPosesVec.txt"
+    rows = poses.read_text().splitlines()
+    for text, words in (
+        ("\n".join(rows[:3]), "has 3 lines, and none for image"),
+        ("\n".join([*rows[:6], rows[6][:40]]), "16 of a pose"),
+        ("\n".join([*rows[:6], "1 " * 16]), "is no pose"),
+        ("\n".join([*rows[:6], "a" + rows[6]]), "what is no number"),
+        ("", "holds no pose"),
+    ):
+        poses.write_text(text)
+        assert words in refused(capsys, *line)
+    poses.unlink()
+    assert "cannot be read" in refused(capsys, *line)
+    tabb = tmp_path / "tabb" / "robot_cali.txt"
+    tabb.write_text(tabb_text([np.eye(4)] * 6))
+    assert "6 poses for 7 numbers" in refused(
+        capsys, *from_layout(tmp_path, "tabb", tmp_path / "n")
+    )
+    wrong = ["-e", "rgb_9", "-sf", "world", "-tf", FLANGE]
+    assert "no camera 'rgb_9'" in refused(
+        capsys, "convert_to_rwhe_dataset", *to(folder, tmp_path / "x"), *wrong
+    )
+    assert "frame 'ee_link'" in refused(
+        capsys, "convert_to_tabb_dataset", *to(folder, tmp_path / "x")
+    )
+    assert not (tmp_path / "new").exists() and not (tmp_path / "x").exists()
+
+
+def test_frames_that_the_poses_do_not_connect_are_refused(made, tmp_path, capsys):
+    folder, _ = made
+    line = from_layout(folder, "rwhe", tmp_path / "new", "-hl", "gripper")
+    assert "has the parent_link 'flange'" in refused(capsys, *line)
