@@ -44,7 +44,9 @@ from atom_core.report.atom_csv import (
 from atom_core.report.calibration_document import calibration_document
 from atom_core.report.calibration_results import CalibrationResults, calibration_results
 from atom_core.report.calibration_tables import calibration_report
+from atom_core.report.calibration_verdict import calibration_verdict
 from atom_core.report.edge_comments import edge_comments
+from atom_core.report.verdict import verdict_lines
 from atom_core.solvers.base import CONVERGED, SolverOptions
 from atom_core.solvers.choice import CERES, default_solver
 
@@ -108,7 +110,8 @@ def run(args: argparse.Namespace, watcher: Optional[Watcher] = None) -> int:
     if looking_on is not None:
         looking_on.end(calibration)
     print(calibration_report(results, args.verbose, args.show_normalized_values))
-    print(f"results: {folder}")
+    print(f"\nresults: {folder.resolve()}\n")
+    print(verdict_lines(calibration_verdict(results)))
     return 0 if calibration.status == CONVERGED else 1
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import List
+from typing import Dict, List
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from atom_core.io.urdf import read_description
 from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import Edge
 from atom_core.report.calibration_tables import MovedEdge, moved_report, preflight_report
+from atom_core.report.check_verdict import check_verdict
+from atom_core.report.verdict import length, verdict_lines
 
 EXAMPLE = "python3 -m atom_core check --dataset data/dataset.json"
 _MOVED_M, _MOVED_DEG = 0.001, 0.05
@@ -38,12 +40,17 @@ def run(args: argparse.Namespace) -> int:
     dataset = common.selected_dataset(args)
     result = preflight(dataset)
     print(preflight_report(dataset, result))
-    moved = False
+    moved: Dict[str, str] = {}
     if args.against:
         edges = _compare(dataset, args.against)
         print("\n" + moved_report(edges))
-        moved = any(e.translation_m > _MOVED_M or e.rotation_deg > _MOVED_DEG for e in edges)
+        moved = {
+            e.sensor: f"it stands {length(e.translation_m)} and {e.rotation_deg:.2f} deg elsewhere"
+            for e in edges
+            if e.translation_m > _MOVED_M or e.rotation_deg > _MOVED_DEG
+        }
         print("\nthe rig has moved" if moved else "\nthe rig stands as described")
+    print("\n" + verdict_lines(check_verdict(dataset, result, moved)))
     return 1 if result.problems or moved else 0
 
 

@@ -26,6 +26,8 @@ from atom_core.model.truth import Truth
 from atom_core.report.evaluation_csv import csv_name, csv_texts
 from atom_core.report.evaluation_document import evaluation_document
 from atom_core.report.evaluation_tables import evaluation_report
+from atom_core.report.evaluation_verdict import evaluation_verdict
+from atom_core.report.verdict import verdict_lines
 
 EXAMPLE = (
     "python3 -m atom_core evaluate --train results/atom_calibration.json "
@@ -100,7 +102,8 @@ def run(args: argparse.Namespace) -> int:
                 write_dataset(baseline.dataset, folder / f"{HAND_EYE}_{baseline.method}.json")
         write_json_atomically(folder / RESULT_FILE, document, sort_keys=False)
     print(evaluation_report(evaluation, compared, args.verbose, hand_eye))
-    print(f"\nresults: {folder}")
+    print(f"\nresults: {folder.resolve()}\n")
+    print(verdict_lines(evaluation_verdict(evaluation)))
     if evaluation.measured:
         return 0
     told = evaluation.pairs or evaluation.spread

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 from atom_core.evaluation.between_collections import spreads
@@ -40,6 +40,8 @@ class Evaluation:
         ground_truth: errors of the sensors; None without a truth.
         single: each camera by itself.
         spread: each camera with itself in other collections, over boards that stay.
+        px_per_rad: by sensor, how many pixels of its image a radian has in the middle; None of
+            what has no image.
     """
 
     train: str
@@ -49,6 +51,7 @@ class Evaluation:
     ground_truth: Optional[GroundTruth] = None
     single: Tuple[SingleCamera, ...] = ()
     spread: Tuple[PairResult, ...] = ()
+    px_per_rad: Mapping[str, Optional[float]] = field(default_factory=dict)
 
     @property
     def measured(self) -> bool:
@@ -93,6 +96,10 @@ def evaluate(
         ground_truth=None if truth is None else ground_truth_errors(mixed, truth),
         single=tuple(single_cameras(mixed, observed, true)) if pairs is None else (),
         spread=tuple(spreads(mixed, observed, true)) if pairs is None else (),
+        px_per_rad={
+            name: None if sensor.camera is None else float(sensor.camera.K[0, 0])
+            for name, sensor in mixed.sensors.items()
+        },
     )
 
 

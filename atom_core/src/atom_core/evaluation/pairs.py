@@ -33,6 +33,8 @@ class PairKind:
         unit: px or mm.
         directed: the metric is another one when source and target change places.
         measure: errors of one detection pair, given ``target_T_source`` (4, 4).
+        floor: what keeps the figure large even at the truth, in a sentence; then it says little of
+            the calibration, and judges none. Empty: nothing does.
     """
 
     name: str
@@ -42,6 +44,7 @@ class PairKind:
     unit: str
     directed: bool
     measure: Measure
+    floor: str = ""
 
 
 @dataclass(frozen=True)

@@ -29,13 +29,20 @@ from atom_core.synthetic.sensing import SyntheticSensor
 
 _ELEVATIONS_DEG = (-10.0, 0.0, 10.0)
 _AMONG_THEMSELVES = "lidar3d-lidar3d"
+_FLOOR = (
+    "from each point to the nearest one of the scan beside it. Scans have gaps, and this figure is "
+    "mostly their width: it stays as large for a perfect calibration, and shows errors only where "
+    f"they are larger still. {_AMONG_THEMSELVES}_plane tells how well the scans lie on one another"
+)
 
 _PAIRS = (
     PairKind("lidar3d-rgb", LIDAR3D, RGB, "border_reprojection", "px", False, border_in_image),
     PairKind(
         "lidar3d-depth", LIDAR3D, DEPTH, "border_reprojection", "px", False, border_in_depth_image
     ),
-    PairKind(_AMONG_THEMSELVES, LIDAR3D, LIDAR3D, "nearest_point", "mm", False, nearest_points),
+    PairKind(
+        _AMONG_THEMSELVES, LIDAR3D, LIDAR3D, "nearest_point", "mm", False, nearest_points, _FLOOR
+    ),
     PairKind(
         f"{_AMONG_THEMSELVES}_limit",
         LIDAR3D,
@@ -44,6 +51,7 @@ _PAIRS = (
         "mm",
         True,
         nearest_limit_points,
+        _FLOOR,
     ),
     PairKind(
         f"{_AMONG_THEMSELVES}_plane",

@@ -18,9 +18,11 @@ from atom_core.report.calibration_results import (
     Residuals,
     SensorResult,
 )
+from atom_core.report.calibration_verdict import calibration_verdict
 from atom_core.report.edge_results import EdgeResult, ParameterResult
 from atom_core.report.ground_truth_document import ground_truth_document
 from atom_core.report.truth_tables import truth_document
+from atom_core.report.verdict import verdict_document
 
 VERSION = "1.0"
 _COMBINED = "combined_sigma"
@@ -41,6 +43,7 @@ def calibration_document(results: CalibrationResults, options: Mapping[str, Any]
         "options": dict(options),
         "status": calibration.status,
         "message": calibration.message,
+        "verdict": verdict_document(calibration_verdict(results)),
         "solver": _solver(results),
         "edges": {str(edge.edge): _edge(edge) for edge in results.edges},
         "joints": {name: _joint(joint) for name, joint in results.joints.items()},

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Dict, List, Mapping, NamedTuple, Sequence, Tuple, Union
+from typing import Any, Dict, List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
-from atom_core.calibration.judge.outliers import OUTLIER_SIGMAS
+from atom_core.calibration.judge.outliers import OUTLIER_SIGMAS, Outlier
 from atom_core.calibration.judge.propagation import PropagatedPoint
 from atom_core.calibration.judge.statistics import Table, kinds_of
 from atom_core.calibration.preflight import Preflight
@@ -15,13 +15,13 @@ from atom_core.calibration.refine.moving_parts import moving_sentences
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import DetectionKey
 from atom_core.model.transforms import Edge
-from atom_core.problem.blocks import ROTATION, TRANSLATION
 from atom_core.problem.model_errors import METRE
+from atom_core.problem.residuals import ORTHOGONAL, REPROJECTION
 from atom_core.report.calibration_results import (
     CalibrationResults,
     GroundTruth,
 )
-from atom_core.report.edge_results import EdgeResult, ParameterResult
+from atom_core.report.edge_tables import edge_tables, figure_names, figures, joints_table
 from atom_core.report.tables import ABSENT, text_table
 from atom_core.report.truth_tables import truth_tables
 
@@ -43,7 +43,7 @@ def calibration_report(
         normalised: these too, each with its multiple of the expected standard deviation.
     """
     calibration = results.calibration
-    parts = [_edges_table(results), *_joints_table(results), _sensors_table(results)]
+    parts = [*edge_tables(results), *joints_table(results), _sensors_table(results)]
     parts += _intrinsics_table(results) + _model_error_lines(results)
     parts += _propagation_table(results) + _outliers_line(results)
     if verbose or normalised:
@@ -82,58 +82,6 @@ def calibration_report(
     return "\n\n".join(parts)
 
 
-def _edges_table(results: CalibrationResults) -> str:
-    rows, known = [], results.has_combined_sigmas
-    for edge in results.edges:
-        sigmas = [
-            figure
-            for sigma in (edge.sigma, *([edge.combined_sigma] if known else []))
-            for figure in (
-                1e3 * float(np.max(sigma[TRANSLATION])),
-                math.degrees(float(np.max(sigma[ROTATION]))),
-            )
-        ]
-        state = "anchored" if edge.anchored else _estimated(edge)
-        position = edge.parent_T_child[:3, 3].tolist()
-        rows.append([", ".join(edge.sensors), str(edge.edge), state, *position, *sigmas])
-    headers = ["Sensors", "Edge (parent-child)", "", "x [m]", "y [m]", "z [m]"]
-    headers += ["sigma [mm]", "sigma [deg]"]
-    meaning = "sigma: "
-    if known:
-        headers += ["combined [mm]", "combined [deg]"]
-        meaning += (
-            "what differs between collections; combined: with usual errors of sensors and boards, "
-            "too; "
-        )
-    return text_table(headers, rows, f"Calibrated edges ({meaning}the largest of three axes)")
-
-
-def _estimated(result: Union[EdgeResult, ParameterResult]) -> str:
-    """Return how an edge or a joint's parameter was found."""
-    return "held by prior" if result.held else "estimated"
-
-
-def _joints_table(results: CalibrationResults) -> List[str]:
-    rows = []
-    for name, parameters in results.joints.items():
-        for p in parameters:
-            factor, unit = (1e3, "mm") if p.unit == "m" else (math.degrees(1.0), "deg")
-            numbers = [factor * v for v in _figures(results, p)]
-            rows.append([name, p.name, _estimated(p), *numbers, unit])
-    headers = ["Joint", "Parameter", "", *_figure_names(results), "Unit"]
-    return [text_table(headers, rows, "Calibrated joints")] if rows else []
-
-
-def _figures(results: CalibrationResults, parameter: ParameterResult) -> List[float]:
-    figures = [parameter.value, parameter.change, parameter.sigma]
-    return figures + ([parameter.combined_sigma] if results.has_combined_sigmas else [])
-
-
-def _figure_names(results: CalibrationResults) -> List[str]:
-    names = ["Value", "Change", "Sigma"]
-    return names + (["Combined"] if results.has_combined_sigmas else [])
-
-
 def _sensors_table(results: CalibrationResults) -> str:
     rows = []
     for name, sensor in results.sensors.items():
@@ -156,9 +104,9 @@ def _intrinsics_table(results: CalibrationResults) -> List[str]:
     for name, sensor in results.sensors.items():
         for p in sensor.intrinsics:
             digits, unit = (3, "px") if p.unit == "px" else (6, "")
-            numbers = [f"{value:.{digits}f}" for value in _figures(results, p)]
+            numbers = [f"{value:.{digits}f}" for value in figures(results, p)]
             rows.append([name, p.name, *numbers, unit])
-    headers = ["Camera", "Parameter", *_figure_names(results), "Unit"]
+    headers = ["Camera", "Parameter", *figure_names(results), "Unit"]
     return [text_table(headers, rows, "Calibrated intrinsics")] if rows else []
 
 
@@ -225,14 +173,31 @@ def _outliers_line(results: CalibrationResults) -> List[str]:
     if count == 0:
         return []
     items = sum(r.count for s in results.sensors.values() for r in s.residuals.values())
-    largest = [
-        f"{o.sensor} in {o.collection}, {o.kind} of {o.id}: {o.sigmas:.1f}"
-        for o in results.outliers.largest[:_OUTLIERS_NAMED]
-    ]
+    largest = "; ".join(_outlier(results, o) for o in results.outliers.largest[:_OUTLIERS_NAMED])
     return [
-        f"{count} of {items} corners and points lie beyond {OUTLIER_SIGMAS:g} sigma; the largest: "
-        f"{'; '.join(largest)} (all in calibration.json)"
+        f"{count} of {items} corners and points lie more than {OUTLIER_SIGMAS:g} standard "
+        f"deviations from where they should be, and count less for it; the farthest: {largest} "
+        f"(more of them in calibration.json)"
     ]
+
+
+def _outlier(results: CalibrationResults, outlier: Outlier) -> str:
+    """Return what it is, where, and how far off: "a border pixel (433, 275) of depth_1 ..."."""
+    camera = results.calibration.dataset.sensors[outlier.sensor].camera
+    kind = "" if outlier.kind == ORTHOGONAL else "border "
+    if outlier.kind == REPROJECTION:
+        what = f"corner {outlier.id}"
+    elif camera is not None:
+        row, column = divmod(outlier.id, camera.width)
+        what = f"{kind}pixel ({column}, {row})"
+    else:
+        what = f"{kind}point {outlier.id}"
+    _, factor, _ = _SHOWN[outlier.kind]
+    unit = "px" if outlier.unit == "px" else "mm"
+    return (
+        f"{what} of {outlier.sensor} in collection {outlier.collection}, "
+        f"{factor * outlier.residual:.3g} {unit} off ({outlier.sigmas:.1f} standard deviations)"
+    )
 
 
 def _collections_table(results: CalibrationResults, normalised: bool) -> str:

@@ -10,7 +10,9 @@ from atom_core.evaluation.hand_eye_comparison import CALIBRATION, HandEyeCompari
 from atom_core.evaluation.results import PairFigures, PairResult
 from atom_core.evaluation.single_camera import SingleCamera
 from atom_core.evaluation.statistics import Figures
+from atom_core.report.evaluation_verdict import evaluation_verdict
 from atom_core.report.ground_truth_document import ground_truth_document
+from atom_core.report.verdict import verdict_document
 
 VERSION = "1.0"
 
@@ -31,6 +33,7 @@ def evaluation_document(
         "version": VERSION,
         "train": evaluation.train,
         "test": evaluation.test,
+        "verdict": verdict_document(evaluation_verdict(evaluation)),
         **_results(evaluation),
         "baselines": {} if hand_eye is None else _hand_eye(hand_eye),
     }

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any, List, Optional, Sequence, Union
+from typing import Any, Dict, List, Optional, Sequence, Union
 
 from atom_core.evaluation.evaluate import Evaluation
 from atom_core.evaluation.ground_truth import GroundTruth, MeanError, SensorError
 from atom_core.evaluation.hand_eye_comparison import CALIBRATION, HandEyeComparison
 from atom_core.evaluation.pairs import Pair
-from atom_core.evaluation.results import PairResult
+from atom_core.evaluation.results import PairFigures, PairResult
 from atom_core.evaluation.single_camera import SingleCamera
-from atom_core.report.tables import text_table
+from atom_core.evaluation.statistics import mean_of
+from atom_core.report.tables import text_table, three_digits
 
 MM_PER_M = 1000.0
+_AVERAGED = "each figure is the mean of those of the collections"
+_BOARD_POSES = (
+    "board trans. and rot.: between the board's pose as the source's image alone has it and as the "
+    "target's has it: mostly how poorly one image tells a pose, and no error of the cameras."
+)
 
 
 def evaluation_report(
@@ -51,40 +57,51 @@ def evaluation_report(
 def camera_pair_table(results: Sequence[PairResult], compared: Optional[Evaluation] = None) -> str:
     """Return ATOM's columns for pairs of cameras; empty if there is none."""
     headers = ["source", "target", "coll.", "points", "RMS [px]", "X [px]", "Y [px]"]
-    headers += ["trans. [mm]", "rot. [deg]"]
-    rows = []
+    headers += ["board trans. [mm]", "board rot. [deg]"]
+    rows: List[List[Any]] = []
     for result in results:
         m = result.measured
         assert m is not None
         figures = [m.rms, m.x_mean_abs, m.y_mean_abs, m.translation_mm, m.rotation_deg]
-        rows.append([result.pair.source, result.pair.target, *_counts(result), *figures])
-    return _with_references("Pairs of cameras", headers, rows, results, compared)
+        names = [result.pair.source, result.pair.target]
+        rows.append([*names, *_counts(result), *map(three_digits, figures)])
+    table = _with_references(f"Pairs of cameras ({_AVERAGED})", headers, rows, results, compared)
+    return f"{table}\n{_BOARD_POSES}" if table else ""
 
 
 def range_pair_table(results: Sequence[PairResult], compared: Optional[Evaluation] = None) -> str:
     """Return one line for each pair with a range sensor; empty if there is none."""
     headers = ["kind", "source", "target", "unit", "coll.", "points", "RMS", "mean", "median"]
-    rows = []
+    rows: List[List[Any]] = []
     for result in results:
         pair, m = result.pair, result.measured
         assert m is not None
-        figures = [m.rms, m.pooled.mean, m.pooled.median]
+        values = m.per_collection.values()
+        figures = [m.rms, mean_of([v.mean for v in values]), mean_of([v.median for v in values])]
         names = [pair.kind.name, pair.source, pair.target, pair.kind.unit]
-        rows.append([*names, *_counts(result), *figures])
-    return _with_references("Pairs with a range sensor", headers, rows, results, compared)
+        rows.append([*names, *_counts(result), *map(three_digits, figures)])
+    title = f"Pairs with a range sensor ({_AVERAGED})"
+    table = _with_references(title, headers, rows, results, compared)
+    floors: Dict[str, List[str]] = {}
+    for result in results:
+        if result.pair.kind.floor:
+            kinds = floors.setdefault(result.pair.kind.floor, [])
+            kinds += [result.pair.kind.name] if result.pair.kind.name not in kinds else []
+    return "\n".join([table, *(f"{', '.join(k)}: {floor}." for floor, k in floors.items())])
 
 
 def collection_table(result: PairResult) -> str:
     """Return one line for each collection and pattern of a measured pair."""
     assert result.measured is not None
     headers = ["collection", "pattern", "points", "RMS", "mean", "median", "X", "Y"]
-    headers += ["trans. [mm]", "rot. [deg]"]
-    rows = []
+    headers += ["board trans. [mm]", "board rot. [deg]"]
+    rows: List[List[Any]] = []
     for row in result.measured.rows:
         f = row.figures
         figures = [f.rms, f.mean, f.median, f.x_mean_abs, f.y_mean_abs]
         poses = [f.translation_mm, f.rotation_deg]
-        rows.append([row.collection, row.pattern, f.points, *figures, *poses])
+        names = [row.collection, row.pattern, f.points]
+        rows.append([*names, *map(three_digits, [*figures, *poses])])
     title = f"{result.pair.kind.name} [{result.pair.kind.unit}]: {_name(result.pair)}"
     return text_table(headers, rows, title)
 
@@ -97,12 +114,12 @@ def averages_table(evaluation: Evaluation, compared: Optional[Evaluation] = None
     rows: List[List[Any]] = []
     for kind, average in evaluation.averages.items():
         rms, floor = average.values["rms"], average.at_truth
-        row: List[Any] = [kind, average.unit, average.pairs, rms]
+        row: List[Any] = [kind, average.unit, average.pairs, three_digits(rms)]
         if with_truth:
-            row += [floor, None if floor is None else rms - floor]
+            row += map(three_digits, [floor, None if floor is None else rms - floor])
         if compared is not None:
             other = compared.averages.get(kind)
-            row.append(None if other is None else other.values["rms"])
+            row.append(None if other is None else three_digits(other.values["rms"]))
         rows.append(row)
     headers += [] if compared is None else ["RMS of the other"]
     return text_table(headers, rows, "Averages over the pairs") if rows else ""
@@ -126,9 +143,10 @@ def ground_truth_table(ground_truth: GroundTruth, compared: Optional[GroundTruth
     rows: List[List[Any]] = []
     for name, error in ground_truth.sensors.items():
         other = [] if compared is None else _errors(compared.sensors[name])
-        rows.append([name, *_errors(error), MM_PER_M * error.world_translation_m, *other])
+        figures = [*_errors(error), MM_PER_M * error.world_translation_m, *other]
+        rows.append([name, *map(three_digits, figures)])
     other = [] if compared is None else _errors(compared.mean)
-    rows.append(["mean", *_errors(ground_truth.mean), None, *other])
+    rows.append(["mean", *map(three_digits, [*_errors(ground_truth.mean), None, *other])])
     return text_table(headers, rows, "Errors against the truth")
 
 
@@ -144,10 +162,13 @@ def single_camera_table(results: Sequence[SingleCamera]) -> str:
         m = result.measured
         kind = "one pose for all" if result.one_pose else "a pose for each"
         counts = [len(m.per_collection), m.pooled.points]
-        row = [result.sensor, result.pattern, kind, *counts, m.pooled.mean, m.rms]
-        floor = None if result.at_truth is None else result.at_truth.pooled.mean
-        rows.append([*row, floor] if with_truth else row)
-    return text_table(headers, rows, "Cameras by themselves: reprojection") if rows else ""
+        figures = [_mean(m), m.rms]
+        if with_truth:
+            figures.append(None if result.at_truth is None else _mean(result.at_truth))
+        names = [result.sensor, result.pattern, kind]
+        rows.append([*names, *counts, *map(three_digits, figures)])
+    title = f"Cameras by themselves: reprojection ({_AVERAGED})"
+    return text_table(headers, rows, title) if rows else ""
 
 
 def spread_table(results: Sequence[PairResult]) -> str:
@@ -162,7 +183,8 @@ def spread_table(results: Sequence[PairResult]) -> str:
         row: List[Any] = [result.pair.source, *_counts(result)]
         both = [result.measured, result.at_truth] if with_truth else [result.measured]
         for m in both:
-            row += [None] * 3 if m is None else [m.rms, m.translation_mm, m.rotation_deg]
+            figures = (None,) * 3 if m is None else (m.rms, m.translation_mm, m.rotation_deg)
+            row += map(three_digits, figures)
         rows.append(row)
     title = "Spread of fixed boards: from one collection to another"
     return text_table(headers, rows, title) if rows else ""
@@ -176,9 +198,9 @@ def hand_eye_table(comparison: HandEyeComparison) -> str:
     rows: List[List[Any]] = []
     for (method, camera), score in comparison.scores.items():
         name = method if method == CALIBRATION else f"OpenCV {method}"
-        row = [name, camera, *score[:4]]
+        row = [name, camera, *map(three_digits, score[:4])]
         error = None if score.error_m is None else MM_PER_M * score.error_m
-        rows.append([*row, error, score.error_deg] if known else row)
+        rows.append([*row, *map(three_digits, [error, score.error_deg])] if known else row)
     lines = [text_table(headers, rows, "Hand-eye methods on the same labels")]
     lines += [f"OpenCV {b.method}: {b.skipped}" for b in comparison.baselines if b.skipped]
     return "\n".join([*lines, *comparison.remarks])
@@ -197,14 +219,19 @@ def _with_references(
     if any(result.at_truth is not None for result in results):
         headers = [*headers, "RMS at truth"]
         for row, result in zip(rows, results):
-            row.append(None if result.at_truth is None else result.at_truth.rms)
+            row.append(None if result.at_truth is None else three_digits(result.at_truth.rms))
     if compared is not None:
         headers = [*headers, "RMS of the other"]
         others = {result.pair: result.measured for result in compared.pairs}
         for row, result in zip(rows, results):
             other = others.get(result.pair)
-            row.append(None if other is None else other.rms)
+            row.append(None if other is None else three_digits(other.rms))
     return text_table(headers, rows, title)
+
+
+def _mean(figures: PairFigures) -> Optional[float]:
+    """Return the mean over the collections of what the mean in each is."""
+    return mean_of([value.mean for value in figures.per_collection.values()])
 
 
 def _has_poses(result: PairResult) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 from tabulate import tabulate
 
 ABSENT = "---"
+_FINEST = 4  # decimals of a figure with three digits
 
 
 def text_table(
@@ -36,9 +37,26 @@ def text_table(
     return f"{title}\n{body}" if title else body
 
 
+class Figure(str):
+    """A number that is already written as it shall be shown."""
+
+
+def rounded(value: float, digits: int) -> Figure:
+    """Return a number with so many decimals."""
+    return Figure(f"{value:.{digits}f}")
+
+
+def three_digits(value: Optional[float]) -> Optional[Figure]:
+    """Return a figure with three digits that count, never more than four decimals; None stays."""
+    if value is None or not np.isfinite(value):
+        return None
+    size = np.floor(np.log10(abs(value))) if value else -_FINEST
+    return rounded(value, int(np.clip(2 - size, 0, _FINEST)))
+
+
 def _is_number(value: Any) -> bool:
     is_bool = isinstance(value, (bool, np.bool_))
-    return value is None or (isinstance(value, (int, float, np.number)) and not is_bool)
+    return value is None or (isinstance(value, (int, float, np.number, Figure)) and not is_bool)
 
 
 def _cell(value: Any, digits: int) -> str:

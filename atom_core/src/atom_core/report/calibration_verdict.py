@@ -1,0 +1,258 @@
+"""What a calibration is worth: one sentence, and one for each sensor."""
+
+from __future__ import annotations
+
+from typing import Dict, List, Optional, Sequence, Tuple
+
+import numpy as np
+
+from atom_core.calibration.judge.judgement import INCONSISTENT, RANK_DEFICIENT
+from atom_core.problem.blocks import ROTATION, TRANSLATION
+from atom_core.report.calibration_results import CalibrationResults, SensorResult
+from atom_core.report.edge_results import EdgeResult
+from atom_core.report.verdict import (
+    FEWEST_BOARDS,
+    GOOD,
+    KNOWN_M,
+    KNOWN_RAD,
+    OUTLIER_SHARE,
+    RESIDUAL,
+    WEAK,
+    WRONG,
+    Finding,
+    SensorVerdict,
+    Verdict,
+    angle,
+    is_named,
+    length,
+    names_in_words,
+    pixels,
+    sensor_verdict,
+    worst,
+)
+from atom_core.solvers.base import CONVERGED, FAILED, NOT_CONVERGED
+
+_MORE_BOARDS = "collect boards for it near and far, tilted, and all over its view"
+_LABELS = "look at its labels (dataset_playback), then at its intrinsics and the board's measures"
+_WORDS = {"reprojection": "corners", "orthogonal": "points", "border": "border points"}
+_FROM = {
+    "reprojection": "from where they should be",
+    "orthogonal": "off the board",
+    "border": "off its border",
+}
+
+
+def calibration_verdict(results: CalibrationResults) -> Verdict:
+    """Return the verdict on a calibration; good only where it is converged and determined.
+
+    Args:
+        results: the figures.
+    """
+    edges = {name: edge for edge in results.edges for name in edge.sensors}
+    sensors = {
+        name: _sensor(results, sensor, edges.get(name)) for name, sensor in results.sensors.items()
+    }
+    findings = _general(results)
+    grade = worst([*(f.grade for f in findings), *(s.grade for s in sensors.values())])
+    return Verdict(grade, _sentence(results, grade, findings, sensors), sensors)
+
+
+# ---- the whole
+
+
+def _general(results: CalibrationResults) -> List[Finding]:
+    """Return what speaks against the calibration as a whole."""
+    calibration = results.calibration
+    message = calibration.message
+    found: List[Finding] = []
+    if calibration.status in (FAILED, NOT_CONVERGED):
+        found.append(Finding(WRONG, f"do not use it, the solver found no answer: {message}"))
+    elif calibration.status == INCONSISTENT:
+        found.append(Finding(WRONG, f"do not rely on it, the data contradict it: {message}"))
+    elif calibration.status == RANK_DEFICIENT:
+        why = calibration.weak_directions[0].why if calibration.weak_directions else message
+        found.append(Finding(WEAK, f"the data do not determine all of it: {why}"))
+    elif calibration.status != CONVERGED:
+        found.append(Finding(WRONG, f"do not use it: {message}"))
+    if not results.has_combined_sigmas:
+        found.append(Finding(WEAK, "without standard deviations as weights nothing tells how sure"))
+    for error in results.model_errors:
+        if not error.estimated and error.target not in results.sensors:
+            found.append(Finding(WEAK, f"the data show that {error.sentence} ({error.option})"))
+    found += [Finding(WEAK, f"the data show: {edge.why}") for edge in calibration.moving]
+    return found + _joints(results)
+
+
+def _joints(results: CalibrationResults) -> List[Finding]:
+    found = []
+    for name, parameters in results.joints.items():
+        for p in parameters:
+            limits, words = (KNOWN_M, length) if p.unit == "m" else (KNOWN_RAD, angle)
+            sigma = p.combined_sigma if results.has_combined_sigmas else p.sigma
+            if limits.grade(sigma) != GOOD:
+                told = f"{p.name} of joint {name} is known to {words(sigma)} only"
+                found.append(Finding(WEAK, f"{told}: move that joint more between collections"))
+    return found
+
+
+def _sentence(
+    results: CalibrationResults,
+    grade: str,
+    findings: Sequence[Finding],
+    sensors: Dict[str, SensorVerdict],
+) -> str:
+    of_grade = [finding.sentence for finding in findings if finding.grade == grade]
+    if of_grade:
+        return of_grade[0]
+    if grade == GOOD:
+        return _good(results)
+    names = [name for name, sensor in sensors.items() if sensor.grade == grade]
+    what = "do not use it as it is" if grade == WRONG else "it can be used with care"
+    verb = "is" if len(names) == 1 else "are"
+    return f"{what}: {names_in_words(names)} {verb} {grade}, as the lines below say"
+
+
+def _good(results: CalibrationResults) -> str:
+    estimated = [edge for edge in results.edges if not edge.anchored]
+    if not estimated:
+        return "all that was estimated is determined, and nothing contradicts it"
+    known = [_sigmas(results, edge) for edge in estimated]
+    metres, radians = (max(values) for values in zip(*known))
+    held = [name for edge in results.edges if edge.anchored for name in edge.sensors]
+    to = f", in relation to {names_in_words(held)}" if held else ""
+    return (
+        f"every estimated sensor is known to {length(metres)} and {angle(radians)} or better{to} "
+        f"(one standard deviation, with the usual errors of sensors and boards)"
+    )
+
+
+# ---- one sensor
+
+
+def _sensor(
+    results: CalibrationResults, sensor: SensorResult, edge: Optional[EdgeResult]
+) -> SensorVerdict:
+    findings = [
+        *_of_the_status(results, sensor.name),
+        *_contradictions(results, sensor.name),
+        *_of_the_data(sensor),
+        *_of_the_place(results, edge),
+    ]
+    return sensor_verdict(findings, "; ".join(_facts(results, sensor, edge)))
+
+
+def _of_the_status(results: CalibrationResults, name: str) -> List[Finding]:
+    calibration = results.calibration
+    if calibration.status in (FAILED, NOT_CONVERGED):
+        advice = "see what `check` says of its data, then begin nearer to the truth"
+        return [Finding(WRONG, "the solver found no place for it", advice)]
+    if calibration.status == RANK_DEFICIENT:
+        opened = [w for w in calibration.weak_directions if is_named(name, " ".join(w.parameters))]
+        if opened:
+            size = length(opened[0].sigma) if opened[0].unit == "m" else angle(opened[0].sigma)
+            told = f"the data leave its place open, by some {size}"
+            return [Finding(WEAK, told, "collect what the first line misses, or hold it (-as)")]
+    if calibration.status == INCONSISTENT and not _accused(results, name):
+        advice = "settle the contradiction first, then calibrate again"
+        return [Finding(WEAK, "it shares the answer with what the data contradict", advice)]
+    if not results.has_combined_sigmas:
+        return [Finding(WEAK, "nothing tells how well it is known", "take --weights sigma")]
+    return []
+
+
+def _accused(results: CalibrationResults, name: str) -> bool:
+    """Tell whether the contradiction is this sensor's."""
+    calibration = results.calibration
+    shown = {error.target for error in results.model_errors if not error.estimated}
+    accused = {m.sensor for m in calibration.misfits} | {e.sensor for e in calibration.exclusions}
+    return name in accused | shown or is_named(name, calibration.message)
+
+
+def _contradictions(results: CalibrationResults, name: str) -> List[Finding]:
+    """Return what of the sensor does not fit the others, and errors of it that the data show."""
+    calibration = results.calibration
+    grade = WRONG if calibration.status == INCONSISTENT else WEAK
+    found = [
+        Finding(grade, f"the data show that {e.sentence}", f"{e.option} estimates it")
+        for e in results.model_errors
+        if e.target == name and not e.estimated
+    ]
+    for misfit in calibration.misfits:
+        if misfit.sensor == name:
+            told, alone = (_distance(misfit.kind, v) for v in (misfit.joint, misfit.alone))
+            sentence = (
+                f"{_WORDS[misfit.kind]} are {told} off, and {alone} where this sensor stands alone"
+            )
+            found.append(Finding(WRONG, sentence, f"look at {', then at '.join(misfit.likely)}"))
+    for out in calibration.exclusions:
+        if out.sensor == name:
+            sentence = f"{out.rejected} of its {out.detections} detections contradict the others"
+            found.append(Finding(WRONG, sentence, f"look at {', then at '.join(out.likely)}"))
+    if not found and calibration.status == INCONSISTENT and is_named(name, calibration.message):
+        found.append(Finding(WRONG, "the contradiction is its own", "see the first line"))
+    return found
+
+
+def _of_the_data(sensor: SensorResult) -> List[Finding]:
+    """Return what speaks against the detections themselves."""
+    if sensor.detections == 0:
+        told = "none of its detections was used: it stands where it stood before"
+        return [Finding(WRONG, told, "see what `check` says of its data")]
+    found = []
+    if sensor.detections < FEWEST_BOARDS:
+        told = "too few boards to tell by how much they disagree"
+        found.append(Finding(WEAK, told, _MORE_BOARDS))
+    for kind, statistics in sensor.residuals.items():
+        grade = RESIDUAL[kind].grade(statistics.mean)
+        if grade != GOOD:
+            off = f"{_WORDS[kind]} are {_distance(kind, statistics.mean)} off in the mean"
+            found.append(Finding(grade, off, _LABELS))
+    items = sum(statistics.count for statistics in sensor.residuals.values())
+    share = sensor.outliers / max(items, 1)
+    if OUTLIER_SHARE.grade(share) != GOOD:
+        told = f"{100.0 * share:.0f} % of its corners and points lie beyond four sigmas"
+        found.append(Finding(OUTLIER_SHARE.grade(share), told, _LABELS))
+    return found
+
+
+def _of_the_place(results: CalibrationResults, edge: Optional[EdgeResult]) -> List[Finding]:
+    if edge is None or edge.anchored or not results.has_combined_sigmas:
+        return []
+    metres, radians = _sigmas(results, edge)
+    if worst([KNOWN_M.grade(metres), KNOWN_RAD.grade(radians)]) == GOOD:
+        return []
+    told = f"known to {length(metres)} and {angle(radians)} only"
+    return [Finding(WEAK, told, _MORE_BOARDS)]
+
+
+def _facts(
+    results: CalibrationResults, sensor: SensorResult, edge: Optional[EdgeResult]
+) -> List[str]:
+    """Return where it stands, how many boards it saw, and how they fit."""
+    facts = []
+    if edge is not None and edge.anchored:
+        facts.append("held where it was")
+    elif edge is not None and results.has_combined_sigmas and not _of_the_place(results, edge):
+        metres, radians = _sigmas(results, edge)
+        facts.append(f"known to {length(metres)} and {angle(radians)}")
+    facts.append(_count(sensor.detections))
+    facts += [
+        f"{_WORDS[kind]} {_distance(kind, statistics.mean)} {_FROM[kind]}"
+        for kind, statistics in sensor.residuals.items()
+        if kind != "border"
+    ]
+    return facts
+
+
+def _sigmas(results: CalibrationResults, edge: EdgeResult) -> Tuple[float, float]:
+    """Return the largest of the three axes [m], [rad]."""
+    sigma = edge.combined_sigma if results.has_combined_sigmas else edge.sigma
+    return float(np.max(sigma[TRANSLATION])), float(np.max(sigma[ROTATION]))
+
+
+def _count(detections: int) -> str:
+    return "1 board" if detections == 1 else f"{detections} boards"
+
+
+def _distance(kind: str, value: float) -> str:
+    return pixels(value) if kind == "reprojection" else length(value)

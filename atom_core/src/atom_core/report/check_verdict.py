@@ -1,0 +1,71 @@
+"""Whether a dataset can be calibrated: one sentence, and one for each sensor."""
+
+from __future__ import annotations
+
+from typing import List, Mapping, Optional
+
+from atom_core.calibration.preflight import Preflight
+from atom_core.model.dataset import Dataset
+from atom_core.report.verdict import (
+    FEWEST_BOARDS,
+    GOOD,
+    WEAK,
+    WRONG,
+    Finding,
+    SensorVerdict,
+    Verdict,
+    is_named,
+    names_in_words,
+    sensor_verdict,
+    worst,
+)
+
+_MANY_REMARKS = 0.1  # warnings about a sensor, as a part of its detections
+
+
+def check_verdict(
+    dataset: Dataset, result: Preflight, moved: Optional[Mapping[str, str]] = None
+) -> Verdict:
+    """Return the verdict on a dataset before it is calibrated.
+
+    Args:
+        dataset: as selected.
+        result: what was found in it.
+        moved: how far a sensor is from where a description has it, where that is too far.
+    """
+    moved = moved or {}
+    sensors = {name: _sensor(result, name, moved.get(name)) for name in dataset.sensors}
+    if result.problems:
+        more = len(result.problems) - 1
+        others = f" (and {more} more problem{'s' * (more > 1)} above)" if more else ""
+        return Verdict(WRONG, f"it cannot be calibrated: {result.problems[0]}{others}", sensors)
+    if moved:
+        what = f"the rig is not as described: {names_in_words(list(moved))} stand elsewhere"
+        return Verdict(WRONG, what, sensors)
+    grade = worst(sensor.grade for sensor in sensors.values())
+    if grade == GOOD:
+        what = f"ready to calibrate: {len(sensors)} sensors in {len(dataset.collections)}"
+        return Verdict(GOOD, f"{what} collections, nothing looks wrong", sensors)
+    names = [name for name, sensor in sensors.items() if sensor.grade == grade]
+    what = "leave out or repair" if grade == WRONG else "it can be calibrated, but look at"
+    return Verdict(grade, f"{what} {names_in_words(names)} first", sensors)
+
+
+def _sensor(result: Preflight, name: str, moved: Optional[str]) -> SensorVerdict:
+    boards = len({key for key in result.detections if key.sensor == name})
+    findings: List[Finding] = [
+        Finding(WRONG, problem) for problem in result.problems if is_named(name, problem)
+    ][:1]
+    if moved is not None:
+        findings.append(Finding(WRONG, moved, "calibrate again, or put the sensor back"))
+    if boards == 0:
+        advice = f"collect boards that it sees, or leave it out: -ssf '!{name}'"
+        findings.append(Finding(WRONG, "it has detected no board", advice))
+    elif boards < FEWEST_BOARDS:
+        told = f"it sees too few boards to be known well ({FEWEST_BOARDS} at least)"
+        findings.append(Finding(WEAK, told, "collect more of them"))
+    remarks = [warning for warning in result.warnings if is_named(name, warning)]
+    if len(remarks) > _MANY_REMARKS * boards and boards >= FEWEST_BOARDS:
+        told = f"{len(remarks)} of the warnings above are about it"
+        findings.append(Finding(WEAK, told, "read them before you trust its labels"))
+    return sensor_verdict(findings, f"detected {boards} board{'s' * (boards != 1)}")

@@ -1,0 +1,218 @@
+"""What an evaluation says of a calibration: one sentence, and one for each sensor."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence
+
+from atom_core.evaluation.evaluate import Evaluation
+from atom_core.evaluation.results import PairResult
+from atom_core.report.verdict import (
+    AT_M,
+    BETWEEN_CAMERAS_M,
+    BETWEEN_CAMERAS_PX,
+    BOARD_APART_M,
+    GOOD,
+    GRADES,
+    OFF_PLANE_M,
+    RANGE_IN_IMAGE_M,
+    RANGE_IN_IMAGE_PX,
+    TRUE_M,
+    TRUE_RAD,
+    WEAK,
+    WRONG,
+    Finding,
+    SensorVerdict,
+    Verdict,
+    angle,
+    length,
+    names_in_words,
+    pixels,
+    sensor_verdict,
+    worst,
+)
+
+_NOT_CALIBRATED = "give the atom_calibration.json that `calibrate` wrote as --train"
+_AGAIN = "look at its labels in both sets, then calibrate it with more boards"
+
+
+class _Judged(NamedTuple):
+    """A measured pair: its grade, how far off it is in words, and as a length [m]."""
+
+    source: str
+    target: str
+    grade: str
+    words: str
+    size_m: float
+
+
+def evaluation_verdict(evaluation: Evaluation) -> Verdict:
+    """Return the verdict on a calibration, as a test set sees it.
+
+    Args:
+        evaluation: of the calibration under test.
+    """
+    judged = [_judged(evaluation, r) for r in evaluation.pairs if not r.pair.reverse]
+    judged += [_spread(result) for result in evaluation.spread]
+    known = [pair for pair in judged if pair is not None]
+    blamed = _blamed(known)
+    sensors = {name: _sensor(evaluation, name, known, blamed) for name in _names(evaluation)}
+    if _most_are_wrong(sensors):  # what is wrong with all of them is in the sentence
+        sensors = {name: replace(sensor, advice=None) for name, sensor in sensors.items()}
+    grade = worst([*(pair.grade for pair in known), *(s.grade for s in sensors.values())])
+    return Verdict(grade, _sentence(grade, known, sensors), sensors)
+
+
+def _names(evaluation: Evaluation) -> List[str]:
+    """Return the sensors that were compared, in the order of the pairs."""
+    every = (*evaluation.pairs, *evaluation.spread)
+    names = dict.fromkeys(name for r in every for name in (r.pair.source, r.pair.target))
+    names.update(dict.fromkeys(result.sensor for result in evaluation.single))
+    return [name for name in evaluation.px_per_rad if name in names]
+
+
+# ---- pairs
+
+
+def _judged(evaluation: Evaluation, result: PairResult) -> Optional[_Judged]:
+    """Return a pair with its grade; None where it was not measured, or tells nothing."""
+    kind, pair = result.pair.kind, result.pair
+    if result.measured is None or kind.floor:
+        return None
+    value = _beyond_the_floor(result)
+    beyond = "" if result.at_truth is None else " more than at the truth"
+    if kind.unit == "mm":
+        words = f"{length(value / 1e3)} off the plane{beyond}"
+        grade = OFF_PLANE_M.grade(value / 1e3)
+        return _Judged(pair.source, pair.target, grade, words, value / 1e3)
+    focal_px = evaluation.px_per_rad.get(pair.target)
+    if focal_px is None:
+        return None
+    metres, least = RANGE_IN_IMAGE_M, RANGE_IN_IMAGE_PX
+    if result.measured.translation_mm is not None:  # both are cameras
+        metres, least = BETWEEN_CAMERAS_M, BETWEEN_CAMERAS_PX
+    size_m = AT_M * value / focal_px
+    grade = min(metres.grade(size_m), least.grade(value), key=GRADES.index)
+    words = f"{pixels(value)}{beyond}, {length(size_m)} at {AT_M:g} m"
+    return _Judged(pair.source, pair.target, grade, words, size_m)
+
+
+def _beyond_the_floor(result: PairResult) -> float:
+    """Return the RMS, without the part that stays at the truth where that is known."""
+    assert result.measured is not None
+    floor = 0.0 if result.at_truth is None else result.at_truth.rms
+    return math.sqrt(max(result.measured.rms**2 - floor**2, 0.0))
+
+
+def _spread(result: PairResult) -> Optional[_Judged]:
+    """Return a camera beside itself in other collections, over a board that stays."""
+    measured, camera = result.measured, result.pair.source
+    if measured is None or measured.translation_mm is None:
+        return None
+    apart = measured.translation_mm / 1e3
+    words = f"boards that stay are {length(apart)} apart"
+    return _Judged(camera, camera, BOARD_APART_M.grade(apart), words, apart)
+
+
+def _blamed(pairs: Sequence[_Judged]) -> Dict[str, str]:
+    """Return the sensors without which all pairs would be better, and how bad they are.
+
+    The sensor whose pairs are bad most often goes first, until no bad pair is left; of equal ones
+    all go, since nothing tells which of them is wrong.
+    """
+    blamed: Dict[str, str] = {}
+    for grade in (WRONG, WEAK):
+        while True:
+            left = [p for p in pairs if p.source not in blamed and p.target not in blamed]
+            bad = [p for p in left if p.grade == grade]
+            if not bad:
+                break
+            share = {
+                name: sum(name in p[:2] for p in bad) / sum(name in p[:2] for p in left)
+                for p in bad
+                for name in (p.source, p.target)
+            }
+            most = max(share.values())
+            blamed.update({name: grade for name, value in share.items() if value == most})
+        every = {name for pair in pairs for name in (pair.source, pair.target)}
+        if grade == WRONG and len(blamed) > len(every) / 2.0:  # then those left prove nothing
+            blamed.update({n: WRONG for p in pairs if p.grade == WRONG for n in p[:2]})
+    return blamed
+
+
+# ---- sensors
+
+
+def _sensor(
+    evaluation: Evaluation, name: str, pairs: Sequence[_Judged], blamed: Dict[str, str]
+) -> SensorVerdict:
+    mine = [pair for pair in pairs if name in (pair.source, pair.target)]
+    findings: List[Finding] = []
+    if not mine:
+        told = "nothing was measured that depends on where it is"
+        findings.append(Finding(WEAK, told, "collect boards that it sees together with others"))
+    grade = blamed.get(name, GOOD)
+    if grade != GOOD:
+        bad = [pair for pair in mine if GRADES.index(pair.grade) >= GRADES.index(grade)]
+        findings.append(Finding(grade, _told("does not agree with", name, bad), _AGAIN))
+        return _with_truth(evaluation, name, findings, "")
+    others = [pair for pair in mine if blamed.get(_other(pair, name), GOOD) == GOOD] or mine
+    return _with_truth(evaluation, name, findings, _told("agrees with", name, others))
+
+
+def _with_truth(
+    evaluation: Evaluation, name: str, findings: List[Finding], told: str
+) -> SensorVerdict:
+    """Return the verdict with the error against the truth, where it is known."""
+    truth = evaluation.ground_truth
+    error = None if truth is None else truth.sensors.get(name)
+    if error is None:
+        return sensor_verdict(findings, told)
+    radians = math.radians(error.rotation_deg)
+    off = f"{length(error.translation_m)} and {angle(radians)} from the truth"
+    grade = worst([TRUE_M.grade(error.translation_m), TRUE_RAD.grade(radians)])
+    if grade != GOOD:
+        return sensor_verdict([*findings, Finding(grade, off, _AGAIN)], told)
+    return sensor_verdict(findings, "; ".join(text for text in (told, off) if text))
+
+
+def _told(verb: str, name: str, pairs: Sequence[_Judged]) -> str:
+    """Return with whom, and the largest distance."""
+    if not pairs:
+        return ""
+    largest = max(pairs, key=lambda pair: (GRADES.index(pair.grade), pair.size_m))
+    if largest.source == largest.target:
+        return largest.words
+    names = list(dict.fromkeys(_other(pair, name) for pair in pairs))
+    at = "" if len(names) == 1 else f" (with {_other(largest, name)})"
+    return f"{verb} {names_in_words(names, 3)}: {largest.words}{at}"
+
+
+def _other(pair: _Judged, name: str) -> str:
+    return pair.target if pair.source == name else pair.source
+
+
+def _sentence(grade: str, pairs: Sequence[_Judged], sensors: Dict[str, SensorVerdict]) -> str:
+    names = [name for name, sensor in sensors.items() if sensor.grade == grade]
+    if not pairs:
+        return "nothing was measured that depends on the calibration"
+    if grade == GOOD:
+        return "the calibration holds on this test set: the sensors agree with one another"
+    if grade == WEAK:
+        return f"use it with care: {_are(names)} weak on this test set"
+    if _most_are_wrong(sensors):
+        largest = max(pairs, key=lambda pair: pair.size_m)
+        return (
+            f"this is no calibration of these sensors: they disagree by up to "
+            f"{length(largest.size_m)} ({largest.source} and {largest.target}); {_NOT_CALIBRATED}"
+        )
+    return f"do not use it: {_are(names)} wrong on this test set"
+
+
+def _most_are_wrong(sensors: Mapping[str, SensorVerdict]) -> bool:
+    return sum(sensor.grade == WRONG for sensor in sensors.values()) > len(sensors) / 2.0
+
+
+def _are(names: Sequence[str]) -> str:
+    return f"{names_in_words(names)} {'is' if len(names) == 1 else 'are'}"
