@@ -15,18 +15,20 @@ import cv2
 import numpy as np
 
 from atom_core.geometry import se3
+from atom_core.labeling.charuco import CharucoFinder
 from atom_core.labeling.chessboard import ChessboardFinder
 from atom_core.labeling.depth import DepthLabeler
-from atom_core.labeling.rgb import RgbLabeler
+from atom_core.labeling.rgb import LEAST_SHARE, RgbLabeler
 from atom_core.model.dataset import Dataset
 from atom_core.model.dataset import pose as pose_of
 from atom_core.model.labels import RangeLabel, RgbLabel
 from atom_core.model.sensor import DEPTH, RGB
 from atom_core.report.tables import text_table
 from atom_core.synthetic import Noise, paper_cell, scenes
-from atom_core.synthetic.board_pictures import chessboard_pictures, corner_errors
+from atom_core.synthetic.board_pictures import charuco_pictures, chessboard_pictures, corner_errors
 
 PATTERN = "pattern_1"
+WRONG_PX = 5.0  # a corner farther off is another one
 GOALS = {RGB: 15.0, DEPTH: 60.0}  # images a second
 
 
@@ -35,7 +37,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--repeat", type=int, default=3)
-    parser.add_argument("--chessboards", type=int, default=500, help="number of pictures")
+    parser.add_argument("--chessboards", type=int, default=500, help="pictures, also of ChArUcos")
     args = parser.parse_args()
     cv2.setNumThreads(1)
     synthetic = paper_cell(args.seed, noise=Noise(corner_px=0.0))
@@ -46,6 +48,8 @@ def main() -> None:
         depth(dataset, True, args.repeat),
         depth(dataset, False, 1),
         chessboards(args.chessboards, args.seed),
+        charucos(args.chessboards, args.seed),
+        without_board(args.repeat),
     ]
     columns = ["labeler", "images", "found", "images / core s", "goal", "accuracy"]
     print(text_table(columns, rows))
@@ -99,6 +103,51 @@ def chessboards(count: int, seed: int) -> List[str]:
         f"{wrong} in wrong order, mean {1000.0 * np.mean(seconds):.0f} ms"
     )
     return row("rgb 1280x800 chessboard", count, found, seconds, float("nan"), accuracy)
+
+
+def charucos(count: int, seed: int) -> List[str]:
+    """Label ChArUcos of all sizes and polarities; those with small squares show no markers."""
+    seconds, errors, found, wrong = [], [], 0, 0
+    for picture in charuco_pictures(scenes.COLOUR_CAMERA, count, seed):
+        config = picture.config
+        assert config.inner_size is not None and config.dictionary is not None
+        share = config.inner_size / config.size
+        finder = CharucoFinder(*config.dimension, share, config.dictionary)
+        camera = scenes.COLOUR_CAMERA
+        result, spent = timed(lambda: finder.find(picture.image, camera), 1)  # noqa: B023
+        seconds.append(spent)
+        if len(result.ids) < LEAST_SHARE * len(picture.corners_px):
+            continue
+        error = result.corners.pixels - picture.corners_px[result.ids]
+        found, wrong = found + 1, wrong + bool(np.abs(error).max() > WRONG_PX)
+        errors.append(error)
+    error = np.concatenate(errors)
+    rms, bias = np.sqrt(np.mean(error**2, axis=0)), error.mean(axis=0)
+    accuracy = (
+        f"rms {rms[0]:.3f} {rms[1]:.3f} px, bias {bias[0]:+.4f} {bias[1]:+.4f} px, "
+        f"{wrong} wrong, mean {1000.0 * np.mean(seconds):.0f} ms"
+    )
+    return row("rgb 1280x800 charuco, any", count, found, seconds, float("nan"), accuracy)
+
+
+def without_board(repeat: int) -> List[str]:
+    """Look for a ChArUco where there is none: a wall, noise of 0 to 12 grey values; boxes."""
+    rng, seconds, found = np.random.default_rng(0), [], 0
+    finder = CharucoFinder(11, 8, 0.75, "DICT_5X5_100")
+    for noise in (0.0, 2.0, 4.0, 8.0, 12.0):
+        for boxes in (0, 120):
+            image = np.full((720, 1280), 128.0)
+            for _ in range(boxes):
+                (x, y), (width, height) = rng.integers(0, (1280, 720)), rng.integers(8, 150, 2)
+                image[y : y + height, x : x + width] = rng.uniform(20.0, 235.0)
+            image = cv2.GaussianBlur(image, (0, 0), 0.7) + noise * rng.standard_normal(image.shape)
+            picture = np.clip(np.rint(image), 0, 255).astype(np.uint8)
+            result, spent = timed(lambda: finder.find(picture), repeat)  # noqa: B023
+            seconds.append(spent)
+            found += len(result.ids) > 0
+    times = ", ".join(f"{1000.0 * spent:.0f}" for spent in seconds)
+    accuracy = f"wall, boxes by noise: {times} ms"
+    return row("rgb 1280x720 no charuco", len(seconds), found, seconds, float("nan"), accuracy)
 
 
 def depth(dataset: Dataset, with_seed: bool, repeat: int) -> List[str]:

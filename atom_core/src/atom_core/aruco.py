@@ -26,15 +26,44 @@ def detect_markers(grey: np.ndarray, dictionary: str) -> Tuple[np.ndarray, np.nd
         ids (n,) and corners (n, 4, 2) [px], clockwise from the marker's top left. They are those
         of the outline, neither refined nor exact to better than about half a pixel.
     """
+    ids, outlines, _ = find_squares(grey, dictionary)
+    return ids, outlines
+
+
+def find_squares(grey: np.ndarray, dictionary: str) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Find the markers of a dictionary, and the squares that none is read from.
+
+    Args:
+        grey: (height, width) uint8.
+        dictionary: its name.
+
+    Returns:
+        ids (n,) and corners (n, 4, 2) as of `detect_markers`; corners (m, 4, 2) [px] of the others.
+    """
     aruco = cv2.aruco
     if hasattr(aruco, "ArucoDetector"):
-        corners, ids, _ = _detector(dictionary).detectMarkers(grey)
+        corners, ids, others = _detector(dictionary).detectMarkers(grey)
     else:
         parameters = aruco.DetectorParameters_create()
-        corners, ids, _ = aruco.detectMarkers(grey, _markers(dictionary), parameters=parameters)
+        corners, ids, others = aruco.detectMarkers(
+            grey, _markers(dictionary), parameters=parameters
+        )
+    unread = np.array(others, dtype=float).reshape(-1, 4, 2)
     if ids is None or len(ids) == 0:
-        return np.zeros(0, dtype=int), np.zeros((0, 4, 2))
-    return np.asarray(ids).ravel().astype(int), np.array(corners, dtype=float).reshape(-1, 4, 2)
+        return np.zeros(0, dtype=int), np.zeros((0, 4, 2)), unread
+    outlines = np.array(corners, dtype=float).reshape(-1, 4, 2)
+    return np.asarray(ids).ravel().astype(int), outlines, unread
+
+
+@lru_cache(maxsize=8)
+def marker_bits(dictionary: str) -> np.ndarray:
+    """Return the cells (n, s, s) bool of a dictionary's markers, True is white; rims are black."""
+    markers = _markers(dictionary)
+    side = markers.markerSize + 2
+    prints = [_marker(dictionary, number, side) for number in range(len(markers.bytesList))]
+    bits = np.array(prints) > _WHITE // 2
+    bits.setflags(write=False)
+    return bits
 
 
 @lru_cache(maxsize=8)

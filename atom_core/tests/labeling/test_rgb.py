@@ -11,6 +11,7 @@ from atom_core import aruco
 from atom_core.errors import LabelingError
 from atom_core.geometry import se3
 from atom_core.labeling.base import labeler_for
+from atom_core.labeling.marker_search import smoothed_where_flat
 from atom_core.labeling.rgb import RgbLabeler
 from atom_core.model.pattern import pattern_from_config
 from atom_core.model.sensor import RGB, Sensor
@@ -148,6 +149,75 @@ def test_the_layout_of_an_even_number_of_rows_is_recognised(legacy):
     np.testing.assert_allclose(found.label.pixels, expected, atol=0.02)
 
 
+def painted_over(image, pixels, margin_px):
+    """Return the picture with all grey but what is around some of the corners."""
+    low, high = pixels.min(axis=0) - margin_px, pixels.max(axis=0) + margin_px
+    left, top, right, bottom = (int(round(v)) for v in (*low, *high))
+    kept = np.full_like(image, 150)
+    kept[top:bottom, left:right] = image[top:bottom, left:right]
+    return kept
+
+
+# With an odd number of columns of squares, most markers of one layout stand in the other, too,
+# one square beside.
+@pytest.mark.parametrize("dimension", [(4, 7), (6, 5), (4, 3)])
+@pytest.mark.parametrize("legacy", [True, False])
+def test_the_layout_of_an_odd_number_of_columns_is_not_mistaken(dimension, legacy):
+    config = charuco(dimension=dimension, size=0.06, inner_size=0.045)
+    squares = (dimension[0] + 1, dimension[1] + 1)
+    printed = aruco.charuco_print(squares, 0.75, "DICT_5X5_100", 40, legacy)
+    image = cv2.copyMakeBorder(printed, 60, 60, 60, 60, cv2.BORDER_CONSTANT, value=255)
+    image = cv2.GaussianBlur(image, (0, 0), 1.0)
+    row, column = np.divmod(np.arange(dimension[0] * dimension[1]), dimension[0])
+    expected = np.column_stack([column + 1, row + 1]) * 40.0 + 59.5
+    finder = without_intrinsics(labeler(config))
+    found = finder.label(image)
+    assert len(found.label.ids) == len(expected)
+    np.testing.assert_allclose(found.label.pixels, expected, atol=0.1)
+    # a part that both layouts explain: no label, or the right one
+    for ids in (column >= 1, column <= dimension[0] - 2, (column >= 1) & (row >= 1)):
+        found = finder.label(painted_over(image, expected[ids], 25))
+        assert found.detected or found.reason
+        if found.detected:
+            np.testing.assert_allclose(found.label.pixels, expected[found.label.ids], atol=0.2)
+
+
+def test_markers_that_two_layouts_explain_are_refused():
+    config = charuco(dimension=(4, 3), size=0.06, inner_size=0.045)
+    printed = aruco.charuco_print((5, 4), 0.75, "DICT_5X5_100", 40)
+    image = cv2.copyMakeBorder(printed, 60, 60, 60, 60, cv2.BORDER_CONSTANT, value=255)
+    three = painted_over(image, np.array([[100.0, 60.0], [220.0, 140.0]]), 1)
+    finder = without_intrinsics(labeler(config))
+    found = finder.label(three)
+    assert not found.detected and "write legacy: true" in found.reason
+    told = without_intrinsics(labeler(replace(config, legacy=False))).label(three)
+    assert "legacy" not in told.reason
+
+
+@pytest.mark.parametrize("noise", [0.0, 4.0, 12.0])
+def test_a_picture_of_noise_is_searched_once(noise, monkeypatch):
+    searches, seen = [], aruco.find_squares
+
+    def counted(grey, dictionary):
+        searches.append(grey.size)
+        return seen(grey, dictionary)
+
+    monkeypatch.setattr("atom_core.labeling.marker_search.find_squares", counted)
+    monkeypatch.setattr("atom_core.aruco.find_squares", counted)
+    image = 128.0 + noise * np.random.default_rng(1).standard_normal((800, 1280))
+    found = labeler(charuco()).label(np.clip(np.rint(image), 0, 255).astype(np.uint8))
+    assert not found.detected and searches == [800 * 1280]
+
+
+def test_only_places_without_contrast_are_smoothed():
+    rng = np.random.default_rng(0)
+    image = np.clip(128 + 8 * rng.standard_normal((400, 600)), 0, 255).astype(np.uint8)
+    image[150:250, 200:300] = (np.add.outer(np.arange(100) // 10, np.arange(100) // 10) % 2) * 200
+    smooth = smoothed_where_flat(image)
+    np.testing.assert_array_equal(smooth[145:255, 195:305], image[145:255, 195:305])
+    assert smooth[:100].std() < 0.3 * image[:100].std()
+
+
 def test_a_charuco_with_black_and_white_exchanged_is_as_exact():
     config = charuco()
     pattern = pattern_from_config("pattern_1", config)
@@ -167,16 +237,17 @@ def test_a_mirrored_charuco_is_named():
 def test_a_mirrored_charuco_is_named_though_some_of_its_markers_have_other_meanings(monkeypatch):
     config = charuco()
     image = np.ascontiguousarray(picture(config, held(1.3))[:, ::-1])
-    seen = aruco.detect_markers
+    seen = aruco.find_squares
 
     def also_others(grey, dictionary):
-        ids, outlines = seen(grey, dictionary)
+        ids, outlines, unread = seen(grey, dictionary)
         if len(ids):
-            return ids, outlines
-        _, outlines = seen(np.ascontiguousarray(grey[:, ::-1]), dictionary)
-        return np.arange(len(outlines))[::-1], outlines
+            return ids, outlines, unread
+        _, outlines, _ = seen(np.ascontiguousarray(grey[:, ::-1]), dictionary)
+        turned = (outlines * [-1.0, 1.0] + [grey.shape[1] - 1.0, 0.0])[:, ::-1]
+        return np.arange(len(turned))[::-1], turned, unread
 
-    monkeypatch.setattr("atom_core.labeling.charuco.detect_markers", also_others)
+    monkeypatch.setattr("atom_core.labeling.marker_search.find_squares", also_others)
     found = labeler(config).label(image)
     assert not found.detected and found.reason.startswith("the pattern is mirrored: ")
 

@@ -17,6 +17,13 @@ import numpy as np
 from atom_core.aruco import detect_markers, marker_squares
 from atom_core.geometry.camera import Camera
 from atom_core.labeling.board_view import BoardView
+from atom_core.labeling.marker_search import (
+    Likenesses,
+    likenesses,
+    once,
+    search_markers,
+    smoothed_where_flat,
+)
 from atom_core.labeling.saddle import Corners, refine
 
 LEAST_MARKERS = 3
@@ -24,8 +31,8 @@ _LEAST_FITTING = 0.75  # of the markers, for a layout to be right
 _LEAST_QUALITY, _LEAST_CONTRAST = 0.75, 5.0
 _LEAST_PITCH_PX = 4.5  # between lines of corners: below it nothing exact can be said
 _LARGEST_MOVE_SQUARES, _LARGEST_MOVE_PX = 0.15, 4.0
+_DISPLACED_WORTH, _LEAST_LEAD = 2, 2  # of a marker, in corners; of the right layout, in corners
 _FAR_OFF_PX, _FAR_OFF_SIGMAS = 0.6, 5.0  # from what the neighbours say
-_UPSCALE, _UPSCALE_BELOW = 2.0, 12
 AUTO, LEGACY, CURRENT = "auto", True, False
 
 
@@ -86,39 +93,63 @@ class CharucoFinder:
         Where next to no markers are seen, a print with black and white exchanged is looked for,
         and an image that its driver mirrors is named.
         """
-        ids, outlines = self._markers(grey)
-        if len(ids) < LEAST_MARKERS:
-            negative = cv2.bitwise_not(grey)
+        smooth = smoothed_where_flat(grey)
+        ids, outlines, alike = search_markers(smooth, self.dictionary)
+        if len(ids) < LEAST_MARKERS and alike.negative >= LEAST_MARKERS:
+            negative = cv2.bitwise_not(smooth)
             if len(detect_markers(negative, self.dictionary)[0]) > len(ids):
-                grey, (ids, outlines) = negative, self._markers(negative)
+                grey, smooth = cv2.bitwise_not(grey), negative
+                ids, outlines, alike = search_markers(negative, self.dictionary)
         if len(ids) < LEAST_MARKERS:
-            return _none(len(ids), self._mirrored(grey) or _few(len(ids), self.dictionary))
-        return self._find_from_markers(grey, ids, outlines, camera)
-
-    def _find_from_markers(
-        self, grey: np.ndarray, ids: np.ndarray, outlines: np.ndarray, camera: Optional[Camera]
-    ) -> FoundCorners:
-        best = self._best(ids, outlines, self.layouts, camera)
-        if best is None:
-            why = self._mirrored(grey) or self._why_nothing_fits(ids, outlines, camera)
+            why = self._mirrored(smooth, alike) or _few(len(ids), self.dictionary)
             return _none(len(ids), why)
-        layout, view = best
-        return self._corners(grey, layout, view, len(ids), camera)
+        views = self._fitting(ids, outlines, self.layouts, camera)
+        if not views:
+            alike = likenesses(smooth, outlines, self.dictionary)
+            why = self._mirrored(smooth, alike) or self._why_nothing_fits(ids, outlines, camera)
+            return _none(len(ids), why)
+        return self._of_the_right_layout(grey, views, len(ids), camera)
 
-    def _markers(self, grey: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-        """Return ids (n,) and outlines (n, 4, 2) [px] of markers, each id once."""
-        ids, outlines = detect_markers(grey, self.dictionary)
-        if len(ids) < _UPSCALE_BELOW:
-            more = _upscaled(grey, self.dictionary)
-            ids, outlines = more if len(more[0]) > len(ids) else (ids, outlines)
-        return _once(ids, outlines)
+    def _of_the_right_layout(
+        self,
+        grey: np.ndarray,
+        views: List[Tuple[Layout, BoardView, int]],
+        markers: int,
+        camera: Optional[Camera],
+    ) -> FoundCorners:
+        """Return the corners of the layout that the picture shows.
 
-    def _mirrored(self, grey: np.ndarray) -> str:
+        Where the number of columns of squares is odd, most markers stand in one layout as in the
+        other, one square farther left. The others stand elsewhere, and a column of corners is
+        expected where there is none.
+        """
+        if len(views) == 1:
+            return self._corners(grey, *views[0][:2], markers, camera)
+        tried = []
+        for layout, view, displaced in views:
+            found = self._corners(grey, layout, view, markers, camera)
+            tried.append((len(found.ids) - _DISPLACED_WORTH * displaced, found))
+        (second, _), (first, found) = sorted(tried, key=lambda one: one[0])[-2:]
+        if first - second < _LEAST_LEAD:
+            return _none(
+                markers,
+                f"the {markers} markers seen fit this board as OpenCV prints it since 4.6 and as "
+                f"it did before, one square apart; show more of the board, or write legacy: true "
+                f"(before 4.6) or false into the pattern's configuration",
+            )
+        return found
+
+    def _mirrored(self, smooth: np.ndarray, alike: Likenesses) -> str:
         """Say that this board is seen when left and right are exchanged; empty if it is not."""
-        mirrored = np.ascontiguousarray(grey[:, ::-1])
-        for image in (mirrored, cv2.bitwise_not(mirrored)):
-            ids, outlines = _once(*detect_markers(image, self.dictionary))
-            if len(ids) >= LEAST_MARKERS and self._best(ids, outlines, self.layouts, None):
+        mirrored = np.ascontiguousarray(smooth[:, ::-1])
+        images = []
+        if alike.mirrored >= LEAST_MARKERS:
+            images.append(mirrored)
+        if alike.mirrored_negative >= LEAST_MARKERS:
+            images.append(cv2.bitwise_not(mirrored))
+        for image in images:
+            ids, outlines = once(*detect_markers(image, self.dictionary))
+            if len(ids) >= LEAST_MARKERS and self._fitting(ids, outlines, self.layouts, None):
                 return (
                     f"the pattern is mirrored: {len(ids)} markers of {self.dictionary} stand as on "
                     f"this board only when left and right are exchanged; switch the mirroring off "
@@ -126,23 +157,20 @@ class CharucoFinder:
                 )
         return ""
 
-    def _best(
+    def _fitting(
         self,
         ids: np.ndarray,
         outlines: np.ndarray,
         layouts: List[Layout],
         camera: Optional[Camera],
-    ) -> Optional[Tuple[Layout, BoardView]]:
-        """Return the layout that most markers fit, the more exactly where as many fit."""
+    ) -> List[Tuple[Layout, BoardView, int]]:
+        """Return the layouts that most markers fit, with the number of those that do not."""
         fits = []
         for layout in layouts:
             view, share = _fit(ids, outlines, layout, self.marker_share, camera)
             if view is not None and share >= _LEAST_FITTING:
-                fits.append((-round(share, 1), view.misfit_px, layout, view))
-        if not fits:
-            return None
-        _, _, layout, view = min(fits, key=lambda fit: fit[:2])
-        return layout, view
+                fits.append((layout, view, int(round((1.0 - share) * len(ids)))))
+        return fits
 
     def _why_nothing_fits(
         self, ids: np.ndarray, outlines: np.ndarray, camera: Optional[Camera]
@@ -154,14 +182,15 @@ class CharucoFinder:
         guesses += [(rows + i, columns + j) for i in (-1, 1) for j in (-1, 0, 1)]
         for guess in guesses:
             layouts = [Layout(*guess, option) for option in (CURRENT, LEGACY)]
-            best = self._best(ids, outlines, layouts, camera) if min(guess) >= 2 else None
-            if best is None:
+            fits = self._fitting(ids, outlines, layouts, camera) if min(guess) >= 2 else []
+            if not fits:
                 continue
             swapped = "rows and columns are swapped; " if guess == (rows, columns) else ""
             wrong = f"dimension is {{x: {columns}, y: {rows}}}"
             right = f"{{x: {guess[0]}, y: {guess[1]}}} fits the markers"
             if guess == (columns, rows):
-                wrong, right = "the layout is", f"legacy: {str(best[0].legacy).lower()} fits"
+                legacy = min(fits, key=lambda fit: fit[2])[0].legacy
+                wrong, right = "the layout is", f"legacy: {str(legacy).lower()} fits"
             return (
                 f"{len(ids)} markers are seen, but the board is another: {swapped}{wrong}, {right}"
             )
@@ -276,20 +305,6 @@ def _off_their_neighbours(
     sigma = 1.4826 * np.median(size) / 1.18  # median of a Rayleigh distribution
     off[chosen] = size > max(_FAR_OFF_PX, _FAR_OFF_SIGMAS * sigma)
     return off
-
-
-def _upscaled(grey: np.ndarray, dictionary: str) -> Tuple[np.ndarray, np.ndarray]:
-    """Look for markers in an enlarged image: small ones come out."""
-    larger = cv2.resize(grey, None, fx=_UPSCALE, fy=_UPSCALE, interpolation=cv2.INTER_LINEAR)
-    ids, outlines = detect_markers(larger, dictionary)
-    return ids, (outlines + 0.5) / _UPSCALE - 0.5
-
-
-def _once(ids: np.ndarray, outlines: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-    """Return the markers that are seen once; of two alike neither can be trusted."""
-    values, counts = np.unique(ids, return_counts=True)
-    single = np.isin(ids, values[counts == 1])
-    return ids[single], outlines[single]
 
 
 def _few(count: int, dictionary: str) -> str:

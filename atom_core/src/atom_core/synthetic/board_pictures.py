@@ -1,9 +1,9 @@
-"""Chessboards of any size, polarity and turn in blurred, noisy pictures, with their corners."""
+"""Boards of any size, polarity and turn in blurred, noisy pictures, with their corners."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Iterator, Sequence, Tuple
+from typing import Callable, Iterator, Sequence, Tuple
 
 import cv2
 import numpy as np
@@ -12,11 +12,14 @@ from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.model.config import PatternConfig
 from atom_core.model.pattern import Pattern, pattern_from_config
-from atom_core.synthetic.board import chessboard
+from atom_core.synthetic.board import charuco, chessboard
 from atom_core.synthetic.board_image import render
 
 _SQUARE_M, _BORDERS_M = 0.06, (0.0, 0.03, 0.06)
 _LARGEST_SIDE_PX, _LARGEST_BOARD_PX = 40.0, 700.0
+_LARGEST_CHARUCO_SIDE_PX = 70.0
+_DICTIONARIES = {"DICT_4X4_50": 50, "DICT_4X4_100": 100, "DICT_5X5_100": 100, "DICT_6X6_250": 250}
+_MARKER_SHARES = (0.6, 0.75, 0.8)
 _LARGEST_TILT_DEG = 50.0
 _CONTRAST, _BLACK = 0.75, 25.0  # a print is neither black nor white
 _MARGIN_SQUARES = 0.7  # around the corners: the picture shows most of the outer squares
@@ -24,7 +27,7 @@ _MARGIN_SQUARES = 0.7  # around the corners: the picture shows most of the outer
 
 @dataclass(frozen=True)
 class BoardPicture:
-    """A picture of one chessboard.
+    """A picture of one board.
 
     Attributes:
         image: (height, width) uint8.
@@ -57,13 +60,65 @@ def chessboard_pictures(
 
     Both polarities, any turn, tilted by up to 50 degrees, with and without a white border.
     """
+    settings = _Settings(blurs_px, noises, least_square_px, _LARGEST_SIDE_PX)
+    return _pictures(camera, count, seed, settings, _drawn_chessboard)
+
+
+def charuco_pictures(
+    camera: Camera,
+    count: int,
+    seed: int,
+    blurs_px: Sequence[float] = (0.0, 0.7, 1.0, 1.5),
+    noises: Sequence[float] = (0.0, 4.0, 8.0, 12.0),
+    least_square_px: float = 8.0,
+) -> Iterator[BoardPicture]:
+    """Yield pictures of ChArUcos as of chessboards; few below 15 px a square show markers."""
+    settings = _Settings(blurs_px, noises, least_square_px, _LARGEST_CHARUCO_SIDE_PX)
+    return _pictures(camera, count, seed, settings, _drawn_charuco)
+
+
+@dataclass(frozen=True)
+class _Settings:
+    """What pictures are drawn from; see `chessboard_pictures`."""
+
+    blurs_px: Sequence[float]
+    noises: Sequence[float]
+    least_square_px: float
+    largest_square_px: float
+
+
+Draw = Callable[[np.random.Generator, Tuple[int, int], float], PatternConfig]
+
+
+def _drawn_chessboard(
+    _: np.random.Generator, dimension: Tuple[int, int], border_m: float
+) -> PatternConfig:
+    return chessboard(dimension=dimension, size=_SQUARE_M, border_size=(border_m, border_m))
+
+
+def _drawn_charuco(
+    rng: np.random.Generator, dimension: Tuple[int, int], border_m: float
+) -> PatternConfig:
+    markers = ((dimension[0] + 1) * (dimension[1] + 1) + 1) // 2
+    enough = [name for name, count in _DICTIONARIES.items() if count >= markers]
+    return charuco(
+        dimension=dimension,
+        size=_SQUARE_M,
+        inner_size=_SQUARE_M * float(rng.choice(_MARKER_SHARES)),
+        dictionary=str(rng.choice(enough)),
+        border_size=(border_m, border_m),
+    )
+
+
+def _pictures(
+    camera: Camera, count: int, seed: int, settings: _Settings, draw: Draw
+) -> Iterator[BoardPicture]:
     rng = np.random.default_rng(seed)
     while count > 0:
         dimension = (int(rng.integers(3, 15)), int(rng.integers(3, 12)))
-        largest = min(_LARGEST_SIDE_PX, _LARGEST_BOARD_PX / (max(dimension) + 3))
-        square_px = float(np.exp(rng.uniform(*np.log([least_square_px, largest]))))
-        border_m = float(rng.choice(_BORDERS_M))
-        config = chessboard(dimension=dimension, size=_SQUARE_M, border_size=(border_m, border_m))
+        largest = min(settings.largest_square_px, _LARGEST_BOARD_PX / (max(dimension) + 3))
+        square_px = float(np.exp(rng.uniform(*np.log([settings.least_square_px, largest]))))
+        config = draw(rng, dimension, float(rng.choice(_BORDERS_M)))
         pattern = pattern_from_config("board", config)
         pose = _drawn_pose(rng, camera, pattern, square_px)
         corners = pattern.corners_of(np.arange(pattern.corner_count))
@@ -73,8 +128,8 @@ def chessboard_pictures(
         if not np.all((pixels > margin) & (pixels < limit)):
             continue
         count -= 1
-        negative, blur_px = bool(rng.integers(2)), float(rng.choice(blurs_px))
-        noise = float(rng.choice(noises))
+        negative, blur_px = bool(rng.integers(2)), float(rng.choice(settings.blurs_px))
+        noise = float(rng.choice(settings.noises))
         image = render(camera, [((pattern, config), pose)], negative)[..., 0]
         image = _as_taken(rng, image, blur_px, noise)
         yield BoardPicture(image, config, pixels, negative, blur_px, noise, square_px)
