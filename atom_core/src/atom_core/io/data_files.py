@@ -9,6 +9,8 @@ from atom_core.errors import DatasetError
 from atom_core.model.dataset import DataSource
 from atom_core.model.modality import DataFormat
 
+_ENDINGS = (".pcd", ".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+
 
 class FileDataSource(DataSource):
     """Clouds and images of a dataset on disk."""
@@ -65,9 +67,17 @@ class FileDataSource(DataSource):
 
 
 def data_path(folder: Path, entry: Mapping[str, Any]) -> Optional[Path]:
-    """Return where the data file of an entry is: where the dataset says, or beside it; or None."""
+    """Return where the data file of an entry is: where the dataset says, or beside it; or None.
+
+    A result names the data of its input, which lie in another folder. Elsewhere than beside the
+    dataset only files are looked at whose names end as those of data do, since a dataset may come
+    from anywhere.
+    """
     named = Path(entry["data_file"])
-    places = (folder / named, folder / named.name)
+    if "\0" in str(named):
+        return None
+    beside = folder / named.name
+    places = (folder / named, beside) if named.suffix.lower() in _ENDINGS else (beside,)
     return next((path for path in places if path.is_file()), None)
 
 

@@ -27,6 +27,7 @@ from atom_core.io.dataset_entries import (
     pose_of_entry,
     with_camera,
 )
+from atom_core.io.dataset_structure import check_dataset_structure
 from atom_core.io.earliest_layout import CURRENT_VERSION, completed, is_before_version_2
 from atom_core.io.label_json import is_old_layout, with_label
 from atom_core.io.together import finish_interrupted
@@ -44,6 +45,7 @@ from atom_core.model.sensor import Sensor
 from atom_core.model.transforms import Edge
 
 Choose = Callable[[Sequence[str]], Sequence[str]]
+_UNKNOWN_VERSION = 4.0  # and all above
 _MIGRATE = "python3 -m atom_core convert --from atom_v2 --to atom_v3 --dataset {} --output DIR"
 
 
@@ -64,6 +66,11 @@ def read_dataset(path: Path, choose: Optional[Choose] = None) -> Dataset:
         document, filled = completed(document, str(path))
     check_version(document, path)
     dataset = dataset_from_document(document, path, choose)
+    if float(document["_metadata"]["version"]) >= _UNKNOWN_VERSION:
+        filled = (
+            f"{path}: dataset version {document['_metadata']['version']} is newer than this "
+            f"program, which knows {CURRENT_VERSION}; what is new in it is not understood"
+        )
     if filled:
         dataset = replace(dataset, warnings=(filled, *dataset.warnings))
     formats = {name: sensor.kind.data for name, sensor in dataset.sensors.items()}
@@ -86,32 +93,17 @@ def read_document(path: Path) -> Dict[str, Any]:
             f"{path}:{error.lineno}: not valid JSON ({error.msg}); the file is damaged or "
             f"truncated, restore it or collect again"
         ) from None
+    except (RecursionError, ValueError):  # hundreds of brackets in brackets, thousands of digits
+        raise DatasetError(
+            f"{path}: no ATOM dataset, its brackets are too deep or a number is too long; restore "
+            f"the file or collect again"
+        ) from None
     if not isinstance(document, dict) or "sensors" not in document or "collections" not in document:
         raise DatasetError(f"{path}: no ATOM dataset, it lacks 'sensors' or 'collections'")
-    _check_maps(document, path)
+    check_dataset_structure(document, str(path))
+    if not document["sensors"]:
+        raise DatasetError(f"{path}: there is no sensor in it; restore the file or collect again")
     return document
-
-
-def _check_maps(document: Mapping[str, Any], path: Path) -> None:
-    """Refuse a document whose upper levels are not maps: the reader relies on them."""
-    for key in ("_metadata", "sensors", "collections"):
-        _check_map(document.get(key, {}), key, path)
-    for name, sensor in document["sensors"].items():
-        _check_map(sensor, f"sensor '{name}'", path)
-    for key, collection in document["collections"].items():
-        _check_map(collection, f"collection {key}", path)
-        for part in ("data", "labels", "transforms", "joints"):
-            _check_map(collection.get(part) or {}, f"collection {key}, {part}", path)
-        for name, labels in (collection.get("labels") or {}).items():
-            _check_map(labels, f"collection {key}, labels of '{name}'", path)
-
-
-def _check_map(value: Any, what: str, path: Path) -> None:
-    if not isinstance(value, Mapping):
-        raise DatasetError(
-            f"{path}: {what} is {json.dumps(value)[:40]}, where names with values should stand; "
-            f"restore the file or collect again"
-        )
 
 
 def check_version(document: Mapping[str, Any], path: Path) -> None:
@@ -328,7 +320,7 @@ class _Reader:
                 f"{where}: this is no label of modality {sensor.modality}; correct the sensor's "
                 f"modality, or leave the sensor out with -ssf"
             ) from None
-        except ValueError as error:
+        except (ValueError, OverflowError) as error:
             raise self.fail(f"{where}: {error}") from None
 
     def edge_types(self) -> Dict[Edge, str]:

@@ -207,6 +207,8 @@ def _header_words(line: bytes, number: int) -> List[str]:
     except UnicodeDecodeError as error:
         raise _damaged("the header is not text; this is not a PCD file", number) from error
     if words and words[0] not in _KEYS:
+        if number == 1:  # of any file: what stands in it is nobody's business
+            raise _damaged("this is not a PCD file, whose header has other words", number)
         raise _damaged(f"'{words[0][:40]}' is not a word of a PCD header", number)
     return words
 

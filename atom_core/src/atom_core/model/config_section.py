@@ -205,6 +205,8 @@ def check_number(
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         quoted = " without quotes" if isinstance(value, str) else ""
         raise ConfigValueError(f"is {shown(value)}; write a number{quoted} ({unit})", key)
+    if isinstance(value, int) and abs(value) > 10**300:
+        raise ConfigValueError(f"has too many digits; write a number ({unit})", key)
     if not math.isfinite(value) or value < at_least or (above is not None and value <= above):
         bound = f"above {above:g}" if above is not None else f"of at least {at_least:g}"
         raise ConfigValueError(f"is {value}; write a number {bound} ({unit})", key)
