@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import csv
 import shutil
+import signal
 import time
 from pathlib import Path
 from typing import Callable, Dict
@@ -68,6 +69,8 @@ def main() -> None:
         "--keep", type=Path, metavar="DIR", help="copy table and plot of the growth there"
     )
     args = parser.parse_args()
+    # Background jobs of a shell ignore Ctrl-C, and so would the programs that are started here.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     args.output.mkdir(parents=True, exist_ok=True)
     for name in args.only or PARTS:
         PARTS[name](args)
