@@ -131,3 +131,23 @@ def test_a_start_from_a_dataset_is_near_the_truth_whatever_its_transforms_say(tm
 def test_a_dataset_that_is_none_is_told(tmp_path):
     with pytest.raises(DatasetError, match="no such file"):
         values_from_dataset(tmp_path / "none.json")
+
+
+def test_drags_that_nobody_saved_are_kept_beside(make_guess, tmp_path):
+    guess, output = make_guess(), tmp_path / "guess.urdf.xacro"
+    assert guess.unsaved == [] and guess.keep_unsaved(output) is None
+    guess.set("lidar", MOVED)
+    assert guess.unsaved == ["lidar"]
+    beside = guess.keep_unsaved(output)
+    assert beside == tmp_path / "unsaved_guess.urdf.xacro" and not output.exists()
+    edge = read_description(beside).robot.transforms()[LIDAR]
+    np.testing.assert_allclose(edge, MOVED, atol=1e-6)
+
+
+def test_what_was_saved_is_not_kept_twice(make_guess, tmp_path):
+    guess, output = make_guess(), tmp_path / "guess.urdf.xacro"
+    guess.set("lidar", MOVED)
+    guess.save(output)
+    assert guess.unsaved == [] and guess.keep_unsaved(output) is None
+    guess.reset("lidar")  # back at the start is another place than what was saved
+    assert guess.unsaved == ["lidar"]

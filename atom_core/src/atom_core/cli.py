@@ -13,7 +13,7 @@ import sys
 from typing import TYPE_CHECKING, Callable, List, Optional, cast
 
 import atom_core
-from atom_core.commands.option_parser import OptionParser
+from atom_core.commands.option_parser import OptionParser, examples
 from atom_core.errors import AtomError
 
 if TYPE_CHECKING:
@@ -92,8 +92,7 @@ def build_parser(only: Optional[str] = None) -> argparse.ArgumentParser:
             name,
             help=summary,
             description=summary,
-            epilog=f"example: {module.EXAMPLE}",
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            epilog=examples(module.EXAMPLE),
         )
         module.add_arguments(sub)
         sub.set_defaults(run=module.run)

@@ -1,7 +1,13 @@
 """No option is taken for another one, and every refusal is one line."""
 
+import re
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 
+from atom_core import cli
 from atom_core.cli import main
 from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser
@@ -89,3 +95,25 @@ def test_an_argument_that_a_launch_file_was_not_given_is_refused(words, capsys):
         main(["calibrate", *words])
     assert refused.value.code == 2
     assert "is empty; name it behind the option, or to roslaunch as" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["check", "calibrate", "evaluate"])
+def test_help_names_each_option_once_with_its_default_and_two_examples(command, capsys):
+    with pytest.raises(SystemExit):
+        cli.build_parser(command).parse_args([command, "--help"])
+    text = capsys.readouterr().out
+    names = re.findall(r"^  (--\w[\w-]*)", text, re.M)
+    assert len(names) == len(set(names)) and not any("-" in name[2:] for name in names)
+    assert text.count(f"python3 -m atom_core {command} -") >= 2
+    assert text.splitlines()[0].endswith("[options]")
+    if command == "calibrate":
+        assert "(default: 0.05 0.05)" in text and "\nthe solver:\n" in text
+        assert "(default: 0.005)" not in text  # per cent, as it is typed
+
+
+def test_the_folder_of_the_package_says_that_the_environment_is_not_loaded():
+    root = Path(__file__).parents[3]
+    command = [sys.executable, "-I", str(root / "atom_core"), "check"]
+    said = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert said.returncode == 2 and "source env.bash" in said.stderr
+    assert said.stderr.count("\n") == 1 and said.stdout == ""

@@ -226,6 +226,11 @@ def _report(
     sys.stdout.write("\n".join(lines) + "\n")
     for name in outcome.kept:
         _tell(f"{name}: has edits of yours and is kept; --overwrite replaces it")
+    sys.stdout.write(
+        f"next: roslaunch {package.name} set_initial_estimate.launch, or, where the description is "
+        f"right to some centimetres,\n"
+        f"      roslaunch {package.name} collect_data.launch output_folder:=$PWD/data\n"
+    )
 
 
 def _tell(text: str) -> None:

@@ -50,7 +50,10 @@ from atom_core.report.verdict import verdict_lines
 from atom_core.solvers.base import CONVERGED, SolverOptions
 from atom_core.solvers.choice import CERES, default_solver
 
-EXAMPLE = "python3 -m atom_core calibrate --dataset data/dataset.json --output results"
+EXAMPLE = """
+python3 -m atom_core calibrate --dataset data/dataset.json --output results
+python3 -m atom_core calibrate -json data/dataset.json --output results -ssf 'rgb_*' -nig 0.1 0.1
+"""
 DATASET_FILE, RESULT_FILE = "atom_calibration.json", "calibration.json"
 PARAMETERS_FILE, DESCRIPTION_FILE = "atom_calibration_params.yml", "optimized.urdf.xacro"
 ORIGINAL_FILE, ARGUMENTS_FILE = "original_calibration_params.yml", "command_line_args.yml"

@@ -20,14 +20,18 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add all options but those of a live view."""
     common.add_dataset_options(parser)
     common.add_output_options(parser, "beside the dataset, under ATOM's names")
-    _add_solver_options(parser)
-    _add_start_options(parser)
-    _add_freedom_options(parser)
-    _add_input_options(parser)
-    _add_joint_options(parser)
-    _add_keep_options(parser)
-    _add_intrinsics_option(parser)
-    add_model_error_options(parser)
+    _add_start_options(common.group(parser, "where the sensors start"))
+    _add_freedom_options(common.group(parser, "what is held, what is estimated"))
+    _add_joint_options(common.group(parser, "joints of a robot"))
+    _add_input_options(common.group(parser, "which detections count"))
+    _add_intrinsics_option(common.group(parser, "intrinsics of cameras"))
+    add_model_error_options(common.group(parser, "errors of sensors, boards and arms"))
+    _add_solver_options(common.group(parser, "the solver"))
+    _add_shown_options(common.group(parser, "what is compared, shown and written"))
+    add_meaningless_options(parser, CALIBRATE)
+
+
+def _add_description_option(parser: argparse.ArgumentParser) -> None:
     common.add_option(
         parser,
         "description",
@@ -36,9 +40,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="robot description to write back with the calibrated edges (default: the one that "
         "the configuration names, where it exists)",
     )
-    _add_truth_options(parser)
-    _add_shown_options(parser)
-    add_meaningless_options(parser, CALIBRATE)
 
 
 def _add_solver_options(parser: argparse.ArgumentParser) -> None:
@@ -134,8 +135,8 @@ def _add_intrinsics_option(parser: argparse.ArgumentParser) -> None:
         default=0.005,
         metavar="PERCENT",
         help="how far focal lengths and centre are expected from those given, in per cent of the "
-        "focal length: with --optimize_intrinsics, and in combined sigmas (0.5; none: anywhere, "
-        "and there 0.5)",
+        "focal length: with --optimize_intrinsics, and in combined sigmas (default: 0.5; "
+        "none: anywhere, and there 0.5)",
     )
 
 
@@ -222,6 +223,10 @@ def _add_freedom_options(parser: argparse.ArgumentParser) -> None:
         metavar="SELECTION",
         help="additional tfs of the configuration to estimate (default: all)",
     )
+
+
+def _add_input_options(parser: argparse.ArgumentParser) -> None:
+    add = common.add_option
     add(
         parser,
         "use_incomplete_collections",
@@ -235,10 +240,6 @@ def _add_freedom_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="use only collections in which every sensor sees every pattern",
     )
-
-
-def _add_input_options(parser: argparse.ArgumentParser) -> None:
-    add = common.add_option
     add(
         parser,
         "ground_truth_pattern_poses",
@@ -260,6 +261,7 @@ def _add_input_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="do not use labels of cameras that lack corners",
     )
+    _add_keep_options(parser)
 
 
 def _add_joint_bias_options(parser: argparse.ArgumentParser) -> None:
@@ -307,6 +309,8 @@ def _add_truth_options(parser: argparse.ArgumentParser) -> None:
 
 def _add_shown_options(parser: argparse.ArgumentParser) -> None:
     add = common.add_option
+    _add_description_option(parser)
+    _add_truth_options(parser)
     add(
         parser,
         "show_normalized_values",

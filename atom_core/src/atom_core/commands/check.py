@@ -18,7 +18,10 @@ from atom_core.report.calibration_tables import MovedEdge, moved_report, preflig
 from atom_core.report.check_verdict import check_verdict
 from atom_core.report.verdict import length, verdict_lines
 
-EXAMPLE = "python3 -m atom_core check --dataset data/dataset.json"
+EXAMPLE = """
+python3 -m atom_core check --dataset data/dataset.json
+python3 -m atom_core check --dataset results/atom_calibration.json --against robot.urdf
+"""
 _MOVED_M, _MOVED_DEG = 0.001, 0.05
 
 

@@ -17,7 +17,7 @@ class Command(Protocol):
     """What a module of ``atom_core.commands`` offers to the command line."""
 
     __doc__: Optional[str]
-    EXAMPLE: str
+    EXAMPLE: str  # command lines, one in a line
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Add the options of the command."""
@@ -38,6 +38,11 @@ def add_option(parser: Any, name: str, *short: str, **settings: Any) -> None:
     dashed = "--" + name.replace("_", "-")
     spellings = dict.fromkeys(["--" + name, dashed, *short])
     parser.add_argument(*spellings, dest=name, **settings)
+
+
+def group(parser: argparse.ArgumentParser, title: str) -> Any:
+    """Return a group of options with a heading in --help; it takes options as a parser does."""
+    return parser.add_argument_group(title)
 
 
 def add_dataset_options(parser: argparse.ArgumentParser) -> None:

@@ -29,10 +29,11 @@ from atom_core.report.evaluation_tables import evaluation_report
 from atom_core.report.evaluation_verdict import evaluation_verdict
 from atom_core.report.verdict import verdict_lines
 
-EXAMPLE = (
-    "python3 -m atom_core evaluate --train results/atom_calibration.json "
-    "--test test/dataset.json --output evaluation"
-)
+_FILES = "--train results/atom_calibration.json --test test/dataset.json"
+EXAMPLE = f"""
+python3 -m atom_core evaluate {_FILES} --output evaluation
+python3 -m atom_core evaluate {_FILES} --output pair --pairs lidar_1:rgb_1 --verbose
+"""
 RESULT_FILE = "evaluation.json"
 HAND_EYE = "hand_eye"
 

@@ -20,6 +20,51 @@ _SIMILAR = 0.6
 _NAMED = 3  # similar options that a refusal names
 
 
+class HelpFormatter(argparse.RawDescriptionHelpFormatter):
+    """Help that names each option once, with its default, after a short line of usage."""
+
+    def add_usage(self, usage: Any, actions: Any, groups: Any, prefix: Any = None) -> None:
+        """Show what must be given; the rest is [options]."""
+        if usage is None:
+            given = [action for action in actions if action.required]
+            needed = [self._format_action_invocation(action).split(", ")[0] for action in given]
+            ends = ["[options]"] if prefix is None else []  # else it begins that of a command
+            usage = " ".join(["%(prog)s", *(text.replace("%", "%%") for text in needed), *ends])
+        super().add_usage(usage, actions, groups, prefix)
+
+    def _format_action_invocation(self, action: argparse.Action) -> str:
+        """Return its names, without the spelling with dashes, and once what it takes."""
+        if not action.option_strings:
+            return super()._format_action_invocation(action)
+        names = [n for n in action.option_strings if not _is_twin(n, action.option_strings)]
+        if action.nargs == 0:
+            return ", ".join(names)
+        default = self._get_default_metavar_for_optional(action)
+        takes = self._format_args(action, default)
+        return ", ".join([f"{names[0]} {takes}", *names[1:]])
+
+    def _get_help_string(self, action: argparse.Action) -> str:
+        text, default = action.help or "", action.default
+        nothing = default is None or default is False or default in ("", argparse.SUPPRESS)
+        if nothing or action.nargs == 0 or "default" in text or isinstance(default, dict):
+            return text
+        values = default if isinstance(default, (list, tuple)) else [default]
+        shown = " ".join(f"{v:g}" if isinstance(v, float) else str(v) for v in values)
+        return f"{text} (default: {shown})" if shown else text
+
+
+def _is_twin(name: str, names: Sequence[str]) -> bool:
+    """Tell whether an option is another one of these, with dashes between the words."""
+    other = _plain(name)
+    return name.startswith("--") and other != name and other in names
+
+
+def examples(lines: str) -> str:
+    """Return the end of a command's help: its examples, one in a line."""
+    each = [line.strip() for line in lines.strip().splitlines()]
+    return "\n  ".join(["example:" if len(each) == 1 else "examples:", *each])
+
+
 class OptionParser(argparse.ArgumentParser):
     """An argument parser that takes no option for another one."""
 
@@ -28,6 +73,7 @@ class OptionParser(argparse.ArgumentParser):
 
         These are what ``parse_known_args`` returns beside the parsed ones, for another program.
         """
+        settings.setdefault("formatter_class", HelpFormatter)
         super().__init__(*args, **settings)
         self._others_pass = others_pass
         self._negative_number_matcher = _NUMBER  # argparse's own does not know -1e-3

@@ -17,6 +17,7 @@ from atom_core.model.config import CalibrationConfig
 from atom_core.model.robot import FIXED
 from atom_core.model.transforms import Edge
 
+UNSAVED = "unsaved_"  # begins the name of the file of what nobody saved
 _ORIGINAL = ".orig"
 _SAME = 1e-9  # m and entries of rotations
 
@@ -71,6 +72,7 @@ class FirstGuess:
         transforms = description.robot.transforms()
         self._initial = {edge: transforms[edge] for edge in self.edges.values()}
         self._values = dict(self._initial)
+        self._saved = dict(self._initial)
         fixed = (j.edge for j in description.robot.joints.values() if j.type == FIXED)
         self._others = {edge: transforms[edge] for edge in fixed if edge not in self._initial}
 
@@ -92,11 +94,36 @@ class FirstGuess:
         for edge in self._initial:
             if edge in values:
                 self._values[edge] = self._initial[edge] = np.array(values[edge], dtype=float)
+                self._saved[edge] = self._initial[edge]
         return [name for name, edge in self.edges.items() if edge not in values]
 
     def fixed_transforms(self) -> Dict[Edge, np.ndarray]:
         """Return every fixed edge of the description, those that were edited among them."""
         return {**self._others, **self._values}
+
+    @property
+    def unsaved(self) -> List[str]:
+        """Names of what was moved since it was saved, or since the start."""
+        return [
+            name
+            for name, edge in self.edges.items()
+            if not np.allclose(self._values[edge], self._saved[edge], rtol=0.0, atol=_SAME)
+        ]
+
+    def keep_unsaved(self, path: Path) -> Optional[Path]:
+        """Write what was moved and not saved beside the file; return where, None if it was nothing.
+
+        Args:
+            path: what would have been saved; it stays as it is.
+
+        Raises:
+            AtomError: it cannot be written.
+        """
+        if not self.unsaved:
+            return None
+        beside = path.with_name(UNSAVED + path.name)
+        self.save(beside)
+        return beside
 
     def save(self, path: Path) -> Saved:
         """Write the description with the values as they are.
@@ -115,6 +142,7 @@ class FirstGuess:
             if not np.allclose(value, described[edge], rtol=0.0, atol=_SAME)
         }
         report = write_calibrated_description(self._description, changed, path)
+        self._saved = dict(self._values)
         original = path.with_name(path.name + _ORIGINAL)
         if before is None or not report.flattened or original.exists():
             return Saved(report, original if report.flattened and original.exists() else None)

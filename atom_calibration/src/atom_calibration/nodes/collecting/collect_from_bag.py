@@ -95,6 +95,7 @@ def collect_from_bag(args: argparse.Namespace) -> int:
         seeds = read_seeds(args.seeds, rig.sensors) if args.seeds else []
         labeler = FrameLabeler(config, rig.sensors, patterns, seeds, args.automatic_seeds == "on")
         recording = Recording(config, bag, rig, patterns, transforms, labeler)
+        _announce(bag, rig)
         store = CollectionStore.create(args.output, args.overwrite, WRITTEN_BESIDE)
         try:
             collector, keys = _collected(args, recording, store)
@@ -108,6 +109,17 @@ def collect_from_bag(args: argparse.Namespace) -> int:
             return conclude(store, collector, keys, print, _warn)
         finally:
             give_up(store, _warn)
+
+
+def _announce(bag: BagReader, rig: Rig) -> None:
+    """Say how much is to be read before it is."""
+    messages = sum(bag.counts[topic] for topic in rig.topics)
+    size_gb, seconds = bag.path.stat().st_size / 1e9, bag.end_s - bag.start_s
+    print(
+        f"reading {bag.path}: {size_gb:.2g} GB, {seconds:.0f} s, "
+        f"{messages} messages of {len(rig.sensors)} sensors",
+        flush=True,
+    )
 
 
 class Recording(NamedTuple):

@@ -9,6 +9,7 @@ competes, and what RViz shows follows the drag.
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any, Dict, List
 
@@ -67,8 +68,16 @@ def _run(args: argparse.Namespace) -> int:
     running.start(NODE)
     for remark in remarks:
         rospy.logwarn(remark)
-    SetInitialEstimate(config, guess, args.filename or description, args.marker_scale)
-    return running.wait()
+    output = args.filename or description
+    SetInitialEstimate(config, guess, output, args.marker_scale)
+    code, moved = running.wait(), guess.unsaved
+    kept = guess.keep_unsaved(output)
+    if kept is not None:
+        sys.stderr.write(
+            f"{NODE}: {', '.join(moved)} moved and were not saved; they are in {kept}: rename it "
+            f"to {output.name}, or begin with description_file:={kept}\n"
+        )
+    return code
 
 
 def _description(config_file: Path) -> Path:
