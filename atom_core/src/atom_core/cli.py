@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
+import re
 import sys
 from typing import TYPE_CHECKING, Callable, List, Optional, cast
 
@@ -106,12 +107,20 @@ def main(argv: Optional[List[str]] = None) -> int:
     return guarded(args.command, lambda: int(args.run(args)))
 
 
+def as_typed(text: str) -> str:
+    """Return a sentence with its options as the user types them, who may have typed roslaunch."""
+    if not any(word.startswith("__log:=") for word in sys.argv):
+        return text
+    text = text.replace("--overwrite", "overwrite:=true")
+    return re.sub(r"--(dataset|output|truth|seeds|description)\b", r"\1:=...", text)
+
+
 def guarded(command: str, run: Callable[[], int]) -> int:
     """Run a command; return its exit code. A refusal is one line on stderr."""
     try:
         return run()
     except AtomError as error:
-        print(f"{command}: {error}", file=sys.stderr)
+        print(f"{command}: {as_typed(str(error))}", file=sys.stderr)
         return BAD_INPUT
     except BrokenPipeError:  # the reader of a pipe has gone, e.g. `| head`
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (so that nothing is flushed at exit)

@@ -12,6 +12,7 @@ from typing import Any, Callable, List, Optional, Tuple
 import rospy
 
 from atom_calibration.runtime.master_watch import GONE, MasterWatch
+from atom_core.cli import as_typed
 from atom_core.errors import AtomError, ConfigError
 
 Work = Callable[[argparse.Namespace], int]
@@ -127,7 +128,7 @@ def _outcome(run: Callable[[], int]) -> Tuple[int, str]:
     try:
         code = run()
     except AtomError as error:
-        return BAD_INPUT, lost() or str(error)
+        return BAD_INPUT, lost() or as_typed(str(error))
     except OSError:
         if not _watches or _master_pid() is not None:
             raise

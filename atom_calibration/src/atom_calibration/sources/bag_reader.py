@@ -130,6 +130,11 @@ class BagReader:
 
 
 def _open(path: Path) -> rosbag.Bag:
+    if path.is_dir():
+        raise BagError(
+            f"{path}: a folder, as recordings of ROS 2 are; convert it to a .bag file, e.g. with "
+            f"`rosbags-convert` of the Python package rosbags"
+        )
     try:
         return rosbag.Bag(str(path), "r")
     except rosbag.ROSBagUnindexedException:

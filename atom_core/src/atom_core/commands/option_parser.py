@@ -92,6 +92,15 @@ class OptionParser(argparse.ArgumentParser):
         """Refuse in one line."""
         self.exit(_EXIT_CODE, f"{self._command}: {message} ({self.prog} --help tells more)\n")
 
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """Refuse a command or word that is none, with the nearest ones; argparse names them all."""
+        if action.choices is None or value in action.choices or len(list(action.choices)) <= _NAMED:
+            super()._check_value(action, value)
+            return
+        near = difflib.get_close_matches(str(value), [str(c) for c in action.choices], _NAMED)
+        hint = f"; the nearest: {', '.join(near)}" if near else ""
+        raise argparse.ArgumentError(action, f"there is no '{value}'{hint}")
+
     @property
     def _command(self) -> str:
         return self.prog.split(" ")[-1]

@@ -80,8 +80,12 @@ def read_dataset(path: Path, choose: Optional[Choose] = None) -> Dataset:
 def read_document(path: Path) -> Dict[str, Any]:
     """Return the JSON document of a dataset, unchecked but for being one."""
     finish_interrupted(path.parent)
+    if path.is_dir():
+        raise DatasetError(f"{path}: a folder; give the dataset's JSON in it, {path}/dataset.json")
     if not path.is_file():
         raise DatasetError(f"{path}: no such file; give the dataset's JSON with --dataset")
+    if path.suffix in (".yml", ".yaml", ".bag", ".xacro", ".urdf"):
+        raise DatasetError(f"{path}: no dataset; give the dataset.json that a collector wrote")
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except UnicodeDecodeError as error:

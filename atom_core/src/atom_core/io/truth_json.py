@@ -46,7 +46,7 @@ def read_truth(path: Path) -> Truth:
     """
     path = Path(path)
     if not path.is_file():
-        raise DatasetError(f"{path}: no such truth file")
+        raise DatasetError(f"{path}: no such truth file; correct the path, or leave out --truth")
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
         edges = {

@@ -51,7 +51,7 @@ CURRENT_VERSION = 3.0
 DEFAULT_MAX_DURATION_MS = 1000
 _PATTERN_OF_VERSION_2 = "calibration_pattern"  # one, without a name
 _NAME_OF_MIGRATED_PATTERN = "pattern_1"
-_GREATEST_SQUARE_M = 1.0
+GREATEST_SQUARE_M = 1.0
 _MAPS = ("sensors", "calibration_patterns", "additional_tfs", "joints", "priors")
 
 
@@ -297,8 +297,11 @@ def _advice(config: CalibrationConfig) -> List[Tuple[KeyPath, str]]:
         advice.append((("version",), text))
     for name, pattern in config.calibration_patterns.items():
         path = ("calibration_patterns", name)
-        if pattern.size > _GREATEST_SQUARE_M:
-            text = f"is {pattern.size} metres for one square; is it meant in millimetres?"
+        if pattern.size > GREATEST_SQUARE_M:
+            text = (
+                f"is {pattern.size} metres for one square; is it meant in millimetres? Sizes are "
+                f"in metres"
+            )
             advice.append(((*path, "size"), text))
         if pattern.pattern_type == CHESSBOARD and sum(pattern.dimension) % 2 == 0:
             text = (

@@ -20,6 +20,8 @@ from atom_core.problem.residuals import ReprojectionBlock, ResidualBlock
 CORNER_SIGMA_PX = 0.3
 M_PER_PX = 0.1 / 30.0  # how metres and pixels are weighed against each other
 _MIN_CORNERS = 6
+NO_POSE = "the corners fit no board pose"
+NO_PLACE = "too few or collinear corners to place the board"
 _PNP_LIMIT_PX = 3.0  # RMS of one board's corners about its own pose
 # A second solution of PnP is no candidate when it is that much worse than the first.
 _WORSE_FACTOR, _WORSE_PX = 3.0, 0.5
@@ -83,11 +85,11 @@ class CornerMeasurement(Measurement):
         """Return what is wrong with the corners: no pose of the board explains them."""
         candidates = self.candidates()
         if not candidates:
-            return ["too few or collinear corners to place the board"]
+            return [NO_PLACE]
         rms = self._rms_px(candidates[0])
         if rms > _PNP_LIMIT_PX:
             return [
-                f"the corners fit no board pose (RMS {rms:.1f} px); look at the label, the "
+                f"{NO_POSE} (RMS {rms:.1f} px); look at the label, the "
                 f"board's dimension and size, and the intrinsics"
             ]
         return []

@@ -74,7 +74,7 @@ def _general(results: CalibrationResults) -> List[Finding]:
         found.append(Finding(WEAK, f"the data do not determine all of it: {why}"))
     elif calibration.status != CONVERGED:
         found.append(Finding(WRONG, f"do not use it: {message}"))
-    if not results.has_combined_sigmas:
+    if calibration.status == CONVERGED and not results.has_combined_sigmas:
         found.append(Finding(WEAK, "without standard deviations as weights nothing tells how sure"))
     for error in results.model_errors:
         if not error.estimated and error.target not in results.sensors:
@@ -155,7 +155,7 @@ def _of_the_status(results: CalibrationResults, name: str) -> List[Finding]:
     if calibration.status == INCONSISTENT and not _accused(results, name):
         advice = "settle the contradiction first, then calibrate again"
         return [Finding(WEAK, "it shares the answer with what the data contradict", advice)]
-    if not results.has_combined_sigmas:
+    if calibration.status == CONVERGED and not results.has_combined_sigmas:
         return [Finding(WEAK, "nothing tells how well it is known", "take --weights sigma")]
     return []
 
@@ -239,7 +239,7 @@ def _facts(
     facts += [
         f"{_WORDS[kind]} {_distance(kind, statistics.mean)} {_FROM[kind]}"
         for kind, statistics in sensor.residuals.items()
-        if kind != "border"
+        if kind != "border" and RESIDUAL[kind].grade(statistics.mean) == GOOD
     ]
     return facts
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import List, Mapping, Optional
 
 from atom_core.calibration.preflight import Preflight
+from atom_core.model.config import GREATEST_SQUARE_M
 from atom_core.model.dataset import Dataset
+from atom_core.problem.corner_measurement import NO_PLACE, NO_POSE
 from atom_core.report.verdict import (
     FEWEST_BOARDS,
     GOOD,
@@ -20,7 +22,11 @@ from atom_core.report.verdict import (
     worst,
 )
 
-_MANY_REMARKS = 0.1  # warnings about a sensor, as a part of its detections
+_MANY_REMARKS, _MOST = 0.1, 0.5  # warnings about a sensor, as a part of its detections
+_BOARD = (
+    "correct the board in the configuration (dimension: columns and rows exchanged? size), then "
+    "collect again"
+)
 
 
 def check_verdict(
@@ -39,6 +45,10 @@ def check_verdict(
         more = len(result.problems) - 1
         others = f" (and {more} more problem{'s' * (more > 1)} above)" if more else ""
         return Verdict(WRONG, f"it cannot be calibrated: {result.problems[0]}{others}", sensors)
+    large = [name for name, p in dataset.patterns.items() if p.square_m > GREATEST_SQUARE_M]
+    if large:
+        what = f"the squares of board {names_in_words(large)} are more than a metre wide"
+        return Verdict(WRONG, f"{what}: give its sizes in metres, and collect again", sensors)
     if moved:
         what = f"the rig is not as described: {names_in_words(list(moved))} stand elsewhere"
         return Verdict(WRONG, what, sensors)
@@ -48,7 +58,9 @@ def check_verdict(
         return Verdict(GOOD, f"{what} collections, nothing looks wrong", sensors)
     names = [name for name, sensor in sensors.items() if sensor.grade == grade]
     what = "leave out or repair" if grade == WRONG else "it can be calibrated, but look at"
-    return Verdict(grade, f"{what} {names_in_words(names)} first", sensors)
+    first = sensors[names[0]]
+    why = "; ".join(text for text in (first.sentence.split(";")[0], first.advice) if text)
+    return Verdict(grade, f"{what} {names_in_words(names)} first: {why}", sensors)
 
 
 def _sensor(result: Preflight, name: str, moved: Optional[str]) -> SensorVerdict:
@@ -65,7 +77,11 @@ def _sensor(result: Preflight, name: str, moved: Optional[str]) -> SensorVerdict
         told = f"it sees too few boards to be known well ({FEWEST_BOARDS} at least)"
         findings.append(Finding(WEAK, told, "collect more of them"))
     remarks = [warning for warning in result.warnings if is_named(name, warning)]
-    if len(remarks) > _MANY_REMARKS * boards and boards >= FEWEST_BOARDS:
-        told = f"{len(remarks)} of the warnings above are about it"
+    unfit = sum(NO_POSE in remark or NO_PLACE in remark for remark in remarks)
+    if unfit > _MOST * boards:
+        told = f"in {unfit} of its collections the corners fit no board"
+        findings.append(Finding(WRONG, told, _BOARD))
+    elif len(remarks) > _MANY_REMARKS * boards and boards >= FEWEST_BOARDS:
+        told = f"warnings above that are about it: {len(remarks)}"
         findings.append(Finding(WEAK, told, "read them before you trust its labels"))
     return sensor_verdict(findings, f"detected {boards} board{'s' * (boards != 1)}")

@@ -139,7 +139,7 @@ def is_named(name: str, text: str) -> bool:
 
 def length(metres: float) -> str:
     """Return a length in millimetres, to two digits, or in metres from one metre on."""
-    return f"{metres:.2g} m" if metres >= 1.0 else f"{_short(1e3 * metres)} mm"
+    return f"{_short(metres)} m" if metres >= 1.0 else f"{_short(1e3 * metres)} mm"
 
 
 def angle(radians: float) -> str:
