@@ -40,8 +40,8 @@ build: setup ## compile into build/ and devel/
 demo: build ## the main job on the simulated cell, from bags to evaluation, in demo_output/; EXAMPLE=rihbot: on that robot
 	@$(ENV) rosrun atom_examples demo --overwrite $(if $(EXAMPLE),--example $(EXAMPLE) --output demo_output/$(EXAMPLE),--output demo_output)
 
-test: build ## lint and every test: pytest, gtest, rostest
-	@$(ENV) bash tests/all.bash $(JOBS) $(PYTEST)
+test: setup ## lint, the build, and every test: pytest, gtest, rostest
+	@bash tests/all.bash $(JOBS) $(PYTEST)
 
 test-regression: build ## does calibration still work? rostests on recordings of the simulated cell
 	@$(ENV) cd build && ROS_HOME="$$PWD/ros_home" ctest -j $(JOBS) --output-on-failure -R regression

@@ -1,13 +1,14 @@
 #!/usr/bin/env bash
-# Lint and every test, so that no processor is idle while there is work; `make test` runs it.
+# Lint, the build and every test, so that no processor is idle while there is work; `make test`
+# runs it.
 #
+# Lint and the tests with Noetic's versions need no build and take what the others leave over.
 # Rostests wait for much of their time, so pytest runs beside them, and yields to them (nice): they
 # play data by the clock. What plays a whole recording (label "real_time") comes last, one after the
-# other, and then pytest takes no more than what is left over, as lint and the tests with Noetic's
-# versions always do. What runs beside pytest writes to build/test_logs; it is printed when it has
-# ended.
+# other, and then pytest takes no more than what is left over, too. What runs beside pytest writes to
+# build/test_logs; it is printed when it has ended.
 #
-# Usage: all.bash PROCESSES PYTEST... (pytest's command), in the environment of env.bash
+# Usage: all.bash PROCESSES PYTEST... (pytest's command)
 set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -58,6 +59,11 @@ run_ctest() {
 
 beside lint nice -n 19 make --no-print-directory lint-only
 beside "Noetic's versions" nice -n 19 bash tests/noetic_versions.bash
+if ! make --no-print-directory build; then
+  echo "make test: the build failed; no test was run" >&2
+  exit 1
+fi
+source ./env.bash
 flock CMakeLists.txt cmake --build build -j "$processes" --target tests || failed+=("tests' build")
 set -m # pytest, whose words are to be seen as they come, is a group of its own, too
 nice -n 5 "$@" </dev/null &
