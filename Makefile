@@ -84,6 +84,7 @@ bench: build ## measure speed and accuracy; results in bench_output/
 bench-labels: build ## speed and accuracy of the labelers, on synthetic and on real data
 	@$(ENV) python3 tests/benchmarks/bench_labeling.py; \
 	python3 tests/benchmarks/bench_lidar_labeling.py; python3 tests/benchmarks/bench_real_data.py; \
+	python3 tests/benchmarks/bench_exposures.py; \
 	python3 tests/benchmarks/bench_lidar_models.py; python3 tests/benchmarks/bench_hard_labels.py
 
 bench-hand-eye: build ## ours against OpenCV's hand-eye methods on the same labels, a minute; page in docs/results

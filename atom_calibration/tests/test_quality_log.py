@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from stand_in_rig import Place, messages, position, use_stand_ins
@@ -125,6 +126,28 @@ def test_a_collection_is_told_by_what_is_known_of_it(cell):
     assert len(table) == 2 and "0.6 (0.6..0.6)" in table[1]
 
 
+def test_a_smeared_picture_is_named_at_once_with_the_way_that_the_board_moved(cell):
+    frames = cell.frames()
+    near = frames["near"]
+    light = near.data[..., 0].astype(np.float32)
+    smeared = cv2.filter2D(light, -1, np.full((1, 9), 1.0 / 9.0, np.float32))
+    near.data = np.repeat(np.rint(smeared).astype(np.uint8)[..., None], 3, axis=2)
+    cell.log.add("000", {"near": near}, {}, cell.tree)
+    (line,) = cell.said
+    assert line.startswith("near: the board moved ") and "while the shutter was open" in line
+    assert 7.0 <= float(line.split("moved ")[1].split(" px")[0]) <= 14.4  # of a ChArUco up to 60 % too long
+    assert "hold it still" in line and cell.log.advice() == [line]
+    cell.log.delete("000")
+    assert cell.log.advice() == []
+
+
+def test_a_board_that_moved_before_a_sensor_is_named_with_its_speed(cell):
+    cell.log.add("000", {"near": cell.frames()["near"]}, {("near", "board"): 1000.0}, cell.tree)
+    assert (
+        len(cell.said) == 1 and "near: the board moved at 300 px/s: hold it still" in cell.said[0]
+    )
+
+
 def test_figures_stand_beside_those_of_the_labeler(cell):
     frame = cell.frames()["near"]
     add_figures(frame, cell.patterns["board"], cell.config.calibration_patterns["board"])
@@ -201,3 +224,14 @@ def test_labels_that_fail_twice_for_one_reason_are_told_once_with_advice(place, 
     assert document["advice"] == ["cam: no markers (2 collections)"]
     label = document["collections"]["002"]["cam"]["board"]
     assert label == {"detected": False, "reason": "no markers"}
+
+
+def test_a_board_that_never_rests_is_warned_of_where_the_stamps_are_equal(
+    place, capsys, monkeypatch
+):
+    monkeypatch.setattr("stand_in_rig.position", lambda time_s: 1 + int(round(100.0 * time_s)))
+    one_stop = messages(place.make, lag_s=0.0, stops=1)
+    main([*place(one_stop), "--interval", "0.5"])
+    said = capsys.readouterr()
+    assert "warning: cam: the board moved at 1" in said.out + said.err
+    assert any("px/s: hold it still" in line for line in said.out.split("\n") if "advice" in line)

@@ -44,6 +44,7 @@ from atom_core.model.transforms import Edge, FrameGraph, chain_transform
 
 PICTURES_FOLDER = "pictures"
 WRITTEN_BESIDE = (SEEDS_FILE, QUALITY_FILE, PICTURES_FOLDER)  # what there is but for the dataset
+_AROUND_S = 0.25  # of a time that was asked for: speeds need two sights of the board
 _LEAST_MEMORY_S = 1.0  # so that a message can say how far away data are
 
 
@@ -184,7 +185,8 @@ class Collector:
             self.apart_ms.setdefault(name, []).append(1000.0 * apart_s)
         self._last = (key, chosen)
         self._remember(key, chosen)
-        speeds = self._recent.speeds(moment.start_s, moment.end_s)
+        around_s = 0.0 if setup.at_stops and not asked else _AROUND_S
+        speeds = self._recent.speeds(moment.start_s - around_s, moment.end_s + around_s)
         tree = setup.transforms(min(frame.stamp_s for frame in chosen.values()))
         self.quality.add(key, chosen, speeds, tree)
         self.quality.write(setup.store.folder)

@@ -23,6 +23,7 @@ from atom_core.labeling.view_quality import (
     described,
     exposure_word,
     foreseen_view,
+    motion_words,
     speed_figure,
 )
 from atom_core.model.config import CalibrationConfig
@@ -124,7 +125,20 @@ class QualityLog:
             config = self._config.calibration_patterns[name]
             text = advice(failures, found, self._patterns[name], config)
             lines.append(f"{self._named(sensor, name)}: {text} ({len(failures)} collections)")
-        return lines
+        return [*lines, *self.moved()]
+
+    def moved(self) -> List[str]:
+        """Return a line for each sensor that took data of a board in motion."""
+        moving: Dict[Key, List[str]] = defaultdict(list)
+        for of_one in self._figures.values():
+            for key, figures in of_one.items():
+                if motion_words(figures):
+                    moving[key].append(motion_words(figures))
+        return [
+            f"{self._named(*key)}: {words[-1]}: hold it still, or delete what was taken so "
+            f"({len(words)} collections)"
+            for key, words in moving.items()
+        ]
 
     def mirrored(self) -> List[str]:
         """Return a line for each pattern that some cameras see mirrored to others."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from atom_calibration.labels.guess import Guess
 from atom_calibration.labels.manual_seeds import ManualSeeds, outside_data
+from atom_calibration.labels.motion_watch import MotionWatch
 from atom_calibration.labels.prediction import FRESH_S, BoardPredictor
 from atom_calibration.modalities.frames import Frame
 from atom_calibration.sources.transform_tree import TransformTree
@@ -73,6 +74,7 @@ class FrameLabeler:
         self._searched_s: Dict[Key, float] = {}
         self._world = config.world_link
         self._boards = BoardPredictor(self._world)
+        self._motion = MotionWatch()
 
     def label_unseeded(self, frame: Frame) -> Frame:
         """Label data that need no seed, and so nothing else: any thread may do it."""
@@ -95,9 +97,10 @@ class FrameLabeler:
             if not frame.labels:
                 self.label_unseeded(frame)
             self._note_boards(frame, tree)
-            return frame
-        for name in self._patterns:
-            self._label_range(frame, name, tree)
+        else:
+            for name in self._patterns:
+                self._label_range(frame, name, tree)
+        self._motion.note(frame)
         return frame
 
     def see_board(
@@ -136,6 +139,7 @@ class FrameLabeler:
         """Forget what was seen; time may go back. Seeds, and where sensors are, stay known."""
         self._tracked, self._searched_s = {}, {}
         self._boards.forget_sights()
+        self._motion.forget()
 
     def _label_range(self, frame: Frame, pattern: str, tree: Optional[TransformTree]) -> None:
         key = (frame.sensor.name, pattern)

@@ -18,8 +18,9 @@ from atom_core.aruco import find_squares, marker_bits
 _UPSCALE, _UPSCALE_BELOW = 2.0, 12
 _BLOCK_PX, _AROUND_BLOCKS, _BEYOND_BLOCKS = 4, 7, 5
 _SMOOTHING_PX = 7
-_NOISE_ROWS, _NOISE_PERCENT = 8, 30  # every so many rows; of the steps between neighbours
-_STEP_OF_NOISE = 0.545  # that percentile of two equal normal numbers' distance, in sigmas
+_NOISE_ROWS, _NOISE_SHARE = 8, 0.3  # every so many rows; of the steps between neighbours
+_STEP_OF_NOISE = 0.545  # of which that share lies below: two normal numbers, in their sigmas
+_QUIET = 2.0  # grey values; less noise makes no specks
 _LEAST_CONTRAST, _MOST_CONTRAST, _CONTRAST_SIGMAS = 6.0, 24.0, 2.2  # grey values; sigmas of a pixel
 _CELL_PX = 4
 _MOST_WRONG_BORDER = 0.35  # share, of what looks like a marker
@@ -53,8 +54,11 @@ class FoundSquares(NamedTuple):
 def smoothed_where_flat(grey: np.ndarray) -> np.ndarray:
     """Return an image (height, width) uint8, smoothed where there is nothing but noise."""
     height, width = grey.shape
-    steps = np.abs(np.diff(grey[::_NOISE_ROWS].astype(np.int16), axis=1))
-    sigma = float(np.percentile(steps, _NOISE_PERCENT)) / _STEP_OF_NOISE
+    rows = np.ascontiguousarray(grey[::_NOISE_ROWS])
+    counts = np.cumsum(np.bincount(cv2.absdiff(rows[:, 1:], rows[:, :-1]).ravel(), minlength=256))
+    sigma = np.searchsorted(counts, _NOISE_SHARE * counts[-1]) / _STEP_OF_NOISE
+    if sigma < _QUIET:
+        return grey
     least = np.clip(_CONTRAST_SIGMAS * sigma, _LEAST_CONTRAST, _MOST_CONTRAST)
     blocks = (max(width // _BLOCK_PX, 1), max(height // _BLOCK_PX, 1))
     means = cv2.resize(grey, blocks, interpolation=cv2.INTER_AREA)
@@ -63,9 +67,7 @@ def smoothed_where_flat(grey: np.ndarray) -> np.ndarray:
     beyond = np.ones((_BEYOND_BLOCKS, _BEYOND_BLOCKS), np.uint8)
     kept = cv2.dilate((contrast > least).astype(np.uint8), beyond)
     mask = cv2.resize(kept, (width, height), interpolation=cv2.INTER_NEAREST)
-    smooth = cv2.blur(grey, (_SMOOTHING_PX, _SMOOTHING_PX))
-    np.copyto(smooth, grey, where=mask.astype(bool))
-    return smooth
+    return cv2.copyTo(grey, mask, cv2.blur(grey, (_SMOOTHING_PX, _SMOOTHING_PX)))
 
 
 def search_markers(smooth: np.ndarray, dictionary: str) -> FoundSquares:

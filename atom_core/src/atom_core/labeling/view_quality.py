@@ -31,6 +31,8 @@ _LEAST_STEP = 5.0  # grey values; less is no edge
 _MARGIN_PX = 3
 _CLIPPED, _MOST_CLIPPED = 254, 0.25  # grey value; share of the board: half of its white
 _DARKEST_WHITE = 64.0
+_LEAST_SMEAR_PX = 5.0  # below it, pictures at rest are sometimes taken for smeared
+_LEAST_SPEED = 100.0  # px/s, 3 px in a thirtieth of a second; mm/s, 10 mm in a turn of a LiDAR
 
 
 class ForeseenView(NamedTuple):
@@ -130,6 +132,21 @@ def speed_figure(sighting: object, sigmas_per_s: float) -> Dict[str, float]:
         return {"speed_px_s": sigmas_per_s * CORNER_SIGMA_PX}
     sigma_m = getattr(sighting, "sigma_m", None)
     return {} if sigma_m is None else {"speed_mm_s": 1000.0 * sigmas_per_s * float(sigma_m)}
+
+
+def motion_words(figures: Mapping[str, float]) -> str:
+    """Return how the board moved while data were taken; empty where that does no harm.
+
+    Args:
+        figures: ``smear_px``, ``speed_px_s`` and ``speed_mm_s``, those that are known.
+    """
+    if figures.get("smear_px", 0.0) >= _LEAST_SMEAR_PX:
+        return f"the board moved {figures['smear_px']:.0f} px while the shutter was open"
+    for unit in ("px", "mm"):
+        speed = figures.get(f"speed_{unit}_s", 0.0)
+        if _LEAST_SPEED <= speed < np.inf:
+            return f"the board moved at {speed:.0f} {unit}/s"
+    return ""
 
 
 def exposure_word(figures: Mapping[str, float]) -> str:
