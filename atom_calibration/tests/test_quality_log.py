@@ -135,7 +135,9 @@ def test_a_smeared_picture_is_named_at_once_with_the_way_that_the_board_moved(ce
     cell.log.add("000", {"near": near}, {}, cell.tree)
     (line,) = cell.said
     assert line.startswith("near: the board moved ") and "while the shutter was open" in line
-    assert 7.0 <= float(line.split("moved ")[1].split(" px")[0]) <= 14.4  # of a ChArUco up to 60 % too long
+    assert (
+        7.0 <= float(line.split("moved ")[1].split(" px")[0]) <= 14.4
+    )  # of a ChArUco up to 60 % too long
     assert "hold it still" in line and cell.log.advice() == [line]
     cell.log.delete("000")
     assert cell.log.advice() == []
