@@ -67,7 +67,7 @@ class Arm(NamedTuple):
 ARMS = {
     "exact": Arm(0.0, 0.0, (DEFAULTS, WITH_ARM)),
     "0.1 mm, 0.01 deg": Arm(0.1, 0.01, (DEFAULTS, WITH_ARM)),
-    "0.5 mm, 0.03 deg": Arm(0.5, 0.03, (WITH_ARM,)),
+    "0.5 mm, 0.03 deg": Arm(0.5, 0.03, (DEFAULTS, WITH_ARM)),
 }
 
 

@@ -21,13 +21,12 @@ is better than each of them.
 
 NOTES = """## What to read from it
 
-* With an arm whose poses are good, the defaults are better than each of the seven in the median
-  and at the 90th percentile.
-* With poses that are off by half a millimetre and 0.03 deg, the defaults weigh the pixels too
-  much: they are no better than the best of the seven. Where the camera is on the arm, most answers
-  say so (`inconsistent`, and they name the option); where the board is, the errors are as large as
-  the stated sigmas tell. With `--moving_edge_sigma flange`, which estimates how far off the arm's
-  poses are, ours is again better than all of them. With an exact arm the option costs little.
+* The defaults are better than each of the seven in the median and at the 90th percentile.
+* With poses that are off by half a millimetre and 0.03 deg the boards contradict the arm. The
+  defaults then estimate how far off it is, as `--moving_edge_sigma flange` does, and say so. An arm
+  that is off by more than 0.8 mm or 0.1 deg is named instead, together with the option.
+* Poses that are off by 0.1 mm and 0.01 deg do not show beside the corners' noise. Who knows of them
+  gains by the option; with an exact arm it costs little.
 * *Said*: how often each status came, and the worst of the six numbers of the pose in its stated
   sigma, in the median and the largest of all rigs.
 * Tsai's and Daniilidis' methods lose turns near half a turn between two collections, which the

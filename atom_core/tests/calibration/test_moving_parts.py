@@ -16,7 +16,7 @@ from atom_core.problem.moving_blocks import MOVING, MovingBlock
 from atom_core.problem.parameters import Parameters
 from atom_core.report.calibration_results import calibration_results
 from atom_core.solvers.choice import SOLVERS, solver_factory
-from atom_core.synthetic import paper_cell, scenes
+from atom_core.synthetic import arm, paper_cell, scenes
 from atom_core.synthetic.realism import PLAIN
 
 DEG = float(np.radians(1.0))
@@ -245,3 +245,45 @@ def test_two_parts_that_every_board_is_seen_past_cannot_be_told_apart():
 def test_figures_that_are_no_standard_deviations_are_refused(sigmas):
     with pytest.raises(ValueError, match="moving_edge_sigma of flange needs two numbers > 0"):
         CalibrationOptions(moving_edge_sigma={"flange": sigmas})
+
+
+def small(seed, kind="hand_eye"):
+    return of_an_arm(seed, 0.0005, 0.03 * DEG, kind, collections=15)
+
+
+@pytest.mark.parametrize("kind", ["hand_eye", "board_on_arm"])
+@pytest.mark.parametrize("seed", range(2))
+def test_what_a_good_arm_is_off_is_estimated_unasked_and_said(seed, kind):
+    scene = small(seed, kind)
+    result = calibrate(scene.dataset)
+    (part,) = result.free.moving.values()
+    assert result.status == "converged" and result.moving == ()
+    assert 0.0002 < part.sigma_m < 0.0008 and part.sigma_rad < 0.1 * DEG
+    (said,) = [w for w in result.warnings if "contradict the boards" in w]
+    assert "the poses of 'flange' in 'rig_base'" in said and "--moving_edge_sigma flange" in said
+    asked = calibrate(scene.dataset, ESTIMATED)
+    edge = scene.dataset.sensors["rgb_1"].edge
+    np.testing.assert_allclose(
+        result.dataset.first_value(edge), asked.dataset.first_value(edge), atol=2e-4
+    )
+    believed = outcome(scene, CalibrationOptions(model_errors="off"))
+    found = outcome(scene, CalibrationOptions())
+    assert believed.part is None and np.all(np.abs(found.in_sigmas) < 3.5)
+
+
+@pytest.mark.parametrize("kind", ["hand_eye", "board_on_arm"])
+def test_an_arm_that_is_where_it_says_changes_no_digit(kind):
+    scene = getattr(scenes, kind)(3, collections=15)
+    usual, believed = (
+        calibrate(scene.dataset, CalibrationOptions(model_errors=how)) for how in ("suggest", "off")
+    )
+    assert not usual.free.moving and not any("contradict" in w for w in usual.warnings)
+    np.testing.assert_array_equal(usual.summary.x, believed.summary.x)
+
+
+def test_a_joint_that_is_off_is_not_taken_for_chance():
+    """Room for chance would hide it: it moves the arm alike wherever the arm moves alike."""
+    scene = arm.camera_on_arm(0, errors={"elbow": {"position_bias": 0.3 * DEG}}, collections=15)
+    config = replace(scene.dataset.config, joints={})
+    result = calibrate(replace(scene.dataset, config=config))
+    assert result.status == "inconsistent" and not result.free.moving

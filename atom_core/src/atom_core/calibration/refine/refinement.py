@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Mapping, Optional, Tuple
 
-from atom_core.calibration.options import AUTO, CalibrationOptions
+from atom_core.calibration.options import AUTO, SUGGEST, CalibrationOptions
 from atom_core.calibration.prepare.moving_parts import Sigmas
 from atom_core.calibration.refine.deeper_minima import with_boards_in_deepest_minima
 from atom_core.calibration.refine.intrinsics import WithIntrinsics, with_intrinsics
@@ -20,6 +20,7 @@ from atom_core.calibration.refine.moving_parts import (
     settled_again,
     with_moving_parts,
     with_shown_moving_parts,
+    with_usual_moving_parts,
 )
 from atom_core.calibration.refine.rejection import (
     Rejected,
@@ -86,6 +87,10 @@ def refine(
         arms = with_shown_joints(initial, measurements, arms, setup)
         arms = with_shown_moving_parts(initial, measurements, arms, setup)
         summary, setup = with_shown_errors(initial, arms.solver, arms.summary, setup)
+    elif options.model_errors == SUGGEST and not options.moving_edge_sigma:
+        arms = replace(arms, summary=summary)
+        arms = with_usual_moving_parts(initial, measurements, arms, setup)
+        summary = arms.summary
     rejection = reject_bad_detections(rough.start, arms.solver, summary, arms.free, options, setup)
     rejected = rejection.rejected
     arms = replace(arms, solver=rejection.solver, summary=rejection.summary)
