@@ -40,6 +40,22 @@ def test_reads_links_joints_and_texts(tmp_path):
     assert not description.is_xacro
 
 
+def test_tags_too_deep_for_a_parser_and_devices_are_refused(tmp_path):
+    deep = tmp_path / "deep.urdf"
+    deep.write_text("<a>" * 100_000 + "</a>" * 100_000)
+    with pytest.raises(DescriptionError, match="more than 250 tags within one another"):
+        read_description(deep)
+    with pytest.raises(DescriptionError, match="no file but a device"):
+        read_description("/dev/zero")
+
+
+def test_what_urdfdom_reads_and_no_xml_parser_does_is_refused_before_it_is_needed(tmp_path):
+    path = tmp_path / "rig.urdf"
+    path.write_text(PLAIN.replace("</robot>", "R & D</robot>"))
+    with pytest.raises(DescriptionError, match="not well-formed XML.*mend the file"):
+        read_description(path)
+
+
 def test_rpy_is_about_fixed_axes():
     roll, pitch, yaw = 0.3, -1.1, 2.0
     text = joint("j", "a", "b", f'<origin rpy="{roll} {pitch} {yaw}"/>')

@@ -48,6 +48,16 @@ def test_only_the_numbers_of_the_origin_change(tmp_path):
     assert (report.unchanged, report.missing, report.flattened) == ((), (), False)
 
 
+@pytest.mark.parametrize("comment", ["<!-- ---- sensors ---- -->", "<!--\n-- a & b < --->"])
+def test_comments_that_xml_forbids_and_urdfdom_reads_stay_as_they_are(tmp_path, comment):
+    text = PLAIN.replace("<link", f"{comment}<link", 1)
+    pose = se3.from_rpy(np.array([1.5, -2.25, 3.0]), np.array([0.5, 0.0, 0.0]))
+    write_calibrated_description(describe(tmp_path, text), {CAMERA: pose}, tmp_path / "out.urdf")
+    assert (tmp_path / "out.urdf").read_text().count(comment) == 1
+    written = read_description(tmp_path / "out.urdf")
+    np.testing.assert_allclose(origin_of(written, CAMERA), pose, atol=1e-14)
+
+
 def test_what_is_written_reads_back_exactly(tmp_path):
     description = describe(tmp_path, PLAIN)
     for seed in range(20):

@@ -11,7 +11,6 @@ import secrets
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Dict, Mapping, Optional, Tuple
-from xml.parsers import expat
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from atom_core.io.atomic import write_text_atomically
 from atom_core.io.paths import PackageResolver, PathLike, resolve_path
 from atom_core.io.urdf_text import OriginEdit, edit_origins
 from atom_core.io.xacro_text import expand_xacro, needs_xacro
+from atom_core.io.xml_text import xml_flaw
 from atom_core.model.robot import (
     FIXED,
     Joint,
@@ -155,6 +155,8 @@ def _existing_or_resolved(path: PathLike, resolve_package: Optional[PackageResol
 
 
 def _read_text(path: Path) -> str:
+    if path.exists() and not path.is_dir() and not path.is_file():
+        raise DescriptionError(f"{path}: this is no file but a device or the like; give a URDF")
     try:
         return path.read_bytes().decode("utf-8")  # bytes: line ends must survive an edit
     except FileNotFoundError as error:
@@ -172,20 +174,18 @@ def _read_text(path: Path) -> str:
 def _parse_file_text(
     urdf: str, path: Path, is_xacro: bool
 ) -> Tuple[RobotDescription, Tuple[str, ...]]:
+    remedy = "mend the xacro (`xacro FILE` shows its URDF)" if is_xacro else "mend the file"
+    flaw = xml_flaw(urdf)
+    if flaw and flaw.kills:
+        raise DescriptionError(f"{path}: {flaw.text}; {remedy}")
     try:
-        return parse_urdf(urdf)
+        parsed = parse_urdf(urdf)
     except DescriptionError as error:
-        remedy = "mend the xacro (`xacro FILE` shows its URDF)" if is_xacro else "mend the file"
-        raise DescriptionError(f"{path}: {error}{_xml_flaw(urdf)}; {remedy}") from error
-
-
-def _xml_flaw(text: str) -> str:
-    """Return where a text stops being XML, which urdfdom does not tell; empty when it is XML."""
-    try:
-        expat.ParserCreate("utf-8").Parse(text.encode("utf-8"), True)
-    except expat.ExpatError as error:
-        return f" (not well-formed XML: {error})"
-    return ""
+        why = f" ({flaw.text})" if flaw else ""
+        raise DescriptionError(f"{path}: {error}{why}; {remedy}") from error
+    if flaw:  # urdfdom reads on, but nothing could be written into such a file
+        raise DescriptionError(f"{path}: {flaw.text}; {remedy}")
+    return parsed
 
 
 def _joint(item: Mapping[str, Any]) -> Joint:
