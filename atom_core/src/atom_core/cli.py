@@ -47,6 +47,8 @@ COMMANDS = (
     "convert_to_rwhe_dataset",
     "convert_to_tabb_dataset",
     "annotate_pattern_borders_in_rgb_or_depth",
+    "copy_tfs_from_dataset",
+    "kalibr_stereo_calib",
     "rgb_to_rgb_evaluation",
     "lidar_to_rgb_evaluation",
     "lidar_to_depth_evaluation",

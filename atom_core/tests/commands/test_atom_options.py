@@ -92,6 +92,27 @@ def test_what_atoms_users_type_runs(copy, line, capsys, monkeypatch):
     assert "results: " in capsys.readouterr().out
 
 
+def test_the_multiplier_of_corners_is_of_atoms_weights(copy, capsys):
+    """Corners that weigh more fit better, points worse; with sigmas nothing changes: said so."""
+
+    def residuals(line):
+        document = calibrate(copy, f"-ow --loss none {line}")
+        means = {}
+        for sensor in document["sensors"].values():
+            for kind, statistics in sensor["residuals"].items():
+                means.setdefault(kind, []).append(statistics["mean"])
+        return {kind: np.mean(values) for kind, values in means.items()}, document["warnings"]
+
+    (more, _), (less, _) = (residuals(f"--weights atom -rnm {x}") for x in (0.5, 2.0))
+    assert more["reprojection"] < less["reprojection"]
+    assert more["orthogonal"] > less["orthogonal"]
+    (usual, _), (same, said) = residuals(""), residuals("-rnm 0.1")
+    assert usual == same and any("-rnm has no effect" in warning for warning in said)
+    capsys.readouterr()
+    assert cli.main(["calibrate", "-json", str(copy), "-ow", "-rnm", "0"]) == 2
+    assert "a multiplier is a number above 0" in capsys.readouterr().err
+
+
 def test_results_lie_beside_the_dataset_under_atoms_names(copy, capsys):
     before = {path.name: path.read_bytes() for path in copy.parent.iterdir()}
     calibrate(copy, "-nig 0.01 0.01 -sce -ctgt -sfr -sfrn " + str(copy.parent / "s.csv"))

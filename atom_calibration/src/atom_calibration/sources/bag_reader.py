@@ -41,7 +41,7 @@ class BagReader:
             BagError: the file is absent, no bag, cut off, not indexed, or empty.
         """
         self.path = Path(path)
-        self._bag = _open(self.path)
+        self._bag = open_bag(self.path)
         try:
             topics = self._bag.get_type_and_topic_info().topics
             self.types: Dict[str, str] = {name: t.msg_type for name, t in topics.items()}
@@ -129,7 +129,12 @@ class BagReader:
         )
 
 
-def _open(path: Path) -> rosbag.Bag:
+def open_bag(path: Path) -> rosbag.Bag:
+    """Open a bag to read it.
+
+    Raises:
+        BagError: it is absent, damaged or no bag.
+    """
     if path.is_dir():
         raise BagError(
             f"{path}: a folder, as recordings of ROS 2 are; convert it to a .bag file, e.g. with "

@@ -57,9 +57,9 @@ CALIBRATE = (
         *("snv", "show_normalized_values"),
         remark="the second number of a cell is the mean residual by its expected deviation",
     ),
-    AtomOption(
+    _same(
         *("rnm", "rgb_normalizer_multiplier", "0.5"),
-        remark="sensors are weighted by the noise that is estimated of each",
+        remark="with --weights atom; else a note: each sensor has its own noise estimated",
     ),
     _same("rv", "ros_visualization", remark="with rosrun"),
     _same("dpcc", "draw_per_collection_colors", remark="of points; with rosrun"),
@@ -102,7 +102,7 @@ CALIBRATE = (
     _same("phased", "phased_execution", remark="the keys c and q in the terminal"),
     AtomOption(
         *("ipg", "initial_pose_ghost"),
-        remark="with -rv the start is always shown, on /calibrate/ghost",
+        remark="with -rv the start is always shown, on /calibrate/ghost (the input, without -nig)",
     ),
     _same("ctgt", "comparison_to_ground_truth", remark="by axis; --truth takes another file"),
     _same("sce", "save_calibration_errors", remark="written at the end"),
@@ -123,7 +123,8 @@ COLLECT_DATA = (
     _same("s", "marker_size", "0.4"),
     AtomOption(
         *("ssl", "skip_sensor_labels", "'lambda s: False'"),
-        remark="labelers are programs of their own, so that one can be left out",
+        remark="labelers are programs of their own (in ATOM, too: it does nothing any more); "
+        "calibrate -ssf leaves a sensor out",
     ),
 )
 LABELER = (

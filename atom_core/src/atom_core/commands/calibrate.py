@@ -47,7 +47,7 @@ from atom_core.report.calibration_tables import calibration_report
 from atom_core.report.calibration_verdict import calibration_verdict
 from atom_core.report.edge_comments import edge_comments
 from atom_core.report.verdict import verdict_lines
-from atom_core.solvers.base import CONVERGED, SolverOptions
+from atom_core.solvers.base import ATOM, CONVERGED, SolverOptions
 from atom_core.solvers.choice import CERES, default_solver
 
 EXAMPLE = """
@@ -184,9 +184,12 @@ def _write_atoms_files(
 
 
 def _solver_remarks(options: CalibrationOptions) -> List[str]:
+    remarks = []
     if options.solver_name is None and default_solver() != CERES:
-        return ["solved by scipy: run `make build` for the faster ceres"]
-    return []
+        remarks.append("solved by scipy: run `make build` for the faster ceres")
+    if options.solver.corner_divisor != 1.0 and options.solver.weights != ATOM:
+        remarks.append("-rnm has no effect without --weights atom: noise is estimated by sensor")
+    return remarks
 
 
 def _with_selections(
@@ -219,7 +222,10 @@ def _options(args: argparse.Namespace) -> CalibrationOptions:
     try:
         return CalibrationOptions(
             solver=SolverOptions(
-                weights=args.weights, loss=args.loss, max_iterations=args.max_iterations
+                weights=args.weights,
+                loss=args.loss,
+                max_iterations=args.max_iterations,
+                corner_divisor=args.rgb_normalizer_multiplier,
             ),
             solver_name=args.solver,
             anchor_sensors=tuple(common.strings(args.anchor_sensors)),

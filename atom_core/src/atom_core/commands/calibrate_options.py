@@ -59,6 +59,9 @@ def _add_solver_options(parser: argparse.ArgumentParser) -> None:
         default=defaults.weights,
         help="sigma: by standard deviations, re-estimated; atom: by the mean initial residual",
     )
+    text = "with --weights atom: corners are divided by X times more; below 1 they weigh more"
+    rnm = {"type": float, "default": defaults.corner_divisor, "metavar": "X", "help": text}
+    add(parser, "rgb_normalizer_multiplier", "-rnm", **rnm)
     add(
         parser,
         "loss",

@@ -53,11 +53,16 @@ def with_camera(entry: Mapping[str, Any], camera: Optional[Camera]) -> Mapping[s
     if camera is None or not info:
         return entry
     before = camera_of_entry(info)
-    if np.array_equal(before.K, camera.K) and np.array_equal(before.D, camera.D):
+    same_model = before.model == camera.model
+    if same_model and np.array_equal(before.K, camera.K) and np.array_equal(before.D, camera.D):
         return entry
     coefficients = [float(v) for v in camera.D]
     longer = [float(v) for v in info["D"][len(coefficients) :]]  # zeros of a longer layout
     changed = {**info, "K": [float(v) for v in camera.K.ravel()], "D": coefficients + longer}
+    if not same_model:
+        plain = camera.model == "none"  # written as plumb_bob with zeros, which every reader knows
+        changed["distortion_model"] = "plumb_bob" if plain else camera.model
+        changed["D"] = [0.0] * 5 if plain else coefficients
     P = np.array(info.get("P") or [], dtype=float)
     if P.size == 12 and np.allclose(P.reshape(3, 4)[:, :3], before.K):  # of the raw image
         P = P.reshape(3, 4)

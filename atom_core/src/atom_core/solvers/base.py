@@ -65,6 +65,8 @@ class SolverOptions:
     Attributes:
         weights: ``sigma`` divides by standard deviations, re-estimated from the residuals;
             ``atom`` by each modality's mean residual at the start, as ATOM does.
+        corner_divisor: with ATOM's weights, corners are divided by so many times more; below 1
+            they weigh more.
         loss: none, huber or cauchy, its width in units of sigma.
         max_iterations: over all rounds of reweighting.
         reweighting_rounds: at most so many estimates of the sigmas.
@@ -75,6 +77,7 @@ class SolverOptions:
     """
 
     weights: str = SIGMA
+    corner_divisor: float = 1.0
     loss: str = CAUCHY
     max_iterations: int = 200
     reweighting_rounds: int = 10
@@ -85,6 +88,8 @@ class SolverOptions:
     def __post_init__(self) -> None:
         if self.weights not in (SIGMA, ATOM):
             raise ValueError(f"weights '{self.weights}' are unknown; use {SIGMA} or {ATOM}")
+        if not np.isfinite(self.corner_divisor) or self.corner_divisor <= 0.0:
+            raise ValueError(f"-rnm {self.corner_divisor:g}: a multiplier is a number above 0")
         if self.loss not in LOSSES:
             raise ValueError(f"loss '{self.loss}' is unknown; use {', '.join(LOSSES)}")
         if self.max_iterations < 1:

@@ -17,7 +17,7 @@ from typing import Optional, Sequence, Tuple
 import numpy as np
 
 from atom_core.problem.problem import Problem
-from atom_core.problem.residuals import BorderBlock
+from atom_core.problem.residuals import REPROJECTION, BorderBlock
 from atom_core.solvers import losses
 from atom_core.solvers.anderson import AndersonAcceleration
 from atom_core.solvers.base import (
@@ -105,7 +105,8 @@ def solve(
     rough = rough or rough_minimum(solver, zero, options)
     if options.weights == ATOM:
         first = guess or solver
-        sigmas = atom_normalisers(first, np.zeros(first.problem.parameters.size))
+        start = np.zeros(first.problem.parameters.size)
+        sigmas = atom_normalisers(first, start, options.corner_divisor)
         end = rough
         if not rough.interrupted:
             end = _minimise(solver, rough.x, sigmas, options, rough.iterations, EXACT)
@@ -235,10 +236,12 @@ def _initial_sigmas(problem: Problem) -> Tuple[np.ndarray, ...]:
     return tuple(block.sigma for block in problem.residual_blocks)
 
 
-def atom_normalisers(solver: Solver, x: np.ndarray) -> Tuple[np.ndarray, ...]:
+def atom_normalisers(
+    solver: Solver, x: np.ndarray, corner_divisor: float = 1.0
+) -> Tuple[np.ndarray, ...]:
     """Return ATOM's weights as sigmas: each modality's mean residual at x, as ATOM does.
 
-    Orthogonal and border residuals of a modality share one mean.
+    Orthogonal and border residuals of a modality share one mean; that of corners is multiplied.
     """
     blocks = solver.problem.residual_blocks
     squares = solver.squares(x, [np.ones(block.count) for block in blocks])
@@ -246,7 +249,8 @@ def atom_normalisers(solver: Solver, x: np.ndarray) -> Tuple[np.ndarray, ...]:
     for modality in {block.modality for block in blocks}:
         mine = [np.sqrt(s) for s, block in zip(squares, blocks) if block.modality == modality]
         means[modality] = max(float(np.mean(np.concatenate(mine))), _SMALLEST_NORMALISER)
-    return tuple(np.full(block.count, means[block.modality]) for block in blocks)
+    factors = [corner_divisor if block.kind == REPROJECTION else 1.0 for block in blocks]
+    return tuple(np.full(b.count, f * means[b.modality]) for b, f in zip(blocks, factors))
 
 
 def _summary(

@@ -1,0 +1,140 @@
+"""Positions of joints in bags: which joints there are, and copies with a bias added."""
+
+from __future__ import annotations
+
+import argparse
+import copy
+import sys
+from pathlib import Path
+from typing import Any, Dict, List, Mapping, Optional, Sequence
+
+import numpy as np
+import rosbag
+import rospy
+
+from atom_calibration.errors import BagError
+from atom_calibration.runtime import running
+from atom_calibration.sources.bag_reader import open_bag
+from atom_core.commands.common import add_option
+from atom_core.commands.option_parser import OptionParser
+from atom_core.errors import OutputError
+
+TOPIC = "/joint_states"
+_BEGIN_S = 5.0  # of a bag, in which all joints are expected to be seen
+
+
+def list_joints(words: Optional[Sequence[str]] = None) -> int:
+    """List the joints of a bag; return the exit code."""
+    made = OptionParser(prog="list_joints_in_bag", description="List the joints of a bag.")
+    _add_bag(made)
+    args = made.parse_args(running.arguments() if words is None else list(words))
+    return running.guarded("list_joints_in_bag", lambda: _list(args.bagfile_in))
+
+
+def add_noise(words: Optional[Sequence[str]] = None) -> int:
+    """Copy a bag with biased positions of joints; return the exit code."""
+    args = noise_parser().parse_args(running.arguments() if words is None else list(words))
+    return running.guarded("add_noise_to_joint_state_in_bag", lambda: _add_noise(args))
+
+
+def noise_parser() -> argparse.ArgumentParser:
+    """Return the parser of the command that adds a bias."""
+    text = "Copy a bag and add a bias to the positions of joints."
+    made = OptionParser(prog="add_noise_to_joint_state_in_bag", description=text)
+    _add_bag(made)
+    add_option(made, "bagfile_out", "-bfo", type=Path, metavar="FILE", help="the copy")
+    add_option(made, "joint_names", "-jn", nargs="+", default=[], metavar="JOINT", help="which")
+    text = "what is added to their positions [rad or m]"
+    add_option(made, "joint_biases", "-jb", nargs="+", type=float, default=[], help=text)
+    add_option(made, "list_joints", "-l", action="store_true", help="only list the joints")
+    add_option(made, "overwrite", "-ow", action="store_true", help="replace the copy")
+    return made
+
+
+def _add_bag(made: argparse.ArgumentParser) -> None:
+    text = "the recording"
+    add_option(made, "bagfile_in", "-bfi", required=True, type=Path, metavar="FILE", help=text)
+
+
+def _list(path: Path) -> int:
+    names = joint_names(path)
+    sys.stdout.write("\n".join(names) + "\n\nto add a bias to them:\n")
+    zeros = " ".join("0" for _ in names)
+    sys.stdout.write(
+        f"rosrun atom_calibration add_noise_to_joint_state_in_bag -bfi {path} -bfo biased.bag "
+        f"-jn {' '.join(names)} -jb {zeros}\n"
+    )
+    return 0
+
+
+def joint_names(path: Path) -> List[str]:
+    """Return the joints in the first seconds of a bag.
+
+    Raises:
+        BagError: the bag cannot be read, or has none.
+    """
+    found: Dict[str, None] = {}
+    with open_bag(path) as bag:
+        begin_s = bag.get_start_time() if bag.get_message_count() else 0.0
+        end = rospy.Time.from_sec(begin_s + _BEGIN_S)
+        for _, message, _ in bag.read_messages(topics=[TOPIC], end_time=end):
+            found.update(dict.fromkeys(message.name))
+    if not found:
+        raise BagError(f"{path}: there are no {TOPIC} in its first {_BEGIN_S:g} s")
+    return list(found)
+
+
+def _add_noise(args: argparse.Namespace) -> int:
+    if args.list_joints:
+        return _list(args.bagfile_in)
+    if args.bagfile_out is None or not args.joint_names:
+        raise OutputError("give the copy with -bfo, and joints and biases with -jn and -jb")
+    biases = args.joint_biases
+    if len(args.joint_names) != len(biases) or not np.all(np.isfinite(biases)):
+        raise OutputError(
+            f"-jn names {len(args.joint_names)} joints and -jb {len(args.joint_biases)} biases; "
+            f"each joint needs a finite one"
+        )
+    if args.bagfile_out.exists() and not args.overwrite:
+        raise OutputError(f"{args.bagfile_out}: exists already; add --overwrite, or another name")
+    if args.bagfile_out.resolve() == args.bagfile_in.resolve():
+        raise OutputError(f"{args.bagfile_out}: is the input, which is left alone")
+    there = joint_names(args.bagfile_in)
+    for name in args.joint_names:
+        if name not in there:
+            raise BagError(f"{args.bagfile_in}: no joint '{name}'; there are: {', '.join(there)}")
+    changed = biased_copy(
+        args.bagfile_in, args.bagfile_out, dict(zip(args.joint_names, args.joint_biases))
+    )
+    sys.stdout.write(f"{args.bagfile_out}: {changed} messages of {TOPIC} changed\n")
+    return 0
+
+
+def biased_copy(source: Path, target: Path, biases: Mapping[str, float]) -> int:
+    """Copy a bag, biases added to positions; return how many messages are changed.
+
+    Raises:
+        OutputError: it cannot be written; nothing is left of it.
+    """
+    half, changed = target.with_name(f".{target.name}.part"), 0
+    try:
+        with open_bag(source) as bag, rosbag.Bag(str(half), "w") as written:
+            for topic, message, time, header in bag.read_messages(return_connection_header=True):
+                biased = _biased(message, biases) if topic == TOPIC else message
+                changed += biased is not message
+                written.write(topic, biased, time, connection_header=header)
+        half.replace(target)
+    except OSError as error:
+        raise OutputError(f"{target}: cannot be written ({error.strerror})") from None
+    finally:
+        if half.exists():
+            half.unlink()
+    return changed
+
+
+def _biased(message: Any, biases: Mapping[str, float]) -> Any:
+    if not set(message.name) & set(biases) or len(message.position) != len(message.name):
+        return message
+    new = copy.copy(message)
+    new.position = [p + biases.get(n, 0.0) for n, p in zip(message.name, message.position)]
+    return new
