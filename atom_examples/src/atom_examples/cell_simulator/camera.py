@@ -85,9 +85,18 @@ class ColourCamera:
 
     def capture(self, scene: Scene, rng: Optional[np.random.Generator] = None) -> np.ndarray:
         """Return the picture (height, width, 3) uint8, red green blue; without rng, no noise."""
+        return self.developed(self.drawn(scene), rng)
+
+    def drawn(self, scene: Scene) -> np.ndarray:
+        """Return the picture (height, width, 3) uint8 of one instant as it arrives at the chip."""
         through_lens = cv2.remap(scene.colours(self.name), *self._maps, cv2.INTER_LINEAR)
         size = (self.camera.width, self.camera.height)
-        picture = cv2.resize(through_lens, size, interpolation=cv2.INTER_AREA)
+        return cv2.resize(through_lens, size, interpolation=cv2.INTER_AREA)
+
+    def developed(
+        self, picture: np.ndarray, rng: Optional[np.random.Generator] = None
+    ) -> np.ndarray:
+        """Return what the camera makes of a picture (height, width, 3), with its errors, uint8."""
         if self.errors.blur_px or self.errors.vignetting or self.errors.exposure_step:
             picture = self._spoiled(picture, rng)
         if rng is None or self.noise_grey == 0:

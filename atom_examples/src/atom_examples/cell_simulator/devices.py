@@ -11,6 +11,7 @@ from std_msgs.msg import Header
 
 from atom_core.geometry.camera import Camera
 from atom_examples.cell_simulator import messages
+from atom_examples.cell_simulator.camera import ColourCamera
 from atom_examples.cell_simulator.lidar import Lidar, Scan
 from atom_examples.cell_simulator.scene import Scene
 from atom_examples.cell_simulator.settings import (
@@ -101,6 +102,7 @@ class ColourDevice(CameraDevice):
     """A colour camera."""
 
     draws_pictures = True
+    sensor: ColourCamera
 
     def pack(self, seen: np.ndarray, head: Header, packing: Packing) -> Any:
         """Return a picture, red green blue, as rgb8 or JPEG."""

@@ -23,6 +23,7 @@ if TYPE_CHECKING:  # both need MuJoCo, which takes its time
     from atom_examples.cell_simulator.recorder import Recording
     from atom_examples.cell_simulator.world import World
 
+_LONGEST_MS = 100.0
 PROGRAM = "cell_simulator"
 EXAMPLE = "rosrun atom_examples cell_simulator --bag train.bag --scenario train --seed 0"
 
@@ -92,6 +93,18 @@ def _add_sensor_options(parser: argparse.ArgumentParser) -> None:
         default=PLAIN_PROFILE,
         help="rough: with the systematic errors of real sensors; their sizes are in sensors.yaml",
     )
+    for name, what in (
+        ("exposure", "how long the shutter is open"),
+        ("readout", "a rolling shutter: from the first row to the last"),
+    ):
+        add_option(
+            parser,
+            name,
+            type=float,
+            default=0.0,
+            metavar="MS",
+            help=f"of colour images while the board moves, in bags: {what}; default 0",
+        )
     add_option(parser, "no_noise", action="store_true", help="sensors without noise")
 
 
@@ -117,6 +130,8 @@ def _bag(args: argparse.Namespace) -> int:
         compressed=args.compressed,
         depth_encoding=args.depth_encoding,
         noise=not args.no_noise,
+        exposure_s=_shutter_s("exposure", args.exposure),
+        readout_s=_shutter_s("readout", args.readout),
     )
     seed = check_least("seed", args.seed, 0)
     world = World(seed, scanners=args.scanners, profile=args.realism, lidar=args.lidar)
@@ -125,6 +140,17 @@ def _bag(args: argparse.Namespace) -> int:
     finally:
         world.scene.close()
     return 0
+
+
+def _shutter_s(name: str, milliseconds: float) -> float:
+    """Return a time of the shutter [s].
+
+    Raises:
+        OutputError: it is negative, or longer than the time between two pictures.
+    """
+    if not 0.0 <= milliseconds <= _LONGEST_MS:
+        raise OutputError(f"--{name} is {milliseconds:g}; give 0 to {_LONGEST_MS:g} ms")
+    return 1e-3 * milliseconds
 
 
 def _recorded(world: World, recording: Recording, args: argparse.Namespace) -> str:
@@ -150,6 +176,8 @@ def _live(args: argparse.Namespace) -> int:
         raise OutputError(f"--rtf is {args.rtf}; give a number above 0")
     from atom_examples.cell_simulator.node import run
 
+    if args.exposure or args.readout:
+        raise OutputError("--exposure and --readout go with --bag; live pictures have neither")
     seed = check_least("seed", args.seed, 0)
     world = {"scanners": args.scanners, "profile": args.realism, "lidar": args.lidar}
     return run(seed, args.initial_estimate, args.depth_encoding, args.rtf, **world)

@@ -16,10 +16,18 @@ from tqdm import tqdm
 from atom_core.model.transforms import Edge
 from atom_core.synthetic.cell import SCENARIOS
 from atom_examples.cell_simulator import messages
-from atom_examples.cell_simulator.devices import CameraDevice, Device, Packing, devices_of
+from atom_examples.cell_simulator.camera import ColourCamera
+from atom_examples.cell_simulator.devices import (
+    CameraDevice,
+    ColourDevice,
+    Device,
+    Packing,
+    devices_of,
+)
 from atom_examples.cell_simulator.errors import SimulatorError
 from atom_examples.cell_simulator.planner import plan_stops
 from atom_examples.cell_simulator.scene import Scene
+from atom_examples.cell_simulator.shutter import Shutter
 from atom_examples.cell_simulator.trajectory import TICK_S, State, Trajectory
 from atom_examples.cell_simulator.truth import Labels, write_recording_truth
 from atom_examples.cell_simulator.world import DISTURBED, World
@@ -42,6 +50,7 @@ class Recording:
         stop_s: how long the board stands still.
         image_hz, cloud_hz: rates while it stands, of colour images and of all else.
         moving_image_hz, moving_cloud_hz: rates while it moves.
+        exposure_s, readout_s: of colour images while it moves, see `Shutter`; 0: at one instant.
     """
 
     scenario: str = "train"
@@ -55,6 +64,13 @@ class Recording:
     cloud_hz: float = 5.0
     moving_image_hz: float = 1.0
     moving_cloud_hz: float = 10.0
+    exposure_s: float = 0.0
+    readout_s: float = 0.0
+
+    def document(self) -> Dict[str, Any]:
+        """Return what was asked for, as the truth of a recording tells it."""
+        shutter = ("exposure_s", "readout_s")
+        return {k: v for k, v in asdict(self).items() if k not in shutter or v}
 
 
 def recording_files(bag: Path) -> List[Path]:
@@ -83,7 +99,7 @@ def record(world: World, recording: Recording, path: Path, progress: bool = True
             world,
             [s.world_T_pattern for s in stops],
             {f"{n:03d}": interval_s(trajectory, n) for n in range(len(stops))},
-            {"seed": world.seed, **model, **asdict(recording)},
+            {"seed": world.seed, **model, **recording.document()},
         )
 
 
@@ -106,8 +122,8 @@ class Motion(Protocol):
     def ticks(self) -> int:
         """How many there are."""
 
-    def state(self, tick: int) -> Any:
-        """Return the state (`TickState`) at a tick."""
+    def state(self, tick: float) -> Any:
+        """Return the state (`TickState`) at a tick, or between two."""
 
     def interval(self, stop: int) -> tuple:
         """Return the first tick of a stop and the first one after it."""
@@ -222,7 +238,7 @@ def record_ticks(
         progress: show a bar.
     """
     with _open(active, recording) as bag:
-        writer = _Writer(shown, recording, bag, labels)
+        writer = _Writer(shown, motion, recording, bag, labels)
         ticks = range(motion.ticks)
         for tick in tqdm(ticks, desc=path.name, unit="tick", disable=not progress):
             writer.write_tick(tick, motion.state(tick))
@@ -259,9 +275,16 @@ class _Writer:
     """Writes what the sensors see, tick by tick."""
 
     def __init__(
-        self, shown: Shown, recording: Recording, bag: rosbag.Bag, labels: Optional[Labels]
+        self,
+        shown: Shown,
+        motion: Motion,
+        recording: Recording,
+        bag: rosbag.Bag,
+        labels: Optional[Labels],
     ):
-        self.shown, self.recording, self.bag, self.labels = shown, recording, bag, labels
+        self.shown, self.motion, self.recording = shown, motion, recording
+        self.bag, self.labels = bag, labels
+        self._shutter = Shutter(recording.exposure_s, recording.readout_s)
         self._packing = Packing(recording.depth_encoding, recording.compressed)
         self._seq: Dict[str, int] = {}
 
@@ -281,7 +304,7 @@ class _Writer:
             shown.place(state)
         for number, device in due:
             off = rospy.Duration(shown.stamp_error_s(number, tick))
-            self._write_device(device, state, stamp, stamp + off, self._rng(number, tick))
+            self._write_device(device, tick, state, stamp + off, self._rng(number, tick))
         if self.labels is not None and state.stop is not None and state.tick_of_stop == 0:
             self.labels.add_stop(state.stop)
 
@@ -304,15 +327,19 @@ class _Writer:
     def _write_device(
         self,
         device: Device,
+        tick: int,
         state: TickState,
-        stamp: rospy.Time,
         told: rospy.Time,
         rng: Optional[np.random.Generator],
     ) -> None:
         """Write what a device sees at a time, and says that it saw at another one."""
-        sensor = device.settings
+        sensor, stamp = device.settings, stamp_of(tick)
         head = messages.header(sensor.frame, told, self._next_seq(sensor.topic))
-        seen = device.capture(self.shown.scene, rng)
+        if isinstance(device, ColourDevice) and state.stop is None and any(self._shutter):
+            seen = self._in_motion(device.sensor, tick, rng)
+            self.shown.place(state)
+        else:
+            seen = device.capture(self.shown.scene, rng)
         message = device.pack(seen, head, self._packing)
         self.bag.write(device.topic(self._packing), message, stamp)
         if isinstance(device, CameraDevice):
@@ -320,6 +347,17 @@ class _Writer:
         on_plate = device.on_plate(seen)
         if self.labels is not None and state.stop is not None and on_plate is not None:
             self.labels.add_scan(state.stop, sensor.name, told.to_sec(), on_plate)
+
+    def _in_motion(
+        self, camera: ColourCamera, tick: int, rng: Optional[np.random.Generator]
+    ) -> np.ndarray:
+        """Return the picture of a scene that moves while the shutter is open."""
+
+        def drawn(after_s: float) -> np.ndarray:
+            self.shown.place(self.motion.state(min(tick + after_s / TICK_S, self.motion.ticks - 1)))
+            return camera.drawn(self.shown.scene)
+
+        return camera.developed(self._shutter.picture(drawn, camera.camera.height), rng)
 
     def _write_latched(self, topic: str, message: Any, stamp: rospy.Time) -> None:
         connection = {

@@ -60,12 +60,12 @@ class Trajectory:
         """Return the first tick of a stop and the first one after it."""
         return self.starts[stop], self.starts[stop] + self._stop_ticks
 
-    def state(self, tick: int) -> State:
-        """Return where board and person are at a tick."""
+    def state(self, tick: float) -> State:
+        """Return where board and person are at a tick, or between two."""
         stop = int(np.searchsorted(self.starts, tick, side="right")) - 1
         since, here = tick - self.starts[stop], self._stops[stop]
-        if since < self._stop_ticks:
-            return State(here.world_T_pattern, here.person, stop, since)
+        if since <= self._stop_ticks - 1:
+            return State(here.world_T_pattern, here.person, stop, int(since))
         there = self._stops[stop + 1]
         moving = self.starts[stop + 1] - self.starts[stop] - self._stop_ticks + 1
         share = _share((since - self._stop_ticks + 1) / moving, self._ways[stop])

@@ -58,13 +58,13 @@ class RobotMotion:
         """Return the first tick of a stop and the first one after it."""
         return self._starts[stop], self._starts[stop] + self._stop_ticks
 
-    def state(self, tick: int) -> RobotState:
-        """Return where everything is at a tick."""
+    def state(self, tick: float) -> RobotState:
+        """Return where everything is at a tick, or between two."""
         number = int(np.searchsorted(self._starts, tick, side="right")) - 1
         since, here = tick - self._starts[number], self.stops[number]
         boards = {name: here.boards[name] for name in self._carried}
-        if since < self._stop_ticks:
-            return RobotState(dict(here.positions), boards, number, since)
+        if since <= self._stop_ticks - 1:
+            return RobotState(dict(here.positions), boards, number, int(since))
         there = self.stops[number + 1]
         moving = self._starts[number + 1] - self._starts[number] - self._stop_ticks + 1
         share = _smooth((since - self._stop_ticks + 1) / moving)
