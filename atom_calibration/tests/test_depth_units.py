@@ -91,8 +91,8 @@ def test_a_seed_outside_the_image_is_refused(collect, depth_m, make, capsys):
     collect((depth_m * 1e3).astype("<u2"), "16UC1")
     folder = collect.folder.parent
     (folder / "seeds.yaml").write_text("- {stamp: 100.2, sensor: depth, uv_px: [400, 20]}\n")
-    words = ["--config", folder / "config.yml", "--bag", folder / "a.bag", "--overwrite"]
-    words += ["--output", collect.folder, "--seeds", folder / "seeds.yaml"]
+    words = ["--config", folder / "config.yml", "--bag", folder / "a.bag"]
+    words += ["--output", folder / "again", "--seeds", folder / "seeds.yaml"]
     assert main([str(word) for word in words]) == 2
     (line,) = [x for x in capsys.readouterr().err.splitlines() if x.startswith("collect_from_bag")]
     assert "sensor 'depth'" in line and "time 100.200" in line and "320 x 240 pixels" in line

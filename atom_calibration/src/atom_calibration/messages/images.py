@@ -47,6 +47,8 @@ _COLOURS: Dict[str, Tuple[str, int, Optional[int]]] = {
 }
 _DEPTHS = (8, 10, 12, 16)  # bits in which cameras measure
 _MILLIMETRE = 0.001  # REP 118: depths of whole numbers are millimetres
+_ENDS = {b"\xff\xd8": b"\xff\xd9", b"\x89PNG": b"IEND"}
+_PADDING = 4096  # bytes that drivers put behind an image at most
 _COMPRESSED_DEPTH_HEADER = 12  # bytes of compressed_depth_image_transport before the PNG
 
 
@@ -119,7 +121,7 @@ def _pixels(message: Any, kind: str, channels: int) -> np.ndarray:
 
 def _decompressed(message: Any, flags: int) -> np.ndarray:
     image: Any = None
-    if len(message.data):
+    if len(message.data) and _is_whole(bytes(message.data)):
         image = cv2.imdecode(np.frombuffer(message.data, dtype=np.uint8), flags)
     if image is None:
         raise MessageError(
@@ -127,6 +129,14 @@ def _decompressed(message: Any, flags: int) -> np.ndarray:
             f"be decoded; it is empty or cut off: record it again"
         )
     return image
+
+
+def _is_whole(data: bytes) -> bool:
+    """Tell whether a JPEG or PNG has its end: decoders fill up what is cut off, and say nothing."""
+    for beginning, end in _ENDS.items():
+        if data.startswith(beginning):
+            return data.find(end, max(len(data) - _PADDING, 0)) >= 0
+    return True
 
 
 def _decompressed_depth(message: Any) -> np.ndarray:

@@ -25,11 +25,13 @@ class Rig:
     Attributes:
         sensors: by name, in the order of the configuration.
         topics: where the data of a sensor are, by topic; compressed ones by their full name.
+        infos: where the intrinsics of a camera are, by topic.
         warnings: what the user should know.
     """
 
     sensors: Dict[str, Sensor]
     topics: Dict[str, Sensor]
+    infos: Dict[str, Sensor]
     warnings: Tuple[str, ...]
 
 
@@ -67,6 +69,7 @@ def rig_from_bag(config: CalibrationConfig, bag: TopicSource) -> Rig:
     """
     sensors: Dict[str, Sensor] = {}
     topics: Dict[str, Sensor] = {}
+    infos: Dict[str, Sensor] = {}
     warnings: List[str] = []
     for name, entry in config.sensors.items():
         topic, sensor = sensor_from_bag(name, entry, bag)
@@ -75,6 +78,8 @@ def rig_from_bag(config: CalibrationConfig, bag: TopicSource) -> Rig:
             continue
         sensors[name] = sensor
         topics[topic] = sensors[name]
+        if sensor.camera is not None:
+            infos[_info_topic(entry)] = sensor
         frame_id = frame_name(bag.first(topic).header.frame_id)
         if frame_id != entry.link:
             warnings.append(
@@ -83,7 +88,7 @@ def rig_from_bag(config: CalibrationConfig, bag: TopicSource) -> Rig:
             )
     if not sensors:
         raise BagError(f"{bag.path}: no sensor of the configuration can be labeled")
-    return Rig(sensors, topics, tuple(warnings))
+    return Rig(sensors, topics, infos, tuple(warnings))
 
 
 def sensor_from_bag(

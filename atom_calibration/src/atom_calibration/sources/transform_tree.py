@@ -19,6 +19,7 @@ from atom_calibration.errors import TransformError
 from atom_calibration.messages.headers import stamp_s
 from atom_calibration.messages.poses import TF_MESSAGE, edge_of, transform_matrix
 from atom_calibration.sources.bag_reader import BagReader
+from atom_calibration.sources.contradictions import EdgeWatch
 from atom_calibration.sources.described_edges import DescribedEdges
 from atom_core.geometry import se3
 from atom_core.model.transforms import Edge
@@ -207,9 +208,12 @@ class BagTransforms:
         self._static_topics = [name for name in topics if name.endswith("tf_static")]
         self._moving_topics = [name for name in topics if name not in self._static_topics]
         self._static: Dict[Edge, Any] = {}  # the last message of each edge holds
+        self._watch = EdgeWatch()
         if self._static_topics:
             for found in bag.messages(self._static_topics):
-                self._static.update({edge_of(m): m for m in self._counting(found.message)})
+                for message in self._counting(found.message):
+                    self._static[edge_of(message)] = message
+                    self._watch.see_fixed(message)
         if described is not None:
             self._static.update({edge_of(m): m for m in described.fixed})
         lag_s = bag.receipt_lag_s(self._moving_topics, _newest_s) if self._moving_topics else None
@@ -218,6 +222,11 @@ class BagTransforms:
         self.lag_s = 0.0 if lag_s is None or abs(lag_s) <= _LATENCY_S else lag_s
         self._window: Tuple[float, float] = (np.inf, -np.inf)
         self._tree = TransformTree()
+
+    @property
+    def remarks(self) -> List[str]:
+        """What the user should know of the bag's transforms."""
+        return self._watch.remarks
 
     def at(self, time_s: float) -> TransformTree:
         """Return the tree around a time [s]."""
@@ -238,7 +247,10 @@ class BagTransforms:
         tree.add(self._static.values(), fixed=True)
         if self._moving_topics:
             for found in self._bag.messages(self._moving_topics, *recorded):
-                tree.add(self._counting(found.message), fixed=False)
+                counting = self._counting(found.message)
+                tree.add(counting, fixed=False)
+                for message in counting:
+                    self._watch.see_moving(message)
         if self._described is not None and self._described.topics:
             for found in self._bag.messages(self._described.topics, *recorded):
                 tree.add(self._described.transforms(found.message), fixed=False)

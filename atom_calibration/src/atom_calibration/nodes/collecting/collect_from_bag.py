@@ -36,6 +36,7 @@ from atom_calibration.labels.frame_labeler import FrameLabeler
 from atom_calibration.modalities.frames import Frame, decode
 from atom_calibration.runtime.options import add_receive_time_option
 from atom_calibration.sources.bag_reader import BagReader
+from atom_calibration.sources.contradictions import MessageWatch
 from atom_calibration.sources.described_bag import SAVED, check_described, transforms_of_bag
 from atom_calibration.sources.rig import Rig, check_frames, rig_from_bag
 from atom_calibration.sources.transform_tree import BagTransforms
@@ -89,7 +90,7 @@ def collect_from_bag(args: argparse.Namespace) -> int:
         check_described(described, transforms, rig, config, first_s)
         check_frames(rig, config, transforms.at(first_s))
         clocks = _clocks(bag, rig, args.use_receive_time, transforms.lag_s)
-        for warning in (*config.warnings, *rig.warnings, *remarks, *clocks):
+        for warning in (*config.warnings, *rig.warnings, *transforms.remarks, *remarks, *clocks):
             _warn(warning)
         patterns = {n: pattern_from_config(n, p) for n, p in config.calibration_patterns.items()}
         seeds = read_seeds(args.seeds, rig.sensors) if args.seeds else []
@@ -215,11 +216,16 @@ def _ahead(
     received: Collection[str],
 ) -> Iterator[Future]:
     waiting: Deque[Future] = deque()
+    watch = MessageWatch(bag.path, rig.infos, bag.start_s)
     try:
-        for found in bag.messages(list(rig.topics)):
+        for found in bag.messages([*rig.topics, *rig.infos]):
+            if found.topic in rig.infos:
+                watch.see_info(*found)
+                continue
             sensor = rig.topics[found.topic]
             if sensor.name in received:
                 found.message.header.stamp = rospy.Time.from_sec(found.recorded_s)
+            watch.see(sensor, found.message, found.recorded_s)
             waiting.append(pool.submit(_prepared, labeler, sensor, found.message))
             if len(waiting) > _LOOK_AHEAD:
                 yield waiting.popleft()

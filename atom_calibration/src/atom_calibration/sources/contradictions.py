@@ -1,0 +1,159 @@
+"""What a recording contradicts itself in: intrinsics, stamps, transforms.
+
+None of it can be repaired, and all of it gives a wrong calibration in silence.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Dict, List, Mapping, NamedTuple, Tuple
+
+import numpy as np
+
+from atom_calibration.errors import BagError, TransformError
+from atom_calibration.messages.headers import stamp_s
+from atom_calibration.messages.poses import edge_of
+from atom_core.model.sensor import Sensor
+from atom_core.model.transforms import Edge
+
+_BACK_S = 1.0  # stamps of one sensor that are in disorder by less are a slow driver's
+_SAME_INTRINSICS = 1e-3  # of a focal length and of a coefficient: 1 px at the edge of an image
+_SAME_M, _SAME_RAD = 1e-3, 1e-3  # poses that say the same of an edge
+_SWITCHES = 20  # poses that leave for another place, and are back with the next message
+
+
+class MessageWatch:
+    """Looks at the messages of a recording as they come, in the order of their recording."""
+
+    def __init__(self, path: Any, infos: Mapping[str, Sensor], start_s: float):
+        """Know the cameras.
+
+        Args:
+            path: what messages call the recording.
+            infos: cameras by the topic of their intrinsics.
+            start_s: when the recording begins [s].
+        """
+        self._path, self._infos, self._start_s = path, infos, start_s
+        self._known: Dict[str, Tuple[Any, ...]] = {}
+        self._last_s: Dict[str, float] = {}
+
+    def see_info(self, topic: str, message: Any, recorded_s: float) -> None:
+        """Refuse intrinsics that are not those of the beginning.
+
+        Raises:
+            BagError: naming the camera, when, and what changed.
+        """
+        said = (message.width, message.height, tuple(message.K), tuple(message.D))
+        known = self._known.setdefault(topic, said)
+        if _same_camera(known, said):
+            return
+        raise BagError(
+            f"{self._path}: sensor '{self._infos[topic].name}', topic {topic}: its intrinsics "
+            f"change {recorded_s - self._start_s:.1f} s after the beginning ({_camera(known)}, "
+            f"then {_camera(said)}); a bag must have one lens, zoom and image size: cut it there "
+            f"with `rosbag filter`, or record it again"
+        )
+
+    def see(self, sensor: Sensor, message: Any, recorded_s: float) -> None:
+        """Refuse a stamp that lies before an earlier message's.
+
+        Raises:
+            BagError: naming the sensor and when.
+        """
+        stamp = stamp_s(message)
+        last_s = self._last_s.setdefault(sensor.name, stamp)
+        if stamp < last_s - _BACK_S:
+            raise BagError(
+                f"{self._path}: sensor '{sensor.name}', topic {sensor.topic}: its stamps jump back "
+                f"by {last_s - stamp:.1f} s, {recorded_s - self._start_s:.1f} s after the "
+                f"beginning; was a recording played twice while this bag was recorded? Cut it "
+                f"there with `rosbag filter`, or record it again"
+            )
+        self._last_s[sensor.name] = max(stamp, last_s)
+
+
+def _same_camera(a: Tuple[Any, ...], b: Tuple[Any, ...]) -> bool:
+    if a == b:
+        return True
+    if a[:2] != b[:2] or len(a[3]) != len(b[3]):
+        return False
+    k_apart = np.abs(np.subtract(a[2], b[2])) / max(a[2][0], 1.0)
+    d_apart = np.abs(np.subtract(a[3], b[3]))
+    return bool(np.all(np.append(k_apart, d_apart) <= _SAME_INTRINSICS))
+
+
+def _camera(said: Tuple[Any, ...]) -> str:
+    return f"{said[0]} x {said[1]} pixels, f = {said[2][0]:.1f} px"
+
+
+Numbers = Tuple[float, ...]  # x, y, z [m] and the quaternion x, y, z, w of a transform
+
+
+class _Seen(NamedTuple):
+    """The last two poses of an edge, and how often it was back where it had just left."""
+
+    last: Numbers
+    before: Numbers
+    switches: int
+
+
+class EdgeWatch:
+    """Looks at the transforms of a recording; two programs that publish one edge are noticed."""
+
+    def __init__(self) -> None:
+        """Know no edge."""
+        self._moving: Dict[Edge, _Seen] = {}
+        self._fixed: Dict[Edge, Numbers] = {}
+        self._warned: Dict[Edge, str] = {}
+
+    @property
+    def remarks(self) -> List[str]:
+        """What is to be said of fixed edges that have two values."""
+        return list(self._warned.values())
+
+    def see_fixed(self, message: Any) -> None:
+        """Note a TransformStamped of /tf_static."""
+        edge, numbers = edge_of(message), _numbers(message)
+        apart_m, apart_rad = _apart(self._fixed.setdefault(edge, numbers), numbers)
+        if apart_m > _SAME_M or apart_rad > _SAME_RAD:
+            self._warned[edge] = (
+                f"transform '{edge}' has several values in /tf_static, which differ by "
+                f"{1e3 * apart_m:.1f} mm and {math.degrees(apart_rad):.2f} deg; the last one "
+                f"counts. If two programs publish it, record again with one of them"
+            )
+
+    def see_moving(self, message: Any) -> None:
+        """Note a TransformStamped of /tf.
+
+        Raises:
+            TransformError: again and again the edge leaves for another place and is back with the
+                next message.
+        """
+        edge, numbers = edge_of(message), _numbers(message)
+        seen = self._moving.get(edge) or _Seen(numbers, numbers, 0)
+        step_m, step_rad = _apart(numbers, seen.last)
+        switches = seen.switches
+        if step_m > _SAME_M or step_rad > _SAME_RAD:
+            back_m, back_rad = _apart(numbers, seen.before)
+            switches += back_m <= 0.2 * step_m and back_rad <= 0.2 * step_rad + 1e-6
+        if switches >= _SWITCHES:
+            raise TransformError(
+                f"transform '{edge}' of /tf goes to and fro between two values, "
+                f"{1e3 * step_m:.1f} mm and {math.degrees(step_rad):.2f} deg apart: two programs "
+                f"publish it and contradict each other; record again with one of them"
+            )
+        self._moving[edge] = _Seen(numbers, seen.last, switches)
+
+
+def _numbers(message: Any) -> Numbers:
+    t, q = message.transform.translation, message.transform.rotation
+    return t.x, t.y, t.z, q.x, q.y, q.z, q.w
+
+
+def _apart(a: Numbers, b: Numbers) -> Tuple[float, float]:
+    """Return how far two poses are from each other [m], [rad]; there are many of them."""
+    distance_m = math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
+    chord = math.sqrt(
+        min(sum((x - sign * y) ** 2 for x, y in zip(a[3:], b[3:])) for sign in (1, -1))
+    )
+    return distance_m, 4.0 * math.asin(min(chord / 2.0, 1.0))

@@ -1,0 +1,110 @@
+"""A recording that contradicts itself is refused, or said to; it is never calibrated in silence."""
+
+import cv2
+import numpy as np
+import pytest
+
+pytest.importorskip("rospy")
+
+from sensor_msgs.msg import CompressedImage
+from stand_in_rig import Place, messages, refusal, use_stand_ins
+
+from atom_calibration.errors import MessageError, TransformError
+from atom_calibration.messages.images import colour_image
+from atom_calibration.nodes.collecting.collect_from_bag import main
+from atom_calibration.sources.contradictions import EdgeWatch
+from atom_core.geometry import se3
+
+
+@pytest.fixture
+def place(tmp_path, make, monkeypatch):
+    use_stand_ins(monkeypatch)
+    return Place(make, tmp_path)
+
+
+def changed(make, topic, from_s, change):
+    """Return the messages of a rig, those of a topic changed from a time on."""
+    content = list(messages(make))
+    for name, message, time_s in content:
+        if name == topic and time_s >= from_s:
+            change(message)
+    return content
+
+
+def test_intrinsics_that_change_amid_the_bag_are_refused(place, make, capsys):
+    def zoom(info):
+        info.K = [1.2 * v for v in info.K[:8]] + [1.0]
+
+    line = refusal(place(changed(make, "/cam/camera_info", 103.0, zoom)), capsys)
+    assert "sensor 'cam', topic /cam/camera_info: its intrinsics change 3.0 s after" in line
+    assert "f = 50.0 px, then 64 x 48 pixels, f = 60.0 px" in line and "rosbag filter" in line
+    assert not (place.folder / "dataset.json").exists()
+
+
+def test_the_last_digits_of_intrinsics_may_differ(place, make):
+    def round_off(info):
+        info.K = [v * (1 + 1e-7) for v in info.K]
+
+    assert main(place(changed(make, "/cam/camera_info", 103.0, round_off))) == 0
+
+
+def test_a_recording_in_which_time_jumps_back_is_refused(place, make, capsys):
+    once = list(messages(make))
+    again = [(topic, message, time_s + 10.0) for topic, message, time_s in messages(make)]
+    line = refusal(place([*once, *again]), capsys)
+    assert "its stamps jump back by 7.4 s" in line and "played twice" in line
+
+
+def test_two_values_of_a_fixed_edge_are_told(place, make, capsys):
+    shift = se3.transform(np.eye(3), np.array([0.012, 0.0, 0.0]))
+    content = list(messages(make))
+    content.insert(3, ("/tf_static", make.tf("world", "cam", shift, 100.0), 100.0))
+    assert main(place(content)) == 0
+    told = capsys.readouterr().err
+    assert "'world-cam' has several values in /tf_static, which differ by 12.0 mm" in told
+
+
+def test_two_programs_that_publish_one_edge_are_refused(place, make, capsys):
+    content = []
+    for topic, message, time_s in messages(make):
+        content.append((topic, message, time_s))
+        if topic == "/tf":
+            other = se3.transform(np.eye(3), np.array([5.0, 0.0, 0.0]))
+            content.append((topic, make.tf("world", "arm", other, time_s + 0.05), time_s + 0.05))
+    content.sort(key=lambda entry: entry[2])
+    line = refusal(place(content), capsys)
+    assert "'world-arm' of /tf goes to and fro between two values" in line
+
+
+@pytest.mark.parametrize("share", [1, 5])
+def test_also_where_one_publishes_less_often(share, make):
+    watch, still = EdgeWatch(), np.eye(4)
+    moved = se3.transform(se3.rotation_from_rpy(np.array([0.0, 0.0, 0.01])), np.zeros(3))
+    with pytest.raises(TransformError, match="0.57 deg apart"):
+        for _ in range(100):
+            for pose in [*[still] * share, moved]:
+                watch.see_moving(make.transform("a", "b", pose))
+
+
+def test_an_arm_that_moves_to_and_fro_and_trembles_is_no_contradiction(make):
+    watch, rng = EdgeWatch(), np.random.default_rng(0)
+    for time_s in np.arange(0.0, 10.0, 0.02):
+        angle = 0.5 * np.sin(5.0 * time_s) + rng.normal(0, 1e-4)
+        pose = se3.transform(
+            se3.rotation_from_rpy(np.array([0.0, 0.0, angle])), rng.normal(0, 1e-4, 3)
+        )
+        watch.see_moving(make.transform("a", "b", pose))
+        watch.see_fixed(make.transform("c", "d", np.eye(4)))
+    assert watch.remarks == []
+
+
+@pytest.mark.parametrize("ending", [".jpg", ".png"])
+def test_a_picture_that_is_cut_off_is_no_picture(ending):
+    pixels = np.random.default_rng(0).integers(0, 255, (60, 80, 3), dtype=np.uint8)
+    data = cv2.imencode(ending, pixels)[1].tobytes()
+    for whole in (data, data + bytes(100)):  # drivers pad
+        assert colour_image(CompressedImage(format="bgr8", data=whole)).shape == (60, 80, 3)
+    for share in (0.3, 0.5, 0.99):
+        cut = CompressedImage(format="bgr8", data=data[: int(share * len(data))])
+        with pytest.raises(MessageError, match="cut off"):
+            colour_image(cut)
