@@ -1,7 +1,8 @@
 """From a bag to a calibration: collections in DIR/dataset, results in DIR/calibration.
 
-DIR/status.json says how far it came: {"step", "exit_code", "message"}. With -rv the calibration is
-shown in RViz while it runs.
+DIR/status.json says how far it came: {"step", "exit_code", "message"}; that of an earlier run is
+removed at the beginning, so none is there when it was killed. With -rv the calibration is shown in
+RViz while it runs.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Callable, List, Optional, Sequence, Tuple
 
@@ -19,6 +21,7 @@ from atom_calibration.show.view_options import add_view_options, take_view_optio
 from atom_core import cli
 from atom_core.commands import calibrate
 from atom_core.commands.calibrate import DATASET_FILE as RESULT_FILE
+from atom_core.commands.calibrate import NOT_CONVERGED_FOLDER
 from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import AtomError, OutputError
@@ -36,6 +39,8 @@ def main(argv: Optional[Sequence[str]] = None) -> int:
     args.view, stay = take_view_options(args)
     try:
         args.output.mkdir(parents=True, exist_ok=True)
+        with suppress(FileNotFoundError):
+            (args.output / STATUS_FILE).unlink()
         if args.view:
             running.check_master()  # and not only when the collections are there
     except OSError as error:
@@ -84,6 +89,8 @@ def _calibrate(args: argparse.Namespace) -> Tuple[int, str]:
     if args.view:
         running.start("calibrate_from_bag")
     code = calibrate.run(parsed, CalibrationView(args.view) if args.view else None)
+    if (folder / NOT_CONVERGED_FOLDER).is_dir():  # results of before are better, and stay
+        folder /= NOT_CONVERGED_FOLDER
     try:
         result = json.loads((folder / "calibration.json").read_text(encoding="utf-8"))
         return code, f"{result['status']}: {result['message']}"

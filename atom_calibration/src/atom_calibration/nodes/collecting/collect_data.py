@@ -52,7 +52,7 @@ def main() -> int:
 def _run(args: argparse.Namespace) -> int:
     config = read_config(args.config)
     running.start(NAME)
-    store = CollectionStore.create(args.output, args.overwrite, WRITTEN_BESIDE)
+    store = CollectionStore.create(args.output, args.overwrite, [*WRITTEN_BESIDE, STATUS_FILE])
     code, message = running.BAD_INPUT, "interrupted"
     try:
         code = _collect(args, config, store)
