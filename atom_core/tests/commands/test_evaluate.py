@@ -6,6 +6,7 @@ import shutil
 import pytest
 
 from atom_core.cli import main
+from atom_core.evaluation.same_data import shared_collections
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.io.truth_json import write_truth
 from atom_core.synthetic import degenerate
@@ -53,6 +54,17 @@ def test_pairs_and_selections(evaluate):
     document = result(output)
     assert {p["kind"] for p in document["pairs"]} == {"rgb-rgb"}
     assert set(document["pairs"][0]["per_collection"]) <= {"000", "001"}
+
+
+def test_a_test_set_that_was_calibrated_with_is_told(evaluate, capsys):
+    evaluate("-csf", "000", "001")
+    told = capsys.readouterr().out
+    assert (
+        "2 of 2 collections of the test set are those that were calibrated with (000, 001)" in told
+    )
+    one, other = (random_scene(seed, collections=3).dataset for seed in (1, 2))
+    assert shared_collections(one, other) == []
+    assert shared_collections(one, one.selected(collections=["001"])) == ["001"]
 
 
 def test_options_with_dash_and_underscore(evaluate):

@@ -11,6 +11,7 @@ from atom_core.commands import common
 from atom_core.evaluation.evaluate import Evaluation, evaluate
 from atom_core.evaluation.hand_eye_comparison import compare_hand_eye
 from atom_core.evaluation.pairs import pair_kinds
+from atom_core.evaluation.same_data import shared_collections
 from atom_core.io.annotations import read_annotations
 from atom_core.io.atomic import (
     prepare_output_folder,
@@ -104,6 +105,13 @@ def run(args: argparse.Namespace) -> int:
         write_json_atomically(folder / RESULT_FILE, document, sort_keys=False)
     print(evaluation_report(evaluation, compared, args.verbose, hand_eye))
     print(f"\nresults: {folder.resolve()}\n")
+    shared = shared_collections(train, test)
+    if shared:
+        print(
+            f"warning: {len(shared)} of {len(test.collections)} collections of the test set are "
+            f"those that were calibrated with ({_few(shared)}): errors on them are too "
+            f"small; record a test set of its own\n"
+        )
     print(verdict_lines(evaluation_verdict(evaluation)))
     if evaluation.measured:
         return 0
@@ -111,6 +119,10 @@ def run(args: argparse.Namespace) -> int:
     why = "the table says why" if told else "no two of these sensors can be compared"
     print(f"evaluate: no pair was measured, {why}", file=sys.stderr)
     return 1
+
+
+def _few(names: List[str]) -> str:
+    return ", ".join(names[:5]) + (" ..." if len(names) > 5 else "")
 
 
 def _evaluate(

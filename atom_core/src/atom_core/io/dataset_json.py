@@ -207,6 +207,11 @@ class _Reader:
         try:
             kind = modality_of_entry(entry)
             camera = camera_of_entry(entry["camera_info"]) if kind.has_camera_info else None
+            if camera is not None and not len(camera.D):
+                self.warnings.append(
+                    f"sensor '{name}' has no distortion coefficients (D): its images are taken as "
+                    f"free of distortion"
+                )
             return Sensor(
                 name=name,
                 modality=kind.name,

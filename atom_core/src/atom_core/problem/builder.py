@@ -7,7 +7,7 @@ from typing import Any, Dict, FrozenSet, List, Mapping, Optional, Sequence, Set,
 
 import numpy as np
 
-from atom_core.errors import CalibrationError
+from atom_core.errors import CalibrationError, DatasetError
 from atom_core.geometry import se3
 from atom_core.model.dataset import MULTIPLE, Dataset, board_edge
 from atom_core.model.joints import POSITION_BIAS, JointSelection
@@ -75,6 +75,7 @@ def check_edges(dataset: Dataset, free: FreeEdges) -> None:
 
     Raises:
         CalibrationError: naming the sensor or additional tf, the edge and the chain.
+        DatasetError: a collection lacks an edge on the way to a sensor that saw a board in it.
     """
     graph = dataset.graph
     for sensor in dataset.sensors.values():
@@ -85,12 +86,26 @@ def check_edges(dataset: Dataset, free: FreeEdges) -> None:
                 f"sensor '{sensor.name}': edge '{sensor.edge}' is not on its chain {frames}; "
                 f"correct parent_link and child_link in the configuration"
             )
+    _check_chains(dataset)
     known = {edge for c in dataset.collections.values() for edge in c.transforms}
     for name, edge in free.additional_tfs.items():
         if edge not in known:
             raise CalibrationError(
                 f"additional_tfs '{name}': edge '{edge}' is in no collection's transforms"
             )
+
+
+def _check_chains(dataset: Dataset) -> None:
+    chains = {s.name: dataset.graph.chain(dataset.world, s.frame) for s in dataset.sensors.values()}
+    for key, _ in dataset.detections():
+        there = dataset.collections[key.collection].transforms
+        for step in chains[key.sensor]:
+            if step.edge not in there:
+                raise DatasetError(
+                    f"collection {key.collection}: transform '{step.edge}', on the way from "
+                    f"'{dataset.world}' to sensor '{key.sensor}', is absent; leave the collection "
+                    f"out with -csf, or the sensor with -ssf"
+                )
 
 
 def _far_frame(step: Step) -> str:
