@@ -80,6 +80,16 @@ def test_a_board_that_moved_during_the_skew_is_refused_with_sensor_and_time():
         check_still({"a": frames[1], "b": frames[3]}, recent(*frames), Moment(0.0, 1.0, 0.5))
 
 
+def test_how_a_board_comes_to_a_stop_and_leaves_it_does_not_count():
+    shifts = [(9.7, -40.0), (10.0, 0.0), (10.5, 0.05), (11.0, 0.0), (11.5, 0.05), (11.8, 40.0)]
+    frames = [frame("a", t, shift) for t, shift in shifts]
+    chosen, stop = {"a": frames[2], "b": frame("b", 10.35)}, Moment(10.0, 11.5)
+    check_still(chosen, recent(*frames, chosen["b"]), stop)
+    slid = [frame("a", t, 60.0 * (t - 10.0)) for t, _ in shifts]
+    with pytest.raises(CollectionError, match=r"moved by .* sigmas"):
+        check_still({**chosen, "a": slid[2]}, recent(*slid, chosen["b"]), stop)
+
+
 def test_a_board_that_swings_back_to_where_it_was_is_refused():
     frames = [frame("a", t, shift) for t, shift in ((0.0, 0.0), (0.4, 30.0), (0.8, 0.0))]
     other = frame("b", 0.6)

@@ -142,7 +142,8 @@ def ouster(folder: Path) -> List[List[str]]:
             several += len(found) > 1
             if len(found) == 1:
                 quality = found[0].labeled.quality
-                sides.append((quality["measured_width_m"] + quality["measured_height_m"]) / 2.0)
+                known = [quality.get(f"measured_{side}_m", np.nan) for side in ("width", "height")]
+                sides.append(float(np.nanmean(known)))
         off = ", ".join(f"{100.0 * (side / OUSTER_SIDE_M - 1.0):+.1f}" for side in sides)
         rows.append([f"ouster_board, {name}: found", f"{len(sides)} / {len(paths)}", "16 / 16"])
         rows.append([f"ouster_board, {name}: with a second board", f"{several}", "0"])

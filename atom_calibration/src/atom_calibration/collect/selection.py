@@ -293,7 +293,10 @@ def check_still(
         return
     half = max(0.5 * (moment.end_s - moment.start_s), skew)
     stamps = [frame.stamp_s for frame in frames.values()]
-    speeds = recent.speeds(min(stamps) - half, max(stamps) + half)
+    start_s, end_s = min(stamps) - half, max(stamps) + half
+    if moment.centre_s is None:  # a stop: how the board came there, and goes, does not count
+        start_s, end_s = max(start_s, moment.start_s), min(end_s, moment.end_s)
+    speeds = recent.speeds(start_s, end_s)
     if not speeds:
         raise CollectionError(
             f"time {min(stamps):.3f}: no sensor saw the board twice, so that nothing tells whether "
