@@ -92,6 +92,24 @@ def test_sensors_go_from_their_ghosts_to_the_answer(run):
     assert all(0 < marker.color.a < 0.6 for marker in ghosts)
 
 
+def test_the_ghost_of_the_input_is_not_disturbed():
+    """What -ipg shows: sensors where the dataset has them, whatever -nig does."""
+    dataset, told = scenes.two_cameras(1, collections=4).dataset, []
+    progress = SolverOptions(progress=lambda i: told.append(Estimate.of_iteration(dataset, i)))
+    calibrate(dataset, CalibrationOptions(solver=progress, noisy_initial_guess=(0.05, 0.05)))
+    keys, moved = list(dataset.collections), []
+    given = calibration_markers.ghost(told[0].with_transforms_of(dataset), keys)
+    for name, sensor in dataset.sensors.items():
+        world_T_sensor = pose(
+            dataset.collections[keys[0]], dataset.graph, dataset.world, sensor.frame
+        )
+        (ghost,) = positions(given, name)
+        np.testing.assert_allclose(ghost, world_T_sensor[:3, 3], atol=1e-12)
+        (start,) = positions(calibration_markers.ghost(told[0], keys), name)
+        moved.append(np.linalg.norm(start - ghost) > 0.01)
+    assert any(moved)
+
+
 def test_a_sensor_that_does_not_move_is_drawn_once(run):
     drawn = calibration_markers.ghost(run.first, run.keys)
     assert len(drawn) == len(run.dataset.sensors)

@@ -19,7 +19,6 @@ from atom_core.model.dataset import pose
 from atom_core.model.truth import with_truth
 from atom_core.synthetic import Noise, scenes
 
-pytest.importorskip("atom_core._core", reason="calibrates")
 CAMERA, FLANGE = "rgb_1", "flange"
 
 
@@ -89,6 +88,7 @@ def test_there_and_back(made, tmp_path, layout, capsys):
 
 def test_what_was_converted_calibrates(made, tmp_path):
     """From a camera of which nothing is known: with its intrinsics the edge is right to 1 mm."""
+    pytest.importorskip("atom_core._core", reason="calibrates")
     folder, scene = made
     camera = scene.dataset.sensors[CAMERA].camera
     document = {

@@ -5,7 +5,7 @@ Plain values, so that markers, pictures and messages of a live view need not kno
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Dict, Iterator, List, Mapping, NamedTuple, Tuple
 
@@ -96,6 +96,10 @@ class Estimate:
             calibration.problem,
             summary.x,
         )
+
+    def with_transforms_of(self, dataset: Dataset) -> Estimate:
+        """Return it with sensors and boards where a dataset has them."""
+        return replace(self, dataset=dataset)
 
     @cached_property
     def table(self) -> Table:

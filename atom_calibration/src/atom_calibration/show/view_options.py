@@ -24,6 +24,7 @@ class ViewOptions(NamedTuple):
         tf: which transforms are published.
         by_collection: points have their collection's colour, not their sensor's.
         collection: that is shown at first; ALL.
+        input_ghost: the ghost is where the input has the sensors, before any disturbance.
     """
 
     slow_s: float = 0.0
@@ -31,6 +32,7 @@ class ViewOptions(NamedTuple):
     tf: str = PREFIXED
     by_collection: bool = False
     collection: str = ALL
+    input_ghost: bool = False
 
 
 def add_view_options(parser: argparse.ArgumentParser) -> None:
@@ -78,6 +80,8 @@ def add_view_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="points have the colour of their collection, not of their sensor",
     )
+    text = "the ghost is where the input has the sensors, not where -nig has put them"
+    add_option(group, "initial_pose_ghost", "-ipg", action="store_true", help=text)
     add_option(
         group, "show_collection", default=ALL, metavar="KEY", help="show this collection at first"
     )
@@ -96,6 +100,7 @@ def take_view_options(args: argparse.Namespace) -> Tuple[Optional[ViewOptions], 
         tf=taken.pop("tf"),
         by_collection=taken.pop("draw_per_collection_colors"),
         collection=taken.pop("show_collection"),
+        input_ghost=taken.pop("initial_pose_ghost"),
     )
     return (view if watched else None), stay
 

@@ -100,9 +100,9 @@ CALIBRATE = (
     _same("jpsf", "joint_parameter_selection_function", "lambda p: 'bias' in p", remark="likewise"),
     _same("atsf", "additional_tf_selection_function", "lambda t: True", remark="likewise"),
     _same("phased", "phased_execution", remark="the keys c and q in the terminal"),
-    AtomOption(
+    _same(
         *("ipg", "initial_pose_ghost"),
-        remark="with -rv the start is always shown, on /calibrate/ghost (the input, without -nig)",
+        remark="on /calibrate/ghost; without it the ghost is the start, after -nig; with rosrun",
     ),
     _same("ctgt", "comparison_to_ground_truth", remark="by axis; --truth takes another file"),
     _same("sce", "save_calibration_errors", remark="written at the end"),
@@ -176,7 +176,7 @@ LAUNCH_ARGUMENTS = {
     "calibrate": ("rviz_file",),
     "full_evaluation": ("train_json", "test_json", "csf"),
 }
-LIVE = ("ros_visualization", "draw_per_collection_colors")  # options of a node
+LIVE = ("ros_visualization", "draw_per_collection_colors", "initial_pose_ghost")  # of a node
 _NO_ROS = "this program runs without ROS; use rosrun atom_calibration calibrate"
 
 

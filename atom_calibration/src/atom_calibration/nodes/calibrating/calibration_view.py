@@ -57,6 +57,7 @@ class CalibrationView:
         self._pending = self._busy = self._failed = False
         self._shown, self._status = options.collection, Status(RUNNING)
         self._first: Optional[Estimate] = None
+        self._ghost: Optional[Estimate] = None
         self._estimate: Optional[Estimate] = None
         self._sent: Dict[str, List[Marker]] = {}
         self._description_tf: List[TransformStamped] = []
@@ -92,7 +93,9 @@ class CalibrationView:
         """Show an iteration; return whether the solver shall go on."""
         estimate, before = Estimate.of_iteration(self._dataset, iteration), self._estimate
         if self._first is None:
-            self._first = estimate
+            self._first = self._ghost = estimate
+            if self._options.input_ghost:
+                self._ghost = estimate.with_transforms_of(self._dataset)
             self._overlays = Overlays(estimate, self._collection_colours)
         self._show(estimate, Status(RUNNING))
         if before is None or self._options.slow_s:
@@ -224,7 +227,7 @@ class CalibrationView:
             SENSORS,
             lambda: calibration_markers.sensors(estimate, first, keys, self._sensor_colours),
         )
-        markers_of(GHOST, lambda: calibration_markers.ghost(first, keys))
+        markers_of(GHOST, lambda: calibration_markers.ghost(self._ghost or first, keys))
         send(TF, lambda: TFMessage(self._transforms(estimate, shown)))
         self._publish_points(send, estimate, keys, world)
         self._publish_images(send, estimate, shown)
