@@ -35,6 +35,9 @@ _END = """
 | `rank_deficient` | [Weak directions](tutorials/calibrate_a_dataset.md#weak-directions) |
 | warnings of `check` | [Calibrate a dataset](tutorials/calibrate_a_dataset.md#1-check) |
 | `rosrun: command not found` | `source env.bash` in this shell, after `make build` |
+| `no such command [['xacro'` of roslaunch | `source env.bash` in this shell, after `make setup` |
+| `REQUIRED process [...] has died!`, then `process has finished cleanly` | all is well: \
+roslaunch says so of a program that has done its work |
 | RViz ends with `could not connect to display` | there is no screen: add `rviz:=false` |
 """
 

@@ -42,7 +42,7 @@ SHOWN = {
     "evaluate": (
         *("Averages over", "kind ", "------", "rgb-rgb", "depth-rgb", "lidar3d-rgb"),
         *("lidar3d-depth", "lidar3d-lidar3d ", "lidar3d-lidar3d_limit"),
-        *("lidar3d-lidar3d_plane", "", "verdict: ", "  depth_1", "  lidar_1", _LEFT_OUT, "  rgb_3"),
+        *("lidar3d-lidar3d_plane", "", "verdict: ", _LEFT_OUT),
     ),
 }
 

@@ -49,7 +49,9 @@ def conclude(
         why = whys[0]
         raise CollectionError(f"{store.folder}: no collection was taken: {why} ({never})")
     path, _ = store.assemble()
+    path = path.resolve()
     say("\n".join([*summary(collector, keys), "", f"{path}: {len(keys)} collections"]))
+    say(f"next: rosrun atom_calibration check --dataset {path}")
     for text in left_out(collector, keys):
         warn(text)
     for text in collector.quality.mirrored():

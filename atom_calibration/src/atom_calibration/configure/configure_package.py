@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -83,6 +84,11 @@ def configure(args: argparse.Namespace) -> int:
     missing = missing_dependencies(package, needed_packages(rig.config))
     if missing:
         remarks.append(f"package.xml lacks <exec_depend> of {', '.join(missing)}; add them")
+    if shutil.which("xacro") is None:
+        remarks.append(
+            "xacro is not on the PATH, which the launch files start: run `source env.bash` in this "
+            "shell (`make setup` installs it, and so does apt install ros-noetic-xacro)"
+        )
     _report(package, rig, outcome, remarks)
     return _NOT_ACCEPTABLE if outcome.kept else _DONE
 

@@ -23,6 +23,7 @@ from atom_core.report.verdict import (
     SensorVerdict,
     Verdict,
     angle,
+    counted,
     is_named,
     length,
     names_in_words,
@@ -235,7 +236,7 @@ def _facts(
     elif edge is not None and results.has_combined_sigmas and not _of_the_place(results, edge):
         metres, radians = _sigmas(results, edge)
         facts.append(f"known to {length(metres)} and {angle(radians)}")
-    facts.append(_count(sensor.detections))
+    facts.append(counted(sensor.detections, "board"))
     facts += [
         f"{_WORDS[kind]} {_distance(kind, statistics.mean)} {_FROM[kind]}"
         for kind, statistics in sensor.residuals.items()
@@ -248,10 +249,6 @@ def _sigmas(results: CalibrationResults, edge: EdgeResult) -> Tuple[float, float
     """Return the largest of the three axes [m], [rad]."""
     sigma = edge.combined_sigma if results.has_combined_sigmas else edge.sigma
     return float(np.max(sigma[TRANSLATION])), float(np.max(sigma[ROTATION]))
-
-
-def _count(detections: int) -> str:
-    return "1 board" if detections == 1 else f"{detections} boards"
 
 
 def _distance(kind: str, value: float) -> str:

@@ -16,6 +16,7 @@ from atom_core.report.verdict import (
     Finding,
     SensorVerdict,
     Verdict,
+    counted,
     is_named,
     names_in_words,
     sensor_verdict,
@@ -54,8 +55,9 @@ def check_verdict(
         return Verdict(WRONG, what, sensors)
     grade = worst(sensor.grade for sensor in sensors.values())
     if grade == GOOD:
-        what = f"ready to calibrate: {len(sensors)} sensors in {len(dataset.collections)}"
-        return Verdict(GOOD, f"{what} collections, nothing looks wrong", sensors)
+        collections = counted(len(dataset.collections), "collection")
+        what = f"ready to calibrate: {counted(len(sensors), 'sensor')} in {collections}"
+        return Verdict(GOOD, f"{what}, nothing looks wrong", sensors)
     names = [name for name, sensor in sensors.items() if sensor.grade == grade]
     what = "leave out or repair" if grade == WRONG else "it can be calibrated, but look at"
     first = sensors[names[0]]
@@ -84,4 +86,4 @@ def _sensor(result: Preflight, name: str, moved: Optional[str]) -> SensorVerdict
     elif len(remarks) > _MANY_REMARKS * boards and boards >= FEWEST_BOARDS:
         told = f"warnings above that are about it: {len(remarks)}"
         findings.append(Finding(WEAK, told, "read them before you trust its labels"))
-    return sensor_verdict(findings, f"detected {boards} board{'s' * (boards != 1)}")
+    return sensor_verdict(findings, f"detected {counted(boards, 'board')}")

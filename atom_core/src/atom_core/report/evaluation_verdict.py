@@ -6,8 +6,10 @@ import math
 from dataclasses import replace
 from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence
 
+import numpy as np
+
 from atom_core.evaluation.evaluate import Evaluation
-from atom_core.evaluation.results import PairResult
+from atom_core.evaluation.results import PairFigures, PairResult
 from atom_core.report.verdict import (
     AT_M,
     BETWEEN_CAMERAS_M,
@@ -81,6 +83,8 @@ def _judged(evaluation: Evaluation, result: PairResult) -> Optional[_Judged]:
     if result.measured is None or kind.floor:
         return None
     value = _beyond_the_floor(result)
+    if value == 0.0 and result.at_truth is not None:
+        return _Judged(pair.source, pair.target, GOOD, "no farther off than at the truth", 0.0)
     beyond = "" if result.at_truth is None else " more than at the truth"
     if kind.unit == "mm":
         words = f"{length(value / 1e3)} off the plane{beyond}"
@@ -99,10 +103,18 @@ def _judged(evaluation: Evaluation, result: PairResult) -> Optional[_Judged]:
 
 
 def _beyond_the_floor(result: PairResult) -> float:
-    """Return the RMS, without the part that stays at the truth where that is known."""
+    """Return the usual RMS, without the part that stays at the truth where that is known."""
     assert result.measured is not None
-    floor = 0.0 if result.at_truth is None else result.at_truth.rms
-    return math.sqrt(max(result.measured.rms**2 - floor**2, 0.0))
+    floor = 0.0 if result.at_truth is None else _usual(result.at_truth)
+    return math.sqrt(max(_usual(result.measured) ** 2 - floor**2, 0.0))
+
+
+def _usual(figures: PairFigures) -> float:
+    """Return the median of the collections' RMS.
+
+    A wrong calibration is wrong in all of them, a bad label in one.
+    """
+    return float(np.median([value.rms for value in figures.per_collection.values()]))
 
 
 def _spread(result: PairResult) -> Optional[_Judged]:
@@ -184,7 +196,7 @@ def _told(verb: str, name: str, pairs: Sequence[_Judged]) -> str:
     largest = max(pairs, key=lambda pair: (GRADES.index(pair.grade), pair.size_m))
     if largest.source == largest.target:
         return largest.words
-    names = list(dict.fromkeys(_other(pair, name) for pair in pairs))
+    names = list(dict.fromkeys(_other(pair, name) for pair in pairs if pair.source != pair.target))
     at = "" if len(names) == 1 else f" (with {_other(largest, name)})"
     return f"{verb} {names_in_words(names, 3)}: {largest.words}{at}"
 

@@ -37,7 +37,7 @@ RESIDUAL = {  # mean distance at the solution [px, m, m]
     "orthogonal": Limits(0.02, 0.05),
     "border": Limits(0.03, 0.1),
 }
-OUTLIER_SHARE = Limits(0.05, 0.2)  # of a sensor's corners and points, beyond four sigmas
+OUTLIER_SHARE = Limits(0.1, 0.3)  # of a sensor's corners and points, beyond four sigmas
 FEWEST_BOARDS = FEWEST  # with fewer detections of a sensor it is weak
 
 # Of an evaluation. Sensors against one another, at `AT_M` from the camera [m], and never less than
@@ -45,10 +45,13 @@ FEWEST_BOARDS = FEWEST  # with fewer detections of a sensor it is weak
 # collections put a board that stays [m]; errors against the truth [m], [rad].
 AT_M = 2.0
 BETWEEN_CAMERAS_M, BETWEEN_CAMERAS_PX = Limits(0.004, 0.02), Limits(2.0, 6.0)
-RANGE_IN_IMAGE_M, RANGE_IN_IMAGE_PX = Limits(0.016, 0.06), Limits(4.0, 10.0)
+RANGE_IN_IMAGE_M, RANGE_IN_IMAGE_PX = Limits(0.02, 0.06), Limits(4.0, 10.0)
 OFF_PLANE_M = Limits(0.025, 0.06)
 BOARD_APART_M = Limits(0.01, 0.05)
 TRUE_M, TRUE_RAD = Limits(0.01, 0.03), Limits(math.radians(0.25), math.radians(1.0))
+
+
+_NOTHING = 1e-6  # of a millimetre, degree or pixel
 
 
 @dataclass(frozen=True)
@@ -155,10 +158,15 @@ def pixels(value: float) -> str:
 def _short(value: float) -> str:
     """Return two digits, more of a large figure, without an exponent."""
     if value < 0.005:
-        return "0"
+        return "under 0.01" if value > _NOTHING else "0"
     if value >= 10.0:
         return f"{value:.0f}"
     return f"{value:.1f}" if value >= 1.0 else f"{value:.2f}"
+
+
+def counted(number: int, what: str) -> str:
+    """Return "1 board", "2 boards"."""
+    return f"{number} {what}{'s' * (number != 1)}"
 
 
 def names_in_words(names: Sequence[str], most: int = 4) -> str:
