@@ -48,6 +48,7 @@ COMMANDS = (
     "convert_to_tabb_dataset",
     "annotate_pattern_borders_in_rgb_or_depth",
     "copy_tfs_from_dataset",
+    "update_dataset_from_version_2_to_3",
     "kalibr_stereo_calib",
     "rgb_to_rgb_evaluation",
     "lidar_to_rgb_evaluation",

@@ -200,6 +200,32 @@ def test_a_dataset_and_its_folder_are_renamed(path, capsys):
     assert "exists already" in refused(capsys, "rename_atom_dataset", "-d", moved, "-n", "train")
 
 
+def test_a_dataset_of_version_2_is_updated(path, capsys):
+    whole = document_of(path)
+    old = document_of(path)
+    old["_metadata"]["version"] = "2.0"
+    config = old["calibration_config"]
+    config["calibration_pattern"] = config.pop("calibration_patterns")["pattern_1"]
+    old["patterns"] = old["patterns"]["pattern_1"]
+    for collection in old["collections"].values():
+        collection["labels"] = collection["labels"]["pattern_1"]
+    path.write_text(json.dumps(old))
+    run("update_dataset_from_version_2_to_3", "-json", path, "-pn", "cell", "-cpn", "board")
+    new = read_dataset(path.with_name("dataset_version_3.json"))
+    assert list(new.patterns) == ["board"] and new.config.package_name == "cell"
+    assert len(list(new.detections())) == sum(
+        entry["detected"]
+        for collection in whole["collections"].values()
+        for entry in collection["labels"]["pattern_1"].values()
+    )
+    assert new.document["patterns"]["board"] == whole["patterns"]["pattern_1"]
+    assert document_of(path) == old
+    del old["collections"]["000"]["labels"]["rgb_1"]["idxs"]
+    path.write_text(json.dumps(old))
+    again = ["update_dataset_from_version_2_to_3", "-json", path, "-ow"]
+    assert "cannot be updated" in refused(capsys, *again)
+
+
 def test_inspection_tells_what_is_seen(path, capsys):
     run("inspect_atom_dataset", "-json", path, "-csf", "000", "001")
     out = capsys.readouterr().out
