@@ -3,6 +3,7 @@
 import json
 from argparse import Namespace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -126,3 +127,10 @@ def test_what_cannot_be_drawn_on_is_refused(data, monkeypatch, capsys):
         monkeypatch.delenv(name, raising=False)
     line = ["annotate_pattern_borders_in_rgb_or_depth", "-d", str(data), "-cs", "rgb_1"]
     assert cli.main(line) == 2 and "no screen" in capsys.readouterr().err
+
+    def without_windows(*_):
+        raise cv2.error("not implemented")
+
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(cv2, "namedWindow", without_windows)
+    assert cli.main(line) == 2 and "without windows" in capsys.readouterr().err

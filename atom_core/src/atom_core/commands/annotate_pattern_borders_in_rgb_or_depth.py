@@ -146,8 +146,17 @@ class Window:
         self._task, self._width, self._scale = task, width, 1.0
 
     def run(self) -> int:
-        """Open it; return when the user ends it or closes it."""
-        cv2.namedWindow(_WINDOW, cv2.WINDOW_AUTOSIZE)
+        """Open it; return when the user ends it or closes it.
+
+        Raises:
+            DatasetError: this OpenCV has no windows.
+        """
+        try:
+            cv2.namedWindow(_WINDOW, cv2.WINDOW_AUTOSIZE)
+        except cv2.error:
+            raise DatasetError(
+                "this OpenCV was built without windows; use the system's (python3-opencv)"
+            ) from None
         cv2.setMouseCallback(_WINDOW, self._mouse())
         print("\n".join(HELP))
         self._redraw()
