@@ -287,3 +287,15 @@ def test_a_joint_that_is_off_is_not_taken_for_chance():
     config = replace(scene.dataset.config, joints={})
     result = calibrate(replace(scene.dataset, config=config))
     assert result.status == "inconsistent" and not result.free.moving
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["hand_eye", "board_on_arm"])
+def test_ten_good_arms(kind):
+    scenes_ = [small(seed, kind) for seed in range(10)]
+    found = [outcome(scene, CalibrationOptions()) for scene in scenes_]
+    believed = [outcome(scene, CalibrationOptions(model_errors="off")).off_m for scene in scenes_]
+    assert sum(f.part is not None for f in found) >= 7  # the others' do not show beside the noise
+    assert np.mean([f.off_m for f in found]) < 0.8 * np.mean(believed)
+    held = np.mean(np.abs([f.in_sigmas for f in found]) < 1.96)
+    assert 0.85 <= held <= 1.0
