@@ -11,7 +11,12 @@ from atom_calibration.messages.poses import edge_of, pose_matrix, transform_matr
 from atom_calibration.nodes.calibrating.calibration_view import CalibrationView
 from atom_calibration.show import calibrated_tf, calibration_markers, view_options
 from atom_calibration.show.annotation import POINT
-from atom_calibration.show.calibration_state import RUNNING, Status, state_message
+from atom_calibration.show.calibration_state import (
+    RUNNING,
+    Status,
+    sigma_messages,
+    state_message,
+)
 from atom_calibration.show.estimate import Estimate
 from atom_calibration.show.overlays import Overlays, mosaic, visible_lines
 from atom_calibration.show.view_options import ViewOptions
@@ -19,6 +24,7 @@ from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
+from atom_core.model.colours import packed, sensor_colours
 from atom_core.model.dataset import board_edge, pose
 from atom_core.report.calibration_document import calibration_document
 from atom_core.report.calibration_results import calibration_results
@@ -44,7 +50,7 @@ class Run:
         )
         self.first, self.last = self.standings[0], Estimate.of_calibration(self.calibration)
         self.keys = list(self.dataset.collections)
-        self.by_sensor = calibration_markers.sensor_colours(self.dataset.sensors)
+        self.by_sensor = sensor_colours(self.dataset.sensors)
         self.by_collection = calibration_markers.collection_colours(self.keys)
         (self.pattern,) = self.dataset.patterns.values()
 
@@ -227,6 +233,44 @@ def test_the_state_has_a_row_for_each_sensor_and_kind(run):
     assert all(row.rms == row.rms_initial for row in began.residuals)
 
 
+def test_the_residuals_are_those_of_the_collection_that_is_shown(run):
+    key = run.keys[1]
+    message = state_message(run.last, run.first, Status("converged"), key)
+    assert message.collection == key
+    for row in message.residuals:
+        value = run.last.table[(row.sensor, row.kind, key)]
+        assert (row.rms, row.count) == (value.rms, value.count)
+        assert row.rms_initial == run.first.table[(row.sensor, row.kind, key)].rms
+
+
+def test_grades_are_of_the_answer_and_say_what_a_figure_is_worth(run):
+    assert {r.grade for r in state_message(run.last, run.first, Status(RUNNING)).residuals} == {""}
+    ended = state_message(run.last, run.first, Status("converged"))
+    assert {row.grade for row in ended.residuals} == {"good"}
+    began = state_message(run.first, run.first, Status("not_converged"))
+    assert "wrong" in {row.grade for row in began.residuals}, "0.1 m and 0.1 rad off"
+
+
+def test_there_is_a_bar_for_each_detection_and_one_for_what_is_left_out(run):
+    left = (next(iter(run.dataset.sensors)), run.keys[0])
+    message = state_message(run.last, run.first, Status("converged"), "", run.by_sensor, {left})
+    bars = {(bar.sensor, bar.collection): bar for bar in message.bars}
+    assert len(bars) == len(message.bars)
+    assert set(bars) == {(d.sensor, d.collection) for d in run.last.problem.detections} | {left}
+    assert [place for place, bar in bars.items() if bar.left_out] == [left]
+    assert message.residuals[0].colour == packed(run.by_sensor[message.residuals[0].sensor])
+
+
+def test_sigmas_are_those_that_are_written(run):
+    document = calibration_document(calibration_results(run.calibration, "ceres"), {})
+    edges = {name: edge for edge in document["edges"].values() for name in edge["sensors"]}
+    for sigma in sigma_messages(run.calibration):
+        edge = edges[sigma.sensor]
+        assert sigma.held == edge["anchored"]
+        assert sigma.translation_m == pytest.approx(max(edge["combined_sigma_translation_m"]))
+        assert sigma.rotation_rad == pytest.approx(max(edge["combined_sigma_rotation_rad"]))
+
+
 def test_residuals_that_were_not_there_at_the_start_are_unknown(run):
     empty = Estimate(0, 1.0, run.dataset, run.first.problem, run.first.x)
     empty.__dict__["table"] = {}
@@ -267,12 +311,43 @@ def test_a_border_that_runs_behind_the_camera_is_cut_there():
     assert visible_lines(CAMERA, square * [1, 1, -1] - [0, 0, 3]) == []
 
 
-def test_a_mosaic_holds_every_picture():
-    grey = [np.full((100, 200, 3), value, np.uint8) for value in (10, 20, 30)]
+def test_a_mosaic_holds_every_picture_with_its_name():
+    grey = {str(v): np.full((100, 200, 3), v, np.uint8) for v in (10, 20, 30, 40, 50)}
+    few = mosaic({name: grey[name] for name in ("10", "20", "30")})
+    assert few.shape == (960, 640, 3), "up to four in a column"
+    assert [int(few[310 + 320 * row, 630, 0]) for row in range(3)] == [10, 20, 30]
+    assert (few[:60, :120] == 255).any(), "the name is written large"
     whole = mosaic(grey)
-    assert whole.shape == (640, 1280, 3)
-    assert [int(whole[10, 10, 0]), int(whole[10, 700, 0]), int(whole[330, 10, 0])] == [10, 20, 30]
-    assert mosaic([]).any() == np.False_
+    assert whole.shape == (960, 1280, 3)
+    assert [int(whole[310, 630, 0]), int(whole[310, 1270, 0])] == [10, 20]
+    assert mosaic({}).any() == np.False_
+
+
+def test_clouds_are_drawn_into_the_images_where_the_poses_put_them(run):
+    overlays, key = Overlays(run.first, run.by_collection), run.keys[0]
+    lidar = {"lidar_1": (0.1, 0.2, 1.0)}
+    camera = next(s for s in run.dataset.sensors.values() if s.camera is not None)
+    plain = overlays.pictures(run.last, None)[camera.name]
+    drawn = overlays.pictures(run.last, None, lidar)[camera.name]
+    blue = np.all(drawn == (255, 51, 26), axis=2)
+    assert blue.any() and not np.all(plain == (255, 51, 26), axis=2).any()
+    rows, columns = np.nonzero(blue)
+    borders = []
+    for (_, at), world_T_pattern in run.last.board_poses.items():
+        world_T_camera = run.last.sensor_poses[(camera.name, at)]
+        camera_T_pattern = se3.inverse(world_T_camera) @ world_T_pattern
+        borders.append(
+            visible_lines(camera.camera, se3.apply(camera_T_pattern, _corners(run.pattern)))
+        )
+    hull = np.vstack([line.reshape(-1, 2) / 16.0 for lines in borders for line in lines])
+    assert columns.min() > hull[:, 0].min() - 6 and columns.max() < hull[:, 0].max() + 6
+    assert rows.min() > hull[:, 1].min() - 6 and rows.max() < hull[:, 1].max() + 6
+    assert overlays.pictures(run.last, key, lidar)[camera.name].shape == drawn.shape
+
+
+def _corners(pattern):
+    flat = pattern.border.sample(0.05)
+    return np.column_stack([flat, np.zeros(len(flat))])
 
 
 class Broken(CalibrationView):
@@ -290,7 +365,7 @@ def test_a_view_that_fails_does_not_stop_the_calibration(run, caplog):
     view.begin(run.dataset)
     options = CalibrationOptions(solver=SolverOptions(progress=view.progress))
     result = calibrate(run.dataset, options)
-    view.end(result)
+    view.end(result, options)
     assert result.status == "converged"
     told = [record.getMessage() for record in caplog.records if "the view has failed" in record.msg]
     assert len(told) == 1 and "nothing can be drawn" in told[0]

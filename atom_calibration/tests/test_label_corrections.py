@@ -22,6 +22,7 @@ from playback_scene import (
     write_scene,
 )
 
+from atom_calibration.nodes.correcting.playback_input import KeyPress
 from atom_core.cli import main as core_main
 from atom_core.editing.label_corrections import LabelCorrections
 from atom_core.errors import DatasetError, LabelingError, OutputError, SelectionError
@@ -131,6 +132,36 @@ def test_corrections_one_after_the_other_are_undone_in_turn(session):
         session.undo()
         assert text(session) == expected
     assert session.undo() == "there is nothing to take back"
+
+
+def test_corrections_that_are_joined_are_undone_at_once(session):
+    before = text(session)
+    session.remove_points(LIDAR, label(session, LIDAR).indices[::4])
+    assert not session.join_last_steps(), "there is one step only"
+    session.add_points(LIDAR, others(session), border=True)
+    after = text(session)
+    assert session.join_last_steps()
+    assert session.undo_steps == 1
+    words = session.undo()
+    assert "removed; " in words and "added to the border" in words
+    assert text(session) == before
+    session.redo()
+    assert text(session) == after
+    session.show(THIRD)
+    session.remove_points(LIDAR, label(session, LIDAR).indices[::4])
+    assert not session.join_last_steps(), "the other one is of another collection"
+
+
+def test_clouds_of_one_press_belong_together_and_no_others(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    press = KeyPress()
+    assert not press.is_still("remove", "a")
+    assert press.is_still("remove", "b")
+    assert not press.is_still("remove", "b"), "a sensor's second cloud is of another press"
+    assert not press.is_still("add", "a"), "another key"
+    now[0] = 2 * KeyPress.WITHIN_S
+    assert not press.is_still("add", "b"), "too late"
 
 
 def test_after_undo_a_new_correction_forgets_what_was_undone(session):

@@ -23,6 +23,7 @@ from scene import (  # noqa: E402
     BLOCK,
     BLOCK_PX,
     LEFT,
+    NAME,
     RIGHT,
     RIGHT_M,
     SCAN,
@@ -173,7 +174,8 @@ class RvizTest(unittest.TestCase):
         self.wait_for_calls(("delete", "003"))
 
     def test_14_seed_of_the_selected_sensor_is_cleared(self):
-        self.select_last_row(SENSORS)
+        left, _, _, bottom = self.screen.wait_for(SENSORS)  # as high as its rows are
+        self.screen.click(left + 10, bottom - 5)
         self.screen.click(*middle(self.screen.wait_for(SEED)))
         self.wait_for_calls(("seed", ()))
 
@@ -237,6 +239,14 @@ class RvizTest(unittest.TestCase):
         self.assertEqual([call[0] for call in self.scene.calls], ["seed"])
         error_m = np.abs(np.subtract(self.scene.calls[0][1], SCAN_MIDDLE_M))
         self.assertLess(error_m.max(), 1.01 * SCAN_RANGE_M * SCAN_STEP_RAD)
+
+    # ---- names
+
+    def test_27_a_name_is_seen_through_what_would_hide_it(self):
+        left, top, right, bottom = self.left
+        patch = self.screen.picture()[top : bottom + 1, left : right + 1].astype(int)
+        like_name = np.all(np.abs(patch - NAME) < 90, axis=2)
+        self.assertGreater(like_name.sum(), 50, "its letters are drawn over the patch")
 
     # ---- the picture
 

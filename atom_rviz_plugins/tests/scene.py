@@ -6,10 +6,12 @@ import threading
 
 import numpy as np
 import rospy
-from geometry_msgs.msg import TransformStamped
+from geometry_msgs.msg import Point, TransformStamped
 from sensor_msgs.msg import Image, LaserScan, PointCloud2, PointField
+from std_msgs.msg import ColorRGBA
 from std_srvs.srv import SetBool, SetBoolResponse
 from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import Marker, MarkerArray
 
 from atom_calibration.msg import (
     CalibrationState,
@@ -31,6 +33,7 @@ from atom_calibration.srv import (
 )
 
 LEFT, RIGHT = (255, 0, 0), (0, 0, 255)  # colours of the patches of points
+NAME = (0, 255, 255)  # colour of a name that stands below a patch
 SCAN = (0, 255, 0)  # colour of the scan
 BLOCK = (255, 0, 255)  # colour of the block in the picture
 BLOCK_PX = (200, 120, 40, 30)  # its left column, top row, width, height
@@ -100,6 +103,17 @@ def transforms_message():
     return TFMessage([lidar, scanner])
 
 
+def name_marker():
+    """A name one metre below the left patch, which hides what is there."""
+    x, y, _ = LEFT_M
+    marker = Marker(type=Marker.TEXT_VIEW_FACING, ns="names", text="IIIIII")
+    marker.header.frame_id = "lidar"
+    marker.pose.position = Point(x, y + 0.15, -1.0)
+    marker.pose.orientation.w = 1.0
+    marker.color = ColorRGBA(*(part / 255.0 for part in NAME), 1.0)
+    return marker
+
+
 class Scene:
     """Publishes all of it, and notes which services are called."""
 
@@ -113,6 +127,7 @@ class Scene:
             "cloud": rospy.Publisher("/lidar/points", PointCloud2, queue_size=1),
             "scan": rospy.Publisher("/scanner/scan", LaserScan, queue_size=1),
             "image": rospy.Publisher("/camera/labeled", Image, queue_size=1),
+            "names": rospy.Publisher("/names", MarkerArray, queue_size=1, latch=True),
             "tf": rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True),
             "state": rospy.Publisher(
                 "/collect_data/state", CollectorState, queue_size=1, latch=True
@@ -125,6 +140,7 @@ class Scene:
             ),
         }
         self._publishers["tf"].publish(transforms_message())
+        self._publishers["names"].publish(MarkerArray([name_marker()]))
         self._publish_collections()
         self._publish_calibration()
         self._timer = rospy.Timer(rospy.Duration(0.2), self._publish)
@@ -154,11 +170,17 @@ class Scene:
         state = CollectorState(dataset_folder="data/first", automatic=self._automatic)
         state.header.stamp = now
         state.collections = len(self._collections)
-        lidar = SensorState("my_lidar", "lidar3d", "/lidar/points", "lidar", now, [], [])
-        lidar.patterns = [PatternState("board", False, "fewer than 10 points near the seed", 0, "")]
-        camera = SensorState("camera", "rgb", "/camera", "camera", now, [], [])
-        camera.patterns = [PatternState("board", True, "", 48, "blur 0.8 px, 2.1 m, 34 deg")]
-        scanner = SensorState("my_scanner", "lidar2d", "/scanner/scan", "scanner", now, [], [])
+        lidar = SensorState("my_lidar", "lidar3d", 0x4F94C7, "/lidar/points", "lidar", now, [], [])
+        lidar.patterns = [
+            PatternState("board", False, "fewer than 10 points near the seed", 0, 0, "", [])
+        ]
+        camera = SensorState("camera", "rgb", 0x42B8A3, "/camera", "camera", now, [], [])
+        camera.patterns = [
+            PatternState("board", True, "", 48, 54, "blur 0.8 px, 2.1 m, 34 deg", [])
+        ]
+        scanner = SensorState(
+            "my_scanner", "lidar2d", 0xEDB021, "/scanner/scan", "scanner", now, [], []
+        )
         state.sensors = [camera, scanner, lidar]
         state.message = "Ready."
         self._publishers["state"].publish(state)
@@ -176,9 +198,9 @@ class Scene:
     def _publish_calibration(self):
         message = CalibrationState(running=True, status="running", iteration=4, cost=321.5)
         message.residuals = [
-            ResidualSummary("camera", "reprojection", "px", 1100, 0.31, 24.7),
-            ResidualSummary("my_lidar", "orthogonal", "m", 9000, 0.0098, 0.12),
-            ResidualSummary("my_lidar", "border", "m", 420, 0.021, 0.0204),
+            ResidualSummary("camera", 0x42B8A3, "reprojection", "px", 1100, 0.31, 24.7, ""),
+            ResidualSummary("my_lidar", 0x4F94C7, "orthogonal", "m", 9000, 0.0098, 0.12, ""),
+            ResidualSummary("my_lidar", 0x4F94C7, "border", "m", 420, 0.021, 0.0204, ""),
         ]
         self._publishers["calibration"].publish(message)
 

@@ -53,15 +53,29 @@ TEST(LabelTable, TellsFiguresInTheUnitsOfTheModality) {
   const Table table = label_table(state_of({corners, points}));
   expect_rectangular(table);
   ASSERT_EQ(table.rows.size(), 2u);
-  EXPECT_EQ(table.rows[0].cells[3].text, "") << "corners have no border";
-  EXPECT_EQ(table.rows[0].cells[4].text, "0.43");
-  EXPECT_EQ(table.rows[0].cells[5].hint, "corner 17");
-  EXPECT_EQ(table.rows[0].cells[6].text, "px");
-  EXPECT_EQ(table.rows[1].cells[3].text, "24");
-  EXPECT_EQ(table.rows[1].cells[4].text, "12.34");
-  EXPECT_EQ(table.rows[1].cells[5].text, "50.00");
-  EXPECT_EQ(table.rows[1].cells[5].hint, "point 4711");
-  EXPECT_EQ(table.rows[1].cells[6].text, "mm");
+  EXPECT_EQ(table.rows[0].cells[2].text, "") << "corners have no border";
+  EXPECT_EQ(table.rows[0].cells[3].text, "0.432 px");
+  EXPECT_EQ(table.rows[0].cells[4].hint, "corner 17: 1.50 px");
+  EXPECT_EQ(table.rows[1].cells[2].text, "24");
+  EXPECT_EQ(table.rows[1].cells[3].text, "12.3 mm");
+  EXPECT_EQ(table.rows[1].cells[4].text, "50.0 mm");
+  EXPECT_EQ(table.rows[1].cells[4].hint, "point 4711: 50.0 mm");
+}
+
+TEST(LabelTable, WhatIsBadIsRedAndNamed) {
+  LabelState corners = label_of("cam", "rgb", 88);
+  corners.rms = 1.9;
+  corners.worst = 14.82;
+  corners.worst_item = 41;
+  corners.grade = "wrong";
+  LabelState fine = corners;
+  fine.grade = "good";
+  const Table table = label_table(state_of({corners, fine}));
+  EXPECT_EQ(table.rows[0].cells[4].tone, Tone::kBad);
+  EXPECT_EQ(table.rows[0].cells[5].text, "corner 41: 14.8 px");
+  EXPECT_EQ(table.rows[0].cells[5].tone, Tone::kBad);
+  EXPECT_EQ(table.rows[1].cells[4].tone, Tone::kGood);
+  EXPECT_EQ(table.rows[1].cells[5].text, "");
 }
 
 TEST(LabelTable, SaysWhatIsAbsentCorrectedOrUnreadable) {
@@ -72,12 +86,12 @@ TEST(LabelTable, SaysWhatIsAbsentCorrectedOrUnreadable) {
   unreadable.problem = "the file is absent";
   const Table table = label_table(state_of({corrected, unreadable, label_of("c", "rgb", 0)}));
   expect_rectangular(table);
-  EXPECT_EQ(table.rows[0].cells[7].text, "corrected");
-  EXPECT_EQ(table.rows[0].cells[4].text, "-") << "points on a line have no plane";
-  EXPECT_EQ(table.rows[1].cells[7].text, "the file is absent");
-  EXPECT_EQ(table.rows[1].cells[7].tone, Tone::kBad);
-  EXPECT_EQ(table.rows[2].cells[2].text, "-");
-  EXPECT_EQ(table.rows[2].cells[4].text, "");
+  EXPECT_EQ(table.rows[0].cells[5].text, "corrected");
+  EXPECT_EQ(table.rows[0].cells[3].text, "-") << "points on a line have no plane";
+  EXPECT_EQ(table.rows[1].cells[5].text, "the file is absent");
+  EXPECT_EQ(table.rows[1].cells[5].tone, Tone::kBad);
+  EXPECT_EQ(table.rows[2].cells[1].text, "-");
+  EXPECT_EQ(table.rows[2].cells[3].text, "");
 }
 
 TEST(LabelTable, RowsOfOneSensorAreToldApart) {
@@ -85,6 +99,8 @@ TEST(LabelTable, RowsOfOneSensorAreToldApart) {
   second.pattern_name = "other";
   const PlaybackState state = state_of({label_of("cam", "rgb", 88), second});
   const Table table = label_table(state);
+  expect_rectangular(table);
+  EXPECT_EQ(table.rows[1].cells[1].text, "other") << "several patterns are named";
   ASSERT_NE(table.rows[0].key, table.rows[1].key);
   ASSERT_TRUE(label_of_row(state, table.rows[1].key));
   EXPECT_EQ(label_of_row(state, table.rows[1].key)->pattern_name, "other");

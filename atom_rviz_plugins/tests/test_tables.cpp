@@ -54,19 +54,23 @@ CollectionState collection_of(const std::string& name,
 TEST(SensorTable, TellsWhatEachSensorSees) {
   CollectorState state;
   state.sensors = {sensor_of("cam", "rgb", kNow_s - 0.2), sensor_of("lidar", "lidar3d", kNow_s)};
+  state.sensors[0].colour = 0x42B8A3;
   state.sensors[0].patterns = {pattern_of("board", 48, "")};
+  state.sensors[0].patterns[0].possible = 54;
   state.sensors[0].patterns[0].view = "blur 0.8 px, 2.1 m, 34 deg";
   state.sensors[1].patterns = {pattern_of("board", 0, "fewer than 10 points")};
   const Table table = sensor_table(state, kNow_s);
   expect_rectangular(table);
   ASSERT_EQ(table.rows.size(), 2u);
+  EXPECT_EQ(table.header[1], "sees") << "one pattern needs no name";
   EXPECT_EQ(table.rows[0].key, "cam");
-  EXPECT_EQ(table.rows[0].cells[2].text, "48");
-  EXPECT_EQ(table.rows[0].cells[2].tone, Tone::kGood);
-  EXPECT_EQ(table.rows[0].cells[4].text, "0.2 s");
-  EXPECT_EQ(table.rows[0].cells[5].text, "blur 0.8 px, 2.1 m, 34 deg");
-  EXPECT_EQ(table.rows[1].cells[2].tone, Tone::kBad);
-  EXPECT_EQ(table.rows[1].cells[5].text, "fewer than 10 points");
+  EXPECT_EQ(table.rows[0].cells[0].colour, 0x42B8A3u);
+  EXPECT_EQ(table.rows[0].cells[1].text, "48 of 54");
+  EXPECT_EQ(table.rows[0].cells[1].tone, Tone::kGood);
+  EXPECT_EQ(table.rows[0].cells[3].text, "0.2 s");
+  EXPECT_EQ(table.rows[0].cells[4].text, "blur 0.8 px, 2.1 m, 34 deg");
+  EXPECT_EQ(table.rows[1].cells[1].tone, Tone::kBad);
+  EXPECT_EQ(table.rows[1].cells[4].text, "fewer than 10 points");
 }
 
 TEST(SensorTable, SilentAndOldSensorsStandOut) {
@@ -75,12 +79,12 @@ TEST(SensorTable, SilentAndOldSensorsStandOut) {
                    sensor_of("ahead", "rgb", kNow_s + 1)};
   const Table table = sensor_table(state, kNow_s);
   expect_rectangular(table);
-  EXPECT_EQ(table.rows[0].cells[4].text, "no data yet");
-  EXPECT_EQ(table.rows[0].cells[4].tone, Tone::kBad);
-  EXPECT_NE(table.rows[0].cells[4].hint.find("/never/data"), std::string::npos);
-  EXPECT_EQ(table.rows[1].cells[4].text, "12 s");
-  EXPECT_EQ(table.rows[1].cells[4].tone, Tone::kBad);
-  EXPECT_EQ(table.rows[2].cells[4].text, "0.0 s");
+  EXPECT_EQ(table.rows[0].cells[3].text, "no data yet");
+  EXPECT_EQ(table.rows[0].cells[3].tone, Tone::kBad);
+  EXPECT_NE(table.rows[0].cells[3].hint.find("/never/data"), std::string::npos);
+  EXPECT_EQ(table.rows[1].cells[3].text, "12 s");
+  EXPECT_EQ(table.rows[1].cells[3].tone, Tone::kBad);
+  EXPECT_EQ(table.rows[2].cells[3].text, "0.0 s");
 }
 
 TEST(SensorTable, SeedsSetByHandAreShownInTheirUnit) {
@@ -90,10 +94,11 @@ TEST(SensorTable, SeedsSetByHandAreShownInTheirUnit) {
   state.sensors[0].manual_seed = {1.5, -2.0, 0.25};
   state.sensors[1].manual_seed = {320, 240};
   const Table table = sensor_table(state, kNow_s);
-  EXPECT_EQ(table.rows[0].cells[3].text, "1.50, -2.00, 0.25");
-  EXPECT_EQ(table.rows[1].cells[3].text, "320, 240");
-  EXPECT_EQ(table.rows[2].cells[3].text, "automatic");
-  EXPECT_EQ(table.rows[3].cells[3].text, "");
+  EXPECT_EQ(table.rows[0].cells[2].text, "by hand");
+  EXPECT_EQ(table.rows[0].cells[2].hint, "set by hand: 1.50, -2.00, 0.25 m");
+  EXPECT_EQ(table.rows[1].cells[2].hint, "set by hand: 320, 240 px");
+  EXPECT_EQ(table.rows[2].cells[2].text, "automatic");
+  EXPECT_EQ(table.rows[3].cells[2].text, "");
 }
 
 TEST(SensorTable, OnlyRangeSensorsOfTheCollectorTakeSeeds) {
@@ -112,6 +117,8 @@ TEST(SensorTable, EachPatternHasARow) {
   state.sensors[0].patterns = {pattern_of("a", 5, ""), pattern_of("b", 0, "not seen")};
   const Table table = sensor_table(state, kNow_s);
   ASSERT_EQ(table.rows.size(), 2u);
+  expect_rectangular(table);
+  EXPECT_EQ(table.header[1], "pattern");
   EXPECT_EQ(table.rows[1].cells[1].text, "b");
   EXPECT_EQ(table.rows[1].key, "cam");
 }
@@ -159,18 +166,49 @@ atom_calibration::ResidualSummary residual_of(const std::string& unit, unsigned 
   return part;
 }
 
-TEST(ResidualTable, MetresAreShownInMillimetres) {
+TEST(ResidualTable, HasThreeDigitsTheUnitAndTheToneOfTheGrade) {
   CalibrationState state;
-  state.residuals = {residual_of("m", 10, 0.01234, 0.2), residual_of("px", 5, 0.3456, 0.1)};
+  state.residuals = {residual_of("m", 65922, 0.01234, 0.2), residual_of("px", 5, 0.3456, 0.1)};
+  state.residuals[0].grade = "good";
+  state.residuals[1].grade = "weak";
   const Table table = residual_table(state);
   expect_rectangular(table);
-  EXPECT_EQ(table.rows[0].cells[3].text, "12.34");
-  EXPECT_EQ(table.rows[0].cells[3].tone, Tone::kGood);
-  EXPECT_EQ(table.rows[0].cells[4].text, "200.00");
-  EXPECT_EQ(table.rows[0].cells[5].text, "mm");
-  EXPECT_EQ(table.rows[1].cells[3].text, "0.346");
-  EXPECT_EQ(table.rows[1].cells[3].tone, Tone::kBad) << "worse than at the start";
-  EXPECT_EQ(table.rows[1].cells[5].text, "px");
+  EXPECT_EQ(table.rows[0].cells[2].text, "12.3 mm");
+  EXPECT_EQ(table.rows[0].cells[2].tone, Tone::kGood);
+  EXPECT_EQ(table.rows[0].cells[3].text, "200 mm");
+  EXPECT_EQ(table.rows[0].cells[2].hint, "65,922 points: good");
+  EXPECT_EQ(table.rows[1].cells[2].text, "0.346 px");
+  EXPECT_EQ(table.rows[1].cells[2].tone, Tone::kWeak);
+  state.residuals[1].grade = "wrong";
+  EXPECT_EQ(residual_table(state).rows[1].cells[2].tone, Tone::kBad);
+}
+
+TEST(ResidualTable, LowerThanBeforeIsNotGoodByItself) {
+  CalibrationState state;
+  state.residuals = {residual_of("m", 10, 0.110, 0.4)};
+  EXPECT_EQ(residual_table(state).rows[0].cells[2].tone, Tone::kPlain) << "not judged";
+}
+
+TEST(ResidualTable, TellsOncePerSensorHowWellItsPoseIsKnown) {
+  CalibrationState state;
+  state.residuals = {residual_of("m", 10, 0.01, 0.2), residual_of("m", 10, 0.01, 0.2),
+                     residual_of("px", 10, 0.3, 2.0)};
+  state.residuals[2].sensor = "held";
+  state.sigmas.resize(2);
+  state.sigmas[0].sensor = "s";
+  state.sigmas[0].translation_m = 0.0004;
+  state.sigmas[0].rotation_rad = 0.001;
+  state.sigmas[1].sensor = "held";
+  state.sigmas[1].held = true;
+  const Table table = residual_table(state);
+  EXPECT_EQ(table.rows[0].cells[4].text, "0.400 mm, 0.057 deg");
+  EXPECT_EQ(table.rows[1].cells[4].text, "");
+  EXPECT_EQ(table.rows[2].cells[4].text, "held");
+  state.sigmas[0].grade = "weak";
+  state.sigmas[0].sentence = "only 4 boards";
+  const Cell weak = residual_table(state).rows[0].cells[4];
+  EXPECT_EQ(weak.tone, Tone::kWeak);
+  EXPECT_EQ(weak.hint.find("weak: only 4 boards"), 0u);
 }
 
 TEST(ResidualTable, UnknownFiguresAreDashes) {
@@ -178,11 +216,22 @@ TEST(ResidualTable, UnknownFiguresAreDashes) {
   CalibrationState state;
   state.residuals = {residual_of("px", 0, 0.0, 0.0), residual_of("px", 3, 1.0, nan)};
   const Table table = residual_table(state);
+  EXPECT_EQ(table.rows[0].cells[2].text, "-");
   EXPECT_EQ(table.rows[0].cells[3].text, "-");
-  EXPECT_EQ(table.rows[0].cells[4].text, "-");
-  EXPECT_EQ(table.rows[1].cells[3].text, "1.000");
-  EXPECT_EQ(table.rows[1].cells[3].tone, Tone::kPlain);
-  EXPECT_EQ(table.rows[1].cells[4].text, "-");
+  EXPECT_EQ(table.rows[1].cells[2].text, "1.00 px");
+  EXPECT_EQ(table.rows[1].cells[3].text, "-");
+}
+
+TEST(Numbers, AreAsPeopleReadThem) {
+  EXPECT_EQ(count_text(0), "0");
+  EXPECT_EQ(count_text(999), "999");
+  EXPECT_EQ(count_text(1658), "1,658");
+  EXPECT_EQ(count_text(1234567), "1,234,567");
+  EXPECT_EQ(size_text(0.0000421, "m"), "0.042 mm");
+  EXPECT_EQ(size_text(0.00652, "m"), "6.52 mm");
+  EXPECT_EQ(size_text(0.0999, "m"), "99.9 mm");
+  EXPECT_EQ(size_text(0.12, "m"), "120 mm");
+  EXPECT_EQ(size_text(0.9999, "px"), "1.00 px") << "rounded, not 0.100e1 nor 1.000";
 }
 
 TEST(Choices, AreAllCollectionsAndEach) {
@@ -212,11 +261,13 @@ TEST(Lines, SayHowItStands) {
   calibration.running = true;
   calibration.iteration = 3;
   calibration.cost = 1234.5;
-  EXPECT_EQ(calibration_line(calibration), "running: iteration 3, cost 1234.5");
+  EXPECT_EQ(calibration_line(calibration), "Running: iteration 3, cost 1234.5");
   calibration.running = false;
   calibration.status = "converged";
   calibration.message = "Seven sensors.";
-  EXPECT_EQ(calibration_line(calibration), "converged: iteration 3, cost 1234.5. Seven sensors.");
+  EXPECT_EQ(calibration_line(calibration), "CONVERGED: Seven sensors.");
+  calibration.grade = "weak";
+  EXPECT_EQ(calibration_line(calibration), "WEAK: Seven sensors.") << "the verdict wins";
 }
 
 }  // namespace

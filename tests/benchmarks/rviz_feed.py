@@ -62,8 +62,8 @@ def state_message(now) -> CollectorState:
     state = CollectorState(dataset_folder="data", collections=COLLECTIONS, message="Ready.")
     state.header.stamp = now
     for name in SENSORS:
-        sensor = SensorState(name, name[:-2], f"/{name}", name, now, [], [])
-        sensor.patterns = [PatternState("board", True, "", int(now.nsecs % 97), "")]
+        sensor = SensorState(name, name[:-2], 0, f"/{name}", name, now, [], [])
+        sensor.patterns = [PatternState("board", True, "", int(now.nsecs % 97), 0, "", [])]
         state.sensors.append(sensor)
     return state
 

@@ -1,8 +1,6 @@
 #include "logic/playback_tables.h"
 
 #include <algorithm>
-#include <cmath>
-#include <cstdio>
 
 namespace atom_rviz {
 namespace {
@@ -13,47 +11,49 @@ using atom_calibration::LabelState;
 using atom_calibration::PlaybackState;
 using atom_calibration::SensorState;
 
-constexpr double kMillimetres = 1000.0;  // in a metre
-
-std::string figure_text(double value, const std::string& unit) {
-  if (!std::isfinite(value)) return "-";
-  char text[40];
-  std::snprintf(text, sizeof(text), "%.2f", unit == "m" ? kMillimetres * value : value);
-  return text;
-}
-
-std::string item_hint(const LabelState& label) {
+/// What is bad is named: "corner 41: 14.8 px".
+std::string worst_text(const LabelState& label) {
   if (label.worst_item < 0) return "";
-  const std::string number = std::to_string(label.worst_item);
-  return label.modality == "rgb" ? "corner " + number : "point " + number;
+  const std::string item = label.modality == "rgb" ? "corner " : "point ";
+  return item + std::to_string(label.worst_item) + ": " + size_text(label.worst, label.unit);
 }
 
-Row label_row(const LabelState& label, std::size_t place) {
-  const Cell count = label.detected ? Cell{std::to_string(label.points), Tone::kGood, ""}
+std::string note_of(const LabelState& label, bool bad) {
+  if (!label.problem.empty()) return label.problem;
+  std::string note = bad ? worst_text(label) : "";
+  if (label.corrected) note += note.empty() ? "corrected" : ", corrected";
+  return note;
+}
+
+Row label_row(const LabelState& label, std::size_t place, bool named) {
+  const Tone tone = label.problem.empty() ? tone_of(label.grade) : Tone::kBad;
+  const bool bad = tone == Tone::kWeak || tone == Tone::kBad;
+  const Cell count = label.detected ? Cell{count_text(label.points), Tone::kGood, ""}
                                     : Cell{"-", Tone::kFaint, label.sensor + " has no label here"};
   const bool has_border = label.detected && label.modality != "rgb";
-  const std::string unit = label.unit == "m" ? "mm" : label.unit;
-  const std::string note = !label.problem.empty() ? label.problem
-                           : label.corrected      ? "corrected"
-                                                  : "";
-  return {
-      std::to_string(place),
-      {{label.sensor, Tone::kPlain, label.modality + " on " + label.topic},
-       {label.pattern_name, Tone::kPlain, ""},
-       count,
-       {has_border ? std::to_string(label.border_points) : "", Tone::kPlain, ""},
-       {label.detected ? figure_text(label.rms, label.unit) : "", Tone::kPlain, ""},
-       {label.detected ? figure_text(label.worst, label.unit) : "", Tone::kPlain, item_hint(label)},
-       {unit, Tone::kFaint, ""},
-       {note, label.problem.empty() ? Tone::kPlain : Tone::kBad, note}}};
+  const std::string note = note_of(label, bad);
+  Row row{std::to_string(place),
+          {{label.sensor, Tone::kPlain, label.modality + " on " + label.topic, label.colour},
+           count,
+           {has_border ? count_text(label.border_points) : "", Tone::kPlain, ""},
+           {label.detected ? size_text(label.rms, label.unit) : "", tone, ""},
+           {label.detected ? size_text(label.worst, label.unit) : "", tone, worst_text(label)},
+           {note, bad ? tone : Tone::kPlain, note}}};
+  if (named) row.cells.insert(row.cells.begin() + 1, Cell{label.pattern_name, Tone::kPlain, ""});
+  return row;
 }
 
 }  // namespace
 
 Table label_table(const PlaybackState& state) {
-  Table table{{"sensor", "pattern", "points", "border", "rms", "worst", "unit", "note"}, {}};
+  const bool named =
+      std::any_of(state.labels.begin(), state.labels.end(), [&](const LabelState& label) {
+        return label.pattern_name != state.labels.front().pattern_name;
+      });
+  Table table{{"sensor", "points", "border", "rms", "worst", "note"}, {}};
+  if (named) table.header.insert(table.header.begin() + 1, "pattern");
   for (std::size_t i = 0; i < state.labels.size(); ++i) {
-    table.rows.push_back(label_row(state.labels[i], i));
+    table.rows.push_back(label_row(state.labels[i], i, named));
   }
   return table;
 }

@@ -11,7 +11,8 @@
 namespace atom_rviz {
 
 /// The labels of the collection that is shown: a row for each sensor and pattern, with its figures;
-/// m are shown in mm. The key of a row is its place among the labels, see `label_of_row`.
+/// m are shown in mm; what is bad is named. The key of a row is its place among the labels, see
+/// `label_of_row`.
 Table label_table(const atom_calibration::PlaybackState& state);
 
 /// The label of a row of `label_table`; null where there is none.

@@ -1,6 +1,7 @@
 #include "logic/tables.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdio>
 #include <map>
@@ -16,6 +17,8 @@ using atom_calibration::PatternState;
 using atom_calibration::ResidualSummary;
 using atom_calibration::SensorState;
 
+constexpr double kDegrees = 57.29577951308232;  // in a radian
+
 std::string formatted(const char* format, double value) {
   char text[40];
   std::snprintf(text, sizeof(text), format, value);
@@ -30,7 +33,8 @@ Cell seed_cell(const SensorState& sensor) {
     text +=
         (text.empty() ? "" : ", ") + formatted(sensor.modality == "depth" ? "%.0f" : "%.2f", value);
   }
-  return {text, Tone::kPlain, sensor.modality == "depth" ? "set by hand, px" : "set by hand, m"};
+  const std::string unit = sensor.modality == "depth" ? " px" : " m";
+  return {"by hand", Tone::kPlain, "set by hand: " + text + unit};
 }
 
 Cell age_cell(const SensorState& sensor, double now_s) {
@@ -42,18 +46,28 @@ Cell age_cell(const SensorState& sensor, double now_s) {
   return {formatted("%.1f s", std::max(age_s, 0.0)), Tone::kPlain, ""};
 }
 
-Row sensor_row(const SensorState& sensor, const PatternState* pattern, double now_s) {
+std::string seen_text(const PatternState& pattern) {
+  const std::string seen = count_text(pattern.points);
+  return pattern.possible > 0 ? seen + " of " + count_text(pattern.possible) : seen;
+}
+
+Row sensor_row(const SensorState& sensor, const PatternState* pattern, bool named, double now_s) {
   const bool detected = pattern && pattern->detected;
   const std::string reason = pattern ? pattern->reason : "no labels came yet";
-  const Cell sees = detected ? Cell{std::to_string(pattern->points), Tone::kGood, ""}
+  const std::string how = detected ? pattern->view : reason;
+  const Cell sees = detected ? Cell{seen_text(*pattern), Tone::kGood, ""}
                              : Cell{"no", pattern ? Tone::kBad : Tone::kFaint, reason};
-  return {sensor.name,
-          {{sensor.name, Tone::kPlain, sensor.modality + " on " + sensor.topic},
-           {pattern ? pattern->pattern_name : "", Tone::kPlain, ""},
+  Row row{sensor.name,
+          {{sensor.name, Tone::kPlain, sensor.modality + " on " + sensor.topic, sensor.colour},
            sees,
            seed_cell(sensor),
            age_cell(sensor, now_s),
-           {detected ? pattern->view : reason, Tone::kPlain, reason}}};
+           {how, Tone::kPlain, how}}};
+  if (named) {
+    const std::string name = pattern ? pattern->pattern_name : "";
+    row.cells.insert(row.cells.begin() + 1, Cell{name, Tone::kPlain, ""});
+  }
+  return row;
 }
 
 Cell detection_cell(const CollectionState& collection, const std::string& sensor) {
@@ -62,11 +76,11 @@ Cell detection_cell(const CollectionState& collection, const std::string& sensor
   for (const auto& detection : collection.detections) {
     if (detection.sensor != sensor) continue;
     points += detection.points;
-    hint += (hint.empty() ? "" : "\n") + detection.pattern_name + ": " +
-            std::to_string(detection.points);
+    hint +=
+        (hint.empty() ? "" : "\n") + detection.pattern_name + ": " + count_text(detection.points);
   }
   if (hint.empty()) return {"-", Tone::kFaint, sensor + " saw nothing"};
-  return {std::to_string(points), Tone::kGood, hint};
+  return {count_text(points), Tone::kGood, hint};
 }
 
 std::vector<std::string> sensors_across(const CollectionStates& collections,
@@ -83,20 +97,58 @@ std::vector<std::string> sensors_across(const CollectionStates& collections,
   return names;
 }
 
-std::string size_text(double value, const std::string& unit) {
-  if (!std::isfinite(value)) return "-";
-  return unit == "m" ? formatted("%.2f", 1000.0 * value) : formatted("%.3f", value);
+Cell sigma_cell(const CalibrationState& state, const std::string& sensor) {
+  for (const auto& sigma : state.sigmas) {
+    if (sigma.sensor != sensor) continue;
+    const Tone tone = tone_of(sigma.grade);
+    const std::string why =
+        sigma.sentence.empty() ? sensor + "'s pose" : sigma.grade + ": " + sigma.sentence;
+    if (sigma.held) return {"held", tone == Tone::kPlain ? Tone::kFaint : tone, why};
+    if (!std::isfinite(sigma.translation_m)) return {"-", Tone::kFaint, "not known"};
+    return {size_text(sigma.translation_m, "m") + ", " +
+                formatted("%.3f", kDegrees * sigma.rotation_rad) + " deg",
+            tone, why + "\nStandard deviation of its pose, the largest of the three axes."};
+  }
+  return {};
 }
 
 }  // namespace
 
+Tone tone_of(const std::string& grade) {
+  if (grade == "good") return Tone::kGood;
+  if (grade == "weak") return Tone::kWeak;
+  return grade == "wrong" ? Tone::kBad : Tone::kPlain;
+}
+
+std::string count_text(std::uint64_t count) {
+  std::string text = std::to_string(count);
+  for (int place = static_cast<int>(text.size()) - 3; place > 0; place -= 3) {
+    text.insert(static_cast<std::size_t>(place), ",");
+  }
+  return text;
+}
+
+std::string size_text(double value, const std::string& unit) {
+  if (!std::isfinite(value)) return "-";
+  const double shown = unit == "m" ? 1000.0 * value : value;
+  const double size = std::abs(shown);  // three digits, as rounded
+  const int decimals = size < 0.9995 ? 3 : size < 9.995 ? 2 : size < 99.95 ? 1 : 0;
+  char text[40];
+  std::snprintf(text, sizeof(text), "%.*f", decimals, shown);
+  return text + std::string(unit == "m" ? " mm" : " " + unit);
+}
+
 Table sensor_table(const CollectorState& state, double now_s) {
-  Table table{{"sensor", "pattern", "sees", "seed", "age", "why not"}, {}};
+  const bool named =
+      std::any_of(state.sensors.begin(), state.sensors.end(),
+                  [](const SensorState& sensor) { return sensor.patterns.size() > 1; });
+  Table table{{"sensor", "sees", "seed", "age", "how well"}, {}};
+  if (named) table.header.insert(table.header.begin() + 1, "pattern");
   for (const auto& sensor : state.sensors) {
     for (const auto& pattern : sensor.patterns) {
-      table.rows.push_back(sensor_row(sensor, &pattern, now_s));
+      table.rows.push_back(sensor_row(sensor, &pattern, named, now_s));
     }
-    if (sensor.patterns.empty()) table.rows.push_back(sensor_row(sensor, nullptr, now_s));
+    if (sensor.patterns.empty()) table.rows.push_back(sensor_row(sensor, nullptr, named, now_s));
   }
   return table;
 }
@@ -116,21 +168,21 @@ Table collection_table(const CollectionStates& collections, const CollectorState
 }
 
 Table residual_table(const CalibrationState& state) {
-  Table table{{"sensor", "kind", "count", "rms", "at the start", "unit"}, {}};
+  Table table{{"sensor", "kind", "rms", "before", "known to"}, {}};
+  std::string before;
   for (const ResidualSummary& part : state.residuals) {
     const bool known = part.count > 0 && std::isfinite(part.rms);
-    const bool compared = known && std::isfinite(part.rms_initial);
-    const Tone tone = !compared                      ? Tone::kPlain
-                      : part.rms <= part.rms_initial ? Tone::kGood
-                                                     : Tone::kBad;
+    const std::string hint = count_text(part.count) + (part.unit == "px" ? " corners" : " points") +
+                             (part.grade.empty() ? "" : ": " + part.grade);
+    const Cell sigma = part.sensor == before ? Cell{} : sigma_cell(state, part.sensor);
+    before = part.sensor;
     table.rows.push_back(
         {part.sensor,
-         {{part.sensor, Tone::kPlain, ""},
+         {{part.sensor, Tone::kPlain, "", part.colour},
           {part.kind, Tone::kPlain, ""},
-          {std::to_string(part.count), Tone::kPlain, ""},
-          {known ? size_text(part.rms, part.unit) : "-", tone, ""},
+          {known ? size_text(part.rms, part.unit) : "-", tone_of(part.grade), hint},
           {part.count > 0 ? size_text(part.rms_initial, part.unit) : "-", Tone::kFaint, ""},
-          {part.unit == "m" ? "mm" : part.unit, Tone::kFaint, ""}}});
+          sigma}});
   }
   return table;
 }
@@ -162,10 +214,14 @@ std::string collector_line(const CollectorState& state) {
 }
 
 std::string calibration_line(const CalibrationState& state) {
-  std::string line = state.running ? "running" : state.status;
-  line +=
-      ": iteration " + std::to_string(state.iteration) + ", cost " + formatted("%.6g", state.cost);
-  return state.message.empty() ? line : line + ". " + state.message;
+  if (state.running) {
+    const std::string line = "Running: iteration " + std::to_string(state.iteration) + ", cost " +
+                             formatted("%.5g", state.cost);
+    return state.message.empty() ? line : line + ". " + state.message;
+  }
+  std::string line = state.grade.empty() ? state.status : state.grade;
+  for (char& letter : line) letter = static_cast<char>(std::toupper(letter));
+  return state.message.empty() ? line : line + ": " + state.message;
 }
 
 }  // namespace atom_rviz

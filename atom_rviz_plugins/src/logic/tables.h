@@ -5,19 +5,28 @@
 #include <atom_calibration/CollectionStates.h>
 #include <atom_calibration/CollectorState.h>
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
 namespace atom_rviz {
 
 /// How a cell is coloured.
-enum class Tone { kPlain, kGood, kBad, kFaint };
+enum class Tone { kPlain, kGood, kWeak, kBad, kFaint };
 
-/// A cell; `hint` is shown when the mouse rests on it.
+/// The tone of a grade: "good", "weak" or "wrong"; any other is plain.
+Tone tone_of(const std::string& grade);
+
+/// 0xRRGGBB; a sensor has the same in every picture.
+using Colour = std::uint32_t;
+constexpr Colour kNoColour = 0xFFFFFFFF;
+
+/// A cell; `hint` is shown when the mouse rests on it, `colour` as a square before the text.
 struct Cell {
   std::string text;
   Tone tone = Tone::kPlain;
   std::string hint;
+  Colour colour = kNoColour;
 };
 
 /// A row; `key` is the name that services know it by: of a sensor, of a collection.
@@ -32,7 +41,8 @@ struct Table {
   std::vector<Row> rows;
 };
 
-/// Sensors while data are collected: a row for each sensor and pattern.
+/// Sensors while data are collected: a row for each sensor and pattern; the pattern has a column
+/// where there are several.
 ///
 /// Labels older than `kOld_s` at `now_s` are said to be old: their sensor is silent.
 Table sensor_table(const atom_calibration::CollectorState& state, double now_s);
@@ -45,7 +55,8 @@ constexpr double kOld_s = 3.0;
 Table collection_table(const atom_calibration::CollectionStates& collections,
                        const atom_calibration::CollectorState& state);
 
-/// Residuals of each sensor and kind: count, rms now, rms at the start; m are shown in mm.
+/// Residuals of each sensor and kind of what is shown: rms now and before, in px or mm, and how
+/// well the sensor's pose is known. The colour of a number is its grade.
 Table residual_table(const atom_calibration::CalibrationState& state);
 
 /// A collection to choose; `key` is the name that services know it by, empty for all of them.
@@ -62,6 +73,12 @@ int chosen(const std::vector<Choice>& choices, const std::string& key);
 
 /// Whether a sensor of the collector begins its labels at a seed; cameras do not.
 bool takes_seed(const atom_calibration::CollectorState& state, const std::string& sensor);
+
+/// A whole number as people read it: "65,922".
+std::string count_text(std::uint64_t count);
+
+/// A residual or a length in three digits with its unit, m as mm: "0.313 px", "9.80 mm", "124 mm".
+std::string size_text(double value, const std::string& unit);
 
 /// One line: "12 collections in FOLDER, automatic".
 std::string collector_line(const atom_calibration::CollectorState& state);

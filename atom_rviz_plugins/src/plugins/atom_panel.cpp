@@ -1,20 +1,36 @@
 #include "plugins/atom_panel.h"
 
 #include <rviz/render_panel.h>
+#include <rviz/tool_manager.h>
+#include <rviz/visualization_manager.h>
 
 #include <QApplication>
 #include <QKeyEvent>
+#include <QSaveFile>
+#include <QScreen>
+#include <QTimer>
 #include <QVBoxLayout>
+#include <QWindow>
 #include <pluginlib/class_list_macros.hpp>
 
+#include "plugins/cut_parts.h"
 #include "plugins/image_canvas.h"
+#include "plugins/point_label_tool.h"
 
 namespace atom_rviz {
+namespace {
+
+constexpr int kSettled_ms = 500;  // the window manager has put a frame around the window by then
+constexpr int kGeometry_ms = 1000;
+constexpr char kGeometryFile[] = "ATOM_PANEL_GEOMETRY";
+
+}  // namespace
 
 AtomPanel::AtomPanel(QWidget* parent) : rviz::Panel(parent) {
   pages_->addTab(collect_, "Collect");
   pages_->addTab(calibrate_, "Calibrate");
   pages_->addTab(playback_, "Labels");
+  pages_->addTab(guess_, "First guess");
   connect(pages_, &QTabWidget::currentChanged, this, &AtomPanel::configChanged);
   auto* layout = new QVBoxLayout(this);
   layout->setContentsMargins(2, 2, 2, 2);
@@ -35,6 +51,11 @@ bool AtomPanel::eventFilter(QObject* watched, QEvent* event) {
     const bool alone = (key->modifiers() & ~Qt::KeypadModifier) == Qt::NoModifier;
     const auto page = static_cast<std::size_t>(pages_->currentIndex());
     if (alone && all_pages()[page]->press(key->key())) return true;
+    const int number = key->key() - Qt::Key_1;
+    if (key->modifiers() == Qt::ControlModifier && number >= 0 && number < pages_->count()) {
+      pages_->setCurrentIndex(number);
+      return true;
+    }
   }
   return rviz::Panel::eventFilter(watched, event);
 }
@@ -48,9 +69,58 @@ void AtomPanel::onInitialize() {
   master_ = std::make_unique<MasterWatch>(services, [this] {
     for (Page* page : all_pages()) page->subscribe();
   });
+  playback_->on_other_collection([this] { forget_marks(); });
+  if (qEnvironmentVariableIsSet(kGeometryFile)) {
+    auto* timer = new QTimer(this);
+    connect(timer, &QTimer::timeout, this, &AtomPanel::write_geometry);
+    timer->start(kGeometry_ms);
+  }
   connect(master_.get(), &MasterWatch::changed, this, [this] {
     for (Page* page : all_pages()) page->show_master(master_->status());
   });
+}
+
+void AtomPanel::showEvent(QShowEvent* event) {
+  rviz::Panel::showEvent(event);
+  if (fitted_) return;
+  fitted_ = true;
+  QTimer::singleShot(kSettled_ms, this, [this] { fit_window(); });
+}
+
+// A layout that was made for a larger screen would hide a part of the panel beyond its edge.
+void AtomPanel::fit_window() {
+  QWidget* top = window();
+  const QScreen* screen = top->windowHandle() ? top->windowHandle()->screen() : nullptr;
+  if (!screen || top == this) return;
+  const QRect room = screen->availableGeometry();
+  const QSize frame = top->frameGeometry().size() - top->size();
+  if (top->frameGeometry().width() > room.width() ||
+      top->frameGeometry().height() > room.height()) {
+    top->move(room.topLeft());
+    top->resize(top->size().boundedTo(room.size() - frame));
+  }
+}
+
+// What was chosen or drawn belongs to the collection that was shown before.
+void AtomPanel::forget_marks() {
+  for (QWidget* widget : QApplication::allWidgets()) {
+    if (auto* canvas = qobject_cast<ImageCanvas*>(widget)) canvas->forget();
+  }
+  rviz::ToolManager* tools = vis_manager_->getToolManager();
+  for (int i = 0; i < tools->numTools(); ++i) {
+    if (auto* tool = dynamic_cast<PointLabelTool*>(tools->getTool(i))) tool->forget();
+  }
+}
+
+// For tests: what of the panel is cut or hidden, a line for each part; a file without lines is
+// good.
+void AtomPanel::write_geometry() {
+  QSaveFile file(QString::fromLocal8Bit(qgetenv(kGeometryFile)));
+  if (!isVisible() || !file.open(QIODevice::WriteOnly)) return;
+  for (const std::string& part : cut_parts(*this)) {
+    file.write(QByteArray::fromStdString(part + "\n"));
+  }
+  file.commit();
 }
 
 void AtomPanel::load(const rviz::Config& config) {

@@ -9,6 +9,7 @@
 
 #include "plugins/calibrate_page.h"
 #include "plugins/collect_page.h"
+#include "plugins/guess_page.h"
 #include "plugins/master_watch.h"
 #include "plugins/playback_page.h"
 
@@ -25,17 +26,26 @@ class AtomPanel : public rviz::Panel {
   void load(const rviz::Config& config) override;
   void save(rviz::Config config) const override;
 
-  /// Take ATOM's keys where the view, a picture or the panel has the focus.
+  /// Take ATOM's keys where the view, a picture or the panel has the focus; Ctrl with 1, 2, ...:
+  /// the page.
   bool eventFilter(QObject* watched, QEvent* event) override;
+
+ protected:
+  void showEvent(QShowEvent* event) override;
 
  private:
   bool takes_keys(QObject* watched) const;
-  std::array<Page*, 3> all_pages() const { return {collect_, calibrate_, playback_}; }
+  std::array<Page*, 4> all_pages() const { return {collect_, calibrate_, playback_, guess_}; }
+  void fit_window();
+  void forget_marks();
+  void write_geometry();
 
   QTabWidget* pages_ = new QTabWidget;
   CollectPage* collect_ = new CollectPage;
   CalibratePage* calibrate_ = new CalibratePage;
   PlaybackPage* playback_ = new PlaybackPage;
+  GuessPage* guess_ = new GuessPage;
+  bool fitted_ = false;
   std::unique_ptr<MasterWatch> master_;  // last: its thread ends before the pages do
 };
 

@@ -1,5 +1,6 @@
 #include "plugins/calibrate_page.h"
 
+#include <atom_calibration/LeaveOut.h>
 #include <atom_calibration/ShowCollection.h>
 
 #include <QHBoxLayout>
@@ -10,6 +11,7 @@ namespace atom_rviz {
 CalibratePage::CalibratePage(QWidget* parent) : Page("/calibrate/", {}, "", parent) {
   lay_out();
   connect(shown_, QOverload<int>::of(&QComboBox::activated), this, &CalibratePage::choose);
+  connect(bars_, &ResidualBarsView::clicked, this, &CalibratePage::leave_out);
   show_choices();
   show_buttons();
 }
@@ -27,10 +29,20 @@ void CalibratePage::lay_out() {
   buttons->addWidget(previous_);
   buttons->addWidget(shown_, 1);
   buttons->addWidget(next_);
+  table_->fit_rows();
+  legend_->setWordWrap(true);
+  legend_->setText(
+      "<font color='#00823c'>Good</font>, <font color='#b06800'>weak</font>, "
+      "<font color='#be3214'>wrong</font>; in the view white and thin: before. Bars: residuals by "
+      "sensor, in its own scale, and collection; a click leaves one out and solves again.");
   auto* layout = new QVBoxLayout(this);
+  layout->setContentsMargins(4, 4, 4, 4);
+  layout->setSpacing(4);
   layout->addWidget(status_);
-  layout->addWidget(table_);
   layout->addLayout(buttons);
+  layout->addWidget(table_);
+  layout->addWidget(legend_);
+  layout->addWidget(bars_, 1);
   layout->addWidget(message_);
 }
 
@@ -45,6 +57,7 @@ void CalibratePage::listen() {
 void CalibratePage::show_all() {
   show_status(calibration_line(state_));
   table_->show_table(residual_table(state_));
+  bars_->show_chart(bar_chart(state_), state_.collection);
   show_choices();
   show_buttons();
 }
@@ -74,6 +87,18 @@ void CalibratePage::choose(int index) {
   atom_calibration::ShowCollection service;
   service.request.collection_name = shown_->itemData(index).toString().toStdString();
   call("show_collection", service);
+}
+
+void CalibratePage::leave_out(const QString& sensor, const QString& collection, bool leave_out) {
+  if (is_waiting()) return;
+  atom_calibration::LeaveOut service;
+  service.request.sensor = sensor.toStdString();
+  service.request.collection_name = collection.toStdString();
+  service.request.leave_out = leave_out;
+  call_service(full_name("leave_out"), service, [this](bool success, const std::string& message) {
+    message_->setVisible(true);
+    Page::show_message(message, success);
+  });
 }
 
 void CalibratePage::show_message(const std::string& text, bool good) {

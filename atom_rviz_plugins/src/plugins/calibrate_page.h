@@ -8,6 +8,7 @@
 #endif
 
 #include "plugins/page.h"
+#include "plugins/residual_bars_view.h"
 #include "plugins/table_view.h"
 
 namespace atom_rviz {
@@ -27,9 +28,12 @@ class CalibratePage : public Page {
   void lay_out();
   void show_choices();
   void choose(int index);
+  void leave_out(const QString& sensor, const QString& collection, bool leave_out);
 
   atom_calibration::CalibrationState state_;
   TableView* table_ = new TableView;
+  ResidualBarsView* bars_ = new ResidualBarsView;
+  QLabel* legend_ = new QLabel;
   QComboBox* shown_ = new QComboBox;
   QPushButton* previous_ = service_button("Previous", "previous_shown", "previous");
   QPushButton* next_ = service_button("Next", "next_shown", "next");

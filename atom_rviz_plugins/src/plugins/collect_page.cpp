@@ -5,8 +5,11 @@
 #include <atom_calibration/SetSeed.h>
 #include <std_srvs/SetBool.h>
 
+#include <QApplication>
 #include <QHBoxLayout>
 #include <QVBoxLayout>
+
+#include "plugins/image_canvas.h"
 
 namespace atom_rviz {
 namespace {
@@ -59,11 +62,18 @@ void CollectPage::lay_out() {
                           static_cast<QWidget*>(remove_), static_cast<QWidget*>(clear_seed_)}) {
     buttons->addWidget(button);
   }
+  sensors_->fit_rows();
+  legend_->setText("Boards in each view (white: now), distance, tilt, and what is missing:");
+  legend_->hide();
   auto* layout = new QVBoxLayout(this);
+  layout->setContentsMargins(4, 4, 4, 4);
+  layout->setSpacing(3);
   layout->addWidget(status_);
-  layout->addWidget(sensors_, 2);
+  layout->addWidget(sensors_);
   layout->addLayout(buttons);
-  layout->addWidget(table_, 3);
+  layout->addWidget(legend_);
+  layout->addWidget(guidance_);
+  layout->addWidget(table_, 1);
   layout->addWidget(message_);
 }
 
@@ -91,13 +101,36 @@ void CollectPage::show_all() {
   } else if (node_runs()) {
     show_status("The collector is running, but has not reported its state yet.");
   }
+  if (collections_ && state_) {
+    const std::vector<GuidanceRow> rows = guidance_rows(*collections_, *state_);
+    legend_->setVisible(!rows.empty());
+    guidance_->show_rows(rows);
+  }
   if (collections_ && collections_changed_) {
     collections_changed_ = false;
+    flash_new_collection();
     table_->show_table(
         collection_table(*collections_, state_ ? *state_ : atom_calibration::CollectorState()));
     table_->scrollToBottom();
   }
   show_buttons();
+}
+
+// What the cameras saw is taken: their pictures say so.
+void CollectPage::flash_new_collection() {
+  bool taken = false;
+  std::set<std::string> now;
+  for (const auto& collection : collections_->collections) {
+    now.insert(collection.name);
+    taken = taken || known_.count(collection.name) == 0;
+  }
+  known_ = now;
+  if (taken && heard_) {
+    for (QWidget* widget : QApplication::allWidgets()) {
+      if (auto* canvas = qobject_cast<ImageCanvas*>(widget)) canvas->flash();
+    }
+  }
+  heard_ = true;
 }
 
 void CollectPage::show_buttons() {

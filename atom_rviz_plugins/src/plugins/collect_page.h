@@ -3,12 +3,14 @@
 
 #include <QCheckBox>
 #include <QTimer>
+#include <set>
 
 #ifndef Q_MOC_RUN
 #include <atom_calibration/CollectionStates.h>
 #include <atom_calibration/CollectorState.h>
 #endif
 
+#include "plugins/guidance_view.h"
 #include "plugins/page.h"
 #include "plugins/table_view.h"
 
@@ -34,17 +36,22 @@ class CollectPage : public Page {
   void set_automatic(bool on);
   void clear_seed();
   void disarm();
+  void flash_new_collection();
   template <class Service>
   void call_and_say(const std::string& name, const Service& service, const std::string& done);
 
   atom_calibration::CollectorStateConstPtr state_;
   atom_calibration::CollectionStatesConstPtr collections_;
   bool collections_changed_ = false;
-  std::string last_message_;  // of the collector
-  std::string to_remove_;     // pressed once: the next press removes it
+  std::set<std::string> known_;  // collections that were there before
+  bool heard_ = false;           // the collections have been told once
+  std::string last_message_;     // of the collector
+  std::string to_remove_;        // pressed once: the next press removes it
 
   TableView* sensors_ = new TableView;
   TableView* table_ = new TableView;
+  GuidanceView* guidance_ = new GuidanceView;
+  QLabel* legend_ = new QLabel;
   QPushButton* save_ = new QPushButton("Save collection");
   QPushButton* remove_ = new QPushButton("Delete collection");
   QPushButton* clear_seed_ = new QPushButton("Clear seed");

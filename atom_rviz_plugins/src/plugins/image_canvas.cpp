@@ -13,6 +13,9 @@ constexpr double kClosingRadius = 10.0;  // of the first corner, in screen pixel
 constexpr double kZoomPerNotch = 1.2;
 constexpr double kEighthsPerNotch = 120.0;  // Qt's unit of a wheel
 const QColor kMark(255, 220, 0);
+const QColor kTaken(60, 220, 60);  // that of labels on the board
+constexpr double kFrame = 6.0;     // of a picture that is taken, in screen pixels
+constexpr int kFlash_ms = 500;
 
 /// Mouse positions are whole screen pixels; the pixel's centre is meant.
 Point2 centre_of(const QPointF& position) {
@@ -27,6 +30,8 @@ ImageCanvas::ImageCanvas(QWidget* parent) : QWidget(parent) {
   setMouseTracking(true);
   setFocusPolicy(Qt::StrongFocus);
   setCursor(Qt::CrossCursor);
+  flash_timer_.setSingleShot(true);
+  connect(&flash_timer_, &QTimer::timeout, this, [this] { update(); });
 }
 
 void ImageCanvas::show_image(const QImage& image, const QString& text) {
@@ -48,6 +53,18 @@ void ImageCanvas::fit() {
   update();
 }
 
+void ImageCanvas::forget() {
+  drawing_ = PolygonDrawing();
+  last_click_px_.reset();
+  Q_EMIT message_changed("");
+  update();
+}
+
+void ImageCanvas::flash() {
+  flash_timer_.start(kFlash_ms);
+  update();
+}
+
 void ImageCanvas::paintEvent(QPaintEvent* /*event*/) {
   QPainter painter(this);
   painter.fillRect(rect(), QColor(40, 40, 40));
@@ -61,6 +78,10 @@ void ImageCanvas::paintEvent(QPaintEvent* /*event*/) {
   painter.drawImage(QRectF(from(view_.corner()), size), image_);
   painter.setRenderHint(QPainter::Antialiasing);
   draw_marks(painter);
+  if (!flash_timer_.isActive()) return;
+  painter.setBrush(Qt::NoBrush);
+  painter.setPen(QPen(kTaken, 2.0 * kFrame));
+  painter.drawRect(rect());
 }
 
 void ImageCanvas::draw_marks(QPainter& painter) const {

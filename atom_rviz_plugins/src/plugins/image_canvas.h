@@ -2,6 +2,7 @@
 #pragma once
 
 #include <QImage>
+#include <QTimer>
 #include <QWidget>
 #include <optional>
 
@@ -31,6 +32,12 @@ class ImageCanvas : public QWidget {
 
  public Q_SLOTS:
   void fit();
+
+  /// Forget clicks and polygons: they were of another picture.
+  void forget();
+
+  /// Show a frame around the image for a moment: what is seen now is taken.
+  void flash();
 
  Q_SIGNALS:
   /// A click, or a closed polygon, in px; (0, 0) is the centre of the top-left pixel.
@@ -65,6 +72,7 @@ class ImageCanvas : public QWidget {
   QImage image_;
   QString text_;
   std::optional<Point2> last_click_px_;
+  QTimer flash_timer_;  // runs while the frame is shown
   QPointF mouse_;
 };
 

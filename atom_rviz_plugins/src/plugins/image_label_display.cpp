@@ -28,6 +28,11 @@ ImageLabelDisplay::ImageLabelDisplay() {
       "Image to show. Clicks go to TOPIC/mouse_click and TOPIC/right_click, polygons to "
       "TOPIC/polygon.",
       this, SLOT(update_topic()));
+  values_topic_ = new rviz::RosTopicProperty("Values from", "", "sensor_msgs/Image",
+                                             "Image of the same size whose values are told under "
+                                             "the mouse, such as the depths of a picture "
+                                             "with labels. Empty: those of the picture.",
+                                             this, SLOT(update_values()));
   mode_ = new rviz::EnumProperty("Mode", "Click", "What the left button does.", this,
                                  SLOT(update_mode()));
   mode_->addOption("Click", static_cast<int>(ImageCanvas::Mode::kClick));
@@ -101,6 +106,15 @@ void ImageLabelDisplay::update_topic() {
   subscribe();
 }
 
+void ImageLabelDisplay::update_values() {
+  values_subscriber_.shutdown();
+  values_.reset();
+  const std::string topic = values_topic_->getTopicStd();
+  if (!isEnabled() || topic.empty()) return;
+  values_subscriber_ = update_nh_.subscribe<sensor_msgs::Image>(
+      topic, 1, [this](const sensor_msgs::ImageConstPtr& message) { values_ = message; });
+}
+
 void ImageLabelDisplay::update_mode() {
   if (pane_) pane_->set_mode(static_cast<ImageCanvas::Mode>(mode_->getOptionInt()));
 }
@@ -135,6 +149,7 @@ void ImageLabelDisplay::subscribe() {
     right_clicks_ = update_nh_.advertise<geometry_msgs::PointStamped>(topic + "/right_click", 5);
     polygons_ = update_nh_.advertise<geometry_msgs::PolygonStamped>(topic + "/polygon", 5);
     subscriber_ = threaded_nh_.subscribe(topic, 1, &ImageLabelDisplay::take, this);
+    update_values();
     setStatus(rviz::StatusProperty::Ok, "Topic", "OK");
   } catch (const ros::Exception& error) {
     setStatus(rviz::StatusProperty::Error, "Topic", error.what());
@@ -143,6 +158,7 @@ void ImageLabelDisplay::subscribe() {
 
 void ImageLabelDisplay::unsubscribe() {
   subscriber_.shutdown();
+  values_subscriber_.shutdown();
   clicks_.shutdown();
   right_clicks_.shutdown();
   polygons_.shutdown();
@@ -204,10 +220,11 @@ void ImageLabelDisplay::show_value(int column, int row) {
     pane_->show_value("");
     return;
   }
-  pane_->show_value(QString("(%1, %2): %3")
-                        .arg(column)
-                        .arg(row)
-                        .arg(QString::fromStdString(value_text(*shown_.message, column, row))));
+  const bool fits = values_ && values_->width == shown_.message->width &&
+                    values_->height == shown_.message->height;
+  const std::string value = value_text(fits ? *values_ : *shown_.message, column, row);
+  pane_->show_value(
+      QString("(%1, %2): %3").arg(column).arg(row).arg(QString::fromStdString(value)));
 }
 
 void ImageLabelDisplay::publish_click(ros::Publisher& clicks, double x_px, double y_px) {

@@ -51,6 +51,7 @@ class ImageLabelDisplay : public rviz::Display {
   void update_topic();
   void update_mode();
   void update_range();
+  void update_values();
 
  private:
   struct Shown {
@@ -70,6 +71,7 @@ class ImageLabelDisplay : public rviz::Display {
   void publish_polygon(const QVector<QPointF>& corners_px);
 
   rviz::RosTopicProperty* topic_;
+  rviz::RosTopicProperty* values_topic_;
   rviz::EnumProperty* mode_;
   rviz::BoolProperty* automatic_;
   rviz::FloatProperty* nearest_m_;
@@ -77,6 +79,8 @@ class ImageLabelDisplay : public rviz::Display {
   ImagePane* pane_ = nullptr;
 
   ros::Subscriber subscriber_;
+  ros::Subscriber values_subscriber_;
+  sensor_msgs::ImageConstPtr values_;  // told under the mouse instead of the picture's own
   ros::Publisher clicks_;
   ros::Publisher right_clicks_;
   ros::Publisher polygons_;

@@ -1,6 +1,31 @@
 #include "plugins/page.h"
 
+#include <QFontMetrics>
+#include <algorithm>
+
 namespace atom_rviz {
+namespace {
+
+constexpr int kMostLines = 3;  // of a message; the others are told when the mouse rests on it
+
+/// A text as far as it fits into some lines of a width.
+QString shortened(const QString& text, const QFontMetrics& metrics, int width) {
+  const auto fits = [&](const QString& part) {
+    const QRect room(0, 0, width, 10000);
+    return metrics.boundingRect(room, Qt::TextWordWrap, part).height() <=
+           kMostLines * metrics.lineSpacing();
+  };
+  if (fits(text)) return text;
+  int known = 0;
+  int too_long = text.size();
+  while (too_long - known > 1) {
+    const int middle = (known + too_long) / 2;
+    (fits(text.left(middle) + "...") ? known : too_long) = middle;
+  }
+  return text.left(known) + "...";
+}
+
+}  // namespace
 
 Page::Page(const std::string& node, const std::vector<std::string>& watched_services,
            const QString& absent, QWidget* parent)
@@ -40,7 +65,9 @@ QPushButton* Page::service_button(const QString& text, const QString& object_nam
 }
 
 void Page::show_message(const std::string& text, bool good) {
-  message_->setText(QString::fromStdString(text));
+  const QString all = QString::fromStdString(text);
+  message_->setToolTip(all);
+  message_->setText(shortened(all, message_->fontMetrics(), std::max(width() - 20, 200)));
   message_->setStyleSheet(good ? "" : "color: #be3214");
 }
 

@@ -50,20 +50,25 @@ void PlaybackPage::lay_out() {
   labels->addWidget(delete_);
   labels->addWidget(reset_);
   labels->addWidget(polygons_);
+  labels_->fit_rows();
   auto* layout = new QVBoxLayout(this);
+  layout->setContentsMargins(4, 4, 4, 4);
+  layout->setSpacing(4);
   layout->addWidget(status_);
   layout->addLayout(steps);
-  layout->addWidget(labels_, 3);
+  layout->addWidget(labels_);
   layout->addLayout(labels);
-  layout->addWidget(table_, 2);
+  layout->addWidget(table_, 1);
   layout->addWidget(message_);
 }
 
 void PlaybackPage::listen() {
   take<atom_calibration::PlaybackState>(
       "state", [this](const atom_calibration::PlaybackStateConstPtr& message) {
+        const bool other = state_ && state_->collection != message->collection;
         state_ = message;
         changed_ = true;
+        if (other && on_other_collection_) on_other_collection_();
       });
   take<atom_calibration::CollectionStates>(
       "collections", [this](const atom_calibration::CollectionStatesConstPtr& message) {
@@ -117,6 +122,9 @@ bool PlaybackPage::press(int key) {
       return true;
     case Qt::Key_S:
       save_->click();
+      return true;
+    case Qt::Key_U:
+      undo_->click();
       return true;
     case Qt::Key_D:
       polygons_->click();

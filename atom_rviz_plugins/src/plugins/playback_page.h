@@ -3,6 +3,7 @@
 
 #include <QCheckBox>
 #include <QTimer>
+#include <functional>
 
 #ifndef Q_MOC_RUN
 #include <atom_calibration/CollectionStates.h>
@@ -19,7 +20,11 @@ class PlaybackPage : public Page {
  public:
   explicit PlaybackPage(QWidget* parent = nullptr);
 
-  /// Right and left: next and previous collection; s: save; q: save and end; d: what polygons do.
+  /// Call a function whenever another collection is shown.
+  void on_other_collection(const std::function<void()>& call) { on_other_collection_ = call; }
+
+  /// Right and left: next and previous collection; u: undo; s: save; q: save and end; d: what
+  /// polygons do.
   bool press(int key) override;
 
  protected:
@@ -36,6 +41,7 @@ class PlaybackPage : public Page {
 
   atom_calibration::PlaybackStateConstPtr state_;
   atom_calibration::CollectionStatesConstPtr collections_;
+  std::function<void()> on_other_collection_;
   bool changed_ = false;  // something came since it was shown
 
   TableView* labels_ = new TableView;

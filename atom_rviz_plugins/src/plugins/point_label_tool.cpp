@@ -102,6 +102,13 @@ void PointLabelTool::deactivate() {
   take_highlight_away();
 }
 
+void PointLabelTool::forget() {
+  if (chosen_.empty()) return;
+  chosen_.clear();
+  take_highlight_away();
+  setStatus("");
+}
+
 int PointLabelTool::processMouseEvent(rviz::ViewportMouseEvent& event) {
   if (!dragging_ && is_for_camera(event)) return 0;
   rviz::SelectionManager* selection = context_->getSelectionManager();

@@ -39,6 +39,9 @@ class PointLabelTool : public CloudTool {
   int processMouseEvent(rviz::ViewportMouseEvent& event) override;
   int processKeyEvent(QKeyEvent* event, rviz::RenderPanel* panel) override;
 
+  /// Nothing is chosen any more: what is shown is another collection.
+  void forget();
+
  private:
   enum Label { kInside, kBorder, kRemove, kClear, kNothing };
   struct Chosen {

@@ -1,21 +1,20 @@
 #include "plugins/table_view.h"
 
 #include <QHeaderView>
+#include <QIcon>
+#include <QPixmap>
+#include <QScrollBar>
+#include <algorithm>
+
+#include "plugins/tones.h"
 
 namespace atom_rviz {
 namespace {
 
-QBrush colour_of(Tone tone, const QPalette& palette) {
-  switch (tone) {
-    case Tone::kGood:
-      return QColor(0, 130, 60);
-    case Tone::kBad:
-      return QColor(190, 50, 20);
-    case Tone::kFaint:
-      return palette.brush(QPalette::Disabled, QPalette::Text);
-    default:
-      return palette.brush(QPalette::Active, QPalette::Text);  // also while it is disabled
-  }
+QIcon square_of(Colour colour) {
+  QPixmap picture(10, 10);
+  picture.fill(colour_of(colour));
+  return QIcon(picture);
 }
 
 }  // namespace
@@ -28,9 +27,10 @@ TableView::TableView(QWidget* parent) : QTableWidget(parent) {
   setAlternatingRowColors(true);
   verticalHeader()->hide();
   verticalHeader()->setSectionResizeMode(QHeaderView::Fixed);
-  verticalHeader()->setDefaultSectionSize(fontMetrics().height() + 6);
+  verticalHeader()->setDefaultSectionSize(fontMetrics().height() + 4);
   horizontalHeader()->setSectionResizeMode(QHeaderView::ResizeToContents);
   horizontalHeader()->setStretchLastSection(true);
+  setHorizontalScrollMode(QAbstractItemView::ScrollPerPixel);
 }
 
 void TableView::show_table(const Table& table) {
@@ -47,6 +47,11 @@ void TableView::show_table(const Table& table) {
                 table.rows[i].cells[k]);
     }
   }
+  keep_last_heading();
+  if (fits_rows_) {
+    const int high = height_of(std::clamp(rowCount(), 1, kMostRows));
+    if (high != minimumHeight()) setFixedHeight(high);
+  }
   if (selected.empty() || (row == currentRow() && selected == selected_key())) return;
   clearSelection();
   setCurrentCell(-1, -1);
@@ -58,6 +63,42 @@ void TableView::show_table(const Table& table) {
   }
 }
 
+void TableView::fit_rows() {
+  fits_rows_ = true;
+  setSizePolicy(QSizePolicy::Expanding, QSizePolicy::Fixed);
+  setMinimumHeight(height_of(1));
+}
+
+// A last section that is stretched is also shrunk: its heading would be cut.
+void TableView::keep_last_heading() {
+  const int last = columnCount() - 1;
+  if (last < 0) return;
+  int others = 0;
+  for (int i = 0; i < last; ++i) others += horizontalHeader()->sectionSize(i);
+  const int needed = std::max(horizontalHeader()->sectionSizeHint(last),
+                              std::min(sizeHintForColumn(last), kWidestLast));
+  const bool stretch = others + needed <= viewport()->width();
+  if (stretch != horizontalHeader()->stretchLastSection()) {
+    horizontalHeader()->setStretchLastSection(stretch);
+  }
+}
+
+void TableView::resizeEvent(QResizeEvent* event) {
+  QTableWidget::resizeEvent(event);
+  keep_last_heading();
+}
+
+QSize TableView::sizeHint() const {
+  return fits_rows_ ? QSize(QTableWidget::sizeHint().width(), minimumHeight())
+                    : QTableWidget::sizeHint();
+}
+
+int TableView::height_of(int rows) const {
+  return horizontalHeader()->sizeHint().height() + rows * verticalHeader()->defaultSectionSize() +
+         2 * frameWidth() +
+         (horizontalScrollBar()->isVisible() ? horizontalScrollBar()->height() : 0);
+}
+
 void TableView::show_cell(int row, int column, const std::string& key, const Cell& cell) {
   QTableWidgetItem* item = this->item(row, column);
   if (!item) {
@@ -67,6 +108,7 @@ void TableView::show_cell(int row, int column, const std::string& key, const Cel
   item->setText(QString::fromStdString(cell.text));
   item->setToolTip(QString::fromStdString(cell.hint));
   item->setForeground(colour_of(cell.tone, palette()));
+  if (cell.colour != kNoColour) item->setIcon(square_of(cell.colour));
   item->setData(Qt::UserRole, QString::fromStdString(key));
 }
 

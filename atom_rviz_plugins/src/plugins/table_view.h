@@ -15,11 +15,29 @@ class TableView : public QTableWidget {
 
   void show_table(const Table& table);
 
+  /// Be as high as all rows need, up to twelve of them.
+  void fit_rows();
+
+  /// Whether there is room for every row.
+  bool shows_all_rows() const { return fits_rows_ && rowCount() <= kMostRows; }
+
+  QSize sizeHint() const override;
+
   /// Key of the row that is selected; empty when none is.
   std::string selected_key() const;
 
+ protected:
+  void resizeEvent(QResizeEvent* event) override;
+
  private:
+  static constexpr int kMostRows = 12;
+  static constexpr int kWidestLast = 110;  // in screen pixels, that the last column has at least
+
+  void keep_last_heading();
+  int height_of(int rows) const;
   void show_cell(int row, int column, const std::string& key, const Cell& cell);
+
+  bool fits_rows_ = false;
 };
 
 }  // namespace atom_rviz

@@ -17,6 +17,7 @@ from atom_core.io.atomic import write_json_atomically
 from atom_core.labeling.advice import LEAST_FAILURES, Failure, advice, same_reason
 from atom_core.labeling.base import Labeled
 from atom_core.labeling.board_size import SeenBoard, find_size, size_remark
+from atom_core.labeling.guidance import BoardView, Guidance, board_view, guidance
 from atom_core.labeling.rgb import STARTS_BLACK
 from atom_core.labeling.view_quality import (
     ForeseenView,
@@ -158,6 +159,16 @@ class QualityLog:
                     f"the driver and collect again"
                 )
         return lines
+
+    def guidance(self) -> Dict[str, Guidance]:
+        """Return where in its view each sensor has seen boards, and what is missing."""
+        views: Dict[str, List[BoardView]] = {name: [] for name in self._sensors}
+        for key in sorted(self._figures):
+            for (sensor, _), figures in self._figures[key].items():
+                view = board_view(figures)
+                if view is not None and sensor in views:
+                    views[sensor].append(view)
+        return {n: guidance(v, self._sensors[n].camera is not None) for n, v in views.items()}
 
     def sizes(self) -> List[str]:
         """Return a line for each 3D LiDAR to which a board is not of the configured size."""

@@ -10,9 +10,10 @@ import jinja2
 
 from atom_calibration.configure.check import BagFacts
 from atom_calibration.configure.package import CalibrationPackage, launch_text
+from atom_calibration.configure.window import HEIGHT, WIDTH, Side, window_state
 from atom_calibration.modalities.table import ros_modality
-from atom_calibration.show.markers import colour_of
 from atom_core.io.paths import package_folder
+from atom_core.model.colours import sensor_colours
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.dataset import Dataset
 from atom_core.model.modality import modalities, modality_named
@@ -32,6 +33,10 @@ SKELETON = {
 # What launch files start, as roslaunch-check wants it in the manifest of a calibration package.
 PACKAGES = ("atom_calibration", "robot_state_publisher", "rosbag", "rviz", "xacro")
 _THROTTLING = "topic_tools"
+# Of RViz configurations: the page of the panel, and displays with panes that are no sensors.
+_PAGES = {"collect_data": 0, "calibrate": 1, "dataset_playback": 2, "set_initial_estimate": 3}
+_IMAGE_PANES = {"calibrate": ["Images"]}
+_PANEL_PX, _DISPLAYS_PX, _IMAGES_PX = 480, 300, 380  # width
 MADE_BY = "Made by `configure` from {config}; it tells before it replaces what you edit."
 
 
@@ -44,7 +49,10 @@ def rendered_files(
     names += [f"rviz/{name}.rviz" for name in RVIZ_FILES]
     environment = _environment()
     return {
-        name: environment.get_template(f"{Path(name).name}.j2").render(values) for name in names
+        name: environment.get_template(f"{Path(name).name}.j2").render(
+            {**values, **window_values(Path(name).stem, values)}
+        )
+        for name in names
     }
 
 
@@ -76,6 +84,7 @@ def collecting_view(config: CalibrationConfig) -> str:
         config: each sensor with its modality.
     """
     values = {"made_by": "Made by `collect_data_rviz`.", **_sensor_values(config)}
+    values.update(window_values("collect_data", values))
     return _environment().get_template("collect_data.rviz.j2").render(values)
 
 
@@ -90,6 +99,7 @@ def correcting_view(dataset: Dataset) -> str:
     values = _sensor_values(replace(config, sensors=sensors))
     # nobody has said which description the robot has
     values = {"made_by": "Made by `dataset_playback_rviz`.", "with_robot": False, **values}
+    values.update(window_values("dataset_playback", values))
     return _environment().get_template("dataset_playback.rviz.j2").render(values)
 
 
@@ -112,11 +122,34 @@ def template_values(
     }
 
 
+def window_values(name: str, values: Mapping[str, Any]) -> Dict[str, Any]:
+    """Return how a window is laid out.
+
+    Args:
+        name: of the RViz configuration.
+        values: of its template, with the sensors.
+    """
+    images = [sensor["name"] for sensor in values["sensors"] if sensor["is_image"]]
+    panes = _IMAGE_PANES.get(name, images)
+    page = _PAGES.get(name)
+    tabs = ["Displays"] if page is None else ["ATOM", "Displays"]
+    left = Side(tabs, _DISPLAYS_PX if page is None else _PANEL_PX)
+    return {
+        "has_panel": page is not None,
+        "page": page,
+        "image_panes": panes,
+        "window_state": window_state(left, Side(panes, _IMAGES_PX)),
+        "window_width": WIDTH,
+        "window_height": HEIGHT,
+    }
+
+
 def _sensor_values(config: CalibrationConfig) -> Dict[str, Any]:
     """Return what the configuration alone says."""
     sensors: List[Dict[str, Any]] = []
-    for index, (name, entry) in enumerate(config.sensors.items()):
-        colour = "; ".join(str(round(255 * value)) for value in colour_of(index))
+    colours = sensor_colours(config.sensors)
+    for name, entry in config.sensors.items():
+        colour = "; ".join(str(round(255 * value)) for value in colours[name])
         sensors.append(
             {
                 "name": name,

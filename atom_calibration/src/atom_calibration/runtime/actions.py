@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from typing import Callable, Tuple
+from typing import Callable, Optional, Tuple
 
 import rospy
 from std_srvs.srv import Trigger, TriggerResponse
@@ -20,12 +20,16 @@ class Actions:
         lock: held while something is done; whoever changes the same from elsewhere takes it too.
     """
 
-    def __init__(self, tell: Callable[[str], None]):
+    def __init__(
+        self, tell: Callable[[str], None], answered: Optional[Callable[[str, bool], None]] = None
+    ):
         """Begin.
 
         Args:
             tell: shows in RViz what came of an entry of a menu.
+            answered: is told every answer, and whether it was done.
         """
+        self._answered = answered
         self.lock = threading.RLock()  # feedback, services and menus come in different threads
         self._tell = tell
 
@@ -36,6 +40,8 @@ class Actions:
                 answer = TriggerResponse(True, action())
             except AtomError as error:
                 answer = TriggerResponse(False, str(error))
+        if self._answered is not None:
+            self._answered(answer.message, answer.success)
         (rospy.loginfo if answer.success else rospy.logerr)(answer.message)
         return answer
 

@@ -14,8 +14,8 @@ from atom_calibration.messages.poses import point_message, pose_message
 from atom_calibration.show import markers
 from atom_calibration.show.annotation import POINT
 from atom_calibration.show.estimate import Estimate
-from atom_calibration.show.markers import Colour
 from atom_core.geometry import se3
+from atom_core.model.colours import Colour, packed
 from atom_core.model.sensor import Sensor
 
 _FRUSTUM_M, _LIDAR_M = (0.02, 0.3), 0.12
@@ -32,11 +32,6 @@ def collection_colours(keys: Sequence[str]) -> Dict[str, Colour]:
         value = 0.95 if index % 2 == 0 else 0.75  # neighbours differ in brightness, too
         colours[key] = colorsys.hsv_to_rgb(0.9 * index / max(len(keys), 1), 0.7, value)
     return colours
-
-
-def sensor_colours(names: Iterable[str]) -> Dict[str, Colour]:
-    """Return a colour for each sensor; the same as in the other steps."""
-    return {name: markers.colour_of(index) for index, name in enumerate(names)}
 
 
 def boards(estimate: Estimate, shown: Sequence[str], colours: Dict[str, Colour]) -> List[Marker]:
@@ -78,15 +73,26 @@ def sensors(
         for key, pose in _places(estimate, sensor.name, shown):
             shapes = _shapes(sensor, world, colours[sensor.name])
             shapes.append(markers.axes(world, _AXES_M))
-            name = markers.text(world, sensor.name, _TEXT_M, (1.0, 1.0, 1.0))
-            for marker in [*shapes, name]:
+            for marker in shapes:
                 marker.pose, marker.ns = pose_message(pose), sensor.name
-            name.pose.position.z += 1.5 * _TEXT_M
-            listed += [*shapes, name]
+            listed += shapes
             began = first.sensor_poses.get((sensor.name, key))
             if began is not None:
                 ends = np.array([began[:3, 3], pose[:3, 3]])
                 listed.append(markers.lines(world, ends, colours[sensor.name], sensor.name))
+    return markers.numbered(listed)
+
+
+def names(estimate: Estimate, shown: Sequence[str], colours: Dict[str, Colour]) -> List[Marker]:
+    """Return the name of every sensor where it stands, in its colour, and which one is held."""
+    world, listed = estimate.dataset.world, []
+    for sensor in estimate.dataset.sensors.values():
+        held = sensor.name == estimate.dataset.config.anchored_sensor
+        words = f"{sensor.name} (held)" if held else sensor.name
+        for _, pose in _places(estimate, sensor.name, shown):
+            name = markers.name(world, words, colours[sensor.name], sensor.name)
+            name.pose = pose_message(pose)
+            listed.append(name)
     return markers.numbered(listed)
 
 
@@ -131,7 +137,7 @@ def labeled_points(
             table[axis] = values
         table["idx"] = points.ids[::step]
         colour = collection_colour[collection] if collection_colour else sensor_colour[sensor]
-        table["rgb"] = _packed(_lighter(colour) if points.border else colour)
+        table["rgb"] = packed(_lighter(colour) if points.border else colour)
         parts[sensor].append(table)
     return {name: np.concatenate([np.zeros(0, POINT), *tables]) for name, tables in parts.items()}
 
@@ -175,8 +181,3 @@ def _shapes(sensor: Sensor, frame: str, colour: Colour) -> List[Marker]:
 def _lighter(colour: Colour) -> Colour:
     red, green, blue = (0.45 * value + 0.55 for value in colour)
     return red, green, blue
-
-
-def _packed(colour: Colour) -> int:
-    red, green, blue = (int(round(255 * value)) for value in colour)
-    return red << 16 | green << 8 | blue

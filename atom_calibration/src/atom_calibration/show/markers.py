@@ -6,33 +6,26 @@ it without publishing it again.
 
 from __future__ import annotations
 
-from typing import Dict, Iterable, List, Optional, Tuple
+from typing import Container, Dict, Iterable, List, Mapping, Optional
 
 import numpy as np
 from geometry_msgs.msg import Point, Vector3
 from std_msgs.msg import ColorRGBA
-from visualization_msgs.msg import Marker
+from visualization_msgs.msg import Marker, MarkerArray
 
 from atom_calibration.messages.poses import point_message, pose_message
 from atom_core.geometry.camera import Camera
+from atom_core.model.colours import Colour
+from atom_core.model.config import CalibrationConfig
 from atom_core.model.pattern import CHARUCO, Pattern
 
-Colour = Tuple[float, float, float]  # red, green, blue from 0 to 1
-
-# Set3 of ColorBrewer, darkened where it would vanish on RViz's grey; one colour for each sensor.
-_PALETTE: Tuple[Colour, ...] = (
-    *((0.26, 0.72, 0.64), (0.93, 0.69, 0.13), (0.55, 0.50, 0.80), (0.91, 0.37, 0.31)),
-    *((0.31, 0.58, 0.78), (0.95, 0.52, 0.18), (0.48, 0.74, 0.19), (0.90, 0.46, 0.68)),
-    *((0.55, 0.55, 0.55), (0.66, 0.36, 0.67), (0.35, 0.65, 0.40), (0.80, 0.75, 0.20)),
-)
 NEAR_M, FAR_M = 0.3, 3.0  # of a frustum
 _LINE_M = 0.006
 _BOARD_THICKNESS_M = 0.004
-
-
-def colour_of(index: int) -> Colour:
-    """Return the colour of the sensor with this place in the configuration."""
-    return _PALETTE[index % len(_PALETTE)]
+_NAME_M = 0.09  # where a display draws it in space
+_ARROW_COLOUR: Colour = (0.85, 0.85, 0.85)
+_ARROW_ENDS = (0.5, 0.9)  # of a marker's size, as RViz has its own
+_ARROW_SHAPE = (0.06, 0.16, 0.2)  # of a marker's size: shaft, head, length of the head
 
 
 def frustum(
@@ -118,6 +111,42 @@ def text(frame: str, words: str, height_m: float, colour: Colour, above_m: float
     marker = _marker(Marker.TEXT_VIEW_FACING, frame, "text", colour, 1.0)
     marker.text, marker.scale.z, marker.pose.position.z = words, height_m, above_m
     return marker
+
+
+def name(frame: str, words: str, colour: Colour, sensor: str) -> Marker:
+    """Return what the display of names shows beside the origin of a sensor's frame."""
+    marker = text(frame, words, _NAME_M, colour)
+    marker.ns = sensor
+    return marker
+
+
+def sensor_names(
+    config: CalibrationConfig, colours: Mapping[str, Colour], held: Container[str] = ()
+) -> MarkerArray:
+    """Return the name of each sensor at the frame of its data, in its colour.
+
+    Args:
+        config: the sensors.
+        colours: by sensor.
+        held: those whose pose stays, which their names say.
+    """
+    return MarkerArray(
+        [
+            name(entry.link, f"{key} (held)" if key in held else key, colours[key], key)
+            for key, entry in config.sensors.items()
+        ]
+    )
+
+
+def arrows(axis: np.ndarray, size_m: float) -> List[Marker]:
+    """Return two arrows of no sensor's colour along an axis (3,), for a marker of a size [m]."""
+    made = []
+    for number, way in enumerate((1.0, -1.0)):
+        marker = _marker(Marker.ARROW, "", "arrows", _ARROW_COLOUR, 0.9, number)
+        marker.scale = Vector3(*(size_m * share for share in _ARROW_SHAPE))
+        marker.points = _points(np.array([way * end * size_m * axis for end in _ARROW_ENDS]))
+        made.append(marker)
+    return made
 
 
 def lines(

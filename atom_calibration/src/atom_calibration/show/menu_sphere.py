@@ -10,6 +10,7 @@ from interactive_markers.interactive_marker_server import InteractiveMarkerServe
 from atom_calibration.show import markers
 from atom_calibration.show.pose_marker import STILL, MenuEntries, PoseMarker
 from atom_core.geometry import se3
+from atom_core.model.colours import Colour
 
 NAME = "menu"  # on its server
 GREY, BLUE = (0.9, 0.9, 0.9), (0.4, 0.4, 0.9)
@@ -29,7 +30,7 @@ class MenuSphere:
         *,
         scale: float,
         diameter_m: float,
-        colour: markers.Colour = GREY,
+        colour: Colour = GREY,
         words: str = "",
     ):
         """Show it.
@@ -57,7 +58,7 @@ class MenuSphere:
             description=words,
         )
 
-    def show(self, words: str, colour: Optional[markers.Colour] = None) -> None:
+    def show(self, words: str, colour: Optional[Colour] = None) -> None:
         """Say something else, of which 80 characters are shown; None: in the same colour."""
         self._colour = self._colour if colour is None else colour
         self._marker.redraw([self._sphere()], words[:_MOST_LETTERS])

@@ -7,17 +7,18 @@ lie over each other) as it began, coloured as it is.
 
 from __future__ import annotations
 
-from typing import Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Dict, Iterator, List, Mapping, Optional, Sequence, Tuple
 
 import cv2
 import numpy as np
 
 from atom_calibration.modalities.table import ros_modality
 from atom_calibration.show.estimate import Estimate
-from atom_calibration.show.markers import Colour
+from atom_core.editing.guess_fit import draw_points, pixels_of_points
 from atom_core.errors import AtomError
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
+from atom_core.model.colours import Colour
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import DetectionKey
 
@@ -26,7 +27,9 @@ _BORDER_STEP_M = 0.02
 _NEAREST_M = 0.05  # before a camera; what is nearer has no place in its image
 _DIM, _FAINT = 0.35, 0.6  # brightness of the image below, for all collections and for one
 _WHITE, _GREY = (255, 255, 255), (140, 140, 140)
-_TILE_WIDTH_PX, _MOST_COLUMNS = 640, 2
+_TILE_WIDTH_PX, _MOST_IN_A_COLUMN = 640, 4
+_NAME_SCALE = 1.7  # of a name in a tile, which is shown smaller still
+_MOST_POINTS = 6000  # of a cloud that are drawn
 _FARTHEST_PX = 20000.0  # OpenCV's coordinates are short
 
 
@@ -44,12 +47,19 @@ class Overlays:
         self._colours = {key: _bgr(colour) for key, colour in colours.items()}
         self._images: Dict[Tuple[str, str], np.ndarray] = {}
 
-    def pictures(self, estimate: Estimate, shown: Optional[str] = None) -> Dict[str, np.ndarray]:
+    def pictures(
+        self,
+        estimate: Estimate,
+        shown: Optional[str] = None,
+        clouds: Optional[Mapping[str, Colour]] = None,
+    ) -> Dict[str, np.ndarray]:
         """Return a picture (height, width, 3) of each sensor with a camera.
 
         Args:
             estimate: what is shown.
             shown: key of a collection; None: all of them over each other.
+            clouds: colours by sensor of the range sensors whose points are drawn into the images of
+                all others: the clouds of one collection, of all of them the points on the boards.
         """
         dataset, used = estimate.dataset, estimate.used_collections()
         keys = used if shown is None else [shown]
@@ -59,12 +69,12 @@ class Overlays:
                 below = _with_data(dataset, sensor.name, keys)
                 brightness = _DIM if shown is None else _FAINT
                 made[sensor.name] = self._image(dataset, below, sensor.name, brightness)
+        if clouds:
+            self._draw_clouds(made, estimate, keys, clouds)
         self._draw_points(made, estimate, keys)
         for sensor_name in made:
             self._draw_borders(made[sensor_name], estimate, sensor_name, keys)
         self._draw_corners(made, estimate, keys)
-        for name, picture in made.items():
-            _write(picture, name if shown is None else f"{name}  {shown}")
         return made
 
     def _image(
@@ -90,6 +100,27 @@ class Overlays:
             row, column = np.divmod(points.ids, picture.shape[1])
             colour = np.array(self._colours[points.key.collection])
             picture[row, column] = _WHITE if points.border else (0.6 * colour).astype(np.uint8)
+
+    def _draw_clouds(
+        self,
+        made: Mapping[str, np.ndarray],
+        estimate: Estimate,
+        keys: Sequence[str],
+        colours: Mapping[str, Colour],
+    ) -> None:
+        """Draw what range sensors measured to where the poses put it in the images."""
+        for sensor, key, points in _measured(estimate, keys):
+            world_T_sensor = estimate.sensor_poses.get((sensor, key))
+            if world_T_sensor is None or sensor not in colours:
+                continue
+            for name, picture in made.items():
+                world_T_camera = estimate.sensor_poses.get((name, key))
+                if name == sensor or world_T_camera is None:
+                    continue
+                camera = estimate.dataset.sensors[name].camera
+                assert camera is not None
+                in_camera = se3.apply(se3.inverse(world_T_camera) @ world_T_sensor, points)
+                draw_points(picture, pixels_of_points(camera, in_camera), _bgr(colours[sensor]))
 
     def _draw_borders(
         self, picture: np.ndarray, estimate: Estimate, sensor: str, keys: Sequence[str]
@@ -126,12 +157,38 @@ class Overlays:
                 _cross(picture, projected, colour)
 
 
-def mosaic(pictures: Sequence[np.ndarray]) -> np.ndarray:
-    """Return pictures in rows of two, each of the same width; something black without any."""
+def _measured(estimate: Estimate, keys: Sequence[str]) -> Iterator[Tuple[str, str, np.ndarray]]:
+    """Yield sensor, collection and points (n, 3) [m] in the sensor's frame."""
+    if len(keys) > 1:
+        for points in estimate.points():
+            if points.key.collection in keys:
+                yield points.key.sensor, points.key.collection, points.points.astype(float)
+        return
+    dataset = estimate.dataset
+    for sensor in dataset.sensors.values():
+        cloud = ros_modality(sensor.modality).cloud
+        for key in keys:
+            if cloud is None or not dataset.data.has_data(key, sensor.name):
+                continue
+            try:
+                whole = np.asarray(cloud(dataset.data.read(key, sensor.name)), dtype=float)
+            except AtomError:
+                continue  # it costs the picture, not the view
+            finite = whole[np.all(np.isfinite(whole), axis=1)]
+            yield sensor.name, key, finite[:: -(-len(finite) // _MOST_POINTS) or 1]
+
+
+def mosaic(pictures: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return pictures with their names, each of the same width; something black without any.
+
+    Up to four stand in one column, more in two.
+    """
     if not pictures:
         return np.zeros((_TILE_WIDTH_PX // 2, _TILE_WIDTH_PX, 3), np.uint8)
-    columns = min(len(pictures), _MOST_COLUMNS)
-    tiles = [_scaled(picture) for picture in pictures]
+    columns = 1 if len(pictures) <= _MOST_IN_A_COLUMN else 2
+    tiles = [_scaled(picture) for picture in pictures.values()]
+    for tile, name in zip(tiles, pictures):
+        _write(tile, name, _NAME_SCALE)
     return np.concatenate(
         [_row(tiles[start : start + columns], columns) for start in range(0, len(tiles), columns)]
     )
@@ -204,13 +261,12 @@ def _cross(picture: np.ndarray, centre: np.ndarray, colour: Tuple[int, int, int]
     cv2.line(picture, (x, y - arm), (x, y + arm), colour, 1, cv2.LINE_AA, _SHIFT)
 
 
-def _write(picture: np.ndarray, words: str) -> None:
-    scale = picture.shape[1] / 900.0
+def _write(picture: np.ndarray, words: str, scale: float) -> None:
     for colour, thickness in (((0, 0, 0), 4), (_WHITE, 2)):
         cv2.putText(
             picture,
             words,
-            (int(14 * scale), int(34 * scale)),
+            (int(10 * scale), int(30 * scale)),
             cv2.FONT_HERSHEY_SIMPLEX,
             scale,
             colour,

@@ -16,10 +16,12 @@ from atom_calibration.modalities.frames import Frame
 from atom_calibration.modalities.table import ros_modality
 from atom_calibration.msg import CollectionState, CollectionStates, LabelState, SensorDetection
 from atom_calibration.show.annotation import picture_message
+from atom_calibration.show.grades import label_grade
 from atom_core.editing.label_corrections import ChosenCorner, LabelCorrections
 from atom_core.errors import AtomError
 from atom_core.evaluation.label_quality import METRES, label_quality
 from atom_core.labeling.base import Labeled, nothing
+from atom_core.model.colours import packed, sensor_colours
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import DetectionKey, Label, RangeLabel, RgbLabel
 from atom_core.model.modality import modality_named
@@ -160,6 +162,7 @@ def _label_state(
     sensor, label = corrections.dataset.sensors[key.sensor], corrections.dataset.label(key)
     state = LabelState(
         sensor=sensor.name,
+        colour=packed(sensor_colours(corrections.dataset.config.sensors)[sensor.name]),
         modality=sensor.modality,
         topic=data_topic(sensor),
         frame_id=sensor.frame,
@@ -181,6 +184,7 @@ def _label_state(
         return state
     state.unit, state.rms, state.worst = quality.unit, quality.rms, quality.worst
     state.worst_item = quality.worst_item
+    state.grade = label_grade(quality.unit, quality.rms, quality.worst)
     return state
 
 
@@ -214,9 +218,10 @@ def collection_states(dataset: Dataset) -> CollectionStates:
     detections: Dict[str, List[SensorDetection]] = {key: [] for key in dataset.collections}
     for key, label in dataset.detections():
         detections[key.collection].append(SensorDetection(key.sensor, key.pattern, label.size))
-    return CollectionStates(
-        [CollectionState(key, _stamp(dataset, key), found) for key, found in detections.items()]
-    )
+    listed = [
+        CollectionState(key, _stamp(dataset, key), found) for key, found in detections.items()
+    ]
+    return CollectionStates(collections=listed)
 
 
 def _stamp(dataset: Dataset, key: str) -> rospy.Time:

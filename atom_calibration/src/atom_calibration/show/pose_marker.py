@@ -27,6 +27,7 @@ from atom_calibration.errors import MessageError
 from atom_calibration.messages.headers import frame_name
 from atom_calibration.messages.poses import pose_matrix, pose_message
 from atom_calibration.runtime import running
+from atom_calibration.show import markers
 
 FULL, POSITION, PLANAR, STILL = "full", "position", "planar", "still"
 _MOVES = {
@@ -190,7 +191,7 @@ class PoseMarker:
             pose=pose_message(self.frame_T_marker),
         )
         marker.header.frame_id = self.frame  # the stamp stays zero: locked to the frame
-        marker.controls = _controls(self._moves)
+        marker.controls = _controls(self._moves, self.scale)
         if self._shapes or self._handler is not None:
             marker.controls.append(_body(self._shapes, self._handler is not None))
         return marker
@@ -241,8 +242,13 @@ def _menu_handler(menu: MenuEntries) -> MenuHandler:
     return handler
 
 
-def _controls(moves: str) -> List[InteractiveMarkerControl]:
-    """Return arrows to move along and rings to turn about, each by the axes' names."""
+def _controls(moves: str, scale: float) -> List[InteractiveMarkerControl]:
+    """Return arrows to move along and rings to turn about, each by the axes' names.
+
+    Args:
+        moves: see `PoseMarker`.
+        scale: size of the marker [m].
+    """
     along, about = _MOVES[moves]
     kinds = [(axis, "move", InteractiveMarkerControl.MOVE_AXIS) for axis in along]
     kinds += [(axis, "rotate", InteractiveMarkerControl.ROTATE_AXIS) for axis in about]
@@ -250,6 +256,8 @@ def _controls(moves: str) -> List[InteractiveMarkerControl]:
     for axis, verb, mode in kinds:
         control = InteractiveMarkerControl(name=f"{verb}_{axis}", interaction_mode=mode)
         control.orientation = Quaternion(*_AXES[axis])
+        if moves == POSITION:  # its own are red, green and blue, as labels and sensors are
+            control.markers = markers.arrows(np.eye(3)["xyz".index(axis)], scale)
         controls.append(control)
     return controls
 

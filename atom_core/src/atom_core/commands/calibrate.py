@@ -111,7 +111,7 @@ def run(args: argparse.Namespace, watcher: Optional[Watcher] = None) -> int:
     if calibration.status == CONVERGED:
         _remove_results(folder / NOT_CONVERGED_FOLDER)
     if looking_on is not None:
-        looking_on.end(calibration)
+        looking_on.end(calibration, options)
     print(calibration_report(results, args.verbose, args.show_normalized_values))
     print(f"\nresults: {folder.resolve()}\n")
     print(verdict_lines(calibration_verdict(results)))

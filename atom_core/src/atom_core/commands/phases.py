@@ -6,6 +6,7 @@ import sys
 from typing import Optional, Protocol
 
 from atom_core.calibration.calibrate import Calibration
+from atom_core.calibration.options import CalibrationOptions
 from atom_core.model.dataset import Dataset
 from atom_core.solvers.base import Iteration
 
@@ -21,8 +22,8 @@ class Watcher(Protocol):
     def progress(self, iteration: Iteration) -> Optional[bool]:
         """Called after every iteration, see ``SolverOptions.progress``."""
 
-    def end(self, calibration: Calibration) -> None:
-        """Called when the results are written."""
+    def end(self, calibration: Calibration, options: CalibrationOptions) -> None:
+        """Called when the results are written; `options` are those that were asked for."""
 
 
 class Phases:
@@ -47,10 +48,10 @@ class Phases:
             self.ended = not asked_to_go_on("this is the start")
         return False if self.ended else goes_on
 
-    def end(self, calibration: Calibration) -> None:
+    def end(self, calibration: Calibration, options: CalibrationOptions) -> None:
         """Show the answer until the user has seen it."""
         if self._watcher is not None:
-            self._watcher.end(calibration)
+            self._watcher.end(calibration, options)
         asked_to_go_on("this is the result, and written")
 
 

@@ -130,6 +130,17 @@ class DatasetHistory:
         self._done[-1] = self._done[-1]._replace(after=after)
         self.dataset = after
 
+    def join_last_steps(self) -> bool:
+        """Make one step of the last two, if they are of one collection; tell whether they were."""
+        if len(self._done) < 2 or self._done[-1].collection != self._done[-2].collection:
+            return False
+        first, last = self._done[-2:]
+        joined = Step(
+            first.collection, f"{first.description}; {last.description}", first.before, last.after
+        )
+        self._done = [*self._done[:-2], joined]
+        return True
+
     def _write(self, path: Path, relabeled: List[DetectionKey]) -> None:
         """Write the dataset as it is now; from then on nothing is unsaved."""
         write_dataset(self.dataset, path, relabeled)

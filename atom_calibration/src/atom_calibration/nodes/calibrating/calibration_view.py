@@ -1,9 +1,10 @@
 """A live view of a calibration: what RViz and the panel show while the solver runs, and after.
 
-Topics, all latched: below /calibrate state, patterns, sensors, ghost, points (of all sensors) and
-images (of all cameras); TOPIC/labeled3d of each range sensor, TOPIC/labeled2d of each camera and
-depth camera; /tf_static. The services /calibrate/show_collection (an empty name: all of them),
-/calibrate/next and /calibrate/previous choose the collection that is shown. Fixed transforms that
+Topics, all latched: below /calibrate state, patterns, sensors, names, ghost, points (of all
+sensors) and images (of all cameras); TOPIC/labeled3d of each range sensor, TOPIC/labeled2d of each
+camera and depth camera; /tf_static. The services /calibrate/show_collection (an empty name: all of
+them), /calibrate/next and /calibrate/previous choose the collection that is shown;
+/calibrate/leave_out solves again without what a sensor saw in a collection. Fixed transforms that
 come on /calibrate/description_tf_static (of robot_state_publisher, renamed) go on to /tf_static,
 with the calibrated ones in the place of theirs: so nobody competes.
 """
@@ -25,21 +26,38 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
 from atom_calibration.messages.images import image_message
-from atom_calibration.msg import CalibrationState
+from atom_calibration.msg import CalibrationState, SensorSigma
 from atom_calibration.runtime import running
 from atom_calibration.show import calibrated_tf, calibration_markers
-from atom_calibration.show.calibration_state import RUNNING, Status, state_message
+from atom_calibration.show.calibration_state import (
+    RUNNING,
+    Status,
+    sigma_messages,
+    state_message,
+)
 from atom_calibration.show.estimate import Estimate
 from atom_calibration.show.overlays import Overlays, mosaic
 from atom_calibration.show.view_options import ALL, ViewOptions
-from atom_calibration.srv import ShowCollection, ShowCollectionResponse
+from atom_calibration.srv import (
+    LeaveOut,
+    LeaveOutResponse,
+    ShowCollection,
+    ShowCollectionResponse,
+)
 from atom_core.calibration.calibrate import Calibration
-from atom_core.errors import CalibrationError
+from atom_core.calibration.options import CalibrationOptions
+from atom_core.editing.left_out import LeftOut
+from atom_core.errors import AtomError, CalibrationError
+from atom_core.model.colours import sensor_colours
 from atom_core.model.dataset import Dataset
+from atom_core.report.calibration_results import calibration_results
+from atom_core.report.calibration_verdict import calibration_verdict
 from atom_core.solvers.base import Iteration
+from atom_core.solvers.choice import default_solver
 
 STATE, BOARDS, SENSORS = "/calibrate/state", "/calibrate/patterns", "/calibrate/sensors"
 GHOST, POINTS, IMAGES = "/calibrate/ghost", "/calibrate/points", "/calibrate/images"
+NAMES = "/calibrate/names"
 TF, DESCRIPTION_TF = "/tf_static", "/calibrate/description_tf_static"
 _QUEUE = {Image: 2, PointCloud2: 10}  # large ones; nothing else is to be missed
 
@@ -60,6 +78,9 @@ class CalibrationView:
         self._ghost: Optional[Estimate] = None
         self._estimate: Optional[Estimate] = None
         self._sent: Dict[str, List[Marker]] = {}
+        self._left_out: Optional[LeftOut] = None  # there is none before the calibration has ended
+        self._leaving = threading.Lock()
+        self._sigmas: List[SensorSigma] = []
         self._description_tf: List[TransformStamped] = []
 
     # ------------------------------------------------------------------- the command tells
@@ -77,7 +98,7 @@ class CalibrationView:
                 f"{', '.join(keys)}"
             )
         self._dataset = dataset
-        self._sensor_colours = calibration_markers.sensor_colours(dataset.sensors)
+        self._sensor_colours = sensor_colours(dataset.config.sensors)
         self._collection_colours = calibration_markers.collection_colours(keys)
         self._open(dataset)
         threading.Thread(target=self._work, daemon=True).start()
@@ -104,11 +125,16 @@ class CalibrationView:
             running.pause(self._options.slow_s)
         return not running.stopped()
 
-    def end(self, calibration: Calibration) -> None:
+    def end(self, calibration: Calibration, options: CalibrationOptions) -> None:
         """Show the answer, and leave it there."""
-        self._show(
-            Estimate.of_calibration(calibration), Status(calibration.status, calibration.message)
-        )
+        self._left_out = LeftOut(calibration, options)
+        self._show_answer(calibration)
+
+    def _show_answer(self, calibration: Calibration) -> None:
+        verdict = calibration_verdict(calibration_results(calibration, default_solver()))
+        self._sigmas = sigma_messages(calibration, verdict.sensors)
+        status = Status(calibration.status, verdict.sentence, verdict.grade)
+        self._show(Estimate.of_calibration(calibration), status)
         self._settled()
 
     # ------------------------------------------------------------------------- what is shown
@@ -123,7 +149,7 @@ class CalibrationView:
             IMAGES: topic(IMAGES, Image),
             TF: topic(TF, TFMessage),
         }
-        for name in (BOARDS, SENSORS, GHOST):
+        for name in (BOARDS, SENSORS, NAMES, GHOST):
             self._publishers[name] = topic(name, MarkerArray)
         for sensor in dataset.sensors.values():
             base = sensor.topic or f"/{sensor.name}"
@@ -131,6 +157,7 @@ class CalibrationView:
                 self._publishers[f"3d {sensor.name}"] = topic(f"{base}/labeled3d", PointCloud2)
             if sensor.camera is not None:
                 self._publishers[f"2d {sensor.name}"] = topic(f"{base}/labeled2d", Image)
+        rospy.Service("/calibrate/leave_out", LeaveOut, self._leave_out)
         rospy.Service("/calibrate/show_collection", ShowCollection, self._show_collection)
         rospy.Subscriber(DESCRIPTION_TF, TFMessage, self._hear_description)
         rospy.Service("/calibrate/next", Trigger, lambda _: self._turn(1))
@@ -166,6 +193,21 @@ class CalibrationView:
                 False, f"there is no collection '{key}'; use one of {', '.join(known)}"
             )
         return ShowCollectionResponse(True, self._choose(key))
+
+    def _leave_out(self, request: Any) -> LeaveOutResponse:
+        """Solve again, while what is shown stays; a refusal changes nothing."""
+        if self._left_out is None:
+            return LeaveOutResponse(False, "the calibration has not ended yet")
+        with self._leaving:
+            left_out = self._left_out
+            act = left_out.leave_out if request.leave_out else left_out.take_in
+            try:
+                words = act(request.sensor, request.collection_name)
+            except AtomError as error:
+                return LeaveOutResponse(False, str(error))
+            self._show_answer(left_out.now)
+        rospy.loginfo(words)
+        return LeaveOutResponse(True, words)
 
     def _turn(self, steps: int) -> TriggerResponse:
         """Go through all and then each collection."""
@@ -227,13 +269,15 @@ class CalibrationView:
             SENSORS,
             lambda: calibration_markers.sensors(estimate, first, keys, self._sensor_colours),
         )
+        markers_of(NAMES, lambda: calibration_markers.names(estimate, keys, self._sensor_colours))
         markers_of(GHOST, lambda: calibration_markers.ghost(self._ghost or first, keys))
         send(TF, lambda: TFMessage(self._transforms(estimate, shown)))
         self._publish_points(send, estimate, keys, world)
         self._publish_images(send, estimate, shown)
-        message = state_message(estimate, first, status)
+        left_out = self._left_out.places if self._left_out is not None else ()
+        message = state_message(estimate, first, status, shown, self._sensor_colours, left_out)
         message.header.stamp = rospy.Time.now()
-        message.collections, message.collection = first.used_collections(), shown
+        message.sigmas = self._sigmas
         self._publishers[STATE].publish(message)
 
     def _transforms(self, estimate: Estimate, shown: str) -> List[TransformStamped]:
@@ -265,10 +309,12 @@ class CalibrationView:
         names = [name for name, sensor in sensors.items() if sensor.camera is not None]
         if not names or not send.wanted(IMAGES, *(f"2d {name}" for name in names)):
             return
-        pictures = self._overlays.pictures(estimate, shown or None)
+        ended = self._left_out is not None
+        clouds = self._sensor_colours if ended else {}  # while it runs they would cost time
+        pictures = self._overlays.pictures(estimate, shown or None, clouds)
         for name, picture in pictures.items():
             send(f"2d {name}", partial(_image, picture, sensors[name].frame))
-        send(IMAGES, lambda: _image(mosaic(list(pictures.values())), estimate.dataset.world))
+        send(IMAGES, lambda: _image(mosaic(pictures), estimate.dataset.world))
 
     def _changes(self, name: str, now: List[Marker]) -> List[Marker]:
         before, self._sent[name] = self._sent.get(name, []), now

@@ -159,6 +159,7 @@ class LiveCollector:
             self._from_menu(self._delete_last),
         )
         self._show()
+        self._collections_changed()
         self._board.tell("waiting for labels")
 
     def work(self, timeout_s: float) -> None:
@@ -252,10 +253,15 @@ class LiveCollector:
             self._taken(key)
 
     def _taken(self, key: str) -> None:
-        self._board.collections_changed()
+        self._collections_changed()
         seen, advice = self.collector.quality.of_one(key), self.collector.quality.advice()
-        text = f"collection {key} is taken" + (f": {seen}" if seen else "")
-        self._tell("\n".join([text, *advice]))
+        rospy.loginfo(f"collection {key}: {seen or 'nothing is known of how good it is'}")
+        self._tell("\n".join([f"collection {key} is taken", *advice]))
+
+    def _collections_changed(self) -> None:
+        cameras = {n: s.camera for n, s in self._setup.sensors.items() if s.camera is not None}
+        aspects = {name: camera.width / camera.height for name, camera in cameras.items()}
+        self._board.collections_changed(self.collector.quality.guidance(), aspects)
 
     # --- requests ---------------------------------------------------------------------------
 
@@ -338,7 +344,7 @@ class LiveCollector:
 
     def _delete_now(self, key: str) -> str:
         self.collector.delete(key)
-        self._board.collections_changed()
+        self._collections_changed()
         self._tell(f"collection {key} is deleted")
         return key
 

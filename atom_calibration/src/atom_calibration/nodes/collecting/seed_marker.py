@@ -73,10 +73,11 @@ class SeedMarker:
             self._marker.move(se3.transform(np.eye(3), place))
         found = frame.detections > 0
         words = f"{self._sensor.name}{'' if by_hand is None else ', by hand'}"
+        words = words if found else f"{words}: not detected"
         look = (_GREEN if found else _RED, by_hand is not None, words)
         if look != self._look:
             self._look = look
-            self._marker.redraw([self._sphere()], words if found else f"{words}: not detected")
+            self._marker.redraw([self._sphere()], words)
 
     @property
     def _position(self) -> np.ndarray:

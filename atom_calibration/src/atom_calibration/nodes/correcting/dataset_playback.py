@@ -21,6 +21,7 @@ from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 from atom_calibration.msg import CollectionStates, LabelState, PlaybackState
 from atom_calibration.nodes.correcting.playback_input import (
+    KeyPress,
     chosen_points,
     pixel_of,
     pixels_of,
@@ -92,6 +93,7 @@ class DatasetPlayback:
         self._corrections, self._output = corrections, output
         self._lock = threading.RLock()
         self._polygon_removes_border = False
+        self._press = KeyPress()
         self._figures: Optional[Tuple[Dataset, str, List[LabelState]]] = None
         self._topics = CollectionTopics(corrections)
         self._state = rospy.Publisher("~state", PlaybackState, queue_size=10, latch=True)
@@ -269,15 +271,24 @@ class DatasetPlayback:
     # --- corrections --------------------------------------------------------------------------
 
     def _points(self, kind: str, message: Any) -> str:
+        """Correct the label of a cloud; clouds chosen by one key press are one step to undo."""
         sensor = sensor_of(message.header, self._topics.sensors, self._topics.shown)
+        steps, same_press = self._corrections.undo_steps, self._press.is_still(kind, sensor)
+        words = self._corrected(sensor, self._correct_points(kind, sensor, message))
+        if self._corrections.undo_steps > steps:
+            if same_press and self._press.has_step:
+                self._corrections.join_last_steps()
+            self._press.has_step = True
+        return words
+
+    def _correct_points(self, kind: str, sensor: str, message: Any) -> str:
         corrections = self._corrections
         if kind == "clear":
-            return self._corrected(sensor, corrections.delete_label(sensor))
+            return corrections.delete_label(sensor)
         indices = chosen_points(message)
         if kind == "remove":
-            return self._corrected(sensor, corrections.remove_points(sensor, indices))
-        added = corrections.add_points(sensor, indices, border=kind == "add_border")
-        return self._corrected(sensor, added)
+            return corrections.remove_points(sensor, indices)
+        return corrections.add_points(sensor, indices, border=kind == "add_border")
 
     def _clicked(self, sensor: str, message: Any) -> str:
         pixel = pixel_of(message, self._topics.shown[sensor].frame)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Mapping
+import time
+from typing import Any, Mapping, Set
 
 import numpy as np
 
@@ -14,6 +15,41 @@ from atom_calibration.show.playback_view import Shown
 from atom_core.model.sensor import Sensor
 
 _INDEX_FIELDS = ("idx", "index")  # of labeled points; of the cloud they were chosen in
+
+
+class KeyPress:
+    """Which clouds belong to one press of a key: the tool sends one message for each.
+
+    Attributes:
+        has_step: something was corrected by this press.
+    """
+
+    WITHIN_S = 0.5  # of the wall's clock, since the first
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self._kind, self._began_s = "", -np.inf
+        self._sensors: Set[str] = set()
+        self.has_step = False
+
+    def is_still(self, kind: str, sensor: str) -> bool:
+        """Take note of a cloud; return whether it belongs to the press before.
+
+        Args:
+            kind: what the key means.
+            sensor: whose cloud; a sensor's second one is of another press.
+        """
+        now_s = time.monotonic()
+        still = (
+            kind == self._kind
+            and sensor not in self._sensors
+            and now_s - self._began_s <= self.WITHIN_S
+        )
+        if not still:
+            self._kind, self._began_s, self._sensors = kind, now_s, set()
+            self.has_step = False
+        self._sensors.add(sensor)
+        return still
 
 
 def sensor_of(header: Any, sensors: Mapping[str, Sensor], shown: Mapping[str, Shown]) -> str:

@@ -1,7 +1,7 @@
 """Correct transforms of a dataset by dragging them in RViz: odometry, boards, mounts.
 
 Shown are the transforms, clouds, labels and boards of one collection, beside those of a reference
-collection in grey. Topics: ~data (MarkerArray), /tf_static.
+collection in grey. Topics: ~data, ~names (MarkerArray), /tf_static.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from atom_core.editing.transform_corrections import TransformCorrections, chosen
 from atom_core.errors import SelectionError
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset
+from atom_core.model.colours import Colour, colour_of, sensor_colours
 from atom_core.model.dataset import Dataset, board_edge, pose, range_points
 from atom_core.model.sensor import Sensor
 from atom_core.model.transforms import Edge
@@ -47,7 +48,7 @@ EXAMPLE = (
 _MENU_PLACE_M = (1.0, 0.0, 1.0)  # in the world
 _BODY_IN_SCALE = 0.25  # size of the ball in the middle of a marker
 _MOST_POINTS = 6000  # of a cloud that are drawn
-_GREY = (0.6, 0.6, 0.6)
+_GREY, _LIGHT = (0.6, 0.6, 0.6), (0.9, 0.9, 0.9)
 
 
 def main() -> int:
@@ -93,8 +94,14 @@ class TransformCorrector:
         self._server = MarkerServer(NODE)
         self._reference = _in_world(corrections.dataset, reference) if reference else []
         self._markers: Dict[Edge, PoseMarker] = {}
-        for number, edge in enumerate(corrections.edges):
-            self._markers[edge] = self._marker_of(edge, markers.colour_of(number), moves, scale)
+        colours = sensor_colours(corrections.dataset.config.sensors)
+        mounted = {
+            sensor.edge: colours[name] for name, sensor in corrections.dataset.sensors.items()
+        }
+        for edge in corrections.edges:
+            self._markers[edge] = self._marker_of(edge, mounted.get(edge, _GREY), moves, scale)
+        self._names = rospy.Publisher("~names", MarkerArray, queue_size=2, latch=True)
+        self._names.publish(_frame_names(corrections))
         self._menu = MenuSphere(
             self._server,
             corrections.dataset.world,
@@ -107,9 +114,7 @@ class TransformCorrector:
             self._actions.serve(name, getattr(self, name))
         self._show()
 
-    def _marker_of(
-        self, edge: Edge, colour: markers.Colour, moves: str, scale: float
-    ) -> PoseMarker:
+    def _marker_of(self, edge: Edge, colour: Colour, moves: str, scale: float) -> PoseMarker:
         value = self._corrections.value(edge)
         return PoseMarker(
             self._server,
@@ -191,15 +196,26 @@ class TransformCorrector:
         self._fixed.publish(transforms_message(transforms, stamp))
 
 
+def _frame_names(corrections: TransformCorrections) -> MarkerArray:
+    """Return the names of the sensors, and of the frames whose transforms are corrected."""
+    config = corrections.dataset.config
+    shown = markers.sensor_names(config, sensor_colours(config.sensors))
+    sensors = {entry.link for entry in config.sensors.values()}
+    frames = {frame for edge in corrections.edges for frame in (edge.parent, edge.child)}
+    for frame in sorted(frames - sensors):
+        shown.markers.append(markers.name(frame, frame, _LIGHT, f"frame {frame}"))
+    return shown
+
+
 def _in_sensor_frames(dataset: Dataset, key: str) -> List[Marker]:
     """Return clouds, labeled points and boards of a collection, each in its own frame."""
     shapes: List[Marker] = []
     collection = dataset.collections[key]
-    for number, sensor in enumerate(dataset.sensors.values()):
-        colour = markers.colour_of(number)
+    colours = sensor_colours(dataset.config.sensors)
+    for sensor in dataset.sensors.values():
         cloud = _cloud(dataset, key, sensor)
         if cloud is not None:
-            shapes.append(markers.points(sensor.frame, cloud, 0.01, colour, "clouds"))
+            shapes.append(markers.points(sensor.frame, cloud, 0.01, colours[sensor.name], "clouds"))
     for detection, _ in dataset.detections():
         sensor = dataset.sensors[detection.sensor]
         if detection.collection == key and sensor.kind.measures_range:
@@ -207,7 +223,7 @@ def _in_sensor_frames(dataset: Dataset, key: str) -> List[Marker]:
             shapes.append(markers.points(sensor.frame, labeled, 0.02, (0.1, 0.9, 0.1), "labels"))
     for number, pattern in enumerate(dataset.patterns.values()):
         if board_edge(pattern) in collection.transforms:
-            shapes += markers.board(pattern, markers.colour_of(number))
+            shapes += markers.board(pattern, colour_of(number))
     return shapes
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any, Dict, List
+from typing import Any, Dict, List, Optional, Tuple
 
 import numpy as np
 import rospy
@@ -22,6 +22,8 @@ from visualization_msgs.msg import MarkerArray
 from atom_calibration.errors import MessageError
 from atom_calibration.messages.cameras import camera_from_info
 from atom_calibration.messages.poses import transforms_message
+from atom_calibration.msg import GuessState, SensorGuess
+from atom_calibration.nodes.estimating.guess_watch import GuessWatch
 from atom_calibration.runtime import options, running
 from atom_calibration.runtime.actions import Actions
 from atom_calibration.show import markers
@@ -38,14 +40,17 @@ from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser
 from atom_core.editing.first_guess import FirstGuess, values_from_dataset
 from atom_core.errors import ConfigError
+from atom_core.geometry import se3
 from atom_core.io.config_yaml import read_config
 from atom_core.io.urdf import read_description
+from atom_core.model.colours import Colour, colour_of, packed, sensor_colours
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.modality import modality_named
 
 NODE = "set_initial_estimate"
 EXAMPLE = "rosrun atom_calibration set_initial_estimate -c config.yml -d cell.urdf.xacro"
 _MENU_PLACE_M = (1.0, 0.0, 1.0)  # in the world, as ATOM has it
+_GREY_PLACE = 8  # in the palette: of what is no sensor
 _BODY_IN_SCALE = 0.25  # size of the ball in the middle of a marker
 
 
@@ -107,8 +112,17 @@ class SetInitialEstimate:
             output: the file that is saved.
             scale: size of the markers [m].
         """
-        self._guess, self._output = guess, output
-        self._actions = Actions(lambda words: self._menu.show(words))
+        self._config, self._guess, self._output = config, guess, output
+        self._colours = sensor_colours(config.sensors)
+        self._start = {name: guess.value(name) for name in guess.edges}
+        self._told: Tuple[str, bool] = ("", False)
+        self._watch: Optional[GuessWatch] = None
+        self._actions = Actions(lambda words: self._menu.show(words), self._tell)
+        self._state = rospy.Publisher("~state", GuessState, queue_size=2, latch=True)
+        names = rospy.Publisher("~names", MarkerArray, queue_size=2, latch=True)
+        held = [name for name in config.sensors if name not in guess.edges]
+        names.publish(markers.sensor_names(config, self._colours, held))
+        self._names = names  # lives as long as the node
         self._fixed = rospy.Publisher("/tf_static", TFMessage, queue_size=10, latch=True)
         self._server = MarkerServer(NODE)
         self._markers = self._sensor_markers(config, scale)
@@ -122,8 +136,8 @@ class SetInitialEstimate:
             words="save, reset: right mouse button",
         )
         self._frustums = [
-            _Frustum(name, entry.topic_name, entry.link, markers.colour_of(index))
-            for index, (name, entry) in enumerate(config.sensors.items())
+            _Frustum(name, entry.topic_name, entry.link, self._colours[name])
+            for name, entry in config.sensors.items()
             if entry.modality is None or modality_named(entry.modality).has_camera_info
         ]
         for name in guess.edges:
@@ -131,6 +145,8 @@ class SetInitialEstimate:
         self._actions.serve("save", self.save)
         self._actions.serve("reset_all", self.reset_all)
         self._publish()
+        self._tell_state()
+        self._watch = GuessWatch(config, self._colours, self._tell_state)
 
     def save(self) -> str:
         """Write the description; return what to tell the user.
@@ -158,10 +174,9 @@ class SetInitialEstimate:
         by_edge: Dict[Any, List[str]] = {}
         for name, edge in self._guess.edges.items():
             by_edge.setdefault(edge, []).append(name)
-        order = list(config.sensors)
         for edge, names in by_edge.items():
             first = names[0]
-            number = order.index(first) if first in order else len(order) + len(made)
+            grey = colour_of(_GREY_PLACE)
             marker = PoseMarker(
                 self._server,
                 first,
@@ -170,7 +185,7 @@ class SetInitialEstimate:
                 self._moved(first),
                 scale=scale,
                 description=", ".join(names),
-                shapes=[markers.sphere("", _BODY_IN_SCALE * scale, markers.colour_of(number))],
+                shapes=[markers.sphere("", _BODY_IN_SCALE * scale, self._colours.get(first, grey))],
                 menu=self._entries(first),
             )
             made.update(dict.fromkeys(names, marker))
@@ -191,6 +206,7 @@ class SetInitialEstimate:
             with self._actions.lock:
                 self._guess.set(name, move.frame_T_marker)
                 self._publish()
+                self._tell_state()
 
         return moved
 
@@ -203,6 +219,31 @@ class SetInitialEstimate:
     def _publish(self) -> None:
         transforms = self._guess.fixed_transforms()
         self._fixed.publish(transforms_message(transforms, rospy.Time.now()))
+        if self._watch is not None:
+            self._watch.moved()
+
+    def _tell(self, words: str, success: bool) -> None:
+        """Tell the panel what came of what was asked for."""
+        self._told = (words, not success)
+        self._tell_state()
+
+    def _tell_state(self) -> None:
+        fits = self._watch.fits if self._watch is not None else {}
+        state = GuessState(output=str(self._output), unsaved=bool(self._guess.unsaved))
+        state.message, state.failed = self._told
+        for name in self._config.sensors:
+            guess = SensorGuess(sensor=name, colour=packed(self._colours[name]))
+            guess.held = name not in self._guess.edges
+            if not guess.held:
+                change = se3.inverse(self._start[name]) @ self._guess.value(name)
+                guess.moved_m = float(np.linalg.norm(change[:3, 3]))
+                guess.moved_rad = float(se3.rotation_angle(change[:3, :3]))
+            fit = fits.get(name)
+            guess.off_board_m = np.nan if fit is None else fit.off.median_m
+            if fit is not None:
+                guess.seen_by, guess.points = fit.camera, fit.off.points
+            state.sensors.append(guess)
+        self._state.publish(state)
 
     def _serve(self, name: str) -> None:
         marker = self._markers[name]
@@ -225,7 +266,7 @@ class SetInitialEstimate:
 class _Frustum:
     """What one camera sees, drawn once its intrinsics are known; it follows the camera's frame."""
 
-    def __init__(self, name: str, topic: str, frame: str, colour: markers.Colour):
+    def __init__(self, name: str, topic: str, frame: str, colour: Colour):
         self._frame, self._colour, self._markers = frame, colour, MarkerArray()
         self._publisher = rospy.Publisher(f"/{name}/frustum", MarkerArray, queue_size=1, latch=True)
         info = f"{topic.rpartition('/')[0]}/camera_info"

@@ -1,0 +1,92 @@
+"""Take pictures of the screens of each step: `python3 docs/make_screens.py BAG`.
+
+BAG is a recording of the simulated cell, `rosrun atom_examples cell_simulator --bag BAG`. Each step
+runs by its launch file on a screen of its own; ``pictures/step_<step>.jpg`` shows RViz.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Dict, List
+
+import cv2
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "atom_rviz_plugins" / "tests"))
+
+from screen import Screen  # noqa: E402
+
+LAUNCH = ROOT / "atom_examples" / "collab_cell" / "launch"
+FOLDER = Path(__file__).resolve().parent / "pictures"
+PORT = 11791
+WIDTH_PX, QUALITY = 1100, 80
+WAIT_S = {"collect": 110.0, "first_guess": 45.0, "playback": 25.0, "calibrate": 35.0}
+
+
+def main() -> None:
+    """Take one picture of each step."""
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
+    parser.add_argument("bag", type=Path)
+    parser.add_argument("--output", type=Path, default=FOLDER, metavar="DIR")
+    parser.add_argument("--size", type=int, nargs=2, default=(1600, 1000), metavar="PX")
+    args = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        for step, words in steps(args.bag.resolve(), Path(folder)).items():
+            path = args.output / f"step_{step}.jpg"
+            take(words, WAIT_S[step], args.size, path, Path(folder))
+            print(path)  # noqa: T201
+
+
+def steps(bag: Path, folder: Path) -> Dict[str, List[str]]:
+    """Return the launch file of each step, with its arguments."""
+    dataset = folder / "train" / "dataset.json"
+    return {
+        "collect": [
+            *("collect_data.launch", f"bag_file:={bag}", f"output_folder:={dataset.parent}"),
+            *("automatic:=true", "bag_rate:=0.4"),
+        ],
+        "first_guess": [
+            *("set_initial_estimate.launch", f"bag_file:={bag}", "bag_rate:=0.3"),
+            f"output_file:={folder / 'guess.urdf.xacro'}",
+        ],
+        "playback": ["dataset_playback.launch", f"dataset:={dataset}"],
+        "calibrate": [
+            *("calibrate.launch", f"dataset:={dataset}", f"output:={folder / 'calibration'}")
+        ],
+    }
+
+
+def take(words: List[str], wait_s: float, size: List[int], path: Path, folder: Path) -> None:
+    """Run a launch file on a screen; write what it shows after a while."""
+    screen = Screen(*size)
+    environment = {
+        **screen.environment,
+        "ROS_MASTER_URI": f"http://localhost:{PORT}",
+        "ROS_HOME": str(folder / "ros_home"),
+    }
+    launch = subprocess.Popen(
+        ["roslaunch", "-p", str(PORT), str(LAUNCH / words[0]), *words[1:]],
+        env=environment,
+        start_new_session=True,
+    )
+    try:
+        time.sleep(wait_s)
+        picture = screen.picture()[:, :, ::-1]
+        height = round(picture.shape[0] * WIDTH_PX / picture.shape[1])
+        small = cv2.resize(picture, (WIDTH_PX, height), interpolation=cv2.INTER_AREA)
+        cv2.imwrite(str(path), small, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+    finally:
+        os.killpg(launch.pid, signal.SIGINT)
+        launch.wait(60.0)
+        screen.close()
+
+
+if __name__ == "__main__":
+    main()
