@@ -108,3 +108,26 @@ def test_the_package_of_atoms_evaluations_has_the_same_programs(name):
         for package in ("atom_evaluation", "atom_calibration")
     )
     assert theirs == ours
+
+
+def launch_arguments():
+    """Return the launch files that the page names, with the arguments of ATOM they take."""
+    rows = re.findall(r"^\| `(\w+\.launch)` \| ((?:`\w+` ?)+)\|$", PAGE.read_text("utf-8"), re.M)
+    return {name: re.findall(r"`(\w+)`", arguments) for name, arguments in rows}
+
+
+def test_the_page_names_the_launch_files_of_a_package():
+    assert set(launch_arguments()) == {
+        "playbag.launch",
+        "set_initial_estimate.launch",
+        "collect_data.launch",
+        "dataset_playback.launch",
+        "full_evaluation.launch",
+    }
+
+
+@pytest.mark.parametrize(("name", "arguments"), launch_arguments().items(), ids=str)
+def test_launch_files_declare_atoms_arguments_which_roslaunch_else_swallows(name, arguments):
+    template = ROOT / "atom_calibration" / "templates" / f"{name}.j2"
+    declared = re.findall(r'<arg name="(\w+)"', template.read_text(encoding="utf-8"))
+    assert len(arguments) > 1 and [a for a in arguments if a not in declared] == []
