@@ -155,7 +155,9 @@ class CalibrateTest(unittest.TestCase):
         iterations = [s.iteration for s in running]
         self.assertEqual((iterations[0], sorted(iterations)), (0, iterations))
         last = states[-1]
-        self.assertEqual((last.status, last.message), (document["status"], document["message"]))
+        verdict = document["verdict"]
+        self.assertEqual(last.status, document["status"])
+        self.assertEqual((last.grade, last.message), (verdict["grade"], verdict["sentence"]))
         self.assertEqual(last.iteration, document["solver"]["iterations"])
         self.assertLessEqual(iterations[-1], last.iteration)
         self.assertEqual(list(last.collections), list(self.dataset.collections))

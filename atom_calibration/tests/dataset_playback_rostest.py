@@ -289,7 +289,7 @@ class DatasetPlaybackTest(PlaybackCase):
         refused = self.start()
         type(self).launch = refused  # ended with the class, come what may
         refused.wait(START_S)
-        self.assertIn("exists already; add --overwrite", refused.output)
+        self.assertIn("exists already; add overwrite:=true", refused.output)
         self.assertEqual(self.output.read_bytes(), stands)
         # What was corrected is gone on with.
         again = self.start("overwrite:=true", f"dataset:={self.output}", f"collection:={SECOND}")
