@@ -329,7 +329,8 @@ std::optional<RectanglePose> FitToEnds(const BoardSearch& search, const Surface&
         Text("only %.0f of %.0f ends of layers show a border", outline.limits.size(), 2.0 * layers),
         segment);
   }
-  const RectanglePose pose = FitRectangle(outline, surface.seen_half());
+  const RectanglePose pose =
+      InMiddle(outline, surface.seen_half(), FitRectangle(outline, surface.seen_half()));
   SetPose(surface, pose, segment);
   if (!SizeFits(search, surface, pose, outline, segment) ||
       !BorderFits(surface, pose, outline, open, segment)) {

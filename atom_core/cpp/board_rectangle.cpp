@@ -12,6 +12,9 @@ constexpr int kAngles = 45;            // tried over half a turn
 constexpr std::size_t kStarts = 4;     // refined
 constexpr double kStartsApart = 0.2;   // [rad]
 constexpr double kCapShare = 0.15;     // of the shorter half side: a larger misfit is gross
+constexpr double kOpenStep = 0.002;    // [m] in which a rectangle is moved, as long as its cost is
+constexpr double kOpenMisfit = 0.004;  // [m] squared more, or
+constexpr double kOpenMeans = 2.0;     // mean squares: nothing tells it from the best
 constexpr double kCornerShare = 0.08;  // limits as near to a corner say little about a side
 
 Eigen::Vector2d Turned(const Eigen::Vector2d& point, double angle) {
@@ -113,7 +116,33 @@ RectanglePose Refined(const Outline& outline, const Eigen::Vector2d& half, Recta
   return pose;
 }
 
+// How far the rectangle can be moved along a direction of the plane before that costs anything [m].
+double OpenTo(const Outline& outline, const Eigen::Vector2d& half, const RectanglePose& pose,
+              const Eigen::Vector2d& direction) {
+  const double mean = pose.cost / std::max<std::size_t>(outline.limits.size(), 1);
+  const double most = pose.cost + std::max(kOpenMisfit * kOpenMisfit, kOpenMeans * mean);
+  double moved = 0.0;
+  for (; moved < half.minCoeff(); moved += kOpenStep) {
+    RectanglePose tried = pose;
+    tried.centre += (moved + kOpenStep) * direction;
+    if (Cost(outline, half, tried, most) >= most) break;
+  }
+  return moved;
+}
+
 }  // namespace
+
+RectanglePose InMiddle(const Outline& outline, const Eigen::Vector2d& half_size,
+                       RectanglePose pose) {
+  for (int axis = 0; axis < 2; ++axis) {
+    const Eigen::Vector2d along = Turned(Eigen::Vector2d::Unit(axis), -pose.angle);
+    const double ahead = OpenTo(outline, half_size, pose, along);
+    const double back = OpenTo(outline, half_size, pose, -along);
+    pose.centre += 0.5 * (ahead - back) * along;
+  }
+  pose.cost = Cost(outline, half_size, pose, std::numeric_limits<double>::infinity());
+  return pose;
+}
 
 Eigen::Vector2d RectanglePose::ToBoard(const Eigen::Vector2d& point) const {
   return Turned(point - centre, angle);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdint>
 #include <iterator>
+#include <limits>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -113,6 +114,25 @@ BoardSegment BestOfPlanes(const BoardSearch& search, const Eigen::Vector3d& seed
   return best;
 }
 
+// The best piece of any plane around a seed.
+BoardSegment SegmentAt(const Scan& scan, const Eigen::Vector3d& seed, const BoardOptions& options) {
+  const double sphere = SeedRadius(options), radius = sphere + options.size.norm();
+  Window window;
+  for (const ScanPoint& point : scan.points) {
+    const double squared = (point.position - seed).squaredNorm();
+    if (squared > radius * radius) continue;
+    if (squared < sphere * sphere) window.sphere.push_back(static_cast<int>(window.points.size()));
+    window.points.push_back({&point, 0.0});
+  }
+  if (static_cast<int>(window.sphere.size()) < options.least_points) {
+    BoardSegment none;
+    none.reason = Text("only %.0f points within %.2f m of the seed, %.0f are needed",
+                       window.sphere.size(), sphere, options.least_points);
+    return none;
+  }
+  return BestOfPlanes({scan, window, options}, seed);
+}
+
 // The points of a scan in cubes: sorted by them, so that those around a place stand together.
 class CellIndex {
  public:
@@ -191,6 +211,11 @@ class CloudSearch {
         in_round_(scan.points.size(), 0) {}
 
   std::vector<BoardSegment> Boards() {
+    return BoardsNear(Eigen::Vector3d::Zero(), std::numeric_limits<double>::infinity());
+  }
+
+  // Boards of which patches within a radius of a place are a part.
+  std::vector<BoardSegment> BoardsNear(const Eigen::Vector3d& seed, double radius) {
     std::vector<BoardSegment> boards;
     for (const std::size_t cell : index_.FullestFirst()) {
       Positions unknown;
@@ -200,6 +225,7 @@ class CloudSearch {
       if (unknown.size() < kLeastOfCell) continue;
       Eigen::Vector3d mean = Eigen::Vector3d::Zero();
       for (const int i : unknown) mean += scan_.points[i].position / unknown.size();
+      if ((mean - seed).norm() > radius) continue;
       const BoardSegment segment = AtPatch(mean);
       if (segment.detected) {
         if (std::none_of(boards.begin(), boards.end(),
@@ -263,7 +289,7 @@ class CloudSearch {
     BoardOptions here = options_;  // the seed is on the board: its plane comes first
     here.seed_radius = kPatchShare * options_.size.minCoeff() / options_.size.norm();
     here.most_planes = 1;
-    segment = SegmentCloudBoard(scan_, middle, here);  // the same from wherever it was found
+    segment = SegmentAt(scan_, middle, here);  // the same from wherever it was found
     for (const int i : index_.Around(middle, 0.6 * options_.size.norm())) {
       const Eigen::Vector3d normal = segment.sensor_T_board.block<3, 1>(0, 2);
       if (std::abs(normal.dot(scan_.points[i].position - middle)) < 0.05) known_[i] = true;
@@ -364,21 +390,16 @@ BoardOptions Strict(BoardOptions options) {
 
 BoardSegment SegmentCloudBoard(const Scan& scan, const Eigen::Vector3d& seed,
                                const BoardOptions& options) {
-  const double sphere = SeedRadius(options), radius = sphere + options.size.norm();
-  Window window;
-  for (const ScanPoint& point : scan.points) {
-    const double squared = (point.position - seed).squaredNorm();
-    if (squared > radius * radius) continue;
-    if (squared < sphere * sphere) window.sphere.push_back(static_cast<int>(window.points.size()));
-    window.points.push_back({&point, 0.0});
+  const BoardSegment segment = SegmentAt(scan, seed, options);
+  if (segment.detected) return segment;
+  // Planes from a place as large as this are no board's where a wall is right behind it; a search
+  // proposes them from patches.
+  const double on_board = 0.5 * options.size.norm();
+  for (const BoardSegment& found : CloudSearch(scan, Strict(options)).BoardsNear(seed, on_board)) {
+    const Eigen::Vector3d middle = found.sensor_T_board.topRightCorner<3, 1>();
+    if (found.detected && (middle - seed).norm() < on_board) return found;
   }
-  if (static_cast<int>(window.sphere.size()) < options.least_points) {
-    BoardSegment none;
-    none.reason = Text("only %.0f points within %.2f m of the seed, %.0f are needed",
-                       window.sphere.size(), sphere, options.least_points);
-    return none;
-  }
-  return BestOfPlanes({scan, window, options}, seed);
+  return segment;
 }
 
 std::vector<BoardSegment> FindCloudBoards(const Scan& scan, const BoardOptions& options) {

@@ -37,6 +37,11 @@ double SignedDistance(const Eigen::Vector2d& point, const Eigen::Vector2d& half_
 /// \param half_size half of width and height [m].
 RectanglePose FitRectangle(const Outline& outline, const Eigen::Vector2d& half_size);
 
+/// Moves a fitted rectangle to the middle of where the evidence allows it: layers that run along a
+/// side do not tell where the board ends across them.
+RectanglePose InMiddle(const Outline& outline, const Eigen::Vector2d& half_size,
+                       RectanglePose pose);
+
 /// Measures width and height from the limits on opposite sides of a fitted rectangle.
 ///
 /// \param sigma if given, gets how certain they are [m], by the scatter of the limits.

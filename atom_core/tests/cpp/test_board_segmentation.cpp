@@ -129,6 +129,25 @@ TEST(BoardRectangle, IsFoundFromItsBorder) {
   EXPECT_NEAR(size.y(), 0.6, 4e-3);
 }
 
+TEST(BoardRectangle, LiesInTheMiddleOfWhatLayersAlongItsSideAllow) {
+  const Eigen::Vector2d half(0.4, 0.3);
+  Outline outline;  // ends of six layers 0.1 m apart; the next ones, 0.1 m farther, pass the board
+  for (int layer = 0; layer < 6; ++layer) {
+    for (const double x : {-0.4, 0.4}) outline.limits.emplace_back(x, 0.1 * layer - 0.25);
+  }
+  outline.inside = outline.limits;
+  for (const double y : {-0.35, 0.35}) outline.outside.emplace_back(0.0, y);
+  RectanglePose pose = FitRectangle(outline, half);
+  for (const double off : {-0.04, 0.0, 0.04}) {
+    pose.angle = 0.0;
+    pose.centre = {0.0, off};
+    pose.cost = 0.0;
+    const RectanglePose moved = InMiddle(outline, half, pose);
+    EXPECT_NEAR(moved.centre.x(), 0.0, 1e-3);
+    EXPECT_NEAR(moved.centre.y(), 0.0, 3e-3);
+  }
+}
+
 TEST(BoardSegmentation, LabelsExactlyTheReturnsOfTheBoard) {
   const Cloud cloud = MakeCloud(true);
   const Scan scan = FindLayers(cloud.points, cloud.layout);

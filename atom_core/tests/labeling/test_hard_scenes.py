@@ -46,6 +46,14 @@ def test_a_hard_scene_gives_no_false_label(difficulty, kind):
     assert all(label.labeled.reason for label in tried if not label.labeled.detected)
 
 
+@pytest.mark.parametrize("number", [1009, 1186])
+def test_a_seed_on_a_board_finds_what_a_search_finds_before_a_wall(number):
+    frame = hard_frame("wall behind", "rosette", number)
+    at_seed, by_search = judged(frame, measured(frame))
+    assert by_search.found
+    assert at_seed.found, at_seed.labeled.reason
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(("difficulty", "kind"), PAIRS)
 def test_hard_scenes(difficulty, kind):

@@ -12,9 +12,10 @@ from atom_core.geometry.rectangle import Rectangle, signed_distance_to_rectangle
 from atom_core.problem.measurements import Measurement
 from atom_core.problem.range_measurement import RangeMeasurement
 
-_ROUNDS = 12
 _LEAST_ON_SIDE = 3
-_TOLERANCE_M = 0.02  # of a border point, for the loss; larger than what beams leave open
+# Of a border point, for the loss; the last is larger than what beams leave open, the first than
+# what a board of another size has.
+_TOLERANCES_M = (0.08, 0.057, 0.04, 0.028, *(8 * (0.02,)))
 _LEAST_DETECTIONS = 3  # of a sensor, to say anything
 
 
@@ -100,11 +101,11 @@ def board_sides_m(measurement: RangeMeasurement) -> Tuple[Optional[float], Optio
     centre, half, angle = measurement.border.centre, measurement.border.half_size.copy(), 0.0
     pivot = centre.copy()
     ends = np.zeros(4, dtype=int)
-    for _ in range(_ROUNDS):
+    for tolerance_m in _TOLERANCES_M:
         cosine, sine = np.cos(angle), np.sin(angle)
         turned = (limit - pivot) @ np.array([[cosine, -sine], [sine, cosine]]) + pivot
         off, gradient = signed_distance_to_rectangles(turned, centre, half)
-        weight = 1.0 / (1.0 + (off / _TOLERANCE_M) ** 2) ** 2
+        weight = 1.0 / (1.0 + (off / tolerance_m) ** 2) ** 2
         across_x = np.abs(gradient[:, 0]) > np.abs(gradient[:, 1])
         sides = [across_x & (gradient[:, 0] < 0), across_x & (gradient[:, 0] > 0)]
         sides += [~across_x & (gradient[:, 1] < 0), ~across_x & (gradient[:, 1] > 0)]
