@@ -9,6 +9,7 @@ import numpy as np
 from atom_core import native
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.labeling.board_size import SizeFinding, find_size, size_remark
+from atom_core.model.config import GREATEST_SQUARE_M
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import RangeLabel
 from atom_core.problem.measured_size import MeasuredSide
@@ -30,8 +31,8 @@ def look_at_boards(dataset: Dataset) -> Tuple[List[MeasuredSide], List[str]]:
     for (name, pattern), boards in _labeled(dataset).items():
         sensor, border = dataset.sensors[name], dataset.patterns[pattern].border
         see = sensor.kind.seen_boards
-        if see is None:
-            continue
+        if see is None or dataset.patterns[pattern].square_m > GREATEST_SQUARE_M:
+            continue  # a board in another unit is searched for ever
         finding = find_size(see(boards, border, sensor.beam_width_rad), border)
         if finding is None:
             continue

@@ -46,7 +46,7 @@ from atom_core.report.calibration_results import CalibrationResults, calibration
 from atom_core.report.calibration_tables import calibration_report
 from atom_core.report.calibration_verdict import calibration_verdict
 from atom_core.report.edge_comments import edge_comments
-from atom_core.report.verdict import verdict_lines
+from atom_core.report.verdict import WRONG, verdict_lines
 from atom_core.solvers.base import ATOM, CONVERGED, SolverOptions
 from atom_core.solvers.choice import CERES, default_solver
 
@@ -114,8 +114,9 @@ def run(args: argparse.Namespace, watcher: Optional[Watcher] = None) -> int:
         looking_on.end(calibration, options)
     print(calibration_report(results, args.verbose, args.show_normalized_values))
     print(f"\nresults: {folder.resolve()}\n")
-    print(verdict_lines(calibration_verdict(results)))
-    return 0 if calibration.status == CONVERGED else 1
+    verdict = calibration_verdict(results)
+    print(verdict_lines(verdict))
+    return 0 if calibration.status == CONVERGED and verdict.grade != WRONG else 1
 
 
 def _checked_folder(args: argparse.Namespace) -> Path:

@@ -16,7 +16,7 @@ from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import Edge
 from atom_core.report.calibration_tables import MovedEdge, moved_report, preflight_report
 from atom_core.report.check_verdict import check_verdict
-from atom_core.report.verdict import length, verdict_lines
+from atom_core.report.verdict import WRONG, length, verdict_lines
 
 EXAMPLE = """
 python3 -m atom_core check --dataset data/dataset.json
@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the tables; 1 when the dataset cannot be calibrated or the rig has moved."""
+    """Print the tables; 1 where the verdict is wrong, as where the rig has moved."""
     dataset = common.selected_dataset(args)
     result = preflight(dataset)
     print(preflight_report(dataset, result))
@@ -53,8 +53,9 @@ def run(args: argparse.Namespace) -> int:
             if e.translation_m > _MOVED_M or e.rotation_deg > _MOVED_DEG
         }
         print("\nthe rig has moved" if moved else "\nthe rig stands as described")
-    print("\n" + verdict_lines(check_verdict(dataset, result, moved)))
-    return 1 if result.problems or moved else 0
+    verdict = check_verdict(dataset, result, moved)
+    print("\n" + verdict_lines(verdict))
+    return 1 if verdict.grade == WRONG else 0
 
 
 def _compare(dataset: Dataset, path: Path) -> List[MovedEdge]:

@@ -62,7 +62,8 @@ def check_verdict(
     what = "leave out or repair" if grade == WRONG else "it can be calibrated, but look at"
     first = sensors[names[0]]
     why = "; ".join(text for text in (first.sentence.split(";")[0], first.advice) if text)
-    return Verdict(grade, f"{what} {names_in_words(names)} first: {why}", sensors)
+    whose = f"; {names[0]}" if len(names) > 1 else ""
+    return Verdict(grade, f"{what} {names_in_words(names)} first{whose}: {why}", sensors)
 
 
 def _sensor(result: Preflight, name: str, moved: Optional[str]) -> SensorVerdict:
