@@ -13,7 +13,13 @@ from model_scenes import model_cell
 
 from atom_core import native
 from atom_core.geometry.rectangle import Rectangle
-from atom_core.labeling.board_size import SeenBoard, find_size, seen_boards, size_remark
+from atom_core.labeling.board_size import (
+    SeenBoard,
+    few_boards_remark,
+    find_size,
+    seen_boards,
+    size_remark,
+)
 from atom_core.model.pattern import pattern_from_config
 from atom_core.synthetic import charuco
 
@@ -68,6 +74,23 @@ def test_few_labels_and_hidden_sides_tell_nothing():
 
 
 @pytest.mark.skipif(not native.available(), reason="the compiled core is not built")
+def test_a_few_labels_name_a_smaller_board_and_no_other():
+    def few(boards):
+        return few_boards_remark("lidar_1", "pattern_1", BORDER, boards)
+
+    one = [SeenBoard(2.0, (0.76, np.nan))]
+    assert few(one) == (
+        "pattern 'pattern_1' looks 0.760 m wide to sensor 'lidar_1', in the only label there is; "
+        "the configuration says 0.800 m wide: measure the board, and correct its size and border. "
+        "A board of another size is refused mostly, which may be why there are so few labels"
+    )
+    two = [*one, SeenBoard(3.0, (0.764, 0.57))]
+    assert "0.762 m wide and 0.570 m high" in few(two) and "in all 2 labels there are" in few(two)
+    for right in ((0.775, 0.58), (0.76, 0.59), (0.84, 0.63), (np.nan, np.nan)):
+        assert few([SeenBoard(2.0, right)]) is None
+    assert few([]) is None
+
+
 def test_eight_boards_of_the_rough_profile_name_five_per_cent():
     border = pattern_from_config("pattern_1", charuco()).border
     boards = [(board.data, middle_of(board)) for board in model_cell("vlp_16", 3, 8).boards]

@@ -8,7 +8,12 @@ import numpy as np
 
 from atom_core import native
 from atom_core.geometry.rectangle import Rectangle
-from atom_core.labeling.board_size import SizeFinding, find_size, size_remark
+from atom_core.labeling.board_size import (
+    SizeFinding,
+    few_boards_remark,
+    find_size,
+    size_remark,
+)
 from atom_core.model.config import GREATEST_SQUARE_M
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import RangeLabel
@@ -33,8 +38,11 @@ def look_at_boards(dataset: Dataset) -> Tuple[List[MeasuredSide], List[str]]:
         see = sensor.kind.seen_boards
         if see is None or dataset.patterns[pattern].square_m > GREATEST_SQUARE_M:
             continue  # a board in another unit is searched for ever
-        finding = find_size(see(boards, border, sensor.beam_width_rad), border)
+        seen = see(boards, border, sensor.beam_width_rad)
+        finding = find_size(seen, border)
         if finding is None:
+            few = few_boards_remark(name, pattern, border, seen)
+            remarks += [] if few is None else [few]
             continue
         sides += _sides(name, pattern, border, finding)
         remark = size_remark(name, pattern, border, finding)

@@ -17,6 +17,7 @@ from atom_core.labeling.lidar3d import CloudLike, Lidar3dOptions, as_cloud, boar
 
 LEAST_SIDES = 3  # of a kind, to say anything
 OFF_SHARE = 0.02  # of a side: so much the outline of a right board may leave open
+FEW_OFF_SHARE = 0.04  # of fewer labels: right boards of LiDAR models look 3.5 % smaller at most
 _SIGMAS = 3.0
 _ROUNDS = 10
 _LEAST_RATIO = 1.6  # of the farthest board's range to the nearest, to tell another size from beams
@@ -136,6 +137,33 @@ def size_remark(
     )
     larger = all(finding.sides_m[axis] > configured[axis] for axis in off)
     return remark + (_cause(finding) if larger else "")
+
+
+def few_boards_remark(
+    sensor: str, pattern: str, border: Rectangle, seen: Sequence[SeenBoard]
+) -> Optional[str]:
+    """Return a sentence where all of a few labels show a smaller board than configured; or None.
+
+    Such a board is refused mostly, and one or two labels are all there is. No beam makes a board
+    look smaller; larger ones need more labels.
+    """
+    configured = 2.0 * border.half_size
+    shares = np.array([one.sides_m for one in seen], dtype=float).reshape(-1, 2) / configured
+    known = np.isfinite(shares)
+    if not np.any(known) or np.nanmax(shares) > 1.0 - FEW_OFF_SHARE:
+        return None
+    told = np.flatnonzero(np.any(known, axis=0))
+    looks, says = (
+        " and ".join(f"{lengths[axis]:.3f} m {('wide', 'high')[axis]}" for axis in told)
+        for lengths in ({a: configured[a] * np.nanmedian(shares[:, a]) for a in told}, configured)
+    )
+    labels = "the only label" if len(seen) == 1 else f"all {len(seen)} labels"
+    return (
+        f"pattern '{pattern}' looks {looks} to sensor '{sensor}', in {labels} there "
+        f"{'is' if len(seen) == 1 else 'are'}; the configuration says {says}: measure the board, "
+        f"and correct its size and border. A board of another size is refused mostly, which may be "
+        f"why there are so few labels"
+    )
 
 
 def _cause(finding: SizeFinding) -> str:
