@@ -17,7 +17,7 @@ from atom_examples.cell_simulator.trajectory import Trajectory
 from atom_examples.cell_simulator.truth import PATTERN
 
 pytestmark = pytest.mark.slow
-SHORT = {"collections": 2, "stop_s": 0.6}
+SHORT = {"collections": 2, "stop_s": 0.6, "moving_image_hz": 0.2}
 SHORTEST = {**SHORT, "collections": 1}
 SENSORS = ("rgb_1", "rgb_2", "rgb_3", "depth_1", "lidar_1", "lidar_2", "lidar_3")
 
@@ -29,9 +29,9 @@ def bags(tmp_path_factory, world, plans):
     wanted = {
         "train": Recording(**SHORT),
         "test": Recording(scenario="test", **SHORTEST),
-        "exact": Recording(initial_estimate="exact", noise=False, **SHORTEST),
+        "exact": Recording(scenario="test", initial_estimate="exact", noise=False, **SHORTEST),
         "packed": Recording(scenario="test", compressed=True, **SHORTEST),
-        "metres": Recording(depth_encoding="32FC1", noise=False, **SHORTEST),
+        "metres": Recording(scenario="test", depth_encoding="32FC1", noise=False, **SHORTEST),
     }
     paths = {name: folder / f"{name}.bag" for name in wanted}
     with pytest.MonkeyPatch.context() as patch:

@@ -211,7 +211,7 @@ def test_what_is_to_be_kept_is_kept(healthy):
     assert ("021", "rgb_1") not in rejected(single)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_both_solvers_leave_out_the_same(healthy):
     dataset = label_of_another_collection(healthy, "021", "lidar_1", np.random.default_rng(0))
     results = [calibrate(dataset, CalibrationOptions(solver_name=n)) for n in ("ceres", "scipy")]

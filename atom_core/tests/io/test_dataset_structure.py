@@ -41,14 +41,14 @@ def test_any_value_anywhere_is_read_or_refused_in_one_line(document, tmp_path):
     document["collections"] = dict(list(document["collections"].items())[:1])
     ways = list(places(document))
     refused = 0
-    for way, wrong in [(w, WRONG[i]) for w in ways for i in rng.choice(len(WRONG), 2, False)]:
+    for way, wrong in [(w, WRONG[i]) for w, i in zip(ways, rng.choice(len(WRONG), len(ways)))]:
         path.write_text(json.dumps(with_value(document, way, wrong)))
         try:
             read_dataset(path)
         except DatasetError as error:
             refused += 1
             assert str(error).count("\n") == 0 and len(str(error)) < 500
-    assert refused > len(ways) / 2
+    assert refused > len(ways) / 4
 
 
 @pytest.mark.parametrize(

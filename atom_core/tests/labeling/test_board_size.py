@@ -91,6 +91,7 @@ def test_a_few_labels_name_a_smaller_board_and_no_other():
     assert few([]) is None
 
 
+@pytest.mark.skipif(not native.available(), reason="the compiled core is not built")
 def test_eight_boards_of_the_rough_profile_name_five_per_cent():
     border = pattern_from_config("pattern_1", charuco()).border
     boards = [(board.data, middle_of(board)) for board in model_cell("vlp_16", 3, 8).boards]

@@ -48,6 +48,7 @@ PROGRAM = (
     "atom_core.io.urdf",
     "atom_core.io.urdf_text",
     "atom_core.io.xacro_text",
+    "atom_core.io.xml_text",
     "atom_examples.cell_simulator",
 )
 _DESCRIPTION_FOLDERS = ("config", "meshes", "urdf")
