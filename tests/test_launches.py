@@ -4,7 +4,8 @@ Launch files are found by name, so that a new one is covered without a word here
 that it asks for, and that no other one has, needs its line in `Inputs.arguments`. Those with RViz
 are started with it by `make test`, and without it, too, by `make test-long`. The cell's are written
 from the same templates as those of a fresh package (`test_configure.py` compares them): of the
-latter `make test` starts only what the cell does not have.
+latter `make test` starts only what the cell does not have. What one of the cell's includes is
+started with it.
 """
 
 from __future__ import annotations
@@ -98,10 +99,15 @@ OF_THE_CELL = {
     for case in CASES
     if case.file.startswith("collab_cell/")
 }
-CHOSEN = [
-    pytest.param(case, marks=pytest.mark.long) if case in WITHOUT_ITS_RVIZ | OF_THE_CELL else case
-    for case in CASES
-]
+INCLUDED = {
+    Case(package, file, True)
+    for path in (ROOT / "atom_examples" / "collab_cell" / "launch").glob("*.launch")
+    for package, file in re.findall(
+        r'<include file="\$\(find (\w+)\)/([^"]+)"', path.read_text("utf-8")
+    )
+}
+TWINS = WITHOUT_ITS_RVIZ | OF_THE_CELL | INCLUDED
+CHOSEN = [pytest.param(case, marks=pytest.mark.long) if case in TWINS else case for case in CASES]
 
 RVIZ_NODE = re.compile(r'<node[^>]*type="rviz"[^>]*?(?:/>|>.*?</node>)', re.DOTALL)
 WITH_RVIZ = [
