@@ -65,8 +65,6 @@ class SolverOptions:
     Attributes:
         weights: ``sigma`` divides by standard deviations, re-estimated from the residuals;
             ``atom`` by each modality's mean residual at the start, as ATOM does.
-        corner_divisor: with ATOM's weights, corners are divided by so many times more; below 1
-            they weigh more.
         loss: none, huber or cauchy, its width in units of sigma.
         max_iterations: over all rounds of reweighting.
         reweighting_rounds: at most so many estimates of the sigmas.
@@ -74,16 +72,18 @@ class SolverOptions:
         error_priors: of some of them, the standard deviation about zero that is assumed, in their
             units; the others are free.
         progress: told of every iteration.
+        corner_divisor: with ATOM's weights, corners are divided by so many times more; below 1
+            they weigh more.
     """
 
     weights: str = SIGMA
-    corner_divisor: float = 1.0
     loss: str = CAUCHY
     max_iterations: int = 200
     reweighting_rounds: int = 10
     model_errors: Tuple[ModelError, ...] = ()
     error_priors: Mapping[ModelError, float] = field(default_factory=dict)
     progress: Optional[Progress] = field(default=None, compare=False, repr=False)
+    corner_divisor: float = 1.0
 
     def __post_init__(self) -> None:
         if self.weights not in (SIGMA, ATOM):
