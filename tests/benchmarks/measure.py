@@ -91,7 +91,9 @@ def compared(
     sigmas = atom_normalisers(rough.first, np.zeros(problem.parameters.size))
     plain = PlainCeres(folder)
     data = plain.write(problem, sigmas)
-    atom = CalibrationOptions(solver=SolverOptions(weights="atom", loss="none"), solver_name="ceres")
+    atom = CalibrationOptions(
+        solver=SolverOptions(weights="atom", loss="none"), solver_name="ceres"
+    )
     theirs, ours, defaults = [], [], []
     for _ in range(repeat):
         theirs.append(plain.run(data))
