@@ -29,20 +29,25 @@ NAMES = ["scanner_1", "scanner_2"]
 
 
 @pytest.fixture(scope="module")
-def stops():
-    """Two stops in the cell of seed 0 with its 2D LiDARs."""
-    return []
+def world_with_scanners():
+    """Seed 0 with its 2D LiDARs."""
+    made = World(0, scanners=True)
+    yield made
+    made.scene.close()
 
 
 @pytest.fixture(scope="module")
-def cell(stops):
-    """Seed 0 with its 2D LiDARs, the board at the first stop."""
-    made = World(0, scanners=True)
-    stops += plan_stops(made, "train", 2)
-    made.scene.place_board(stops[0].world_T_pattern)
-    made.scene.place_person(stops[0].person)
-    yield made
-    made.scene.close()
+def stops(world_with_scanners):
+    """Two stops in it."""
+    return plan_stops(world_with_scanners, "train", 2)
+
+
+@pytest.fixture(scope="module")
+def cell(world_with_scanners, stops):
+    """The same, the board at the first stop."""
+    world_with_scanners.scene.place_board(stops[0].world_T_pattern)
+    world_with_scanners.scene.place_person(stops[0].person)
+    return world_with_scanners
 
 
 @pytest.fixture(params=NAMES)
@@ -190,7 +195,7 @@ def assess(folder, seed, collections):
 
 
 @pytest.mark.slow
-def test_boards_are_found_in_a_bag_with_automatic_seeds(tmp_path, cell, stops, monkeypatch):
+def test_boards_are_found_in_a_bag_with_automatic_seeds(tmp_path, stops, monkeypatch):
     monkeypatch.setattr(recorder, "plan_stops", lambda *_: stops)  # those of the very same call
     result = assess(tmp_path, seed=0, collections=2)
     assert result.expected >= 2 and result.found == 1.0 and result.false == 0

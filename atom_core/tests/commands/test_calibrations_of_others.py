@@ -1,16 +1,21 @@
 """Transforms of another dataset, and Kalibr's cameras, put into a dataset."""
 
 import json
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from atom_core import cli
-from atom_core.geometry import se3
-from atom_core.io.dataset_json import read_dataset
-from atom_core.io.dataset_writer import write_dataset_folder
-from atom_core.model.dataset import pose
-from atom_core.synthetic import Noise, scenes
+sys.path.insert(0, str(Path(__file__).parent))  # command_line, which the tests share
+
+from command_line import refused, run  # noqa: E402
+
+from atom_core.geometry import se3  # noqa: E402
+from atom_core.io.dataset_json import read_dataset  # noqa: E402
+from atom_core.io.dataset_writer import write_dataset_folder  # noqa: E402
+from atom_core.model.dataset import pose  # noqa: E402
+from atom_core.synthetic import Noise, scenes  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -42,18 +47,6 @@ def camchain(true, model="radtan", coefficients=(0.1, -0.02, 0.001, 0.002)):
             entry["T_cn_cnm1"] = pose(collection, true.graph, sensor.frame, before).tolist()
         chain[f"cam{i}"], before = entry, sensor.frame
     return chain
-
-
-def run(*words, code=0):
-    assert cli.main([str(word) for word in words]) == code
-
-
-def refused(capsys, *words):
-    capsys.readouterr()
-    run(*words, code=2)
-    line = capsys.readouterr().err
-    assert line.count("\n") == 1
-    return line
 
 
 def poses_in_first(dataset):

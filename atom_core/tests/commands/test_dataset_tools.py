@@ -3,15 +3,21 @@
 import json
 import math
 import shutil
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from atom_core import cli
-from atom_core.io.dataset_json import read_dataset
-from atom_core.io.dataset_tools import joint_clusters
-from atom_core.io.dataset_writer import write_dataset_folder
-from atom_core.synthetic import Noise, arm, scenes
+sys.path.insert(0, str(Path(__file__).parent))  # command_line, which the tests share
+
+from command_line import refused, run  # noqa: E402
+
+from atom_core import cli  # noqa: E402
+from atom_core.io.dataset_json import read_dataset  # noqa: E402
+from atom_core.io.dataset_tools import joint_clusters  # noqa: E402
+from atom_core.io.dataset_writer import write_dataset_folder  # noqa: E402
+from atom_core.synthetic import Noise, arm, scenes  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -28,18 +34,6 @@ def made(tmp_path_factory):
 def path(made, tmp_path):
     shutil.copytree(made, tmp_path / "data")
     return tmp_path / "data" / "dataset.json"
-
-
-def run(*words, code=0):
-    assert cli.main([str(word) for word in words]) == code
-
-
-def refused(capsys, *words):
-    capsys.readouterr()
-    run(*words, code=2)
-    line = capsys.readouterr().err
-    assert line.count("\n") == 1
-    return line
 
 
 def document_of(path):

@@ -2,22 +2,28 @@
 
 import json
 import shutil
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from atom_core import cli
-from atom_core.errors import DatasetError
-from atom_core.geometry import se3
-from atom_core.io.config_yaml import write_config
-from atom_core.io.dataset_json import read_dataset
-from atom_core.io.dataset_writer import write_dataset_folder
-from atom_core.io.hand_eye_folders import numbered_images, read_rwhe_folder
-from atom_core.io.robot_poses import read_rwhe_poses, read_tabb_poses, rwhe_text, tabb_text
-from atom_core.model.dataset import pose
-from atom_core.model.truth import with_truth
-from atom_core.synthetic import Noise, scenes
+sys.path.insert(0, str(Path(__file__).parent))  # command_line, which the tests share
+
+from command_line import refused, run  # noqa: E402
+
+from atom_core import cli  # noqa: E402
+from atom_core.errors import DatasetError  # noqa: E402
+from atom_core.geometry import se3  # noqa: E402
+from atom_core.io.config_yaml import write_config  # noqa: E402
+from atom_core.io.dataset_json import read_dataset  # noqa: E402
+from atom_core.io.dataset_writer import write_dataset_folder  # noqa: E402
+from atom_core.io.hand_eye_folders import numbered_images, read_rwhe_folder  # noqa: E402
+from atom_core.io.robot_poses import read_rwhe_poses, read_tabb_poses, rwhe_text, tabb_text  # noqa: E402
+from atom_core.model.dataset import pose  # noqa: E402
+from atom_core.model.truth import with_truth  # noqa: E402
+from atom_core.synthetic import Noise, scenes  # noqa: E402
 
 CAMERA, FLANGE = "rgb_1", "flange"
 
@@ -37,18 +43,6 @@ def made(tmp_path_factory):
 
 def to(folder, name):
     return "-json", folder / "data" / "dataset.json", "-out", folder / name
-
-
-def run(*words, code=0):
-    assert cli.main([str(word) for word in words]) == code
-
-
-def refused(capsys, *words):
-    capsys.readouterr()
-    run(*words, code=2)
-    line = capsys.readouterr().err
-    assert line.count("\n") == 1
-    return line
 
 
 def world_T_flange(dataset):

@@ -9,7 +9,7 @@ import numpy as np
 from atom_calibration.collect.collector import Collector
 from atom_calibration.errors import CollectionError
 from atom_core.io.collections import CollectionStore
-from atom_core.io.earlier_run import FOLDER, has_earlier_run
+from atom_core.io.earlier_run import PREVIOUS_FOLDER, has_earlier_run
 
 DONE, NOT_ACCEPTABLE = 0, 1
 
@@ -70,7 +70,7 @@ def give_up(store: CollectionStore, warn: Callable[[str], None]) -> None:
         warn(f"the dataset that was in {store.folder} is back")
     elif has_earlier_run(store.folder):
         warn(
-            f"{store.folder / FOLDER} keeps the dataset that was here before; `python3 -m "
+            f"{store.folder / PREVIOUS_FOLDER} keeps the dataset that was here before; `python3 -m "
             f"atom_core recover {store.folder} --previous` brings it back"
         )
 

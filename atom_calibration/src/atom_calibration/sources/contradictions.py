@@ -86,14 +86,14 @@ def _camera(said: Tuple[Any, ...]) -> str:
     return f"{said[0]} x {said[1]} pixels, f = {said[2][0]:.1f} px"
 
 
-Numbers = Tuple[float, ...]  # x, y, z [m] and the quaternion x, y, z, w of a transform
+PoseTuple = Tuple[float, ...]  # x, y, z [m] and the quaternion x, y, z, w of a transform
 
 
 class _Seen(NamedTuple):
     """The last two poses of an edge, and how often it was back where it had just left."""
 
-    last: Numbers
-    before: Numbers
+    last: PoseTuple
+    before: PoseTuple
     switches: int
 
 
@@ -103,7 +103,7 @@ class EdgeWatch:
     def __init__(self) -> None:
         """Know no edge."""
         self._moving: Dict[Edge, _Seen] = {}
-        self._fixed: Dict[Edge, Numbers] = {}
+        self._fixed: Dict[Edge, PoseTuple] = {}
         self._warned: Dict[Edge, str] = {}
 
     @property
@@ -113,8 +113,8 @@ class EdgeWatch:
 
     def see_fixed(self, message: Any) -> None:
         """Note a TransformStamped of /tf_static."""
-        edge, numbers = edge_of(message), _numbers(message)
-        apart_m, apart_rad = _apart(self._fixed.setdefault(edge, numbers), numbers)
+        edge, pose = edge_of(message), _pose_tuple(message)
+        apart_m, apart_rad = _apart(self._fixed.setdefault(edge, pose), pose)
         if apart_m > _SAME_M or apart_rad > _SAME_RAD:
             self._warned[edge] = (
                 f"transform '{edge}' has several values in /tf_static, which differ by "
@@ -129,12 +129,12 @@ class EdgeWatch:
             TransformError: again and again the edge leaves for another place and is back with the
                 next message.
         """
-        edge, numbers = edge_of(message), _numbers(message)
-        seen = self._moving.get(edge) or _Seen(numbers, numbers, 0)
-        step_m, step_rad = _apart(numbers, seen.last)
+        edge, pose = edge_of(message), _pose_tuple(message)
+        seen = self._moving.get(edge) or _Seen(pose, pose, 0)
+        step_m, step_rad = _apart(pose, seen.last)
         switches = seen.switches
         if step_m > _SAME_M or step_rad > _SAME_RAD:
-            back_m, back_rad = _apart(numbers, seen.before)
+            back_m, back_rad = _apart(pose, seen.before)
             switches += back_m <= 0.2 * step_m and back_rad <= 0.2 * step_rad + 1e-6
         if switches >= _SWITCHES:
             raise TransformError(
@@ -142,15 +142,15 @@ class EdgeWatch:
                 f"{1e3 * step_m:.1f} mm and {math.degrees(step_rad):.2f} deg apart: two programs "
                 f"publish it and contradict each other; record again with one of them"
             )
-        self._moving[edge] = _Seen(numbers, seen.last, switches)
+        self._moving[edge] = _Seen(pose, seen.last, switches)
 
 
-def _numbers(message: Any) -> Numbers:
+def _pose_tuple(message: Any) -> PoseTuple:
     t, q = message.transform.translation, message.transform.rotation
     return t.x, t.y, t.z, q.x, q.y, q.z, q.w
 
 
-def _apart(a: Numbers, b: Numbers) -> Tuple[float, float]:
+def _apart(a: PoseTuple, b: PoseTuple) -> Tuple[float, float]:
     """Return how far two poses are from each other [m], [rad]; there are many of them."""
     distance_m = math.sqrt((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2)
     chord = math.sqrt(

@@ -114,9 +114,8 @@ class CollectionStore:
         """
         earlier_run.undo_partial(self.folder)
         if not earlier_run.has_earlier_run(self.folder):
-            raise DatasetError(
-                f"{self.folder / earlier_run.FOLDER}: absent; no earlier dataset is kept here"
-            )
+            kept = self.folder / earlier_run.PREVIOUS_FOLDER
+            raise DatasetError(f"{kept}: absent; no earlier dataset is kept here")
         self.begin_anew()
         earlier_run.put_back(self.folder)
         return self.folder / DATASET_FILE

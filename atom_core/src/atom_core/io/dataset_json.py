@@ -66,13 +66,8 @@ def read_dataset(path: Path, choose: Optional[Choose] = None) -> Dataset:
         document, filled = completed(document, str(path))
     check_version(document, path)
     dataset = dataset_from_document(document, path, choose)
-    if float(document["_metadata"]["version"]) >= _UNKNOWN_VERSION:
-        filled = (
-            f"{path}: dataset version {document['_metadata']['version']} is newer than this "
-            f"program, which knows {CURRENT_VERSION}; what is new in it is not understood"
-        )
-    if filled:
-        dataset = replace(dataset, warnings=(filled, *dataset.warnings))
+    remarks = [text for text in (filled, _newer_version(document, path)) if text]
+    dataset = replace(dataset, warnings=(*remarks, *dataset.warnings))
     formats = {name: sensor.kind.data for name, sensor in dataset.sensors.items()}
     return replace(dataset, data=FileDataSource(path.parent, document, formats))
 
@@ -125,6 +120,16 @@ def check_version(document: Mapping[str, Any], path: Path) -> None:
             f"{path}: dataset version {version} is older than {CURRENT_VERSION}; migrate it "
             f"with: {_MIGRATE.format(path)}"
         )
+
+
+def _newer_version(document: Mapping[str, Any], path: Path) -> Optional[str]:
+    version = document["_metadata"]["version"]
+    if float(version) < _UNKNOWN_VERSION:
+        return None
+    return (
+        f"{path}: dataset version {version} is newer than this program, which knows "
+        f"{CURRENT_VERSION}; what is new in it is not understood"
+    )
 
 
 def dataset_from_document(

@@ -13,13 +13,13 @@ from typing import Iterable, Iterator
 
 from atom_core.io.atomic import output_error, sync_folder
 
-FOLDER = "previous"
+PREVIOUS_FOLDER = "previous"
 _PARTIAL, _OLDER = ".previous.partial", ".previous.older"
 
 
 def has_earlier_run(folder: Path) -> bool:
     """Tell whether the folder keeps the files of an earlier run."""
-    return (folder / FOLDER).is_dir()
+    return (folder / PREVIOUS_FOLDER).is_dir()
 
 
 def set_aside(folder: Path, files: Iterable[Path]) -> None:
@@ -40,13 +40,13 @@ def set_aside(folder: Path, files: Iterable[Path]) -> None:
         if not (folder / _PARTIAL).is_dir():
             return
         if has_earlier_run(folder):
-            os.replace(folder / FOLDER, folder / _OLDER)
-        os.replace(folder / _PARTIAL, folder / FOLDER)
+            os.replace(folder / PREVIOUS_FOLDER, folder / _OLDER)
+        os.replace(folder / _PARTIAL, folder / PREVIOUS_FOLDER)
         sync_folder(folder)
         _remove(folder / _OLDER)
     except OSError as error:
         undo_partial(folder)
-        raise output_error(folder / FOLDER, error) from error
+        raise output_error(folder / PREVIOUS_FOLDER, error) from error
 
 
 def undo_partial(folder: Path) -> None:
@@ -56,7 +56,7 @@ def undo_partial(folder: Path) -> None:
         if has_earlier_run(folder):
             _remove(folder / _OLDER)
         else:
-            os.replace(folder / _OLDER, folder / FOLDER)
+            os.replace(folder / _OLDER, folder / PREVIOUS_FOLDER)
 
 
 def put_back(folder: Path) -> None:
@@ -68,7 +68,9 @@ def put_back(folder: Path) -> None:
     try:
         undo_partial(folder)
         if has_earlier_run(folder):
-            os.replace(folder / FOLDER, folder / _PARTIAL)  # the next run goes on if this is killed
+            os.replace(
+                folder / PREVIOUS_FOLDER, folder / _PARTIAL
+            )  # the next run goes on if this is killed
             undo_partial(folder)
     except OSError as error:
         raise output_error(folder, error) from error
@@ -77,7 +79,7 @@ def put_back(folder: Path) -> None:
 def forget(folder: Path) -> None:
     """Remove ``previous/``: the new run is whole."""
     if has_earlier_run(folder):
-        os.replace(folder / FOLDER, folder / _OLDER)
+        os.replace(folder / PREVIOUS_FOLDER, folder / _OLDER)
         _remove(folder / _OLDER)
 
 

@@ -176,7 +176,7 @@ def _parse_file_text(
 ) -> Tuple[RobotDescription, Tuple[str, ...]]:
     remedy = "mend the xacro (`xacro FILE` shows its URDF)" if is_xacro else "mend the file"
     flaw = xml_flaw(urdf)
-    if flaw and flaw.kills:
+    if flaw and flaw.is_too_deep:
         raise DescriptionError(f"{path}: {flaw.text}; {remedy}")
     try:
         parsed = parse_urdf(urdf)

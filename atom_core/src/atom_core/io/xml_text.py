@@ -12,10 +12,10 @@ _DEEPEST = 250  # tags within tags; parsers that call themselves for each overfl
 
 
 class XmlFlaw(NamedTuple):
-    """Why and where a text is no XML, and whether a parser may die of it."""
+    """Why and where a text is no XML, and whether that is a depth of which parsers may die."""
 
     text: str
-    kills: bool
+    is_too_deep: bool
 
 
 class _TooDeepError(Exception):

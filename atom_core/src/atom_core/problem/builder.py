@@ -12,7 +12,7 @@ from atom_core.geometry import se3
 from atom_core.model.dataset import MULTIPLE, Dataset, board_edge
 from atom_core.model.joints import POSITION_BIAS, JointSelection
 from atom_core.model.pattern import BoardKey
-from atom_core.model.transforms import Edge, FrameGraph, Step
+from atom_core.model.transforms import Chain, Edge, FrameGraph, Step
 from atom_core.problem.blocks import (
     ADDITIONAL_TF,
     JOINT,
@@ -78,15 +78,16 @@ def check_edges(dataset: Dataset, free: FreeEdges) -> None:
         DatasetError: a collection lacks an edge on the way to a sensor that saw a board in it.
     """
     graph = dataset.graph
+    chains = {s.name: graph.chain(dataset.world, s.frame) for s in dataset.sensors.values()}
     for sensor in dataset.sensors.values():
-        chain = graph.chain(dataset.world, sensor.frame)
+        chain = chains[sensor.name]
         if sensor.edge not in [step.edge for step in chain]:
             frames = " -> ".join([dataset.world] + [_far_frame(step) for step in chain])
             raise CalibrationError(
                 f"sensor '{sensor.name}': edge '{sensor.edge}' is not on its chain {frames}; "
                 f"correct parent_link and child_link in the configuration"
             )
-    _check_chains(dataset)
+    _check_whole(dataset, chains)
     known = {edge for c in dataset.collections.values() for edge in c.transforms}
     for name, edge in free.additional_tfs.items():
         if edge not in known:
@@ -95,8 +96,7 @@ def check_edges(dataset: Dataset, free: FreeEdges) -> None:
             )
 
 
-def _check_chains(dataset: Dataset) -> None:
-    chains = {s.name: dataset.graph.chain(dataset.world, s.frame) for s in dataset.sensors.values()}
+def _check_whole(dataset: Dataset, chains: Mapping[str, Chain]) -> None:
     for key, _ in dataset.detections():
         there = dataset.collections[key.collection].transforms
         for step in chains[key.sensor]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Callable, Iterator, Sequence, Tuple
+from typing import Callable, Iterator, Tuple
 
 import cv2
 import numpy as np
@@ -16,7 +16,8 @@ from atom_core.synthetic.board import charuco, chessboard
 from atom_core.synthetic.board_image import render
 
 _SQUARE_M, _BORDERS_M = 0.06, (0.0, 0.03, 0.06)
-_LARGEST_SIDE_PX, _LARGEST_BOARD_PX = 40.0, 700.0
+_BLURS_PX, _NOISES = (0.0, 0.7, 1.0, 1.5), (0.0, 4.0, 8.0, 12.0)
+_LEAST_SQUARE_PX, _LARGEST_SIDE_PX, _LARGEST_BOARD_PX = 8.0, 40.0, 700.0
 _LARGEST_CHARUCO_SIDE_PX = 70.0
 _DICTIONARIES = {"DICT_4X4_50": 50, "DICT_4X4_100": 100, "DICT_5X5_100": 100, "DICT_6X6_250": 250}
 _MARKER_SHARES = (0.6, 0.75, 0.8)
@@ -48,43 +49,17 @@ class BoardPicture:
     square_px: float
 
 
-def chessboard_pictures(
-    camera: Camera,
-    count: int,
-    seed: int,
-    blurs_px: Sequence[float] = (0.0, 0.7, 1.0, 1.5),
-    noises: Sequence[float] = (0.0, 4.0, 8.0, 12.0),
-    least_square_px: float = 8.0,
-) -> Iterator[BoardPicture]:
+def chessboard_pictures(camera: Camera, count: int, seed: int) -> Iterator[BoardPicture]:
     """Yield pictures of boards of 3 x 3 to 14 x 11 inner corners that are wholly in view.
 
     Both polarities, any turn, tilted by up to 50 degrees, with and without a white border.
     """
-    settings = _Settings(blurs_px, noises, least_square_px, _LARGEST_SIDE_PX)
-    return _pictures(camera, count, seed, settings, _drawn_chessboard)
+    return _pictures(camera, count, seed, _LARGEST_SIDE_PX, _drawn_chessboard)
 
 
-def charuco_pictures(
-    camera: Camera,
-    count: int,
-    seed: int,
-    blurs_px: Sequence[float] = (0.0, 0.7, 1.0, 1.5),
-    noises: Sequence[float] = (0.0, 4.0, 8.0, 12.0),
-    least_square_px: float = 8.0,
-) -> Iterator[BoardPicture]:
+def charuco_pictures(camera: Camera, count: int, seed: int) -> Iterator[BoardPicture]:
     """Yield pictures of ChArUcos as of chessboards; few below 15 px a square show markers."""
-    settings = _Settings(blurs_px, noises, least_square_px, _LARGEST_CHARUCO_SIDE_PX)
-    return _pictures(camera, count, seed, settings, _drawn_charuco)
-
-
-@dataclass(frozen=True)
-class _Settings:
-    """What pictures are drawn from; see `chessboard_pictures`."""
-
-    blurs_px: Sequence[float]
-    noises: Sequence[float]
-    least_square_px: float
-    largest_square_px: float
+    return _pictures(camera, count, seed, _LARGEST_CHARUCO_SIDE_PX, _drawn_charuco)
 
 
 Draw = Callable[[np.random.Generator, Tuple[int, int], float], PatternConfig]
@@ -111,13 +86,13 @@ def _drawn_charuco(
 
 
 def _pictures(
-    camera: Camera, count: int, seed: int, settings: _Settings, draw: Draw
+    camera: Camera, count: int, seed: int, largest_square_px: float, draw: Draw
 ) -> Iterator[BoardPicture]:
     rng = np.random.default_rng(seed)
     while count > 0:
         dimension = (int(rng.integers(3, 15)), int(rng.integers(3, 12)))
-        largest = min(settings.largest_square_px, _LARGEST_BOARD_PX / (max(dimension) + 3))
-        square_px = float(np.exp(rng.uniform(*np.log([settings.least_square_px, largest]))))
+        largest = min(largest_square_px, _LARGEST_BOARD_PX / (max(dimension) + 3))
+        square_px = float(np.exp(rng.uniform(*np.log([_LEAST_SQUARE_PX, largest]))))
         config = draw(rng, dimension, float(rng.choice(_BORDERS_M)))
         pattern = pattern_from_config("board", config)
         pose = _drawn_pose(rng, camera, pattern, square_px)
@@ -128,8 +103,8 @@ def _pictures(
         if not np.all((pixels > margin) & (pixels < limit)):
             continue
         count -= 1
-        negative, blur_px = bool(rng.integers(2)), float(rng.choice(settings.blurs_px))
-        noise = float(rng.choice(settings.noises))
+        negative, blur_px = bool(rng.integers(2)), float(rng.choice(_BLURS_PX))
+        noise = float(rng.choice(_NOISES))
         image = render(camera, [((pattern, config), pose)], negative)[..., 0]
         image = _as_taken(rng, image, blur_px, noise)
         yield BoardPicture(image, config, pixels, negative, blur_px, noise, square_px)
