@@ -68,9 +68,8 @@ def put_back(folder: Path) -> None:
     try:
         undo_partial(folder)
         if has_earlier_run(folder):
-            os.replace(
-                folder / PREVIOUS_FOLDER, folder / _PARTIAL
-            )  # the next run goes on if this is killed
+            # If this is killed, the next run goes on from here.
+            os.replace(folder / PREVIOUS_FOLDER, folder / _PARTIAL)
             undo_partial(folder)
     except OSError as error:
         raise output_error(folder, error) from error
