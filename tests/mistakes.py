@@ -266,6 +266,8 @@ class SmallFiles:
 
 def _plain(text: str, work: Path) -> str:
     """Return a text without the places of this machine."""
+    places = rf"looked for at ({work.resolve()}|{work})/"
+    text = re.sub(places, "looked for at /home/me/cell/", text)
     text = text.replace(f"{work.resolve()}{os.sep}", "").replace(f"{work}{os.sep}", "")
     return re.sub(r"http://localhost:\d+", "http://localhost:11311", text)
 

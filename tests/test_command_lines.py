@@ -5,6 +5,7 @@ import importlib
 import io
 import re
 import shlex
+import sys
 from pathlib import Path
 
 import pytest
@@ -13,17 +14,19 @@ from atom_core import cli
 
 pytest.importorskip("rospy", reason="ROS is not installed")
 ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "tests"))
+
+from document_blocks import PROGRAMS, blocks  # noqa: E402
+
 PAGES = [
-    ROOT / "README.md",
-    ROOT / "CONTRIBUTING.md",
-    ROOT / "docs" / "tutorial_collab_cell.md",
-    ROOT / "docs" / "tutorials" / "calibrate_a_dataset.md",
-    ROOT / "docs" / "tutorials" / "own_rig.md",
-    ROOT / "atom_examples" / "README.md",
-    ROOT / "atom_calibration" / "README.md",
+    "README.md",
+    "CONTRIBUTING.md",
+    "docs/tutorial_collab_cell.md",
+    "docs/tutorials/calibrate_a_dataset.md",
+    "docs/tutorials/own_rig.md",
+    "atom_examples/README.md",
+    "atom_calibration/README.md",
 ]
-PROGRAMS = ("python3", "rosrun", "roslaunch", "make")
-SHELL = ("source", "cp", "mkdir", "cd", "export", "catkin_make", "git", "unzip", "rosbag", "$")
 # Where the parsers of programs that are none of atom_core's commands are made.
 PARSERS = {
     "create_calibration_pkg": "atom_calibration.configure.create_package",
@@ -40,27 +43,22 @@ PARSERS = {
 
 
 def lines_of(page):
-    """Return the command lines in the blocks of a page, continued ones joined, without remarks."""
-    text = page.read_text(encoding="utf-8").replace("\\\n", " ")
-    blocks = re.findall(r"^```\w*\n(.*?)^```", text, re.M | re.S)
-    text = re.sub(r"^```\w*\n.*?^```", "", text, flags=re.M | re.S)
-    typed = [line for block in blocks for line in block.splitlines()]
-    typed += re.findall(r"^    (\S.*)$", text, re.M)
-    found = [re.sub(r"\s+#\s.*$", "", " ".join(line.split())) for line in typed]
+    """Return the command lines of programs in the blocks of a page."""
+    found = [line for block in blocks(page) for line in block.lines]
     return [line for line in found if line.split(" ")[0] in PROGRAMS]
 
 
 LINES = [
-    pytest.param(line, id=f"{page.name}: {line[:70]}")
+    pytest.param(line, id=f"{page}: {line[:70]}")
     for page in PAGES
     for line in dict.fromkeys(lines_of(page))
 ]
 
 
 def test_lines_are_found_in_blocks_of_both_kinds_with_their_ends():
-    page = ROOT / "docs" / "tutorial_collab_cell.md"
+    page = "docs/tutorial_collab_cell.md"
     assert any("collect_data.launch" in x and x.endswith("bag_rate:=0.5") for x in lines_of(page))
-    assert "make build" in lines_of(ROOT / "CONTRIBUTING.md")
+    assert "make build" in lines_of("CONTRIBUTING.md")
     assert len(LINES) > 40
 
 

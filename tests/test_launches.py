@@ -45,9 +45,10 @@ PATIENCE_S = 300.0  # until all nodes have started, or until all have ended
 FAULTS_AFTER_S = 2.0  # so long nodes may find out that something is wrong
 AT_A_TIME = 2
 GENERATED = "generated"
+ENDS = "killing on exit"  # of roslaunch
 FAULT = re.compile(
     r"\[ERROR\]|\[FATAL\]|\b(ERROR|FATAL) /|Traceback|process has died \[|escalating to|RLException"
-    r"|cannot be preloaded"
+    r"|REQUIRED process|cannot be preloaded"
 )
 
 pytestmark = [
@@ -284,7 +285,7 @@ def _run(case, inputs, folder, variables, screen: Optional[Screen], port: int) -
             time.sleep(0.2)
         if launch.poll() is None:
             time.sleep(FAULTS_AFTER_S)
-        if "Initiating shutdown" not in printed.read_text("utf-8"):  # it ends by itself
+        if ENDS not in printed.read_text("utf-8"):  # it ends by itself
             launch.send_signal(signal.SIGINT)
         code = launch.wait(PATIENCE_S)
     finally:
@@ -302,18 +303,13 @@ def not_there(nodes, port, printed, screen) -> List[str]:
     """
     known = registered(port)
     started = re.findall(r"process\[([\w/]+)-\d+\]: started", printed)
-    if "Initiating shutdown" in printed:  # it has done its work
+    if ENDS in printed:  # it has done its work
         return [name for name in nodes if name[1:] not in started]
     nodes = sorted({*nodes, *(f"/{name}" for name in started)})
     done = {
         name
         for name in nodes
         if re.search(rf"\[{name[1:]}-\d+\] process has finished cleanly", printed)
-        or re.search(
-            rf"REQUIRED process \[{name[1:]}-\d+\] has died!\s+process has finished "
-            "cleanly",
-            printed,
-        )
     }
     missing = [name for name in nodes if name not in known | done]
     if screen and not missing and not screen.has_window("RViz$"):  # shown once its layout is read

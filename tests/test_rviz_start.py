@@ -69,3 +69,37 @@ def test_a_program_that_becomes_rviz_preloads_it_before_what_the_user_does(
         check=True,
     ).stdout
     assert said.strip() == f"{X11_SYNC} {before}".strip() + "|-d a.rviz rest"
+
+
+LAUNCH = """
+import signal, subprocess, sys
+heard = []
+signal.signal(signal.SIGINT, lambda *_: heard.append("SIGINT"))
+print(subprocess.call(sys.argv[1:]), *heard)
+"""
+
+
+@pytest.mark.parametrize(
+    "parent, asked, code, said",
+    [
+        ("roslaunch", "true", 0, "0 SIGINT"),  # the window was closed
+        ("roslaunch", "true", 3, "3"),  # a failure is called so
+        ("roslaunch", "", 0, "0"),
+        ("rostest", "true", 0, "0"),
+    ],
+)
+def test_what_is_preloaded_ends_the_launch_where_that_is_asked_for(
+    parent, asked, code, said, tmp_path
+):
+    program = tmp_path / parent
+    program.write_text(LAUNCH, encoding="utf-8")
+    words = ["env", f"LD_PRELOAD={X11_SYNC}", *([f"ATOM_ENDS_LAUNCH={asked}"] if asked else [])]
+    words += [sys.executable, "-c", f"raise SystemExit({code})"]
+    done = subprocess.run(
+        [sys.executable, str(program), *words],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    assert (done.stdout.strip(), done.stderr) == (said, "")

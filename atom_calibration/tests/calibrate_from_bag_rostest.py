@@ -83,6 +83,8 @@ class CalibrateFromBagTest(unittest.TestCase):
         self.assertEqual((status["step"], status["exit_code"]), ("calibrate", 0), status)
         with open(self.path("out", "calibration", "calibration.json"), encoding="utf-8") as stream:
             result = json.load(stream)
+        verdict = {key: result["verdict"][key] for key in ("grade", "sentence")}
+        self.assertEqual(status["verdict"], verdict)
         self.assertEqual(result["status"], "converged")
         self.assertGreaterEqual(len(result["collections"]), len(self.scene.dataset.collections) - 1)
         for sensor in result["sensors"].values():

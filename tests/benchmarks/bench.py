@@ -2,7 +2,8 @@
 what a calibration says of planted faults.
 
 Prints tables and writes bench_output/*.csv (speed, scaling, accuracy, starts, convergence,
-gross_errors, rviz, seeds, trust, planted, rough) and scaling.png; docs/benchmarks/README.md tells
+gross_errors, rviz, leaving_out, seeds, trust, planted, rough) and scaling.png;
+docs/benchmarks/README.md tells
 how to read them. Times depend on the machine and its load: compare the rows of one run with each
 other. The references beside our solvers, on the same rows from the same start: plain_ceres.cpp (a
 straightforward Ceres program, one thread) and scipy.optimize.least_squares (trf, sparse analytic
@@ -26,13 +27,14 @@ from plain_ceres import PlainCeres
 from rviz_rate import rviz_rates
 from scaling import command_seconds, comparable, find, scaling
 from scipy.optimize import least_squares
-from tqdm import tqdm
 from trust import trust
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.preparation import free_edges
 from atom_core.calibration.start.boards import initial_boards
+from atom_core.commands.progress import watched
+from atom_core.editing.left_out import LeftOut
 from atom_core.evaluation.ground_truth import ground_truth_errors
 from atom_core.model.dataset import Dataset, pose
 from atom_core.problem.builder import build_problem
@@ -201,7 +203,7 @@ def _stacked(problem: Problem, x: np.ndarray, sigmas: tuple) -> np.ndarray:
 def accuracy(output: Path, seeds: int) -> None:
     """Calibrate the cell of every seed from a disturbed start and compare with the truth."""
     rows = []
-    for seed in tqdm(range(seeds), desc="accuracy", unit="cell"):
+    for seed in watched(range(seeds), seeds, "accuracy", "cells"):
         rows.append([seed, *_errors(seed, 0.0)])
     headers = ["seed", "status", "mean [mm]", "mean [deg]", "worst [mm]", "worst [deg]"]
     _report(output / "accuracy.csv", headers, rows, "Errors against truth", 3)
@@ -230,7 +232,7 @@ def _errors(seed: int, gross_fraction: float) -> list:
 def starts(output: Path, cells: int) -> None:
     """Calibrate the same data from six starts, cell by cell; the answers must be one."""
     rows = []
-    for cell in tqdm(range(cells), desc="starts", unit="cell"):
+    for cell in watched(range(cells), cells, "starts", "cells"):
         dataset = paper_cell(cell).dataset
         found, results = [], []
         for seed in range(6):
@@ -257,7 +259,7 @@ def starts(output: Path, cells: int) -> None:
 def gross_errors(output: Path, seeds: int) -> None:
     """Calibrate with a tenth of all labels grossly wrong, beside the clean run."""
     rows = []
-    for seed in tqdm(range(seeds), desc="gross errors", unit="cell"):
+    for seed in watched(range(seeds), seeds, "gross errors", "cells"):
         clean, dirty = _errors(seed, 0.0), _errors(seed, 0.1)
         rows.append([seed, dirty[0], clean[1], dirty[1], dirty[1] / clean[1], dirty[2] / clean[2]])
     headers = ["seed", "status", "clean [mm]", "10 % wrong [mm]", "ratio mm", "ratio deg"]
@@ -284,6 +286,28 @@ def rviz(output: Path, quick: bool) -> None:
     title = "RViz, a cloud of 131,072 points; medians over turns"
     _report(output / "rviz.csv", headers, rows, title, 2)
     _verdict("frame rate with the plugins over without", rows[2][3], 0.8, "x", at_least=True)
+    print()
+    leaving_out(output, 1 if quick else 5)
+
+
+def leaving_out(output: Path, collections: int) -> None:
+    """Measure what a click on a bar waits for: the cell solved again without a detection."""
+    cell = paper_cell(0, "train", Noise(), DISTURBANCE)
+    options = CalibrationOptions()
+    first = calibrate(cell.dataset, options)
+    rows = []
+    for sensor in cell.dataset.sensors:
+        taken_s = []
+        seen = [d.collection for d, _ in cell.dataset.detections() if d.sensor == sensor]
+        for key in seen[:collections]:
+            left = LeftOut(first, options)
+            begin_s = time.perf_counter()
+            left.leave_out(sensor, key)
+            taken_s.append(time.perf_counter() - begin_s)
+        rows.append([sensor, len(taken_s), float(np.median(taken_s)), max(taken_s)])
+    headers = ["left out of", "times", "median [s]", "longest [s]"]
+    _report(output / "leaving_out.csv", headers, rows, "A detection left out, solved again", 3)
+    _verdict("median over the sensors", float(np.median([r[2] for r in rows])), 0.1, "s")
     print()
 
 

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Dict, List
 
 import numpy as np
-from tqdm import tqdm
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
+from atom_core.commands.progress import watched
 from atom_core.report.tables import text_table
 from atom_core.solvers.base import CONVERGED
 from atom_core.synthetic import disturbed, paper_cell, scenes
@@ -39,9 +39,9 @@ KINDS = (
 def convergence(output: Path, count: int) -> None:
     """Run `count` cells and as many other rigs."""
     rows = []
-    for seed in tqdm(range(count), desc="starts of cells", unit="cell"):
+    for seed in watched(range(count), count, "starts of cells", "cells"):
         rows += _three_starts("paper_cell", seed, paper_cell(seed))
-    for i in tqdm(range(count), desc="starts of other rigs", unit="rig"):
+    for i in watched(range(count), count, "starts of other rigs", "rigs"):
         kind, seed = KINDS[i % len(KINDS)], i // len(KINDS)
         rows += _three_starts(kind.__name__, seed, kind(seed, collections=12))
     output.mkdir(parents=True, exist_ok=True)

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from atom_core.errors import ConfigError
-from atom_core.io.paths import resolve_path
+from atom_core.io.paths import looked_for, resolve_path, unread
 
 FOLDERS = {"rig": "/ws/src/rig", "arm": Path("/ws/src/arm")}
 
@@ -55,3 +55,15 @@ def test_packages_of_ros_are_found_without_a_resolver():
     pytest.importorskip("rospkg", reason="rospkg is not installed; `make setup` installs it")
     with pytest.raises(ConfigError, match="'no_such_package_of_atom' is not found"):
         resolve_path("package://no_such_package_of_atom/a")
+
+
+def test_a_relative_path_is_told_with_where_it_was_looked_for(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    assert looked_for("data/a.json") == f", looked for at {tmp_path}/data/a.json"
+    assert looked_for(Path("../a.json")) == f", looked for at {tmp_path.parent}/a.json"
+    assert looked_for("/data/a.json") == ""
+    with pytest.raises(FileNotFoundError) as absent:
+        Path("a.bag").read_bytes()
+    assert unread("a.bag", absent.value) == (
+        f"no such file or directory, looked for at {tmp_path}/a.bag"
+    )

@@ -108,6 +108,8 @@ def test_a_sensor_that_reads_long_is_wrong_and_told_from_the_others(cell):
 def test_few_boards_and_a_place_that_is_poorly_known_are_weak():
     verdict = judged(scenes.random_scene(0, collections=3).dataset)[1]
     assert verdict.grade == WEAK
+    reason = next(iter(verdict.sensors.values())).sentence.partition("; ")[0]
+    assert reason in verdict.sentence, "it stands alone where no lines are below it"
     for name, sensor in verdict.sensors.items():
         assert sensor.grade == WEAK and "too few boards" in sensor.sentence, name
 

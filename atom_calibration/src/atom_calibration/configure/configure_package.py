@@ -38,6 +38,7 @@ from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import AtomError, ConfigError
 from atom_core.io.config_yaml import read_config_with_places
+from atom_core.io.paths import looked_for
 from atom_core.io.urdf import Description, read_description, write_calibrated_description
 from atom_core.model.config import CalibrationConfig
 
@@ -175,7 +176,7 @@ def _existing(
         note(key, f"is '{text}': {error}")
         return None
     if not path.exists():
-        note(key, f"is '{text}', but {path} does not exist; correct the path")
+        note(key, f"is '{text}', but {path} does not exist{looked_for(path)}; correct the path")
         return None
     return path
 

@@ -37,7 +37,8 @@ def main(argv: Optional[Sequence[str]] = None) -> int:
     if not _on_package_path(folder):
         sys.stderr.write(
             f"create_calibration_pkg: warning: {folder} is not below ROS_PACKAGE_PATH, so rosrun "
-            f"will not find it; move it into your workspace, or add its folder to the path\n"
+            f"will not find it; move it into your workspace, or type in each shell: "
+            f"export ROS_PACKAGE_PATH=$ROS_PACKAGE_PATH:{folder.parent}\n"
         )
     return _DONE
 

@@ -17,6 +17,8 @@ from atom_core.errors import AtomError, ConfigError
 
 Work = Callable[[argparse.Namespace], int]
 UNACCEPTABLE, BAD_INPUT = 1, 2
+ENDS_LAUNCH = "ATOM_ENDS_LAUNCH"  # set by launch files for the node whose work is all of theirs
+_LAUNCH_ENDS_S = 10.0
 _stop = threading.Event()
 _watches: List[MasterWatch] = []
 
@@ -118,9 +120,36 @@ def guarded(name: str, run: Callable[[], int]) -> int:
         code, text = _outcome(run)
         if text:
             sys.stderr.write(f"{name}: {text}\n")
+        end_launch(code)
         return code
     finally:
         rospy.signal_shutdown("done")
+
+
+def end_launch(code: int) -> None:
+    """End the launch of a node that is done, as Ctrl-C does, if its launch file asks for that.
+
+    The end of a node that is `required` ends the launch, too, but roslaunch calls it a death, in
+    red, also where all is well. Then only a failure is called so.
+
+    Args:
+        code: the node's exit code.
+    """
+    if code or not os.environ.get(ENDS_LAUNCH) or stopped():
+        return
+    parent = os.getppid()
+    if _is_roslaunch(parent):
+        os.kill(parent, signal.SIGINT)
+        _stop.wait(_LAUNCH_ENDS_S)  # it asks its nodes to end, this one among them
+
+
+def _is_roslaunch(process: int) -> bool:
+    try:
+        with open(f"/proc/{process}/cmdline", "rb") as stream:
+            words = stream.read().split(b"\0")[:3]
+    except OSError:
+        return False
+    return any(os.path.basename(word) == b"roslaunch" for word in words)
 
 
 def _outcome(run: Callable[[], int]) -> Tuple[int, str]:

@@ -11,6 +11,7 @@ import rosbag
 import rospy
 
 from atom_calibration.errors import BagError
+from atom_core.io.paths import unread
 
 _LISTED = 12  # topics that a message lists at most
 _TIMED = 20  # messages that tell how stamps lie against the times of receipt
@@ -148,7 +149,7 @@ def open_bag(path: Path) -> rosbag.Bag:
             f"`rosbag reindex {path}`"
         ) from None
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
+        reason = unread(path, error)
         raise BagError(f"{path}: the bag cannot be read ({reason}); check the path") from error
     except (rosbag.ROSBagException, ValueError, KeyError, EOFError) as error:
         what = str(error) or type(error).__name__

@@ -6,10 +6,9 @@ import argparse
 from pathlib import Path
 from typing import List
 
-from tqdm import tqdm
-
 from atom_core.commands import calibrate, check, common, evaluate
 from atom_core.commands.option_parser import OptionParser
+from atom_core.commands.progress import watched
 from atom_core.io.atomic import prepare_output_folder
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.io.truth_json import write_truth
@@ -34,7 +33,7 @@ def run(args: argparse.Namespace) -> int:
         f"1/4 simulated cell: 3 rgb, 1 depth, 3 lidar3d, seed {args.seed}; every free sensor "
         f"starts {_DISTURBANCE[0]} m and {_DISTURBANCE[1]} rad off the truth"
     )
-    for scenario in tqdm(("train", "test"), desc="writing datasets", unit="dataset"):
+    for scenario in watched(("train", "test"), 2, "writing datasets", "datasets"):
         cell = paper_cell(args.seed, scenario, Noise(), _DISTURBANCE)
         write_dataset_folder(cell.dataset, folder / scenario, name=scenario, overwrite=True)
         write_truth(cell.truth, folder / f"{scenario}.truth.json")

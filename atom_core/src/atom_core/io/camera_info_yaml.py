@@ -11,6 +11,7 @@ from ruamel.yaml.error import YAMLError
 
 from atom_core.errors import DatasetError
 from atom_core.geometry.camera import Camera
+from atom_core.io.paths import unread
 
 
 def read_camera_info(path: Path) -> Camera:
@@ -29,7 +30,7 @@ def read_camera_info(path: Path) -> Camera:
             model=str(document.get("distortion_model", "plumb_bob")),
         )
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
+        reason = unread(path, error)
         raise DatasetError(f"{path}: the intrinsics cannot be read ({reason})") from None
     except (YAMLError, KeyError, ValueError, TypeError, AttributeError) as error:
         what = str(error).splitlines()[0] if str(error) else "it is empty"

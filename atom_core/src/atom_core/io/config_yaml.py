@@ -19,6 +19,7 @@ from ruamel.yaml.scalarbool import ScalarBoolean
 
 from atom_core.errors import ConfigError
 from atom_core.io.atomic import PathLike, write_text_atomically
+from atom_core.io.paths import unread
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.config_section import KeyPath
 
@@ -131,7 +132,7 @@ def _read_text(path: PathLike) -> str:
     try:
         data = Path(path).read_bytes()
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
+        reason = unread(path, error)
         raise ConfigError(f"{path}: the configuration cannot be read ({reason})") from error
     try:
         return data.decode("utf-8-sig")

@@ -30,6 +30,7 @@ from atom_core.io.dataset_entries import (
 from atom_core.io.dataset_structure import check_dataset_structure
 from atom_core.io.earliest_layout import CURRENT_VERSION, completed, is_before_version_2
 from atom_core.io.label_json import is_old_layout, with_label
+from atom_core.io.paths import looked_for
 from atom_core.io.together import finish_interrupted
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.dataset import Collection, Dataset
@@ -78,7 +79,9 @@ def read_document(path: Path) -> Dict[str, Any]:
     if path.is_dir():
         raise DatasetError(f"{path}: a folder; give the dataset's JSON in it, {path}/dataset.json")
     if not path.is_file():
-        raise DatasetError(f"{path}: no such file; give the dataset's JSON with --dataset")
+        raise DatasetError(
+            f"{path}: no such file{looked_for(path)}; give the dataset's JSON with --dataset"
+        )
     if path.suffix in (".yml", ".yaml", ".bag", ".xacro", ".urdf"):
         raise DatasetError(f"{path}: no dataset; give the dataset.json that a collector wrote")
     try:

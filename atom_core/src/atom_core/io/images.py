@@ -13,6 +13,7 @@ import numpy as np
 
 from atom_core.errors import DatasetError, OutputError
 from atom_core.io.atomic import PathLike, write_bytes_atomically
+from atom_core.io.paths import unread
 
 DEPTH_UNITS_PER_M = 10_000  # the unit of a depth file is 0.1 mm
 MAX_DEPTH_M = np.iinfo(np.uint16).max / DEPTH_UNITS_PER_M
@@ -176,8 +177,7 @@ def _decode(path: PathLike, flags: int) -> np.ndarray:
     try:
         data = Path(path).read_bytes()
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise DatasetError(f"{path}: the image cannot be read ({reason})") from error
+        raise DatasetError(f"{path}: the image cannot be read ({unread(path, error)})") from error
     damage = _damage(data)
     if not damage:
         try:

@@ -11,6 +11,7 @@ from ruamel.yaml.error import YAMLError
 
 from atom_core.errors import DatasetError
 from atom_core.geometry.camera import Camera
+from atom_core.io.paths import unread
 
 _ROUNDED = 1e-3  # entries of a rotation that was written with few digits
 _MODELS = {
@@ -46,8 +47,7 @@ def read_camchain(path: Path) -> List[ChainCamera]:
     try:
         document: Any = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise DatasetError(f"{path}: the camchain cannot be read ({reason})") from None
+        raise DatasetError(f"{path}: the camchain cannot be read ({unread(path, error)})") from None
     except (YAMLError, ValueError) as error:
         raise DatasetError(f"{path}: is no YAML ({str(error).splitlines()[0]})") from None
     names = [f"cam{i}" for i in range(len(document or ()))]

@@ -19,6 +19,17 @@ _VARIABLE = re.compile(r"\$(\w+)|\$\{([^}]*)\}")
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*)://")
 
 
+def looked_for(path: PathLike) -> str:
+    """Return where a relative path was looked for, to stand behind a reason; else nothing."""
+    text = os.fspath(path)
+    return "" if os.path.isabs(text) else f", looked for at {os.path.abspath(text)}"
+
+
+def unread(path: PathLike, error: OSError) -> str:
+    """Return why a file cannot be read, in words, and where it was looked for."""
+    return (error.strerror or str(error)).lower() + looked_for(path)
+
+
 def find_ros_package(name: str) -> Path:
     """Return the folder of a ROS package: the resolver that is used when none is passed.
 

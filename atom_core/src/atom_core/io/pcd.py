@@ -12,6 +12,7 @@ import numpy as np
 from atom_core.errors import DatasetError
 from atom_core.io import lzf
 from atom_core.io.atomic import PathLike, write_bytes_atomically
+from atom_core.io.paths import unread
 
 ASCII, BINARY, BINARY_COMPRESSED = "ascii", "binary", "binary_compressed"
 ENCODINGS = (ASCII, BINARY, BINARY_COMPRESSED)
@@ -134,8 +135,7 @@ def read_pcd(path: PathLike) -> PointCloud:
     try:
         data = Path(path).read_bytes()
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise DatasetError(f"{path}: the cloud cannot be read ({reason})") from error
+        raise DatasetError(f"{path}: the cloud cannot be read ({unread(path, error)})") from error
     try:
         header, body = _parse_header(data)
         read_body = {ASCII: _read_ascii, BINARY: _read_binary}.get(header.encoding, _read_lzf)

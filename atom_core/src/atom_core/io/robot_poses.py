@@ -13,6 +13,7 @@ import numpy as np
 
 from atom_core.errors import DatasetError
 from atom_core.geometry import se3
+from atom_core.io.paths import unread
 
 _MM_PER_M = 1000.0
 _ROUNDED = 1e-3  # entries of a rotation that was written with few digits
@@ -75,7 +76,7 @@ def _text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
+        reason = unread(path, error)
         raise DatasetError(f"{path}: the robot's poses cannot be read ({reason})") from None
     except UnicodeDecodeError:
         raise DatasetError(f"{path}: is no text; the robot's poses are expected") from None

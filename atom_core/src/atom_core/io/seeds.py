@@ -15,6 +15,7 @@ import yaml
 
 from atom_core.errors import ConfigError
 from atom_core.io.atomic import write_text_atomically
+from atom_core.io.paths import unread
 from atom_core.model.modality import SeedFormat, modality_named
 from atom_core.model.sensor import Sensor
 
@@ -62,7 +63,7 @@ def read_seeds(path: Path, sensors: Mapping[str, HasModality]) -> List[Seed]:
     try:
         entries = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
+        reason = unread(path, error)
         raise ConfigError(f"{path}: the seeds cannot be read ({reason}); check --seeds") from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: this is not valid YAML: {error}") from error

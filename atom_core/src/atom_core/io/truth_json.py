@@ -11,6 +11,7 @@ import numpy as np
 from atom_core.errors import DatasetError
 from atom_core.geometry import se3
 from atom_core.io.atomic import write_json_atomically
+from atom_core.io.paths import looked_for
 from atom_core.model.transforms import Edge
 from atom_core.model.truth import Truth
 
@@ -46,7 +47,9 @@ def read_truth(path: Path) -> Truth:
     """
     path = Path(path)
     if not path.is_file():
-        raise DatasetError(f"{path}: no such truth file; correct the path, or leave out --truth")
+        raise DatasetError(
+            f"{path}: no such truth file{looked_for(path)}; correct the path, or leave out --truth"
+        )
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
         edges = {

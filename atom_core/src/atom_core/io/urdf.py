@@ -18,7 +18,7 @@ from atom_core import native
 from atom_core.errors import ConfigError, DescriptionError
 from atom_core.geometry import se3
 from atom_core.io.atomic import write_text_atomically
-from atom_core.io.paths import PackageResolver, PathLike, resolve_path
+from atom_core.io.paths import PackageResolver, PathLike, looked_for, resolve_path
 from atom_core.io.urdf_text import OriginEdit, edit_origins
 from atom_core.io.xacro_text import expand_xacro, needs_xacro
 from atom_core.io.xml_text import xml_flaw
@@ -161,7 +161,8 @@ def _read_text(path: Path) -> str:
         return path.read_bytes().decode("utf-8")  # bytes: line ends must survive an edit
     except FileNotFoundError as error:
         raise DescriptionError(
-            f"{path}: there is no such robot description; mend the path or create the file"
+            f"{path}: there is no such robot description{looked_for(path)}; mend the path or "
+            f"create the file"
         ) from error
     except OSError as error:
         raise DescriptionError(

@@ -109,8 +109,10 @@ def _sentence(
         return _good(results)
     names = [name for name, sensor in sensors.items() if sensor.grade == grade]
     what = "do not use it as it is" if grade == WRONG else "it can be used with care"
-    verb = "is" if len(names) == 1 else "are"
-    return f"{what}: {names_in_words(names)} {verb} {grade}, as the lines below say"
+    reason = sensors[names[0]].sentence.partition("; ")[0]
+    if len(names) == 1:
+        return f"{what}: {names[0]} is {grade} ({reason})"
+    return f"{what}: {names_in_words(names)} are {grade} ({names[0]}: {reason})"
 
 
 def _good(results: CalibrationResults) -> str:

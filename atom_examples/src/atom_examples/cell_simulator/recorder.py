@@ -11,8 +11,8 @@ from typing import Any, Dict, Iterator, List, Mapping, Optional, Protocol, Seque
 import numpy as np
 import rosbag
 import rospy
-from tqdm import tqdm
 
+from atom_core.commands.progress import watched
 from atom_core.model.transforms import Edge
 from atom_core.synthetic.cell import SCENARIOS
 from atom_examples.cell_simulator import messages
@@ -235,12 +235,12 @@ def record_ticks(
         path: what the progress bar calls it.
         active: the file.
         labels: is told what truly belongs to the board, if anybody wants to know.
-        progress: show a bar.
+        progress: tell how far it is.
     """
     with _open(active, recording) as bag:
         writer = _Writer(shown, motion, recording, bag, labels)
         ticks = range(motion.ticks)
-        for tick in tqdm(ticks, desc=path.name, unit="tick", disable=not progress):
+        for tick in watched(ticks, len(ticks), path.name, "ticks") if progress else ticks:
             writer.write_tick(tick, motion.state(tick))
 
 

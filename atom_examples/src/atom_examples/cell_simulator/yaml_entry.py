@@ -8,6 +8,7 @@ from typing import Any, Callable, Sequence, Tuple
 import numpy as np
 import yaml
 
+from atom_core.io.paths import unread
 from atom_examples.cell_simulator.errors import SimulatorError
 
 
@@ -20,7 +21,8 @@ def read_yaml(path: Path) -> Entry:
     try:
         document = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
-        raise SimulatorError(f"{path}: cannot be read ({error.strerror}); give a file") from None
+        reason = unread(path, error)
+        raise SimulatorError(f"{path}: cannot be read ({reason}); give a file") from None
     except yaml.YAMLError as error:
         raise SimulatorError(f"{path}: no YAML ({error}); mend it") from None
     return Entry(str(path), document)

@@ -1,8 +1,8 @@
 """From a bag to a calibration: collections in DIR/dataset, results in DIR/calibration.
 
-DIR/status.json says how far it came: {"step", "exit_code", "message"}; that of an earlier run is
-removed at the beginning, so none is there when it was killed. With -rv the calibration is shown in
-RViz while it runs.
+DIR/status.json says how far it came: {"step", "exit_code", "message"}, and once there is a result
+its {"verdict"}; that of an earlier run is removed at the beginning, so none is there when it was
+killed. With -rv the calibration is shown in RViz while it runs.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import json
 import sys
 from contextlib import suppress
 from pathlib import Path
-from typing import Callable, List, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 from atom_calibration.nodes.calibrating.calibration_view import CalibrationView
 from atom_calibration.nodes.collecting import collect_from_bag
@@ -29,6 +29,7 @@ from atom_core.io.atomic import write_json_atomically
 from atom_core.io.dataset_writer import DATASET_FILE
 
 STATUS_FILE = "status.json"
+Said = Dict[str, Any]  # entries of status.json
 _BAD_INPUT = 2
 _EXAMPLE = "roslaunch atom_calibration calibrate_from_bag.launch config:=C bag:=B output:=DIR"
 
@@ -51,11 +52,11 @@ def main(argv: Optional[Sequence[str]] = None) -> int:
         return _BAD_INPUT
     code, steps = 0, (("collect", _collect), ("calibrate", _calibrate))
     for step, run in steps:
-        code, message = _outcome(run, args)
-        if not _write_status(args.output, step, code, message):
+        code, said = _outcome(run, args)
+        if not _write_status(args.output, {"step": step, "exit_code": code, **said}):
             return _BAD_INPUT
         if code == _BAD_INPUT:
-            print(f"calibrate_from_bag: {step}: {message}", file=sys.stderr)
+            print(f"calibrate_from_bag: {step}: {said['message']}", file=sys.stderr)
             return code
     if args.view and stay:
         running.wait()
@@ -63,24 +64,25 @@ def main(argv: Optional[Sequence[str]] = None) -> int:
 
 
 def _outcome(
-    run: Callable[[argparse.Namespace], Tuple[int, str]], args: argparse.Namespace
-) -> Tuple[int, str]:
+    run: Callable[[argparse.Namespace], Tuple[int, Said]], args: argparse.Namespace
+) -> Tuple[int, Said]:
     try:
         return run(args)
     except AtomError as error:
-        return _BAD_INPUT, str(error)
+        return _BAD_INPUT, {"message": str(error)}
 
 
-def _collect(args: argparse.Namespace) -> Tuple[int, str]:
+def _collect(args: argparse.Namespace) -> Tuple[int, Said]:
     options = ["--config", args.config, "--bag", args.bag, "--output", args.output / "dataset"]
     options += ["--seeds", args.seeds] if args.seeds else []
     options += ["--description", args.description] if args.description else []
     parsed = collect_from_bag.parser().parse_args(_texts(options, args))
     code = collect_from_bag.collect_from_bag(parsed)
-    return code, "done" if code == 0 else "some sensors or moments gave nothing; see the output"
+    nothing = "some sensors or moments gave nothing; see the output"
+    return code, {"message": nothing if code else "done"}
 
 
-def _calibrate(args: argparse.Namespace) -> Tuple[int, str]:
+def _calibrate(args: argparse.Namespace) -> Tuple[int, Said]:
     folder = args.output / "calibration"
     options = ["calibrate", "--dataset", args.output / "dataset" / DATASET_FILE]
     options += ["--output", folder]
@@ -93,17 +95,17 @@ def _calibrate(args: argparse.Namespace) -> Tuple[int, str]:
         folder /= NOT_CONVERGED_FOLDER
     try:
         result = json.loads((folder / "calibration.json").read_text(encoding="utf-8"))
-        return code, f"{result['status']}: {result['message']}"
+        verdict = {key: result["verdict"][key] for key in ("grade", "sentence")}
+        return code, {"message": f"{result['status']}: {result['message']}", "verdict": verdict}
     except (OSError, ValueError, KeyError):
-        return code, f"see {folder / RESULT_FILE}"
+        return code, {"message": f"see {folder / RESULT_FILE}"}
 
 
 def _texts(options: List[object], args: argparse.Namespace) -> List[str]:
     return [str(option) for option in options] + (["--overwrite"] if args.overwrite else [])
 
 
-def _write_status(folder: Path, step: str, code: int, message: str) -> bool:
-    document = {"step": step, "exit_code": code, "message": message}
+def _write_status(folder: Path, document: Said) -> bool:
     try:
         write_json_atomically(folder / STATUS_FILE, document)
     except OutputError as error:
@@ -140,4 +142,6 @@ def _parser() -> argparse.ArgumentParser:
 
 def run_as_node() -> int:
     """Run with the arguments of a launch file, without those that are roslaunch's own."""
-    return main(running.arguments())
+    code = main(running.arguments())
+    running.end_launch(code)
+    return code

@@ -42,6 +42,7 @@ from atom_calibration.sources.rig import Rig, check_frames, rig_from_bag
 from atom_calibration.sources.transform_tree import BagTransforms
 from atom_core.commands.common import add_option, add_output_options
 from atom_core.commands.option_parser import OptionParser
+from atom_core.commands.progress import progress
 from atom_core.errors import AtomError
 from atom_core.io.collections import CollectionStore
 from atom_core.io.config_yaml import read_config
@@ -191,10 +192,9 @@ def labeled_frames(
     bad: Counter = Counter()
     good: Counter = Counter()
     total = sum(bag.counts[topic] for topic in rig.topics)
-    progress = tqdm(total=total, desc=bag.path.name, unit="msg", mininterval=0.5)
-    with ThreadPoolExecutor(_WORKERS) as pool, progress:
+    with ThreadPoolExecutor(_WORKERS) as pool, progress(total, bag.path.name, "messages") as bar:
         for future in _ahead(pool, bag, rig, labeler, received):
-            progress.update()
+            bar.update()
             try:
                 frame = future.result()
             except MessageError as error:
