@@ -46,6 +46,10 @@ max_duration_between_msgs: 1000
 package_name: cell_calibration
 version: 3.0
 """
+# Each list holds ten times the one before: 300 bytes for a million values.
+ALIAS_BOMB = "n0: &n0 [0]\n" + "".join(
+    f"n{i}: &n{i} [{', '.join([f'*n{i - 1}'] * 10)}]\n" for i in range(1, 7)
+)
 
 
 def read(tmp_path, text):
@@ -177,6 +181,8 @@ def test_of_duplicate_keys_the_last_counts(tmp_path):
         (TEXT.encode() + b"note: \xff\n", ":37: ", "UTF-8"),
         (TEXT + "note: \x00\n", ":37: ", "does not allow"),
         (TEXT + "note: " + "[" * 1200, ": ", "nested too deeply"),
+        (TEXT + "note: &a [1, *a]\n", ": ", "'*a' stands within what it stands for"),
+        (TEXT + ALIAS_BOMB, ": ", "stands for more than 500000 values"),
         ("", ": ", "is empty"),
         ("# only a comment\n", ": ", "is empty"),
         ("- a\n- b\n", ":1: ", "is a list; write a map"),

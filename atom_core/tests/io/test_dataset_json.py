@@ -148,6 +148,25 @@ def test_a_label_in_the_layout_of_version_2_is_written_by_pattern(document, read
     assert set(written["collections"]["000"]["labels"]) == {pattern}
 
 
+@pytest.mark.parametrize(
+    "topic, D, remark",
+    [
+        ("/cam/image_raw", [0.1, 0, 0, 0, 0], None),
+        ("/cam/image_rect_color", [0, 0, 0, 0, 0], None),
+        ("/corrected/direct/image_raw", [0.1, 0, 0, 0, 0], None),
+        ("/cam/image_rect_color", [0.1, 0, 0, 0, 0], "'/cam/image_rect_color' looks rectified"),
+        ("/cam/rectified/image", [0.1, 0, 0, 0, 0], "one of the two is wrong"),
+        ("/cam/image_raw", [], "no distortion coefficients"),
+    ],
+)
+def test_a_lens_in_doubt_is_told_when_the_dataset_is_read(document, read, topic, D, remark):
+    sensor = next(name for name, s in document["sensors"].items() if s["modality"] == "rgb")
+    document["sensors"][sensor]["topic"] = topic
+    document["sensors"][sensor]["camera_info"]["D"] = D
+    told = [w for w in read(document).warnings if f"sensor '{sensor}' has " in w]
+    assert len(told) == (remark is not None) and all(str(remark) in w for w in told)
+
+
 def test_labels_by_sensor_as_in_version_2(document, read):
     expected = {key for key, _ in read(document).detections()}
     for collection in document["collections"].values():

@@ -1,10 +1,14 @@
 """Images come back as written; depth never wraps around; cut off files are refused."""
 
+import struct
+import zlib
+
 import cv2
 import numpy as np
 import pytest
 
 from atom_core.errors import DatasetError, OutputError
+from atom_core.io.encoded_images import encoded_image_size
 from atom_core.io.images import (
     MAX_DEPTH_M,
     encode_depth_png,
@@ -111,6 +115,24 @@ def test_damaged_png_is_found_by_its_checksum(tmp_path):
     (tmp_path / "d.png").write_bytes(bytes(data))
     with pytest.raises(DatasetError, match="checksum"):
         read_depth_png(tmp_path / "d.png")
+
+
+@pytest.mark.parametrize("ending", [".png", ".jpg"])
+def test_an_image_that_says_it_is_huge_is_refused_before_it_is_decoded(tmp_path, ending):
+    path = tmp_path / f"huge{ending}"
+    write_image(path, smooth_image())
+    assert read_image(path).shape == smooth_image().shape
+    data, huge = bytearray(path.read_bytes()), 60_000
+    if ending == ".png":
+        struct.pack_into(">II", data, 16, huge, huge)
+        struct.pack_into(">I", data, 29, zlib.crc32(data[12:29]))
+    else:
+        frame = data.index(b"\xff\xc0")
+        struct.pack_into(">HH", data, frame + 5, huge, huge)
+    assert encoded_image_size(bytes(data)) == (huge, huge)
+    path.write_bytes(bytes(data))
+    with pytest.raises(DatasetError, match=r"60000 x 60000 pixels; at most 200 million"):
+        read_image(path)
 
 
 def test_absent_and_foreign_files(tmp_path):

@@ -22,6 +22,7 @@ from descriptions import (  # noqa: E402
 )
 
 from atom_core.errors import DescriptionError  # noqa: E402
+from atom_core.io import xacro_text  # noqa: E402
 from atom_core.io.urdf import parse_urdf, read_description  # noqa: E402
 
 # ------------------------------------------------------------------------------------ reading
@@ -181,6 +182,20 @@ def test_xacro_is_expanded(tmp_path):
     np.testing.assert_array_equal(origin_of(description, ("base", "left"))[:3, 3], [0, 0, 0.3])
     rotation_of_lidar = origin_of(description, ("base", "lidar"))[:3, :3]
     np.testing.assert_allclose(rotation_of_lidar, rotation("z", np.pi / 2), atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "expression, limit, message",
+    [
+        ("9**9**9", ("LONGEST_S", 0.5), "has not expanded this file within"),
+        ("len(' ' * 10**11)", ("MOST_BYTES", 1 << 28), "wants more than .* of memory"),
+    ],
+)
+def test_a_xacro_without_end_is_ended(tmp_path, monkeypatch, expression, limit, message):
+    monkeypatch.setattr(xacro_text, *limit)
+    text = f'<robot name="rig" {XMLNS}><link name="a${{{expression}}}"/></robot>'
+    with pytest.raises(DescriptionError, match=rf"rig\.xacro: xacro {message}.*does not end"):
+        describe(tmp_path, text, "rig.xacro")
 
 
 def test_a_flat_file_called_xacro_needs_no_xacro(tmp_path, monkeypatch):

@@ -15,6 +15,7 @@ import numpy as np
 from sensor_msgs.msg import Image
 
 from atom_calibration.errors import MessageError
+from atom_core.io.encoded_images import decode_image
 
 IMAGE, COMPRESSED_IMAGE = "sensor_msgs/Image", "sensor_msgs/CompressedImage"
 _CHANNEL_TYPES = {
@@ -47,8 +48,6 @@ _COLOURS: Dict[str, Tuple[str, int, Optional[int]]] = {
 }
 _DEPTHS = (8, 10, 12, 16)  # bits in which cameras measure
 _MILLIMETRE = 0.001  # REP 118: depths of whole numbers are millimetres
-_ENDS = {b"\xff\xd8": b"\xff\xd9", b"\x89PNG": b"IEND"}
-_PADDING = 4096  # bytes that drivers put behind an image at most
 _COMPRESSED_DEPTH_HEADER = 12  # bytes of compressed_depth_image_transport before the PNG
 
 
@@ -119,24 +118,14 @@ def _pixels(message: Any, kind: str, channels: int) -> np.ndarray:
     return image.reshape((height, width) if channels == 1 else (height, width, channels))
 
 
-def _decompressed(message: Any, flags: int) -> np.ndarray:
-    image: Any = None
-    if len(message.data) and _is_whole(bytes(message.data)):
-        image = cv2.imdecode(np.frombuffer(message.data, dtype=np.uint8), flags)
-    if image is None:
+def _decompressed(message: Any, flags: int, header_bytes: int = 0) -> np.ndarray:
+    try:
+        return decode_image(bytes(message.data[header_bytes:]), flags)
+    except ValueError as error:
         raise MessageError(
             f"the compressed image (format '{message.format}', {len(message.data)} bytes) cannot "
-            f"be decoded; it is empty or cut off: record it again"
-        )
-    return image
-
-
-def _is_whole(data: bytes) -> bool:
-    """Tell whether a JPEG or PNG has its end: decoders fill up what is cut off, and say nothing."""
-    for beginning, end in _ENDS.items():
-        if data.startswith(beginning):
-            return data.find(end, max(len(data) - _PADDING, 0)) >= 0
-    return True
+            f"be decoded: {error}; record it again"
+        ) from error
 
 
 def _decompressed_depth(message: Any) -> np.ndarray:
@@ -145,10 +134,7 @@ def _decompressed_depth(message: Any) -> np.ndarray:
     if "compressedDepth" not in message.format:
         stored = _decompressed(message, cv2.IMREAD_UNCHANGED)
     else:
-        data = np.frombuffer(message.data, dtype=np.uint8)[_COMPRESSED_DEPTH_HEADER:]
-        stored = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
-        if stored is None:
-            raise MessageError(f"the compressed depth ('{message.format}') cannot be decoded")
+        stored = _decompressed(message, cv2.IMREAD_UNCHANGED, _COMPRESSED_DEPTH_HEADER)
         if message.format.startswith("32FC1"):
             # The transport stores a / depth + b, with a and b in the header.
             a, b = np.frombuffer(message.data, dtype="<f4", count=3)[1:]

@@ -113,7 +113,7 @@ class CalibrationOptions:
             raise ValueError(f"initial_guess must be {DESCRIPTION} or {NO_GUESS}")
         if self.model_errors not in (SUGGEST, AUTO, OFF):
             raise ValueError(f"model_errors must be {SUGGEST}, {AUTO} or {OFF}")
-        if min(self.noisy_initial_guess) < 0:
+        if not all(0 <= size < np.inf for size in self.noisy_initial_guess):
             raise ValueError("noisy_initial_guess needs two numbers >= 0: metres and radians")
         if self.intrinsics_sigma is not None and not 0 < self.intrinsics_sigma < np.inf:
             raise ValueError("intrinsics_sigma needs a number > 0, or none for no expectation")
@@ -123,5 +123,7 @@ class CalibrationOptions:
         for name, sigmas in self.priors.items():
             if not all(0 < sigma < np.inf for sigma in sigmas):
                 raise ValueError(f"the prior of {name} needs two numbers > 0: metres and radians")
-        if min(self.undetermined_limit) <= 0:
+        if not all(limit > 0 for limit in self.undetermined_limit):
             raise ValueError("undetermined_limit needs two numbers > 0: metres and radians")
+        if self.seed < 0:
+            raise ValueError("the seed (sample_seed) needs a whole number >= 0")

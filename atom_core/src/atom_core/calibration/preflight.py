@@ -150,12 +150,6 @@ def _implausible(dataset: Dataset, measurements: Sequence[Measurement]) -> List[
     for name, count in counts.items():
         if count < _FEW_DETECTIONS:
             remarks.append(f"sensor '{name}' has only {count} detection(s)")
-    for sensor in dataset.sensors.values():
-        if sensor.camera is not None and "rect" in sensor.topic and np.any(sensor.camera.D):
-            remarks.append(
-                f"sensor '{sensor.name}': topic '{sensor.topic}' looks rectified but its "
-                f"camera_info has distortion; one of the two is wrong"
-            )
     return remarks
 
 

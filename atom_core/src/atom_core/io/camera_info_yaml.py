@@ -12,6 +12,7 @@ from ruamel.yaml.error import YAMLError
 from atom_core.errors import DatasetError
 from atom_core.geometry.camera import Camera
 from atom_core.io.paths import unread
+from atom_core.io.yaml_text import check_yaml_size
 
 
 def read_camera_info(path: Path) -> Camera:
@@ -21,7 +22,9 @@ def read_camera_info(path: Path) -> Camera:
         DatasetError: the file is absent, or no such file.
     """
     try:
-        document: Any = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        check_yaml_size(text)
+        document: Any = YAML(typ="safe", pure=True).load(text)
         return Camera(
             width=int(document["image_width"]),
             height=int(document["image_height"]),

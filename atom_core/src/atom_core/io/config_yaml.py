@@ -20,6 +20,7 @@ from ruamel.yaml.scalarbool import ScalarBoolean
 from atom_core.errors import ConfigError
 from atom_core.io.atomic import PathLike, write_text_atomically
 from atom_core.io.paths import unread
+from atom_core.io.yaml_text import check_yaml_size
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.config_section import KeyPath
 
@@ -148,10 +149,14 @@ def _parse(path: PathLike, text: str) -> Tuple[Any, Tuple[str, ...]]:
     parser.Resolver = _Resolver
     parser.Constructor = _Constructor
     try:
+        check_yaml_size(text)
+    except ValueError as error:
+        raise ConfigError(f"{path}: {error}") from error
+    try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", MantissaNoDotYAML1_1Warning)
             root = parser.load(text)
-    except (YAMLError, RecursionError, ValueError) as error:
+    except (YAMLError, ValueError) as error:
         raise _syntax_error(path, text, error) from error
     repeated = tuple(
         f"{path}:{here}: {key} stands here a second time (first in line {before}); this one "
@@ -180,8 +185,6 @@ def _syntax_error(path: PathLike, text: str, error: Exception) -> ConfigError:
     if isinstance(error, ReaderError):
         line = text[: error.position].count("\n") + 1
         return ConfigError(f"{path}:{line}: a character that YAML does not allow; remove it")
-    if isinstance(error, RecursionError):
-        return ConfigError(f"{path}: lists or maps are nested too deeply")
     start, mark = getattr(error, "context_mark", None), getattr(error, "problem_mark", None)
     if mark is None or (start is not None and mark.index >= len(text.rstrip())):
         mark = start  # what began there was not closed until the end of the file

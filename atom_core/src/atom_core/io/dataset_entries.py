@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, Mapping, Optional
+import re
+from typing import Any, Dict, List, Mapping, Optional
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from atom_core.geometry.camera import Camera
 from atom_core.model.joints import ORIGIN_PARAMETERS, POSITION_BIAS, JointState
 from atom_core.model.modality import Modality, modality_named, modality_of_message
 from atom_core.model.transforms import Edge
+
+_RECTIFIED = re.compile(r"(^|[/_])rect(ified)?($|[/_])")  # as image_proc names its topics
 
 
 def modality_of_entry(entry: Mapping[str, Any]) -> Modality:
@@ -45,6 +48,18 @@ def camera_of_entry(info: Mapping[str, Any]) -> Camera:
         D=np.array(info["D"], dtype=float),
         model=info.get("distortion_model") or "plumb_bob",
     )
+
+
+def remarks_on_lens(camera: Camera, topic: str) -> List[str]:
+    """Tell what a camera's distortion and the topic of its images leave in doubt."""
+    if not len(camera.D):
+        return ["no distortion coefficients (D): its images are taken as free of distortion"]
+    if np.any(camera.D) and _RECTIFIED.search(topic):
+        return [
+            f"distortion coefficients, although its topic '{topic}' looks rectified; one of the "
+            f"two is wrong: label the raw images, or set D to zeros"
+        ]
+    return []
 
 
 def with_camera(entry: Mapping[str, Any], camera: Optional[Camera]) -> Mapping[str, Any]:

@@ -25,6 +25,7 @@ from atom_core.io.dataset_entries import (
     lay_over,
     modality_of_entry,
     pose_of_entry,
+    remarks_on_lens,
     with_camera,
 )
 from atom_core.io.dataset_structure import check_dataset_structure
@@ -215,11 +216,9 @@ class _Reader:
         try:
             kind = modality_of_entry(entry)
             camera = camera_of_entry(entry["camera_info"]) if kind.has_camera_info else None
-            if camera is not None and not len(camera.D):
-                self.warnings.append(
-                    f"sensor '{name}' has no distortion coefficients (D): its images are taken as "
-                    f"free of distortion"
-                )
+            if camera is not None:
+                for remark in remarks_on_lens(camera, str(entry.get("topic", ""))):
+                    self.warnings.append(f"sensor '{name}' has {remark}")
             return Sensor(
                 name=name,
                 modality=kind.name,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import struct
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Optional, Tuple
@@ -13,14 +11,13 @@ import numpy as np
 
 from atom_core.errors import DatasetError, OutputError
 from atom_core.io.atomic import PathLike, write_bytes_atomically
+from atom_core.io.encoded_images import decode_image
 from atom_core.io.paths import unread
 
 DEPTH_UNITS_PER_M = 10_000  # the unit of a depth file is 0.1 mm
 MAX_DEPTH_M = np.iinfo(np.uint16).max / DEPTH_UNITS_PER_M
 _JPEG_QUALITY = 95
 _JPEG, _PNG = (".jpg", ".jpeg"), (".png",)
-_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_JPEG_START, _JPEG_SCAN, _JPEG_END = b"\xff\xd8\xff", b"\xff\xda", b"\xff\xd9"
 
 
 @dataclass(frozen=True)
@@ -178,43 +175,10 @@ def _decode(path: PathLike, flags: int) -> np.ndarray:
         data = Path(path).read_bytes()
     except OSError as error:
         raise DatasetError(f"{path}: the image cannot be read ({unread(path, error)})") from error
-    damage = _damage(data)
-    if not damage:
-        try:
-            image = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), flags)
-        except cv2.error as error:
-            raise DatasetError(f"{path}: OpenCV cannot read this image ({error.err})") from error
-        if image is not None:
-            return image
-        damage = "it is no image that OpenCV can read"
-    raise DatasetError(f"{path}: {damage}; copy or record it again")
-
-
-def _damage(data: bytes) -> str:
-    """Tell what is wrong with the file, '' if nothing: OpenCV fills a lost rest with grey."""
-    if not data:
-        return "the file is empty"
-    if data.startswith(_PNG_SIGNATURE):
-        return _png_damage(data)
-    # After the last scan nothing but the end mark may look like one: 0xff is escaped in a scan.
-    if data.startswith(_JPEG_START) and data.rfind(_JPEG_END) < data.rfind(_JPEG_SCAN):
-        return "the JPEG is cut off"
-    return ""
-
-
-def _png_damage(data: bytes) -> str:
-    position = len(_PNG_SIGNATURE)
-    while position + 12 <= len(data):
-        (length,) = struct.unpack_from(">I", data, position)
-        name, end = data[position + 4 : position + 8], position + 8 + length
-        if end + 4 > len(data):
-            break
-        if struct.unpack_from(">I", data, end)[0] != zlib.crc32(data[position + 4 : end]):
-            return f"the PNG is damaged at byte {position} (checksum)"
-        if name == b"IEND":
-            return ""
-        position = end + 4
-    return f"the PNG is cut off after {len(data)} bytes"
+    try:
+        return decode_image(data, flags)
+    except ValueError as error:
+        raise DatasetError(f"{path}: {error}; copy or record it again") from error
 
 
 def _check_size(path: PathLike, image: np.ndarray, expected: Optional[Tuple[int, int]]) -> None:

@@ -12,6 +12,7 @@ from ruamel.yaml.error import YAMLError
 from atom_core.errors import DatasetError
 from atom_core.geometry.camera import Camera
 from atom_core.io.paths import unread
+from atom_core.io.yaml_text import check_yaml_size
 
 _ROUNDED = 1e-3  # entries of a rotation that was written with few digits
 _MODELS = {
@@ -45,7 +46,9 @@ def read_camchain(path: Path) -> List[ChainCamera]:
         DatasetError: the file is absent, no camchain, or of a camera model that is not known.
     """
     try:
-        document: Any = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        check_yaml_size(text)
+        document: Any = YAML(typ="safe", pure=True).load(text)
     except OSError as error:
         raise DatasetError(f"{path}: the camchain cannot be read ({unread(path, error)})") from None
     except (YAMLError, ValueError) as error:

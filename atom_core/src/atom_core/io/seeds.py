@@ -16,6 +16,7 @@ import yaml
 from atom_core.errors import ConfigError
 from atom_core.io.atomic import write_text_atomically
 from atom_core.io.paths import unread
+from atom_core.io.yaml_text import check_yaml_size
 from atom_core.model.modality import SeedFormat, modality_named
 from atom_core.model.sensor import Sensor
 
@@ -61,11 +62,13 @@ def read_seeds(path: Path, sensors: Mapping[str, HasModality]) -> List[Seed]:
         ConfigError: naming the file, the entry and the remedy.
     """
     try:
-        entries = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        text = Path(path).read_text(encoding="utf-8")
+        check_yaml_size(text)
+        entries = yaml.safe_load(text)
     except OSError as error:
         reason = unread(path, error)
         raise ConfigError(f"{path}: the seeds cannot be read ({reason}); check --seeds") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError) as error:
         raise ConfigError(f"{path}: this is not valid YAML: {error}") from error
     if entries is None:
         return []

@@ -1,4 +1,8 @@
-"""Expansion of xacro by ROS's own module ``xacro``, with errors that say file and line."""
+"""Expansion of xacro by ROS's own module ``xacro``, with errors that say file and line.
+
+A xacro file is a program: it may read other files, and need not end. So it is expanded in a
+process of its own, within limits of time and memory.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +11,19 @@ import importlib
 import io
 import os
 import re
-import threading
 from pathlib import Path
 from types import ModuleType
-from typing import Iterator, Mapping, Optional, Tuple
+from typing import Dict, Iterator, Mapping, Optional, Tuple
 from xml.parsers import expat
 
 from atom_core.errors import ConfigError, DescriptionError
+from atom_core.io.limited import run_limited
 from atom_core.io.paths import PackageResolver, package_folder
 
 _XACRO_SYNTAX = re.compile(r"<xacro:|\$\{|\$\(")
 _FIND = re.compile(r"\$\(\s*find\s+([^\s)]+)\s*\)")
 _WITH_NAME = re.compile(r"expression '([^']+)'|macro name: (\S+)|\"([^\"]+)\"")
-_xacro_lock = threading.Lock()  # the module keeps its state in globals
+LONGEST_S, MOST_BYTES = 60.0, 2 << 30  # of an expansion; a robot with all its macros takes 1 s
 
 
 def needs_xacro(text: str, path: Path) -> bool:
@@ -43,18 +47,40 @@ def expand_xacro(
         shown_path: name of the file in messages, when another than path.
 
     Raises:
-        DescriptionError: xacro is absent or refuses the file.
+        DescriptionError: xacro is absent, refuses the file, or does not end within `LONGEST_S`
+            and `MOST_BYTES`.
     """
     shown = shown_path or path
     xacro = _import_xacro(shown)
-    console = io.StringIO()
-    with _xacro_lock, _package_resolver(xacro, resolve_package), _console_into(console):
-        try:
-            document = xacro.process_file(str(path), mappings=dict(arguments))
-            text = document.toprettyxml(indent="  ")
-        except Exception as error:  # xacro passes on whatever evaluating a text may raise
-            raise DescriptionError(_message(xacro, error, path, shown)) from error
-    return text, tuple(line for line in console.getvalue().splitlines() if line.strip())
+
+    def expanded() -> Dict[str, str]:
+        console = io.StringIO()
+        with _package_resolver(xacro, resolve_package), _console_into(console):
+            try:
+                document = xacro.process_file(str(path), mappings=dict(arguments))
+                text = document.toprettyxml(indent="  ")
+            except Exception as error:  # xacro passes on whatever evaluating a text may raise
+                if isinstance(getattr(error, "exc", error), MemoryError):
+                    raise MemoryError from error
+                return {"refusal": _message(xacro, error, path, shown)}
+        return {"text": text, "console": console.getvalue()}
+
+    try:
+        answer = run_limited(expanded, LONGEST_S, MOST_BYTES)
+    except (TimeoutError, MemoryError, RuntimeError) as error:
+        raise DescriptionError(f"{shown}: {_without_end(error)}") from error
+    if "refusal" in answer:
+        raise DescriptionError(answer["refusal"])
+    return answer["text"], tuple(line for line in answer["console"].splitlines() if line.strip())
+
+
+def _without_end(error: Exception) -> str:
+    remedy = "look for a macro or an expression ${...} that does not end"
+    if isinstance(error, TimeoutError):
+        return f"xacro has not expanded this file within {LONGEST_S:.0f} s; {remedy}"
+    if isinstance(error, MemoryError):
+        return f"xacro wants more than {MOST_BYTES >> 30} GiB of memory for this file; {remedy}"
+    return f"xacro ended without a result ({error}); {remedy}"
 
 
 def _import_xacro(path: Path) -> ModuleType:

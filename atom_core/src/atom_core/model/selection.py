@@ -70,13 +70,15 @@ def _evaluate_lambda(text: str, name: str) -> bool:
         tree = ast.parse(text.strip(), mode="eval").body
     except SyntaxError as error:
         raise SelectionError(f"selection '{text}' is not a valid lambda: {error.msg}") from None
+    except (ValueError, RecursionError, MemoryError):  # a NUL byte; brackets within brackets
+        raise SelectionError(f"selection '{text[:40]}...' cannot be read as a lambda") from None
     if not isinstance(tree, ast.Lambda) or len(tree.args.args) != 1:
         raise SelectionError(f"selection '{text}' must be a lambda of one name")
     try:
         return bool(_value(tree.body, tree.args.args[0].arg, name))
     except SelectionError as error:
         raise SelectionError(f"selection '{text}': {error}") from None
-    except (TypeError, ValueError, IndexError, AttributeError) as error:
+    except (TypeError, ValueError, LookupError, ArithmeticError, RecursionError) as error:
         raise SelectionError(f"selection '{text}' fails on '{name}': {error}") from None
 
 

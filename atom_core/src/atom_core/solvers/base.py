@@ -28,6 +28,7 @@ from atom_core.solvers.normal_equations import NormalEquations
 
 SIGMA, ATOM = "sigma", "atom"
 CONVERGED, NOT_CONVERGED, FAILED = "converged", "not_converged", "failed"
+_MOST_ITERATIONS = 1_000_000  # beyond any patience, and within what Ceres counts
 
 
 class Iteration(NamedTuple):
@@ -92,8 +93,8 @@ class SolverOptions:
             raise ValueError(f"-rnm {self.corner_divisor:g}: a multiplier is a number above 0")
         if self.loss not in LOSSES:
             raise ValueError(f"loss '{self.loss}' is unknown; use {', '.join(LOSSES)}")
-        if self.max_iterations < 1:
-            raise ValueError("max_iterations must be at least 1")
+        if not 1 <= self.max_iterations <= _MOST_ITERATIONS:
+            raise ValueError(f"max_iterations must be from 1 to {_MOST_ITERATIONS}")
 
 
 @dataclass(frozen=True)

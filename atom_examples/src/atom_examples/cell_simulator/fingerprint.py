@@ -39,8 +39,10 @@ PROGRAM = (
     "atom_core.native",
     "atom_core.io.atomic",
     "atom_core.io.data_formats",
+    "atom_core.io.encoded_images",
     "atom_core.io.images",
     "atom_core.io.label_json",
+    "atom_core.io.limited",
     "atom_core.io.lzf",
     "atom_core.io.pcd",
     "atom_core.io.paths",
@@ -49,6 +51,7 @@ PROGRAM = (
     "atom_core.io.urdf_text",
     "atom_core.io.xacro_text",
     "atom_core.io.xml_text",
+    "atom_core.io.yaml_text",
     "atom_examples.cell_simulator",
 )
 _DESCRIPTION_FOLDERS = ("config", "meshes", "urdf")

@@ -9,6 +9,7 @@ import numpy as np
 import yaml
 
 from atom_core.io.paths import unread
+from atom_core.io.yaml_text import check_yaml_size
 from atom_examples.cell_simulator.errors import SimulatorError
 
 
@@ -19,11 +20,13 @@ def read_yaml(path: Path) -> Entry:
         SimulatorError: it is absent or malformed.
     """
     try:
-        document = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        text = Path(path).read_text(encoding="utf-8")
+        check_yaml_size(text)
+        document = yaml.safe_load(text)
     except OSError as error:
         reason = unread(path, error)
         raise SimulatorError(f"{path}: cannot be read ({reason}); give a file") from None
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError) as error:
         raise SimulatorError(f"{path}: no YAML ({error}); mend it") from None
     return Entry(str(path), document)
 

@@ -1,0 +1,61 @@
+"""YAML as text: what it would become is measured before it is built.
+
+An alias stands for all that its anchor has, so a page of aliases of aliases may stand for more
+values than a computer holds (https://en.wikipedia.org/wiki/Billion_laughs_attack).
+"""
+
+from __future__ import annotations
+
+from typing import Dict, List, Optional, Tuple
+
+import yaml
+
+MOST_VALUES = 500_000  # that a file may have, aliases counted as what they stand for
+DEEPEST = 100  # lists and maps within one another
+_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml's, where it was built in
+
+
+def check_yaml_size(text: str) -> None:
+    """Raise if a text has more values, or deeper ones, than any file of ours.
+
+    A text that is no YAML passes: its parser says better what is wrong with it.
+
+    Raises:
+        ValueError: a few words that can follow the name of a file.
+    """
+    try:
+        _count(text)
+    except yaml.YAMLError:
+        return
+
+
+def _count(text: str) -> None:
+    sizes: Dict[str, Optional[int]] = {}  # by anchor; None while it is open
+    open_nodes: List[Tuple[Optional[str], int]] = []  # their anchors, and the count before them
+    values = 0
+    for event in yaml.parse(text, Loader=_Loader):
+        if isinstance(event, yaml.AliasEvent):
+            size = sizes.get(str(event.anchor), 1)
+            if size is None:
+                raise ValueError(
+                    f"'*{event.anchor}' stands within what it stands for, which never ends; "
+                    f"write the values out"
+                )
+            values += size
+        elif isinstance(event, yaml.ScalarEvent):
+            values += 1
+            if event.anchor:
+                sizes[event.anchor] = 1
+        elif isinstance(event, yaml.CollectionStartEvent):
+            open_nodes.append((event.anchor, values))
+            values += 1
+            if event.anchor:
+                sizes[event.anchor] = None
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchor, before = open_nodes.pop()
+            if anchor:
+                sizes[anchor] = values - before
+        if values > MOST_VALUES:
+            raise ValueError(f"it stands for more than {MOST_VALUES} values; write less of them")
+        if len(open_nodes) > DEEPEST:
+            raise ValueError(f"lists or maps are nested too deeply (more than {DEEPEST})")
