@@ -11,6 +11,7 @@ from atom_core import cli
 from atom_core.commands import atom_options
 from atom_core.commands.hand_eye_baseline import TOOLS as BASELINES
 from atom_core.commands.pair_evaluation import EVALUATORS
+from atom_core.commands.substitutes import SUBSTITUTES
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "coming_from_atom.md"
@@ -35,6 +36,7 @@ TABLES = {
     "the labelers": atom_options.LABELER,
     "dataset_playback": atom_options.DATASET_PLAYBACK,
     "transform_corrector": atom_options.TRANSFORM_CORRECTOR,
+    "odometry_inspector": atom_options.ODOMETRY_INSPECTOR,
     "set_initial_estimate": atom_options.SET_INITIAL_ESTIMATE,
     "configure_calibration_pkg": atom_options.CONFIGURE_CALIBRATION_PKG,
     "create_calibration_pkg": atom_options.CREATE_CALIBRATION_PKG,
@@ -63,6 +65,7 @@ TOOLS = [
     *(line for line in OF_DATASETS if line not in WITH_ROS),
     *lines_of("Evaluations of a pair"),
     *lines_of("A camera by itself, and hand-eye baselines"),
+    *lines_of("Batches of experiments"),
 ]
 
 
@@ -93,21 +96,34 @@ def test_the_page_shows_every_tool():
     assert WITH_ROS
 
 
-_OTHERS = "single_rgb|ground_truth_|annotate_|copy_tfs|kalibr"
+def test_the_page_names_what_serves_instead_and_so_do_the_programs(capsys):
+    assert set(lines_of("Not here")[: len(SUBSTITUTES)]) == set(SUBSTITUTES)
+    for name in SUBSTITUTES:
+        assert cli.main([name, "-json", "a.json", "--whatever"]) == 2
+        said = capsys.readouterr().err
+        assert said.startswith(f"{name}: ") and said.count("\n") == 1
+        script = ROOT / "atom_calibration" / "scripts" / name
+        assert f'main(["{name}", ' in script.read_text("utf-8")
+
+
+_OTHERS = "single_rgb|ground_truth_|annotate_|copy_tfs|kalibr|dahll"
 EVALUATIONS = [
     *EVALUATORS,
     *BASELINES,
     *(name for name in cli.COMMANDS if re.match(_OTHERS, name)),
 ]
+ELSEWHERE = [("atom_evaluation", name) for name in (*EVALUATIONS, "pandey2010")]
+ELSEWHERE += [("atom_batch_execution", name) for name in ("batch_execution", "process_results")]
 
 
-@pytest.mark.parametrize("name", EVALUATIONS)
-def test_the_package_of_atoms_evaluations_has_the_same_programs(name):
+@pytest.mark.parametrize(("package", "name"), ELSEWHERE)
+def test_atoms_other_packages_have_the_same_programs(package, name):
     theirs, ours = (
-        (ROOT / package / "scripts" / name).read_text(encoding="utf-8")
-        for package in ("atom_evaluation", "atom_calibration")
+        (ROOT / folder / "scripts" / name).read_text(encoding="utf-8")
+        for folder in (package, "atom_calibration")
     )
     assert theirs == ours
+    assert f"scripts/{name}" in (ROOT / package / "CMakeLists.txt").read_text("utf-8").split()
 
 
 def launch_arguments():

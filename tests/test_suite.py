@@ -47,6 +47,7 @@ def test_the_packages_stand_beside_the_root():
         "atom_core",
         "atom_calibration",
         "atom_evaluation",
+        "atom_batch_execution",
         "atom_rviz_plugins",
         "atom_examples",
         "collab_cell_description",

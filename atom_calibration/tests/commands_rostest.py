@@ -21,6 +21,7 @@ PACKAGES = (
     "atom_core",
     "atom_calibration",
     "atom_evaluation",
+    "atom_batch_execution",
     "atom_rviz_plugins",
     "atom_examples",
     "collab_cell_description",

@@ -4,12 +4,18 @@ import shlex
 
 import pytest
 
-from atom_calibration.configure import configure_package, create_package
+from atom_calibration.configure import (
+    configure_package,
+    create_package,
+    update_config,
+    view_config,
+)
 from atom_calibration.nodes.calibrating import calibrate
 from atom_calibration.nodes.collecting import collect_data, collect_data_rviz, labeler
 from atom_calibration.nodes.correcting import (
     dataset_playback,
     dataset_playback_rviz,
+    odometry_inspector,
     transform_corrector,
 )
 from atom_calibration.nodes.estimating import set_initial_estimate
@@ -32,6 +38,21 @@ NODES = {
         transform_corrector.parser,
         atom_options.TRANSFORM_CORRECTOR,
         "-json a.json -pll a -cll b",
+    ),
+    "odometry_inspector": (
+        odometry_inspector.parser,
+        atom_options.ODOMETRY_INSPECTOR,
+        "-json a.json -op odom -oc base",
+    ),
+    "update_config_to_version_3": (
+        update_config.parser,
+        atom_options.UPDATE_CONFIG_TO_VERSION_3,
+        "-pn robot",
+    ),
+    "view_calibration_config": (
+        view_config.parser,
+        atom_options.CONFIGURE_CALIBRATION_PKG,
+        "-n robot",
     ),
     "set_initial_estimate": (
         set_initial_estimate.parser,

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from atom_calibration.nodes.collecting import collect_from_bag
 from atom_core import cli
 from atom_core.evaluation.edge_errors import joint_errors
 from atom_core.geometry import se3
@@ -27,6 +26,7 @@ CAMERA, RANGE = (0.001, 0.05), (0.001, 0.05)  # m, deg
 AT_WORK = "collab_cell_at_work"
 LIMITS = {AT_WORK: ((0.0005, 0.02), (0.0015, 0.1))}  # LiDARs hang 2 m above the boards
 JOINT_LIMIT_DEG, JOINT_LIMIT_M = 0.02, 0.001
+HELD = dict.fromkeys(("mrjbot", "riwmpbot"), ("shoulder_pan_joint", "wrist_3_joint"))
 
 
 @pytest.fixture(scope="module")
@@ -141,14 +141,12 @@ def small_copy(name, folder, factor):
     return copy
 
 
-def calibrated(robot, folder, *stops):
+def calibrated(robot, folder, stops=None):
     """Record, collect and calibrate; return the folder of the results."""
-    words = ["--robot", str(robot.folder), "--bag", str(folder / "a.bag"), *stops]
-    assert program.main(words) == 0
-    collect = ["--config", str(robot.config), "--bag", str(folder / "a.bag")]
-    assert collect_from_bag.main([*collect, "--output", str(folder / "set")]) in (0, 1)
+    robot_demo.simulate(robot, folder, "train", 0, stops)
+    robot_demo.collect(robot, folder, "train")
     more = RobotWorld(robot, 0).scenario.calibrate
-    dataset, truth = folder / "set" / "dataset.json", folder / "a.truth.json"
+    dataset, truth = folder / "train" / "dataset.json", folder / "train.truth.json"
     words = ["--dataset", str(dataset), "--output", str(folder / "out"), "--truth", str(truth)]
     assert cli.main(["calibrate", *words, *more]) == 0
     return folder / "out"
@@ -166,18 +164,21 @@ def check_errors(name, results, truth_path):
     solved = read_dataset(results / "atom_calibration.json")
     for error in joint_errors(solved, solved, read_truth(truth_path)):
         limit = JOINT_LIMIT_M if error.unit == "m" else np.radians(JOINT_LIMIT_DEG)
+        entry = document["joints"][error.joint][error.parameter]
+        assert entry["held_by_prior"] == (error.joint in HELD.get(name, ()))
+        limit = 3.0 * entry["prior_sigma"] if entry["held_by_prior"] else limit
         assert abs(error.after) <= limit, error.joint
 
 
 def test_a_camera_in_a_hand_is_found_with_small_images_at_six_stops(tmp_path):
     robot = small_copy("rihbot", tmp_path, 2.5)
-    check_errors("rihbot", calibrated(robot, tmp_path, "--stops", "6"), tmp_path / "a.truth.json")
+    check_errors("rihbot", calibrated(robot, tmp_path, 6), tmp_path / "train.truth.json")
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", NAMES)
 def test_every_robot_is_calibrated_from_its_recording(tmp_path, name):
-    check_errors(name, calibrated(robot_named(name), tmp_path), tmp_path / "a.truth.json")
+    check_errors(name, calibrated(robot_named(name), tmp_path), tmp_path / "train.truth.json")
 
 
 def test_the_conclusion_tells_the_largest_errors(tmp_path):
@@ -189,16 +190,19 @@ def test_the_conclusion_tells_the_largest_errors(tmp_path):
         {"unit": "rad", "before": -0.1, "after": np.radians(-0.02)},
         {"unit": "rad", "before": 0.05, "after": np.radians(0.01)},
         {"unit": "m", "before": 0.01, "after": -0.0005},
+        {"joint": "j", "parameter": "b", "unit": "rad", "before": 0.1, "after": np.radians(1.0)},
     ]
+    found = {"j": {"b": {"held_by_prior": True}}}
     for name, document in (
         ("evaluation", {"ground_truth": errors}),
-        ("calibration", {"truth_comparison": {"joints": joints}}),
+        ("calibration", {"joints": found, "truth_comparison": {"joints": joints}}),
     ):
         (tmp_path / name).mkdir()
         (tmp_path / name / f"{name}.json").write_text(json.dumps(document))
-    sensors, turning, sliding, _ = robot_demo.conclusion(tmp_path)
+    sensors, turning, held, sliding, _ = robot_demo.conclusion(tmp_path)
     assert "at most 3.000 mm and 0.3000 deg" in sensors
     assert "at most 0.0200 deg off" in turning and "at the start 5.73 deg" in turning
+    assert held.startswith("joints that a prior holds: at most 1.0000 deg")
     assert "at most 0.5000 mm off" in sliding and "at the start 10.00 mm" in sliding
     (tmp_path / "calibration" / "calibration.json").write_text('{"truth_comparison": {}}')
     assert (

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Callable, List, Optional, cast
 
 import atom_core
 from atom_core.commands.option_parser import OptionParser, examples
+from atom_core.commands.substitutes import SUBSTITUTES, refuse
 from atom_core.errors import AtomError
 
 if TYPE_CHECKING:
@@ -47,9 +48,11 @@ COMMANDS = (
     "convert_to_rwhe_dataset",
     "convert_to_tabb_dataset",
     "annotate_pattern_borders_in_rgb_or_depth",
+    "annotate_pattern_borders_in_lidar",
     "copy_tfs_from_dataset",
     "update_dataset_from_version_2_to_3",
     "kalibr_stereo_calib",
+    "dahll2017",
     "rgb_to_rgb_evaluation",
     "lidar_to_rgb_evaluation",
     "lidar_to_depth_evaluation",
@@ -71,6 +74,8 @@ COMMANDS = (
     "li_eye_in_hand",
     "li_eye_to_hand",
     "shah_eye_in_hand",
+    "batch_execution",
+    "process_results",
 )  # modules of atom_core.commands
 
 
@@ -106,6 +111,8 @@ def build_parser(only: Optional[str] = None) -> argparse.ArgumentParser:
 def main(argv: Optional[List[str]] = None) -> int:
     """Run one command; return its exit code."""
     words = sys.argv[1:] if argv is None else argv
+    if words and words[0] in SUBSTITUTES:  # whatever options stand behind it
+        return refuse(words[0])
     args = build_parser(words[0] if words else None).parse_args(words)
     return guarded(args.command, lambda: int(args.run(args)))
 

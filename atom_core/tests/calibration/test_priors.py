@@ -13,6 +13,7 @@ from atom_core.errors import CalibrationError
 from atom_core.geometry import se3
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.model.config import PriorConfig
+from atom_core.model.dataset import board_edge, pose
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import ROTATION, TRANSLATION, PriorPoseBlock
 from atom_core.problem.joint_blocks import JointBiasBlock
@@ -21,12 +22,15 @@ from atom_core.problem.priors import Prior
 from atom_core.report.calibration_results import calibration_results
 from atom_core.report.stated_errors import stated_errors
 from atom_core.solvers.choice import SOLVERS
-from atom_core.synthetic import arm, degenerate, hand_eye
+from atom_core.synthetic import arm, degenerate, hand_eye, scenes
 
 SIGMA_M, SIGMA_RAD = 0.01, 0.02
 REDUNDANT = {"last": "wrist_3", "first": "shoulder_pan", "own": "elbow"}
 # Only one of the joint's parameters has an imitator with a prior: it shares the deviation with it.
 PREDICTED_RAD = {"last": SIGMA_RAD, "first": SIGMA_RAD, "own": SIGMA_RAD / np.sqrt(2.0)}
+
+
+SIX = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 
 
 def with_described(scene, edge, parent_T_child):
@@ -143,6 +147,83 @@ def test_a_prior_alone_ties_a_rig_to_the_world():
     assert any("only the prior of 'rgb_1' ties the rig" in w for w in result.warnings)
     sigma = sigma_of(result, "rgb_1", "z")
     assert sigma == pytest.approx(0.002, rel=0.1)
+
+
+# ------------------------------------------------------------------------------- boards
+
+
+def with_board_described(scene, off=None):
+    """Return a scene's dataset that says where its board is, and that place."""
+    pattern = scene.dataset.patterns["pattern_1"]
+    place = next(iter(scene.truth.boards.values())) @ (np.eye(4) if off is None else off)
+    return with_described(scene, board_edge(pattern), place), place
+
+
+@pytest.mark.parametrize("solver", sorted(SOLVERS))
+def test_a_board_that_is_known_holds_the_joint_that_its_place_imitates(solver):
+    """A turn by a about the first axis moves a board at the distance r by r a."""
+    scene = degenerate.redundant_joint(1, which="first")
+    dataset, place = with_board_described(scene)
+    options = CalibrationOptions(priors={"pattern_1": (SIGMA_M, SIGMA_RAD)}, solver_name=solver)
+    result = calibrate(dataset, options)
+    assert result.status == "converged", result.message
+    collection = next(iter(dataset.collections.values()))
+    child = dataset.joint("shoulder_pan").edge.child
+    axis_T_board = pose(collection, dataset.graph, child, dataset.world) @ place
+    predicted = 1.0 / np.sqrt(SIGMA_RAD**-2 + np.sum(axis_T_board[:2, 3] ** 2) / SIGMA_M**2)
+    found = sigma_of(result, "joint shoulder_pan", "position_bias")
+    assert found == pytest.approx(predicted, rel=0.1)
+    (held,) = result.held_directions
+    assert held.priors == ("pattern_1",)
+    error = result.dataset.joint("shoulder_pan").parameters["position_bias"] - 0.01
+    assert abs(error) < 4.0 * found
+
+
+def test_a_board_where_it_is_not_is_contradicted_if_joint_and_camera_are_known():
+    scene = hand_eye(0, collections=12)
+    off = se3.transform(np.eye(3), np.array([0.03, 0.0, 0.0]))
+    dataset, _ = with_board_described(scene, off)
+    result = calibrate(dataset, CalibrationOptions(priors={"pattern_1": (0.002, 0.002)}))
+    assert result.status == "inconsistent"
+    assert "the data put 'pattern_1'" in result.message
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({}, "the dataset does not say where"),
+        ({"anchor_patterns": True}, "pattern 'pattern_1' is not estimated (boards are held)"),
+    ],
+)
+def test_a_board_of_which_nothing_can_be_known_is_refused(options, says):
+    scene = hand_eye(0, collections=6)
+    dataset = scene.dataset if not options else with_board_described(scene)[0]
+    with pytest.raises(CalibrationError) as refused:
+        calibrate(dataset, CalibrationOptions(priors={"pattern_1": (0.01, 0.01)}, **options))
+    assert says in str(refused.value)
+
+
+def test_a_board_that_is_carried_about_has_no_prior():
+    scene = scenes.random_scene(1, rgb=2, depth=0, lidar3d=0, collections=4)
+    with pytest.raises(CalibrationError, match="as it is carried about"):
+        calibrate(scene.dataset, CalibrationOptions(priors={"pattern_1": (0.01, 0.01)}))
+
+
+def test_six_joints_are_found_with_what_is_known_of_the_first_and_the_last():
+    biases = dict(zip(SIX, (0.0004, 0.03, -0.02, 0.03, -0.03, -0.0003)))
+    errors = {joint: {"position_bias": bias} for joint, bias in biases.items()}
+    scene = arm.camera_on_arm(3, errors=errors, collections=16)
+    known = dict.fromkeys((SIX[0], SIX[-1]), (0.001, 0.0005))
+    result = calibrate(scene.dataset, CalibrationOptions(priors=known))
+    assert result.status == "converged", result.message
+    for joint, bias in biases.items():
+        sigma = sigma_of(result, f"joint {joint}", "position_bias")
+        error = result.dataset.joint(joint).parameters["position_bias"] - bias
+        assert abs(error) < 4.0 * sigma
+    held = {name for direction in result.held_directions for name in direction.priors}
+    assert held == set(known)
+    alone = calibrate(scene.dataset, CalibrationOptions())
+    assert alone.status == "rank_deficient"
 
 
 # --------------------------------------------------------------------------------- coverage
@@ -303,7 +384,7 @@ def test_a_prior_of_nothing_in_a_configuration_is_refused():
     document = dataset.config.to_document()
     assert "priors" not in document
     document["priors"] = {"lens": {"sigma_m": 0.01, "sigma_rad": 0.01}}
-    with pytest.raises(Exception, match="is of no sensor, additional tf or joint"):
+    with pytest.raises(Exception, match="is of no sensor, additional tf, joint or fixed"):
         type(dataset.config).from_document(document, "config.yml")
 
 

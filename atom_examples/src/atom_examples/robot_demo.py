@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
-from typing import Dict, List, Optional
+from typing import Any, Dict, List, Mapping, Optional
 
 import numpy as np
 
@@ -32,17 +32,17 @@ def run(args: argparse.Namespace) -> int:
     scenario = read_scenario(robot.scenario)
     folder = prepare_output_folder(args.output, args.overwrite)
     counts: Counts = dict(zip(SETS, args.collections or (None, None)))
-    numbers = " and ".join(str(counts[name] or scenario.stops[name]) for name in SETS)
+    numbers = " and ".join(str(_stops(robot, name, counts[name])) for name in SETS)
     title(
         1,
         f"simulate {robot.name}: {numbers} stops; every calibrated edge but an anchored one is "
         f"0.1 m and 0.1 rad off",
     )
     for name in SETS:
-        _simulate(robot, folder, name, counts[name], args.seed)
+        simulate(robot, folder, name, args.seed, counts[name])
     title(2, "collect: label the recordings; one collection for each stop")
     for name in SETS:
-        _collect(robot, folder, name)
+        collect(robot, folder, name)
     title(3, "check: who sees what, is it enough?")
     core("check", "--dataset", folder / "train" / DATASET_FILE)
     title(4, "calibrate")
@@ -53,21 +53,53 @@ def run(args: argparse.Namespace) -> int:
     return DONE if acceptable and measured else NOT_ACCEPTABLE
 
 
-def _simulate(robot: Robot, folder: Path, name: str, stops: Optional[int], seed: int) -> None:
-    refusing(
-        robot_simulator.main,
-        *("--robot", robot.folder),
-        *("--bag", folder / f"{name}.bag", "--scenario", name, "--seed", seed, "--overwrite"),
-        *(() if stops is None else ("--stops", stops)),
-    )
+def _stops(robot: Robot, name: str, stops: Optional[int]) -> int:
+    every = [robot, *(robot.recorded_as(further) for further in robot.further_recordings)]
+    return sum(stops or read_scenario(each.scenario).stops[name] for each in every)
 
 
-def _collect(robot: Robot, folder: Path, name: str) -> None:
-    refusing(
-        collect_from_bag.main,
-        *("--config", robot.config, "--bag", folder / f"{name}.bag"),
-        *("--output", folder / name, "--overwrite"),
-    )
+def simulate(robot: Robot, folder: Path, name: str, seed: int, stops: Optional[int] = None) -> None:
+    """Record all that a robot has to show, as ``NAME.bag`` and ``NAME_RECORDING.bag``.
+
+    Raises:
+        StepError: the simulator refused.
+    """
+    for further in ("", *robot.further_recordings):
+        refusing(
+            robot_simulator.main,
+            *("--robot", robot.folder, "--recording", further),
+            *("--bag", _bag(folder, name, further)),
+            *("--scenario", name, "--seed", seed, "--overwrite"),
+            *(() if stops is None else ("--stops", stops)),
+        )
+
+
+def collect(robot: Robot, folder: Path, name: str) -> None:
+    """Label the recordings; what they show becomes one dataset in the folder NAME.
+
+    Raises:
+        StepError: a program refused.
+    """
+    recordings = ("", *robot.further_recordings)
+    parts = [folder / f"{name}_{recording or 'first'}" for recording in recordings]
+    if len(parts) == 1:
+        parts = [folder / name]
+    for recording, part in zip(recordings, parts):
+        refusing(
+            collect_from_bag.main,
+            *("--config", robot.config, "--bag", _bag(folder, name, recording)),
+            *("--output", part, "--overwrite"),
+        )
+    merged = parts[0]
+    for part in parts[1:]:
+        target = folder / name if part == parts[-1] else part.with_name(f"{part.name}_merged")
+        both = ("-ds1", merged / DATASET_FILE, "-ds2", part / DATASET_FILE)
+        core("merge_atom_datasets", *both, "-dof", target, "--overwrite")
+        merged = target
+
+
+def _bag(folder: Path, name: str, recording: str) -> Path:
+    return folder / (f"{name}_{recording}.bag" if recording else f"{name}.bag")
 
 
 def _calibrate(folder: Path, more: tuple) -> int:
@@ -96,16 +128,31 @@ def conclusion(folder: Path) -> List[str]:
         for key in ("translation_error_m", "rotation_error_deg")
     )
     calibration = json.loads((folder / "calibration" / calibrate.RESULT_FILE).read_text("utf-8"))
-    joints = calibration["truth_comparison"].get("joints", [])
     lines = [
         f"sensors against the truth: at most {1000 * metres:.3f} mm and {degrees:.4f} deg off; at "
         f"the start 100 mm and 5.7 deg, where an edge is not held"
     ]
+    return [*lines, *_joints(calibration), f"all results: {folder}/"]
+
+
+def _joints(calibration: Mapping[str, Any]) -> List[str]:
+    """Return how far the joints are off, those apart that a prior holds."""
+    errors = calibration["truth_comparison"].get("joints", [])
+    found = calibration.get("joints", {})
+
+    def held(error: Mapping[str, Any]) -> bool:
+        entry = found.get(error.get("joint"), {}).get(error.get("parameter"), {})
+        return bool(entry.get("held_by_prior"))
+
+    lines = []
     for unit, factor, shown in (("rad", np.degrees(1.0), "deg"), ("m", 1000.0, "mm")):
-        pairs = [(abs(j["before"]), abs(j["after"])) for j in joints if j["unit"] == unit]
-        if pairs:
-            before, after = (factor * max(values) for values in zip(*pairs))
-            lines.append(
-                f"joints: at most {after:.4f} {shown} off; at the start {before:.2f} {shown}"
-            )
-    return [*lines, f"all results: {folder}/"]
+        for is_held, which in ((False, "joints"), (True, "joints that a prior holds")):
+            of_kind = [e for e in errors if e["unit"] == unit and held(e) == is_held]
+            if of_kind:
+                before, after = (
+                    factor * max(abs(e[when]) for e in of_kind) for when in ("before", "after")
+                )
+                lines.append(
+                    f"{which}: at most {after:.4f} {shown} off; at the start {before:.2f} {shown}"
+                )
+    return lines

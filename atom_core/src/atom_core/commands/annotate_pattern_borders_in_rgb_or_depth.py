@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import os
-import sys
 from pathlib import Path
-from typing import Any, Callable, Tuple
+from typing import Tuple
 
 import cv2
 import numpy as np
 
-from atom_core.commands import common
+from atom_core.commands import annotation_window, common
 from atom_core.commands.atom_options import AtomOption, add_meaningless_options
-from atom_core.editing.border_annotation import HELP, BorderAnnotation
+from atom_core.editing.border_annotation import HELP, BorderAnnotation, Outcome
 from atom_core.errors import DatasetError
 from atom_core.io.annotations import SIDES, annotation_path, read_lines, write_annotations
 from atom_core.io.dataset_json import read_dataset
@@ -23,10 +21,8 @@ from atom_core.model.selection import select_names
 EXAMPLE = (
     "python3 -m atom_core annotate_pattern_borders_in_rgb_or_depth -d data/dataset.json -cs rgb_1"
 )
-_WINDOW = "border of the board"
 _COLOURS = dict(zip(SIDES, ((0, 0, 255), (0, 200, 0), (255, 0, 0), (0, 220, 255))))
 _FAR_M = 5.0  # shown white in a depth image
-_WAIT_MS = 50
 _NOT_HERE = (AtomOption("si", "show_images", remark="the images are shown as it is"),)
 
 
@@ -54,11 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Open the window; what is drawn is saved beside the dataset."""
     task = Task(args)
-    if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise DatasetError(
-            "there is no screen to draw on (DISPLAY is not set); run this where windows can open"
-        )
-    return Window(task, args.window_width).run()
+    annotation_window.need_screen()
+    return annotation_window.run(_Drawing(task, args.window_width), HELP)
 
 
 class Task:
@@ -138,54 +131,29 @@ def picture(task: Task, width: int) -> Tuple[np.ndarray, float]:
     return shown, scale
 
 
-class Window:
-    """An OpenCV window in which a border is drawn."""
+class _Drawing:
+    """The border that is drawn, for the window."""
 
     def __init__(self, task: Task, width: int):
-        """Remember what is drawn on."""
         self._task, self._width, self._scale = task, width, 1.0
 
-    def run(self) -> int:
-        """Open it; return when the user ends it or closes it.
+    @property
+    def title(self) -> str:
+        return self._task.annotation.title
 
-        Raises:
-            DatasetError: this OpenCV has no windows.
-        """
-        try:
-            cv2.namedWindow(_WINDOW, cv2.WINDOW_AUTOSIZE)
-        except cv2.error:
-            raise DatasetError(
-                "this OpenCV was built without windows; use the system's (python3-opencv)"
-            ) from None
-        cv2.setMouseCallback(_WINDOW, self._mouse())
-        print("\n".join(HELP))
-        self._redraw()
-        while cv2.getWindowProperty(_WINDOW, cv2.WND_PROP_VISIBLE) >= 1:
-            code = cv2.waitKey(_WAIT_MS)
-            if code < 0:
-                continue
-            outcome = self._task.annotation.press(chr(code & 0xFF))
-            if outcome.save:
-                self._task.save()
-            if outcome.help:
-                print("\n".join(HELP))
-            if outcome.end:
-                said = f"{self._task.path}" if outcome.save else "ended without saving"
-                print(said, file=sys.stdout)
-                break
-            self._redraw()
-        cv2.destroyAllWindows()
-        return 0
-
-    def _redraw(self) -> None:
+    def picture(self) -> np.ndarray:
         shown, self._scale = picture(self._task, self._width)
-        cv2.imshow(_WINDOW, shown)
-        cv2.setWindowTitle(_WINDOW, self._task.annotation.title)
+        return shown
 
-    def _mouse(self) -> Callable[..., None]:
-        def handle(event: int, x: int, y: int, *_: Any) -> None:
-            if event == cv2.EVENT_LBUTTONDOWN:
-                self._task.annotation.click(x / self._scale, y / self._scale)
-                self._redraw()
+    def click(self, at: Tuple[int, int]) -> None:
+        self._task.annotation.click(at[0] / self._scale, at[1] / self._scale)
 
-        return handle
+    def right_click(self) -> None:
+        """Do nothing."""
+
+    def press(self, key: str) -> Outcome:
+        return self._task.annotation.press(key)
+
+    def save(self) -> str:
+        self._task.save()
+        return str(self._task.path)

@@ -115,6 +115,7 @@ CALIBRATE = (
     _same("sfrn", "save_file_results_name", "errors.csv"),
 )
 _DRAWN = "RViz shows the labels of all sensors, each in a display of its own"
+_ALL_SHOWN = "the clouds of all sensors of the reference collection are shown"
 _BORDER = "where a depth image's border points are wrong, a polygon removes them"
 COLLECT_DATA = (
     _same("o", "output_folder", "DIR", ours="output"),
@@ -146,7 +147,26 @@ TRANSFORM_CORRECTOR = (
     _same("rc", "reference_collection", "000"),
     _same("2d", "two_dimensional"),
     _same("s", "marker_scale", "0.5"),
+    AtomOption("rs", "reference_sensor", "camera", remark=_ALL_SHOWN),
     AtomOption("rnb", "remove_nan_border", remark=_BORDER),
+)
+ODOMETRY_INSPECTOR = (
+    _same("json", "json_file", "dataset.json", ours="dataset"),
+    _same("ow", "overwrite"),
+    _same("op", "odometry_parent", "odom"),
+    _same("oc", "odometry_child", "base_footprint"),
+    _same("rc", "reference_collection", "000"),
+    _same("s", "marker_scale", "0.5"),
+    AtomOption("rs", "reference_sensor", "camera", remark=_ALL_SHOWN),
+    AtomOption("rnb", "remove_nan_border", remark=_BORDER),
+    AtomOption(
+        *("csf", "collection_selection_function", "'lambda x: int(x) < 9'"),
+        remark="all collections stay in the dataset; the menu goes to any of them",
+    ),
+)
+UPDATE_CONFIG_TO_VERSION_3 = (
+    _same("pn", "package_name", "my_robot_calibration", remark="or its folder"),
+    _same("cfg", "config_file", "config.yml", remark="or its path"),
 )
 SET_INITIAL_ESTIMATE = (
     _same("f", "filename", "guess.urdf.xacro"),

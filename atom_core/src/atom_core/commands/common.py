@@ -12,6 +12,10 @@ from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset
 from atom_core.model.selection import select_names
 
+# Set to 1: results and tables of an earlier run are replaced without --overwrite, inputs never.
+# batch_execution sets it for its experiments, which write to the same places one after the other.
+REPLACE_RESULTS = "ATOM_REPLACE_RESULTS"
+
 
 class Command(Protocol):
     """What a module of ``atom_core.commands`` offers to the command line."""
@@ -95,6 +99,12 @@ def add_selection_options(parser: argparse.ArgumentParser) -> None:
         )
 
 
+def add_overwrite_option(parser: Any, text: str = "replace results of an earlier run") -> None:
+    """Add the permission to replace what a run wrote before; see `REPLACE_RESULTS`."""
+    allowed = os.environ.get(REPLACE_RESULTS) == "1"
+    add_option(parser, "overwrite", "-ow", action="store_true", default=allowed, help=text)
+
+
 def add_output_options(parser: argparse.ArgumentParser, elsewhere: str = "") -> None:
     """Add the output folder, overwriting and verbosity.
 
@@ -112,9 +122,7 @@ def add_output_options(parser: argparse.ArgumentParser, elsewhere: str = "") -> 
         metavar="DIR",
         help=f"folder for the results; must be empty or absent, or add --overwrite{default}",
     )
-    add_option(
-        parser, "overwrite", "-ow", action="store_true", help="replace results of an earlier run"
-    )
+    add_overwrite_option(parser)
     add_verbose_option(parser)
 
 

@@ -14,9 +14,7 @@ from atom_core.io.dataset_json import dumps, relocated
 
 def add_overwrite_option(parser: argparse.ArgumentParser) -> None:
     """Add the permission to replace files."""
-    common.add_option(
-        parser, "overwrite", "-ow", action="store_true", help="replace files of an earlier run"
-    )
+    common.add_overwrite_option(parser, "replace files of an earlier run")
 
 
 def beside(dataset: Path, addition: str) -> Path:

@@ -109,7 +109,7 @@ def adder(name: str) -> Callable[[argparse.ArgumentParser], None]:
         add(parser, "joint_bias_values", "-jbv", nargs="+", type=float, metavar="V", help=text)
         text = "the new dataset (default: hand_eye_METHOD_CAMERA.json beside the input)"
         add(parser, "output", "-o", type=Path, metavar="FILE", help=text)
-        add(parser, "overwrite", "-ow", action="store_true", help="replace files")
+        common.add_overwrite_option(parser, "replace files")
         add_meaningless_options(parser, _NOT_HERE)
 
     return add_arguments

@@ -71,7 +71,8 @@ def add_model_error_options(parser: argparse.ArgumentParser) -> None:
         nargs=3,
         action="append",
         metavar=("EDGE|JOINT", "SIGMA_M", "SIGMA_RAD"),
-        help="a sensor's edge, an additional tf or a joint (its name, or parent-child) is where "
+        help="a sensor's edge, an additional tf, a joint or a fixed board (its name, or "
+        "parent-child) is where "
         "the dataset has it but for a Gaussian deviation, of so many metres in each length and "
         "radians in each angle; can stand several times",
     )

@@ -133,7 +133,7 @@ def add_results_options(parser: argparse.ArgumentParser, may_have_value: bool = 
         kind = {"nargs": "?", "const": True, "default": False, "metavar": "IGNORED"}
     add(parser, "save_file_results", "-sfr", help=what, **kind)
     add(parser, "save_file_results_name", "-sfrn", type=Path, metavar="FILE", help="its name")
-    add(parser, "overwrite", "-ow", action="store_true", help="replace that file")
+    common.add_overwrite_option(parser, "replace that file")
 
 
 def runner(name: str) -> Callable[[argparse.Namespace], int]:

@@ -6,6 +6,8 @@ from typing import Tuple
 
 import numpy as np
 
+_UPRIGHT = 0.95  # of a normal along the sensor's z axis: then x tells what is up
+
 
 def fit_plane(points: np.ndarray) -> Tuple[np.ndarray, np.ndarray, float]:
     """Fit a plane by total least squares.
@@ -35,3 +37,26 @@ def plane_basis(normal: np.ndarray) -> np.ndarray:
     first = np.cross(helper, normal)
     first /= np.linalg.norm(first)
     return np.column_stack([first, np.cross(normal, first), normal])
+
+
+def plane_as_seen(points: np.ndarray) -> np.ndarray:
+    """Return ``sensor_T_plane`` (4, 4) of the plane through points, as its sensor sees it.
+
+    Its origin is the centroid, z points away from the sensor, and y against the sensor's z axis:
+    down, as in a picture of a sensor that stands upright.
+
+    Args:
+        points: (n, 3) [m] in the sensor's frame, n >= 3.
+
+    Raises:
+        ValueError: as `fit_plane`.
+    """
+    centroid, normal, _ = fit_plane(points)
+    away = normal if normal @ centroid >= 0.0 else -normal
+    up = np.eye(3)[2] if abs(away[2]) < _UPRIGHT else np.eye(3)[0]
+    down = -(up - (up @ away) * away)
+    down /= np.linalg.norm(down)
+    frame = np.eye(4)
+    frame[:3, :3] = np.column_stack([np.cross(down, away), down, away])
+    frame[:3, 3] = centroid
+    return frame

@@ -20,6 +20,7 @@ from atom_core.geometry.polyline import evenly_spaced, segments_of
 from atom_core.io.atomic import write_json_atomically
 
 SIDES = ("top", "right", "bottom", "left")
+PLANE = "plane"  # of a collection in the file of a LiDAR, which has points in space, no pixels
 
 _METADATA, _VERSION = "_metadata", "2.0"
 
@@ -91,19 +92,22 @@ def write_annotations(
         OutputError: the file cannot be written.
     """
     old = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    document: Dict[str, Any] = {
-        _METADATA: {
-            "timestamp": str(time.time()),
-            "date": time.asctime(),
-            "user": getpass.getuser(),
-            "version": _VERSION,
-        }
-    }
+    document: Dict[str, Any] = {_METADATA: metadata()}
     for collection, sides in lines.items():
         entry = {side: _side(sides.get(side, ()), points_per_pixel) for side in SIDES}
         kept = old.get(collection) or {}
         document[collection] = {**kept, pattern: entry} if pattern else entry
     write_json_atomically(path, document)
+
+
+def metadata() -> Dict[str, str]:
+    """Return who wrote a file of annotations, when, and in which version of the format."""
+    return {
+        "timestamp": str(time.time()),
+        "date": time.asctime(),
+        "user": getpass.getuser(),
+        "version": _VERSION,
+    }
 
 
 def _side(points: Sequence[Tuple[float, float]], points_per_pixel: float) -> Dict[str, Any]:
@@ -117,6 +121,7 @@ def _read(path: Path, patterns: Collection[str]) -> Dict[Tuple[str, str], np.nda
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
         entries = {key: value for key, value in document.items() if key != _METADATA}
+        entries = {key: value for key, value in entries.items() if PLANE not in value}
         borders = {}
         for collection, entry in entries.items():
             for pattern, sides in _by_pattern(entry, patterns).items():

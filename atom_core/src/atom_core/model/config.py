@@ -72,7 +72,8 @@ class CalibrationConfig:
             **milliseconds**, below 1 in seconds; use `max_duration_between_msgs_s` in
             computations.
         package_name: of the calibration package.
-        priors: what is known beforehand, by the name of a sensor, an additional tf or a joint.
+        priors: what is known beforehand, by the name of a sensor, an additional tf, a joint or a
+            fixed pattern.
         version: of the format.
         extra: unknown keys.
         warnings: what the user should know, one line each.
@@ -189,11 +190,12 @@ class CalibrationConfig:
             )
 
     def _check_priors(self) -> None:
-        there = [*self.sensors, *self.additional_tfs, *self.joints]
+        fixed = [name for name, pattern in self.calibration_patterns.items() if pattern.fixed]
+        there = [*self.sensors, *self.additional_tfs, *self.joints, *fixed]
         for name in self.priors:
             if name not in there:
                 raise ConfigValueError(
-                    f"is of no sensor, additional tf or joint; use {choices(there)}",
+                    f"is of no sensor, additional tf, joint or fixed pattern; use {choices(there)}",
                     ("priors", name),
                 )
 

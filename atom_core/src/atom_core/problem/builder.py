@@ -259,11 +259,19 @@ def _pattern_blocks(
         return []
     seen: Set[BoardKey] = {(m.key.pattern, m.key.collection) for m in measurements}
     seen |= {(pattern, None) for pattern, _ in seen}
-    return [
-        PoseBlock(board_edge(dataset.patterns[pattern]), PATTERN, collection, (pattern,), pose)
-        for (pattern, collection), pose in boards.items()
-        if (pattern, collection) in seen
-    ]
+    blocks: List[ParameterBlock] = []
+    for (pattern, collection), pose in boards.items():
+        if (pattern, collection) not in seen:
+            continue
+        owner = (board_edge(dataset.patterns[pattern]), PATTERN, collection, (pattern,))
+        prior = free.priors.get(owner[0])
+        if prior is None:
+            blocks.append(PoseBlock(*owner, pose))
+        else:  # of a fixed board, which is described alike in all collections
+            given = next(iter(prior.poses.values()))
+            sigmas = prior.sigma_m, prior.sigma_rad
+            blocks.append(PriorPoseBlock(*owner, pose, given, *sigmas, prior))
+    return blocks
 
 
 def _value(dataset: Dataset, collection: str, edge: Edge) -> np.ndarray:

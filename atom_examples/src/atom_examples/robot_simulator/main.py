@@ -30,6 +30,8 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--robot", required=True, metavar="NAME|FOLDER", help="which")
     parser.add_argument("--bag", type=Path, required=True, metavar="OUT.bag", help="the recording")
     parser.add_argument("--scenario", choices=STOPS, default="train")
+    text = "which, of a robot that has several (default: the first)"
+    parser.add_argument("--recording", default="", metavar="NAME", help=text)
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of stops and noise")
     parser.add_argument("--stops", type=int, metavar="N", help="default: the scenario's")
     add_option(
@@ -56,7 +58,7 @@ def _run(args: argparse.Namespace) -> int:
     if args.stops is not None:
         check_least("stops", args.stops, 1)
     check_bag(args.bag, may_exist=args.overwrite)
-    robot = robot_named(args.robot)
+    robot = robot_named(args.robot).recorded_as(args.recording)
     from atom_examples.cell_simulator.recorder import Recording
     from atom_examples.robot_simulator.recorder import record
     from atom_examples.robot_simulator.world import RobotWorld

@@ -9,13 +9,21 @@ from atom_core.io.paths import PackageResolver, package_folder
 from atom_examples.cell_simulator.errors import SimulatorError
 
 PACKAGE = "atom_examples"
+_SCENARIO = "scenario"
 
 
 class Robot(NamedTuple):
-    """A robot's folder."""
+    """A robot's folder.
+
+    Attributes:
+        name: of the robot.
+        folder: what describes it.
+        recording: which of its recordings is meant; empty: the first.
+    """
 
     name: str
     folder: Path
+    recording: str = ""
 
     @property
     def config(self) -> Path:
@@ -30,7 +38,27 @@ class Robot(NamedTuple):
     @property
     def scenario(self) -> Path:
         """Where its boards are, and how its joints move."""
-        return self.folder / "config" / "scenario.yaml"
+        name = f"{_SCENARIO}_{self.recording}" if self.recording else _SCENARIO
+        return self.folder / "config" / f"{name}.yaml"
+
+    @property
+    def further_recordings(self) -> List[str]:
+        """Names of recordings beside the first, with other boards, postures or sights."""
+        paths = sorted((self.folder / "config").glob(f"{_SCENARIO}_*.yaml"))
+        return [path.stem[len(_SCENARIO) + 1 :] for path in paths]
+
+    def recorded_as(self, recording: str) -> Robot:
+        """Return the robot with another recording meant.
+
+        Raises:
+            SimulatorError: there is none of this name.
+        """
+        if recording and recording not in self.further_recordings:
+            there = ", ".join(self.further_recordings) or "none beside the first"
+            raise SimulatorError(
+                f"robot '{self.name}' has no recording '{recording}'; there are: {there}"
+            )
+        return self._replace(recording=recording)
 
 
 def robots_folder(resolve_package: Optional[PackageResolver] = None) -> Path:

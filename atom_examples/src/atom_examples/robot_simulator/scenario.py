@@ -20,7 +20,7 @@ from atom_examples.cell_simulator.yaml_entry import (
 )
 
 STOPS = ("train", "test")
-_KEYS = ("room", "boards", "joints", "stops", "seen", "calibrate")
+_KEYS = ("room", "boards", "absent", "joints", "stops", "seen", "calibrate")
 
 
 @dataclass(frozen=True)
@@ -92,6 +92,7 @@ class Scenario:
     Attributes:
         room: walls, floor and ceiling.
         boards: by the pattern's name.
+        absent: patterns that this recording does not show.
         joints: how they move.
         stops: how many there are in each recording.
         seen: at each stop.
@@ -104,6 +105,7 @@ class Scenario:
     stops: Mapping[str, int]
     seen: Seen
     calibrate: Tuple[str, ...] = ()
+    absent: Tuple[str, ...] = ()
 
 
 def read_scenario(path: Path) -> Scenario:
@@ -123,6 +125,7 @@ def read_scenario(path: Path) -> Scenario:
         {name: stops.get(name, count) for name in STOPS},
         _seen(entry.part("seen")) if "seen" in entry.values else Seen(),
         entry.get("calibrate", _words) if "calibrate" in entry.values else (),
+        entry.get("absent", _words) if "absent" in entry.values else (),
     )
 
 

@@ -188,9 +188,9 @@ class RobotWorld:
         """Refuse files that contradict each other."""
         config, where = self.config, self.robot.folder
         _same(f"{where}: sensors of sensors.yaml", self.settings.sensors, config.sensors)
-        _same(
-            f"{where}: boards of scenario.yaml", self.scenario.boards, config.calibration_patterns
-        )
+        told = {**self.scenario.boards, **dict.fromkeys(self.scenario.absent)}
+        name = self.robot.scenario.name
+        _same(f"{where}: boards of {name}", told, config.calibration_patterns)
         for name, sensor in config.sensors.items():
             settings = self.settings.sensors[name]
             if (settings.frame, settings.topic) != (sensor.link, sensor.topic_name):

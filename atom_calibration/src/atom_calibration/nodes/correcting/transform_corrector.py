@@ -53,15 +53,16 @@ _GREY, _LIGHT = (0.6, 0.6, 0.6), (0.9, 0.9, 0.9)
 
 def main() -> int:
     """Run the node; return its exit code."""
-    return running.run(NODE, parser(), _run)
+    return running.run(NODE, parser(), correct)
 
 
-def _run(args: argparse.Namespace) -> int:
+def correct(args: argparse.Namespace, name: str = NODE) -> int:
+    """Run with parsed options, as a node of this name; return the exit code."""
     output = options.corrected_file(args)
     dataset = read_dataset(args.dataset)
     edges = chosen_edges(args.parent_link_list, args.child_link_list)
     corrections = TransformCorrections(dataset, edges, args.patterns)
-    running.start(NODE)
+    running.start(name)
     moves = PLANAR if args.two_dimensional else FULL
     TransformCorrector(corrections, output, moves, args.marker_scale, args.reference_collection)
     return running.wait()

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Dict, Hashable, Iterable, List, Sequence
+from typing import Dict, Hashable, Iterable, List, Sequence, Set
 
 import networkx
 
 from atom_core.errors import CalibrationError
-from atom_core.model.dataset import Dataset
+from atom_core.model.dataset import Dataset, board_edge
 from atom_core.model.transforms import Edge
 from atom_core.problem.builder import FreeEdges
 from atom_core.problem.measurements import Measurement
@@ -75,7 +75,7 @@ def floats_freely(dataset: Dataset, measurements: Sequence[Measurement], free: F
     """
     if free.anchored_sensors or free.anchor_patterns:
         return False
-    if any(sensor.edge in free.priors for sensor in dataset.sensors.values()):
+    if any(edge in free.priors for edge in _tying_edges(dataset)):
         return False
     return nothing_moves(
         dataset,
@@ -89,7 +89,7 @@ def only_by_priors(
     dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges
 ) -> List[str]:
     """Return a sentence where priors alone tie the rig to world."""
-    edges = {sensor.edge for sensor in dataset.sensors.values()}
+    edges = _tying_edges(dataset)
     names = [prior.name for edge, prior in free.priors.items() if edge in edges]
     if not names or not floats_freely(dataset, measurements, replace(free, priors={})):
         return []
@@ -97,6 +97,12 @@ def only_by_priors(
         f"only the prior of {_list(names)} ties the rig to '{dataset.world}', and its standard "
         f"deviations are in those of all edges; for places relative to a sensor, hold it (-as)"
     ]
+
+
+def _tying_edges(dataset: Dataset) -> Set[Edge]:
+    """Return the edges of which a prior says where the rig is in the world."""
+    boards = {board_edge(pattern) for pattern in dataset.patterns.values() if pattern.fixed}
+    return boards | {sensor.edge for sensor in dataset.sensors.values()}
 
 
 def nothing_moves(

@@ -1,4 +1,4 @@
-"""What the user knows beforehand of edges and joints, from options and configuration."""
+"""What the user knows beforehand of edges, joints and boards, from options and configuration."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.errors import CalibrationError
-from atom_core.model.dataset import Dataset
+from atom_core.model.dataset import Dataset, board_edge
 from atom_core.model.transforms import Edge
 from atom_core.problem.builder import FreeEdges
 from atom_core.problem.priors import Prior
@@ -77,8 +77,8 @@ def _target(targets: Mapping[str, _Target], name: str, where: str = f"{OPTION} "
     if name not in targets:
         there = [n for n, t in targets.items() if t.held is None and n != str(t.edge)]
         raise CalibrationError(
-            f"{where}{name}: there is no such sensor, additional tf, joint or edge; those "
-            f"estimated are: {', '.join(there) or 'none'}"
+            f"{where}{name}: there is no such sensor, additional tf, joint, fixed pattern or edge; "
+            f"those estimated are: {', '.join(there) or 'none'}"
         )
     return targets[name]
 
@@ -98,6 +98,12 @@ def _targets(dataset: Dataset, free: FreeEdges) -> Dict[str, _Target]:
     for name, edge in known.items():
         why = None if name in free.joints else "select it with -jsf, or in the configuration"
         found.append((name, _Target(edge, f"joint '{name}'", name, why)))
+    for pattern in dataset.patterns.values():
+        why = "boards are held" if free.anchor_patterns else None
+        why = why if pattern.fixed else "as it is carried about, each collection has its own place"
+        found.append(
+            (pattern.name, _Target(board_edge(pattern), f"pattern '{pattern.name}'", None, why))
+        )
     by_name: Dict[str, _Target] = {}
     for name, target in sorted(found, key=lambda item: item[1].held is not None):
         by_name.setdefault(name, target)
@@ -127,4 +133,9 @@ def _add(
         for key, collection in dataset.collections.items()
         if target.edge in collection.transforms
     }
+    if not poses:
+        raise CalibrationError(
+            f"{OPTION} {name}: the dataset does not say where '{target.edge}' is, so nothing can "
+            f"be expected of it; put the link into the robot's description, and collect again"
+        )
     found[target.edge] = Prior(name, sigmas[0], sigmas[1], poses)
