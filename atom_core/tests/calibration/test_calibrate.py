@@ -12,12 +12,12 @@ from atom_core.calibration.prepare.preparation import prepare
 from atom_core.calibration.refine.refinement import refine
 from atom_core.calibration.start.starts import choose_start, find_starts
 from atom_core.errors import CalibrationError
+from atom_core.evaluation.edge_spread import edge_spread
 from atom_core.geometry import se3
 from atom_core.model.config import EdgeConfig
 from atom_core.model.dataset import board_edge, pose
 from atom_core.model.transforms import Edge
 from atom_core.model.truth import with_truth
-from atom_core.report.edge_results import edge_variance
 from atom_core.solvers.base import SolverOptions, SolverSetup
 from atom_core.solvers.choice import SOLVERS, solver_factory
 from atom_core.synthetic import Noise, paper_cell, scenes
@@ -370,9 +370,10 @@ def _normalised_errors(seeds):
         result = calibrate(scene.dataset)
         transforms = next(iter(result.dataset.collections.values())).transforms
         for name, sensor in scene.dataset.sensors.items():
-            variance = edge_variance(result, sensor.edge)
-            if variance is None:
+            spread = edge_spread(result, sensor.edge)
+            if spread is None:
                 continue
+            variance = np.diagonal(spread)
             found, true = transforms[sensor.edge], scene.truth.edges[sensor.edge]
             turn = se3.rotation_vector_from_rotation(found[:3, :3] @ true[:3, :3].T)
             error = np.concatenate([turn, found[:3, 3] - true[:3, 3]])

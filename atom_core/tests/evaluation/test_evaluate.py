@@ -141,6 +141,7 @@ def test_averages_leave_reverse_pairs_out(noisy):
         "depth-rgb": 3,
         "lidar3d-depth": 3,
         "lidar3d-lidar3d": 3,
+        "lidar3d-lidar3d_common": 3,
         "lidar3d-lidar3d_limit": 3,
         "lidar3d-lidar3d_plane": 3,
     }

@@ -4,24 +4,30 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Dict, List
+from typing import Dict, List, Mapping, Sequence
 
 import numpy as np
 
 from atom_core.calibration.preflight import preflight
 from atom_core.commands import common
+from atom_core.commands.drift_check import calibration_of, drift_of, moved_sensors
+from atom_core.errors import OutputError
 from atom_core.geometry import se3
+from atom_core.io.atomic import write_json_atomically
 from atom_core.io.urdf import read_description
 from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import Edge
 from atom_core.report.calibration_tables import MovedEdge, moved_report, preflight_report
+from atom_core.report.changes_report import drift_document, drift_sentence, drift_table
 from atom_core.report.check_verdict import check_verdict
 from atom_core.report.verdict import WRONG, length, verdict_lines
 
 EXAMPLE = """
 python3 -m atom_core check --dataset data/dataset.json
 python3 -m atom_core check --dataset results/atom_calibration.json --against robot.urdf
+python3 -m atom_core check --dataset new/dataset.json --against results/optimized.urdf.xacro
 """
+DRIFT_FILE = "drift.json"
 _MOVED_M, _MOVED_DEG = 0.001, 0.05
 
 
@@ -33,34 +39,70 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "against",
         type=Path,
         metavar="URDF",
-        help="compare the calibrated edges with this description: has the rig moved?",
+        help="compare the calibrated edges with this description: has the rig moved? Where it lies "
+        "beside the calibration.json of `calibrate`, the boards of the dataset are asked",
+    )
+    common.add_option(
+        parser,
+        "calibration",
+        type=Path,
+        metavar="DIR",
+        help="the results that tell how exactly the description is known (default: beside it)",
+    )
+    common.add_option(
+        parser,
+        "output",
+        "-o",
+        type=Path,
+        metavar="FILE",
+        help=f"where to write what the boards say of the rig ({DRIFT_FILE})",
     )
     common.add_verbose_option(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the tables; 1 where the verdict is wrong, as where the rig has moved."""
+    if args.output and args.output.exists():
+        raise OutputError(f"{args.output}: exists already; choose another name for --output")
     dataset = common.selected_dataset(args)
     result = preflight(dataset)
     print(preflight_report(dataset, result))
     moved: Dict[str, str] = {}
     if args.against:
-        edges = _compare(dataset, args.against)
+        calibration = calibration_of(args.against, args.calibration)
+        described = _described(args.against)
+        edges = _compare(dataset, described)
         print("\n" + moved_report(edges))
-        moved = {
-            e.sensor: f"it stands {length(e.translation_m)} and {e.rotation_deg:.2f} deg elsewhere"
-            for e in edges
-            if e.translation_m > _MOVED_M or e.rotation_deg > _MOVED_DEG
-        }
-        print("\nthe rig has moved" if moved else "\nthe rig stands as described")
+        if calibration is None:
+            moved = _moved(edges)
+            print("\nthe rig has moved" if moved else "\nthe rig stands as described")
+        else:
+            found = drift_of(dataset, described, calibration, args.against)
+            moved = moved_sensors(found)
+            print(f"\n{drift_table(found)}\n\n{drift_sentence(found)}")
+            if args.output:
+                document = drift_document(found, str(dataset.source), str(args.against))
+                write_json_atomically(args.output, document, sort_keys=False)
     verdict = check_verdict(dataset, result, moved)
     print("\n" + verdict_lines(verdict))
     return 1 if verdict.grade == WRONG else 0
 
 
-def _compare(dataset: Dataset, path: Path) -> List[MovedEdge]:
+def _moved(edges: Sequence[MovedEdge]) -> Dict[str, str]:
+    return {
+        e.sensor: f"it stands {length(e.translation_m)} and {e.rotation_deg:.2f} deg elsewhere"
+        for e in edges
+        if e.translation_m > _MOVED_M or e.rotation_deg > _MOVED_DEG
+    }
+
+
+def _described(path: Path) -> Dict[Edge, np.ndarray]:
+    """Return ``parent_T_child`` (4, 4) of all joints of a description, at zero."""
     joints = read_description(path).robot.joints.values()
-    described = {Edge(j.parent_link, j.child_link): j.parent_T_child(0.0) for j in joints}
+    return {Edge(j.parent_link, j.child_link): j.parent_T_child(0.0) for j in joints}
+
+
+def _compare(dataset: Dataset, described: Mapping[Edge, np.ndarray]) -> List[MovedEdge]:
     collection = next(iter(dataset.collections.values()))
     rows = []
     for sensor in dataset.sensors.values():

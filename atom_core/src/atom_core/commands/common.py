@@ -200,7 +200,7 @@ def options_document(args: argparse.Namespace) -> Dict[str, Any]:
     def plain(value: Any) -> Any:
         if isinstance(value, Path):
             return str(value)
-        return list(value) if isinstance(value, tuple) else value
+        return [plain(part) for part in value] if isinstance(value, (list, tuple)) else value
 
     return {name: plain(value) for name, value in vars(args).items() if name not in skipped}
 

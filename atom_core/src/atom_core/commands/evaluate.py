@@ -5,11 +5,19 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import List, Optional
+from typing import Any, Dict, List, Optional
 
 from atom_core.commands import common
+from atom_core.commands.baseline_options import FILES as BASELINE_FILES
+from atom_core.commands.baseline_options import (
+    Baselines,
+    add_baseline_options,
+    chosen_baselines,
+)
+from atom_core.commands.compare_calibrations import run_comparison
+from atom_core.errors import SelectionError
+from atom_core.evaluation.baselines.comparison import Measured
 from atom_core.evaluation.evaluate import Evaluation, evaluate
-from atom_core.evaluation.hand_eye_comparison import compare_hand_eye
 from atom_core.evaluation.pairs import pair_kinds
 from atom_core.evaluation.same_data import shared_collections
 from atom_core.io.annotations import read_annotations
@@ -34,9 +42,9 @@ _FILES = "--train results/atom_calibration.json --test test/dataset.json"
 EXAMPLE = f"""
 python3 -m atom_core evaluate {_FILES} --output evaluation
 python3 -m atom_core evaluate {_FILES} --output pair --pairs lidar_1:rgb_1 --verbose
+python3 -m atom_core evaluate --compare results_of_may results_of_june
 """
 RESULT_FILE = "evaluation.json"
-HAND_EYE = "hand_eye"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     files["test"] = "the dataset to measure on"
     for name, what in files.items():
         names = (f"-{name}_json", f"--{name}_json")
-        add(parser, name, *names, required=True, type=Path, metavar="FILE", help=what)
+        add(parser, name, *names, type=Path, metavar="FILE", help=what)
     common.add_output_options(parser, "results/TRAIN beside the test set")
     add(
         parser,
@@ -66,44 +74,39 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         parser,
         "compare",
+        nargs="+",
         type=Path,
         metavar="OTHER",
-        help="another calibrated dataset, to stand beside the first",
+        help="another calibrated dataset, to stand beside the first; or two folders of results, "
+        "without --train and --test: has the rig moved between them?",
     )
-    add(
-        parser,
-        "baseline",
-        choices=[HAND_EYE],
-        help="put OpenCV's hand-eye methods beside it, on the labels of the train file; each "
-        "result is written as a dataset",
-    )
+    add_baseline_options(parser)
     common.add_selection_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Evaluate, write the results, print the tables; 1 when no pair could be measured."""
+    """Evaluate, write the results, print the tables; 1 when no pair could be measured.
+
+    Two results to compare: 1 when the rig has moved between them.
+    """
+    if len(args.compare or []) == 2 and not (args.train or args.test):
+        return run_comparison(args, *args.compare)
+    _refuse_half_a_task(args)
     folder = args.output or args.test.parent / "results" / args.train.name.partition(".")[0]
     common.refuse_occupied(folder, args.overwrite)
     train, test = read_dataset(args.train), _selected(args, read_dataset(args.test))
     truth = read_any_truth(args.truth) if args.truth else None
     evaluation = _evaluate(args, train, test, truth)
-    compared = _evaluate(args, read_dataset(args.compare), test, truth) if args.compare else None
-    hand_eye = None
-    if args.baseline == HAND_EYE:
-        sensors = _sensors(args, train, test)
-        hand_eye = compare_hand_eye(train, test, evaluation, truth=truth, sensors=sensors)
-    document = evaluation_document(evaluation, compared, hand_eye)
+    compared = _evaluate(args, read_dataset(args.compare[0]), test, truth) if args.compare else None
+    annotations = read_annotations(args.test.parent, test.sensors, test.patterns)
+    measured = Measured(train, test, evaluation, truth, annotations)
+    found = chosen_baselines(args, measured, _sensors(args, train, test))
+    document = evaluation_document(evaluation, compared, found.hand_eye, found.rigs)
+    document["baselines_left_out"] = list(found.remarks)
     document["options"] = common.options_document(args)
-    prepare_output_folder(folder, args.overwrite)
-    earlier = [path.name for path in folder.glob(f"{HAND_EYE}_*.json")]
-    with written_together(folder, [RESULT_FILE, *map(csv_name, pair_kinds()), *earlier]):
-        for name, text in csv_texts(evaluation).items():
-            write_text_atomically(folder / name, text)
-        for baseline in hand_eye.baselines if hand_eye else ():
-            if baseline.dataset is not None:
-                write_dataset(baseline.dataset, folder / f"{HAND_EYE}_{baseline.method}.json")
-        write_json_atomically(folder / RESULT_FILE, document, sort_keys=False)
-    print(evaluation_report(evaluation, compared, args.verbose, hand_eye))
+    _write(args, folder, document, evaluation, found)
+    print(evaluation_report(evaluation, compared, args.verbose, found.hand_eye, found.rigs))
+    print("".join(f"{remark}\n" for remark in found.remarks), end="")
     print(f"\nresults: {folder.resolve()}\n")
     shared = shared_collections(train, test)
     if shared:
@@ -119,6 +122,43 @@ def run(args: argparse.Namespace) -> int:
     why = "the table says why" if told else "no two of these sensors can be compared"
     print(f"evaluate: no pair was measured, {why}", file=sys.stderr)
     return 1
+
+
+def _refuse_half_a_task(args: argparse.Namespace) -> None:
+    """Refuse a command line that lacks what is to be evaluated.
+
+    Raises:
+        SelectionError: naming what is missing.
+    """
+    missing = [f"--{name}" for name in ("train", "test") if getattr(args, name) is None]
+    if missing:
+        raise SelectionError(
+            f"evaluate needs --train FILE and --test FILE, {' and '.join(missing)} "
+            f"{'is' if len(missing) == 1 else 'are'} missing; or --compare with two results of "
+            f"`calibrate` and neither of them"
+        )
+    if len(args.compare or []) > 1:
+        raise SelectionError(
+            "--compare takes one other dataset beside --train, or two results without --train and "
+            "--test"
+        )
+
+
+def _write(
+    args: argparse.Namespace,
+    folder: Path,
+    document: Dict[str, Any],
+    evaluation: Evaluation,
+    found: Baselines,
+) -> None:
+    prepare_output_folder(folder, args.overwrite)
+    earlier = [name for name in BASELINE_FILES if (folder / name).exists()]
+    with written_together(folder, [RESULT_FILE, *map(csv_name, pair_kinds()), *earlier]):
+        for name, text in csv_texts(evaluation).items():
+            write_text_atomically(folder / name, text)
+        for name, dataset in found.datasets.items():
+            write_dataset(dataset, folder / name)
+        write_json_atomically(folder / RESULT_FILE, document, sort_keys=False)
 
 
 def _few(names: List[str]) -> str:

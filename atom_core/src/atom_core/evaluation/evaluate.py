@@ -6,6 +6,8 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
+import numpy as np
+
 from atom_core.evaluation.between_collections import spreads
 from atom_core.evaluation.ground_truth import GroundTruth, ground_truth_errors
 from atom_core.evaluation.mixed import mixed_dataset
@@ -127,7 +129,7 @@ def _average(results: Sequence[PairResult]) -> Average:
 def _evaluate_pair(
     pair: Pair, observed: Observed, mixed: Dataset, true: Optional[Dataset]
 ) -> PairResult:
-    errors, reasons = _measure(pair, observed, mixed)
+    errors, reasons = pair_errors(pair, observed, mixed)
     if not errors:
         return PairResult(pair, None, skipped=_why_skipped(pair, reasons), unmeasured=reasons)
     return PairResult(
@@ -140,14 +142,21 @@ def _evaluate_pair(
 
 
 def _floor(pair: Pair, observed: Observed, true: Dataset) -> Optional[PairFigures]:
-    errors, _ = _measure(pair, observed, true)
+    errors, _ = pair_errors(pair, observed, true)
     return summarised(errors) if errors else None
 
 
-def _measure(
-    pair: Pair, observed: Observed, dataset: Dataset
+def pair_errors(
+    pair: Pair, observed: Observed, dataset: Dataset, given: Optional[np.ndarray] = None
 ) -> Tuple[Dict[Tuple[str, str], Errors], Dict[str, str]]:
-    """Return errors by (collection, pattern), and by collection why others have none."""
+    """Return errors by (collection, pattern), and by collection why others have none.
+
+    Args:
+        pair: of sensors.
+        observed: the labels.
+        dataset: with the calibrated edges.
+        given: ``target_T_source`` (4, 4) in their place; None: as the dataset has it.
+    """
     source, target = dataset.sensors[pair.source], dataset.sensors[pair.target]
     graph = dataset.graph
     errors: Dict[Tuple[str, str], Errors] = {}
@@ -160,7 +169,9 @@ def _measure(
         ]
         if not shared:
             continue
-        target_T_source = pose(collection, graph, target.frame, source.frame)
+        target_T_source = given
+        if target_T_source is None:
+            target_T_source = pose(collection, graph, target.frame, source.frame)
         for pattern in shared:
             try:
                 errors[(key, pattern)] = pair.kind.measure(

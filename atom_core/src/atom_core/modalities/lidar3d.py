@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from atom_core.evaluation.common_part import nearest_points_in_common
 from atom_core.evaluation.label_quality import quality_of_points
 from atom_core.evaluation.pairs import (
     PairKind,
@@ -29,10 +30,17 @@ from atom_core.synthetic.sensing import SyntheticSensor
 
 _ELEVATIONS_DEG = (-10.0, 0.0, 10.0)
 _AMONG_THEMSELVES = "lidar3d-lidar3d"
+_PLANE, _COMMON = f"{_AMONG_THEMSELVES}_plane", f"{_AMONG_THEMSELVES}_common"
 _FLOOR = (
     "from each point to the nearest one of the scan beside it. Scans have gaps, and this figure is "
-    "mostly their width: it stays as large for a perfect calibration, and shows errors only where "
-    f"they are larger still. {_AMONG_THEMSELVES}_plane tells how well the scans lie on one another"
+    "mostly their width, and the part of the board that one of them does not see: it stays as "
+    "large for a perfect calibration, and shows errors only where they are larger still. "
+    f"{_PLANE} tells how well the scans lie on one another"
+)
+_COMMON_FLOOR = (
+    "the same for the points in the outline of both labels alone. It does not count what only one "
+    "of the two sees; the gaps between layers stay, some 0.3 of their width. It shows errors "
+    f"across the board as {_PLANE} does, and hardly any along it"
 )
 
 _PAIRS = (
@@ -42,6 +50,16 @@ _PAIRS = (
     ),
     PairKind(
         _AMONG_THEMSELVES, LIDAR3D, LIDAR3D, "nearest_point", "mm", False, nearest_points, _FLOOR
+    ),
+    PairKind(
+        _COMMON,
+        LIDAR3D,
+        LIDAR3D,
+        "nearest_point_in_common",
+        "mm",
+        False,
+        nearest_points_in_common,
+        _COMMON_FLOOR,
     ),
     PairKind(
         f"{_AMONG_THEMSELVES}_limit",
@@ -54,7 +72,7 @@ _PAIRS = (
         _FLOOR,
     ),
     PairKind(
-        f"{_AMONG_THEMSELVES}_plane",
+        _PLANE,
         LIDAR3D,
         LIDAR3D,
         "point_to_plane",

@@ -8,7 +8,7 @@ from typing import Dict, Optional, Tuple
 import numpy as np
 
 from atom_core.calibration.calibrate import Calibration
-from atom_core.calibration.judge.weak_directions import edge_covariance
+from atom_core.evaluation.edge_spread import edge_spread
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import BLOCK_SIZE, ROTATION, TRANSLATION
 from atom_core.problem.priors import Prior
@@ -32,6 +32,7 @@ class EdgeResult:
             nothing is known of them.
         prior: what the user knew beforehand; None: nothing.
         held: whether a direction of it is held by priors alone.
+        covariance: (6, 6) whose diagonal are the squares of `sigma`; None where it was held.
     """
 
     edge: Edge
@@ -43,6 +44,7 @@ class EdgeResult:
     combined_sigma: np.ndarray
     prior: Optional[Prior] = None
     held: bool = False
+    covariance: Optional[np.ndarray] = None
 
     @property
     def sigma_rotation_rad(self) -> np.ndarray:
@@ -89,34 +91,17 @@ def selected_edges(calibration: Calibration) -> Dict[Edge, np.ndarray]:
     return {edge: dataset.first_value(edge) for edge in edges}
 
 
-def edge_variance(
-    calibration: Calibration, edge: Edge, covariance: Optional[Covariance] = None
-) -> Optional[np.ndarray]:
-    """Return (6,) variances of rotation and translation in the parent's axes; None if held.
-
-    Args:
-        calibration: whose edge.
-        edge: which.
-        covariance: another one than the calibration's.
-    """
-    parameters = calibration.problem.parameters
-    covariance = covariance or calibration.covariance
-    for i, block in parameters.pose_blocks():
-        if block.edge == edge:
-            x = calibration.summary.x[parameters.slice_of(i)]
-            return np.diagonal(edge_covariance(block, x, covariance.block(i)))
-    return None
-
-
 def edge_result(calibration: Calibration, edge: Edge) -> EdgeResult:
     """Return the figures of a selected edge."""
     dataset = calibration.dataset
 
     def sigma(covariance: Covariance) -> np.ndarray:
-        variance = edge_variance(calibration, edge, covariance)
-        if variance is None:
+        spread = edge_spread(calibration, edge, covariance)
+        if spread is None:
             return np.zeros(BLOCK_SIZE)
-        return np.sqrt(np.minimum(variance, _LARGEST_VARIANCE))
+        return np.sqrt(np.minimum(np.diagonal(spread), _LARGEST_VARIANCE))
+
+    spread = edge_spread(calibration, edge)
 
     return EdgeResult(
         edge,
@@ -128,6 +113,7 @@ def edge_result(calibration: Calibration, edge: Edge) -> EdgeResult:
         sigma(calibration.covariance.combined),
         calibration.free.priors.get(edge),
         _is_held(calibration, edge),
+        None if spread is None else np.clip(spread, -_LARGEST_VARIANCE, _LARGEST_VARIANCE),
     )
 
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Any, Dict, Optional
+from typing import Any, Dict, Optional, Sequence
 
+from atom_core.evaluation.baselines.comparison import RigComparison
 from atom_core.evaluation.evaluate import Average, Evaluation
 from atom_core.evaluation.hand_eye_comparison import CALIBRATION, HandEyeComparison
 from atom_core.evaluation.results import PairFigures, PairResult
 from atom_core.evaluation.single_camera import SingleCamera
 from atom_core.evaluation.statistics import Figures
+from atom_core.report.baseline_report import baseline_document
 from atom_core.report.evaluation_verdict import evaluation_verdict
 from atom_core.report.ground_truth_document import ground_truth_document
 from atom_core.report.verdict import verdict_document
@@ -21,6 +23,7 @@ def evaluation_document(
     evaluation: Evaluation,
     compared: Optional[Evaluation] = None,
     hand_eye: Optional[HandEyeComparison] = None,
+    baselines: Sequence[RigComparison] = (),
 ) -> Dict[str, Any]:
     """Return the document; all numbers finite, lengths in the unit that stands beside them.
 
@@ -28,6 +31,7 @@ def evaluation_document(
         evaluation: of the calibration under test.
         compared: of another calibration on the same test set.
         hand_eye: baselines of cameras on an arm.
+        baselines: methods that take two sensors at a time.
     """
     document = {
         "version": VERSION,
@@ -35,7 +39,10 @@ def evaluation_document(
         "test": evaluation.test,
         "verdict": verdict_document(evaluation_verdict(evaluation)),
         **_results(evaluation),
-        "baselines": {} if hand_eye is None else _hand_eye(hand_eye),
+        "baselines": {
+            **({} if hand_eye is None else _hand_eye(hand_eye)),
+            **{comparison.rig.method: _baseline(comparison) for comparison in baselines},
+        },
     }
     if compared is not None:
         document["compared_with"] = {"train": compared.train, **_results(compared)}
@@ -88,6 +95,13 @@ def _hand_eye(comparison: HandEyeComparison) -> Dict[str, Any]:
             "skipped": baseline.skipped,
         }
     return entries
+
+
+def _baseline(comparison: RigComparison) -> Dict[str, Any]:
+    """Return the entry of a method: its rig evaluated as a whole, then link by link."""
+    empty: Dict[str, Any] = {"pairs": [], "ground_truth": None}
+    whole = empty if comparison.evaluation is None else _results(comparison.evaluation)
+    return {**whole, **baseline_document(comparison)}
 
 
 def pair_document(result: PairResult) -> Dict[str, Any]:

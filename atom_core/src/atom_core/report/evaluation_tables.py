@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Dict, List, Optional, Sequence, Union
 
+from atom_core.evaluation.baselines.comparison import RigComparison
 from atom_core.evaluation.evaluate import Evaluation
 from atom_core.evaluation.ground_truth import GroundTruth, MeanError, SensorError
 from atom_core.evaluation.hand_eye_comparison import CALIBRATION, HandEyeComparison
@@ -11,6 +12,7 @@ from atom_core.evaluation.pairs import Pair
 from atom_core.evaluation.results import PairFigures, PairResult
 from atom_core.evaluation.single_camera import SingleCamera
 from atom_core.evaluation.statistics import mean_of
+from atom_core.report.baseline_report import baseline_tables
 from atom_core.report.tables import text_table, three_digits
 
 MM_PER_M = 1000.0
@@ -26,6 +28,7 @@ def evaluation_report(
     compared: Optional[Evaluation] = None,
     verbose: bool = False,
     hand_eye: Optional[HandEyeComparison] = None,
+    baselines: Sequence[RigComparison] = (),
 ) -> str:
     """Return all tables as one text.
 
@@ -34,6 +37,7 @@ def evaluation_report(
         compared: of another calibration on the same test set; stands beside it.
         verbose: also the reverse pairs, and a line for each collection.
         hand_eye: baselines of cameras on an arm.
+        baselines: methods that take two sensors at a time.
     """
     shown = [r for r in evaluation.pairs if verbose or not r.pair.reverse]
     measured = [r for r in shown if r.measured is not None]
@@ -51,6 +55,7 @@ def evaluation_report(
         parts.append(ground_truth_table(evaluation.ground_truth, other))
     if hand_eye is not None:
         parts.append(hand_eye_table(hand_eye))
+    parts.append(baseline_tables(baselines, verbose))
     return "\n\n".join(part for part in parts if part)
 
 

@@ -1,0 +1,69 @@
+"""Two calibrations of one rig, edge by edge: what `evaluate --compare A B` does."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import List
+
+from atom_core.commands import common
+from atom_core.errors import DatasetError
+from atom_core.evaluation.changes import Changes, EdgeState, changes, held_apart
+from atom_core.io.atomic import prepare_output_folder, write_json_atomically
+from atom_core.io.calibration_json import StoredCalibration, read_calibration
+from atom_core.report.changes_report import changes_document, changes_sentence, changes_table
+from atom_core.solvers.base import CONVERGED
+
+RESULT_FILE = "comparison.json"
+
+
+def run_comparison(args: argparse.Namespace, before: Path, after: Path) -> int:
+    """Compare two results of `calibrate`; 1 when something moved.
+
+    Args:
+        args: of `evaluate`; the document is written where an output folder is named.
+        before: a folder of results, or a file in it.
+        after: likewise.
+
+    Raises:
+        AtomError: one of them is no result, or they hold different sensors.
+    """
+    if args.output:
+        common.refuse_occupied(args.output, args.overwrite)
+    first, second = read_calibration(before), read_calibration(after)
+    found = compared(first, second)
+    if args.output:
+        prepare_output_folder(args.output, args.overwrite)
+        document = changes_document(found, str(first.path), str(second.path))
+        write_json_atomically(args.output / RESULT_FILE, document, sort_keys=False)
+    print(changes_table(found))
+    for stored in (first, second):
+        if stored.status != CONVERGED:
+            print(f"warning: {stored.path} is {stored.status}: it is not known how sure it is")
+    print(f"\n{changes_sentence(found)}")
+    return 1 if found.moved or not found.edges else 0
+
+
+def compared(first: StoredCalibration, second: StoredCalibration) -> Changes:
+    """Return what differs.
+
+    Raises:
+        DatasetError: one holds what the other estimates, or they have no edge in common.
+    """
+    before, after = _states(first), _states(second)
+    apart = held_apart(before, after)
+    if apart:
+        raise DatasetError(
+            f"{second.path}: '{apart[0]}' is held in one of the two and estimated in the other; "
+            f"calibrate both with the same --anchor_sensors"
+        )
+    if not {state.edge for state in before} & {state.edge for state in after}:
+        raise DatasetError(
+            f"{second.path}: has no calibrated edge in common with {first.path}; give two results "
+            f"of one rig"
+        )
+    return changes(before, after)
+
+
+def _states(stored: StoredCalibration) -> List[EdgeState]:
+    return [EdgeState(*edge) for edge in stored.edges]

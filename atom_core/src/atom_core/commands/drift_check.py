@@ -1,0 +1,67 @@
+"""Has the rig moved since it was calibrated? What `check --against` asks new boards."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Dict, Mapping, Optional
+
+import numpy as np
+
+from atom_core.errors import DescriptionError
+from atom_core.evaluation.changes import EdgeState, spreads_of
+from atom_core.evaluation.drift import Drift, drift
+from atom_core.io.calibration_json import calibration_file, read_calibration
+from atom_core.model.dataset import Dataset
+from atom_core.model.transforms import Edge
+from atom_core.report.verdict import angle, length
+
+
+def calibration_of(description: Path, named: Optional[Path]) -> Optional[Path]:
+    """Return the ``calibration.json`` that tells how exactly a description is known; None: none.
+
+    Args:
+        description: a URDF; `calibrate` writes it beside its other results.
+        named: by the user.
+    """
+    if named is not None:
+        return calibration_file(named)
+    beside = calibration_file(description)
+    return beside if beside.is_file() else None
+
+
+def drift_of(
+    dataset: Dataset, described: Mapping[Edge, np.ndarray], calibration: Path, description: Path
+) -> Drift:
+    """Ask new boards whether the rig stands as described.
+
+    Args:
+        dataset: the new boards.
+        described: edges of the description.
+        calibration: tells how exactly they are known.
+        description: for messages.
+
+    Raises:
+        AtomError: the description lacks a sensor, or the boards cannot tell.
+    """
+    stored = read_calibration(calibration)
+    for sensor in dataset.sensors.values():
+        if sensor.edge not in described:
+            raise DescriptionError(
+                f"{description}: has no joint from '{sensor.edge.parent}' to "
+                f"'{sensor.edge.child}', on which sensor '{sensor.name}' stands; give the "
+                f"description that the rig was calibrated with"
+            )
+    spreads = spreads_of([EdgeState(*edge) for edge in stored.edges])
+    return drift(dataset, described, spreads)
+
+
+def moved_sensors(found: Drift) -> Dict[str, str]:
+    """Return what to say of each sensor that moved."""
+    return {
+        name: (
+            f"it has moved by {length(edge.change.translation_m)} and "
+            f"{angle(edge.change.rotation_rad)}"
+        )
+        for edge in found.moved
+        for name in edge.sensors
+    }

@@ -1,0 +1,1 @@
+"""What a user would take instead: methods that compare two sensors at a time."""

@@ -1,0 +1,162 @@
+"""Whether a rig is another one than before: calibrated edges against one another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import List, Mapping, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
+from scipy import special
+
+from atom_core.evaluation.edge_errors import PoseError, pose_error
+from atom_core.model.transforms import Edge
+
+FALSE_ALARMS = 0.01  # of rigs that did not move
+NUMBERS = 6
+_LEAST_VARIANCE = 1e-18  # of an edge that is held in both
+
+
+class EdgeState(NamedTuple):
+    """An edge as a calibration found it.
+
+    Attributes:
+        edge: parent and child.
+        sensors: that stand on it.
+        anchored: it was held.
+        parent_T_child: (4, 4).
+        sigma: (6,) of turns [rad] and shifts [m] about and along the parent's axes.
+        covariance: (6, 6) likewise.
+        model_sigma: (6,) likewise, as the assumed noise has it.
+        combined_sigma: (6,) likewise, with usual errors of sensors and boards; None: not known.
+    """
+
+    edge: Edge
+    sensors: Tuple[str, ...]
+    anchored: bool
+    parent_T_child: np.ndarray
+    sigma: np.ndarray
+    covariance: np.ndarray
+    model_sigma: np.ndarray
+    combined_sigma: Optional[np.ndarray] = None
+
+
+class EdgeChange(NamedTuple):
+    """An edge in two calibrations.
+
+    Attributes:
+        edge: parent and child.
+        sensors: that stand on it.
+        change: the second one minus the first.
+        sigma: (6,) joint standard deviations, turns [rad] and shifts [m].
+        chi_square: of the six numbers in their joint covariance.
+        moved: that is more than the limit.
+        beyond_usual: it is even with the usual errors of sensors and boards in both.
+    """
+
+    edge: Edge
+    sensors: Tuple[str, ...]
+    change: PoseError
+    sigma: np.ndarray
+    chi_square: float
+    moved: bool
+    beyond_usual: bool
+
+
+@dataclass(frozen=True)
+class Changes:
+    """All edges of two calibrations.
+
+    Attributes:
+        edges: those that both have and that were estimated in both.
+        limit: of the chi-squares: of rigs that did not move, a hundredth has any edge beyond.
+        only_in_one: edges that one of them lacks.
+        held: edges that both hold.
+    """
+
+    edges: Tuple[EdgeChange, ...]
+    limit: float
+    only_in_one: Tuple[Edge, ...]
+    held: Tuple[Edge, ...]
+
+    @property
+    def moved(self) -> Tuple[EdgeChange, ...]:
+        """The edges that moved."""
+        return tuple(change for change in self.edges if change.moved)
+
+
+def limit_of(edges: int) -> float:
+    """Return the chi-square of six numbers that one of some edges exceeds once in a hundred."""
+    return float(special.chdtri(NUMBERS, FALSE_ALARMS / max(edges, 1)))
+
+
+def chi_square(change: PoseError, covariance: np.ndarray) -> float:
+    """Return the square of a change's six numbers in their covariance (6, 6)."""
+    numbers = np.concatenate([change.turn_rad, change.shift_m])
+    scale = np.sqrt(np.maximum(np.diagonal(covariance), _LEAST_VARIANCE))
+    correlation = covariance / np.outer(scale, scale) + 1e-12 * np.eye(NUMBERS)
+    return float(numbers / scale @ np.linalg.solve(correlation, numbers / scale))
+
+
+def changes(before: Sequence[EdgeState], after: Sequence[EdgeState]) -> Changes:
+    """Compare two calibrations edge by edge.
+
+    Args:
+        before: edges of the first one.
+        after: of the second one.
+    """
+    first, second = ({state.edge: state for state in states} for states in (before, after))
+    common = [edge for edge in first if edge in second]
+    held = [edge for edge in common if first[edge].anchored and second[edge].anchored]
+    estimated = [edge for edge in common if edge not in held]
+    limit = limit_of(len(estimated))
+    only = [edge for edge in (*first, *second) if edge not in common]
+    compared = tuple(_change(first[edge], second[edge], limit) for edge in estimated)
+    return Changes(compared, limit, tuple(only), tuple(held))
+
+
+def _change(first: EdgeState, second: EdgeState, limit: float) -> EdgeChange:
+    change = pose_error(first.parent_T_child, second.parent_T_child)
+    covariance = first.covariance + second.covariance
+    square = chi_square(change, covariance)
+    usual = chi_square(change, covariance + _of_usual_errors(first) + _of_usual_errors(second))
+    names = tuple(dict.fromkeys([*first.sensors, *second.sensors]))
+    sigma = np.sqrt(np.diagonal(covariance))
+    moved = square > limit
+    return EdgeChange(first.edge, names, change, sigma, square, moved, moved and usual > limit)
+
+
+def _of_usual_errors(state: EdgeState) -> np.ndarray:
+    """Return (6, 6): what combined standard deviations have beyond the others."""
+    if state.combined_sigma is None:
+        return np.zeros((NUMBERS, NUMBERS))
+    return np.diag(np.maximum(state.combined_sigma**2 - state.sigma**2, 0.0))
+
+
+def held_apart(before: Sequence[EdgeState], after: Sequence[EdgeState]) -> List[Edge]:
+    """Return the edges that one calibration holds and the other estimates."""
+    first = {state.edge: state.anchored for state in before}
+    return [s.edge for s in after if s.edge in first and first[s.edge] != s.anchored]
+
+
+class Spread(NamedTuple):
+    """Covariances (6, 6) of an edge: as stated, and as the assumed noise has it."""
+
+    stated: np.ndarray
+    of_model: np.ndarray
+
+    def __add__(self, other: tuple) -> Spread:
+        """Return the covariances of the difference of two independent edges."""
+        return Spread(self.stated + other[0], self.of_model + other[1])
+
+
+NO_SPREAD = Spread(np.zeros((NUMBERS, NUMBERS)), np.zeros((NUMBERS, NUMBERS)))
+
+
+def spreads_of(states: Sequence[EdgeState]) -> Mapping[Edge, Spread]:
+    """Return how exactly each edge is known; what was held exactly."""
+    found = {}
+    for state in states:
+        smaller = state.model_sigma / np.maximum(state.sigma, np.sqrt(_LEAST_VARIANCE))
+        of_model = state.covariance * np.outer(smaller, smaller)
+        found[state.edge] = NO_SPREAD if state.anchored else Spread(state.covariance, of_model)
+    return found

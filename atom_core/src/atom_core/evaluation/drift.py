@@ -1,0 +1,219 @@
+"""Whether a rig stands as it was calibrated, asked with two or three new boards.
+
+The sensors start where the description has them and are calibrated anew with the new boards alone.
+How far each one comes out elsewhere is compared with how exactly the new boards tell that and how
+exactly the description was known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import List, Mapping, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
+from scipy import stats
+
+from atom_core.calibration.calibrate import Calibration, calibrate
+from atom_core.calibration.judge.judgement import INCONSISTENT
+from atom_core.calibration.options import OFF, CalibrationOptions
+from atom_core.errors import AtomError, CalibrationError
+from atom_core.evaluation.changes import NO_SPREAD, NUMBERS, Spread, chi_square, limit_of
+from atom_core.evaluation.edge_errors import PoseError, pose_error
+from atom_core.evaluation.edge_spread import edge_spread
+from atom_core.model.dataset import Dataset
+from atom_core.model.transforms import Edge
+from atom_core.problem.blocks import ROTATION, TRANSLATION
+from atom_core.solvers.base import FAILED, NOT_CONVERGED
+
+FEWEST_BOARDS = 2
+LEAST_M, LEAST_RAD = 0.0005, float(np.radians(0.02))  # a smaller change is none, however sure
+TOLD_M, TOLD_RAD = 0.02, float(np.radians(1.0))  # what is not found at this size is not told
+_FOUND = 0.95
+_UNKNOWN = 1e-6  # weight of what is not determined
+
+
+class EdgeDrift(NamedTuple):
+    """How far an edge is from its description.
+
+    Attributes:
+        edge: parent and child.
+        sensors: that stand on it.
+        change: found minus described, along and about the parent's axes.
+        chi_square: of the six numbers in their joint covariance, as the assumed noise has it.
+        moved: beyond the limit, and by no trifle.
+        beyond_detections: beyond it even where detections of the new boards are off as a whole, as
+            `calibrate` assumes of a few boards.
+        found_m, found_rad: the smallest shift without a turn, and turn without a shift, in the
+            worst direction, that is noticed in 95 % of cases.
+    """
+
+    edge: Edge
+    sensors: Tuple[str, ...]
+    change: PoseError
+    chi_square: float
+    moved: bool
+    beyond_detections: bool
+    found_m: float
+    found_rad: float
+
+    @property
+    def told(self) -> bool:
+        """Whether the new boards suffice to notice what matters."""
+        return self.found_m <= TOLD_M and self.found_rad <= TOLD_RAD
+
+
+@dataclass(frozen=True)
+class Drift:
+    """What new boards say of a rig.
+
+    Attributes:
+        reference: the sensors that were held, against which the others are told.
+        edges: all others.
+        limit: of the chi-squares.
+        boards: how many collections were used.
+        untold: sensors of which the new boards say nothing.
+        contradiction: what contradicts itself among the new boards; None: nothing does.
+    """
+
+    reference: Tuple[str, ...]
+    edges: Tuple[EdgeDrift, ...]
+    limit: float
+    boards: int
+    untold: Tuple[str, ...]
+    contradiction: Optional[str] = None
+
+    @property
+    def moved(self) -> Tuple[EdgeDrift, ...]:
+        """The edges that moved."""
+        return tuple(edge for edge in self.edges if edge.moved)
+
+
+def drift(
+    dataset: Dataset,
+    described: Mapping[Edge, np.ndarray],
+    spreads: Mapping[Edge, Spread],
+) -> Drift:
+    """Tell which sensors moved since a rig was calibrated.
+
+    Where others seem to have moved against the one that is held, each sensor is held in turn: the
+    fewest that explain it are blamed.
+
+    Args:
+        dataset: new boards; its own values of the sensors' edges do not count.
+        described: ``parent_T_child`` (4, 4) of the sensors' edges.
+        spreads: how exactly they are known, turns [rad] and shifts [m] in the parent's axes.
+
+    Raises:
+        CalibrationError: fewer than two collections, or the new boards tie nothing.
+    """
+    used = {key.collection for key, _ in dataset.detections()}
+    if len(used) < FEWEST_BOARDS:
+        raise CalibrationError(
+            f"{dataset.source}: {len(used)} collection(s) with a board; whether the rig has moved "
+            f"takes {FEWEST_BOARDS} or more"
+        )
+    edges = {edge: described[edge] for edge in _edges(dataset) if edge in described}
+    standing = dataset.with_transforms(dict.fromkeys(dataset.collections, edges))
+    first = _drift(standing, spreads, ())
+    if len(first.moved) < 2:
+        return first
+    others = [name for name in dataset.sensors if name not in first.reference]
+    rivals = [found for found in (_or_none(standing, spreads, name) for name in others) if found]
+    fewer = [found for found in rivals if found.moved and len(found.moved) < len(first.moved)]
+    return min(fewer, key=lambda found: (len(found.moved), _worst_left(found)), default=first)
+
+
+def _worst_left(found: Drift) -> float:
+    return max((edge.chi_square for edge in found.edges if not edge.moved), default=0.0)
+
+
+def _or_none(dataset: Dataset, spreads: Mapping[Edge, Spread], held: str) -> Optional[Drift]:
+    try:
+        return _drift(dataset, spreads, (held,))
+    except AtomError:
+        return None
+
+
+def _edges(dataset: Dataset) -> List[Edge]:
+    edges = [sensor.edge for sensor in dataset.sensors.values()]
+    edges += [entry.edge for entry in dataset.config.additional_tfs.values()]
+    return list(dict.fromkeys(edges))
+
+
+def _drift(standing: Dataset, spreads: Mapping[Edge, Spread], held: Sequence[str]) -> Drift:
+    options = CalibrationOptions(model_errors=OFF)
+    if held:
+        options = replace(options, anchor_sensors=tuple(held), ignore_anchored_sensor=True)
+    solved = calibrate(standing, options)
+    anchored = solved.free.anchored_sensors
+    if solved.status in (FAILED, NOT_CONVERGED):
+        raise CalibrationError(
+            f"{standing.source}: the new boards alone cannot be solved ({solved.message}); collect "
+            f"others, and see what `check` says of them"
+        )
+    estimated = [edge for edge in _edges(standing) if edge_spread(solved, edge) is not None]
+    limit = limit_of(len(estimated))
+    of_reference = _reference_spread(standing, spreads, anchored)
+    edges = tuple(
+        _edge_drift(solved, standing, edge, spreads.get(edge, NO_SPREAD) + of_reference, limit)
+        for edge in estimated
+    )
+    names = {name for edge in edges for name in edge.sensors} | set(anchored)
+    untold = [name for name in standing.sensors if name not in names]
+    untold += [name for edge in edges if not edge.told for name in edge.sensors]
+    boards = len({key.collection for key in solved.problem.detections})
+    remark = solved.message if solved.status == INCONSISTENT else None
+    return Drift(tuple(anchored), edges, limit, boards, tuple(untold), remark)
+
+
+def _reference_spread(
+    dataset: Dataset, spreads: Mapping[Edge, Spread], anchored: Sequence[str]
+) -> Spread:
+    """Return how exactly the described place of what is held is known itself."""
+    total = NO_SPREAD
+    for edge in {dataset.sensors[name].edge for name in anchored}:
+        total = total + spreads.get(edge, NO_SPREAD)
+    return total
+
+
+def _edge_drift(
+    solved: Calibration, standing: Dataset, edge: Edge, described: Spread, limit: float
+) -> EdgeDrift:
+    """Return how far an edge is; ``described`` is how exactly its description is known."""
+    stated, of_model = (
+        edge_spread(solved, edge, c) for c in (solved.covariance, solved.covariance.of_model)
+    )
+    assert stated is not None and of_model is not None  # it is estimated
+    spread = described + (stated, of_model)
+    covariance = spread.of_model
+    change = pose_error(standing.first_value(edge), solved.dataset.first_value(edge))
+    square = chi_square(change, covariance)
+    trifle = change.translation_m < LEAST_M and change.rotation_rad < LEAST_RAD
+    names = tuple(s.name for s in standing.sensors.values() if s.edge == edge)
+    weight = np.linalg.inv(covariance + 1e-18 * np.eye(NUMBERS))
+    size = np.sqrt(_noncentrality(limit))
+    return EdgeDrift(
+        edge,
+        names,
+        change,
+        square,
+        square > limit and not trifle,
+        chi_square(change, spread.stated) > limit,
+        size * _largest(weight[TRANSLATION, TRANSLATION]),
+        size * _largest(weight[ROTATION, ROTATION]),
+    )
+
+
+def _largest(weight: np.ndarray) -> float:
+    """Return the size of a move (3,) that counts as one, in the direction that is told worst."""
+    return float(1.0 / np.sqrt(max(np.min(np.linalg.eigvalsh(weight)), _UNKNOWN)))
+
+
+def _noncentrality(limit: float) -> float:
+    """Return how large a chi-square is on top when it is beyond the limit in 95 % of cases."""
+    low, high = 0.0, 10.0 * limit + 100.0
+    for _ in range(60):
+        middle = (low + high) / 2.0
+        enough = stats.ncx2.sf(limit, NUMBERS, max(middle, 1e-9)) >= _FOUND
+        low, high = (low, middle) if enough else (middle, high)
+    return high

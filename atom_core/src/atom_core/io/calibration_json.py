@@ -1,0 +1,110 @@
+"""Edges of a calibration, read back from its ``calibration.json``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Dict, List, NamedTuple, Optional, Tuple
+
+import numpy as np
+
+from atom_core.errors import DatasetError
+from atom_core.geometry import se3
+from atom_core.model.transforms import Edge
+
+FILE = "calibration.json"
+_AXES = 3
+
+
+class StoredEdge(NamedTuple):
+    """An edge as it stands in the file: the fields are those of the document."""
+
+    edge: Edge
+    sensors: Tuple[str, ...]
+    anchored: bool
+    parent_T_child: np.ndarray
+    sigma: np.ndarray
+    covariance: np.ndarray
+    model_sigma: np.ndarray
+    combined_sigma: Optional[np.ndarray]
+
+
+class StoredCalibration(NamedTuple):
+    """What a calibration wrote of itself.
+
+    Attributes:
+        path: of the file.
+        status: converged, or why not.
+        edges: the selected ones.
+    """
+
+    path: Path
+    status: str
+    edges: List[StoredEdge]
+
+
+def calibration_file(path: Path) -> Path:
+    """Return the ``calibration.json`` of a folder of results, or beside one of its files."""
+    if path.is_dir():
+        return path / FILE
+    return path if path.name == FILE else path.with_name(FILE)
+
+
+def read_calibration(path: Path) -> StoredCalibration:
+    """Read the edges of a calibration.
+
+    Args:
+        path: a folder of results, or any file in it.
+
+    Raises:
+        DatasetError: it is absent, or no result of `calibrate`.
+    """
+    file = calibration_file(path)
+    try:
+        document: Any = json.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise DatasetError(
+            f"{file}: the result of `calibrate` cannot be read ({reason}); give a folder of results"
+        ) from None
+    except ValueError:
+        raise DatasetError(f"{file}: is no JSON; give a folder of results of `calibrate`") from None
+    try:
+        edges = [_edge(entry) for entry in document["edges"].values()]
+        return StoredCalibration(file, str(document["status"]), edges)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        said = f"lacks {error}" if isinstance(error, KeyError) else str(error)
+        raise DatasetError(
+            f"{file}: is no result of `calibrate` ({said}); give a folder of results"
+        ) from None
+
+
+def _edge(entry: Dict[str, Any]) -> StoredEdge:
+    pose = se3.from_quaternion(
+        _numbers(entry["translation_m"], _AXES), _numbers(entry["quaternion_xyzw"], _AXES + 1)
+    )
+    combined = None
+    if "combined_sigma_translation_m" in entry:
+        combined = _sigma(entry, "combined_sigma")
+    edge = Edge(str(entry["parent"]), str(entry["child"]))
+    sensors = tuple(str(name) for name in entry["sensors"])
+    sigma, of_model = _sigma(entry, "sigma"), _sigma(entry, "model_sigma")
+    covariance = np.diag(sigma**2)  # all that results of before this key tell
+    if entry.get("covariance") is not None:
+        covariance = np.array([_numbers(row, 2 * _AXES) for row in entry["covariance"]])
+    anchored = bool(entry["anchored"])
+    return StoredEdge(edge, sensors, anchored, pose, sigma, covariance, of_model, combined)
+
+
+def _sigma(entry: Dict[str, Any], name: str) -> np.ndarray:
+    turns, shifts = (
+        _numbers(entry[f"{name}_{k}"], _AXES) for k in ("rotation_rad", "translation_m")
+    )
+    return np.concatenate([turns, shifts])
+
+
+def _numbers(values: Any, count: int) -> np.ndarray:
+    found = np.array(values, dtype=float)
+    if found.shape != (count,) or not np.all(np.isfinite(found)):
+        raise ValueError(f"{count} numbers are needed, found {values}")
+    return found

@@ -1,0 +1,157 @@
+"""Has the rig moved? `check --against` and `evaluate --compare` on results of `calibrate`."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))  # command_line, which the tests share
+
+from command_line import refused, run  # noqa: E402
+
+from atom_core.geometry import se3  # noqa: E402
+from atom_core.io.dataset_writer import write_dataset_folder  # noqa: E402
+from atom_core.io.urdf import read_description, write_calibrated_description  # noqa: E402
+from atom_core.model.transforms import Edge  # noqa: E402
+from atom_core.synthetic import scenes  # noqa: E402
+
+NEW = 3
+
+
+def urdf_of(dataset):
+    transforms = next(iter(dataset.collections.values())).transforms
+    links = dict.fromkeys(f for edge in transforms for f in edge)
+    lines = ['<robot name="rig">', *(f'<link name="{name}"/>' for name in links)]
+    for edge, matrix in transforms.items():
+        xyz = " ".join(repr(float(v)) for v in matrix[:3, 3])
+        rpy = " ".join(repr(float(v)) for v in se3.rpy_from_rotation(matrix[:3, :3]))
+        lines.append(
+            f'<joint name="{edge.parent}_to_{edge.child}" type="fixed"><parent '
+            f'link="{edge.parent}"/><child link="{edge.child}"/><origin xyz="{xyz}" rpy="{rpy}"/>'
+            f"</joint>"
+        )
+    return "\n".join([*lines, "</robot>"])
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Return a folder: results of three cameras, and three new boards that all of them see."""
+    folder = tmp_path_factory.mktemp("made")
+    scene = scenes.random_scene(1, rgb=3, depth=0, lidar3d=0, collections=19)
+    collections = scene.dataset.collections
+    seen = sorted(collections, key=lambda key: -len(collections[key].labels))
+    old = scene.dataset.selected(collections=seen[NEW:])
+    new = scene.dataset.selected(collections=seen[:NEW])
+    write_dataset_folder(old, folder / "old", name="old")
+    write_dataset_folder(new, folder / "new", name="new")
+    (folder / "rig.urdf").write_text(urdf_of(old))
+    for name, keys in (("results", seen[NEW:]), ("later", seen[: NEW + 8])):
+        part = folder / f"{name}_data"
+        write_dataset_folder(scene.dataset.selected(collections=keys), part, name=name)
+        line = ["calibrate", "-json", part / "dataset.json", "--output", folder / name]
+        run(*line, "--description", folder / "rig.urdf", "--model_errors", "off")
+    return folder
+
+
+def document_with_moved_edge(made, child, move):
+    """Return ``calibration.json`` of the results with an edge elsewhere, and the description."""
+    text = (made / "results" / "calibration.json").read_text()
+    document = json.loads(text)
+    entry = next(e for e in document["edges"].values() if child in e["sensors"])
+    pose = se3.from_quaternion(np.array(entry["translation_m"]), np.array(entry["quaternion_xyzw"]))
+    pose = se3.moved(pose, move)
+    entry["translation_m"] = pose[:3, 3].tolist()
+    entry["quaternion_xyzw"] = se3.quaternion_from_rotation(pose[:3, :3]).tolist()
+    return document, entry
+
+
+def described_elsewhere(made, tmp_path, child, move):
+    """Write a description in which a sensor is elsewhere, beside the results; return it."""
+    folder = tmp_path / "elsewhere"
+    folder.mkdir()
+    document, entry = document_with_moved_edge(made, child, move)
+    (folder / "calibration.json").write_text(json.dumps(document))
+    text = (made / "results" / "optimized.urdf.xacro").read_text()
+    (tmp_path / "plain.urdf.xacro").write_text(text)
+    description = read_description(tmp_path / "plain.urdf.xacro")
+    pose = se3.from_quaternion(np.array(entry["translation_m"]), np.array(entry["quaternion_xyzw"]))
+    edges = {Edge(entry["parent"], entry["child"]): pose}
+    write_calibrated_description(description, edges, folder / "optimized.urdf.xacro", {}, {})
+    return folder / "optimized.urdf.xacro"
+
+
+def check(made, against, *more):
+    return ["check", "--dataset", made / "new" / "dataset.json", "--against", against, *more]
+
+
+def test_a_rig_that_did_not_move_stands(made, tmp_path, capsys):
+    against, output = made / "results" / "optimized.urdf.xacro", tmp_path / "drift.json"
+    run(*check(made, against, "--output", output))
+    document = json.loads(output.read_text())
+    assert not document["moved"] and document["boards"] == NEW
+    assert document["reference"] == ["rgb_1"] and document["false_alarm_rate"] == 0.01
+    assert {e["verdict"] for e in document["edges"].values()} == {"same"}
+    assert "the rig stands as described" in capsys.readouterr().out
+    assert "exists already" in refused(capsys, *check(made, against, "--output", output))
+
+
+@pytest.mark.parametrize("sensor", ["rgb_2", "rgb_1"])
+def test_the_sensor_that_moved_is_named(made, tmp_path, capsys, sensor):
+    """Also where it is the one that calibration holds."""
+    move = se3.random_move(0.006, np.radians(0.3), np.random.default_rng(3))
+    against = described_elsewhere(made, tmp_path, sensor, move)
+    output = tmp_path / "drift.json"
+    run(*check(made, against, "--output", output), code=1)
+    document = json.loads(output.read_text())
+    told = {n for e in document["edges"].values() if e["verdict"] == "moved" for n in e["sensors"]}
+    assert document["moved"] and told == {sensor}
+    shown = capsys.readouterr().out
+    assert f"the rig has moved: {sensor} by" in shown and "it has moved by" in shown
+
+
+def test_without_results_beside_it_the_edges_alone_are_compared(made, capsys):
+    run(*check(made, made / "rig.urdf"))
+    assert "chi-square" not in capsys.readouterr().out
+    run(*check(made, made / "rig.urdf", "--calibration", made / "results"))
+    assert "chi-square" in capsys.readouterr().out
+
+
+def test_one_board_is_refused(made, capsys):
+    more = ["-csf", first_key(made)]
+    against = made / "results" / "optimized.urdf.xacro"
+    capsys.readouterr()
+    run(*check(made, against, *more), code=2)
+    assert "takes 2 or more" in capsys.readouterr().err
+
+
+def first_key(made):
+    return next(iter(json.loads((made / "new" / "dataset.json").read_text())["collections"]))
+
+
+def test_two_calibrations_of_one_rig_are_the_same(made, tmp_path, capsys):
+    run("evaluate", "--compare", made / "results", made / "later", "--output", tmp_path / "out")
+    document = json.loads((tmp_path / "out" / "comparison.json").read_text())
+    assert not document["moved"] and len(document["edges"]) == 2 and len(document["held"]) == 1
+    assert "the two calibrations are the same" in capsys.readouterr().out
+
+
+def test_what_moved_between_two_calibrations_is_named(made, tmp_path, capsys):
+    move = se3.random_move(0.02, np.radians(0.5), np.random.default_rng(3))
+    document, _ = document_with_moved_edge(made, "rgb_3", move)
+    (tmp_path / "calibration.json").write_text(json.dumps(document))
+    run("evaluate", "--compare", made / "later", tmp_path, code=1)
+    assert "the two calibrations differ: rgb_3 moved" in capsys.readouterr().out
+
+
+def test_bad_input_is_refused(made, tmp_path, capsys):
+    compare = ["evaluate", "--compare"]
+    assert "cannot be read" in refused(capsys, *compare, made / "results", tmp_path)
+    (tmp_path / "calibration.json").write_text("{}")
+    assert "no result of `calibrate`" in refused(capsys, *compare, made / "results", tmp_path)
+    assert "--train and --test are missing" in refused(capsys, *compare, made / "results")
+    document, entry = document_with_moved_edge(made, "rgb_3", np.eye(4))
+    entry["anchored"] = True
+    (tmp_path / "calibration.json").write_text(json.dumps(document))
+    assert "is held in one of the two" in refused(capsys, *compare, made / "results", tmp_path)

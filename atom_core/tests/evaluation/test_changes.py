@@ -1,0 +1,64 @@
+"""Two calibrations against one another."""
+
+import numpy as np
+import pytest
+
+from atom_core.evaluation.changes import EdgeState, changes, held_apart, limit_of
+from atom_core.geometry import se3
+from atom_core.model.transforms import Edge
+
+SIGMA = np.array([1e-4] * 3 + [1e-3] * 3)
+
+
+def state(name, anchored=False, pose=None, combined=None):
+    pose = np.eye(4) if pose is None else pose
+    spread = np.diag(SIGMA**2)
+    return EdgeState(Edge("base", name), (name,), anchored, pose, SIGMA, spread, SIGMA, combined)
+
+
+def shifted(metres):
+    return se3.transform(np.eye(3), np.array([metres, 0.0, 0.0]))
+
+
+def test_a_difference_counts_in_the_joint_covariance():
+    found = changes([state("a")], [state("a", pose=shifted(0.003))])
+    (change,) = found.edges
+    assert change.chi_square == pytest.approx(9.0 / 2.0)
+    assert not change.moved and not found.moved
+    (change,) = changes([state("a")], [state("a", pose=shifted(0.010))]).edges
+    assert change.moved and change.beyond_usual
+
+
+def test_a_turn_counts_about_the_parents_axes():
+    turn = se3.transform(se3.rotation_from_rotation_vector(np.array([0, 1e-3, 0])), np.zeros(3))
+    (change,) = changes([state("a")], [state("a", pose=turn)]).edges
+    assert change.moved and change.change.turn_rad[1] == pytest.approx(1e-3)
+
+
+def test_usual_errors_may_explain_it():
+    wide = 20.0 * SIGMA
+    before, after = state("a", combined=wide), state("a", pose=shifted(0.010), combined=wide)
+    (change,) = changes([before], [after]).edges
+    assert change.moved and not change.beyond_usual
+
+
+def test_what_is_held_or_in_one_only_is_not_compared():
+    before = [state("held", True), state("a"), state("gone")]
+    found = changes(before, [state("held", True), state("a"), state("new")])
+    assert [c.edge.child for c in found.edges] == ["a"]
+    assert [edge.child for edge in found.held] == ["held"]
+    assert [edge.child for edge in found.only_in_one] == ["gone", "new"]
+    assert held_apart([state("a", True)], [state("a")]) == [Edge("base", "a")]
+
+
+def test_one_rig_in_a_hundred_is_called_moved_at_most():
+    rng, edges, alarms = np.random.default_rng(0), 3, 0
+    for _ in range(1500):
+        after = []
+        for i in range(edges):
+            turn, shift = (np.sqrt(2.0) * SIGMA * rng.standard_normal(6)).reshape(2, 3)
+            pose = se3.transform(se3.rotation_from_rotation_vector(turn), shift)
+            after.append(state(str(i), pose=pose))
+        alarms += bool(changes([state(str(i)) for i in range(edges)], after).moved)
+    assert 0.003 < alarms / 1500 < 0.015
+    assert limit_of(1) < limit_of(10)
