@@ -42,7 +42,9 @@ def lines_of_hand_eye():
         if name.startswith("cv_"):
             more = f"-mn {tool.methods[-1]} -si"
         if name.startswith("cv_eye_to_hand"):
-            more += f" {RESULTS} -ss 3 -nig 0.1 0.1 -jbn j1 j2 -jbp origin_yaw origin_z -jbv 0.1 -0.2"
+            more += (
+                f" {RESULTS} -ss 3 -nig 0.1 0.1 -jbn j1 j2 -jbp origin_yaw origin_z -jbv 0.1 -0.2"
+            )
         yield f"{needed} {LAMBDA} {more}"
 
 
@@ -126,4 +128,3 @@ def test_a_recipe_of_an_example_robot_parses(words):
     from atom_calibration.nodes.calibrating import calibrate
 
     calibrate.parser().parse_args(shlex.split(words))
-

@@ -11,11 +11,15 @@ from atom_core.calibration.options import AUTO, CalibrationOptions
 from atom_core.calibration.refine.candidates import candidates, range_fields, usual_sizes
 from atom_core.problem.model_errors import RangeOffset
 from atom_core.report.calibration_results import calibration_results
+from atom_core.report.calibration_verdict import calibration_verdict
 from atom_core.report.stated_errors import stated_errors
+from atom_core.report.verdict import WEAK
 from atom_core.solvers.choice import SOLVERS, default_solver
 from atom_core.solvers.scalar_columns import scalars_of
 from atom_core.solvers.shared_equations import shared_equations
 from atom_core.synthetic import ROUGH, SLIGHT, degenerate, paper_cell, random_scene, two_cameras
+from atom_core.synthetic.mistakes import with_scaled_focal_length
+from atom_core.synthetic.scenes import board_on_arm
 
 LOSS = "cauchy"
 
@@ -51,6 +55,24 @@ def test_they_are_larger_than_the_others_and_small_where_the_boards_tell():
     for error in errors:
         assert np.all(error.combined_sigma >= error.sigma)
         assert np.max(error.combined_sigma[3:]) < 0.004  # 20 mm of range offset are usual
+
+
+@pytest.mark.parametrize("factor", [1.01, 0.99])
+def test_a_focal_length_that_no_check_can_see_makes_a_camera_before_an_arm_unsure(factor):
+    """A board that hardly comes nearer: a longer focal length and a farther camera are the same.
+
+    What the collections differ by says 1 mm, the camera is 22 mm off, and no test is significant.
+    """
+    scene = board_on_arm(0)
+    dataset = with_scaled_focal_length(scene.dataset, "rgb_1", factor)
+    result = calibrate(dataset, CalibrationOptions())
+    results = calibration_results(result, default_solver())
+    (error,) = stated_errors(results.edges, scene.truth)
+    off, combined = error.error[3:], error.combined_sigma[3:]
+    assert np.max(np.abs(off)) > 0.02 and np.max(error.sigma[3:]) < 0.002
+    assert np.max(np.abs(off) / combined) < 2.0
+    verdict = calibration_verdict(results)
+    assert verdict.grade == WEAK and "rgb_1 is weak (known to " in verdict.sentence
 
 
 def equations_of(result, errors, fields):
