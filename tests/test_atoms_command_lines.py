@@ -59,6 +59,8 @@ LINES = [
     "annotate_pattern_borders_in_rgb_or_depth -d a.json -cs c -ppp 2",
     "annotate_pattern_borders_in_lidar -d a.json -s lidar_1 -p pattern_1",
     "dahll2017 -d a.json -c c -l l -p pattern_1 -mn closed_form -nig 0.1 0.1 -ss 3",
+    "cv_stereo_calib -json a.json -rc a -lc b -si",
+    "icp_calibration -json a.json -ss a -st b -si -ma -ssd 4 -seed 3 -nig 0.1 0.1",
     "kalibr_stereo_calib -json a.json -k camchain.yaml",
     "copy_tfs_from_dataset -sd a.json -td b.json -pll a b -cll c d",
     "inspect_atom_dataset -json a.json -ssf 'lambda s: True'",

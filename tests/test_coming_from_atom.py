@@ -106,7 +106,7 @@ def test_the_page_names_what_serves_instead_and_so_do_the_programs(capsys):
         assert f'main(["{name}", ' in script.read_text("utf-8")
 
 
-_OTHERS = "single_rgb|ground_truth_|annotate_|copy_tfs|kalibr|dahll"
+_OTHERS = "single_rgb|ground_truth_|annotate_|copy_tfs|kalibr|dahll|cv_stereo|icp_"
 EVALUATIONS = [
     *EVALUATORS,
     *BASELINES,

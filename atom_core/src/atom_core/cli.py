@@ -53,6 +53,8 @@ COMMANDS = (
     "update_dataset_from_version_2_to_3",
     "kalibr_stereo_calib",
     "dahll2017",
+    "cv_stereo_calib",
+    "icp_calibration",
     "rgb_to_rgb_evaluation",
     "lidar_to_rgb_evaluation",
     "lidar_to_depth_evaluation",

@@ -1,0 +1,69 @@
+"""What calibrations of one pair of sensors share: where the answer goes, how it is shown."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Sequence
+
+import numpy as np
+
+from atom_core.errors import DatasetError
+from atom_core.evaluation.baselines.links import edge_value
+from atom_core.geometry import se3
+from atom_core.io.dataset_json import read_dataset
+from atom_core.model.dataset import Dataset
+from atom_core.report.tables import text_table
+
+_MM_PER_M = 1000.0
+
+
+def read_pair(args: argparse.Namespace, pair: Sequence[str], kinds: Sequence[str]) -> Dataset:
+    """Read the dataset; refuse names that are none of its sensors of these modalities.
+
+    Raises:
+        DatasetError: naming those there are.
+    """
+    dataset = read_dataset(args.dataset)
+    there = [name for name, sensor in dataset.sensors.items() if sensor.modality in kinds]
+    for name in pair:
+        if name not in there:
+            raise DatasetError(
+                f"{args.dataset}: there is no sensor '{name}' of {' or '.join(kinds)}; there are: "
+                f"{', '.join(there) or '-'}"
+            )
+    if pair[0] == pair[1]:
+        raise DatasetError(f"{args.dataset}: '{pair[0]}' is named twice; name two sensors")
+    return dataset
+
+
+def with_source(dataset: Dataset, source: str, target: str, pose: np.ndarray) -> Dataset:
+    """Return the dataset with the source where it has this pose (4, 4) in the target.
+
+    Raises:
+        DatasetError: the two move against each other.
+    """
+    edge = {dataset.sensors[source].edge: edge_value(dataset, target, source, pose)}
+    return dataset.with_transforms(dict.fromkeys(dataset.collections, edge))
+
+
+def pose_table(dataset: Dataset, source: str, target: str, rows: Sequence[tuple]) -> str:
+    """Return a table of poses of the source in the target.
+
+    Args:
+        dataset: for the frames.
+        source: the sensor that is placed.
+        target: the one that stays.
+        rows: (name, ``target_T_source`` (4, 4), collections) of each.
+    """
+    headers = ["", "x [mm]", "y [mm]", "z [mm]", "roll [deg]", "pitch [deg]", "yaw [deg]"]
+    cells = [
+        [
+            name,
+            *(_MM_PER_M * pose[:3, 3]),
+            *np.degrees(se3.rpy_from_rotation(pose[:3, :3])),
+            collections,
+        ]
+        for name, pose, collections in rows
+    ]
+    frames = [dataset.sensors[name].frame for name in (source, target)]
+    return text_table([*headers, "collections"], cells, f"{frames[0]} in {frames[1]}")
