@@ -1,5 +1,6 @@
 """Messages and the core's types say the same."""
 
+import copy
 import struct
 
 import cv2
@@ -11,7 +12,12 @@ from sensor_msgs.msg import CompressedImage, LaserScan
 from atom_calibration.errors import MessageError
 from atom_calibration.messages import images
 from atom_calibration.messages.cameras import camera_from_info
-from atom_calibration.messages.clouds import POINT_CLOUD, cloud_xyz, point_cloud
+from atom_calibration.messages.clouds import (
+    POINT_CLOUD,
+    cloud_message,
+    cloud_xyz,
+    point_cloud,
+)
 from atom_calibration.messages.images import colour_image, depth_image
 from atom_calibration.messages.poses import edge_of, transform_matrix
 from atom_calibration.messages.scans import LASER_SCAN, laser_scan
@@ -111,6 +117,43 @@ def test_images_of_the_wrong_kind_are_refused_by_name(make):
         depth_image(make.image(PICTURE, "bgr8"))
     with pytest.raises(MessageError, match="32FC1.*no colour"):
         colour_image(make.image(PICTURE[..., 0].astype("<f4"), "32FC1"))
+
+
+@pytest.mark.parametrize(
+    "change, complaint",
+    [
+        ({"offset": 2**31 - 1}, "field 'x' does not fit into a point of 12 bytes"),
+        ({"count": 2**32 - 1}, "field 'x' does not fit into a point of 12 bytes"),
+        ({"count": 3}, "field x has several values in each point"),
+        ({"datatype": 9}, "field 'x' has the datatype 9"),
+        ({"name": "a"}, "no field x"),
+    ],
+    ids=str,
+)
+def test_fields_that_claim_what_is_not_there_are_refused(change, complaint):
+    """An offset beyond 31 bits once made numpy read beyond all memory."""
+    message = cloud_message(np.zeros(5, LAYOUTS["packed"]), is_dense=True)
+    for name, value in change.items():
+        setattr(message.fields[0], name, value)
+    with pytest.raises(MessageError, match=complaint):
+        point_cloud(message)
+
+
+def test_headers_that_claim_what_is_not_there_are_refused():
+    message = cloud_message(np.zeros(5, LAYOUTS["packed"]), is_dense=True)
+    for name in ("point_step", "width", "height", "row_step"):
+        changed = copy.deepcopy(message)
+        setattr(changed, name, 2**32 - 1)
+        if name == "row_step":
+            changed.height = 2
+        with pytest.raises(MessageError):
+            point_cloud(changed)
+
+
+def test_other_encodings_of_a_compressed_image_are_refused():
+    bmp = cv2.imencode(".bmp", PICTURE)[1].tobytes()
+    with pytest.raises(MessageError, match="neither JPEG nor PNG"):
+        colour_image(CompressedImage(format="bmp", data=bmp))
 
 
 LAYOUTS = {

@@ -63,6 +63,12 @@ def _point_dtype(message: Any) -> np.dtype:
         if not field.name or field.name in names:
             continue  # padding that some drivers declare
         kind = order + _POINT_FIELD_TYPES[field.datatype]
+        # Before numpy looks at it, which counts offsets in 32 bits, and reads anywhere beyond.
+        if field.offset + max(field.count, 1) * np.dtype(kind).itemsize > message.point_step:
+            raise MessageError(
+                f"field '{field.name}' does not fit into a point of {message.point_step} bytes "
+                f"(offset {field.offset}, count {field.count}); record the cloud again"
+            )
         names.append(field.name)
         formats.append(kind if field.count <= 1 else (kind, (field.count,)))
         offsets.append(field.offset)
@@ -70,9 +76,10 @@ def _point_dtype(message: Any) -> np.dtype:
     layout["itemsize"] = message.point_step
     try:
         return np.dtype(layout)
-    except ValueError:
+    except ValueError as error:
         raise MessageError(
-            f"the fields {', '.join(names)} do not fit into a point of {message.point_step} bytes"
+            f"points of {message.point_step} bytes with the fields {', '.join(names)} cannot be "
+            f"read ({error}); record the cloud again"
         ) from None
 
 
@@ -83,6 +90,12 @@ def _check_positions(dtype: np.dtype) -> None:
         raise MessageError(
             f"the cloud has no field {', '.join(absent)} (its fields: {', '.join(names) or 'none'}"
             f"); choose a topic with positions"
+        )
+    several = [axis for axis in "xyz" if dtype[axis].shape]
+    if several:
+        raise MessageError(
+            f"field {', '.join(several)} has several values in each point (count); a position has "
+            f"one of each"
         )
 
 

@@ -90,8 +90,8 @@ def depth_image(message: Any) -> np.ndarray:
             f"(metres)"
         )
     scale = _MILLIMETRE if stored.dtype.kind == "u" else 1.0
-    depth_m = (stored * np.float32(scale)).astype(np.float32)
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
+        depth_m = (stored * np.float32(scale)).astype(np.float32)
         depth_m[~(np.isfinite(depth_m) & (depth_m > 0))] = np.nan
     return depth_m
 
@@ -120,7 +120,7 @@ def _pixels(message: Any, kind: str, channels: int) -> np.ndarray:
 
 def _decompressed(message: Any, flags: int, header_bytes: int = 0) -> np.ndarray:
     try:
-        return decode_image(bytes(message.data[header_bytes:]), flags)
+        return decode_image(bytes(message.data[header_bytes:]), flags, any_encoding=False)
     except ValueError as error:
         raise MessageError(
             f"the compressed image (format '{message.format}', {len(message.data)} bytes) cannot "

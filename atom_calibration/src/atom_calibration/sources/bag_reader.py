@@ -83,15 +83,20 @@ class BagReader:
             "end_time": None if end_s is None else _time(end_s),
         }
         last_s = self.start_s
-        try:
-            for topic, message, time in self._bag.read_messages(topics=list(topics), **limits):
-                last_s = time.to_sec()
-                yield BagMessage(topic, message, last_s)
-        except (rosbag.ROSBagException, OSError, ValueError, RuntimeError, EOFError) as error:
-            raise BagError(
-                f"{self.path}: the bag is damaged after {last_s - self.start_s:.2f} s (time "
-                f"{last_s:.3f}; {error}); repair it with `rosbag reindex`, or record it again"
-            ) from error
+        recorded = self._bag.read_messages(topics=list(topics), **limits)
+        while True:
+            try:
+                found = next(recorded, None)
+            except Exception as error:  # noqa: BLE001 (rosbag and genpy pass on what damage does)
+                raise BagError(
+                    f"{self.path}: the bag is damaged after {last_s - self.start_s:.2f} s (time "
+                    f"{last_s:.3f}; {str(error) or type(error).__name__}); repair it with `rosbag "
+                    f"reindex`, or record it again"
+                ) from error
+            if found is None:
+                return
+            last_s = found.timestamp.to_sec()
+            yield BagMessage(found.topic, found.message, last_s)
 
     def first(self, topic: str) -> Any:
         """Return the first message of a topic."""

@@ -19,13 +19,21 @@ _JPEG_START, _JPEG_SCAN, _JPEG_END = b"\xff\xd8\xff", b"\xff\xda", b"\xff\xd9"
 _JPEG_FRAMES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # markers with the size behind them
 
 
-def decode_image(data: bytes, flags: int) -> np.ndarray:
+def decode_image(data: bytes, flags: int, any_encoding: bool = True) -> np.ndarray:
     """Return an image as `cv2.imdecode` makes it with these flags.
+
+    Args:
+        data: as in a file.
+        flags: of OpenCV.
+        any_encoding: whatever OpenCV reads; else JPEG and PNG alone, whose damage is known
+            beforehand (a damaged BMP has crashed OpenCV 4.6).
 
     Raises:
         ValueError: it is empty, cut off, damaged, larger than `MOST_PIXELS`, or no image; a few
             words that can follow the name of a file.
     """
+    if data and not any_encoding and not data.startswith((_PNG_SIGNATURE, _JPEG_START)):
+        raise ValueError("it is neither JPEG nor PNG")
     flaw = _flaw(data)
     if flaw:
         raise ValueError(flaw)
