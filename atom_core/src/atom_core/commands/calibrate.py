@@ -25,6 +25,7 @@ from atom_core.commands.model_error_options import (
 )
 from atom_core.commands.phases import Phases, Watcher
 from atom_core.errors import CalibrationError, DescriptionError, OutputError
+from atom_core.evaluation.trust.checks import trust_checks
 from atom_core.io.atomic import prepare_output_folder, write_json_atomically, write_text_atomically
 from atom_core.io.dataset_json import write_dataset
 from atom_core.io.results import write_arguments_yaml, write_parameters_yaml
@@ -92,7 +93,8 @@ def run(args: argparse.Namespace, watcher: Optional[Watcher] = None) -> int:
     if phases is not None and phases.ended:
         raise CalibrationError("-phased: ended by the key q at the start; nothing is written")
     solver = options.solver_name or default_solver()
-    results = calibration_results(calibration, solver, given.truth)
+    trust = trust_checks(calibration, options) if args.trust_checks else None
+    results = calibration_results(calibration, solver, given.truth, trust)
     writing = time.perf_counter()
     prepare_output_folder(folder, args.overwrite or not args.output)
     folder, remarks = _where_nothing_good_is_lost(folder, calibration.status)

@@ -335,3 +335,10 @@ def _add_shown_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="wait for a key before and after the solver: c goes on, q ends",
     )
+    add(
+        parser,
+        "trust_checks",
+        action="store_true",
+        help="ask the result without a truth: two halves of the collections, each sensor by the "
+        "boards of the others, loops of three sensors; several times the solver's time",
+    )

@@ -21,6 +21,7 @@ from atom_core.report.calibration_results import (
 from atom_core.report.calibration_verdict import calibration_verdict
 from atom_core.report.edge_results import EdgeResult, ParameterResult
 from atom_core.report.ground_truth_document import ground_truth_document
+from atom_core.report.trust_report import trust_document
 from atom_core.report.truth_tables import truth_document
 from atom_core.report.verdict import verdict_document
 
@@ -66,6 +67,7 @@ def calibration_document(results: CalibrationResults, options: Mapping[str, Any]
             {**asdict(error), "rivals": list(error.rivals)} for error in results.model_errors
         ],
         **_inconsistencies(calibration),
+        "trust_checks": None if results.trust is None else trust_document(results.trust),
         "warnings": list(results.warnings),
     }
     if results.ground_truth is not None:

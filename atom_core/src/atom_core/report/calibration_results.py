@@ -25,6 +25,7 @@ from atom_core.calibration.prepare.preparation import camera_of
 from atom_core.calibration.refine.error_words import described
 from atom_core.evaluation.edge_errors import EdgeError, JointError, edge_errors, joint_errors
 from atom_core.evaluation.ground_truth import GroundTruth, ground_truth_errors
+from atom_core.evaluation.trust.checks import Trust
 from atom_core.geometry.intrinsics import intrinsics_names, intrinsics_values
 from atom_core.model.truth import Truth
 from atom_core.problem.model_errors import ModelError, RangeOffset
@@ -146,6 +147,7 @@ class CalibrationResults:
         seconds: time by step.
         edge_errors: of edges and boards whose truth is known; None without a truth.
         joint_errors: likewise of joints' parameters.
+        trust: what it says where it is asked without a truth; None where it was not.
     """
 
     calibration: Calibration
@@ -162,6 +164,7 @@ class CalibrationResults:
     seconds: Mapping[str, float]
     edge_errors: Optional[Tuple[EdgeError, ...]] = None
     joint_errors: Tuple[JointError, ...] = ()
+    trust: Optional[Trust] = None
 
     @property
     def has_combined_sigmas(self) -> bool:
@@ -170,7 +173,10 @@ class CalibrationResults:
 
 
 def calibration_results(
-    calibration: Calibration, solver_name: str, truth: Optional[Truth] = None
+    calibration: Calibration,
+    solver_name: str,
+    truth: Optional[Truth] = None,
+    trust: Optional[Trust] = None,
 ) -> CalibrationResults:
     """Return the figures of a calibration.
 
@@ -178,6 +184,7 @@ def calibration_results(
         calibration: the answer.
         solver_name: which minimiser did the work.
         truth: of a simulation, to compare with.
+        trust: what it says where it is asked without a truth.
 
     Raises:
         DatasetError: the truth lacks the edge of a sensor.
@@ -198,6 +205,7 @@ def calibration_results(
         ground_truth=None if truth is None else _ground_truth(calibration, truth),
         warnings=calibration.warnings,
         seconds=calibration.seconds,
+        trust=trust,
         **_against(calibration, truth),
     )
 

@@ -23,6 +23,7 @@ from atom_core.report.calibration_results import (
 )
 from atom_core.report.edge_tables import edge_tables, figure_names, figures, joints_table
 from atom_core.report.tables import ABSENT, text_table
+from atom_core.report.trust_report import trust_lines
 from atom_core.report.truth_tables import truth_tables
 
 _PROPAGATED_M = 2.0  # the distance whose deviations are shown
@@ -46,6 +47,8 @@ def calibration_report(
     parts = [*edge_tables(results), *joints_table(results), _sensors_table(results)]
     parts += _intrinsics_table(results) + _model_error_lines(results)
     parts += _propagation_table(results) + _outliers_line(results)
+    if results.trust is not None:
+        parts.append(trust_lines(results.trust))
     if verbose or normalised:
         parts.append(_collections_table(results, normalised))
     if results.ground_truth is not None:

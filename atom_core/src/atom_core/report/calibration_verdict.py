@@ -10,6 +10,7 @@ from atom_core.calibration.judge.judgement import INCONSISTENT, RANK_DEFICIENT
 from atom_core.problem.blocks import ROTATION, TRANSLATION
 from atom_core.report.calibration_results import CalibrationResults, SensorResult
 from atom_core.report.edge_results import EdgeResult
+from atom_core.report.trust_report import contradictions
 from atom_core.report.verdict import (
     FEWEST_BOARDS,
     GOOD,
@@ -81,7 +82,19 @@ def _general(results: CalibrationResults) -> List[Finding]:
         if not error.estimated and error.target not in results.sensors:
             found.append(Finding(WEAK, f"the data show that {error.sentence} ({error.option})"))
     found += [Finding(WEAK, f"the data show: {edge.why}") for edge in calibration.moving]
+    found += [Finding(WEAK, f"{said}; {_cause(results)}") for said in contradictions(results.trust)]
     return found + _joints(results)
+
+
+def _cause(results: CalibrationResults) -> str:
+    """Return what is the likely cause where a calibration does not agree with parts of itself."""
+    shown = [error for error in results.model_errors if not error.estimated]
+    if shown:
+        return f"likely since {shown[0].sentence} ({shown[0].option})"
+    return (
+        "what is the same in all collections may be wrong: the board's measures, intrinsics, or "
+        "what a range sensor adds; let them be looked for (--model_errors auto)"
+    )
 
 
 def _joints(results: CalibrationResults) -> List[Finding]:

@@ -1,0 +1,1 @@
+"""Whether a calibration is to be trusted, asked without a truth."""

@@ -1,0 +1,339 @@
+"""Three questions to a calibration that need no truth.
+
+*Split-half*: do two halves of the collections give the same answer, as far as each can tell?
+*Leave one sensor out*: do the boards, as all other sensors have them, put a sensor where the joint
+solution has it, and how well do they predict what it sees? *Loops*: do three poses, each from two
+sensors alone, close to nothing around a triangle?
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
+from scipy import special
+
+from atom_core.calibration.calibrate import Calibration, calibrate
+from atom_core.calibration.judge.judgement import INCONSISTENT
+from atom_core.calibration.judge.statistics import kinds_of, residual_table
+from atom_core.calibration.options import (
+    DESCRIPTION,
+    OFF,
+    SUGGEST,
+    CalibrationOptions,
+)
+from atom_core.errors import AtomError
+from atom_core.evaluation.baselines.links import move_against_each_other, seen_by_both
+from atom_core.evaluation.edge_spread import edge_spread
+from atom_core.evaluation.trust.relative import (
+    RelativePose,
+    difference,
+    jacobian,
+    largest_in_sigmas,
+    relative_pose,
+    stepped,
+)
+from atom_core.geometry import se3
+from atom_core.model.dataset import Dataset
+from atom_core.model.transforms import Edge
+from atom_core.problem.blocks import BLOCK_SIZE
+from atom_core.solvers.base import CONVERGED
+
+FALSE_ALARMS = 0.01  # of each of the three questions
+FEWEST_BOARDS = 4  # two sensors have in common, for a loop
+FEWEST_COLLECTIONS = 8  # to be halved
+WORSE = 1.5  # times as far off as in the joint solution: what a sensor sees is not predicted
+_TRUSTED = (CONVERGED, INCONSISTENT)  # a contradiction is what is asked about
+
+
+class Compared(NamedTuple):
+    """A difference that should be nothing.
+
+    Attributes:
+        names: of the sensors.
+        sigmas: the largest of its six numbers in its standard deviation.
+        translation_m, rotation_rad: of it.
+    """
+
+    names: Tuple[str, ...]
+    sigmas: float
+    translation_m: float
+    rotation_rad: float
+
+
+class Predicted(NamedTuple):
+    """A sensor by the boards of all others.
+
+    Attributes:
+        compared: its place by them against that in the joint solution.
+        kind: of its residuals, the one that grows most.
+        joint, predicted: their mean in the joint solution and with the boards of the others
+            [px or m].
+    """
+
+    compared: Compared
+    kind: str
+    joint: float
+    predicted: float
+
+    @property
+    def ratio(self) -> float:
+        """By how much the residuals grow."""
+        return self.predicted / max(self.joint, 1e-12)
+
+
+@dataclass(frozen=True)
+class Trust:
+    """What the three questions gave.
+
+    Attributes:
+        halves: each sensor in two halves of the collections; empty where they tell nothing.
+        halves_limit: of their sigmas.
+        left_out: each sensor by the boards of all others.
+        left_out_limit: of their sigmas.
+        loops: around each triangle of sensors.
+        loops_limit: of their sigmas.
+        untold: why something could not be asked.
+    """
+
+    halves: Tuple[Compared, ...]
+    halves_limit: float
+    left_out: Tuple[Predicted, ...]
+    left_out_limit: float
+    loops: Tuple[Compared, ...]
+    loops_limit: float
+    untold: Tuple[str, ...]
+
+
+def trust_checks(calibration: Calibration, asked: Optional[CalibrationOptions] = None) -> Trust:
+    """Ask a calibration the three questions; it is solved again in parts.
+
+    Args:
+        calibration: as solved.
+        asked: the options that it was solved with; None: the defaults.
+    """
+    untold: List[str] = []
+    if calibration.status not in _TRUSTED:
+        why = f"nothing was asked: the calibration is {calibration.status}"
+        return Trust((), 0.0, (), 0.0, (), 0.0, (why,))
+    solved = calibration.dataset.selected(collections=_used(calibration))
+    options = _options(calibration, asked or CalibrationOptions())
+    halves = _halves(solved, options, untold)
+    left_out = [
+        found
+        for name in solved.sensors
+        for found in [_left_out(calibration, solved, options, name, untold)]
+        if found is not None
+    ]
+    loops = _loops(solved, options, untold)
+    return Trust(
+        tuple(halves),
+        limit_of(len(halves)),
+        tuple(left_out),
+        limit_of(len(left_out)),
+        tuple(loops),
+        limit_of(len(loops)),
+        tuple(dict.fromkeys(untold)),
+    )
+
+
+def limit_of(count: int) -> float:
+    """Return by how many sigmas one of six numbers of some differences may be off."""
+    return float(-special.ndtri(FALSE_ALARMS / (2.0 * BLOCK_SIZE * max(count, 1))))
+
+
+def _used(calibration: Calibration) -> List[str]:
+    return [key for key in calibration.dataset.collections if key not in calibration.unused]
+
+
+def _options(calibration: Calibration, asked: CalibrationOptions) -> CalibrationOptions:
+    """Return options for solving a part of it again, from where it stands."""
+    return replace(
+        asked,
+        anchor_sensors=calibration.free.anchored_sensors,
+        additional_tfs=tuple(calibration.free.additional_tfs),
+        initial_guess=DESCRIPTION,
+        noisy_initial_guess=(0.0, 0.0),
+        model_errors=OFF if asked.model_errors == SUGGEST else asked.model_errors,
+        keep_collections=(),
+        keep_detections=(),
+        only_anchored_sensor=False,
+    )
+
+
+def _of_sensors(options: CalibrationOptions, dataset: Dataset) -> CalibrationOptions:
+    """Return the options without what is of sensors that a part does not have."""
+
+    def there(names: Sequence[str]) -> Tuple[str, ...]:
+        return tuple(name for name in names if name in dataset.sensors)
+
+    gone = set(dataset.config.sensors) - set(dataset.sensors)
+    return replace(
+        options,
+        anchor_sensors=there(options.anchor_sensors),
+        intrinsics=there(options.intrinsics),
+        range_offset=there(options.range_offset),
+        range_scale=there(options.range_scale),
+        depth_scale=there(options.depth_scale),
+        priors={name: prior for name, prior in options.priors.items() if name not in gone},
+    )
+
+
+def _solved(
+    dataset: Dataset, options: CalibrationOptions, what: str, untold: List[str]
+) -> Optional[Calibration]:
+    try:
+        found = calibrate(dataset, _of_sensors(options, dataset))
+    except AtomError as error:
+        untold.append(f"{what}: {error}")
+        return None
+    if found.status not in _TRUSTED:
+        untold.append(f"{what}: {found.message}")
+        return None
+    return found
+
+
+# ---- two halves
+
+
+def _halves(dataset: Dataset, options: CalibrationOptions, untold: List[str]) -> List[Compared]:
+    keys = list(dataset.collections)
+    if len(keys) < FEWEST_COLLECTIONS:
+        untold.append(f"two halves: {len(keys)} collections, it takes {FEWEST_COLLECTIONS}")
+        return []
+    parts = [
+        _solved(dataset.selected(collections=keys[i::2]), options, "two halves", untold)
+        for i in (0, 1)
+    ]
+    one, other = parts
+    if one is None or other is None:
+        return []
+    found = []
+    for name, sensor in dataset.sensors.items():
+        if sensor.edge not in one.free.held_edges(dataset):
+            apart = difference(*(p.dataset.first_value(sensor.edge) for p in (one, other)))
+            spread = _spread(one, sensor.edge) + _spread(other, sensor.edge)
+            found.append(_compared((name,), apart, spread))
+    return found
+
+
+def _spread(calibration: Calibration, edge: Edge) -> np.ndarray:
+    found = edge_spread(calibration, edge)
+    return np.zeros((BLOCK_SIZE, BLOCK_SIZE)) if found is None else found
+
+
+def _compared(names: Tuple[str, ...], numbers: np.ndarray, covariance: np.ndarray) -> Compared:
+    turn, shift = numbers[:3], numbers[3:]
+    sigmas = largest_in_sigmas(numbers, covariance)
+    return Compared(names, sigmas, float(np.linalg.norm(shift)), float(np.linalg.norm(turn)))
+
+
+# ---- one sensor left out
+
+
+def _left_out(
+    calibration: Calibration,
+    solved: Dataset,
+    options: CalibrationOptions,
+    name: str,
+    untold: List[str],
+) -> Optional[Predicted]:
+    what = f"without {name}"
+    others = [other for other in solved.sensors if other != name]
+    if not others:
+        return None
+    held = tuple(other for other in options.anchor_sensors if other != name)
+    if not held:  # the gauge: one of the others stays where the joint solution has it
+        held = (others[0],)
+    rest = solved.selected(sensors=others)
+    by_others = _solved(
+        rest,
+        replace(options, anchor_sensors=held, ignore_anchored_sensor=True),
+        what,
+        untold,
+    )
+    if by_others is None:
+        return None
+    boards = by_others.dataset
+    alone = replace(boards, sensors={name: solved.sensors[name]}).selected(
+        collections=_used(by_others)
+    )
+    seen = [k for k, c in alone.collections.items() if any(s == name for s, _ in c.labels)]
+    predicted = _solved(
+        alone.selected(collections=seen),
+        replace(options, anchor_sensors=(), anchor_patterns=True, ignore_anchored_sensor=True),
+        what,
+        untold,
+    )
+    if predicted is None:
+        return None
+    edge = solved.sensors[name].edge
+    change = difference(solved.first_value(edge), predicted.dataset.first_value(edge))
+    covariance = _spread(predicted, edge) + _spread(calibration, edge)
+    kind, joint, now = _grown(calibration, predicted, name)
+    return Predicted(_compared((name,), change, covariance), kind, joint, now)
+
+
+def _grown(before: Calibration, after: Calibration, name: str) -> Tuple[str, float, float]:
+    """Return the kind of a sensor's residuals that grows most, and its two means."""
+    tables = [residual_table(c.problem, c.summary.x) for c in (before, after)]
+    kinds = [{k: t[name, k, None].mean for k in kinds_of(t, name)} for t in tables]
+    common = [kind for kind in kinds[0] if kind in kinds[1]]
+    kind = max(common, key=lambda k: kinds[1][k] / max(kinds[0][k], 1e-12))
+    return kind, kinds[0][kind], kinds[1][kind]
+
+
+# ---- loops
+
+
+def _loops(dataset: Dataset, options: CalibrationOptions, untold: List[str]) -> List[Compared]:
+    links: Dict[Tuple[str, str], RelativePose] = {}
+    for one, other in combinations(dataset.sensors, 2):
+        found = _by_themselves(dataset, options, one, other, untold)
+        if found is not None:
+            links[one, other] = found
+    found_loops = []
+    for a, b, c in combinations(dataset.sensors, 3):
+        parts = [links.get(pair) for pair in ((a, b), (b, c), (a, c))]
+        if all(part is not None for part in parts):
+            found_loops.append(_loop((a, b, c), [part for part in parts if part is not None]))
+    if len(dataset.sensors) > 2 and not found_loops:
+        untold.append(f"loops: no three sensors of which each two share {FEWEST_BOARDS} boards")
+    return found_loops
+
+
+def _by_themselves(
+    dataset: Dataset, options: CalibrationOptions, one: str, other: str, untold: List[str]
+) -> Optional[RelativePose]:
+    """Return ``one_T_other`` by these two sensors alone."""
+    sensors = [dataset.sensors[name] for name in (one, other)]
+    both = seen_by_both(dataset, one, other)
+    if len(both) < FEWEST_BOARDS or sensors[0].edge == sensors[1].edge:
+        return None
+    if move_against_each_other(dataset, one, other):
+        return None
+    pair = dataset.selected(sensors=(one, other), collections=[key.collection for key, _ in both])
+    held = replace(options, anchor_sensors=(one,), ignore_anchored_sensor=True, additional_tfs=())
+    found = _solved(pair, held, f"{one} and {other} by themselves", untold)
+    return None if found is None else relative_pose(found, one, other)
+
+
+def _loop(names: Tuple[str, str, str], parts: Sequence[RelativePose]) -> Compared:
+    """Return what is left of ``a_T_b b_T_c (a_T_c)^-1``."""
+
+    def closed(poses: Sequence[np.ndarray]) -> np.ndarray:
+        return poses[0] @ poses[1] @ se3.inverse(poses[2])
+
+    poses = [part.target_T_source for part in parts]
+    now = closed(poses)
+    covariance = np.zeros((BLOCK_SIZE, BLOCK_SIZE))
+    for i, part in enumerate(parts):
+
+        def moved(numbers: np.ndarray, i: int = i) -> np.ndarray:
+            return closed([stepped(p, numbers) if k == i else p for k, p in enumerate(poses)])
+
+        slope = jacobian(moved, now)
+        covariance += slope @ part.covariance @ slope.T
+    return _compared(names, difference(np.eye(4), now), covariance)

@@ -1,0 +1,81 @@
+"""Has the rig moved? In short; over 200 rigs: tests/benchmarks/bench_drift.py."""
+
+import numpy as np
+import pytest
+
+from atom_core.calibration.calibrate import calibrate
+from atom_core.calibration.options import OFF, CalibrationOptions
+from atom_core.errors import CalibrationError
+from atom_core.evaluation.changes import NO_SPREAD, Spread
+from atom_core.evaluation.drift import drift
+from atom_core.evaluation.edge_spread import edge_spread
+from atom_core.geometry import se3
+from atom_core.report.edge_results import selected_edges
+from atom_core.synthetic import scenes
+
+NEW = 3
+
+
+def rig(seed):
+    """Return three new boards that all cameras see, and what the other boards tell of the rig."""
+    dataset = scenes.random_scene(seed, rgb=3, depth=0, lidar3d=0, collections=20).dataset
+    whole = [k for k, c in dataset.collections.items() if len(c.labels) == len(dataset.sensors)]
+    new = whole[:NEW]
+    rest = dataset.selected(collections=[k for k in dataset.collections if k not in new])
+    solved = calibrate(rest, CalibrationOptions(model_errors=OFF))
+    edges, spreads = selected_edges(solved), {}
+    for edge in edges:
+        stated = edge_spread(solved, edge)
+        of_model = edge_spread(solved, edge, solved.covariance.of_model)
+        spreads[edge] = NO_SPREAD if stated is None else Spread(stated, of_model)
+    return dataset.selected(collections=new), edges, spreads
+
+
+@pytest.fixture(scope="module")
+def rigs():
+    return [rig(seed) for seed in (1, 2, 3, 5)]
+
+
+def test_rigs_that_did_not_move_stand(rigs):
+    for new, described, spreads in rigs:
+        found = drift(new, described, spreads)
+        assert not found.moved and found.boards == NEW and found.reference == ("rgb_1",)
+        squares = [edge.chi_square for edge in found.edges]
+        assert len(squares) == 2 and np.mean(squares) < found.limit
+
+
+@pytest.mark.parametrize("sensor", ["rgb_1", "rgb_3"])
+def test_what_moved_by_5_mm_is_named_also_where_it_is_the_reference(rigs, sensor):
+    rng = np.random.default_rng(0)
+    named = 0
+    for new, described, spreads in rigs:
+        edge = new.sensors[sensor].edge
+        moved = {**described, edge: se3.moved(described[edge], se3.random_move(0.005, 0.0, rng))}
+        found = drift(new, moved, spreads)
+        assert found.moved
+        named += [edge.sensors for edge in found.moved] == [(sensor,)]
+    assert named >= len(rigs) - 1
+
+
+def test_a_turn_of_a_quarter_degree_is_found(rigs):
+    rng = np.random.default_rng(1)
+    for new, described, spreads in rigs:
+        edge = new.sensors["rgb_2"].edge
+        turn = se3.random_move(0.0, np.radians(0.25), rng)
+        assert drift(new, {**described, edge: se3.moved(described[edge], turn)}, spreads).moved
+
+
+def test_what_is_found_from_is_found(rigs):
+    new, described, spreads = rigs[0]
+    limit = drift(new, described, spreads).edges[0]
+    assert 0.0005 < limit.found_m < 0.02 and limit.told
+    move = se3.random_move(1.5 * limit.found_m, 0.0, np.random.default_rng(2))
+    moved = {**described, limit.edge: se3.moved(described[limit.edge], move)}
+    assert drift(new, moved, spreads).moved
+
+
+def test_one_board_is_refused(rigs):
+    new, described, spreads = rigs[0]
+    one = new.selected(collections=list(new.collections)[:1])
+    with pytest.raises(CalibrationError, match="takes 2 or more"):
+        drift(one, described, spreads)

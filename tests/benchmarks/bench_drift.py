@@ -1,0 +1,118 @@
+"""Has the rig moved? False alarms and moves found with three new boards, over many simulated rigs.
+
+Each rig is calibrated with all boards but three that all of its sensors see. With these it is
+asked whether it moved: when it did not; and when one sensor, any of them, was shifted by 2 mm or
+turned by 0.1 deg in a random direction. *Found* is a move for which anything is called moved,
+*named* one for which that sensor alone is.
+
+    nice -n 10 python3 tests/benchmarks/bench_drift.py --rigs 200
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any, Dict, List, Mapping, Optional, Tuple
+
+import numpy as np
+
+from atom_core.calibration.calibrate import calibrate
+from atom_core.calibration.options import OFF, CalibrationOptions
+from atom_core.evaluation.changes import NO_SPREAD, Spread
+from atom_core.evaluation.drift import Drift, drift
+from atom_core.evaluation.edge_spread import edge_spread
+from atom_core.geometry import se3
+from atom_core.io.atomic import write_json_atomically
+from atom_core.model.dataset import Dataset
+from atom_core.model.transforms import Edge
+from atom_core.report.edge_results import selected_edges
+from atom_core.report.tables import text_table
+from atom_core.synthetic.scenes import random_scene
+
+ROOT = Path(__file__).resolve().parents[2]
+COLLECTIONS, NEW = 24, 3
+KINDS = {
+    "three cameras": {"rgb": 3, "depth": 0, "lidar3d": 0},
+    "two cameras, depth camera": {"rgb": 2, "depth": 1, "lidar3d": 0},
+    "two cameras, LiDAR": {"rgb": 2, "depth": 0, "lidar3d": 1},
+}
+MOVES = {"none": (0.0, 0.0), "2 mm": (0.002, 0.0), "0.1 deg": (0.0, float(np.radians(0.1)))}
+Answers = Dict[str, Tuple[bool, bool]]  # by move: anything moved, that sensor alone
+
+
+def asked(seed: int, sensors: Mapping[str, int]) -> Optional[Answers]:
+    """Return what is said of each move of a rig; None where too few boards are seen by all."""
+    dataset = random_scene(seed, collections=COLLECTIONS, **sensors).dataset
+    whole = [k for k, c in dataset.collections.items() if len(c.labels) == len(dataset.sensors)]
+    if len(whole) < NEW:
+        return None
+    new, rest = whole[:NEW], [key for key in dataset.collections if key not in whole[:NEW]]
+    described, spreads = calibrated(dataset.selected(collections=rest))
+    rng = np.random.default_rng([seed, 1])
+    answers = {}
+    for name, move in MOVES.items():
+        sensor = list(dataset.sensors.values())[rng.integers(len(dataset.sensors))]
+        moved = {**described}
+        if name != "none":
+            moved[sensor.edge] = se3.moved(described[sensor.edge], se3.random_move(*move, rng))
+        found = drift(dataset.selected(collections=new), moved, spreads)
+        answers[name] = bool(found.moved), _names(found) == [sensor.name]
+    return answers
+
+
+def calibrated(dataset: Dataset) -> Tuple[Dict[Edge, np.ndarray], Dict[Edge, Spread]]:
+    """Return the edges of a calibration, and how exactly they are known."""
+    solved = calibrate(dataset, CalibrationOptions(model_errors=OFF))
+    edges, spreads = selected_edges(solved), {}
+    for edge in edges:
+        stated = edge_spread(solved, edge)
+        of_model = edge_spread(solved, edge, solved.covariance.of_model)
+        known = stated is not None and of_model is not None
+        spreads[edge] = Spread(stated, of_model) if known else NO_SPREAD
+    return edges, spreads
+
+
+def _names(found: Drift) -> List[str]:
+    return [name for edge in found.moved for name in edge.sensors]
+
+
+def figures(rigs: int, sensors: Mapping[str, int]) -> Dict[str, Any]:
+    """Return the shares over some rigs."""
+    answers: List[Answers] = []
+    seed = 0
+    while len(answers) < rigs:
+        found = asked(seed, sensors)
+        answers += [] if found is None else [found]
+        seed += 1
+    row: Dict[str, Any] = {"rigs": rigs}
+    for name in MOVES:
+        moved, named = np.mean([a[name] for a in answers], axis=0)
+        row[name] = {"moved": float(moved), "named": float(named)}
+    return row
+
+
+def main() -> None:
+    """Print the table, and write drift.json."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rigs", type=int, default=200)
+    parser.add_argument("--kinds", nargs="+", choices=list(KINDS), default=list(KINDS))
+    parser.add_argument("--output", type=Path, default=ROOT / "bench_output")
+    args = parser.parse_args()
+    document = {}
+    for kind in args.kinds:
+        document[kind] = figures(args.rigs, KINDS[kind])
+        print(kind, json.dumps(document[kind]), flush=True)
+    args.output.mkdir(parents=True, exist_ok=True)
+    write_json_atomically(args.output / "drift.json", document, indent=1)
+    headers = ["rig", "rigs", "false alarms", "2 mm found", "named", "0.1 deg found", "named"]
+    rows = [
+        [kind, row["rigs"], f"{100 * row['none']['moved']:.1f} %"]
+        + [f"{100 * row[m][s]:.1f} %" for m in ("2 mm", "0.1 deg") for s in ("moved", "named")]
+        for kind, row in document.items()
+    ]
+    print(text_table(headers, rows, f"Has the rig moved? {NEW} new boards"))
+
+
+if __name__ == "__main__":
+    main()
