@@ -31,6 +31,7 @@ _AROUND_M, _OFF_PLANE_M = 0.15, 0.06  # of the label: what can be picked beyond 
 _GREY, _LABEL = (150, 150, 150), (20, 200, 100)
 _COLOURS = dict(zip(SIDES, ((0, 0, 255), (0, 200, 0), (255, 0, 0), (0, 220, 255))))
 _MARGIN_PX = 20
+_HEIGHT = 0.6  # of the window's width, at most: screens are wide
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -144,7 +145,8 @@ class Picking:
         """Return the lowest point (2,) [m], the scale [px/m], and the picture's size [px]."""
         points = self.border.face.points
         low, extent = points.min(axis=0), np.maximum(np.ptp(points, axis=0), 0.05)
-        scale = (self._width - 2 * _MARGIN_PX) / max(extent[0], extent[1])
+        most = np.array([self._width, _HEIGHT * self._width]) - 2 * _MARGIN_PX
+        scale = float(np.min(most / extent))
         width, height = (int(np.ceil(scale * e)) + 2 * _MARGIN_PX for e in extent)
         return low, scale, (width, height)
 
