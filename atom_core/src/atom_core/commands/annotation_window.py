@@ -58,7 +58,7 @@ def run(drawn: Drawn, help_lines: Sequence[str]) -> int:
         DatasetError: this OpenCV has no windows.
     """
     try:
-        cv2.namedWindow(_WINDOW, cv2.WINDOW_AUTOSIZE)
+        cv2.namedWindow(_WINDOW, cv2.WINDOW_AUTOSIZE | cv2.WINDOW_GUI_NORMAL)
     except cv2.error:
         raise DatasetError(
             "this OpenCV was built without windows; use the system's (python3-opencv)"
