@@ -6,14 +6,15 @@
 #include <cstddef>
 #include <iterator>
 #include <optional>
-#include <set>
 #include <utility>
 
 #include "board_judgement.h"
 #include "cloud_filling.h"
+#include "cloud_label.h"
 #include "cloud_patch.h"
 #include "plane_points.h"
 #include "rectangle_sides.h"
+#include "view_edge.h"
 
 namespace atom_core {
 namespace {
@@ -31,10 +32,12 @@ constexpr double kSmallest = 0.6;           // of that diagonal: so is a smaller
 constexpr double kNarrowest = 0.5;          // of its shorter side: strips where surfaces meet
 constexpr double kSizeTolerance = 0.03;     // of a side, and
 constexpr double kSizeSigmas = 3.0;         // of what is measured
-constexpr double kMostSizeError = 0.07;     // of a side, however uncertain
+constexpr double kMostSizeError = 0.07;     // of a side, however uncertain, and
+constexpr double kMostCutError = 0.035;     // where the view cuts the others
 constexpr double kFlattest = 75.0 * M_PI / 180.0;  // incidence
 constexpr double kSlack = 6.0;                     // insets: the points fill less than the board
-constexpr double kGoodSide = 0.5;                  // of its bins are on the border
+constexpr double kGoodSide = 0.5;                  // of its bins in view are on the border, and
+constexpr double kLeastOfSide = 0.2;               // of them are in view
 constexpr int kGoodSides = 3;
 constexpr double kOpenSide = 0.2;       // of its bins, and more than on the border: a larger thing
 constexpr double kOnShare = 0.7;        // of the bins that are not hidden or touched
@@ -252,19 +255,20 @@ bool SidesFit(const Sides& sides, double spacing, BoardSegment* segment) {
   double squares = 0.0;
   bool goes_on = false;
   for (const auto& side : sides) {
-    int here = 0, open_here = 0;
+    int here = 0, open_here = 0, in_view = 0;
     for (const SideBin& bin : side) {
+      in_view += bin.in_view;
       const bool is_on = bin.OnBorder();
       here += is_on;
       open_here += bin.GoesOn();
-      all += bin.GoesOn() || (!bin.hidden && TouchMargin(bin, 0.01) == 0.0);
+      all += bin.GoesOn() || (bin.in_view && !bin.hidden && TouchMargin(bin, 0.01) == 0.0);
       if (is_on) squares += std::pow(bin.beyond + bin.inset, 2);
     }
     on += here;
     open += open_here;
     bins += static_cast<int>(side.size());
     goes_on |= open_here > std::max<double>(here, kOpenSide * side.size());
-    good += here >= kGoodSide * side.size();
+    good += in_view >= kLeastOfSide * side.size() && here >= kGoodSide * in_view;
   }
   segment->border_rms = std::sqrt(squares / std::max(on, 1));
   const double most = kBorderNoise + kBorderRms * spacing;
@@ -279,19 +283,24 @@ bool SidesFit(const Sides& sides, double spacing, BoardSegment* segment) {
   return false;
 }
 
-// The reason of a wrong outline is a wrong size, where there is one.
-bool PieceFits(const Patch& patch, const BoardOptions& options, BoardSegment* segment) {
+// The reason of a wrong outline is a wrong size, where there is one, or that its end is out of
+// view.
+void TellWhy(const Patch& patch, const View& view, const BoardOptions& options,
+             BoardSegment* segment) {
+  if (!view.edges.empty()) {
+    segment->reason += "; the edge of the field of view cuts what is there";
+    return;
+  }
   const Eigen::Vector2d size = SizeOfPiece(patch, options), beam = 2.0 * patch.half - options.size;
   const Eigen::Vector2d error = (size - beam - options.size).cwiseAbs();
   const double most = 0.5 * patch.spacing.At({0.0, 0.0}) + 0.01;
-  if ((error.array() < kSizeTolerance * options.size.array() + most).all()) return true;
+  if ((error.array() < kSizeTolerance * options.size.array() + most).all()) return;
   segment->measured_size = size - beam;
   segment->reason = SizeText(segment->measured_size, options.size);
-  return false;
 }
 
-bool SizeFits(const MeasuredSize& measured, const Patch& patch, const BoardOptions& options,
-              BoardSegment* segment) {
+bool SizeFits(const MeasuredSize& measured, const Patch& patch, const View& view,
+              const BoardOptions& options, BoardSegment* segment) {
   segment->measured_size = measured.size - (2.0 * patch.half - options.size);
   bool fits = true;
   Eigen::Vector2d shown = segment->measured_size;
@@ -302,7 +311,7 @@ bool SizeFits(const MeasuredSize& measured, const Patch& patch, const BoardOptio
       continue;
     }
     const double most = std::min(kSizeTolerance * expected + kSizeSigmas * measured.sigma[axis],
-                                 kMostSizeError * expected);
+                                 (view.edges.empty() ? kMostSizeError : kMostCutError) * expected);
     fits &= std::abs(shown[axis] - expected) < most;
   }
   if (!segment->measured_size.array().isFinite().any()) {
@@ -315,11 +324,17 @@ bool SizeFits(const MeasuredSize& measured, const Patch& patch, const BoardOptio
 
 bool IsFilled(const CellShares& cells, const BoardOptions& options, BoardSegment* segment) {
   segment->visible = cells.there;
+  segment->in_view = cells.in_view;
   segment->hidden = cells.nearer;
   segment->through = cells.farther;
   segment->score = segment->border_rms / options.border_tolerance +
                    std::max(0.0, 1.0 - cells.there) + 2.0 * cells.farther;
-  if (cells.farther > options.most_through) {
+  if (cells.in_view < options.least_of_outline) {
+    Refuse(6,
+           Text("only %.0f %% of the board would be in the field of view, %.0f %% are needed",
+                100.0 * cells.in_view, 100.0 * options.least_of_outline),
+           segment);
+  } else if (cells.farther > options.most_through) {
     Refuse(6, Text("%.0f %% of the board's place is seen through", 100.0 * cells.farther), segment);
   } else if (cells.there < options.least_visible ||
              cells.there + cells.nearer + cells.enclosed < options.least_coverage) {
@@ -331,54 +346,6 @@ bool IsFilled(const CellShares& cells, const BoardOptions& options, BoardSegment
     return true;
   }
   return false;
-}
-
-// ---- the label
-
-// The bin of each side that a point in the rectangle's axes belongs to; 0: none.
-const SideBin* BinAt(const Sides& sides, int k, const Eigen::Vector2d& point,
-                     const Eigen::Vector2d& half) {
-  const double length = 2.0 * half[1 - k / 2], place = point[1 - k / 2] / length + 0.5;
-  if (place < 0.0 || place >= 1.0) return nullptr;
-  return &sides[k][static_cast<std::size_t>(place * sides[k].size())];
-}
-
-bool IsBoards(const Sides& sides, const Eigen::Vector2d& point, const Eigen::Vector2d& half,
-              double sigma) {
-  for (int k = 0; k < 4; ++k) {
-    const SideBin* bin = BinAt(sides, k, point, half);
-    if (bin == nullptr) continue;
-    const double beyond = (k % 2 == 0 ? 1.0 : -1.0) * point[k / 2] - half[k / 2];
-    const bool is_open = bin->GoesOn() || bin->touching > 0 || bin->behind > 0;
-    if (beyond > (is_open ? 0.0 : 0.5 * bin->spacing + 0.005)) return false;
-    const double margin = TouchMargin(*bin, sigma);
-    if (margin > 0.0 && beyond > -margin) return false;
-  }
-  return SignedDistance(point, half) < 0.01 + 0.02 * half.minCoeff();
-}
-
-void Label(const BoardSearch& search, const Patch& patch, const RectanglePose& pose,
-           const std::vector<PlaneReturn>& returns, const Sides& sides, BoardSegment* segment) {
-  const double sigma = patch.axes.plane.sigma;
-  std::set<std::int64_t> labeled;
-  for (const PlaneReturn& item : returns) {
-    if (std::abs(item.off) > kThreshold * sigma) continue;
-    if (!IsBoards(sides, pose.ToBoard(item.position), patch.half, sigma)) continue;
-    segment->indices.push_back(search.At(item.near).index);
-  }
-  std::sort(segment->indices.begin(), segment->indices.end());
-  labeled.insert(segment->indices.begin(), segment->indices.end());
-  std::set<std::int64_t> limits;
-  for (const auto& side : sides) {
-    for (const SideBin& bin : side) {
-      if (!bin.OnBorder() || bin.beyond < -kMostInset * bin.spacing) continue;
-      const std::int64_t index = search.At(returns[bin.outermost].near).index;
-      if (labeled.count(index) != 0) limits.insert(index);
-    }
-  }
-  segment->limit_indices.assign(limits.begin(), limits.end());
-  segment->expected_points =
-      static_cast<int>(segment->indices.size() / std::max(segment->visible, 0.1));
 }
 
 }  // namespace
@@ -409,8 +376,10 @@ BoardSegment JudgeCloudPatch(const BoardSearch& search, const Patch& patch, Boar
     return segment;
   }
   const std::vector<PlaneReturn> returns = ReturnsNear(search, *board);
+  const View view =
+      FindView(search.scan, board->axes, options.size.norm(), board->spacing.At({0.0, 0.0}));
   const Sampling sampling =
-      MeasureSampling(returns, pose, board->half, board->spacing, board->axes.plane.sigma);
+      MeasureSampling(returns, pose, board->half, board->spacing, board->axes.plane.sigma, view);
   segment.spacing = sampling.spacing.At({0.0, 0.0});
   if (segment.spacing > kWidestSpacing * options.size.minCoeff()) {
     Refuse(3,
@@ -426,18 +395,18 @@ BoardSegment JudgeCloudPatch(const BoardSearch& search, const Patch& patch, Boar
   for (const auto& side : sides) {
     for (const SideBin& bin : side) widest = std::max(widest, bin.spacing);
   }
-  const CellShares cells = LookAtCells(search.scan, board->axes, pose, board->half, widest, &sides);
+  const CellShares cells = LookAtCells(search.scan, view, pose, board->half, widest, &sides);
   if (!SidesFit(sides, widest, &segment)) {
-    PieceFits(patch, options, &segment);
+    TellWhy(patch, view, options, &segment);
     return segment;
   }
-  if (!SizeFits(MeasureSides(sides, board->half), *board, options, &segment)) {
-    if (!segment.measured_size.allFinite()) PieceFits(patch, options, &segment);
+  if (!SizeFits(MeasureSides(sides, board->half), *board, view, options, &segment)) {
+    if (!segment.measured_size.allFinite()) TellWhy(patch, view, options, &segment);
     return segment;
   }
   if (!IsFilled(cells, options, &segment)) return segment;
   segment.detected = true;
-  Label(search, *board, pose, returns, sides, &segment);
+  LabelCloudBoard(search, *board, pose, returns, sides, &segment);
   return segment;
 }
 

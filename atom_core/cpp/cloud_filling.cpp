@@ -1,5 +1,6 @@
 #include "cloud_filling.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -38,6 +39,10 @@ class Cells {
   }
   // Those of the rectangle, counted from its corner.
   const Content& Inner(int x, int y) { return Cell(x + kMargin, y + kMargin); }
+  // The middle of one of them, in the rectangle's axes.
+  Eigen::Vector2d Middle(int x, int y) const {
+    return Eigen::Vector2d(x + 0.5, y + 0.5).cwiseProduct(cell_) - half_;
+  }
   const Eigen::Vector2i& inner() const { return inner_; }
   const Eigen::Vector2d& cell() const { return cell_; }
   double Radius() const { return (half_ + kMargin * cell_).norm(); }
@@ -84,12 +89,22 @@ bool IsEnclosed(Cells* cells, int x, int y) {
   return found[0] && found[1] && found[2] && found[3];
 }
 
-CellShares Count(Cells* cells) {
+CellShares Count(const View& view, const RectanglePose& pose, Cells* cells) {
   CellShares shares;
   const Eigen::Vector2i count = cells->inner();
-  const double one = 1.0 / count.prod();
+  const Eigen::Rotation2Dd turn(pose.angle);
+  int in_view = 0;
+  const auto is_in_view = [&](int x, int y) {
+    return view.Sees(pose.centre + turn * cells->Middle(x, y));
+  };
+  for (int y = 0; y < count.y(); ++y) {
+    for (int x = 0; x < count.x(); ++x) in_view += is_in_view(x, y);
+  }
+  shares.in_view = static_cast<double>(in_view) / count.prod();
+  const double one = 1.0 / std::max(in_view, 1);
   for (int y = 0; y < count.y(); ++y) {
     for (int x = 0; x < count.x(); ++x) {
+      if (!is_in_view(x, y)) continue;
       const Content& content = cells->Inner(x, y);
       if (content.there > 0) {
         shares.there += one;
@@ -125,12 +140,12 @@ void MarkHidden(const Eigen::Vector2d& half, Cells* cells, Sides* sides) {
 
 }  // namespace
 
-CellShares LookAtCells(const Scan& scan, const PlaneAxes& axes, const RectanglePose& pose,
+CellShares LookAtCells(const Scan& scan, const View& view, const RectanglePose& pose,
                        const Eigen::Vector2d& half, double spacing, Sides* sides) {
   Cells cells(half, std::max(kCellSpacings * spacing, kLeastCell));
-  Fill(scan, axes, pose, &cells);
+  Fill(scan, view.axes, pose, &cells);
   MarkHidden(half, &cells, sides);
-  return Count(&cells);
+  return Count(view, pose, &cells);
 }
 
 }  // namespace atom_core

@@ -12,23 +12,24 @@
 
 namespace atom_core {
 
-/// Shares of a rectangle's cells.
+/// Shares of those cells of a rectangle that are in view.
 struct CellShares {
   double there = 0.0;     ///< with a point of the plane
   double nearer = 0.0;    ///< without, and with something nearer to the sensor's origin
   double farther = 0.0;   ///< without, and with something farther
   double enclosed = 0.0;  ///< with nothing, between cells with points: surfaces that swallow light
+  double in_view = 1.0;   ///< of all cells
 };
 
 /// Looks at the cells of a rectangle, two spacings wide.
 ///
 /// \param scan the whole cloud.
-/// \param axes of the plane.
+/// \param view of the plane.
 /// \param pose of the rectangle.
 /// \param half half its sides [m].
 /// \param spacing the widest on the rectangle [m].
 /// \param sides those of the rectangle; bins beside which something nearer is are marked hidden.
-CellShares LookAtCells(const Scan& scan, const PlaneAxes& axes, const RectanglePose& pose,
+CellShares LookAtCells(const Scan& scan, const View& view, const RectanglePose& pose,
                        const Eigen::Vector2d& half, double spacing, Sides* sides);
 
 }  // namespace atom_core

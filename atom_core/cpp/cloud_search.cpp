@@ -383,6 +383,7 @@ class CloudSearch {
 BoardOptions Strict(BoardOptions options) {
   options.least_visible = std::max(options.least_visible, 0.75);
   options.most_through = std::min(options.most_through, 0.04);
+  options.least_of_outline = std::max(options.least_of_outline, 0.75);
   return options;
 }
 

@@ -57,7 +57,9 @@ std::vector<SideBin> EmptyBins(const Side& side, const RectanglePose& pose,
   for (std::size_t k = 0; k < bins.size(); ++k) {
     SideBin& bin = bins[k];
     bin.along = -length / 2.0 + (k + 0.5) * width;
-    bin.spacing = spacing.At(ToPlane(pose, OnSide(side, bin.along, half[side.axis])));
+    const Eigen::Vector2d place = ToPlane(pose, OnSide(side, bin.along, half[side.axis]));
+    bin.spacing = spacing.At(place);
+    bin.in_view = sampling.view.Sees(place);
     bin.inset = sampling.inset[side.axis] * bin.spacing;
   }
   return bins;
@@ -151,11 +153,12 @@ double Step(const Sides& sides, const Eigen::Vector2d& half, RectanglePose* pose
 }  // namespace
 
 bool SideBin::OnBorder() const {
-  return outermost >= 0 && !GoesOn() && touching < kTouching && !hidden;
+  return outermost >= 0 && in_view && !GoesOn() && touching < kTouching && !hidden;
 }
 
 Sampling MeasureSampling(const std::vector<PlaneReturn>& returns, const RectanglePose& pose,
-                         const Eigen::Vector2d& half, const Spacing& spacing, double sigma) {
+                         const Eigen::Vector2d& half, const Spacing& spacing, double sigma,
+                         const View& view) {
   std::vector<PlaneReturn> inside;
   for (const PlaneReturn& item : returns) {
     const Eigen::Vector2d point = pose.ToBoard(item.position);
@@ -166,6 +169,7 @@ Sampling MeasureSampling(const std::vector<PlaneReturn>& returns, const Rectangl
   Sampling sampling;
   sampling.spacing = spacing;
   sampling.sigma = sigma;
+  sampling.view = view;
   for (int round = 0; round < kSamplingRounds; ++round) {
     sampling.inset = MeanInsets(inside, pose, half, sampling);
     const double wider = 2.0 * sampling.inset.maxCoeff();

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "plane_points.h"
+#include "view_edge.h"
 
 namespace atom_core {
 
@@ -34,6 +35,7 @@ struct SideBin {
   int touching = 0;      ///< points beside the side, before the plane: something touches it
   int behind = 0;        ///< the same right behind it: a wall
   bool hidden = false;   ///< something nearer to the sensor begins there
+  bool in_view = true;   ///< the side is in the field of view there
 
   /// Tells whether the surface goes on beyond the side; a wall right behind scatters into its
   /// plane.
@@ -50,6 +52,7 @@ struct Sampling {
   Spacing spacing;                  ///< of its points
   double sigma = 0.01;              ///< of the points about the plane [m]
   Eigen::Vector2d inset{0.5, 0.5};  ///< of outermost points before lines across x and y [spacings]
+  View view;                        ///< of the plane
 };
 
 /// Measures the insets of points inside a rectangle, and widens the spacing by them: where points
@@ -60,8 +63,10 @@ struct Sampling {
 /// \param half half its sides [m].
 /// \param spacing of the points to begin with.
 /// \param sigma of the points about the plane [m].
+/// \param view of the plane.
 Sampling MeasureSampling(const std::vector<PlaneReturn>& returns, const RectanglePose& pose,
-                         const Eigen::Vector2d& half, const Spacing& spacing, double sigma);
+                         const Eigen::Vector2d& half, const Spacing& spacing, double sigma,
+                         const View& view);
 
 /// Looks along the sides of a rectangle.
 Sides LookAlongSides(const std::vector<PlaneReturn>& returns, const RectanglePose& pose,

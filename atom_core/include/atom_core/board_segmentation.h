@@ -39,8 +39,9 @@ struct BoardOptions {
   double least_coverage = 0.70;  ///< share of the expected returns that is there or hidden
   double least_visible = 0.50;   ///< share of the expected returns that is there
   double least_in_view = 0.04;   ///< share of the board between the lowest and the highest layer
-  double most_through = 0.08;    ///< share of the expected beams that pass through the rectangle
-  double most_inside = 0.9;      ///< beam steps from the outline that a limit point may lie inside
+  double least_of_outline = 0.50;  ///< share of the board in the field of view, without layers
+  double most_through = 0.08;      ///< share of the expected beams that pass through the rectangle
+  double most_inside = 0.9;  ///< beam steps from the outline that a limit point may lie inside
   double border_tolerance =
       0.025;  ///< RMS of the layers' ends about the border, beside beam steps [m]
 

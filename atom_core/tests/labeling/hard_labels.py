@@ -24,6 +24,7 @@ OPTICAL = se3.transform(np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]), np.zero
 LEAST_LAYERS, LEAST_POINTS, LEAST_PIXELS = 6, 60, 1000  # on a board that a person sees
 GAP_SIGMAS = 4.0  # of single points, to a wall behind
 SEEN, SEEN_AT_SEED = 0.85, 0.6  # shares of a board in view and not hidden
+SIDE_SEEN, SIDES_SEEN = 0.25, 3  # share of a side in view; so many sides place a board
 LEAST_PRECISION = 0.95  # of points on the board, or on things as near to it as this
 MOST_BEYOND_M, MOST_OFF_PLANE_M = 0.02, 0.015
 MOST_OFF_BORDER_M = 0.03
@@ -39,6 +40,7 @@ class Measured(NamedTuple):
         on_board: (n,); of these ``mixed`` ones at edges count for nothing.
         seen: share of the board that is in view and not hidden.
         enough: the board has as many points as a person needs.
+        is_placed: what is in view of its sides tells that it is the board, and where it lies.
     """
 
     data: object
@@ -47,6 +49,7 @@ class Measured(NamedTuple):
     mixed: np.ndarray
     seen: float
     enough: bool
+    is_placed: bool = True
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,7 @@ class Judged:
     labeled: Labeled
     expected: bool  # a person sees the board
     false: bool
+    is_placed: bool = True  # as Measured has it
 
     @property
     def found(self) -> bool:
@@ -138,7 +142,9 @@ def _cloud(frame: Frame) -> Measured:
     enough = np.sum(on_board) >= LEAST_POINTS and layers >= LEAST_LAYERS
     enough = enough and frame.gap_m >= GAP_SIGMAS * kind.noise_m
     return Measured(
-        Cloud(points[kept], ring), points[kept], on_board, mixed, _share_seen(frame), bool(enough)
+        Cloud(points[kept], ring),
+        points[kept],
+        *(on_board, mixed, _share_seen(frame), bool(enough), _is_placed(frame)),
     )
 
 
@@ -180,7 +186,8 @@ def _image(frame: Frame) -> Measured:
     sigma = float(np.median(noise[inside])) if inside.any() else np.inf
     enough = inside.sum() >= LEAST_PIXELS and frame.gap_m >= GAP_SIGMAS * sigma
     seen = z.astype(np.float32)
-    return Measured(seen, points, on_board, at_edge.ravel(), _share_seen(frame), bool(enough))
+    share, is_placed = _share_seen(frame), _is_placed(frame)
+    return Measured(seen, points, on_board, at_edge.ravel(), share, bool(enough), is_placed)
 
 
 @lru_cache(maxsize=None)
@@ -197,9 +204,35 @@ def _share_seen(frame: Frame) -> float:
         return 0.0
     low, high = frame.border.centre - frame.border.half_size, frame.border.half_size
     grid = np.stack(np.meshgrid(np.linspace(0.01, 1.99, 40), np.linspace(0.01, 1.99, 30)), axis=-1)
-    grid = low + grid.reshape(-1, 2) * high
-    sensor_T_board = se3.inverse(world_T_sensor(frame)) @ board
-    points = se3.apply(sensor_T_board, np.column_stack([grid, np.zeros(len(grid))]))
+    return float(np.mean(_free(frame, low + grid.reshape(-1, 2) * high)))
+
+
+def _is_placed(frame: Frame) -> bool:
+    """Tell whether a quarter of each of three sides is in view, and all is above the floor.
+
+    Two opposite sides tell that it is the board, the third one where it lies along them. What
+    sinks into the floor looks like a smaller board that stands on it.
+    """
+    board = frame.scene.world_T_board
+    if board is None:
+        return False
+    corners = np.column_stack([frame.border.corners, np.zeros(4)])
+    if np.any(se3.apply(board, corners)[:, 2] < frame.scene.room.low[2]):
+        return False
+    centre, half = frame.border.centre, frame.border.half_size * 0.998
+    along, seen = np.linspace(-1.0, 1.0, 41), 0
+    for axis in (0, 1):
+        for end in (-1.0, 1.0):
+            side = np.full((len(along), 2), end)
+            side[:, 1 - axis] = along
+            seen += np.mean(_free(frame, centre + side * half)) >= SIDE_SEEN
+    return bool(seen >= SIDES_SEEN)
+
+
+def _free(frame: Frame, on_board: np.ndarray) -> np.ndarray:
+    """Tell which points of a board (n, 2) are in the field of view and behind nothing."""
+    sensor_T_board = se3.inverse(world_T_sensor(frame)) @ frame.scene.world_T_board
+    points = se3.apply(sensor_T_board, np.column_stack([on_board, np.zeros(len(on_board))]))
     scene = frame.scene._replace(world_T_lidar=world_T_sensor(frame))
     _, free = ranges_of(scene, points, frame.border)
     if frame.kind in IMAGES:
@@ -214,7 +247,7 @@ def _share_seen(frame: Frame) -> float:
             free &= np.abs(points[:, 2]) < np.tan(reach) * points[:, 0]
         else:
             free &= np.abs(points[:, 2]) < np.tan(reach) * flat
-    return float(np.mean(free))
+    return free
 
 
 def _as_seed(frame: Frame, in_world: np.ndarray) -> Optional[np.ndarray]:
@@ -235,7 +268,8 @@ def _in_image(frame: Frame, in_world: np.ndarray) -> Optional[Tuple[np.ndarray, 
 
 def _judged(frame: Frame, seen: Measured, labeled: Labeled, least: float) -> Judged:
     expected = seen.enough and seen.seen >= least
-    return Judged(labeled, expected, labeled.detected and not _is_true(frame, seen, labeled))
+    false = labeled.detected and not _is_true(frame, seen, labeled)
+    return Judged(labeled, expected, false, seen.is_placed)
 
 
 def _is_true(frame: Frame, seen: Measured, labeled: Labeled) -> bool:

@@ -189,7 +189,10 @@ def second_board(rng, kind):
 
 def only_another(rng, kind):
     """A board of another size, and none of the right one."""
-    frame = _start(rng, kind, LARGE)
+    return _in_another_size(rng, _start(rng, kind, LARGE))
+
+
+def _in_another_size(rng, frame: Frame) -> Frame:
     factor = 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(0.08, 0.45)
     half = LARGE.half_size * factor
     border = Rectangle(*(LARGE.centre - half), *(LARGE.centre + half))
@@ -259,6 +262,16 @@ def cut_off(rng, kind):
     return _with(replace(frame, scene=frame.scene._replace(world_T_board=moved)))
 
 
+def another_cut_off(rng, kind):
+    """A board of another size that reaches out of the field of view, and none of the right one."""
+    frame, ratio = cut_off(rng, kind), float(np.divide(*LARGE.half_size))
+    while True:  # nothing tells a board from one with a side as long as one of the board's
+        drawn = _in_another_size(rng, frame)
+        factor = float(np.mean(drawn.other.border.half_size / LARGE.half_size))
+        if min(abs(factor / ratio - 1.0), abs(factor * ratio - 1.0)) > 0.08:
+            return drawn
+
+
 DIFFICULTIES: Dict[str, Callable] = {
     "wall behind": wall_behind,
     "small on posts": posts,
@@ -271,6 +284,7 @@ DIFFICULTIES: Dict[str, Callable] = {
     "sun": sun,
     "dark squares": dark_squares,
     "cut by the view": cut_off,
+    "another one, cut": another_cut_off,
 }
 
 

@@ -17,6 +17,7 @@ from atom_core.labeling.lidar3d import CloudLike, Lidar3dOptions, as_cloud, boar
 
 LEAST_SIDES = 3  # of a kind, to say anything
 OFF_SHARE = 0.02  # of a side: so much the outline of a right board may leave open
+SURELY_SMALLER_SHARE = 0.03  # of a side, over several labels: no right board looks so
 FEW_OFF_SHARE = 0.04  # of fewer labels: right boards of LiDAR models look 3.5 % smaller at most
 _SIGMAS = 3.0
 _ROUNDS = 10
@@ -110,6 +111,22 @@ def is_off(side_m: float, configured_m: float, sigma_m: float) -> bool:
     """Tell whether a side is farther from the configured one than its measurement leaves open."""
     off_m = abs(side_m - configured_m)
     return bool(off_m > max(OFF_SHARE * configured_m, _SIGMAS * sigma_m))
+
+
+def is_surely_smaller(border: Rectangle, finding: Optional[SizeFinding]) -> bool:
+    """Tell whether several labels are of a board that is smaller than configured.
+
+    Nothing makes a board look smaller. What looks larger may be seen by wide beams.
+    """
+    if finding is None:
+        return False
+    configured = 2.0 * border.half_size
+    smaller = configured * (1.0 - SURELY_SMALLER_SHARE)
+    return any(
+        is_off(side, full, sigma) and side < most
+        for side, full, sigma, most in zip(finding.sides_m, configured, finding.sigma_m, smaller)
+        if np.isfinite(side)
+    )
 
 
 def size_remark(

@@ -30,7 +30,7 @@ _FIGURES = (
     *("expected_points", "visible", "hidden", "through"),
 )
 _FIGURES_OF_LAYERS = ("layers", "in_view", "dark")
-_FIGURES_OF_OUTLINES = ("point_spacing_m",)
+_FIGURES_OF_OUTLINES = ("point_spacing_m", "in_view")
 
 
 @dataclass(frozen=True, eq=False)
