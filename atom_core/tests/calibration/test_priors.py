@@ -267,6 +267,33 @@ def test_intervals_with_priors_of_the_truths_own_size_hold_the_truth():
     assert 0.90 <= np.mean(np.abs(joint) < 1.96) <= 0.99
 
 
+def joints_covered_by_boards(seeds):
+    """Return a first joint's errors in its sigmas; its board's place is drawn from its prior."""
+    found = []
+    for seed in seeds:
+        rng = np.random.default_rng([seed, 78])
+        turn = se3.rotation_from_rotation_vector(rng.normal(0.0, SIGMA_RAD, 3))
+        off = se3.transform(turn, rng.normal(0.0, SIGMA_M, 3))
+        scene = degenerate.redundant_joint(seed, which="first", collections=12)
+        dataset, _ = with_board_described(scene, off)
+        result = calibrate(dataset, CalibrationOptions(priors={"pattern_1": (SIGMA_M, SIGMA_RAD)}))
+        assert result.status == "converged", result.message
+        error = result.dataset.joint("shoulder_pan").parameters["position_bias"] - 0.01
+        found.append(error / sigma_of(result, "joint shoulder_pan", "position_bias"))
+    return np.array(found)
+
+
+def test_a_joint_is_as_far_off_as_the_prior_of_its_board_says():
+    off = joints_covered_by_boards(range(8))
+    assert 0.4 < np.sqrt(np.mean(off**2)) < 1.7 and np.max(np.abs(off)) < 4.0
+
+
+@pytest.mark.long
+def test_intervals_with_priors_of_boards_hold_the_truth():
+    off = joints_covered_by_boards(range(300))
+    assert 0.92 <= np.mean(np.abs(off) < 1.96) <= 0.98
+
+
 # ----------------------------------------------------------------------------------- blocks
 
 

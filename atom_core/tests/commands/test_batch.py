@@ -160,7 +160,10 @@ def test_an_interrupted_batch_goes_on_and_another_one_is_refused(batch, capsys):
     run(*words)
     template.write_text(text)
     assert "holds a batch with other commands" in refused(capsys, *words)
+    elsewhere = words[-1].rename(words[-1].with_name("disk"))
+    words[-1].symlink_to(elsewhere)
     run(*words, "-ow")
+    assert words[-1].is_symlink() and (elsewhere / "batch.json").is_file()
 
 
 def test_a_file_of_an_earlier_experiment_is_not_collected(batch, capsys):

@@ -108,7 +108,7 @@ def _prepared(folder: Path, text: str, record: Dict[str, Any], overwrite: bool) 
     if overwrite and folder.is_dir() and any(os.scandir(folder)):
         if not there.is_file():
             raise OutputError(f"{folder}: holds no batch, and is left alone; choose another folder")
-        shutil.rmtree(folder)
+        common.empty_folder(folder)
     if there.is_file():
         if there.read_text(encoding="utf-8") != text:
             raise OutputError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shutil
 from pathlib import Path
 from typing import Any, Dict, List, Optional, Protocol, Sequence
 
@@ -165,6 +166,22 @@ def refuse_occupied(folder: Path, overwrite: bool) -> None:
             f"{folder}: the folder is not empty; add --overwrite to replace the results in it, "
             f"or choose another one"
         )
+
+
+def empty_folder(folder: Path) -> None:
+    """Remove all that is in a folder; it stays itself, also where it is a link.
+
+    Raises:
+        OutputError: something cannot be removed.
+    """
+    try:
+        for path in list(folder.iterdir()):
+            if path.is_dir() and not path.is_symlink():
+                shutil.rmtree(path)
+            else:
+                path.unlink()
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be emptied ({error.strerror})") from None
 
 
 def refuse_results_beside(dataset: Path, names: Sequence[str], overwrite: bool) -> Path:

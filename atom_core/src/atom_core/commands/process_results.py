@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import shutil
 import sys
 from typing import Dict, List
 
@@ -72,7 +71,7 @@ def _write(args: argparse.Namespace, found: List[Average]) -> None:
     if args.overwrite and folder.is_dir() and any(os.scandir(folder)):
         if not (folder / LONG_FILE).is_file():
             raise OutputError(f"{folder}: holds no averages, and is left alone; choose another")
-        shutil.rmtree(folder)
+        common.empty_folder(folder)
     prepare_output_folder(folder)
     tables: Dict[tuple, List[Average]] = {}
     for average in found:
