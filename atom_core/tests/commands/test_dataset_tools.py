@@ -173,7 +173,8 @@ def test_a_renamed_sensor_is_the_same_everywhere(path, capsys):
         (k.collection, k.sensor) for k in seen[1]
     }
     assert "there is no sensor 'x'" in refused(capsys, *tool, "-s", "x", "-n", "y", "-ow")
-    assert "taken" in refused(capsys, *tool, "-s", "rgb_1", "-n", "rgb_2", "-ow")
+    assert "a sensor 'rgb_2' already" in refused(capsys, *tool, "-s", "rgb_1", "-n", "rgb_2", "-ow")
+    assert "is no name to be used" in refused(capsys, *tool, "-s", "rgb_1", "-n", "a b", "-ow")
 
 
 def test_a_truth_is_kept_beside_the_transforms(path, capsys):

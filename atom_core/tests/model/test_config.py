@@ -324,11 +324,36 @@ def test_shared_edge_is_a_warning():
     assert "sensors.cam_2 shares its edge with sensors.cam" in warning
 
 
-@pytest.mark.parametrize("name", ["a/b", ".hidden"])
-def test_sensor_names_that_would_lead_out_of_the_folder(name):
+@pytest.mark.parametrize(
+    "name", ["a/b", ".hidden", "a b", "a: b", "%s", "a'b", "a\nb", "-a", "kamera_ö", "x" * 101]
+)
+@pytest.mark.parametrize("section", ["sensors", "calibration_patterns", "additional_tfs"])
+def test_names_that_files_and_nodes_cannot_hold(section, name):
+    document = full_document()
+    entries = document[section]
+    entries[name] = entries.pop(next(iter(entries)))
+    assert "is no name to be used" in refusal(document)
+
+
+@pytest.mark.parametrize("name", ["front-left.cam_2", "2d", "x" * 100])
+def test_names_that_are_unusual_and_good(name):
     document = full_document()
     document["sensors"][name] = document["sensors"].pop("cam")
-    assert "names of data files" in refusal(document)
+    assert name in read(document).sensors
+
+
+@pytest.mark.parametrize(
+    "key, value, problem",
+    [
+        ("topic_name", "/cam/$(eval 1)", "a topic has letters"),
+        ("topic_name", "/cam image", "a topic has letters"),
+        ("link", 'cam" name="x', "the name of a frame has no"),
+        ("child_link", "<link>", "the name of a frame has none of"),
+        ("parent_link", "${beam}", "the name of a frame has none of"),
+    ],
+)
+def test_what_would_be_markup_in_a_launch_file_is_refused(key, value, problem):
+    assert problem in refusal(changed(("sensors", "cam", key), value))
 
 
 @pytest.mark.parametrize("document", [None, [], "text", 3])

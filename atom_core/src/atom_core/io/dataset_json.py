@@ -34,6 +34,7 @@ from atom_core.io.label_json import is_old_layout, with_label
 from atom_core.io.paths import looked_for
 from atom_core.io.together import finish_interrupted
 from atom_core.model.config import CalibrationConfig
+from atom_core.model.config_section import check_name
 from atom_core.model.dataset import Collection, Dataset
 from atom_core.model.joints import JointState
 from atom_core.model.labels import DetectionKey, Label
@@ -201,6 +202,11 @@ class _Reader:
 
     def sensors(self, config: CalibrationConfig) -> Dict[str, Sensor]:
         names = list(self.document["sensors"])
+        for name in names:
+            try:
+                check_name(name, ("sensors", name))
+            except AtomError as error:
+                raise self.fail(str(error)) from None
         in_order = [n for n in config.sensors if n in names]
         return {
             n: self.sensor(n, config) for n in in_order + [n for n in names if n not in in_order]

@@ -12,6 +12,7 @@ import numpy as np
 from atom_core.errors import DatasetError
 from atom_core.io.data_files import data_path
 from atom_core.io.dataset_json import sorted_keys
+from atom_core.model.config_section import check_name
 from atom_core.model.dataset import Dataset
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import Sensor
@@ -273,13 +274,15 @@ def with_sensor_renamed(document: Mapping[str, Any], old: str, new: str) -> Dict
     """Return the document with another name of a sensor; its data files keep theirs.
 
     Raises:
-        DatasetError: there is no such sensor, or the new name is taken or no name.
+        DatasetError: there is no such sensor, or the new name is taken.
+        ConfigError: the new name is none.
     """
     names = document["sensors"]
     if old not in names:
         raise DatasetError(f"there is no sensor '{old}'; there are: {', '.join(names)}")
-    if new in names or not new or "/" in new or new.startswith("."):
-        raise DatasetError(f"'{new}' is taken or no name for a sensor; choose another one")
+    if new in names:
+        raise DatasetError(f"there is a sensor '{new}' already; choose another name")
+    check_name(new, ("sensors", new))
     result = copy.deepcopy(dict(document))
 
     def renamed(entries: Any) -> Any:

@@ -25,6 +25,7 @@ from atom_core.model.config_section import (
     KeyPath,
     Section,
     check_frame,
+    check_name,
     check_number,
     check_optional_text,
     choices,
@@ -272,9 +273,8 @@ def _check_names(entries: Any, key: str) -> None:
     for name in entries:
         if not isinstance(name, str) or not name.strip():
             raise ConfigValueError(f"has the name {shown(name)}; write a text", key)
-        if key == "sensors" and ("/" in name or name.startswith(".")):
-            problem = "is part of the names of data files; choose a name without '/' and first '.'"
-            raise ConfigValueError(problem, (key, name))
+        if key != "joints":  # whose names are the description's
+            check_name(name, (key, name))
 
 
 def _edges(

@@ -21,7 +21,7 @@ from atom_core.model.config_section import (
     check_frame,
     check_number,
     check_optional_text,
-    check_text,
+    check_topic,
     choices,
     document_of,
     shown,
@@ -144,7 +144,7 @@ class SensorConfig:
     def __post_init__(self) -> None:
         check_frame(self.link, "link")
         _check_edge(self.parent_link, self.child_link, "child_link")
-        check_text(self.topic_name, "topic_name", "the topic of the sensor's data")
+        check_topic(self.topic_name, "topic_name")
         if self.modality is not None:
             check_choice(self.modality, "modality", [m.name for m in modalities()])
         if self.throttle is not None:

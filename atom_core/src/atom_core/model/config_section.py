@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 from copy import deepcopy
 from typing import (
     Any,
@@ -24,6 +25,10 @@ from atom_core.errors import ConfigError
 KeyPath = Tuple[str, ...]
 Key = Union[str, KeyPath]  # a key, or the keys that lead to a value
 _T = TypeVar("_T")
+_LONGEST_NAME = 100  # characters; names of files hold it, and more
+_NAME = re.compile(rf"[A-Za-z0-9_][A-Za-z0-9_.-]{{0,{_LONGEST_NAME - 1}}}")
+_TOPIC = re.compile(r"[A-Za-z0-9_/~.-]+")
+_MARKUP = frozenset("\"'<>&$`{}")  # of XML, xacro and launch files
 
 
 class ConfigValueError(ConfigError):
@@ -176,6 +181,27 @@ def check_frame(value: Any, key: Key) -> None:
     check_text(value, key, "the name of a frame")
     if any(character.isspace() for character in value):
         raise ConfigValueError(f"is {shown(value)}; the name of a frame has no spaces", key)
+    if not value.isprintable() or set(value) & _MARKUP:
+        problem = f"is {shown(value)}; the name of a frame has none of {' '.join(sorted(_MARKUP))}"
+        raise ConfigValueError(problem, key)
+
+
+def check_topic(value: Any, key: Key) -> None:
+    """Refuse what cannot be the name of a topic."""
+    check_text(value, key, "the topic of the sensor's data")
+    if not _TOPIC.fullmatch(value):
+        problem = f"is {shown(value)}; a topic has letters (a-z), digits, '_' and '/'"
+        raise ConfigValueError(problem, key)
+
+
+def check_name(value: str, key: Key) -> None:
+    """Refuse what cannot name a sensor or a pattern: names of files, nodes and displays hold it."""
+    if not _NAME.fullmatch(value):
+        problem = (
+            f"is no name to be used; choose one of letters (a-z), digits, '_', '-' and '.', of "
+            f"{_LONGEST_NAME} characters at most, which does not begin with '-' or '.'"
+        )
+        raise ConfigValueError(problem, key)
 
 
 def check_optional_text(value: Any, key: Key) -> None:
