@@ -81,6 +81,7 @@ def inputs_of(world: World, recording: Recording) -> str:
                 "scanners": world.scanners,
                 "realism": world.profile,
                 "lidar": world.lidar,
+                "gloss": world.gloss,
                 **asdict(recording),
             },
             "versions": {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, List, Optional
+from typing import TYPE_CHECKING, Any, Dict, List, Optional
 
 from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import OutputError
@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # both need MuJoCo, which takes its time
     from atom_examples.cell_simulator.recorder import Recording
     from atom_examples.cell_simulator.world import World
 
-_LONGEST_MS = 100.0
+_LONGEST_MS, _BRIGHTEST = 100.0, 10.0
 PROGRAM = "cell_simulator"
 EXAMPLE = "rosrun atom_examples cell_simulator --bag train.bag --scenario train --seed 0"
 
@@ -93,6 +93,15 @@ def _add_sensor_options(parser: argparse.ArgumentParser) -> None:
         default=PLAIN_PROFILE,
         help="rough: with the systematic errors of real sensors; their sizes are in sensors.yaml",
     )
+    add_option(
+        parser,
+        "gloss",
+        type=float,
+        default=0.0,
+        metavar="SHARE",
+        help="the board reflects lamps on the walls, at most as brightly as so many times white; "
+        "default 0, a matt board",
+    )
     for name, what in (
         ("exposure", "how long the shutter is open"),
         ("readout", "a rolling shutter: from the first row to the last"),
@@ -134,12 +143,28 @@ def _bag(args: argparse.Namespace) -> int:
         readout_s=_shutter_s("readout", args.readout),
     )
     seed = check_least("seed", args.seed, 0)
-    world = World(seed, scanners=args.scanners, profile=args.realism, lidar=args.lidar)
+    world = World(seed, **_cell_of(args))
     try:
         print(f"{args.bag}: {_recorded(world, recording, args)}")
     finally:
         world.scene.close()
     return 0
+
+
+def _cell_of(args: argparse.Namespace) -> Dict[str, Any]:
+    """Return what the cell is like.
+
+    Raises:
+        OutputError: the board cannot shine so.
+    """
+    if not 0.0 <= args.gloss <= _BRIGHTEST:
+        raise OutputError(f"--gloss is {args.gloss:g}; give 0 (matt) to {_BRIGHTEST:g}")
+    return {
+        "scanners": args.scanners,
+        "profile": args.realism,
+        "lidar": args.lidar,
+        "gloss": args.gloss,
+    }
 
 
 def _shutter_s(name: str, milliseconds: float) -> float:
@@ -179,5 +204,4 @@ def _live(args: argparse.Namespace) -> int:
     if args.exposure or args.readout:
         raise OutputError("--exposure and --readout go with --bag; live pictures have neither")
     seed = check_least("seed", args.seed, 0)
-    world = {"scanners": args.scanners, "profile": args.realism, "lidar": args.lidar}
-    return run(seed, args.initial_estimate, args.depth_encoding, args.rtf, **world)
+    return run(seed, args.initial_estimate, args.depth_encoding, args.rtf, **_cell_of(args))

@@ -93,13 +93,14 @@ def record(world: World, recording: Recording, path: Path, progress: bool = True
         shown = _ShownCell(world, recording)
         record_ticks(shown, trajectory, recording, path, active[2], labels, progress)
         labels.write(active[0])
-        model = {"lidar": world.lidar} if world.lidar else {}
+        more = {"lidar": world.lidar, "gloss": world.gloss}
+        more = {name: value for name, value in more.items() if value}
         write_recording_truth(
             active[1],
             world,
             [s.world_T_pattern for s in stops],
             {f"{n:03d}": interval_s(trajectory, n) for n in range(len(stops))},
-            {"seed": world.seed, **model, **recording.document()},
+            {"seed": world.seed, **more, **recording.document()},
         )
 
 

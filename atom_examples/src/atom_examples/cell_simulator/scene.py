@@ -11,6 +11,7 @@ from atom_core.model.robot import RobotDescription
 from atom_core.model.transforms import FrameGraph, chain_transform
 from atom_core.synthetic.board import BentPattern
 from atom_examples.cell_simulator.errors import SimulatorError
+from atom_examples.cell_simulator.gloss import Gloss, shining
 from atom_examples.cell_simulator.graphics import Renderer, import_mujoco
 from atom_examples.cell_simulator.scene_model import (
     ARM,
@@ -58,6 +59,7 @@ class Scene:
         boards: all of them; ``board`` is the first.
         plates: ids (n,) of the boards' plates among the shapes that rays meet; ``plate`` likewise.
         world_T_patterns: where the boards are (4, 4); ``world_T_pattern`` likewise.
+        gloss: of the boards in pictures of colours; None: they are matt.
     """
 
     def __init__(
@@ -71,6 +73,7 @@ class Scene:
         around: Surroundings,
         supersampling: int,
         moving: bool = False,
+        gloss: Optional[Gloss] = None,
     ):
         """Build the world.
 
@@ -84,7 +87,9 @@ class Scene:
             around: what stands around.
             supersampling: how much finer pictures are drawn.
             moving: the joints will be moved (``place_joints``).
+            gloss: of the boards.
         """
+        self.gloss = gloss
         self._mujoco = mujoco = import_mujoco()
         self.robot, self.boards, self._views = robot, tuple(boards), {v.name: v for v in views}
         self._frames = FrameGraph(joint.edge for joint in robot.joints.values())
@@ -241,8 +246,25 @@ class Scene:
     # ---- pictures
 
     def colours(self, view: str) -> np.ndarray:
-        """Draw a view, finer by the supersampling: red green blue, bottom row first."""
-        return self._render().colours(*self._arguments(view, self._supersampling))
+        """Draw a view, finer by the supersampling: red green blue, bottom row first.
+
+        uint8; float32 where boards shine.
+        """
+        drawn = self._render().colours(*self._arguments(view, self._supersampling))
+        return drawn if self.gloss is None else self._shining(drawn, self.gloss, self._views[view])
+
+    def _shining(self, drawn: np.ndarray, gloss: Gloss, view: View) -> np.ndarray:
+        world_T_camera = self.pose(view.frame)
+        if view.frame_T_optical is not None:
+            world_T_camera = world_T_camera @ view.frame_T_optical
+        for board, plate, world_T_pattern in zip(self.boards, self.plates, self.world_T_patterns):
+
+            def meets(directions: np.ndarray, plate: int = int(plate)) -> np.ndarray:
+                return self.cast(world_T_camera[:3, 3], directions).shape == plate
+
+            where = (view.camera, world_T_camera), (board.pattern.border, world_T_pattern)
+            drawn = shining(drawn, gloss, *where, meets)
+        return drawn
 
     def depths(self, view: str) -> np.ndarray:
         """Return the z-depths of a view's pixels [m], bottom row first."""

@@ -26,6 +26,7 @@ from atom_core.synthetic.scanners import cell_with_scanners_rig
 from atom_core.synthetic.sensing import planted_in
 from atom_examples.cell_simulator.camera import FINER
 from atom_examples.cell_simulator.errors import SimulatorError
+from atom_examples.cell_simulator.gloss import gloss_in
 from atom_examples.cell_simulator.mounts import Box, boxes_of, clear_of
 from atom_examples.cell_simulator.profiles import PLAIN_PROFILE
 from atom_examples.cell_simulator.scene import Scene
@@ -82,6 +83,7 @@ class World:
         lidar: model of all 3D LiDARs; None: that of ``sensors.yaml``.
         profile: of the systematic errors, a name of ``sensors.yaml``.
         realism, planted: their sizes, and what was drawn of them.
+        gloss: how brightly the board reflects lamps, as a share of white; 0: it is matt.
         home: positions of the manipulator's joints [rad].
         scene: what there is to be seen.
         colours, depths, lidars: the sensors by name; 2D LiDARs are among the last.
@@ -95,6 +97,7 @@ class World:
         scanners: bool = False,
         profile: str = PLAIN_PROFILE,
         lidar: Optional[str] = None,
+        gloss: float = 0.0,
     ):
         """Build the cell.
 
@@ -106,12 +109,13 @@ class World:
             profile: of the systematic errors.
             lidar: model of `LIDAR_MODELS` that all 3D LiDARs are. One that does not look all
                 around is turned to the middle of the cell.
+            gloss: of the board.
 
         Raises:
             AtomError: a description or a setting is malformed, a link or a mesh is absent.
         """
         self.seed, self.scanners, self._resolve = seed, scanners, resolve_package
-        self.lidar = lidar
+        self.lidar, self.gloss = lidar, gloss
         self._files = files or cell_files(resolve_package)
         self.settings = read_settings(self._files.sensors, scanners, lidar)
         rig = cell_with_scanners_rig(seed) if scanners else cell_rig(seed)
@@ -233,6 +237,7 @@ class World:
             views,
             Surroundings(self.rig.room, CELL_FURNITURE, person=True),
             FINER,
+            gloss=gloss_in(self.rig.room, self.gloss) if self.gloss > 0.0 else None,
         )
 
 
