@@ -171,12 +171,14 @@ def test_cameras_that_see_a_board_mirrored_to_each_other_are_named(cell):
     assert "black to near and white to far" in line
 
 
-def test_a_board_of_another_size_is_named_over_the_collections_of_a_lidar(cell):
+def sizes_of(cell, share):
+    """Return what is said of a board whose size is a share of the configured one, and by whom."""
     lidar = Sensor("lidar", LIDAR3D, "lidar_link", Edge("world", "lidar_link"))
     log = QualityLog(cell.config, {"lidar": lidar}, cell.patterns, cell.said.append)
     for k, away in enumerate(np.linspace(1.5, 3.5, 8)):
         points = np.array([[away, x, y] for x in (-0.2, 0.0, 0.2) for y in (-0.2, 0.0, 0.2)])
-        figures = {"measured_width_m": 0.84 + 0.001 * (k % 3), "measured_height_m": 0.63}
+        figures = {"measured_width_m": 0.8 * share + 0.001 * (k % 3)}
+        figures["measured_height_m"] = 0.6 * share
         labeled = Labeled(
             RangeLabel(np.arange(9), np.arange(4)), quality=figures, next_seed=points.mean(axis=0)
         )
@@ -184,11 +186,19 @@ def test_a_board_of_another_size_is_named_over_the_collections_of_a_lidar(cell):
         frame = Frame(lidar, float(k), {}, cloud)
         frame.set_label("board", labeled)
         log.add(f"{k:03d}", {"lidar": frame}, {}, cell.tree)
-    (line,) = log.sizes()
-    assert "looks 0.841 m wide and 0.630 m high to sensor 'lidar'" in line
+    lines, smaller = log.sizes(), log.smaller()
     for k in range(8):
         log.delete(f"{k:03d}")
-    assert log.sizes() == []
+    assert log.sizes() == [] and log.smaller() == []
+    return lines, smaller
+
+
+def test_boards_of_another_size_are_named_and_smaller_ones_are_no_boards(cell):
+    ((larger,), none) = sizes_of(cell, 1.05)
+    assert "looks 0.841 m wide and 0.630 m high to sensor 'lidar'" in larger and none == []
+    ((smaller,), sensors) = sizes_of(cell, 0.95)
+    assert "looks 0.761 m wide and 0.570 m high" in smaller and sensors == ["lidar"]
+    assert sizes_of(cell, 0.985) == ([], [])
 
 
 # ------------------------------------------------------------------------------ from a bag

@@ -31,8 +31,8 @@ def conclude(
         warn: is told, in one line each, what the user should know.
 
     Returns:
-        The exit code: 1 if a sensor never saw the board, if moments became no collection, or if
-        not even half of what looked like a stop did.
+        The exit code: 1 if a sensor never saw the board, if moments became no collection, if not
+        even half of what looked like a stop did, or if the board is smaller than configured.
 
     Raises:
         CollectionError: there is no collection, or cameras see the board mirrored to each other;
@@ -60,8 +60,14 @@ def conclude(
     unseen = [name for name, count in collector.taken.items() if not count]
     for name in unseen:
         warn(f"sensor '{name}' never saw the board in a collection")
+    smaller = collector.quality.smaller()
+    for name in smaller:
+        warn(
+            f"to sensor '{name}' the board is smaller than configured (both sizes are above): its "
+            f"labels are not to be calibrated with; correct the configuration, and collect again"
+        )
     fewer = len(collector.passed) > len(keys)
-    return NOT_ACCEPTABLE if unseen or collector.refused or fewer else DONE
+    return NOT_ACCEPTABLE if unseen or collector.refused or fewer or smaller else DONE
 
 
 def give_up(store: CollectionStore, warn: Callable[[str], None]) -> None:

@@ -16,7 +16,12 @@ from atom_core.errors import DatasetError
 from atom_core.io.atomic import write_json_atomically
 from atom_core.labeling.advice import LEAST_FAILURES, Failure, advice, same_reason
 from atom_core.labeling.base import Labeled
-from atom_core.labeling.board_size import SeenBoard, find_size, size_remark
+from atom_core.labeling.board_size import (
+    SeenBoard,
+    find_size,
+    is_surely_smaller,
+    size_remark,
+)
 from atom_core.labeling.guidance import BoardView, Guidance, board_view, guidance
 from atom_core.labeling.rgb import STARTS_BLACK
 from atom_core.labeling.view_quality import (
@@ -172,15 +177,27 @@ class QualityLog:
 
     def sizes(self) -> List[str]:
         """Return a line for each 3D LiDAR to which a board is not of the configured size."""
+        remarks = []
+        for (sensor, name), boards in self._seen_sizes().items():
+            border = self._patterns[name].border
+            remarks.append(size_remark(sensor, name, border, find_size(boards, border)))
+        return [remark for remark in remarks if remark is not None]
+
+    def smaller(self) -> List[str]:
+        """Return the 3D LiDARs to which a board is surely smaller than configured."""
+        found = []
+        for (sensor, name), boards in self._seen_sizes().items():
+            border = self._patterns[name].border
+            if is_surely_smaller(border, find_size(boards, border)):
+                found.append(sensor)
+        return found
+
+    def _seen_sizes(self) -> Dict[Key, List[SeenBoard]]:
         seen: Dict[Key, List[SeenBoard]] = defaultdict(list)
         for of_one in self._sizes.values():
             for key, board in of_one.items():
                 seen[key].append(board)
-        remarks = []
-        for (sensor, name), boards in seen.items():
-            border = self._patterns[name].border
-            remarks.append(size_remark(sensor, name, border, find_size(boards, border)))
-        return [remark for remark in remarks if remark is not None]
+        return seen
 
     def of_one(self, key: str) -> str:
         """Return what one collection is like, in a line; empty if nothing is known."""
