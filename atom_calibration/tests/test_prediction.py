@@ -220,3 +220,92 @@ def test_one_thing_that_stands_still_is_no_common_motion(tree):
         stand_still(predictor, tree, 5.0 * number, rng)
         predictor.learn(LIDAR, PATTERN, 5.0 * number, label(thing, rng, 0.02), tree)
     assert not predictor.relocated
+
+
+SECOND = CELL.sensors["rgb_2"]
+WORLD_T_SECOND = se3.from_rpy(np.array([0.5, -0.4, 2.1]), np.array([np.pi, 0.3, 0.4]))
+
+
+@pytest.fixture
+def identity_tree(make):
+    """All sensors are given the same place."""
+    tree = TransformTree()
+    for sensor in (CAMERA, SECOND, LIDAR):
+        tree.add(make.tf("world", sensor.frame, np.eye(4)).transforms, fixed=True)
+    return tree
+
+
+def shown_to(predictor, tree, stamp_s, world_T_pattern, cameras):
+    """Let cameras see a board twice; return its true pose for the LiDAR."""
+    for at_s in (stamp_s - 0.5, stamp_s):
+        for sensor in cameras:
+            world_T_camera = WORLD_T_CAMERA if sensor is CAMERA else WORLD_T_SECOND
+            seen = se3.inverse(world_T_camera) @ world_T_pattern
+            predictor.see(sensor.frame, PATTERN, at_s, seen, tree)
+    return se3.inverse(WORLD_T_LIDAR) @ world_T_pattern
+
+
+def boards(rng, count):
+    return [
+        WORLD_T_CAMERA
+        @ se3.transform(se3.random_rotation(0.5, rng), rng.uniform(-1, 1, 3) + [0, 0, 2])
+        for _ in range(count)
+    ]
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("both", [True, False])
+def test_boards_of_two_cameras_count_together_where_they_saw_one_at_once(identity_tree, seed, both):
+    rng, predictor = np.random.default_rng(seed), BoardPredictor("world")
+    for number, world_T_pattern in enumerate(boards(rng, 8)):
+        cameras = [CAMERA] if number < 4 else [SECOND]
+        cameras = [CAMERA, SECOND] if both and number == 3 else cameras
+        true = shown_to(predictor, identity_tree, 5.0 * number, world_T_pattern, cameras)
+        predictor.learn(LIDAR, PATTERN, 5.0 * number, label(true, rng), identity_tree)
+    assert ("lidar_1" in predictor.relocated) is both  # four boards of one camera are too few
+    if not both:
+        return
+    for cameras in ([CAMERA], [SECOND]):
+        (board,) = boards(rng, 1)
+        true = shown_to(predictor, identity_tree, 99.0 + len(cameras[0].name), board, cameras)
+        guess = predictor.predict(LIDAR, PATTERN, 99.0 + len(cameras[0].name), identity_tree)
+        assert guess.agrees(label(true, rng))
+        predictor.forget_sights()
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("wrong", [0, 1])
+def test_three_boards_are_enough_at_the_end_if_all_agree(identity_tree, seed, wrong):
+    rng, predictor = np.random.default_rng(seed), BoardPredictor("world")
+    for number, world_T_pattern in enumerate(boards(rng, 3 + wrong)):
+        true = shown_to(predictor, identity_tree, 5.0 * number, world_T_pattern, [CAMERA])
+        found = label(true, rng)
+        if number == 3:
+            found = replace(found, centre=found.centre + [1.5, -1.0, 0.5])
+        predictor.learn(LIDAR, PATTERN, 5.0 * number, found, identity_tree)
+    assert not predictor.relocated
+    predictor.settle()
+    assert ("lidar_1" in predictor.relocated) is (wrong == 0)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_few_other_things_are_not_believed_at_the_end(tree, seed):
+    rng, predictor = np.random.default_rng(seed), BoardPredictor("world")
+    for number in range(3):
+        stamp_s = 5.0 * number
+        stand_still(predictor, tree, stamp_s, rng)
+        elsewhere = se3.transform(se3.random_rotation(3.0, rng), rng.uniform(-3, 3, 3))
+        predictor.learn(LIDAR, PATTERN, stamp_s, label(elsewhere, rng), tree)
+    predictor.settle()
+    assert not predictor.relocated
+
+
+def test_a_camera_that_moves_otherwise_than_the_transforms_say_is_not_linked(identity_tree):
+    rng, predictor = np.random.default_rng(0), BoardPredictor("world")
+    for number, world_T_pattern in enumerate(boards(rng, 8)):
+        elsewhere = se3.random_move(0.4, 0.4, rng) @ world_T_pattern
+        for at_s in (5.0 * number - 0.5, 5.0 * number):
+            for sensor, pose in ((CAMERA, world_T_pattern), (SECOND, elsewhere)):
+                predictor.see(sensor.frame, PATTERN, at_s, pose, identity_tree)
+    assert predictor._links.linked_with(CAMERA.frame) == [SECOND.frame]
+    assert predictor._links.between(CAMERA.frame, SECOND.frame) is None

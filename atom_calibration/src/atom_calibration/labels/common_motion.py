@@ -17,6 +17,7 @@ from atom_core.geometry import se3
 from atom_core.labeling.stillness import SurfaceSighting
 
 LEAST_PLACES = 5
+FEWEST_PLACES = 3  # at the end of a recording, if all of them agree
 _LEAST_SHARE = 0.7  # of the places must agree
 _MOST_TRIPLES = 60
 _COARSE_RAD, _COARSE_M = 0.25, 0.5
@@ -40,13 +41,18 @@ class CommonMotion(NamedTuple):
     places: List[Place]
 
 
-def common_motion(places: Sequence[Place]) -> Optional[CommonMotion]:
+def common_motion(places: Sequence[Place], few: bool = False) -> Optional[CommonMotion]:
     """Return the motion by which nearly all places agree; None if there is none, or too few.
 
     Args:
         places: predictions and the planes that were found, of boards apart from each other.
+        few: there will be no more; three are enough, if all places agree.
     """
     least = max(LEAST_PLACES, int(np.ceil(_LEAST_SHARE * len(places))))
+    if few and len(places) < LEAST_PLACES:
+        least = max(FEWEST_PLACES, len(places))
+    if len(places) < least:
+        return None
     poses = _hypotheses(places)
     agree = _coarsely(poses, places)
     best = [place for place, one in zip(places, agree[np.argmax(agree.sum(axis=1))]) if one]

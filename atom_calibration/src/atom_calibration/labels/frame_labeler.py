@@ -135,6 +135,10 @@ class FrameLabeler:
         """What is to be said, by sensor, of those not at all where the transforms have them."""
         return self._boards.relocated
 
+    def settle(self) -> None:
+        """Learn from few labels, too, where sensors are: the recording ends here."""
+        self._boards.settle()
+
     def begin_anew(self) -> None:
         """Forget what was seen; time may go back. Seeds, and where sensors are, stay known."""
         self._tracked, self._searched_s = {}, {}

@@ -16,7 +16,14 @@ from typing import Deque, Dict, Iterable, List, NamedTuple, Optional, Tuple
 import numpy as np
 
 from atom_calibration.errors import TransformError
-from atom_calibration.labels.common_motion import LEAST_PLACES, Place, common_motion
+from atom_calibration.labels.camera_links import CameraLinks
+from atom_calibration.labels.common_motion import (
+    FEWEST_PLACES,
+    LEAST_PLACES,
+    CommonMotion,
+    Place,
+    common_motion,
+)
 from atom_calibration.labels.guess import NORMAL_RAD, OFF_PLANE_M, Guess, misfit
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.geometry import se3
@@ -50,6 +57,8 @@ class BoardPredictor:
         self._world = world
         self._contradictions: Dict[Tuple[str, str], List[Place]] = {}
         self.relocated: Dict[str, str] = {}
+        self._links = CameraLinks()
+        self._sensors: Dict[str, Tuple[Sensor, np.ndarray]] = {}  # that contradict, world_T_sensor
         self._seen: Dict[Tuple[str, str], _Seen] = {}  # by a camera's frame and pattern
         self._corrections: Dict[Tuple[str, str], _Correction] = {}  # by frame, range sensor
 
@@ -69,7 +78,14 @@ class BoardPredictor:
         key = (camera_frame, pattern.name)
         pose = world_T_camera @ camera_T_pattern
         speed = _speed(self._seen.get(key), stamp_s, pose, pattern)
-        self._seen[key] = _Seen(stamp_s, pose, speed)
+        self._seen[key] = seen = _Seen(stamp_s, pose, speed)
+        for (other, name), before in self._seen.items():
+            apart_s = abs(stamp_s - before.stamp_s)
+            drift_m = max(seen.speed_m_s, before.speed_m_s) * apart_s
+            if name != pattern.name or other == camera_frame or apart_s > FRESH_S:
+                continue
+            if drift_m <= _MOST_DRIFT_M:
+                self._links.see(camera_frame, other, pose, before.world_T_pattern)
 
     def predict(
         self, sensor: Sensor, pattern: Pattern, stamp_s: float, tree: TransformTree
@@ -105,7 +121,8 @@ class BoardPredictor:
             if raw.moved(correction.first).agrees(found):
                 correction.add(raw, found)
             elif found.known_axes == 2:
-                self._contradict(camera, sensor, (raw, found))
+                world_T_sensor = tree.lookup(self._world, sensor.frame, stamp_s)
+                self._contradict(camera, sensor, (raw, found), world_T_sensor)
 
     def forget_sights(self) -> None:
         """Forget where boards were seen: time goes back. What was learned of the sensors stays."""
@@ -114,24 +131,45 @@ class BoardPredictor:
     def _correction(self, camera: str, sensor: Sensor) -> _Correction:
         return self._corrections.setdefault((camera, sensor.name), _Correction())
 
-    def _contradict(self, camera: str, sensor: Sensor, place: Place) -> None:
+    def _contradict(
+        self, camera: str, sensor: Sensor, place: Place, world_T_sensor: np.ndarray
+    ) -> None:
         """Take note of a label out of the question; believe the labels where all say the same."""
         places = self._contradictions.setdefault((camera, sensor.name), [])
         if _is_known(places, *place):
             return
         places.append(place)
         del places[:-_MOST_PLACES]
+        self._sensors[sensor.name] = sensor, world_T_sensor
+        self._believe(camera, sensor, world_T_sensor)
+
+    def settle(self) -> None:
+        """Believe few labels that all say the same: nothing more will be seen."""
+        for camera, name in list(self._contradictions):
+            sensor, world_T_sensor = self._sensors[name]
+            if name not in self.relocated and not self._correction(camera, sensor).places:
+                self._believe(camera, sensor, world_T_sensor, few=True)
+
+    def _believe(
+        self, camera: str, sensor: Sensor, world_T_sensor: np.ndarray, few: bool = False
+    ) -> None:
+        """Take the motion on which labels that contradict a camera's boards agree, if any."""
+        places = self._contradictions[camera, sensor.name]
+        others = self._as_others_have_it(camera, world_T_sensor)
+        together = list(places)
+        for other, camera_T_other in others.items():
+            for raw, found in self._contradictions.get((other, sensor.name), []):
+                moved = raw.moved(camera_T_other)
+                if not _is_known(together, moved, found):
+                    together.append((moved, found))
         agreeing = len(self._correction(camera, sensor).places)
-        if len(places) < max(LEAST_PLACES, 2 * agreeing):
+        if len(together) < max(FEWEST_PLACES if few else LEAST_PLACES, 2 * agreeing):
             return
-        motion = common_motion(places)
+        motion = common_motion(together, few)
         if motion is None:
             return
-        correction = _Correction(first=motion.found_T_predicted)
-        for raw, found in motion.places:
-            correction.add(raw, found)
-        self._corrections[camera, sensor.name] = correction
-        self._contradictions[camera, sensor.name] = []
+        for other, camera_T_other in {camera: np.eye(4), **others}.items():
+            self._relocate(other, sensor, motion, camera_T_other)
         shift_m = np.linalg.norm(motion.found_T_predicted[:3, 3])
         turn_deg = np.degrees(se3.rotation_angle(motion.found_T_predicted[:3, :3]))
         self.relocated.setdefault(
@@ -141,6 +179,28 @@ class BoardPredictor:
             f"{turn_deg:.0f} deg from there; its labels go by what they show; give it a first "
             f"guess (set_initial_estimate), or calibrate with --initial_guess none",
         )
+
+    def _as_others_have_it(self, camera: str, world_T_sensor: np.ndarray) -> Dict[str, np.ndarray]:
+        """Return what brings other cameras' predictions (4, 4), in a sensor's frame, to one's."""
+        moves: Dict[str, np.ndarray] = {}
+        for other in self._links.linked_with(camera):
+            between = self._links.between(camera, other)
+            if between is not None:
+                moves[other] = se3.inverse(world_T_sensor) @ between @ world_T_sensor
+        return moves
+
+    def _relocate(
+        self, camera: str, sensor: Sensor, motion: CommonMotion, first_T_camera: np.ndarray
+    ) -> None:
+        """Let predictions by a camera start from a motion that another one's boards showed."""
+        agreeing = len(self._correction(camera, sensor).places)
+        if agreeing and 2 * agreeing > len(motion.places):
+            return
+        correction = _Correction(first=motion.found_T_predicted @ first_T_camera)
+        for raw, found in motion.places:
+            correction.add(raw.moved(se3.inverse(first_T_camera)), found)
+        self._corrections[camera, sensor.name] = correction
+        self._contradictions[camera, sensor.name] = []
 
     def _raw(
         self, sensor: Sensor, pattern: Pattern, stamp_s: float, tree: TransformTree

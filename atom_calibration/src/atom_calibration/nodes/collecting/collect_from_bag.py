@@ -101,6 +101,7 @@ def collect_from_bag(args: argparse.Namespace) -> int:
         store = CollectionStore.create(args.output, args.overwrite, WRITTEN_BESIDE)
         try:
             collector, keys = _collected(args, recording, store)
+            labeler.settle()
             if labeler.relocated:
                 for text in labeler.relocated.values():
                     _warn(text)
