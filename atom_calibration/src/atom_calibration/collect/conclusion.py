@@ -57,17 +57,23 @@ def conclude(
     for text in collector.quality.mirrored():
         raise CollectionError(f"{path}: {text}")
     store.keep()
-    unseen = [name for name, count in collector.taken.items() if not count]
-    for name in unseen:
-        warn(f"sensor '{name}' never saw the board in a collection")
-    smaller = collector.quality.smaller()
-    for name in smaller:
-        warn(
+    bad = list(bad_sensors(collector))
+    for text in bad:
+        warn(text)
+    fewer = len(collector.passed) > len(keys)
+    return NOT_ACCEPTABLE if bad or collector.refused or fewer else DONE
+
+
+def bad_sensors(collector: Collector) -> Iterator[str]:
+    """Yield what is wrong with all that a sensor has, or has not, in the collections."""
+    for name, count in collector.taken.items():
+        if not count:
+            yield f"sensor '{name}' never saw the board in a collection"
+    for name in collector.quality.smaller():
+        yield (
             f"to sensor '{name}' the board is smaller than configured (both sizes are above): its "
             f"labels are not to be calibrated with; correct the configuration, and collect again"
         )
-    fewer = len(collector.passed) > len(keys)
-    return NOT_ACCEPTABLE if unseen or collector.refused or fewer or smaller else DONE
 
 
 def give_up(store: CollectionStore, warn: Callable[[str], None]) -> None:

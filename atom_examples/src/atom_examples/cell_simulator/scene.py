@@ -89,7 +89,6 @@ class Scene:
             moving: the joints will be moved (``place_joints``).
             gloss: of the boards.
         """
-        self.gloss = gloss
         self._mujoco = mujoco = import_mujoco()
         self.robot, self.boards, self._views = robot, tuple(boards), {v.name: v for v in views}
         self._frames = FrameGraph(joint.edge for joint in robot.joints.values())
@@ -105,7 +104,7 @@ class Scene:
         self.data = mujoco.MjData(self.model)
         self._supersampling = supersampling
         self._renderer: Optional[Renderer] = None
-        self._moved, self._person = list(builder.moved), around.person
+        self._moved, self._person, self.gloss = list(builder.moved), around.person, gloss
         self._index_shapes()
         upright = se3.from_rpy(np.array([0.0, 0.0, 1.0]), np.array([np.pi / 2, 0, 0]))
         self.world_T_patterns = [upright] * len(boards)
