@@ -15,6 +15,24 @@ def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: -slow[item.path])
 
 
+_LEFT_OUT = "atom_core.commands.report_option.LEFT_OUT"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def reports_left_out():
+    """Let commands write no reports, also for what tests share: drawing takes seconds."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_LEFT_OUT, True)
+        yield
+
+
+@pytest.fixture(autouse=True)
+def reports_where_they_are_looked_at(request, monkeypatch):
+    """Let commands write reports in tests with the mark `report`."""
+    if request.node.get_closest_marker("report"):
+        monkeypatch.setattr(_LEFT_OUT, False)
+
+
 @pytest.fixture(scope="session")
 def real_data():
     """Return a function: name of a folder of real data -> its path; skips where it is absent."""

@@ -60,7 +60,7 @@ def lines_of(heading):
 
 OF_DATASETS = lines_of("Tools for datasets")
 WITH_ROS = [line for line in OF_DATASETS if line.startswith("rosrun atom_calibration ")]
-OWN = {"check", "calibrate", "evaluate", "convert", "recover", "demo"}  # in no such table
+OWN = {"check", "calibrate", "evaluate", "report", "convert", "recover", "demo"}  # in no such table
 TOOLS = [
     *(line for line in OF_DATASETS if line not in WITH_ROS),
     *lines_of("Evaluations of a pair"),

@@ -32,9 +32,10 @@ KEYS = {
     "ruamel": "python3-ruamel.yaml",
     **{
         name: f"python3-{name}"
-        for name in ("jinja2", "networkx", "numpy", "pytest", "rospkg", "scipy", "setuptools")
+        for name in ("jinja2", "matplotlib", "networkx", "numpy", "pytest", "rospkg", "scipy")
     },
-    **{name: f"python3-{name}" for name in ("tabulate", "tqdm", "yaml")},
+    **{name: f"python3-{name}" for name in ("setuptools", "tabulate", "tqdm", "yaml")},
+    "mpl_toolkits": "python3-matplotlib",
 }
 # What no key of rosdep names stands in requirements/pip.txt.
 FROM_PYPI = {"mujoco"}
@@ -91,7 +92,7 @@ DEBIAN = {
 # Libraries that no manifest names: CMake's, those of the tests' programs, the documents' pictures.
 FOR_TOOLS = {
     *("python3-catkin-pkg", "python3-dev", "python3-venv", "python3-pip", "python3-nose"),
-    *("ros-environment", "ros-cmake-modules", "libgtest-dev", "libgmock-dev", "python3-matplotlib"),
+    *("ros-environment", "ros-cmake-modules", "libgtest-dev", "libgmock-dev"),
     # commands that a user has at hand: rosnode, rosparam, ...
     *(f"python3-{name}" for name in ("rosnode", "rosparam", "rostopic", "rosservice", "rosmsg")),
 }

@@ -52,7 +52,7 @@ def write_bag(path, scene):
 
 def launch(**arguments):
     """Run the launch file to its end; return status.json."""
-    words = [f"{name}:={value}" for name, value in arguments.items()]
+    words = [f"{name}:={value}" for name, value in arguments.items()] + ["report:=false"]
     subprocess.run(
         ["roslaunch", "atom_calibration", "calibrate_from_bag.launch", *words],
         capture_output=True,

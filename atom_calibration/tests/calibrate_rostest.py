@@ -102,6 +102,7 @@ class CalibrateTest(unittest.TestCase):
                 "--dataset",
                 dataset or self.path,
                 "-rv",
+                "--no_report",
                 *map(str, words),
             ],
             capture_output=True,
@@ -253,6 +254,7 @@ class CalibrateTest(unittest.TestCase):
             return found is not None and np.allclose(found, expected, rtol=0, atol=1e-9)
 
         words = ["--dataset", self.path, "--output", output, "-rv", "--tf", "calibrated", "--stay"]
+        words += ["--no_report"]
         process = self.start("rosrun", "atom_calibration", "calibrate", *words, "--wait", WITHIN_S)
         until(lambda: is_at(sensor.edge, before), "the description's value", WITHIN_S)
         listener = Listener(self.dataset)
@@ -281,6 +283,7 @@ class CalibrateTest(unittest.TestCase):
                 self.path,
                 "--output",
                 self.folder / "plain",
+                "--no_report",
             ],
             capture_output=True,
             text=True,
@@ -314,6 +317,7 @@ class CalibrateTest(unittest.TestCase):
             self.path,
             "--output",
             output,
+            "--no_report",
             "-rv",
             "--slow",
             "3",

@@ -40,6 +40,8 @@ CALIBRATION_KEYS = {
     "misfits",
     "exclusions",
     "warnings",
+    "inputs",
+    "versions",
 }
 
 

@@ -46,7 +46,7 @@ class RobotsLive(unittest.TestCase):
                 dataset = live(robot, folder)
                 results = f"{folder}/results"
                 truth = f"{folder}/{robot}.truth.json"
-                line = ["calibrate", "--dataset", str(dataset), "--output", results]
+                line = ["calibrate", "--dataset", str(dataset), "--output", results, "--no_report"]
                 self.assertEqual(cli.main([*line, "--truth", truth]), 0)
                 document = json.loads(Path(results, "calibration.json").read_text())
                 self.assertGreaterEqual(len(document["collections"]), STOPS - 1)

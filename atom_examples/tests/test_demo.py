@@ -7,6 +7,7 @@ import pytest
 from atom_examples import demo, demo_steps
 
 STEPS = ["simulate", "simulate", "collect", "collect", "check", "calibrate", "evaluate"]
+STEPS += ["report"]
 
 
 @pytest.fixture
@@ -55,7 +56,7 @@ def test_an_answer_that_is_not_acceptable_is_exit_code_1(play, step):
     assert play(**{step: 1})[:2] == (1, STEPS)
 
 
-@pytest.mark.parametrize("step", ["simulate", "collect", "check", "calibrate", "evaluate"])
+@pytest.mark.parametrize("step", dict.fromkeys(STEPS))
 def test_a_refusal_ends_the_demo(play, step):
     code, done, said = play(**{step: 2})
     assert code == 2 and done == STEPS[: STEPS.index(step) + 1]

@@ -44,6 +44,7 @@ class Live(RegressionCase):
             "--output",
             OUTPUT / "calibration",
             "--overwrite",
+            "--no_report",
         )
 
     def test_1_each_stop_is_a_collection_and_labels_are_the_board(self):

@@ -23,6 +23,7 @@ class Offline(RegressionCase):
             f"output:={OUTPUT}",
             f"truth:={recordings.truth('train')}",
             "overwrite:=true",
+            "report:=false",
         )
         cls.status = read(OUTPUT / "status.json")
         recordings.share_dataset("train", OUTPUT / "dataset")

@@ -40,6 +40,7 @@ class Starts(RegressionCase):
                 "--output",
                 OUTPUT / str(seed),
                 "--overwrite",
+                "--no_report",
                 "--truth",
                 recordings.truth("train"),
                 "--noisy_initial_guess",

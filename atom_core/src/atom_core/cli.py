@@ -30,6 +30,7 @@ COMMANDS = (
     "check",
     "calibrate",
     "evaluate",
+    "report",
     "convert",
     "recover",
     "demo",

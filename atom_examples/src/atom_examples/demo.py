@@ -28,6 +28,7 @@ from atom_examples.demo_steps import (
     SETS,
     core,
     refusing,
+    report,
     title,
 )
 
@@ -115,7 +116,8 @@ def run(args: argparse.Namespace) -> int:
     acceptable = _calibrate(folder) == DONE
     title(5, "evaluate on the test recording, against the truth")
     measured = _evaluate(folder, args.verbose) == DONE
-    print("\n" + "\n".join(_conclusion(folder)))
+    print("\n" + "\n".join(_conclusion(folder)), flush=True)
+    report(folder)
     return DONE if acceptable and measured else NOT_ACCEPTABLE
 
 
@@ -166,6 +168,7 @@ def _calibrate(folder: Path) -> int:
         "--output",
         folder / "calibration",
         "--overwrite",
+        "--no_report",
         "--truth",
         folder / "train.truth.json",
     )
@@ -183,6 +186,7 @@ def _evaluate(folder: Path, verbose: bool) -> int:
         "--output",
         folder / "evaluation",
         "--overwrite",
+        "--no_report",
         *["--verbose"] * verbose,
     )
 

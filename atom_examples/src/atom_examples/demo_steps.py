@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Callable, List
 
 from atom_core import cli
@@ -33,6 +34,16 @@ def refusing(program: Callable[[List[str]], int], *words: object) -> int:
     if code not in (DONE, NOT_ACCEPTABLE):
         raise StepError("the step above refused to go on; nothing further is done")
     return code
+
+
+def report(folder: Path) -> None:
+    """Make one report of calibration and evaluation, which says where it is.
+
+    Raises:
+        StepError: it cannot be made.
+    """
+    results = ("--calibration", folder / "calibration", "--evaluation", folder / "evaluation")
+    core("report", *results, "--output", folder, "--overwrite")
 
 
 def title(step: int, text: str) -> None:

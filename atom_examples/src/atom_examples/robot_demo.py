@@ -14,7 +14,7 @@ from atom_core.commands import calibrate, evaluate
 from atom_core.io.atomic import prepare_output_folder
 from atom_core.io.dataset_writer import DATASET_FILE
 from atom_core.report.ground_truth_document import MEAN
-from atom_examples.demo_steps import DONE, NOT_ACCEPTABLE, SETS, core, refusing, title
+from atom_examples.demo_steps import DONE, NOT_ACCEPTABLE, SETS, core, refusing, report, title
 from atom_examples.robot_simulator import main as robot_simulator
 from atom_examples.robot_simulator.robots import Robot, robot_named
 from atom_examples.robot_simulator.scenario import read_scenario
@@ -49,7 +49,8 @@ def run(args: argparse.Namespace) -> int:
     acceptable = _calibrate(folder, scenario.calibrate) == DONE
     title(5, "evaluate on the test recording, against the truth")
     measured = _evaluate(folder, args.verbose) == DONE
-    print("\n" + "\n".join(conclusion(folder)))
+    print("\n" + "\n".join(conclusion(folder)), flush=True)
+    report(folder)
     return DONE if acceptable and measured else NOT_ACCEPTABLE
 
 
@@ -106,7 +107,7 @@ def _calibrate(folder: Path, more: tuple) -> int:
     return core(
         "calibrate",
         *("--dataset", folder / "train" / DATASET_FILE, "--output", folder / "calibration"),
-        *("--overwrite", "--truth", folder / "train.truth.json", *more),
+        *("--overwrite", "--no_report", "--truth", folder / "train.truth.json", *more),
     )
 
 
@@ -115,7 +116,8 @@ def _evaluate(folder: Path, verbose: bool) -> int:
         "evaluate",
         *("--train", folder / "calibration" / calibrate.DATASET_FILE),
         *("--test", folder / "test" / DATASET_FILE, "--truth", folder / "test.truth.json"),
-        *("--output", folder / "evaluation", "--overwrite", *["--verbose"] * verbose),
+        *("--output", folder / "evaluation", "--overwrite", "--no_report"),
+        *["--verbose"] * verbose,
     )
 
 

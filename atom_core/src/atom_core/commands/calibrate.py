@@ -24,9 +24,16 @@ from atom_core.commands.model_error_options import (
     stated_priors,
 )
 from atom_core.commands.phases import Phases, Watcher
+from atom_core.commands.provenance import inputs, versions
+from atom_core.commands.report_files import REPORT_FILES, RESIDUALS_FILE, report_beside
 from atom_core.errors import CalibrationError, DescriptionError, OutputError
 from atom_core.evaluation.trust.checks import trust_checks
-from atom_core.io.atomic import prepare_output_folder, write_json_atomically, write_text_atomically
+from atom_core.io.atomic import (
+    prepare_output_folder,
+    write_bytes_atomically,
+    write_json_atomically,
+    write_text_atomically,
+)
 from atom_core.io.dataset_json import write_dataset
 from atom_core.io.results import write_arguments_yaml, write_parameters_yaml
 from atom_core.io.together import finish_interrupted, written_together
@@ -47,6 +54,7 @@ from atom_core.report.calibration_results import CalibrationResults, calibration
 from atom_core.report.calibration_tables import calibration_report
 from atom_core.report.calibration_verdict import calibration_verdict
 from atom_core.report.edge_comments import edge_comments
+from atom_core.report.residual_samples import residual_samples, to_bytes
 from atom_core.report.verdict import WRONG, verdict_lines
 from atom_core.solvers.base import ATOM, CONVERGED, SolverOptions
 from atom_core.solvers.choice import CERES, default_solver
@@ -59,7 +67,7 @@ DATASET_FILE, RESULT_FILE = "atom_calibration.json", "calibration.json"
 PARAMETERS_FILE, DESCRIPTION_FILE = "atom_calibration_params.yml", "optimized.urdf.xacro"
 ORIGINAL_FILE, ARGUMENTS_FILE = "original_calibration_params.yml", "command_line_args.yml"
 _ATOMS_FILES = (DATASET_FILE, PARAMETERS_FILE, DESCRIPTION_FILE, ORIGINAL_FILE, ARGUMENTS_FILE)
-_ALWAYS = (RESULT_FILE, *_ATOMS_FILES)
+_ALWAYS = (RESULT_FILE, RESIDUALS_FILE, *_ATOMS_FILES, *REPORT_FILES)
 RESULT_FILES = (*_ALWAYS, ERRORS_FILE, TRANSFORMS_FILE, JOINTS_FILE)
 NOT_CONVERGED_FOLDER = "not_converged"
 
@@ -108,8 +116,7 @@ def run(args: argparse.Namespace, watcher: Optional[Watcher] = None) -> int:
             warnings=(*given.remarks, *results.warnings, *remarks),
             seconds={**results.seconds, **around},
         )
-        document = calibration_document(results, common.options_document(args))
-        write_json_atomically(folder / RESULT_FILE, document, sort_keys=False)
+        _write_document(folder, args, results)
     if calibration.status == CONVERGED:
         _remove_results(folder / NOT_CONVERGED_FOLDER)
     if looking_on is not None:
@@ -118,7 +125,21 @@ def run(args: argparse.Namespace, watcher: Optional[Watcher] = None) -> int:
     print(f"\nresults: {folder.resolve()}\n")
     verdict = calibration_verdict(results)
     print(verdict_lines(verdict))
+    if not args.no_report and not calibration.summary.interrupted:
+        report_beside(folder, folder, None, calibration.dataset)
     return 0 if calibration.status == CONVERGED and verdict.grade != WRONG else 1
+
+
+def _write_document(folder: Path, args: argparse.Namespace, results: CalibrationResults) -> None:
+    """Write the result itself, and the residuals that its report draws."""
+    document = calibration_document(results, common.options_document(args))
+    document["inputs"] = inputs(
+        dataset=args.dataset, truth=args.truth, description=args.description
+    )
+    document["versions"] = versions()
+    write_json_atomically(folder / RESULT_FILE, document, sort_keys=False)
+    samples = residual_samples(results.calibration)
+    write_bytes_atomically(folder / RESIDUALS_FILE, to_bytes(samples))
 
 
 def _checked_folder(args: argparse.Namespace) -> Path:

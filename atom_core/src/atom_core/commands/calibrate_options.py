@@ -11,6 +11,7 @@ from atom_core.calibration.options import DESCRIPTION, NO_GUESS
 from atom_core.commands import common
 from atom_core.commands.atom_options import CALIBRATE, add_meaningless_options
 from atom_core.commands.model_error_options import add_model_error_options
+from atom_core.commands.report_option import add_report_option
 from atom_core.model.joints import JOINT_PARAMETERS
 from atom_core.solvers.base import SolverOptions
 from atom_core.solvers.choice import SOLVERS
@@ -314,6 +315,7 @@ def _add_shown_options(parser: argparse.ArgumentParser) -> None:
     add = common.add_option
     _add_description_option(parser)
     _add_truth_options(parser)
+    add_report_option(parser)
     add(
         parser,
         "show_normalized_values",

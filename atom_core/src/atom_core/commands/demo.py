@@ -6,9 +6,10 @@ import argparse
 from pathlib import Path
 from typing import List
 
-from atom_core.commands import calibrate, check, common, evaluate
+from atom_core.commands import calibrate, check, common, evaluate, report
 from atom_core.commands.option_parser import OptionParser
 from atom_core.commands.progress import watched
+from atom_core.commands.report_option import add_report_option
 from atom_core.io.atomic import prepare_output_folder
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.io.truth_json import write_truth
@@ -21,6 +22,7 @@ _DISTURBANCE = (0.1, 0.1)
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
     common.add_output_options(parser)
+    add_report_option(parser)
     common.add_option(
         parser, "seed", type=int, default=0, metavar="N", help="of rig, boards and noise"
     )
@@ -42,12 +44,15 @@ def run(args: argparse.Namespace) -> int:
     _run(check, ["--dataset", train])
     print("\n3/4 calibrate\n")
     result = folder / "calibration"
-    options = ["--output", str(result), "--overwrite"]
+    options = ["--output", str(result), "--overwrite", "--no_report"]
     truth = ["--truth", str(folder / "train.truth.json")]
     status = _run(calibrate, ["--dataset", train] + options + truth)
     print("\n4/4 evaluate on the test set\n")
     _run(evaluate, _evaluation_arguments(folder, result))
     print(f"\nall results: {folder}")
+    results = ["--calibration", str(result), "--evaluation", str(folder / "evaluation")]
+    if not args.no_report:
+        _run(report, [*results, "--output", str(folder), "--overwrite"])
     return status
 
 
@@ -58,6 +63,7 @@ def _evaluation_arguments(folder: Path, result: Path) -> List[str]:
         *("--truth", str(folder / "test.truth.json")),
         *("--output", str(folder / "evaluation")),
         "--overwrite",
+        "--no_report",
     ]
 
 

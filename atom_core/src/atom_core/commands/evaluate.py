@@ -15,6 +15,9 @@ from atom_core.commands.baseline_options import (
     chosen_baselines,
 )
 from atom_core.commands.compare_calibrations import run_comparison
+from atom_core.commands.provenance import inputs, versions
+from atom_core.commands.report_files import REPORT_FILES, report_beside
+from atom_core.commands.report_option import add_report_option
 from atom_core.errors import SelectionError
 from atom_core.evaluation.baselines.comparison import Measured
 from atom_core.evaluation.evaluate import Evaluation, evaluate
@@ -81,6 +84,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "without --train and --test: has the rig moved between them?",
     )
     add_baseline_options(parser)
+    add_report_option(parser)
     common.add_selection_options(parser)
 
 
@@ -104,6 +108,8 @@ def run(args: argparse.Namespace) -> int:
     document = evaluation_document(evaluation, compared, found.hand_eye, found.rigs)
     document["baselines_left_out"] = list(found.remarks)
     document["options"] = common.options_document(args)
+    document["inputs"] = inputs(train=args.train, test=args.test, truth=args.truth)
+    document["versions"] = versions()
     _write(args, folder, document, evaluation, found)
     print(evaluation_report(evaluation, compared, args.verbose, found.hand_eye, found.rigs))
     print("".join(f"{remark}\n" for remark in found.remarks), end="")
@@ -116,6 +122,8 @@ def run(args: argparse.Namespace) -> int:
             f"small; record a test set of its own\n"
         )
     print(verdict_lines(evaluation_verdict(evaluation)))
+    if not args.no_report:
+        report_beside(folder, None, folder)
     if evaluation.measured:
         return 0
     told = evaluation.pairs or evaluation.spread
@@ -153,7 +161,8 @@ def _write(
 ) -> None:
     prepare_output_folder(folder, args.overwrite)
     earlier = [name for name in BASELINE_FILES if (folder / name).exists()]
-    with written_together(folder, [RESULT_FILE, *map(csv_name, pair_kinds()), *earlier]):
+    names = [RESULT_FILE, *REPORT_FILES, *map(csv_name, pair_kinds()), *earlier]
+    with written_together(folder, names):
         for name, text in csv_texts(evaluation).items():
             write_text_atomically(folder / name, text)
         for name, dataset in found.datasets.items():

@@ -11,6 +11,7 @@ from atom_core.calibration.calibrate import Calibration
 from atom_core.calibration.judge.outliers import OUTLIER_SIGMAS
 from atom_core.calibration.judge.propagation import PropagatedPoint
 from atom_core.geometry import se3
+from atom_core.model.dataset import Dataset
 from atom_core.problem.blocks import ROTATION, TRANSLATION
 from atom_core.report.calibration_results import (
     CalibrationResults,
@@ -46,7 +47,7 @@ def calibration_document(results: CalibrationResults, options: Mapping[str, Any]
         "message": calibration.message,
         "verdict": verdict_document(calibration_verdict(results)),
         "solver": _solver(results),
-        "edges": {str(edge.edge): _edge(edge) for edge in results.edges},
+        "edges": {str(edge.edge): _edge(edge, calibration.initial) for edge in results.edges},
         "joints": {name: _joint(joint) for name, joint in results.joints.items()},
         "sensors": {name: _sensor(sensor) for name, sensor in results.sensors.items()},
         "collections": {key: _collection(value) for key, value in results.collections.items()},
@@ -141,8 +142,9 @@ def _finite(value: float) -> float:
     return float(np.nan_to_num(value, nan=1e300, posinf=1e300))
 
 
-def _edge(edge: EdgeResult) -> Dict[str, Any]:
+def _edge(edge: EdgeResult, initial: Dataset) -> Dict[str, Any]:
     matrix, prior = edge.parent_T_child, edge.prior
+    started = initial.first_value(edge.edge)
     return {
         "parent": edge.edge.parent,
         "child": edge.edge.child,
@@ -150,6 +152,8 @@ def _edge(edge: EdgeResult) -> Dict[str, Any]:
         "anchored": edge.anchored,
         "translation_m": matrix[:3, 3].tolist(),
         "quaternion_xyzw": se3.quaternion_from_rotation(matrix[:3, :3]).tolist(),
+        "initial_translation_m": started[:3, 3].tolist(),
+        "initial_quaternion_xyzw": se3.quaternion_from_rotation(started[:3, :3]).tolist(),
         "sigma_translation_m": edge.sigma_translation_m.tolist(),
         "sigma_rotation_rad": edge.sigma_rotation_rad.tolist(),
         "covariance": None if edge.covariance is None else edge.covariance.tolist(),

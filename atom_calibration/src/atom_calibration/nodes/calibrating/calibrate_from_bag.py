@@ -24,6 +24,7 @@ from atom_core.commands.calibrate import DATASET_FILE as RESULT_FILE
 from atom_core.commands.calibrate import NOT_CONVERGED_FOLDER
 from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser
+from atom_core.commands.report_option import add_report_option
 from atom_core.errors import AtomError, OutputError
 from atom_core.io.atomic import write_json_atomically
 from atom_core.io.dataset_writer import DATASET_FILE
@@ -87,6 +88,7 @@ def _calibrate(args: argparse.Namespace) -> Tuple[int, Said]:
     options = ["calibrate", "--dataset", args.output / "dataset" / DATASET_FILE]
     options += ["--output", folder]
     options += ["--truth", args.truth] if args.truth else []
+    options += ["--no_report"] if args.no_report else []
     parsed = cli.build_parser().parse_args(_texts(options, args))
     if args.view:
         running.start("calibrate_from_bag")
@@ -136,6 +138,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     add_option(parser, "truth", type=_optional_path, metavar="FILE", help="a simulation's truth")
     add_option(parser, "overwrite", "-ow", action="store_true", help="replace earlier results")
+    add_report_option(parser)
     add_view_options(parser)
     return parser
 

@@ -1,0 +1,106 @@
+"""The first screen: one sentence and one colour for the rig, one line for each sensor."""
+
+from __future__ import annotations
+
+from typing import Any, Dict, List, Mapping, Tuple
+
+from atom_core.labeling.guidance import Guidance
+from atom_core.report.page.blocks import SensorLine
+from atom_core.report.page.given import Document, Given, verdict_of
+from atom_core.report.verdict import GOOD, GRADES, WEAK, is_named
+
+UNKNOWN = "unknown"
+NOT_DETERMINED = "not determined"
+_WHAT = {"calibration": "The calibration", "evaluation": "The test set"}
+_NO_VERDICT = (
+    "The result has no verdict: it was written by an older version; calibrate or evaluate again."
+)
+
+
+def sentences(given: Given) -> Tuple[str, str, str]:
+    """Return the grade of the rig, its sentence, and that of the other result where there are two.
+
+    Of a calibration and an evaluation the worse one speaks first.
+    """
+    found = [
+        (verdict_of(document), word)
+        for document, word in ((given.calibration, "calibration"), (given.evaluation, "evaluation"))
+        if document is not None and verdict_of(document)
+    ]
+    if not found:
+        return UNKNOWN, _NO_VERDICT, ""
+    found.sort(key=lambda pair: -_rank(str(pair[0]["grade"])))
+    first, *others = found
+    told = [_sentence(verdict["sentence"]) for verdict, _ in found]
+    also = f"{_WHAT[others[0][1]]}: {others[0][0]['grade']}. {told[1]}" if others else ""
+    return str(first[0]["grade"]), told[0], also
+
+
+def sensor_lines(given: Given, guidance: Mapping[str, Guidance]) -> List[SensorLine]:
+    """Return a line for each sensor: the worse verdict of the results, why, and what to do.
+
+    Args:
+        given: the results.
+        guidance: what boards each sensor lacks, where that is known.
+    """
+    return [_line(given, name, guidance) for name in given.sensors]
+
+
+def _line(given: Given, name: str, guidance: Mapping[str, Guidance]) -> SensorLine:
+    modality = _modality(given, name)
+    verdicts = []
+    for document in (given.calibration, given.evaluation):
+        entry = verdict_of(document).get("sensors", {}).get(name)
+        if entry is not None:
+            verdicts.append(entry)
+    if not verdicts:
+        return SensorLine(name, modality, UNKNOWN, "no verdict", "nothing is said of it")
+    verdicts.sort(key=lambda entry: -_rank(str(entry["grade"])))
+    if str(verdicts[0]["grade"]) == GOOD:  # the other says where it was measured, further below
+        del verdicts[1:]
+    grade = str(verdicts[0]["grade"])
+    word = NOT_DETERMINED if grade == WEAK and _is_open(given.calibration, name) else grade
+    why = _sentence("; ".join(dict.fromkeys(str(entry["sentence"]) for entry in verdicts)))
+    advice = [entry["advice"] for entry in verdicts if entry.get("advice")]
+    lacks = guidance.get(name)
+    if grade != GOOD and lacks is not None and not lacks.enough:
+        advice.append(f"its boards so far lack: {', '.join(lacks.missing)}")
+    return SensorLine(name, modality, grade, word, why, _sentence("; ".join(advice)))
+
+
+def _is_open(calibration: Any, name: str) -> bool:
+    """Tell whether the data leave the place of a sensor open."""
+    weak = [] if calibration is None else calibration.get("weak_directions", [])
+    return any(is_named(name, " ".join(entry["parameters"])) for entry in weak)
+
+
+def _modality(given: Given, name: str) -> str:
+    if given.calibration is not None and name in given.calibration["sensors"]:
+        return str(given.calibration["sensors"][name]["modality"])
+    if given.dataset is not None and name in given.dataset.sensors:
+        return given.dataset.sensors[name].modality
+    return ""
+
+
+def _rank(grade: str) -> int:
+    return GRADES.index(grade) if grade in GRADES else -1
+
+
+def _sentence(text: str) -> str:
+    """Return a text as a sentence, with a capital and a full stop."""
+    text = text.strip().rstrip(".")
+    return f"{text[:1].upper()}{text[1:]}." if text else ""
+
+
+def facts(given: Given) -> List[Tuple[str, str]]:
+    """Return name and value of what stands under the first sentence."""
+    found: Dict[str, str] = {}
+    calibration: Document = given.calibration or {}
+    if calibration:
+        used = [c for c in calibration["collections"].values() if c["used"]]
+        found["calibrated from"] = str(calibration["dataset"])
+        found["status"] = f"{calibration['status']}: {calibration['message']}"
+        found["collections"] = f"{len(used)} of {len(calibration['collections'])} used"
+    if given.evaluation is not None:
+        found["tested on"] = str(given.evaluation["test"])
+    return list(found.items())

@@ -1,0 +1,174 @@
+"""A report on paper: the same blocks as the HTML page, drawn by matplotlib."""
+
+from __future__ import annotations
+
+import io
+import textwrap
+from typing import Any, Iterator, List, Sequence, Tuple, Union
+
+import cv2
+from matplotlib import rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.figure import Figure
+
+from atom_core.report.page.blocks import (
+    Branch,
+    Cell,
+    Chart,
+    Folded,
+    Gallery,
+    Page,
+    Picture,
+    Section,
+    Table,
+    Text,
+    Tree,
+    Viewer,
+)
+from atom_core.report.page.html import STYLE, axes_of
+from atom_core.report.tables import text_table
+
+_PAPER_IN = (8.27, 11.69)
+_COLUMNS, _LINES = 108, 78  # of a page of text
+_TEXT_SIZE = 6.8
+_ROWS, _ACROSS = 4, 2  # figures of a page
+_COLOURS = {"good": "#00664b", "weak": "#ffd166", "wrong": "#a4161a", "unknown": "#444b50"}
+_INK_ON = {"weak": "#1b1f22"}
+_GREY = "#5b6770"
+
+Items = List[Union[Chart, Picture]]
+
+
+def pdf(page: Page) -> bytes:
+    """Return the document.
+
+    Args:
+        page: what it shows.
+    """
+    stream = io.BytesIO()
+    metadata = {"Title": page.title, "CreationDate": None}
+    small = {**STYLE, "font.size": 7.5, "pdf.compression": 9}
+    with rc_context(small), PdfPages(stream, metadata=metadata) as paper:
+        paper.savefig(_cover(page))
+        for section in page.sections:
+            for figure in _pages(section):
+                paper.savefig(figure)
+    return stream.getvalue()
+
+
+def _sheet() -> Figure:
+    figure = Figure(figsize=_PAPER_IN, dpi=130)
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _cover(page: Page) -> Figure:
+    figure = _sheet()
+    figure.text(0.07, 0.955, page.title, fontsize=15, weight="bold")
+    colour = _COLOURS.get(page.grade, _COLOURS["unknown"])
+    lines = textwrap.wrap(page.sentence, 84)
+    height = 0.035 + 0.016 * len(lines)
+    band = figure.add_axes((0.07, 0.935 - height, 0.86, height))
+    band.set_facecolor(colour)
+    band.set_xticks([])
+    band.set_yticks([])
+    look = {"color": _INK_ON.get(page.grade, "white"), "transform": band.transAxes, "va": "top"}
+    band.text(0.015, 0.93, page.grade.upper(), fontsize=11, weight="bold", **look)
+    band.text(0.015, 0.93 - 0.022 / height, "\n".join(lines), fontsize=9, **look)
+    told = [f"{name}: {value}" for name, value in page.facts] + [page.also]
+    for sensor in page.sensors:
+        told.append("")
+        told.append(f"{sensor.name} ({sensor.modality}): {sensor.word.upper()}. {sensor.why}")
+        told += [f"    What to do: {sensor.advice}"] if sensor.advice else []
+    figure.text(0.07, 0.915 - height, _wrapped(told), fontsize=8, va="top", linespacing=1.25)
+    if page.viewer is not None:
+        axes = figure.add_axes((0.05, 0.03, 0.9, 0.42), projection="3d")
+        page.viewer.still.draw(axes)
+        figure.text(0.07, 0.02, page.viewer.still.alt, fontsize=7, color=_GREY)
+    return figure
+
+
+def _wrapped(lines: Sequence[str], width: int = _COLUMNS) -> str:
+    found: List[str] = []
+    for line in lines:
+        begin = line[: len(line) - len(line.lstrip())]
+        found += textwrap.wrap(line, width, subsequent_indent=begin) or [""]
+    return "\n".join(found)
+
+
+def _pages(section: Section) -> Iterator[Figure]:
+    """Yield the pages of a section: its words and tables, then its figures."""
+    lines, items = _told(section.blocks)
+    lines = _wrapped_tables(lines)
+    for start in range(0, len(lines), _LINES):
+        figure = _sheet()
+        figure.text(0.07, 0.955, section.title, fontsize=13, weight="bold")
+        text = "\n".join(lines[start : start + _LINES])
+        figure.text(0.07, 0.935, text, fontsize=_TEXT_SIZE, va="top", family="monospace")
+        yield figure
+    most = _ROWS * _ACROSS
+    for start in range(0, len(items), most):
+        yield _figures(section.title, items[start : start + most])
+
+
+def _wrapped_tables(lines: Sequence[str]) -> List[str]:
+    """Return lines that fit the page; what is longer goes on in the next one."""
+    found: List[str] = []
+    for line in lines:
+        found += [line[i : i + _COLUMNS + 12] for i in range(0, max(len(line), 1), _COLUMNS + 12)]
+    return found
+
+
+def _told(blocks: Sequence[Any]) -> Tuple[List[str], Items]:
+    """Return the words of blocks as lines, and their figures."""
+    lines: List[str] = []
+    items: Items = []
+    for block in blocks:
+        if isinstance(block, Text):
+            lines += [*_wrapped([block.text]).split("\n"), ""]
+        elif isinstance(block, Table):
+            rows = [[_text(cell) for cell in row] for row in block.rows]
+            lines += text_table(block.columns, rows, block.caption).split("\n")
+            lines += [*_wrapped([block.note]).split("\n"), ""]
+        elif isinstance(block, Tree):
+            lines += [*(line for root in block.roots for line in _branches(root, 0)), ""]
+        elif isinstance(block, (Chart, Picture)):
+            items.append(block)
+        elif isinstance(block, Viewer):
+            items.append(block.still)
+        elif isinstance(block, Gallery):
+            items += block.items
+        elif isinstance(block, Folded):
+            more, others = _told(block.blocks)
+            lines, items = lines + more, items + others
+    return lines, items
+
+
+def _branches(branch: Branch, depth: int) -> Iterator[str]:
+    note = f"   [{branch.note}]" if branch.note else ""
+    yield f"{'  ' * depth}{branch.name}{note}"
+    for child in branch.children:
+        yield from _branches(child, depth + 1)
+
+
+def _text(cell: Union[str, Cell]) -> str:
+    return cell if isinstance(cell, str) else cell.text
+
+
+def _figures(title: str, items: Items) -> Figure:
+    figure = _sheet()
+    figure.text(0.07, 0.965, title, fontsize=13, weight="bold")
+    for i, item in enumerate(items):
+        if isinstance(item, Picture):
+            axes = figure.add_subplot(_ROWS, _ACROSS, i + 1)
+            axes.imshow(cv2.cvtColor(item.image, cv2.COLOR_BGR2RGB), interpolation="nearest")
+            axes.set_axis_off()
+        else:
+            axes = axes_of(figure, item, _ROWS, _ACROSS, i + 1)
+            item.draw(axes)
+            for drawn in axes.collections:
+                drawn.set_rasterized(item.dense)
+        axes.set_title(textwrap.shorten(item.title, 62), fontsize=8)
+    figure.subplots_adjust(0.09, 0.05, 0.95, 0.93, wspace=0.28, hspace=0.45)
+    return figure
