@@ -2,6 +2,8 @@
 
 import json
 
+import pytest
+
 from atom_core.cli import main
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.dataset_writer import write_dataset_folder
@@ -31,3 +33,24 @@ def test_what_did_not_converge_replaces_nothing_that_did(tmp_path, capsys):
     assert main(words) == 0
     assert not aside.exists() and status(tmp_path / "out") == "converged"
     assert not (tmp_path / "out" / "calibration_errors.csv").exists()  # of another run
+
+
+@pytest.mark.parametrize(
+    "text, reason",
+    [
+        ("<robot><link", "robot.urdf: "),
+        (None, "robot.urdf: there is no such robot description"),
+    ],
+)
+def test_why_there_is_no_description_is_told(tmp_path, capsys, text, reason):
+    write_dataset_folder(scenes.two_cameras().dataset, tmp_path / "data", name="train")
+    path = tmp_path / "data" / "dataset.json"
+    document = json.loads(path.read_text())
+    document["calibration_config"]["description_file"] = str(tmp_path / "robot.urdf")
+    path.write_text(json.dumps(document))
+    if text is not None:
+        (tmp_path / "robot.urdf").write_text(text)
+    assert main(["calibrate", "--dataset", str(path), "--output", str(tmp_path / "out")]) == 0
+    told = capsys.readouterr().out
+    assert f"optimized.urdf.xacro is not written: {tmp_path}/{reason}" in told
+    assert not (tmp_path / "out" / "optimized.urdf.xacro").exists()

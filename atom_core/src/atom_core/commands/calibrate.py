@@ -8,7 +8,7 @@ import time
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, List, Optional, Tuple, Union
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
@@ -300,20 +300,24 @@ def _kept_detections(args: argparse.Namespace, dataset: Dataset) -> Tuple[Tuple[
     return tuple(kept)
 
 
-def _description(args: argparse.Namespace, configured: Optional[str]) -> Optional[Description]:
-    """Read the description that was asked for; the configuration's only where it can be found."""
+def _description(
+    args: argparse.Namespace, configured: Optional[str]
+) -> Union[Description, DescriptionError]:
+    """Return the description that was asked for; the configuration's, or why it cannot be read."""
     if args.description:
         return read_description(args.description)
     if not configured:
-        return None
+        return DescriptionError("the dataset names no robot description (--description)")
     try:
         return read_description(configured)
-    except DescriptionError:
-        return None
+    except DescriptionError as error:
+        return error
 
 
 def _write_files(
-    folder: Path, results: CalibrationResults, description: Optional[Description]
+    folder: Path,
+    results: CalibrationResults,
+    description: Union[Description, DescriptionError],
 ) -> List[str]:
     """Write dataset, parameters and description; return what the user should know."""
     calibration = results.calibration
@@ -324,8 +328,8 @@ def _write_files(
         calibration.free.additional_tfs,
         calibration.free.joints,
     )
-    if description is None:
-        return ["no robot description found: optimized.urdf.xacro is not written (--description)"]
+    if isinstance(description, DescriptionError):
+        return [f"{DESCRIPTION_FILE} is not written: {description}"]
     return _write_description(folder / DESCRIPTION_FILE, results, description)
 
 
