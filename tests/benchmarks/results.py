@@ -50,6 +50,7 @@ ROWS = (
     Row("lidar3d-depth_px", "lidar3d-depth", 1.306, 1.31),
     Row("depth-rgb_px", "depth-rgb", 3.394, 3.39),
     Row("lidar3d-lidar3d_mm", "lidar3d-lidar3d", 32.974, 33.0),
+    Row("lidar3d-lidar3d_common_mm", "lidar3d-lidar3d_common", 32.974, 32.97),
     Row("lidar3d-lidar3d_plane_mm", "lidar3d-lidar3d_plane", None, None),
 )
 

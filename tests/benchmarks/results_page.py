@@ -10,6 +10,7 @@ _NAMES = {
     "lidar3d-depth_px": "LiDAR-depth, RMS [px]",
     "depth-rgb_px": "depth-RGB, RMS [px]",
     "lidar3d-lidar3d_mm": "LiDAR-LiDAR, nearest points, RMS [mm]",
+    "lidar3d-lidar3d_common_mm": "LiDAR-LiDAR, the same over the part that both see, RMS [mm]",
     "lidar3d-lidar3d_plane_mm": "LiDAR-LiDAR, points to plane, RMS [mm]",
     "pose_mm": "pose against the truth, mean of six sensors [mm]",
     "pose_deg": "pose against the truth, mean of six sensors [deg]",
@@ -41,6 +42,7 @@ def page(document: Mapping[str, Any]) -> str:
             [
                 [name, *(_number(rows[key][k]) for k in ("paper", "mean", "std", "at_truth"))]
                 for key, name in _NAMES.items()
+                if key in rows  # results of before a row was added lack it
             ],
         ),
         _whole_board(document["whole_board_lidar3d-lidar3d_mm"]),

@@ -58,6 +58,13 @@ def test_too_few_collections_are_told():
     assert trust.halves == () and any("it takes 8" in why for why in trust.untold)
 
 
+def test_range_sensors_do_not_tell_a_camera_which_way_round_a_board_is():
+    scene = scenes.random_scene(4, rgb=1, depth=1, lidar3d=1, collections=8)
+    trust = trust_checks(calibrate(scene.dataset, QUIET))
+    assert not contradictions(trust)
+    assert any("without rgb_1: no other sensor tells which way" in why for why in trust.untold)
+
+
 def test_what_did_not_converge_is_not_asked(sound):
     trust = trust_checks(replace(sound[0], status="failed"))
     assert trust.untold == ("nothing was asked: the calibration is failed",)

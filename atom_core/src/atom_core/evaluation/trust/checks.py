@@ -260,7 +260,10 @@ def _left_out(
     alone = replace(boards, sensors={name: solved.sensors[name]}).selected(
         collections=_used(by_others)
     )
-    seen = [k for k, c in alone.collections.items() if any(s == name for s, _ in c.labels)]
+    seen = _of_use(alone, others, name, calibration.dataset)
+    if not seen:
+        untold.append(f"{what}: no other sensor tells which way round a board is that it sees")
+        return None
     predicted = _solved(
         alone.selected(collections=seen),
         replace(options, anchor_sensors=(), anchor_patterns=True, ignore_anchored_sensor=True),
@@ -274,6 +277,21 @@ def _left_out(
     covariance = _spread(predicted, edge) + _spread(calibration, edge)
     kind, joint, now = _grown(calibration, predicted, name)
     return Predicted(_compared((name,), change, covariance), kind, joint, now)
+
+
+def _of_use(alone: Dataset, others: Sequence[str], name: str, whole: Dataset) -> List[str]:
+    """Return the collections in which the others place a board as this sensor needs it.
+
+    A range sensor does not tell which way round a rectangle is, and a camera has to know it.
+    """
+    telling = [other for other in others if not whole.sensors[other].kind.measures_range]
+    found = []
+    for key, collection in alone.collections.items():
+        boards = [pattern for sensor, pattern in collection.labels if sensor == name]
+        by = others if whole.sensors[name].kind.measures_range else telling
+        if any((other, board) in collection.labels for other in by for board in boards):
+            found.append(key)
+    return found
 
 
 def _grown(before: Calibration, after: Calibration, name: str) -> Tuple[str, float, float]:
