@@ -10,7 +10,13 @@ from atom_calibration.labels.label_messages import labels_message, point_count, 
 from atom_calibration.messages.poses import pose_matrix
 from atom_calibration.modalities.frames import Frame
 from atom_calibration.msg import SensorLabels
-from atom_calibration.show.annotation import BORDER_RGB, INSIDE_RGB, POINT, annotated
+from atom_calibration.show.annotation import (
+    BORDER_RGB,
+    INSIDE_RGB,
+    POINT,
+    annotated,
+    picture_message,
+)
 from atom_core.geometry import se3
 from atom_core.labeling.base import Labeled, nothing
 from atom_core.model.dataset import pose
@@ -135,3 +141,18 @@ def test_the_annotated_image_shows_the_labels_and_why_there_are_none():
     image = annotated(frame)
     pixels = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width, 3)
     assert pixels[:30, :120].max() > 240 and pixels[:30, :120].min() == 0
+
+
+def test_what_is_written_in_a_picture_is_as_large_for_its_width_and_within_it():
+    frame = labeled("depth_1")
+    frame.set_label(PATTERN.name, nothing("depth", "the board is too far away"))
+    extents = []
+    for width in (300, 1280):
+        picture = np.full((width // 2, width, 3), 128, np.uint8)
+        shown = picture_message(frame, picture)
+        pixels = np.frombuffer(shown.data, np.uint8).reshape(shown.height, shown.width, 3)
+        rows, columns = np.nonzero((pixels != 128).any(axis=2))
+        extents.append(np.array([rows.max(), columns.max()]) / width)
+        assert columns.max() < 0.98 * width
+    np.testing.assert_allclose(extents[1], extents[0], atol=0.02)
+    assert extents[1][0] < 0.07, "one line"

@@ -1,5 +1,7 @@
 """What a calibration would be without what a sensor saw in a collection."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,8 @@ from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.editing.left_out import LeftOut
 from atom_core.errors import SelectionError
+from atom_core.geometry import se3
+from atom_core.model.dataset import board_edge
 from atom_core.synthetic import scenes
 
 pytest.importorskip("atom_core._core", reason="the compiled module solves")
@@ -59,3 +63,17 @@ def test_what_is_not_there_is_refused(start):
         with pytest.raises(SelectionError, match="has no label in collection"):
             left.leave_out(sensor, collection)
     assert left.now is left.first
+
+
+def test_boards_of_the_dataset_that_do_not_fit_are_placed_anew(start):
+    first, options = start
+    dataset, wrong = first.dataset, {}
+    move = se3.random_move(0.5, 1.0, np.random.default_rng(0))
+    for key, collection in dataset.collections.items():
+        edges = [board_edge(p) for p in dataset.patterns.values()]
+        poses_of = collection.transforms
+        wrong[key] = {e: poses_of[e] @ move for e in edges if e in poses_of}
+    assert wrong["000"], "the answer carries its boards"
+    trusting = replace(options, boards_of_dataset=True)
+    again = calibrate(dataset.with_transforms(wrong), trusting)
+    assert again.status == first.status and same(again, first, 1e-6)

@@ -198,5 +198,5 @@ def _conclusion(folder: Path) -> List[str]:
     return [
         f"sensors against the truth, on average: {1000 * errors['translation_error_m']:.2f} mm and "
         f"{errors['rotation_error_deg']:.3f} deg; at the start 100 mm and 5.7 deg",
-        f"all results: {folder}/",
+        f"all results: {folder.resolve()}/",
     ]

@@ -134,7 +134,7 @@ def conclusion(folder: Path) -> List[str]:
         f"sensors against the truth: at most {1000 * metres:.3f} mm and {degrees:.4f} deg off; at "
         f"the start 100 mm and 5.7 deg, where an edge is not held"
     ]
-    return [*lines, *_joints(calibration), f"all results: {folder}/"]
+    return [*lines, *_joints(calibration), f"all results: {folder.resolve()}/"]
 
 
 def _joints(calibration: Mapping[str, Any]) -> List[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Optional
@@ -114,12 +115,12 @@ def add_corrected_options(parser: argparse.ArgumentParser) -> None:
 
 
 def corrected_file(args: argparse.Namespace) -> Path:
-    """Return where a corrected dataset is saved.
+    """Return where a corrected dataset is saved, an absolute path.
 
     Raises:
         OutputError: the file is there, and may not be replaced.
     """
-    output: Path = args.output or args.dataset.with_name(_CORRECTED)
+    output = Path(os.path.abspath(args.output or args.dataset.with_name(_CORRECTED)))
     if output.exists() and not args.overwrite:
         raise OutputError(
             f"{output}: exists already; add --overwrite to replace it, or go on with it by "

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Union
+import textwrap
+from typing import Sequence, Union
 
 import cv2
 import numpy as np
@@ -16,6 +17,8 @@ from atom_core.model.labels import RangeLabel
 
 INSIDE_RGB, BORDER_RGB = 0x3CDC3C, 0xFF2828
 _WHITE, _BLACK = (255, 255, 255), (0, 0, 0)
+# What is written in a picture has its size for one of this width [px]; so many letters fit then.
+_WIDTH_PX, _LETTERS, _MOST_LINES = 300.0, 36, 4
 # A point as RViz colours it; `idx` is its index in the sensor's own cloud.
 POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("rgb", "<u4"), ("idx", "<u4")])
 
@@ -29,22 +32,29 @@ def annotated(frame: Frame) -> Union[Image, PointCloud2]:
 
 def picture_message(frame: Frame, picture: np.ndarray) -> Image:
     """Return a picture (height, width, 3) of a frame's data, with why labels are lacking."""
-    for line, labeled in enumerate(x for x in frame.labels.values() if not x.detected):
-        place = (8, 20 + 20 * line)
-        for colour, width in ((_BLACK, 3), (_WHITE, 1)):
-            cv2.putText(
-                picture,
-                labeled.reason,
-                place,
-                cv2.FONT_HERSHEY_SIMPLEX,
-                0.45,
-                colour,
-                width,
-                cv2.LINE_AA,
-            )
+    _write(picture, [x.reason for x in frame.labels.values() if not x.detected])
     message = image_message(picture, "bgr8")
     message.header = header_message(frame)
     return message
+
+
+def _write(picture: np.ndarray, sentences: Sequence[str]) -> None:
+    """Write sentences at the top, to be read in a pane that is far narrower than the picture."""
+    scale = picture.shape[1] / _WIDTH_PX
+    lines = [line for text in sentences for line in textwrap.wrap(text, _LETTERS)]
+    for number, line in enumerate(lines[:_MOST_LINES], start=1):
+        place = (round(6 * scale), round(15 * scale * number))
+        for colour, thickness in ((_BLACK, 3.0), (_WHITE, 1.0)):
+            cv2.putText(
+                picture,
+                line,
+                place,
+                cv2.FONT_HERSHEY_SIMPLEX,
+                0.42 * scale,
+                colour,
+                max(round(thickness * scale), 1),
+                cv2.LINE_AA,
+            )
 
 
 def labeled_cloud(frame: Frame) -> PointCloud2:

@@ -46,6 +46,8 @@ class CalibrationOptions:
         complete_only: use only collections in which every sensor sees every pattern.
         initial_guess: ``description`` starts from the transforms of the dataset (and leaves them
             where that cannot be right), ``none`` places the sensors from the data alone.
+        boards_of_dataset: boards begin where the dataset has them, as an earlier calibration left
+            them, if that fits what is seen of them; else, and by default, they are placed anew.
         noisy_initial_guess: metres and radians by which each free edge is moved at the start.
         seed: of that disturbance.
         range_offset: LiDARs whose range offset is estimated.
@@ -77,6 +79,7 @@ class CalibrationOptions:
     intrinsics_sigma: Optional[float] = 0.005
     complete_only: bool = False
     initial_guess: str = DESCRIPTION
+    boards_of_dataset: bool = False
     noisy_initial_guess: Tuple[float, float] = (0.0, 0.0)
     seed: int = 0
     range_offset: Tuple[str, ...] = ()

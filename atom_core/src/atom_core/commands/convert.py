@@ -27,5 +27,6 @@ def run(args: argparse.Namespace) -> int:
     common.refuse_occupied(args.output, args.overwrite)
     target = migrate_dataset(args.dataset, args.output, args.overwrite)
     dataset = read_dataset(target)
-    print(f"{target}: {len(dataset.sensors)} sensors, {len(dataset.collections)} collections")
+    counts = f"{len(dataset.sensors)} sensors, {len(dataset.collections)} collections"
+    print(f"{target.resolve()}: {counts}")
     return 0

@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     status = _run(calibrate, ["--dataset", train] + options + truth)
     print("\n4/4 evaluate on the test set\n")
     _run(evaluate, _evaluation_arguments(folder, result))
-    print(f"\nall results: {folder}")
+    print(f"\nall results: {folder.resolve()}")
     results = ["--calibration", str(result), "--evaluation", str(folder / "evaluation")]
     if not args.no_report:
         _run(report, [*results, "--output", str(folder), "--overwrite"])

@@ -35,6 +35,7 @@ class LeftOut:
         self._options = replace(
             options,
             solver=replace(options.solver, progress=None),
+            boards_of_dataset=True,
             noisy_initial_guess=(0.0, 0.0),
             # what would only be suggested costs time, and changes nothing
             model_errors=OFF if options.model_errors == SUGGEST else options.model_errors,

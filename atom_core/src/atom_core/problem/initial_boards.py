@@ -9,6 +9,7 @@ settled by the others.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Dict, List, Mapping, Sequence, Tuple
 
 import numpy as np
@@ -59,7 +60,10 @@ class Placement:
 
 
 def estimate_boards(
-    measurements: Sequence[Measurement], fixed_patterns: Sequence[str], placement: Placement
+    measurements: Sequence[Measurement],
+    fixed_patterns: Sequence[str],
+    placement: Placement,
+    known: Mapping[BoardKey, np.ndarray] = MappingProxyType({}),
 ) -> Dict[BoardKey, np.ndarray]:
     """Return ``parent_T_pattern`` (4, 4) of every board that some sensor allows to place.
 
@@ -67,9 +71,15 @@ def estimate_boards(
         measurements: all detections.
         fixed_patterns: names of patterns with one pose for all collections.
         placement: where the sensors are guessed to be.
+        known: poses of boards as solved before; taken where they are good enough.
     """
     estimates = {}
     for key, seen in _by_board(measurements, fixed_patterns).items():
+        if key in known:
+            now = _total_misfit(seen, known[key], placement, SOLVED_M)
+            if now < _GOOD_ENOUGH * len(seen):
+                estimates[key] = known[key]
+                continue
         proposals = _proposals(seen, placement)
         if proposals:
             judges = sorted(seen, key=lambda m: m.information, reverse=True)[:_JUDGING_SENSORS]

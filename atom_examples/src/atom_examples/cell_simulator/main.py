@@ -145,7 +145,7 @@ def _bag(args: argparse.Namespace) -> int:
     seed = check_least("seed", args.seed, 0)
     world = World(seed, **_cell_of(args))
     try:
-        print(f"{args.bag}: {_recorded(world, recording, args)}")
+        print(f"{args.bag.resolve()}: {_recorded(world, recording, args)}")
     finally:
         world.scene.close()
     return 0

@@ -45,7 +45,7 @@ NODE = "transform_corrector"
 EXAMPLE = (
     "rosrun atom_calibration transform_corrector -json dataset.json -pll odom -cll base_footprint"
 )
-_MENU_PLACE_M = (1.0, 0.0, 1.0)  # in the world
+_MENU_PLACE_M = (1.0, 0.0, 0.4)  # in the world, below what is dragged
 _BODY_IN_SCALE = 0.25  # size of the ball in the middle of a marker
 _MOST_POINTS = 6000  # of a cloud that are drawn
 _GREY, _LIGHT = (0.6, 0.6, 0.6), (0.9, 0.9, 0.9)
@@ -114,6 +114,7 @@ class TransformCorrector:
         for name in ("save", "undo", "next", "previous"):
             self._actions.serve(name, getattr(self, name))
         self._show()
+        self._menu.show(f"{self._corrections.place}; right mouse button: next, undo, save")
 
     def _marker_of(self, edge: Edge, colour: Colour, moves: str, scale: float) -> PoseMarker:
         value = self._corrections.value(edge)
@@ -125,7 +126,6 @@ class TransformCorrector:
             self._moved(edge),
             moves=moves,
             scale=scale,
-            description=str(edge),
             shapes=[markers.sphere("", _BODY_IN_SCALE * scale, colour)],
             menu=[
                 self._actions.entry(f"Reset {edge}", lambda: self.reset(edge)),

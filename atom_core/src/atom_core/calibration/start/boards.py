@@ -31,15 +31,25 @@ _FAR_RAD = 2.5  # of a rotation vector, which is singular at a full turn
 
 
 def initial_boards(
-    dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges
+    dataset: Dataset,
+    measurements: Sequence[Measurement],
+    free: FreeEdges,
+    of_dataset: bool = False,
 ) -> Dict[BoardKey, np.ndarray]:
     """Return ``parent_T_pattern`` of every board, from the sensors where they stand now.
 
-    With ``anchor_patterns`` the dataset's own board poses are held.
+    With ``anchor_patterns`` the dataset's own board poses are held; with ``of_dataset`` they are
+    where boards begin, if they fit.
     """
     if free.anchor_patterns:
         return _held_boards(dataset, measurements)
-    return estimate_boards(measurements, _fixed_patterns(dataset), placement(dataset, measurements))
+    known: Dict[BoardKey, np.ndarray] = {}
+    if of_dataset:
+        carried = carried_boards(dataset, measurements)
+        places = {(m.key.pattern, m.key.collection): _board_key(dataset, m) for m in measurements}
+        known = {places[place]: carried[place] for place in places if place in carried}
+    stand = placement(dataset, measurements)
+    return estimate_boards(measurements, _fixed_patterns(dataset), stand, known)
 
 
 def _fixed_patterns(dataset: Dataset) -> List[str]:

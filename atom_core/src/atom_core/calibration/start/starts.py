@@ -152,7 +152,8 @@ def find_starts(prepared: Prepared, options: CalibrationOptions) -> Starts:
     for guess in guesses:
         rng = np.random.default_rng(options.seed)
         moved = disturbed(guess, free, *options.noisy_initial_guess, rng)
-        problems.append(initial_problem(moved, measurements, free, prepared.unused))
+        of_dataset = options.boards_of_dataset
+        problems.append(initial_problem(moved, measurements, free, prepared.unused, of_dataset))
     return Starts(tuple(problems), remarks)
 
 
@@ -176,6 +177,7 @@ def initial_problem(
     measurements: Sequence[Measurement],
     free: FreeEdges,
     unused: Optional[Mapping[str, str]] = None,
+    boards_of_dataset: bool = False,
 ) -> InitialProblem:
     """Place the boards and build the problem of a start.
 
@@ -183,7 +185,7 @@ def initial_problem(
         CalibrationError: nothing is left to estimate, or what is left does not hang together.
     """
     left_out: Dict[str, str] = dict(unused or {})
-    boards = initial_boards(initial, measurements, free)
+    boards = initial_boards(initial, measurements, free, boards_of_dataset)
     kept = placed(initial, measurements, boards, left_out)
     check_connected(initial, kept, free)
     problem = build_problem(initial, kept, boards, free)
