@@ -1,10 +1,14 @@
 """Pictures that moved, rolled, were exposed badly or shine: right corners, or none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
+from atom_core.labeling.charuco import CharucoFinder
+from atom_core.labeling.marker_search import search_markers
 from atom_core.labeling.rgb import RgbLabeler
 from atom_core.model.pattern import pattern_from_config
 from atom_core.model.sensor import RGB, Sensor
@@ -60,3 +64,33 @@ def test_corners_are_right_or_refused(case, board):
         error = found.label.pixels - rolled(corners, how, CAMERA.height)
         assert np.linalg.norm(error.mean(axis=0)) <= most_px
         assert np.abs(error).max() < 3.0  # in the right order
+
+
+def over_exposed(config, configured):
+    """Label a picture of a ChArUco, of which next to no marker is read, by a configuration."""
+    pattern = pattern_from_config("board", config)
+    rng = np.random.default_rng(0)
+    clean = render(CAMERA, [((pattern, config), pose_of(pattern, rng))], border_grey=230)[..., 0]
+    picture = exposed((0.75 * clean + 25.0).astype(np.uint8), Exposure(gain=2.5, **USUAL), rng)
+    finder = CharucoFinder(*configured.dimension, 0.75, configured.dictionary)
+    return finder, picture
+
+
+def test_markers_that_are_read_wrongly_are_of_no_other_board():
+    config = charuco()
+    finder, picture = over_exposed(config, config)
+    ids, outlines, _ = search_markers(picture, config.dictionary)
+    few = np.random.default_rng(1).permutation(len(ids))[:6]
+    reason = finder._why_nothing_fits(picture, ids[few][::-1], outlines[few], None)
+    assert "the picture is over-exposed" in reason and "another" not in reason
+    dark = (picture // 3).astype(np.uint8)
+    reason = finder._why_nothing_fits(dark, ids[few][::-1], outlines[few], None)
+    assert "check dimension" in reason and "another" not in reason
+
+
+def test_another_board_is_named_however_it_is_exposed():
+    config = charuco()
+    finder, picture = over_exposed(config, replace(config, dimension=(10, 8)))
+    ids, outlines, _ = search_markers(picture, config.dictionary)
+    reason = finder._why_nothing_fits(picture, ids, outlines, None)
+    assert "{x: 11, y: 8} fits the markers" in reason

@@ -25,9 +25,11 @@ from atom_core.labeling.marker_search import (
     smoothed_where_flat,
 )
 from atom_core.labeling.saddle import Corners, refine
+from atom_core.labeling.view_quality import over_exposed_share
 
 LEAST_MARKERS = 3
 _LEAST_FITTING = 0.75  # of the markers, for a layout to be right
+_LEAST_TELLING = 8  # markers that tell of another board: fewer, read wrongly, fit one by chance
 _LEAST_QUALITY, _LEAST_CONTRAST = 0.75, 5.0
 _LEAST_PITCH_PX = 4.5  # between lines of corners: below it nothing exact can be said
 _LARGEST_MOVE_SQUARES, _LARGEST_MOVE_PX = 0.15, 4.0
@@ -106,7 +108,9 @@ class CharucoFinder:
         views = self._fitting(ids, outlines, self.layouts, camera)
         if not views:
             alike = likenesses(smooth, outlines, self.dictionary)
-            why = self._mirrored(smooth, alike) or self._why_nothing_fits(ids, outlines, camera)
+            why = self._mirrored(smooth, alike) or self._why_nothing_fits(
+                grey, ids, outlines, camera
+            )
             return _none(len(ids), why)
         return self._of_the_right_layout(grey, views, len(ids), camera)
 
@@ -173,9 +177,9 @@ class CharucoFinder:
         return fits
 
     def _why_nothing_fits(
-        self, ids: np.ndarray, outlines: np.ndarray, camera: Optional[Camera]
+        self, grey: np.ndarray, ids: np.ndarray, outlines: np.ndarray, camera: Optional[Camera]
     ) -> str:
-        """Try what is often mistaken in a configuration, and name what would fit."""
+        """Try what is often mistaken in a configuration; name what would fit, or the exposure."""
         columns, rows, _ = self.layouts[0]
         guesses = [(rows, columns)]
         guesses += [(columns + i, rows + j) for i in (0, -1, 1) for j in (0, -1, 1)]
@@ -183,7 +187,7 @@ class CharucoFinder:
         for guess in guesses:
             layouts = [Layout(*guess, option) for option in (CURRENT, LEGACY)]
             fits = self._fitting(ids, outlines, layouts, camera) if min(guess) >= 2 else []
-            if not fits:
+            if not fits or len(ids) < _LEAST_TELLING:
                 continue
             swapped = "rows and columns are swapped; " if guess == (rows, columns) else ""
             wrong = f"dimension is {{x: {columns}, y: {rows}}}"
@@ -194,9 +198,17 @@ class CharucoFinder:
             return (
                 f"{len(ids)} markers are seen, but the board is another: {swapped}{wrong}, {right}"
             )
+        seen = f"{len(ids)} markers of {self.dictionary} are seen, but they do not stand as on this"
+        white = over_exposed_share(grey, outlines.reshape(-1, 2))
+        if white > 0.0:
+            return (
+                f"{seen} board: the picture is over-exposed ({white:.0%} of it about them is as "
+                f"white as can be), so that markers are read wrongly; give the camera less light, "
+                f"or a shorter exposure"
+            )
         return (
-            f"{len(ids)} markers of {self.dictionary} are seen, but they do not stand as on this "
-            f"board; check dimension (inner corners), size and inner_size, or if there are two"
+            f"{seen} board; check dimension (inner corners), size and inner_size, or if there are "
+            f"two"
         )
 
     def _corners(

@@ -313,6 +313,15 @@ def _around(image: np.ndarray, pixels: np.ndarray) -> Tuple[np.ndarray, np.ndarr
     return part, low.astype(float)
 
 
+def over_exposed_share(grey: np.ndarray, pixels: np.ndarray) -> float:
+    """Return the share of an image (height, width) that is as white as can be, about pixels (n, 2).
+
+    0 where that is usual.
+    """
+    share = _exposure(grey, pixels).get("clipped_share", 0.0)
+    return share if share > _MOST_CLIPPED else 0.0
+
+
 def _exposure(grey: np.ndarray, pixels: np.ndarray) -> Dict[str, float]:
     mask = np.zeros(grey.shape, np.uint8)
     hull = cv2.convexHull(np.rint(pixels).astype(np.int32).reshape(-1, 1, 2))
