@@ -203,6 +203,13 @@ def test_a_board_of_which_nothing_can_be_known_is_refused(options, says):
     assert says in str(refused.value)
 
 
+def test_the_configuration_is_named_where_its_prior_of_a_board_cannot_be():
+    dataset = hand_eye(0, collections=6).dataset
+    config = replace(dataset.config, priors={"pattern_1": PriorConfig(0.01, 0.02)})
+    with pytest.raises(CalibrationError, match="priors of the configuration: pattern_1: the data"):
+        calibrate(replace(dataset, config=config), CalibrationOptions())
+
+
 def test_a_board_that_is_carried_about_has_no_prior():
     scene = scenes.random_scene(1, rgb=2, depth=0, lidar3d=0, collections=4)
     with pytest.raises(CalibrationError, match="as it is carried about"):

@@ -13,6 +13,7 @@ from atom_core.problem.priors import Prior
 from atom_core.solvers.base import SIGMA
 
 OPTION = "--prior"
+_CONFIGURED = "priors of the configuration: "
 
 
 class _Target(NamedTuple):
@@ -62,14 +63,14 @@ def priors(
         _add(found, dataset, name, target, sigmas)
     remarks, of_options = [], set(found)
     for name, sigmas in configured.items():
-        target = _target(targets, name, "priors of the configuration: ")
+        target = _target(targets, name, _CONFIGURED)
         if target.held is not None:
             remarks.append(
                 f"the configuration's prior of '{name}' has no effect: {target.what} is not "
                 f"estimated ({target.held})"
             )
         elif target.edge not in of_options:
-            _add(found, dataset, name, target, sigmas)
+            _add(found, dataset, name, target, sigmas, _CONFIGURED)
     return found, remarks
 
 
@@ -117,11 +118,12 @@ def _add(
     name: str,
     target: _Target,
     sigmas: Sequence[float],
+    where: str = f"{OPTION} ",
 ) -> None:
     before = found.get(target.edge)
     if before is not None:
         raise CalibrationError(
-            f"{OPTION} {name}: {target.what} has a prior already, that of '{before.name}'; leave "
+            f"{where}{name}: {target.what} has a prior already, that of '{before.name}'; leave "
             f"one of the two out"
         )
     if target.joint is not None:
@@ -135,7 +137,7 @@ def _add(
     }
     if not poses:
         raise CalibrationError(
-            f"{OPTION} {name}: the dataset does not say where '{target.edge}' is, so nothing can "
+            f"{where}{name}: the dataset does not say where '{target.edge}' is, so nothing can "
             f"be expected of it; put the link into the robot's description, and collect again"
         )
     found[target.edge] = Prior(name, sigmas[0], sigmas[1], poses)
