@@ -76,6 +76,23 @@ def test_two_programs_that_publish_one_edge_are_refused(place, make, capsys):
     assert "'world-arm' of /tf goes to and fro between two values" in line
 
 
+def test_frames_that_stand_in_one_another_are_refused(place, make, capsys):
+    content = list(messages(make))
+    content.insert(3, ("/tf_static", make.tf("cam", "world", np.eye(4), 100.0), 100.0))
+    line = refusal(place(content), capsys)
+    assert "go in a circle: 'world' in 'cam' in 'world'; two programs" in line
+
+
+def test_a_frame_that_is_placed_twice_is_told(make):
+    watch = EdgeWatch()
+    watch.see_fixed(make.transform("base", "cam", np.eye(4)))
+    for _ in range(3):
+        watch.see_moving(make.transform("arm", "cam", np.eye(4)))
+        watch.see_moving(make.transform("base", "arm", np.eye(4)))
+    (remark,) = watch.remarks
+    assert "frame 'cam' stands in 'base' and in 'arm'" in remark
+
+
 @pytest.mark.parametrize("share", [1, 5])
 def test_also_where_one_publishes_less_often(share, make):
     watch, still = EdgeWatch(), np.eye(4)

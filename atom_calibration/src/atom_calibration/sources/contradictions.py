@@ -104,16 +104,27 @@ class EdgeWatch:
         """Know no edge."""
         self._moving: Dict[Edge, _Seen] = {}
         self._fixed: Dict[Edge, PoseTuple] = {}
+        self._parents: Dict[str, str] = {}
         self._warned: Dict[Edge, str] = {}
 
     @property
     def remarks(self) -> List[str]:
-        """What is to be said of fixed edges that have two values."""
+        """What is to be said: fixed edges that have two values, frames with two parents."""
         return list(self._warned.values())
+
+    def _see_parent(self, edge: Edge) -> None:
+        known = self._parents.setdefault(edge.child, edge.parent)
+        if known != edge.parent and edge not in self._warned:
+            self._warned[edge] = (
+                f"frame '{edge.child}' stands in '{known}' and in '{edge.parent}': /tf and "
+                f"/tf_static place it twice, and the last message counts; if two programs publish "
+                f"it, record again with one of them"
+            )
 
     def see_fixed(self, message: Any) -> None:
         """Note a TransformStamped of /tf_static."""
         edge, pose = edge_of(message), _pose_tuple(message)
+        self._see_parent(edge)
         apart_m, apart_rad = _apart(self._fixed.setdefault(edge, pose), pose)
         if apart_m > _SAME_M or apart_rad > _SAME_RAD:
             self._warned[edge] = (
@@ -130,6 +141,7 @@ class EdgeWatch:
                 next message.
         """
         edge, pose = edge_of(message), _pose_tuple(message)
+        self._see_parent(edge)
         seen = self._moving.get(edge) or _Seen(pose, pose, 0)
         step_m, step_rad = _apart(pose, seen.last)
         switches = seen.switches

@@ -50,16 +50,28 @@ class TransformTree:
 
         Raises:
             MessageError: one of them is no pose.
+            TransformError: frames stand in one another in a circle.
         """
         for message in messages:
             edge, matrix = edge_of(message), transform_matrix(message)
-            self._parents[edge.child] = edge.parent
+            if self._parents.get(edge.child) != edge.parent:
+                self._place(edge)
             if fixed:
                 self._fixed[edge] = matrix
                 self._buffer.set_transform_static(_copy(edge, matrix, message), "bag")
             else:
                 self._note(edge, stamp_s(message))
                 self._buffer.set_transform(_copy(edge, matrix, message), "bag")
+
+    def _place(self, edge: Edge) -> None:
+        self._parents[edge.child] = edge.parent
+        way = self._ancestors(edge.parent)
+        if edge.child in way:
+            circle = " in ".join(f"'{frame}'" for frame in [edge.child, *way])
+            raise TransformError(
+                f"the transforms of /tf and /tf_static go in a circle: {circle}; two programs "
+                f"publish what contradicts each other: record again without one of them"
+            )
 
     def _note(self, edge: Edge, stamp: float) -> None:
         """Remember a stamp, and forget those that the buffer has forgotten."""
