@@ -332,9 +332,35 @@ def test_a_report_is_made_of_an_evaluation_alone_and_without_data(given):
         },
     }
     made = html.html(make_page(Given(None, tested)))
-    assert "7.25" in made and "no camchain" in made and "opencv_stereo" in made
+    assert "7.25" in made and "no camchain" in made and "opencv stereo" in made
     assert "plotly" not in made  # nothing to be turned
     assert "left out" in html.html(make_page(Given(given.calibration, None, None)))
+
+
+def test_checks_and_changes_are_shown_where_they_are(given):
+    one = {"sigmas": 1.25, "translation_m": 0.002, "rotation_rad": 0.001}
+    checks = {
+        "agree": False,
+        "contradictions": ["two halves put a in different places"],
+        "split_half": {"limit_sigmas": 3.6, "sensors": {"a": {**one, "sigmas": 9.75}}},
+        "leave_one_out": {"limit_sigmas": 3.6, "sensors": {"a": one}},
+        "loops": {"limit_sigmas": 3.6, "triangles": [{"sensors": ["a", "b", "c"], **one}]},
+        "not_asked": ["nothing else"],
+    }
+    edge = {"sensors": ["a"], "verdict": "moved", "chi_square": 81.5, **one}
+    moved_since = {
+        **{"moved": True, "sentence": "a has moved", "edges": {"base-a": edge}},
+        **{"before": "one", "after": "two", "limit_chi_square": 16.8, "false_alarm_rate": 0.01},
+    }
+    page = make_page(
+        Given({**given.calibration, "trust_checks": checks}, None, changes=(moved_since,))
+    )
+    assert page.grade == "wrong" and page.sentence == "A has moved."
+    names = [section.name for section in page.sections]
+    assert names.index("changes") < names.index("certainty") < names.index("trust")
+    made = html.html(page)
+    for told in ("9.75", "81.5", "a, b, c", "Two halves put a in different places."):
+        assert told in made
 
 
 def test_the_scene_is_seen_from_the_poses(given):

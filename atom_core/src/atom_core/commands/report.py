@@ -24,6 +24,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         add(parser, name, type=common.named_path, metavar="DIR", help=help_text)
     add(
         parser,
+        "changes",
+        nargs="+",
+        type=common.named_path,
+        default=[],
+        metavar="FILE",
+        help="comparison.json of `evaluate --compare A B`, document of `check --against`",
+    )
+    add(
+        parser,
         "output",
         "-o",
         type=common.named_path,
@@ -42,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder}: a file is in the way; choose another folder for --output")
     refuse_reports(folder, args.overwrite)
-    given = read_given(args.calibration, args.evaluation)
+    given = read_given(args.calibration, args.evaluation, changes=args.changes)
     prepare_output_folder(folder, overwrite=True)
     path = write_report(given, folder)
     for remark in given.remarks:

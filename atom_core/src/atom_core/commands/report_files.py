@@ -10,7 +10,7 @@ import sys
 import threading
 import zlib
 from pathlib import Path
-from typing import Any, Dict, Iterator, List, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple
 
 from atom_core.errors import AtomError, OutputError
 from atom_core.io.atomic import write_bytes_atomically
@@ -32,6 +32,7 @@ _KEYS = {  # without these a document is no result
     },
     EVALUATION_FILE: {"pairs": list, "averages": dict, "train": str, "test": str},
 }
+_CHANGES_KEYS = {"moved": bool, "sentence": str, "edges": dict}
 # What drawing may end with where a result is unlike all that were thought of.
 _DRAWING_ERRORS = (
     *(ArithmeticError, AssertionError, AttributeError, LookupError, MemoryError, RuntimeError),
@@ -44,7 +45,10 @@ class ReportError(AtomError):
 
 
 def read_given(
-    calibration: Optional[Path], evaluation: Optional[Path], dataset: Optional[Dataset] = None
+    calibration: Optional[Path],
+    evaluation: Optional[Path],
+    dataset: Optional[Dataset] = None,
+    changes: Sequence[Path] = (),
 ) -> Given:
     """Return what a report is made from.
 
@@ -53,6 +57,7 @@ def read_given(
             file, where it is there.
         evaluation: folder of an evaluation's results; None: none.
         dataset: the calibrated one, where it is in memory already.
+        changes: documents of `evaluate --compare A B` and of `check --against`.
 
     Raises:
         ReportError: a folder holds no such result.
@@ -73,7 +78,8 @@ def read_given(
         residuals = _residuals(calibration / RESIDUALS_FILE, remarks)
     if dataset is not None:
         remarks += _absent(dataset)
-    return Given(solved, tested, dataset, residuals, tuple(remarks))
+    found = tuple(_checked(path, "evaluate --compare", _CHANGES_KEYS) for path in changes)
+    return Given(solved, tested, dataset, residuals, tuple(remarks), found)
 
 
 def _absent(dataset: Dataset) -> List[str]:
@@ -84,14 +90,23 @@ def _absent(dataset: Dataset) -> List[str]:
 
 def _document(path: Path) -> Dict[str, Any]:
     what = "calibrate" if path.name == CALIBRATION_FILE else "evaluate"
+    return _checked(path, what, _KEYS[path.name])
+
+
+def _checked(path: Path, what: str, keys: Mapping[str, type]) -> Dict[str, Any]:
+    """Read a document that a command has written, and look whether it can be that.
+
+    Raises:
+        ReportError: it is absent, or of another kind.
+    """
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except OSError:
-        told = f"{path}: there is no such result; name the folder that `{what}` wrote"
+        told = f"{path}: there is no such result; name what `{what}` wrote"
         raise ReportError(told) from None
     except ValueError as error:
         raise ReportError(f"{path}: it is no JSON ({error}); run `{what}` again") from None
-    for key, kind in _KEYS[path.name].items():
+    for key, kind in keys.items():
         if not isinstance(document, dict) or not isinstance(document.get(key), kind):
             raise ReportError(
                 f"{path}: '{key}' is absent or of another kind than `{what}` writes; run it again"

@@ -232,6 +232,20 @@ def draw_bars(
         axes.legend(loc="best", frameon=False)
 
 
+def draw_limit(
+    axes: Axes, names: Sequence[str], values: Sequence[float], limit: float, label: str
+) -> None:
+    """Draw horizontal bars by name, and the limit that they shall not pass."""
+    colours = [RED if value > limit else BLUE for value in values]
+    axes.barh(range(len(names)), values, color=colours, edgecolor=INK, linewidth=0.5)
+    axes.axvline(limit, color=INK, linewidth=1.5, linestyle="--")
+    axes.set_yticks(range(len(names)))
+    axes.set_yticklabels(names, fontsize=7)
+    axes.invert_yaxis()
+    axes.set_xlim(0.0, 1.15 * max([limit, *values]))
+    axes.set_xlabel(label)
+
+
 def draw_scene(axes: Any, scene: Mapping[str, Any], points: List[np.ndarray]) -> None:
     """Draw the rig on axes of three dimensions.
 

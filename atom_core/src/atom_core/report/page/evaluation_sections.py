@@ -47,6 +47,7 @@ def pairs_section(given: Given) -> List[Section]:
     for name, entry in document.get("baselines", {}).items():
         if isinstance(entry, Mapping) and entry.get("skipped"):
             blocks.append(Text(f"Baseline {name}: {entry['skipped']}", warns=True))
+    blocks += [Text(told, warns=True) for told in document.get("baselines_left_out", [])]
     return [Section("pairs", "Sensors against one another, on the test set", blocks)]
 
 
@@ -106,7 +107,8 @@ def _pairs(
         names = [f"{pair['source']} → {pair['target']}", pair["kind"]]
         rows.append([*names, *counts, _three(pair["rms"]), _three(at_truth), *others])
     columns = ["pair", "kind", "collections", "points", f"RMS [{unit}]", "at the truth"]
-    return Table(f"Pairs in {unit}", [*columns, *baselines], rows)
+    names = [name.replace("_", " ") for name in baselines]
+    return Table(f"Pairs in {unit}", [*columns, *names], rows)
 
 
 def _bars(pairs: Sequence[Mapping[str, Any]], document: Document) -> List[Block]:

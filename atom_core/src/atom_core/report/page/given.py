@@ -27,7 +27,8 @@ class Given:
         dataset: with the calibrated edges and board poses; None: it could not be read.
         residuals: at the solution; empty where they were not kept.
         remarks: what could not be read, and is therefore left out.
-        folders: where the documents were found.
+        changes: comparisons with another calibration (``comparison.json``) or with new boards
+            (``drift.json``).
     """
 
     calibration: Optional[Document]
@@ -35,7 +36,7 @@ class Given:
     dataset: Optional[Dataset] = field(default=None, repr=False)
     residuals: Tuple[ResidualSample, ...] = field(default=(), repr=False)
     remarks: Tuple[str, ...] = ()
-    folders: Tuple[str, ...] = ()
+    changes: Tuple[Document, ...] = field(default=(), repr=False)
 
     @property
     def sensors(self) -> List[str]:

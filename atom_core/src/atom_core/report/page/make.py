@@ -24,6 +24,7 @@ from atom_core.report.page.given import Given
 from atom_core.report.page.moves import moves_section
 from atom_core.report.page.overview import facts, sensor_lines, sentences
 from atom_core.report.page.scene import decoded, rig_scene
+from atom_core.report.page.trust_sections import changes_section, trust_section
 from atom_core.report.page.views import Sighting, guidance_of, sightings
 
 
@@ -65,7 +66,9 @@ def _sections(
         *clouds_section(given, seen),
         *pairs_section(given),
         *truth_section(given),
+        *changes_section(given),
         *certainty_section(given),
+        *trust_section(given),
         *outliers_section(given),
         *labels_section(given, seen),
         *making_section(given),

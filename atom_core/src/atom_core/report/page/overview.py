@@ -7,33 +7,44 @@ from typing import Any, Dict, List, Mapping, Tuple
 from atom_core.labeling.guidance import Guidance
 from atom_core.report.page.blocks import SensorLine
 from atom_core.report.page.given import Document, Given, verdict_of
-from atom_core.report.verdict import GOOD, GRADES, WEAK, is_named
+from atom_core.report.verdict import GOOD, GRADES, WEAK, WRONG, is_named
 
 UNKNOWN = "unknown"
 NOT_DETERMINED = "not determined"
-_WHAT = {"calibration": "The calibration", "evaluation": "The test set"}
+_WHAT = {
+    "calibration": "The calibration",
+    "evaluation": "The test set",
+    "changes": "Has it moved",
+}
 _NO_VERDICT = (
     "The result has no verdict: it was written by an older version; calibrate or evaluate again."
 )
 
 
 def sentences(given: Given) -> Tuple[str, str, str]:
-    """Return the grade of the rig, its sentence, and that of the other result where there are two.
+    """Return the grade of the rig, its sentence, and those of the other results.
 
-    Of a calibration and an evaluation the worse one speaks first.
+    Of several results the worst one speaks first.
     """
     found = [
         (verdict_of(document), word)
         for document, word in ((given.calibration, "calibration"), (given.evaluation, "evaluation"))
         if document is not None and verdict_of(document)
     ]
+    found += [
+        ({"grade": WRONG if d["moved"] else GOOD, "sentence": d["sentence"]}, "changes")
+        for d in given.changes
+    ]
     if not found:
         return UNKNOWN, _NO_VERDICT, ""
     found.sort(key=lambda pair: -_rank(str(pair[0]["grade"])))
     first, *others = found
     told = [_sentence(verdict["sentence"]) for verdict, _ in found]
-    also = f"{_WHAT[others[0][1]]}: {others[0][0]['grade']}. {told[1]}" if others else ""
-    return str(first[0]["grade"]), told[0], also
+    also = [
+        f"{_WHAT[word]}: {verdict['grade']}. {sentence}"
+        for (verdict, word), sentence in zip(others, told[1:])
+    ]
+    return str(first[0]["grade"]), told[0], " ".join(also)
 
 
 def sensor_lines(given: Given, guidance: Mapping[str, Guidance]) -> List[SensorLine]:
