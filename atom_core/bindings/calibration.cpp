@@ -177,6 +177,7 @@ ResidualBlock AsResidualBlock(const py::dict& item) {
       block.deviation = item["deviation"].cast<Eigen::VectorXd>();
       Expect(block.deviation.size() == block.points.rows(), "deviation must have the shape (n,)");
     }
+    if (item.contains("facing")) block.facing = item["facing"].cast<PointRows>();
   }
   return block;
 }
@@ -402,7 +403,8 @@ Args:
     intrinsics: (d, c) blocks of the detections' cameras, -1 for none.
     residual_blocks: list of dict with kind, detection (n,), points (n, 3), and
         camera (dict), pixels (n, 2) for reprojection, centre, half_size (n, 2), steps (2 n, 3),
-        inset (n, 2), blend for border; for orthogonal perhaps deviation (n,), added to the heights.
+        inset (n, 2), blend for border; for orthogonal perhaps deviation (n,), added to the heights,
+        and perhaps facing (m, 3), by which they are stretched.
     parts: list of dict, for blocks that are more than poses: block (index), kind (origin, bias,
         camera or pose), free (6,) 1 or 0, prior_mean, prior_weight (6,); values (6,) of the first
         two, and of a bias axis (3,) and is_prismatic; of a camera first (0 or 6), and its residual

@@ -165,6 +165,10 @@ CalibrationProblem::CalibrationProblem(std::vector<ParameterBlock> parameters,
       segment_starts_[b].push_back(begin);
       begin = end;
     }
+    const auto facing = static_cast<std::size_t>(residuals_[b].facing.rows());
+    if (facing != 0 && facing != segment_starts_[b].size()) {
+      throw std::invalid_argument("facing needs one row for each detection of its block");
+    }
   }
 }
 

@@ -131,22 +131,59 @@ void ReduceReprojection(const ResidualBlock& block, const Segment& segment,
   sum->cost += robust.Total();
 }
 
-/// The board's plane (n, d) in the sensor's frame: n . q + d is the height of a point q over it.
-Eigen::Vector4d PlaneOf(const Isometry3d& pose) {
-  Eigen::Vector4d plane;
-  plane << pose.linear().col(2), -pose.linear().col(2).dot(pose.translation());
-  return plane;
-}
+/// The board's plane (n, d) in the sensor's frame, and how steeply the rays of a detection meet it.
+///
+/// n . q + d is the height of a point q over it. A residual is that times the stretch
+/// (OrthogonalBlock in problem/residuals.py).
+class BoardPlane {
+ public:
+  BoardPlane(const ResidualBlock& block, const Segment& segment, const Isometry3d& pose)
+      : block_(block) {
+    const Vector3d normal = pose.linear().col(2);
+    plane_ << normal, -normal.dot(pose.translation());
+    if (block.facing.rows() == 0) return;
+    const Vector3d facing = block.facing.row(static_cast<Eigen::Index>(segment.index));
+    const double steep = normal.dot(facing);
+    stretch_ = 2.0 / (1.0 + steep * steep);
+    by_turn_ = (-steep * stretch_ * stretch_) * normal.cross(facing);
+  }
 
-/// Adds rows that are linear in the board's plane, given their moments (4, 4) and the plane.
-void AddPlane(const Eigen::Matrix4d& moments, const Eigen::Vector4d& plane, Reduction* sum) {
-  Eigen::Matrix<double, 4, 6> by_twist = Eigen::Matrix<double, 4, 6>::Zero();
-  by_twist.topLeftCorner<3, 3>() = -Skew(plane.head<3>());
-  by_twist.bottomRightCorner<1, 3>() = -plane.head<3>().transpose();
-  const Eigen::Matrix<double, 4, 6> reached = moments * by_twist;
-  sum->gradient += reached.transpose() * plane;
-  sum->information.triangularView<Eigen::Lower>() += by_twist.transpose() * reached;
-}
+  /// What the residuals of points are linear in; without what is added to their heights.
+  Eigen::Vector4d Stretched() const { return stretch_ * plane_; }
+
+  double Residual(std::int64_t i) const { return stretch_ * Height(i); }
+
+  /// By the left twist of the pose.
+  Vector6d Row(std::int64_t i) const {
+    const Vector3d point = block_.points.row(i).transpose(), normal = stretch_ * plane_.head<3>();
+    Vector6d row;
+    row << Height(i) * by_turn_ - point.cross(normal), -normal;
+    return row;
+  }
+
+  /// Adds rows that are linear in the plane, given their moments (4, 4).
+  void AddRows(const Eigen::Matrix4d& moments, Reduction* sum) const {
+    const Vector3d normal = stretch_ * plane_.head<3>();
+    Eigen::Matrix<double, 4, 6> by_twist = Eigen::Matrix<double, 4, 6>::Zero();
+    by_twist.topLeftCorner<3, 3>() = -Skew(normal);
+    by_twist.bottomRightCorner<1, 3>() = -normal.transpose();
+    by_twist.leftCols<3>() += plane_ * by_turn_.transpose();
+    const Eigen::Matrix<double, 4, 6> reached = moments * by_twist;
+    sum->gradient += reached.transpose() * Stretched();
+    sum->information.triangularView<Eigen::Lower>() += by_twist.transpose() * reached;
+  }
+
+ private:
+  double Height(std::int64_t i) const {
+    const double added = block_.deviation.size() > 0 ? block_.deviation[i] : 0.0;
+    return plane_.head<3>().dot(block_.points.row(i)) + plane_[3] + added;
+  }
+
+  const ResidualBlock& block_;
+  Eigen::Vector4d plane_;
+  double stretch_ = 1.0;
+  Vector3d by_turn_ = Vector3d::Zero();
+};
 
 /// Sums the cost of points, and their weighted moments about the plane's four numbers.
 ///
@@ -189,21 +226,14 @@ double SumHeights(const ResidualBlock& block, const Segment& segment,
   return lanes.Total() + robust.Total();
 }
 
-/// Points that were moved onto a line, whose noise is added to their heights.
-void ReduceDeviating(const ResidualBlock& block, const Segment& segment,
-                     const VectorXd& inverse_variance, const Loss& loss,
-                     const Eigen::Vector4d& plane, bool with_derivatives, Reduction* sum) {
-  const Vector3d normal = plane.head<3>();
+/// Points to whose heights something is added: noise across a line, or the board's bend.
+void ReduceDeviating(const Segment& segment, const VectorXd& inverse_variance, const Loss& loss,
+                     const BoardPlane& plane, bool with_derivatives, Reduction* sum) {
   RobustSum robust(loss);
   for (auto i = segment.begin; i < segment.end; ++i) {
-    const Vector3d point = block.points.row(i).transpose();
-    const double height = normal.dot(point) + plane[3] + block.deviation[i];
-    const double inverse = inverse_variance[i];
-    const double weight = robust.Add(height * height * inverse);
-    if (!with_derivatives) continue;
-    Vector6d row;
-    row << -point.cross(normal), -normal;
-    AddRow(row, height, weight * inverse, sum);
+    const double residual = plane.Residual(i), inverse = inverse_variance[i];
+    const double weight = robust.Add(residual * residual * inverse);
+    if (with_derivatives) AddRow(plane.Row(i), residual, weight * inverse, sum);
   }
   sum->cost += robust.Total();
 }
@@ -212,21 +242,22 @@ void ReduceOrthogonal(const ResidualBlock& block, const Segment& segment,
                       const VectorXd& inverse_variance, const Loss& loss,
                       const Eigen::Matrix4d* compressed, const Isometry3d& pose,
                       bool with_derivatives, Reduction* sum) {
-  const Eigen::Vector4d plane = PlaneOf(pose);
+  const BoardPlane plane(block, segment, pose);
   if (block.deviation.size() > 0) {
-    ReduceDeviating(block, segment, inverse_variance, loss, plane, with_derivatives, sum);
+    ReduceDeviating(segment, inverse_variance, loss, plane, with_derivatives, sum);
     return;
   }
+  const Eigen::Vector4d stretched = plane.Stretched();
   Eigen::Matrix4d moments = Eigen::Matrix4d::Zero();
   if (loss.kind == LossKind::kNone && compressed != nullptr) {
-    sum->cost += 0.5 * (*compressed * plane).squaredNorm();
+    sum->cost += 0.5 * (*compressed * stretched).squaredNorm();
     if (with_derivatives) moments = compressed->transpose() * *compressed;
   } else {
-    sum->cost += SumHeights(block, segment, inverse_variance, loss, plane,
+    sum->cost += SumHeights(block, segment, inverse_variance, loss, stretched,
                             with_derivatives ? &moments : nullptr);
     moments = Eigen::Matrix4d(moments.selfadjointView<Eigen::Lower>());
   }
-  if (with_derivatives) AddPlane(moments, plane, sum);
+  if (with_derivatives) plane.AddRows(moments, sum);
 }
 
 /// Signed distance to a rectangle's border, negative inside, and its gradient; blended where two
@@ -350,7 +381,7 @@ void ReduceWithIntrinsics(const ResidualBlock& block, const Segment& segment,
 void SquaredNorms(const ResidualBlock& block, const Segment& segment,
                   const VectorXd& inverse_variance, const Isometry3d& sensor_T_pattern,
                   const Camera& camera, VectorXd* squares) {
-  const Eigen::Vector4d plane = PlaneOf(sensor_T_pattern);
+  const BoardPlane plane(block, segment, sensor_T_pattern);
   const Border border(block, sensor_T_pattern);
   Vector2d gradient;
   for (auto i = segment.begin; i < segment.end; ++i) {
@@ -359,9 +390,8 @@ void SquaredNorms(const ResidualBlock& block, const Segment& segment,
       const Vector3d point = sensor_T_pattern * block.points.row(i).transpose();
       square = (camera.Project(point, nullptr) - block.pixels.row(i).transpose()).squaredNorm();
     } else if (block.kind == ResidualKind::kOrthogonal) {
-      const double added = block.deviation.size() > 0 ? block.deviation[i] : 0.0;
-      const double height = plane.head<3>().dot(block.points.row(i)) + plane[3] + added;
-      square = height * height;
+      const double residual = plane.Residual(i);
+      square = residual * residual;
     } else {
       const double distance = border.Distance(i, &gradient);
       square = distance * distance;
@@ -372,22 +402,19 @@ void SquaredNorms(const ResidualBlock& block, const Segment& segment,
 
 void WriteRows(const ResidualBlock& block, const Segment& segment, const Isometry3d& pose,
                Eigen::Ref<VectorXd> residual, Eigen::Ref<TwistRows> by_twist) {
-  const Eigen::Vector4d plane = PlaneOf(pose);
-  const Vector3d normal = plane.head<3>();
+  const BoardPlane plane(block, segment, pose);
   const Border border(block, pose);
   Vector2d gradient;
   Eigen::Matrix<double, 2, 3> by_point;
   for (auto i = segment.begin; i < segment.end; ++i) {
-    const Vector3d point = block.points.row(i).transpose();
     if (block.kind == ResidualKind::kReprojection) {
-      const Vector3d seen = pose * point;
+      const Vector3d seen = pose * block.points.row(i).transpose();
       residual.segment<2>(2 * i) =
           block.camera.Project(seen, &by_point) - block.pixels.row(i).transpose();
       by_twist.middleRows<2>(2 * i) << by_point * -Skew(seen), by_point;
     } else if (block.kind == ResidualKind::kOrthogonal) {
-      const double added = block.deviation.size() > 0 ? block.deviation[i] : 0.0;
-      residual[i] = normal.dot(point) + plane[3] + added;
-      by_twist.row(i) << -point.cross(normal).transpose(), -normal.transpose();
+      residual[i] = plane.Residual(i);
+      by_twist.row(i) = plane.Row(i).transpose();
     } else {
       residual[i] = border.Distance(i, &gradient);
       by_twist.row(i) = border.Row(i, gradient).transpose();

@@ -157,7 +157,7 @@ def speed(output: Path) -> None:
 def _one_round(dataset: Dataset, output: Path) -> list:
     """Minimise the same cost from the same start by ours and by the references."""
     free = free_edges(dataset, CalibrationOptions())
-    measurements, _ = read_measurements(dataset)
+    measurements = [m.with_atom_residuals() for m in read_measurements(dataset)[0]]
     boards = initial_boards(dataset, measurements, free)
     problem = build_problem(dataset, measurements, boards, free)
     sigmas = tuple(block.sigma for block in problem.residual_blocks)

@@ -46,6 +46,9 @@ struct ResidualBlock {
   PointRows points;
   /// (n,) what is added to the heights of points, metres; orthogonal only, empty for nothing.
   Eigen::VectorXd deviation;
+  /// (m, 3) of each segment, its mean ray over the cosine at which it meets its own plane;
+  /// orthogonal only, empty where heights are not stretched (OrthogonalBlock in residuals.py).
+  PointRows facing;
   /// (n, 2) detected pixels; reprojection only.
   PixelRows pixels;
   /// (n, 2) of the board in its plane, metres; border only.

@@ -162,7 +162,8 @@ def test_what_auto_finds_by_the_data_is_no_contradiction():
 
 @pytest.mark.parametrize("share", [pytest.param(0.2, marks=pytest.mark.long), 0.3])
 def test_some_exchanged_data_are_left_out_and_the_labels_named(share):
-    scene = FAULTS[f"lidar_1: exchanged in {100 * share:.0f} %"](0)
+    """In a draw where most of the rest agree; of others the next test tells."""
+    scene = FAULTS[f"lidar_1: exchanged in {100 * share:.0f} %"](2)
     result = calibrate(scene.dataset)
     assert is_right(result, scene) and result.status == "inconsistent"
     assert re.search(LABELS, result.message)

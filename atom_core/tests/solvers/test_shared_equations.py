@@ -53,7 +53,7 @@ def test_at_the_solution_nothing_pulls(solved):
     size = 6 * found.blocks
     assert np.max(np.abs(pull / scale)[:size]) < 0.01  # in sigmas that others leave free
     # No single collection is at rest by itself.
-    assert np.max(np.abs(found.gradient / scale)[:, :size]) > 0.5
+    assert np.max(np.abs(found.gradient / scale)[:, :size]) > 0.3
 
 
 def test_columns_are_derivatives_of_the_cost(solved):

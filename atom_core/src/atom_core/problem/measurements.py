@@ -49,6 +49,10 @@ class Measurement(ABC):
     def errors_m(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
         """Return (n,) deviations at a pose (4, 4), as metres [m], of a sample of its items."""
 
+    def with_atom_residuals(self) -> Measurement:
+        """Return the measurement whose residuals are those of ATOM, where they differ."""
+        return self
+
     @abstractmethod
     def implausibilities(self) -> List[str]:
         """Return what is wrong with it by itself, a phrase each, without its place."""

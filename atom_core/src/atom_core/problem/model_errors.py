@@ -315,7 +315,9 @@ class Bend(AlongAxis):
             above[:, 2] = self.height(block.corners_in_pattern)
             return rows.by_pattern_point(above)
         if isinstance(block, OrthogonalBlock):
-            return -self.height(rows.in_plane)[:, None]
+            above = np.zeros((block.count, 3))
+            above[:, 2] = self.height(rows.in_plane)
+            return rows.by_pattern_point(above)
         return None
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import List, Optional, Sequence, Tuple
 
 import numpy as np
@@ -41,6 +41,7 @@ class RangeMeasurement(Measurement):
         limit_steps: (m, 2, 3) in the board's plane, from a limit point to where the next sample
             in each direction of sampling would be [m]; zero where there is no second one.
         inside_indices, limit_indices: (n,), (m,) which points of the cloud or pixels they are.
+        along_rays: heights over the board are measured along the rays (`OrthogonalBlock`).
     """
 
     border: Rectangle
@@ -51,6 +52,7 @@ class RangeMeasurement(Measurement):
     limit_steps: np.ndarray
     inside_indices: np.ndarray
     limit_indices: np.ndarray
+    along_rays: bool
 
     identifies_board = False
 
@@ -93,6 +95,10 @@ class RangeMeasurement(Measurement):
         height = se3.apply(pattern_T_sensor, self.inside[::step])[:, 2]
         limit = se3.apply(pattern_T_sensor, self.limit)[:, :2]
         return np.concatenate([height, self.border.signed_distance(limit)[0]])
+
+    def with_atom_residuals(self) -> RangeMeasurement:
+        """Return the measurement whose residuals are those of ATOM."""
+        return replace(self, along_rays=False)
 
     def implausibilities(self) -> List[str]:
         """Return what is wrong with the points: no plane, or larger than the board."""
@@ -182,6 +188,7 @@ def range_measurement(
         limit_steps,
         points.inside_indices,
         points.limit_indices,
+        along_rays=True,
     )
 
 
@@ -206,6 +213,7 @@ def _orthogonal(sensor: Sensor, items: Sequence[Tuple[int, RangeMeasurement]]) -
         points=np.concatenate([m.inside for _, m in items]),
         range_offset_m=np.zeros(count),
         range_scale=np.zeros(count),
+        along_rays=all(m.along_rays for _, m in items),
     )
 
 

@@ -76,7 +76,7 @@ def measured_in_scan(
     else:
         sigmas, steps = _sigmas_and_steps(points, line.direction, abs(scan.angle_increment))
         on_line, deviation_m = _moved_onto(line, points.inside)
-    plain = range_measurement(dataset, key, points, *sigmas, steps)
+    plain = range_measurement(dataset, key, points, *sigmas, steps).with_atom_residuals()
     return ScanMeasurement(**plain.__dict__, on_line=on_line, deviation_m=deviation_m), remarks
 
 

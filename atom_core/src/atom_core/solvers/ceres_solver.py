@@ -263,6 +263,9 @@ def _residual_block(block: ResidualBlock, movable: bool) -> Dict[str, Any]:
         item["centre"], item["half_size"] = block.centre, block.half_size
         item["blend"] = BLEND
         item["steps"], item["inset"] = block.steps.reshape(-1, 3), block.inset
-    elif block.added_m is not None:
+        return item
+    if block.added_m is not None:
         item["deviation"] = block.added_m
+    if block.along_rays:
+        item["facing"] = block.facing
     return item

@@ -30,7 +30,7 @@ from atom_core.problem.builder import FreeEdges, check_edges
 from atom_core.problem.camera_blocks import ExpectedCamera
 from atom_core.problem.measurements import Measurement, read_measurements
 from atom_core.problem.range_measurement import RangeMeasurement
-from atom_core.solvers.base import SIGMA
+from atom_core.solvers.base import ATOM, SIGMA
 from atom_core.solvers.choice import default_solver
 
 _OTHER_UNIT = 3.0  # labels so many times as large as the board are no bad labels
@@ -77,6 +77,8 @@ def prepare(dataset: Dataset, options: CalibrationOptions) -> Prepared:
     measurements, remarks = read_measurements(dataset)
     check_units(measurements)
     remarks += [*joint_remarks, *prior_remarks]
+    if options.solver.weights == ATOM:
+        measurements = [m.with_atom_residuals() for m in measurements]
     measurements, unused = _usable(dataset, measurements, options)
     check_connected(dataset, measurements, free)
     remarks += only_by_priors(dataset, measurements, free)
