@@ -290,6 +290,17 @@ def test_a_board_with_another_number_of_columns_is_named():
     assert not found.detected and "{x: 11, y: 8} fits" in found.reason
 
 
+@pytest.mark.parametrize(
+    "printed, configured", [((12, 9), (11, 8)), ((12, 9), (13, 10)), ((9, 6), (8, 11))]
+)
+def test_the_board_that_is_seen_is_named_with_its_rows(printed, configured):
+    config = charuco(dimension=printed)
+    image = picture(config, held(1.5, (0.2, 0.1, 0.1), config))
+    found = labeler(charuco(dimension=configured)).label(image)
+    columns, rows = printed
+    assert not found.detected and f"{{x: {columns}, y: {rows}}} fits" in found.reason
+
+
 @pytest.mark.parametrize("config", [charuco(), chessboard()], ids=["charuco", "chessboard"])
 def test_no_board_has_a_reason(config):
     noise = np.random.default_rng(0).integers(0, 255, (800, 1280, 3)).astype(np.uint8)

@@ -181,22 +181,16 @@ class CharucoFinder:
     ) -> str:
         """Try what is often mistaken in a configuration; name what would fit, or the exposure."""
         columns, rows, _ = self.layouts[0]
-        guesses = [(rows, columns)]
-        guesses += [(columns + i, rows + j) for i in (0, -1, 1) for j in (0, -1, 1)]
-        guesses += [(rows + i, columns + j) for i in (-1, 1) for j in (-1, 0, 1)]
-        for guess in guesses:
-            layouts = [Layout(*guess, option) for option in (CURRENT, LEGACY)]
-            fits = self._fitting(ids, outlines, layouts, camera) if min(guess) >= 2 else []
-            if not fits or len(ids) < _LEAST_TELLING:
-                continue
+        right = self._another_board(ids, outlines, camera)
+        if right is not None:
+            guess = (right.columns, right.rows)
             swapped = "rows and columns are swapped; " if guess == (rows, columns) else ""
             wrong = f"dimension is {{x: {columns}, y: {rows}}}"
-            right = f"{{x: {guess[0]}, y: {guess[1]}}} fits the markers"
+            fits = f"{{x: {right.columns}, y: {right.rows}}} fits the markers"
             if guess == (columns, rows):
-                legacy = min(fits, key=lambda fit: fit[2])[0].legacy
-                wrong, right = "the layout is", f"legacy: {str(legacy).lower()} fits"
+                wrong, fits = "the layout is", f"legacy: {str(right.legacy).lower()} fits"
             return (
-                f"{len(ids)} markers are seen, but the board is another: {swapped}{wrong}, {right}"
+                f"{len(ids)} markers are seen, but the board is another: {swapped}{wrong}, {fits}"
             )
         seen = f"{len(ids)} markers of {self.dictionary} are seen, but they do not stand as on this"
         white = over_exposed_share(grey, outlines.reshape(-1, 2))
@@ -210,6 +204,29 @@ class CharucoFinder:
             f"{seen} board; check dimension (inner corners), size and inner_size, or if there are "
             f"two"
         )
+
+    def _another_board(
+        self, ids: np.ndarray, outlines: np.ndarray, camera: Optional[Camera]
+    ) -> Optional[Layout]:
+        """Return the board that the markers stand as on, of those that are often mistaken for this.
+
+        Where a marker stands depends on the number of columns alone. Rows are as many as the
+        marker of the highest number needs; more of them may be out of sight, so where the columns
+        are those configured, or its rows, the other number is believed as well.
+        """
+        if len(ids) < _LEAST_TELLING:
+            return None
+        columns, rows, _ = self.layouts[0]
+        found = []
+        near = (n + i for i in (-1, 1, -2, 2) for n in (columns, rows))
+        for right in dict.fromkeys((rows, columns, *near)):
+            stated = {rows: columns, columns: rows}.get(right, 0)
+            for option in (CURRENT, LEGACY):
+                needed = _rows_for(int(np.max(ids)), right, option)
+                guess = Layout(right, max(needed, stated), option)
+                if min(right, guess.rows) >= 2:
+                    found += self._fitting(ids, outlines, [guess], camera)
+        return min(found, key=lambda fit: fit[2])[0] if found else None
 
     def _corners(
         self,
@@ -240,6 +257,14 @@ class CharucoFinder:
             good &= ~_off_their_neighbours(board[ids], corners.pixels, good, camera)
         kept = Corners(*(values[good] for values in vars(corners).values()))
         return FoundCorners(ids[good], kept, markers, int(np.sum(~good)), in_view)
+
+
+def _rows_for(last_id: int, columns: int, legacy: bool) -> int:
+    """Return how many rows of corners a board has at least that has a marker of this number."""
+    rows = 1
+    while len(marker_squares(columns + 1, rows + 1, legacy)) <= last_id:
+        rows += 1
+    return rows
 
 
 def _corner_grid(layout: Layout) -> np.ndarray:
