@@ -8,7 +8,7 @@ exactly the description was known.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import List, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 from scipy import stats
@@ -26,6 +26,7 @@ from atom_core.problem.blocks import ROTATION, TRANSLATION
 from atom_core.solvers.base import FAILED, NOT_CONVERGED
 
 FEWEST_BOARDS = 2
+FEWEST_ALONE = 3  # sensors, for that each can be asked for while all others are held
 LEAST_M, LEAST_RAD = 0.0005, float(np.radians(0.02))  # a smaller change is none, however sure
 TOLD_M, TOLD_RAD = 0.02, float(np.radians(1.0))  # what is not found at this size is not told
 _FOUND = 0.95
@@ -39,7 +40,8 @@ class EdgeDrift(NamedTuple):
         edge: parent and child.
         sensors: that stand on it.
         change: found minus described, along and about the parent's axes.
-        chi_square: of the six numbers in their joint covariance, as the assumed noise has it.
+        chi_square: of the six numbers in their joint covariance, as the assumed noise has it;
+            of three sensors or more, while all others are held.
         moved: beyond the limit, and by no trifle.
         beyond_detections: beyond it even where detections of the new boards are off as a whole, as
             `calibrate` assumes of a few boards.
@@ -95,8 +97,9 @@ def drift(
 ) -> Drift:
     """Tell which sensors moved since a rig was calibrated.
 
-    Where others seem to have moved against the one that is held, each sensor is held in turn: the
-    fewest that explain it are blamed.
+    Each sensor is asked for while all others are held, which finds the smallest moves. Who moved is
+    then told with all of them free: where others seem to have moved against the one that is held,
+    each sensor is held in turn, and the fewest that explain it are blamed.
 
     Args:
         dataset: new boards; its own values of the sensors' edges do not count.
@@ -115,12 +118,99 @@ def drift(
     edges = {edge: described[edge] for edge in _edges(dataset) if edge in described}
     standing = dataset.with_transforms(dict.fromkeys(dataset.collections, edges))
     first = _drift(standing, spreads, ())
+    alone = _each_alone(standing, spreads)
+    if not alone:  # two sensors: holding one is all that can be done
+        return _blamed(standing, spreads, first)
+    limit = limit_of(len(alone))
+    suspects = [edge for edge, found in alone.items() if found.moved]
+    if not suspects:
+        return _asked_alone(first, alone, limit, ())
+    blamed = _blamed(standing, spreads, first)
+    if blamed.moved:
+        return _asked_alone(blamed, alone, limit, [edge.edge for edge in blamed.moved])
+    most = max(suspects, key=lambda edge: alone[edge].chi_square)
+    if most not in [edge.edge for edge in first.edges]:  # the one that is held
+        free = next(n for n, s in standing.sensors.items() if s.edge != most)
+        first = _drift(standing, spreads, (free,))
+    return _asked_alone(first, alone, limit, (most,))
+
+
+def _blamed(standing: Dataset, spreads: Mapping[Edge, Spread], first: Drift) -> Drift:
+    """Return what the fewest moved sensors explain, whoever is held."""
     if len(first.moved) < 2:
         return first
-    others = [name for name in dataset.sensors if name not in first.reference]
+    others = [name for name in standing.sensors if name not in first.reference]
     rivals = [found for found in (_or_none(standing, spreads, name) for name in others) if found]
     fewer = [found for found in rivals if found.moved and len(found.moved) < len(first.moved)]
     return min(fewer, key=lambda found: (len(found.moved), _worst_left(found)), default=first)
+
+
+def _each_alone(standing: Dataset, spreads: Mapping[Edge, Spread]) -> Dict[Edge, EdgeDrift]:
+    """Return how far each sensor is while all others are held; nothing where there are only two.
+
+    Then the others place the boards, and a small move shows that would be lost among many numbers.
+    """
+    edges = list(dict.fromkeys(sensor.edge for sensor in standing.sensors.values()))
+    if len(edges) < FEWEST_ALONE:
+        return {}
+    limit, found = limit_of(len(edges)), {}
+    for edge in edges:
+        held = [name for name, sensor in standing.sensors.items() if sensor.edge != edge]
+        options = CalibrationOptions(
+            model_errors=OFF, anchor_sensors=tuple(held), ignore_anchored_sensor=True
+        )
+        try:
+            solved = calibrate(standing, options)
+        except AtomError:
+            continue
+        if solved.status not in (FAILED, NOT_CONVERGED) and edge_spread(solved, edge) is not None:
+            known = spreads.get(edge, NO_SPREAD)
+            if not np.any(known.of_model):
+                known = _of_the_held(spreads)
+            found[edge] = _edge_drift(solved, standing, edge, known, limit)
+    return found
+
+
+def _of_the_held(spreads: Mapping[Edge, Spread]) -> Spread:
+    """Return how exactly a sensor that was held is known in relation to the others.
+
+    As the one of them that is known best, in the mean of all directions.
+    """
+    others = [spread for spread in spreads.values() if np.any(spread.of_model)]
+    if not others:
+        return NO_SPREAD
+    found = []
+    for matrices in zip(*others):
+        whole = np.zeros((NUMBERS, NUMBERS))
+        for part in (ROTATION, TRANSLATION):
+            least = min(float(np.trace(matrix[part, part])) / 3.0 for matrix in matrices)
+            whole[part, part] = least * np.eye(3)
+        found.append(whole)
+    return Spread(*found)
+
+
+def _asked_alone(
+    found: Drift, alone: Mapping[Edge, EdgeDrift], limit: float, moved: Sequence[Edge]
+) -> Drift:
+    """Return a result with the figures of each edge alone, and who is called moved."""
+    edges = []
+    for edge in found.edges:
+        own = alone.get(edge.edge)
+        marked = edge._replace(moved=edge.edge in moved)
+        if own is not None:
+            marked = marked._replace(
+                chi_square=own.chi_square,
+                beyond_detections=own.beyond_detections,
+                found_m=own.found_m,
+                found_rad=own.found_rad,
+            )
+        edges.append(marked)
+    untold = [name for name in found.untold if not _told(edges, name)]
+    return replace(found, edges=tuple(edges), limit=limit, untold=tuple(untold))
+
+
+def _told(edges: Sequence[EdgeDrift], name: str) -> bool:
+    return any(name in edge.sensors and edge.told for edge in edges)
 
 
 def _worst_left(found: Drift) -> float:

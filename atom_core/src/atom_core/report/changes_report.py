@@ -93,12 +93,13 @@ def drift_table(found: Drift) -> str:
             what = MOVED if edge.beyond_detections else f"{MOVED}, or new labels are off"
         rows.append([", ".join(edge.sensors) or edge.edge, *map(three_digits, figures), what])
     held = names_in_words(found.reference) if found.reference else "the fixed boards"
+    held_too = ", all others held," if len(found.edges) > 1 else ""
     title = f"Against the description, by {found.boards} new boards, in relation to {held}"
     return (
         f"{text_table(headers, rows, title)}\n"
-        f"moved: chi-square of the six numbers beyond {found.limit:.1f}, as of one rig in a "
-        f"hundred that did not move; found from: a shift or turn of this size, in the direction "
-        f"that is told worst, is noticed 95 times in a hundred"
+        f"moved: chi-square of the six numbers{held_too} beyond {found.limit:.1f}, as of one rig "
+        f"in a hundred that did not move; found from: a shift or turn of this size, in the "
+        f"direction that is told worst, is noticed 95 times in a hundred"
     )
 
 
