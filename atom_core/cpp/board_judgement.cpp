@@ -27,7 +27,8 @@ constexpr double kSizeSteps = 0.5;       // beam steps
 constexpr double kWideLayer = 0.4;       // of the shorter side: layers beyond the board count, if
 constexpr double kSolid = 0.6;           // of them returns, and
 constexpr double kFarBeyond = 0.12;      // of that side away
-constexpr double kMostSizeError = 0.07;  // of a side, however uncertain
+constexpr double kMostSizeError = 0.07;  // of a side, however uncertain; what looks smaller, by
+constexpr double kMostSmaller = 0.035;   // of it: nothing makes a board look smaller
 constexpr double kWideBeamSteps = 2.0;   // by which beams of unknown width may enlarge a board
 
 std::nullopt_t Reject(int progress, const std::string& reason, BoardSegment* segment) {
@@ -243,7 +244,7 @@ bool SizeFits(const BoardSearch& search, const Surface& surface, const Rectangle
     const double most = kSizeTolerance * expected + kSizeSigmas * sigma[axis] + kSizeSteps * step;
     const double limit = kMostSizeError * expected;
     if (std::isfinite(off) &&
-        (off < -std::min(most, limit) || off > std::min(most + wide, limit))) {
+        (off < -std::min(most, kMostSmaller * expected) || off > std::min(most + wide, limit))) {
       Reject(5, SizeReason(segment->measured_size, search.options), segment);
       return false;
     }

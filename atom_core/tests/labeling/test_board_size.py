@@ -20,6 +20,7 @@ from atom_core.labeling.board_size import (
     seen_boards,
     size_remark,
 )
+from atom_core.labeling.lidar3d import board_at
 from atom_core.model.pattern import pattern_from_config
 from atom_core.synthetic import charuco
 
@@ -106,3 +107,14 @@ def test_eight_boards_of_the_rough_profile_name_five_per_cent():
 def middle_of(board):
     points = np.asarray(board.cloud.points)
     return points[board.cloud.on_board].mean(axis=0)
+
+
+@pytest.mark.skipif(not native.available(), reason="the compiled core is not built")
+def test_a_board_five_per_cent_smaller_than_configured_is_refused_with_both_sizes():
+    border = pattern_from_config("pattern_1", charuco()).border
+    half = border.half_size / 0.95
+    larger = Rectangle(*(border.centre - half), *(border.centre + half))
+    for board in model_cell("vlp_16", 0, 6).boards:
+        assert board_at(board.data, border, middle_of(board)).labeled.detected
+        labeled = board_at(board.data, larger, middle_of(board)).labeled
+        assert not labeled.detected and "the configuration says 0.84 x 0.63" in labeled.reason
