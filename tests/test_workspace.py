@@ -1,6 +1,7 @@
 """The suite built, installed and found, in a bare environment; also in a catkin workspace."""
 
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -114,3 +115,21 @@ def test_install_space_finds_packages_commands_and_the_compiled_module(suite):
     assert program == str(installed / "lib/atom_calibration/check")
     module = "import rospy, atom_core.errors; from atom_core import _core; print(_core.__file__)"
     assert str(installed) in bash(f"{source}; python3 -c '{module}'", installed)
+
+
+def test_a_workspace_is_configured_with_the_tests_in_their_order(tmp_path):
+    """What `catkin_make` begins with, without the compilers' work."""
+    (tmp_path / "src").mkdir()
+    (tmp_path / "src" / "atom").symlink_to(ROOT)
+    toplevel = Path("/usr/share/catkin/cmake/toplevel.cmake")
+    (tmp_path / "src" / "CMakeLists.txt").symlink_to(toplevel)
+    bash(
+        "source src/atom/env.bash; cmake -S src -B build -DCATKIN_ENABLE_TESTING=ON "
+        f"-DCATKIN_DEVEL_PREFIX={tmp_path}/devel -DCMAKE_PREFIX_PATH= {PLAIN}",
+        tmp_path,
+    )
+    tests = (tmp_path / "build" / "atom" / "CTestTestfile.cmake").read_text("utf-8")
+    first = re.search(r"_ctest_\S*regression_offline\.test", tests).group()
+    for later in ("starts", "seeds"):
+        properties = re.search(rf"set_tests_properties\(\S*regression_{later}.*", tests).group()
+        assert f'DEPENDS "{first}"' in properties
