@@ -143,6 +143,8 @@ def write_report(given: Given, folder: Path) -> Path:
         OutputError: a file cannot be written.
     """
     try:
+        from jinja2 import TemplateError
+
         from atom_core.report.page.html import html
         from atom_core.report.page.make import make_page
         from atom_core.report.page.pdf import pdf
@@ -153,7 +155,7 @@ def write_report(given: Given, folder: Path) -> Path:
     try:
         page = make_page(given)
         files = {HTML_FILE: html(page).encode("utf-8"), PDF_FILE: pdf(page)}
-    except _DRAWING_ERRORS as error:
+    except (TemplateError, *_DRAWING_ERRORS) as error:
         raise ReportError(
             f"the report is not made, since drawing it ended with {type(error).__name__}: {error}; "
             f"the results themselves are complete"
