@@ -42,6 +42,7 @@ CALIBRATION_KEYS = {
     "warnings",
     "inputs",
     "versions",
+    "trust_checks",
 }
 
 
