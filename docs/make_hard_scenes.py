@@ -1,8 +1,8 @@
 """Contact sheets of hard scenes with their labels, ``docs/pictures/hard_{lidar3d,depth}.jpg``.
 
 ``python3 docs/make_hard_scenes.py``: the first frames of each difficulty and kind of sensor of
-the tests, searched without a seed. Inside green, border red; brighter is nearer. LiDARs' pictures
-are what the sensor sees, by azimuth and elevation.
+the tests, searched without a seed but where the view cuts the board. Inside green, border red;
+brighter is nearer. LiDARs' pictures are what the sensor sees, by azimuth and elevation.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from atom_core.geometry import se3  # noqa: E402
 
 WIDTH, HEIGHT, LINE = 200, 166, 16  # of a tile [px]
 SCALE = 4  # tiles are drawn larger
+CUT = "cut by the view"
 OUTSIDE = 0.35  # of the board's size, shown around it
 LIDARS = [kind for kind in KINDS if kind not in IMAGES]
 
@@ -49,8 +50,10 @@ def _rows(tiles: List[np.ndarray], columns: int) -> np.ndarray:
 def _tile(difficulty: str, kind: str, number: int) -> np.ndarray:
     frame = hard_frame(difficulty, kind, number)
     seen = measured(frame)
-    _, searched = judged(frame, seen)
-    label = searched.labeled.label
+    at_seed, searched = judged(frame, seen)
+    is_cut = difficulty == CUT and at_seed is not None
+    labeled = (at_seed if is_cut else searched).labeled
+    label = labeled.label
     size = (WIDTH * SCALE, (HEIGHT - LINE) * SCALE)
     pixels, away = _pixels(frame, seen, size)
     picture = _drawn(pixels, away, size, kind)
@@ -60,7 +63,7 @@ def _tile(difficulty: str, kind: str, number: int) -> np.ndarray:
     small = cv2.resize(picture, (WIDTH, HEIGHT - LINE), interpolation=cv2.INTER_AREA)
     tile = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     tile[LINE:] = small
-    caption = f"{difficulty}, {kind}" + ("" if searched.labeled.detected else ": none")
+    caption = f"{difficulty}, {kind}" + ("" if labeled.detected else ": none")
     cv2.putText(
         tile, caption, (3, 11), cv2.FONT_HERSHEY_SIMPLEX, 0.34, (255, 255, 255), 1, cv2.LINE_AA
     )
