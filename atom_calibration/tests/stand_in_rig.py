@@ -108,6 +108,6 @@ def refusal(arguments, capsys):
     capsys.readouterr()
     assert main(arguments) == 2
     told = [x for x in capsys.readouterr().err.split("\n") if x.startswith("collect_from_bag:")]
-    lines = [x for x in told if " warning: the dataset that was in " not in x]
+    lines = [x for x in told if not x.startswith("collect_from_bag: warning: ")]
     assert len(lines) == 1, lines
     return lines[0]

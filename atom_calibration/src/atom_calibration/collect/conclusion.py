@@ -47,7 +47,8 @@ def conclude(
         )
         whys = [*collector.refused, *collector.passed, "the board never stood still in view"]
         why = whys[0]
-        raise CollectionError(f"{store.folder}: no collection was taken: {why} ({never})")
+        because = f" ({never})" if never else ""
+        raise CollectionError(f"{store.folder}: no collection was taken: {why}{because}")
     path, _ = store.assemble()
     path = path.resolve()
     say("\n".join([*summary(collector, keys), "", f"{path}: {len(keys)} collections"]))

@@ -123,7 +123,8 @@ def guarded(name: str, run: Callable[[], int]) -> int:
         end_launch(code)
         return code
     finally:
-        rospy.signal_shutdown("done")
+        if rospy.core.is_initialized():  # programs that read bags alone never are nodes
+            rospy.signal_shutdown("done")
 
 
 def end_launch(code: int) -> None:
