@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from atom_core.evaluation.changes import EdgeState, changes, held_apart, limit_of
+from atom_core.evaluation.changes import changes, held_apart, limit_of
 from atom_core.geometry import se3
+from atom_core.model.edge_state import EdgeState
 from atom_core.model.transforms import Edge
 
 SIGMA = np.array([1e-4] * 3 + [1e-3] * 3)

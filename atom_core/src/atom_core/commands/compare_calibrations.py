@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import List
 
 from atom_core.commands import common
 from atom_core.errors import DatasetError
-from atom_core.evaluation.changes import Changes, EdgeState, changes, held_apart
+from atom_core.evaluation.changes import Changes, changes, held_apart
 from atom_core.io.atomic import prepare_output_folder, write_json_atomically
 from atom_core.io.calibration_json import StoredCalibration, read_calibration
 from atom_core.report.changes_report import changes_document, changes_sentence, changes_table
@@ -50,7 +49,7 @@ def compared(first: StoredCalibration, second: StoredCalibration) -> Changes:
     Raises:
         DatasetError: one holds what the other estimates, or they have no edge in common.
     """
-    before, after = _states(first), _states(second)
+    before, after = first.edges, second.edges
     apart = held_apart(before, after)
     if apart:
         raise DatasetError(
@@ -63,7 +62,3 @@ def compared(first: StoredCalibration, second: StoredCalibration) -> Changes:
             f"of one rig"
         )
     return changes(before, after)
-
-
-def _states(stored: StoredCalibration) -> List[EdgeState]:
-    return [EdgeState(*edge) for edge in stored.edges]

@@ -8,7 +8,7 @@ from typing import Dict, Mapping, Optional
 import numpy as np
 
 from atom_core.errors import DescriptionError
-from atom_core.evaluation.changes import EdgeState, spreads_of
+from atom_core.evaluation.changes import spreads_of
 from atom_core.evaluation.drift import Drift, drift
 from atom_core.io.calibration_json import calibration_file, read_calibration
 from atom_core.model.dataset import Dataset
@@ -51,7 +51,7 @@ def drift_of(
                 f"'{sensor.edge.child}', on which sensor '{sensor.name}' stands; give the "
                 f"description that the rig was calibrated with"
             )
-    spreads = spreads_of([EdgeState(*edge) for edge in stored.edges])
+    spreads = spreads_of(stored.edges)
     return drift(dataset, described, spreads)
 
 

@@ -3,41 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import List, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
 from scipy import special
 
 from atom_core.evaluation.edge_errors import PoseError, pose_error
+from atom_core.model.edge_state import EdgeState
 from atom_core.model.transforms import Edge
 
 FALSE_ALARMS = 0.01  # of rigs that did not move
 NUMBERS = 6
 _LEAST_VARIANCE = 1e-18  # of an edge that is held in both
-
-
-class EdgeState(NamedTuple):
-    """An edge as a calibration found it.
-
-    Attributes:
-        edge: parent and child.
-        sensors: that stand on it.
-        anchored: it was held.
-        parent_T_child: (4, 4).
-        sigma: (6,) of turns [rad] and shifts [m] about and along the parent's axes.
-        covariance: (6, 6) likewise.
-        model_sigma: (6,) likewise, as the assumed noise has it.
-        combined_sigma: (6,) likewise, with usual errors of sensors and boards; None: not known.
-    """
-
-    edge: Edge
-    sensors: Tuple[str, ...]
-    anchored: bool
-    parent_T_child: np.ndarray
-    sigma: np.ndarray
-    covariance: np.ndarray
-    model_sigma: np.ndarray
-    combined_sigma: Optional[np.ndarray] = None
 
 
 class EdgeChange(NamedTuple):

@@ -4,29 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Dict, List, NamedTuple
 
 import numpy as np
 
 from atom_core.errors import DatasetError
 from atom_core.geometry import se3
+from atom_core.model.edge_state import EdgeState
 from atom_core.model.transforms import Edge
 
 FILE = "calibration.json"
 _AXES = 3
-
-
-class StoredEdge(NamedTuple):
-    """An edge as it stands in the file: the fields are those of the document."""
-
-    edge: Edge
-    sensors: Tuple[str, ...]
-    anchored: bool
-    parent_T_child: np.ndarray
-    sigma: np.ndarray
-    covariance: np.ndarray
-    model_sigma: np.ndarray
-    combined_sigma: Optional[np.ndarray]
 
 
 class StoredCalibration(NamedTuple):
@@ -40,7 +28,7 @@ class StoredCalibration(NamedTuple):
 
     path: Path
     status: str
-    edges: List[StoredEdge]
+    edges: List[EdgeState]
 
 
 def calibration_file(path: Path) -> Path:
@@ -79,7 +67,7 @@ def read_calibration(path: Path) -> StoredCalibration:
         ) from None
 
 
-def _edge(entry: Dict[str, Any]) -> StoredEdge:
+def _edge(entry: Dict[str, Any]) -> EdgeState:
     pose = se3.from_quaternion(
         _numbers(entry["translation_m"], _AXES), _numbers(entry["quaternion_xyzw"], _AXES + 1)
     )
@@ -93,7 +81,7 @@ def _edge(entry: Dict[str, Any]) -> StoredEdge:
     if entry.get("covariance") is not None:
         covariance = np.array([_numbers(row, 2 * _AXES) for row in entry["covariance"]])
     anchored = bool(entry["anchored"])
-    return StoredEdge(edge, sensors, anchored, pose, sigma, covariance, of_model, combined)
+    return EdgeState(edge, sensors, anchored, pose, sigma, covariance, of_model, combined)
 
 
 def _sigma(entry: Dict[str, Any], name: str) -> np.ndarray:

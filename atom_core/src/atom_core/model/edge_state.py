@@ -1,0 +1,33 @@
+"""An edge of one calibration and how surely it is known, for those that compare calibrations."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Optional, Tuple
+
+import numpy as np
+
+from atom_core.model.transforms import Edge
+
+
+class EdgeState(NamedTuple):
+    """An edge as a calibration found it.
+
+    Attributes:
+        edge: parent and child.
+        sensors: that stand on it.
+        anchored: it was held.
+        parent_T_child: (4, 4).
+        sigma: (6,) of turns [rad] and shifts [m] about and along the parent's axes.
+        covariance: (6, 6) likewise.
+        model_sigma: (6,) likewise, as the assumed noise has it.
+        combined_sigma: (6,) likewise, with usual errors of sensors and boards; None: not known.
+    """
+
+    edge: Edge
+    sensors: Tuple[str, ...]
+    anchored: bool
+    parent_T_child: np.ndarray
+    sigma: np.ndarray
+    covariance: np.ndarray
+    model_sigma: np.ndarray
+    combined_sigma: Optional[np.ndarray] = None
