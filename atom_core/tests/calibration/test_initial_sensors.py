@@ -8,10 +8,11 @@ import pytest
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.start.hand_eye import MovingView, solve_hand_eye
-from atom_core.calibration.start.pose_votes import Statement, consensus, rigid_fit
+from atom_core.calibration.start.pose_votes import Statement, consensus
 from atom_core.calibration.start.starts import estimate_sensors
 from atom_core.errors import CalibrationError
 from atom_core.geometry import se3
+from atom_core.geometry.pose_solvers import rigid_fit
 from atom_core.model.config import EdgeConfig
 from atom_core.model.transforms import Edge
 from atom_core.solvers.base import SolverOptions

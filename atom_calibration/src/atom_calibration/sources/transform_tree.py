@@ -50,28 +50,16 @@ class TransformTree:
 
         Raises:
             MessageError: one of them is no pose.
-            TransformError: frames stand in one another in a circle.
         """
         for message in messages:
             edge, matrix = edge_of(message), transform_matrix(message)
-            if self._parents.get(edge.child) != edge.parent:
-                self._place(edge)
+            self._parents[edge.child] = edge.parent
             if fixed:
                 self._fixed[edge] = matrix
                 self._buffer.set_transform_static(_copy(edge, matrix, message), "bag")
             else:
                 self._note(edge, stamp_s(message))
                 self._buffer.set_transform(_copy(edge, matrix, message), "bag")
-
-    def _place(self, edge: Edge) -> None:
-        self._parents[edge.child] = edge.parent
-        way = self._ancestors(edge.parent)
-        if edge.child in way:
-            circle = " in ".join(f"'{frame}'" for frame in [edge.child, *way])
-            raise TransformError(
-                f"the transforms of /tf and /tf_static go in a circle: {circle}; two programs "
-                f"publish what contradicts each other: record again without one of them"
-            )
 
     def _note(self, edge: Edge, stamp: float) -> None:
         """Remember a stamp, and forget those that the buffer has forgotten."""
@@ -103,7 +91,8 @@ class TransformTree:
         """Return the edges between two frames.
 
         Raises:
-            TransformError: a frame is unknown, or nothing connects the two.
+            TransformError: a frame is unknown, nothing connects the two, or frames stand in one
+                another in a circle.
         """
         for frame in (target, source):
             if frame not in self.frames and target != source:
@@ -158,9 +147,21 @@ class TransformTree:
         return product
 
     def _ancestors(self, frame: str) -> List[str]:
+        """Return a frame, and those that it stands in, up to the root.
+
+        Raises:
+            TransformError: frames stand in one another in a circle.
+        """
         chain = [frame]
-        while chain[-1] in self._parents and self._parents[chain[-1]] not in chain:
-            chain.append(self._parents[chain[-1]])
+        while chain[-1] in self._parents:
+            parent = self._parents[chain[-1]]
+            if parent in chain:
+                circle = " in ".join(f"'{name}'" for name in [*chain, parent])
+                raise TransformError(
+                    f"the transforms of /tf and /tf_static go in a circle: {circle}; two programs "
+                    f"publish what contradicts each other: record again without one of them"
+                )
+            chain.append(parent)
         return chain
 
     def _within_gap(self, edge: Edge, time_s: float) -> float:

@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(parser, "overwrite", "-ow", action="store_true", help=text)
     add(parser, "dry_run", "-dr", action="store_true", help="print the commands, and do nothing")
     text = "seed of the folds (default: 0)"
-    add(parser, "sample_seed", "-ss", type=int, default=0, metavar="N", help=text)
+    add(parser, "sample_seed", "-ss", type=common.seed_of_chance, default=0, metavar="N", help=text)
     text = "go on with the next experiment where one fails"
     add(parser, "keep_going", "-k", action="store_true", help=text)
 

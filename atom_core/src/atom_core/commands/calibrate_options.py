@@ -115,7 +115,7 @@ def _add_start_options(parser: argparse.ArgumentParser) -> None:
         parser,
         "sample_seed",
         "-ss",
-        type=int,
+        type=common.seed_of_chance,
         default=0,
         metavar="N",
         help="seed of that disturbance (default: 0)",

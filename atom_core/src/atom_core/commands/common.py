@@ -69,6 +69,13 @@ def named_path(text: str) -> Path:
     return Path(text)
 
 
+def seed_of_chance(text: str) -> int:
+    """Return a seed that numpy takes, as a type of argparse."""
+    if not text.strip().isdigit():
+        raise argparse.ArgumentTypeError(f"'{text}' is no seed; give a whole number, 0 or above")
+    return int(text)
+
+
 def add_dataset_option(parser: argparse.ArgumentParser) -> None:
     """Add the dataset."""
     add_option(

@@ -11,21 +11,19 @@ import numpy as np
 from atom_core.commands import common
 from atom_core.commands.atom_options import AtomOption, add_meaningless_options
 from atom_core.commands.dataset_output import add_overwrite_option, refuse_existing
+from atom_core.commands.pair_calibration import pose_table, with_source
 from atom_core.errors import DatasetError
 from atom_core.evaluation.corner_baseline import (
     as_named,
     by_nearest,
     corner_pairs,
     rms_m,
-    with_lidar,
 )
-from atom_core.geometry import se3
 from atom_core.io.annotations import annotation_path
 from atom_core.io.dataset_json import read_dataset, write_dataset
 from atom_core.io.lidar_annotations import corners_of, read_picked_sides
 from atom_core.model.dataset import Dataset, pose
 from atom_core.model.sensor import LIDAR3D, RGB
-from atom_core.report.tables import text_table
 
 EXAMPLE = "python3 -m atom_core dahll2017 -d dataset.json -c rgb_1 -l lidar_1 -p pattern_1"
 _METHODS = ("icp_based", "closed_form")
@@ -77,12 +75,10 @@ def run(args: argparse.Namespace) -> int:
     start = pose(first, dataset.graph, *frames)
     named = args.method_name == _METHODS[1]
     camera_T_lidar = as_named(pairs) if named else by_nearest(pairs, start)
-    write_dataset(with_lidar(dataset, args.lidar, args.camera, camera_T_lidar), target)
+    write_dataset(with_source(dataset, args.lidar, args.camera, camera_T_lidar), target)
     off_m = rms_m(pairs, camera_T_lidar)
-    rpy = np.degrees(se3.rpy_from_rotation(camera_T_lidar[:3, :3]))
-    row = [f"{frames[1]} in {frames[0]}", *(_MM_PER_M * camera_T_lidar[:3, 3]), *rpy]
-    headers = ["pose", "x [mm]", "y [mm]", "z [mm]", "roll [deg]", "pitch [deg]", "yaw [deg]"]
-    print(text_table(headers, [row], f"{args.method_name}, {len(pairs)} collections"))
+    row = (args.method_name, camera_T_lidar, len(pairs))
+    print(pose_table(dataset, args.lidar, args.camera, [row]))
     print(f"\ncorners are {_MM_PER_M * off_m:.1f} mm apart (RMS)\n\nresults: {target}")
     limit_m = _TOO_FAR * 2.0 * float(np.min(dataset.patterns[args.pattern].border.half_size))
     if off_m > limit_m:

@@ -46,7 +46,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar=("M", "RAD"),
         help=text,
     )
-    add(parser, "sample_seed", "-seed", type=int, default=0, metavar="N", help="of -nig")
+    add(
+        parser,
+        "sample_seed",
+        "-seed",
+        type=common.seed_of_chance,
+        default=0,
+        metavar="N",
+        help="of -nig",
+    )
     add_overwrite_option(parser)
     add_meaningless_options(parser, _NOT_HERE)
 

@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser,
         "sample_seed",
         *("-ss", "--shuffle_seed"),
-        type=int,
+        type=common.seed_of_chance,
         default=0,
         metavar="N",
         help="seed of chance (default: 0)",

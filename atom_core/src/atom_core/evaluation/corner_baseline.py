@@ -9,7 +9,8 @@ import numpy as np
 from atom_core.errors import DatasetError
 from atom_core.evaluation.observed import NotMeasurableError, Observed
 from atom_core.geometry import se3
-from atom_core.model.dataset import Dataset, pose
+from atom_core.geometry.pose_solvers import rigid_fit
+from atom_core.model.dataset import Dataset
 from atom_core.model.labels import DetectionKey
 
 _TURNS = 4  # of a board onto itself, at most
@@ -67,7 +68,7 @@ def corner_pairs(
 
 def as_named(pairs: List[CornerPairs]) -> np.ndarray:
     """Return ``camera_T_lidar`` (4, 4) with the corners paired as they are named."""
-    return rigid_motion(*_stacked(pairs))
+    return rigid_fit(*_stacked(pairs))
 
 
 def by_nearest(pairs: List[CornerPairs], camera_T_lidar: np.ndarray) -> np.ndarray:
@@ -79,7 +80,7 @@ def by_nearest(pairs: List[CornerPairs], camera_T_lidar: np.ndarray) -> np.ndarr
     """
     for _ in range(_ROUNDS):
         turned = [_turned(pair, camera_T_lidar) for pair in pairs]
-        better = rigid_motion(*_stacked(turned))
+        better = rigid_fit(*_stacked(turned))
         if np.allclose(better, camera_T_lidar, atol=1e-12):
             break
         camera_T_lidar = better
@@ -92,25 +93,6 @@ def rms_m(pairs: List[CornerPairs], camera_T_lidar: np.ndarray) -> float:
     in_lidar, in_camera = _stacked(turned)
     off = se3.apply(camera_T_lidar, in_lidar) - in_camera
     return float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
-
-
-def rigid_motion(points_in_a: np.ndarray, points_in_b: np.ndarray) -> np.ndarray:
-    """Return ``b_T_a`` (4, 4) that brings points (n, 3) nearest to others, n >= 3."""
-    middle_a, middle_b = points_in_a.mean(axis=0), points_in_b.mean(axis=0)
-    u, _, vt = np.linalg.svd((points_in_b - middle_b).T @ (points_in_a - middle_a))
-    proper = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
-    rotation = u @ proper @ vt
-    return se3.transform(rotation, middle_b - rotation @ middle_a)
-
-
-def with_lidar(dataset: Dataset, lidar: str, camera: str, camera_T_lidar: np.ndarray) -> Dataset:
-    """Return the dataset with the LiDAR's edge such that it stands so beside the camera."""
-    sensor, graph = dataset.sensors[lidar], dataset.graph
-    first = next(iter(dataset.collections.values()))
-    parent_T_camera = pose(first, graph, sensor.edge.parent, dataset.sensors[camera].frame)
-    lidar_T_child = pose(first, graph, sensor.frame, sensor.edge.child)
-    edge = {sensor.edge: parent_T_camera @ camera_T_lidar @ lidar_T_child}
-    return dataset.with_transforms(dict.fromkeys(dataset.collections, edge))
 
 
 def _turned(pair: CornerPairs, camera_T_lidar: np.ndarray) -> CornerPairs:

@@ -105,3 +105,20 @@ def _proper(rotation: np.ndarray, translation: np.ndarray) -> Optional[np.ndarra
     if not np.all(np.isfinite(pose)) or np.linalg.det(rotation) < 0:
         return None
     return pose if np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6) else None
+
+
+def rigid_fit(
+    source: np.ndarray, target: np.ndarray, weight: Optional[np.ndarray] = None
+) -> np.ndarray:
+    """Return ``target_T_source`` (4, 4) that carries points (n, 3) best onto others, weighted (n,).
+
+    Kabsch (1976), with the determinant kept at +1.
+    """
+    share = np.ones(len(source)) if weight is None else weight
+    share = share / share.sum()
+    source_mean, target_mean = share @ source, share @ target
+    covariance = (target - target_mean).T @ ((source - source_mean) * share[:, None])
+    left, _, right = np.linalg.svd(covariance)
+    sign = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
+    rotation = left @ sign @ right
+    return se3.transform(rotation, target_mean - rotation @ source_mean)

@@ -11,6 +11,7 @@ import yaml
 from atom_core.errors import ConfigError
 from atom_core.io.folds import Fold
 from atom_core.io.paths import resolve_path
+from atom_core.io.yaml_text import load_yaml_1_1
 
 DATASET_FILE = "dataset.json"
 _FOLDS = "folds"  # of the data: added by the program
@@ -138,12 +139,14 @@ def _experiment(name: str, entry: Any, where: str) -> Experiment:
 
 def _mapping(text: str, where: Any) -> Dict[str, Any]:
     try:
-        document = yaml.load(text, Loader=_Loader)
+        document = load_yaml_1_1(text, _Loader)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f":{mark.line + 1}" if mark is not None else ""
         problem = getattr(error, "problem", None) or "syntax error"
         raise ConfigError(f"{where}{line}: this is not valid YAML: {problem}") from None
+    except ValueError as error:
+        raise ConfigError(f"{where}: {error}") from None
     if not isinstance(document, dict):
         raise ConfigError(f"{where}: a map of keys is expected")
     return document

@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from atom_core.errors import DatasetError
 from atom_core.geometry.camera import Camera
 from atom_core.io.paths import unread
-from atom_core.io.yaml_text import check_yaml_size
+from atom_core.io.yaml_text import load_yaml_1_2
 
 
 def read_camera_info(path: Path) -> Camera:
@@ -22,9 +21,7 @@ def read_camera_info(path: Path) -> Camera:
         DatasetError: the file is absent, or no such file.
     """
     try:
-        text = path.read_text(encoding="utf-8")
-        check_yaml_size(text)
-        document: Any = YAML(typ="safe", pure=True).load(text)
+        document: Any = load_yaml_1_2(path.read_text(encoding="utf-8"))
         return Camera(
             width=int(document["image_width"]),
             height=int(document["image_height"]),

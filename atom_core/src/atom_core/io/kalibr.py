@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import Any, List, Mapping, NamedTuple
 
 import numpy as np
-from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from atom_core.errors import DatasetError
 from atom_core.geometry.camera import Camera
 from atom_core.io.paths import unread
-from atom_core.io.yaml_text import check_yaml_size
+from atom_core.io.yaml_text import load_yaml_1_2
 
 _ROUNDED = 1e-3  # entries of a rotation that was written with few digits
 _MODELS = {
@@ -46,9 +45,7 @@ def read_camchain(path: Path) -> List[ChainCamera]:
         DatasetError: the file is absent, no camchain, or of a camera model that is not known.
     """
     try:
-        text = path.read_text(encoding="utf-8")
-        check_yaml_size(text)
-        document: Any = YAML(typ="safe", pure=True).load(text)
+        document: Any = load_yaml_1_2(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise DatasetError(f"{path}: the camchain cannot be read ({unread(path, error)})") from None
     except (YAMLError, ValueError) as error:

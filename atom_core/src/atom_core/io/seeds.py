@@ -16,7 +16,7 @@ import yaml
 from atom_core.errors import ConfigError
 from atom_core.io.atomic import write_text_atomically
 from atom_core.io.paths import unread
-from atom_core.io.yaml_text import check_yaml_size
+from atom_core.io.yaml_text import load_yaml_1_1
 from atom_core.model.modality import SeedFormat, modality_named
 from atom_core.model.sensor import Sensor
 
@@ -62,9 +62,7 @@ def read_seeds(path: Path, sensors: Mapping[str, HasModality]) -> List[Seed]:
         ConfigError: naming the file, the entry and the remedy.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
-        check_yaml_size(text)
-        entries = yaml.safe_load(text)
+        entries = load_yaml_1_1(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         reason = unread(path, error)
         raise ConfigError(f"{path}: the seeds cannot be read ({reason}); check --seeds") from error

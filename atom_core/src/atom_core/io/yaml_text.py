@@ -6,13 +6,36 @@ values than a computer holds (https://en.wikipedia.org/wiki/Billion_laughs_attac
 
 from __future__ import annotations
 
-from typing import Dict, List, Optional, Tuple
+from typing import Any, Dict, List, Optional, Tuple
 
 import yaml
+from ruamel.yaml import YAML
 
 MOST_VALUES = 500_000  # that a file may have, aliases counted as what they stand for
 DEEPEST = 100  # lists and maps within one another
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml's, where it was built in
+
+
+def load_yaml_1_1(text: str, loader: Any = yaml.SafeLoader) -> Any:
+    """Return a document as PyYAML reads it, which ATOM does, too: yes is true, 1e-3 is a text.
+
+    Raises:
+        ValueError: see `check_yaml_size`.
+        yaml.YAMLError: it is no YAML.
+    """
+    check_yaml_size(text)
+    return yaml.load(text, Loader=loader)
+
+
+def load_yaml_1_2(text: str) -> Any:
+    """Return a document as YAML 1.2 has it: 1e-3 is a number.
+
+    Raises:
+        ValueError: see `check_yaml_size`.
+        ruamel.yaml.error.YAMLError: it is no YAML.
+    """
+    check_yaml_size(text)
+    return YAML(typ="safe", pure=True).load(text)
 
 
 def check_yaml_size(text: str) -> None:

@@ -30,6 +30,7 @@ from atom_core.labeling.view_quality import over_exposed_share
 LEAST_MARKERS = 3
 _LEAST_FITTING = 0.75  # of the markers, for a layout to be right
 _LEAST_TELLING = 8  # markers that tell of another board: fewer, read wrongly, fit one by chance
+_FEWEST_CORNERS = 2  # of a board, along a side
 _LEAST_QUALITY, _LEAST_CONTRAST = 0.75, 5.0
 _LEAST_PITCH_PX = 4.5  # between lines of corners: below it nothing exact can be said
 _LARGEST_MOVE_SQUARES, _LARGEST_MOVE_PX = 0.15, 4.0
@@ -219,13 +220,13 @@ class CharucoFinder:
         columns, rows, _ = self.layouts[0]
         found = []
         near = (n + i for i in (-1, 1, -2, 2) for n in (columns, rows))
-        for right in dict.fromkeys((rows, columns, *near)):
-            stated = {rows: columns, columns: rows}.get(right, 0)
-            for option in (CURRENT, LEGACY):
-                needed = _rows_for(int(np.max(ids)), right, option)
-                guess = Layout(right, max(needed, stated), option)
-                if min(right, guess.rows) >= 2:
-                    found += self._fitting(ids, outlines, [guess], camera)
+        stated = {rows: columns, columns: rows}
+        for right in (n for n in dict.fromkeys((rows, columns, *near)) if n >= _FEWEST_CORNERS):
+            squares = 2 * (int(np.max(ids)) + 1)  # every other one has a marker
+            needed = -(-squares // (right + 1)) - 1
+            right_rows = max(needed, stated.get(right, 0), _FEWEST_CORNERS)
+            layouts = [Layout(right, right_rows, option) for option in (CURRENT, LEGACY)]
+            found += self._fitting(ids, outlines, layouts, camera)
         return min(found, key=lambda fit: fit[2])[0] if found else None
 
     def _corners(
@@ -257,14 +258,6 @@ class CharucoFinder:
             good &= ~_off_their_neighbours(board[ids], corners.pixels, good, camera)
         kept = Corners(*(values[good] for values in vars(corners).values()))
         return FoundCorners(ids[good], kept, markers, int(np.sum(~good)), in_view)
-
-
-def _rows_for(last_id: int, columns: int, legacy: bool) -> int:
-    """Return how many rows of corners a board has at least that has a marker of this number."""
-    rows = 1
-    while len(marker_squares(columns + 1, rows + 1, legacy)) <= last_id:
-        rows += 1
-    return rows
 
 
 def _corner_grid(layout: Layout) -> np.ndarray:

@@ -53,7 +53,8 @@ DEFAULT_MAX_DURATION_MS = 1000
 _PATTERN_OF_VERSION_2 = "calibration_pattern"  # one, without a name
 _NAME_OF_MIGRATED_PATTERN = "pattern_1"
 GREATEST_SQUARE_M = 1.0
-_MAPS = ("sensors", "calibration_patterns", "additional_tfs", "joints", "priors")
+_NAMED_HERE = ("sensors", "calibration_patterns", "additional_tfs")  # joints: in the description
+_MAPS = (*_NAMED_HERE, "joints", "priors")
 
 
 @dataclass(frozen=True)
@@ -273,7 +274,7 @@ def _check_names(entries: Any, key: str) -> None:
     for name in entries:
         if not isinstance(name, str) or not name.strip():
             raise ConfigValueError(f"has the name {shown(name)}; write a text", key)
-        if key != "joints":  # whose names are the description's
+        if key in _NAMED_HERE:
             check_name(name, (key, name))
 
 

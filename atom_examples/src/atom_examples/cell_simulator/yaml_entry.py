@@ -9,7 +9,7 @@ import numpy as np
 import yaml
 
 from atom_core.io.paths import unread
-from atom_core.io.yaml_text import check_yaml_size
+from atom_core.io.yaml_text import load_yaml_1_1
 from atom_examples.cell_simulator.errors import SimulatorError
 
 
@@ -20,9 +20,7 @@ def read_yaml(path: Path) -> Entry:
         SimulatorError: it is absent or malformed.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
-        check_yaml_size(text)
-        document = yaml.safe_load(text)
+        document = load_yaml_1_1(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         reason = unread(path, error)
         raise SimulatorError(f"{path}: cannot be read ({reason}); give a file") from None

@@ -13,6 +13,7 @@ from typing import List, NamedTuple, Sequence
 import numpy as np
 
 from atom_core.geometry import se3
+from atom_core.geometry.pose_solvers import rigid_fit
 
 _TOLERANCE = 0.25  # of the board's diagonal: at this RMS distance of the corners a vote is lost
 _MOST_STATEMENTS, _MOST_HYPOTHESES = 60, 800
@@ -116,17 +117,3 @@ def _refined(judges: Sequence[_Judge], answer: Answer) -> Answer:
             break
         answer = Answer(pose, support)
     return answer
-
-
-def rigid_fit(source: np.ndarray, target: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Return the motion (4, 4) that carries points (n, 3) best onto others, weighted (n,).
-
-    Kabsch (1976), with the determinant kept at +1.
-    """
-    weight = weight / weight.sum()
-    source_mean, target_mean = weight @ source, weight @ target
-    covariance = (target - target_mean).T @ ((source - source_mean) * weight[:, None])
-    left, _, right = np.linalg.svd(covariance)
-    sign = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    rotation = left @ sign @ right
-    return se3.transform(rotation, target_mean - rotation @ source_mean)

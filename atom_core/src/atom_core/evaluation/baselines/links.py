@@ -12,6 +12,7 @@ from atom_core.evaluation.ground_truth import reference_sensor
 from atom_core.evaluation.hand_eye_views import mean_pose
 from atom_core.evaluation.metrics import pose_difference
 from atom_core.geometry import se3
+from atom_core.geometry.pose_solvers import rigid_fit
 from atom_core.model.dataset import Dataset, pose
 from atom_core.model.labels import DetectionKey
 from atom_core.model.transforms import Edge
@@ -202,8 +203,6 @@ def board_by_range(dataset: Dataset, key: DetectionKey) -> Optional[np.ndarray]:
 def motion_between(source: np.ndarray, target: np.ndarray) -> Optional[np.ndarray]:
     """Return ``target_T_source`` (4, 4) that carries points (n, 3) to others; None if not told.
 
-    Kabsch (1976), least squares.
-
     Args:
         source: (n, 3) [m].
         target: (n, 3) [m], the same points.
@@ -211,11 +210,10 @@ def motion_between(source: np.ndarray, target: np.ndarray) -> Optional[np.ndarra
     if len(source) < FEWEST:
         return None
     from_middle, to_middle = source - source.mean(axis=0), target - target.mean(axis=0)
-    u, sizes, vt = np.linalg.svd(to_middle.T @ from_middle)
+    sizes = np.linalg.svd(to_middle.T @ from_middle, compute_uv=False)
     if sizes[1] < 1e-9 * max(sizes[0], 1e-12):
         return None
-    rotation = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
-    return se3.transform(rotation, target.mean(axis=0) - rotation @ source.mean(axis=0))
+    return rigid_fit(source, target)
 
 
 def usual_pose(poses: Sequence[np.ndarray]) -> np.ndarray:
