@@ -5,8 +5,11 @@ The lines are facts of ATOM of October 2024; its ``calibrate`` and its nodes sta
 """
 
 import importlib
+import os
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -17,6 +20,9 @@ from atom_core.commands.pair_evaluation import EVALUATORS
 
 pytest.importorskip("rospy", reason="ROS is not installed")
 ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "tests"))
+
+from atoms_programs import WITH_ENDING, programs  # noqa: E402
 
 LAMBDA = "-csf 'lambda x: int(x) in [0, 3]'"
 TRAIN = "-train_json a.json -test_json b.json"
@@ -130,3 +136,37 @@ def test_a_recipe_of_an_example_robot_parses(words):
     from atom_calibration.nodes.calibrating import calibrate
 
     calibrate.parser().parse_args(shlex.split(words))
+
+
+# ---- what rosrun finds
+
+
+def test_every_program_whose_options_are_tested_is_one_that_rosrun_has_to_find():
+    typed = {line.split(" ")[0] for line in (*LINES, *NODES)}
+    assert typed <= {name for _, name in programs()}
+
+
+@pytest.mark.parametrize(("package", "name"), programs())
+def test_a_program_is_made_and_installed_under_its_name(package, name):
+    folder = ROOT / package
+    assert (folder / "scripts" / name).is_file()
+    assert f"scripts/{name}" in (folder / "CMakeLists.txt").read_text("utf-8").split()
+    if not (ROOT / "devel" / "setup.bash").is_file():
+        pytest.skip("not built: `make build`")
+    assert os.access(ROOT / "devel" / "lib" / package / name, os.X_OK)
+
+
+@pytest.mark.parametrize("name", WITH_ENDING)
+def test_a_program_is_the_same_with_the_ending_of_its_file(name):
+    for package in ("atom_calibration", "atom_evaluation"):
+        scripts = ROOT / package / "scripts"
+        assert (scripts / f"{name}.py").resolve() == scripts / name
+
+
+@pytest.mark.skipif(not (ROOT / "devel/setup.bash").is_file(), reason="not built: `make build`")
+@pytest.mark.parametrize("name", ["cv_eye_in_hand", "tf_static_to_dataset"])
+def test_rosrun_runs_a_program_with_the_ending_of_its_file(name):
+    line = f"source {ROOT}/env.bash; rosrun atom_evaluation {name}.py --help"
+    ran = subprocess.run(["bash", "-c", line], capture_output=True, text=True, timeout=120)
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stdout.startswith("usage: ") and "-json" in ran.stdout

@@ -4,12 +4,17 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "tests"))
+
+from atoms_programs import programs  # noqa: E402
+
 PACKAGES = ["atom", *sorted(path.parent.name for path in ROOT.glob("*/package.xml"))]
 BUILT, CATKIN_MAKE = "built here", "catkin_make"
 # It is about what is found where: not optimised it compiles in two thirds of the time.
@@ -113,6 +118,12 @@ def test_install_space_finds_packages_commands_and_the_compiled_module(suite):
     assert folders == [installed / "share" / name for name in PACKAGES]
     program = bash(f"{source}; rosrun --prefix echo atom_calibration check", installed).strip()
     assert program == str(installed / "lib/atom_calibration/check")
+    missing = [
+        f"{p}/{n}" for p, n in programs() if not os.access(f"{installed}/lib/{p}/{n}", os.X_OK)
+    ]
+    assert missing == []
+    script = f"{source}; rosrun atom_evaluation cv_eye_in_hand.py --help"
+    assert "usage: " in bash(script, installed)
     module = "import rospy, atom_core.errors; from atom_core import _core; print(_core.__file__)"
     assert str(installed) in bash(f"{source}; python3 -c '{module}'", installed)
 

@@ -1,0 +1,1 @@
+copy_tfs_from_dataset

@@ -1,0 +1,1 @@
+cv_eye_to_hand

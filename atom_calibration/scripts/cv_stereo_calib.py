@@ -1,0 +1,1 @@
+cv_stereo_calib

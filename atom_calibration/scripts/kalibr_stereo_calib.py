@@ -1,0 +1,1 @@
+kalibr_stereo_calib

@@ -1,0 +1,1 @@
+li_eye_in_hand

@@ -1,0 +1,1 @@
+shah_eye_in_hand

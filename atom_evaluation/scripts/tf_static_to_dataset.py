@@ -1,0 +1,1 @@
+tf_static_to_dataset
