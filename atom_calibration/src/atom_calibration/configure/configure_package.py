@@ -30,6 +30,7 @@ from atom_calibration.configure.render import needed_packages, rendered_files
 from atom_calibration.configure.summary import FORMATS, dot_text, draw
 from atom_calibration.configure.tree import TransformGraph, graph_document, networkx_graph
 from atom_calibration.sources.bag_reader import BagReader
+from atom_core.cli import BAD_INPUT, guarded
 from atom_core.commands.atom_options import (
     CONFIGURE_CALIBRATION_PKG,
     add_meaningless_options,
@@ -44,17 +45,14 @@ from atom_core.model.config import CalibrationConfig
 
 EXAMPLE = "rosrun atom_calibration configure_calibration_pkg -n my_robot_calibration"
 ESTIMATE = "urdf/initial_estimate.urdf.xacro"
-_DONE, _NOT_ACCEPTABLE, _BAD_INPUT = 0, 1, 2
+_NAME = "configure_calibration_pkg"
+_NOT_ACCEPTABLE = 1
 
 
 def main(argv: Optional[Sequence[str]] = None) -> int:
     """Run the command; return its exit code."""
     args = parser().parse_args(argv)
-    try:
-        return configure(args)
-    except AtomError as error:
-        _tell(str(error))
-        return _BAD_INPUT
+    return guarded(_NAME, lambda: configure(args))
 
 
 @dataclass(frozen=True)
@@ -78,7 +76,7 @@ def configure(args: argparse.Namespace) -> int:
     if rig is None:
         for problem in findings.problems:
             _tell(problem)
-        return _BAD_INPUT
+        return BAD_INPUT
     files = GeneratedFiles(package.folder, package.calibration_folder / RECORD)
     outcome = files.write(_contents(rig, package), args.overwrite)
     remarks = _write_estimate(rig, package, files, args)
@@ -91,7 +89,7 @@ def configure(args: argparse.Namespace) -> int:
             "shell (`make setup` installs it, and so does apt install ros-noetic-xacro)"
         )
     _report(package, rig, outcome, remarks)
-    return _NOT_ACCEPTABLE if outcome.kept else _DONE
+    return _NOT_ACCEPTABLE if outcome.kept else 0
 
 
 def checked_rig(
@@ -241,13 +239,13 @@ def _report(
 
 
 def _tell(text: str) -> None:
-    sys.stderr.write(f"configure_calibration_pkg: {text}\n")
+    sys.stderr.write(f"{_NAME}: {text}\n")
 
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command."""
     made = OptionParser(
-        prog="configure_calibration_pkg",
+        prog=_NAME,
         description=__doc__,
         epilog=f"example: {EXAMPLE}",
     )

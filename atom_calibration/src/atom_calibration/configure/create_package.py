@@ -10,26 +10,26 @@ from pathlib import Path
 from typing import Optional, Sequence
 
 from atom_calibration.configure.render import skeleton_files
+from atom_core.cli import guarded
 from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser
-from atom_core.errors import AtomError, OutputError
+from atom_core.errors import OutputError
 from atom_core.io.atomic import prepare_output_folder, write_text_atomically
 from atom_core.io.paths import find_ros_package
 
 EXAMPLE = "rosrun atom_calibration create_calibration_pkg -n ~/catkin_ws/src/my_robot_calibration"
 FOLDERS = ("calibration", "launch", "rviz", "urdf", "urdf/optimized", "scripts")
 _NAME = re.compile(r"[a-z][a-z0-9_]*$")
-_DONE, _BAD_INPUT = 0, 2
 
 
 def main(argv: Optional[Sequence[str]] = None) -> int:
     """Run the command; return its exit code."""
     args = parser().parse_args(argv)
-    try:
-        folder = create_package(args.name)
-    except AtomError as error:
-        sys.stderr.write(f"create_calibration_pkg: {error}\n")
-        return _BAD_INPUT
+    return guarded("create_calibration_pkg", lambda: _run(args))
+
+
+def _run(args: argparse.Namespace) -> int:
+    folder = create_package(args.name)
     sys.stdout.write(
         f"{folder}: made; fill in calibration/config.yml, then run "
         f"`rosrun {folder.name} configure`\n"
@@ -40,7 +40,7 @@ def main(argv: Optional[Sequence[str]] = None) -> int:
             f"will not find it; move it into your workspace, or type in each shell: "
             f"export ROS_PACKAGE_PATH=$ROS_PACKAGE_PATH:{folder.parent}\n"
         )
-    return _DONE
+    return 0
 
 
 def create_package(name: str) -> Path:

@@ -9,27 +9,27 @@ from pathlib import Path
 from typing import Optional, Sequence, Tuple
 
 from atom_calibration.configure.package import find_package
+from atom_core.cli import guarded
 from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser
-from atom_core.errors import AtomError, OutputError
+from atom_core.errors import OutputError
 from atom_core.io.config_yaml import read_config, write_config
 
 EXAMPLE = "rosrun atom_calibration update_config_to_version_3 -pn my_robot_calibration"
 _NAME = "update_config_to_version_3"
-_DONE, _BAD_INPUT = 0, 2
 
 
 def main(argv: Optional[Sequence[str]] = None) -> int:
     """Run the command; return its exit code."""
     args = parser().parse_args(argv)
-    try:
-        path, target = update(args)
-    except AtomError as error:
-        sys.stderr.write(f"{_NAME}: {error}\n")
-        return _BAD_INPUT
+    return guarded(_NAME, lambda: _run(args))
+
+
+def _run(args: argparse.Namespace) -> int:
+    path, target = update(args)
     before = f"; the old one is {_old(path)}" if target == path else ""
     sys.stdout.write(f"{target}: the configuration in version 3{before}\n")
-    return _DONE
+    return 0
 
 
 def update(args: argparse.Namespace) -> Tuple[Path, Path]:

@@ -9,35 +9,34 @@ from typing import List, Optional, Sequence
 from atom_calibration.configure.check import Findings
 from atom_calibration.configure.configure_package import CheckedRig, checked_rig
 from atom_calibration.configure.package import find_package
+from atom_core.cli import BAD_INPUT, guarded
 from atom_core.commands.atom_options import CONFIGURE_CALIBRATION_PKG, add_meaningless_options
 from atom_core.commands.common import add_option, named_path
 from atom_core.commands.option_parser import OptionParser
-from atom_core.errors import AtomError
 from atom_core.io.config_yaml import read_config_with_places
 from atom_core.report.tables import text_table
 
 EXAMPLE = "rosrun atom_calibration view_calibration_config -n my_robot_calibration"
 _NAME = "view_calibration_config"
-_DONE, _BAD_INPUT = 0, 2
 
 
 def main(argv: Optional[Sequence[str]] = None) -> int:
     """Run the command; return its exit code."""
     args = parser().parse_args(argv)
-    try:
-        package = find_package(args.name, args.config_file)
-        config, locate = read_config_with_places(package.config_file)
-        findings = Findings(locate, [], list(config.warnings))
-        rig = checked_rig(config, package, args.bag, findings)
-    except AtomError as error:
-        sys.stderr.write(f"{_NAME}: {error}\n")
-        return _BAD_INPUT
+    return guarded(_NAME, lambda: _run(args))
+
+
+def _run(args: argparse.Namespace) -> int:
+    package = find_package(args.name, args.config_file)
+    config, locate = read_config_with_places(package.config_file)
+    findings = Findings(locate, [], list(config.warnings))
+    rig = checked_rig(config, package, args.bag, findings)
     for line in [f"warning: {warning}" for warning in findings.warnings] + findings.problems:
         sys.stderr.write(f"{_NAME}: {line}\n")
     if rig is None:
-        return _BAD_INPUT
+        return BAD_INPUT
     sys.stdout.write("\n\n".join([f"{package.config_file}", *tables(rig)]) + "\n")
-    return _DONE
+    return 0
 
 
 def tables(rig: CheckedRig) -> List[str]:
