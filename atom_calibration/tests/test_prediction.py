@@ -1,16 +1,20 @@
 """Predicted seeds: near with the first estimate, nearer with every board seen."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from atom_calibration.labels.frame_labeler import _vouched
 from atom_calibration.labels.guess import misfit
 from atom_calibration.labels.prediction import BoardPredictor
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.geometry import se3
+from atom_core.labeling.base import Labeled, nothing
 from atom_core.labeling.line_sighting import LineSighting
 from atom_core.labeling.stillness import PlaneSighting
+from atom_core.model.labels import RangeLabel
 from atom_core.synthetic import paper_cell
 
 CELL = paper_cell(0, "train").dataset
@@ -139,6 +143,32 @@ def test_what_was_learnt_tells_the_board_from_a_thing_beside_it(tree):
     assert guess.agrees(found)
     assert not guess.agrees(replace(found, normal=turn @ found.normal))
     assert not guess.agrees(replace(found, centre=found.centre + 0.3 * found.normal))
+
+
+def test_what_the_view_cuts_is_taken_where_an_exact_prediction_has_the_board(tree):
+    rng, predictor = np.random.default_rng(6), BoardPredictor("world")
+    true = stand_still(predictor, tree, 0.0, rng)
+    found = label(true, rng)
+    doubtful = nothing(LIDAR.modality, "the view cuts it", unsure=some_label())
+
+    def taken(guess, seen):
+        frame = SimpleNamespace(ros=SimpleNamespace(sighting=lambda frame, label: seen))
+        return _vouched(frame, doubtful, guess).detected
+
+    first = predictor.predict(LIDAR, PATTERN, 0.0, tree)
+    assert first.agrees(found) and not taken(first, found)  # known to decimetres
+    for number in range(6):
+        true = stand_still(predictor, tree, 5.0 * number, rng)
+        predictor.learn(LIDAR, PATTERN, 5.0 * number, label(true, rng), tree)
+    true = stand_still(predictor, tree, 99.0, rng)
+    guess, found = predictor.predict(LIDAR, PATTERN, 99.0, tree), label(true, rng)
+    assert taken(guess, found)
+    assert not taken(guess, replace(found, centre=found.centre + 0.3 * found.normal))
+    assert not taken(None, found)
+
+
+def some_label():
+    return Labeled(RangeLabel(np.arange(3), np.arange(1)))
 
 
 def test_one_false_label_among_many_is_no_harm(tree):

@@ -44,6 +44,7 @@ py::array_t<std::int64_t> Array(const std::vector<std::int64_t>& values) {
 py::dict ToDict(const BoardSegment& segment) {
   py::dict item;
   item["detected"] = segment.detected;
+  item["unsure"] = segment.unsure;
   item["reason"] = segment.reason;
   item["indices"] = Array(segment.indices);
   item["limit_indices"] = Array(segment.limit_indices);
@@ -143,7 +144,7 @@ Raises:
 Squares of the side ``dark`` [m] may return nothing.
 
 Returns:
-    dict: detected, reason, indices (n,) and limit_indices (m,) into the cloud, sensor_T_board (4, 4)
+    dict: detected, unsure, reason, indices (n,) and limit_indices (m,) into the cloud, sensor_T_board (4, 4)
     with its origin in the board's middle, and figures: see BoardSegment in board_segmentation.h.
 
 Raises:

@@ -10,6 +10,7 @@
 
 #include "board_beside.h"
 #include "board_filling.h"
+#include "board_size.h"
 #include "plane_pieces.h"
 #include "plane_points.h"
 
@@ -17,19 +18,13 @@ namespace atom_core {
 namespace {
 
 constexpr int kRefits = 6;
-constexpr double kStripShare = 0.5;      // of the shorter half side: gaps that a run bridges
-constexpr double kBorderShare = 0.7;     // of the layers' ends that must lie on the border
-constexpr double kFlatness = 2.0;        // of the scatter along layers, and
-constexpr double kUneven = 0.008;        // [m] about the plane are flat
-constexpr double kSizeTolerance = 0.03;  // of a side, and
-constexpr double kSizeSigmas = 3.0;      // of what is measured, and
-constexpr double kSizeSteps = 0.5;       // beam steps
-constexpr double kWideLayer = 0.4;       // of the shorter side: layers beyond the board count, if
-constexpr double kSolid = 0.6;           // of them returns, and
-constexpr double kFarBeyond = 0.12;      // of that side away
-constexpr double kMostSizeError = 0.07;  // of a side, however uncertain; what looks smaller, by
-constexpr double kMostSmaller = 0.035;   // of it: nothing makes a board look smaller
-constexpr double kWideBeamSteps = 2.0;   // by which beams of unknown width may enlarge a board
+constexpr double kStripShare = 0.5;   // of the shorter half side: gaps that a run bridges
+constexpr double kBorderShare = 0.7;  // of the layers' ends that must lie on the border
+constexpr double kFlatness = 2.0;     // of the scatter along layers, and
+constexpr double kUneven = 0.008;     // [m] about the plane are flat
+constexpr double kWideLayer = 0.4;    // of the shorter side: layers beyond the board count, if
+constexpr double kSolid = 0.6;        // of them returns, and
+constexpr double kFarBeyond = 0.12;   // of that side away
 
 std::nullopt_t Reject(int progress, const std::string& reason, BoardSegment* segment) {
   segment->progress = progress;
@@ -220,38 +215,6 @@ bool BorderFits(const Surface& surface, const RectanglePose& pose, const Outline
   return false;
 }
 
-std::string SizeReason(const Eigen::Vector2d& measured, const BoardOptions& options) {
-  for (int axis = 0; axis < 2; ++axis) {
-    if (std::isfinite(measured[axis])) continue;
-    return Text(
-        "a side of the plane there measures %.2f m; the configuration says %.2f x %.2f, of which "
-        "that side is to be %.2f",
-        measured[1 - axis], options.size.x(), options.size.y(), options.size[1 - axis]);
-  }
-  return SizeText(measured, options.size);
-}
-
-bool SizeFits(const BoardSearch& search, const Surface& surface, const RectanglePose& pose,
-              const Outline& outline, BoardSegment* segment) {
-  Eigen::Vector2d sigma;
-  segment->measured_size = MeasureSize(outline.limits, pose, surface.seen_half(), &sigma);
-  segment->measured_size -= 2.0 * (surface.seen_half() - search.HalfSize());
-  const double step = surface.StepOnBoard();
-  for (int axis = 0; axis < 2; ++axis) {
-    const double expected = search.options.size[axis];
-    const double off = segment->measured_size[axis] - expected;
-    const double wide = search.options.beam_width > 0.0 ? 0.0 : kWideBeamSteps * step;
-    const double most = kSizeTolerance * expected + kSizeSigmas * sigma[axis] + kSizeSteps * step;
-    const double limit = kMostSizeError * expected;
-    if (std::isfinite(off) &&
-        (off < -std::min(most, kMostSmaller * expected) || off > std::min(most + wide, limit))) {
-      Reject(5, SizeReason(segment->measured_size, search.options), segment);
-      return false;
-    }
-  }
-  return true;
-}
-
 // The board's rectangle in the axes of a surface nearly in its plane.
 RectanglePose InPlaneOf(const Surface& surface, const BoardSegment& segment) {
   RectanglePose pose;
@@ -394,27 +357,13 @@ BoardSegment Judge(const BoardSearch& search, std::vector<int> piece) {
   if (!pose || !IsAll(search, *surface, InPlaneOf(*surface, segment), &segment)) return segment;
   if (!FillsRectangle(search, *restricted, *pose, &segment)) return segment;
   if (GoesOnBesideSide(search, *restricted, *pose, &segment)) return segment;
-  segment.detected = true;
+  segment.unsure = !IsToldBySize(search, *restricted, &segment);
+  segment.detected = !segment.unsure;
   Label(search, *restricted, *pose, &segment);
   return segment;
 }
 
 }  // namespace
-
-std::string SizeText(const Eigen::Vector2d& measured, const Eigen::Vector2d& configured) {
-  return Text("the plane there measures %.2f x %.2f m; the configuration says %.2f x %.2f",
-              measured.x(), measured.y(), configured.x(), configured.y());
-}
-
-void TellSize(const BoardSearch& search, const std::vector<int>& piece, BoardSegment* segment) {
-  if (segment->detected || piece.size() < 3) return;
-  if (segment->reason.find("measures") != std::string::npos) return;
-  const PlaneAxes axes(FitPlane(search.window, piece), search.At(piece.front()).position);
-  PlanePoints points;
-  for (const int i : piece) points.push_back(axes.InPlane(search.At(i).position));
-  const Eigen::Vector2d size = MeasurePiece(points, 0.0), board = search.options.size;
-  segment->reason += "; " + SizeText(board.x() >= board.y() ? size : size.reverse().eval(), board);
-}
 
 std::string Text(const char* format, double a, double b, double c, double d) {
   char buffer[200];

@@ -14,12 +14,6 @@ namespace atom_core {
 /// Formats up to four numbers, for reasons.
 std::string Text(const char* format, double a, double b = 0.0, double c = 0.0, double d = 0.0);
 
-/// Returns what all reasons say of the size of a plane: width and height [m] beside the board's.
-std::string SizeText(const Eigen::Vector2d& measured, const Eigen::Vector2d& configured);
-
-/// Adds to the reason of a piece that is no board how large it is, unless the reason says so.
-void TellSize(const BoardSearch& search, const std::vector<int>& piece, BoardSegment* segment);
-
 /// Tells whether a piece is the board: a flat surface with enough layers, an outline of the
 /// board's size, and returns wherever the board would give them.
 ///

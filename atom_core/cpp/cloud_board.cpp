@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "board_judgement.h"
+#include "board_size.h"
 #include "cloud_filling.h"
 #include "cloud_label.h"
 #include "cloud_patch.h"

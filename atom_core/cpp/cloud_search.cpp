@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "board_judgement.h"
+#include "board_size.h"
 #include "cloud_board.h"
 #include "plane_points.h"
 

@@ -52,6 +52,7 @@ struct BoardOptions {
 /// What was found on a plane, or why it is not the board.
 struct BoardSegment {
   bool detected = false;
+  bool unsure = false;                      ///< labeled, not detected: the view cuts what may be it
   std::string reason;                       ///< one sentence; empty when detected
   std::vector<std::int64_t> indices;        ///< of the returns, into the cloud as given, ascending
   std::vector<std::int64_t> limit_indices;  ///< those on the border

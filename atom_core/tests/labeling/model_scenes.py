@@ -69,14 +69,23 @@ class ModelCell(NamedTuple):
     boards: List[Board]
 
 
-def model_cell(name: str, seed: int, collections: int = 12) -> ModelCell:
-    """Simulate a rig with one LiDAR of a model; the LiDAR's labels are left to a labeler."""
+def model_cell(name: str, seed: int, collections: int = 12, shared: bool = False) -> ModelCell:
+    """Simulate a rig with one LiDAR of a model; the LiDAR's labels are left to a labeler.
+
+    Args:
+        name: of the model.
+        seed: of rig, boards and noise.
+        collections: number of boards, one after the other.
+        shared: take boards alone that a camera has in view as a whole; others tell nothing of
+            where the LiDAR is.
+    """
     model, rng = LIDAR_MODELS[name], np.random.default_rng([seed, _SCENES])
     rig = _rig(model)
     planted = planted_in(rig, [PATTERN], ROUGH, [seed, _SCENES])
     made = planted.of_board(PATTERN).true_pattern(PATTERN, charuco())
     world_T_lidar = rig.pose(LIDAR)
-    poses = [_board(model, made, world_T_lidar, k, rng) for k in range(collections)]
+    cameras = _cameras(rig) if shared else []
+    poses = [_board(model, made, world_T_lidar, k, rng, cameras) for k in range(collections)]
     noise = Noise(lidar_m=model.sigma_m)
     synthetic = make_dataset(
         rig,
@@ -118,8 +127,27 @@ def _rig(model):
     return assemble("world", structure, mounts, anchored="rgb_1", room=HALL, centre=target)
 
 
-def _board(model, pattern, world_T_lidar, number, rng):
-    """Return ``world_T_board``, the things around it and the room, where geometry allows it."""
+def _cameras(rig):
+    """Return ``camera_T_world`` (4, 4) and intrinsics of each camera."""
+    cameras = [sensor for sensor in rig.sensors.values() if sensor.camera is not None]
+    return [(se3.inverse(rig.pose(sensor.frame)), sensor.camera) for sensor in cameras]
+
+
+def _sees_all(camera_T_board: np.ndarray, camera, border: Rectangle) -> bool:
+    """Tell whether a board is in a camera's image as a whole, and not seen too flat."""
+    outline = np.column_stack([border_points(border), np.zeros(160)])
+    points = se3.apply(camera_T_board, outline)
+    middle = points.mean(axis=0)
+    cosine = abs(camera_T_board[:3, 2] @ middle) / np.linalg.norm(middle)
+    in_image = np.all(points[:, 2] > 0.3) and np.all(camera.in_image(points))
+    return bool(in_image and cosine > np.cos(np.radians(MOST_INCIDENCE_DEG)))
+
+
+def _board(model, pattern, world_T_lidar, number, rng, cameras=()):
+    """Return ``world_T_board``, the things around it and the room, where geometry allows it.
+
+    One of the cameras, if any are given, has it in view.
+    """
     for _ in range(2000):
         away, bearing = rng.uniform(1.3, 3.8), np.radians(rng.uniform(-30.0, 30.0))
         height = rng.uniform(-0.14, 0.14) * away
@@ -129,6 +157,9 @@ def _board(model, pattern, world_T_lidar, number, rng):
         roll = rng.uniform(0.0, 180.0)
         world_T_board = board_facing(EYE, centre, roll, turn, tilt, border=pattern.border)
         if not is_allowed(model, se3.inverse(world_T_lidar) @ world_T_board, pattern.border):
+            continue
+        seen = [_sees_all(T @ world_T_board, camera, pattern.border) for T, camera in cameras]
+        if seen and not any(seen):
             continue
         room = HALL
         if number % 2:

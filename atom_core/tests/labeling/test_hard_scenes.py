@@ -16,8 +16,7 @@ from atom_core.labeling.lidar3d import Cloud
 
 pytestmark = pytest.mark.skipif(not native.available(), reason="the compiled core is not built")
 
-WITHOUT_LAYERS = ("rosette", "strewn", "tof")
-ONLY = {"sun": IMAGES, "another one, cut": WITHOUT_LAYERS}  # elsewhere such boards are labeled
+ONLY = {"sun": IMAGES}
 PAIRS = [(d, k) for d in DIFFICULTIES for k in KINDS if k in ONLY.get(d, KINDS)]
 LEAST_FOUND = 0.9
 WEAK = {  # what is reached so far
@@ -125,6 +124,28 @@ def test_a_board_that_ends_before_the_sky_is_not_cut_by_the_view(kind, number):
     before_the_sky = seen._replace(data=Cloud(only_board))
     at_seed, searched = judged(frame, before_the_sky)
     assert not at_seed.labeled.detected and not searched.labeled.detected
+
+
+@pytest.mark.parametrize(
+    ("kind", "number"), [("16 layers", 1003), ("64 layers", 1022), ("depth", 1003)]
+)
+def test_what_the_view_cuts_so_that_its_size_is_not_seen_is_refused_and_kept_in_doubt(kind, number):
+    # Depth: a corner of another board.
+    difficulty = "another one, cut" if kind == "depth" else "cut by the view"
+    frame = hard_frame(difficulty, kind, number)
+    at_seed, _ = judged(frame, measured(frame))
+    assert not at_seed.labeled.detected
+    assert "no two opposite sides" in at_seed.labeled.reason
+    assert "cuts it" in at_seed.labeled.reason
+    assert at_seed.labeled.unsure.detected
+
+
+@pytest.mark.parametrize("number", [1001, 1014])
+def test_a_board_of_another_size_that_the_image_cuts_is_refused_by_the_side_that_is_seen(number):
+    frame = hard_frame("another one, cut", "depth", number)
+    at_seed, _ = judged(frame, measured(frame))
+    assert not at_seed.labeled.detected and at_seed.labeled.unsure is None
+    assert SIZES in at_seed.labeled.reason
 
 
 @pytest.mark.parametrize("kind", KINDS)

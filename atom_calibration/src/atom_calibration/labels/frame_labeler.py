@@ -152,6 +152,7 @@ class FrameLabeler:
         labeled = nothing(frame.sensor.modality, _why_no_seed(by_hand, frame))
         for attempt in self._attempts(frame, pattern, prediction):
             labeled, begun = self._begun(frame, pattern, attempt)
+            labeled = _vouched(frame, labeled, prediction)
             frame.set_label(pattern, labeled)
             sighting = frame.sightings.get(pattern)
             if labeled.detected and tree is not None and isinstance(sighting, SurfaceSighting):
@@ -246,6 +247,15 @@ class FrameLabeler:
             return label_near(labeler, frame.data, seed, reach_m)
         except LabelingError as error:
             raise LabelingError(f"{frame.place}: {error}") from None
+
+
+def _vouched(frame: Frame, labeled: Labeled, prediction: Optional[Guess]) -> Labeled:
+    """Return the label of what the view cuts, if a camera sees the board there."""
+    if labeled.detected or labeled.unsure is None or prediction is None:
+        return labeled
+    sighting = frame.ros.sighting(frame, labeled.unsure.label)
+    is_board = isinstance(sighting, SurfaceSighting) and prediction.vouches(sighting)
+    return labeled.unsure if is_board else labeled
 
 
 def _where_predicted(frame: Frame, guess: Guess) -> List[_Attempt]:

@@ -11,6 +11,7 @@ from atom_core.labeling.stillness import SurfaceSighting
 
 NORMAL_RAD, OFF_PLANE_M = 0.03, 0.03  # one sigma of a label
 _GATE_SIGMAS = 4.0
+_EXACT = 0.2  # of half the board's diagonal: a prediction that tells the board from others
 
 
 class Guess(NamedTuple):
@@ -41,6 +42,13 @@ class Guess(NamedTuple):
         jacobian = np.hstack([-se3.skew(self.middle), np.eye(3)])
         variance = np.trace(jacobian @ self.covariance @ jacobian.T) / 3.0
         return float(np.sqrt(variance + self.drift_m**2))
+
+    def vouches(self, found: SurfaceSighting) -> bool:
+        """Tell whether what was found is the board though nothing else says so.
+
+        It is where the board must be, and that is known to a part of the board's size.
+        """
+        return self.sigma_m <= _EXACT * self.half_diagonal_m and self.agrees(found)
 
     def agrees(self, found: SurfaceSighting) -> bool:
         """Tell whether what was found may be the board."""

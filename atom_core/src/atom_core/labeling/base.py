@@ -28,6 +28,9 @@ class Labeled:
         next_seed: where to look for the board in the next data: (2,) pixel of a depth image,
             (3,) point [m] of a cloud; None where the modality needs none or nothing was found.
         warnings: what the user should know though a label was found.
+        unsure: where nothing was detected, the label of what may be the board, but of which these
+            data do not tell the size, since the edge of the view cuts it. It holds where another
+            sensor sees the board there.
     """
 
     label: Label
@@ -36,6 +39,7 @@ class Labeled:
     item_quality: Optional[np.ndarray] = None
     next_seed: Optional[np.ndarray] = None
     warnings: Tuple[str, ...] = ()
+    unsure: Optional[Labeled] = None
 
     @property
     def detected(self) -> bool:
@@ -43,9 +47,15 @@ class Labeled:
         return self.label.detected
 
 
-def nothing(modality: str, reason: str, quality: Optional[Mapping[str, float]] = None) -> Labeled:
+def nothing(
+    modality: str,
+    reason: str,
+    quality: Optional[Mapping[str, float]] = None,
+    unsure: Optional[Labeled] = None,
+) -> Labeled:
     """Return the result of a labeler that did not find the board."""
-    return Labeled(modality_named(modality).labels.empty, reason=reason, quality=quality or {})
+    empty = modality_named(modality).labels.empty
+    return Labeled(empty, reason=reason, quality=quality or {}, unsure=unsure)
 
 
 class Labeler(Protocol):

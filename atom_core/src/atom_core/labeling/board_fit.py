@@ -11,6 +11,7 @@ from atom_core.geometry.rectangle import Rectangle
 _ANGLE_STEP_DEG = 2.0
 _BIN_M = 0.015
 _ROUNDS = 6
+_NEAR_SIDE, _CORNER = 0.25, 0.1  # of half a side: points that tell where the side is
 _BEST_SHARE = 0.995  # of the points between the extremes of a side
 
 
@@ -25,6 +26,7 @@ class BoardFit(NamedTuple):
         sides: number of sides that border points lie on.
         corner: whether two adjacent sides have border points.
         opposite: whether two opposite sides have: only they tell the board's size.
+        measured: (2,) distances of opposite sides by their points [m]; NaN where one is not seen.
     """
 
     centre: np.ndarray
@@ -34,6 +36,7 @@ class BoardFit(NamedTuple):
     sides: int
     corner: bool
     opposite: bool
+    measured: np.ndarray
 
     def signed_distance(self, points: np.ndarray) -> np.ndarray:
         """Return distances (n,) of points (n, 2) in the plane to the nearest side's line [m]."""
@@ -144,4 +147,26 @@ def _refined(
     ]
     corner = (touched[0] or touched[1]) and (touched[2] or touched[3])
     opposite = (touched[0] and touched[1]) or (touched[2] and touched[3])
-    return BoardFit(centre, plane_R_board, half, off, sum(touched), corner, opposite)
+    measured = _measured(turned, half, least)
+    return BoardFit(centre, plane_R_board, half, off, sum(touched), corner, opposite, measured)
+
+
+def _measured(border: np.ndarray, half: np.ndarray, least: int) -> np.ndarray:
+    """Return (2,) distances of opposite sides [m]; NaN where one has fewer points than the least.
+
+    Args:
+        border: (n, 2) points in the board's axes [m]; those near a corner tell of two sides, and
+            are left out.
+        half: (2,) half of the board's sides [m].
+        least: number of points.
+    """
+    measured = np.full(2, np.nan)
+    beyond = _beyond(border, half)
+    for axis in (0, 1):
+        mine = (np.abs(beyond[axis]) < _NEAR_SIDE * half.min()) & (
+            beyond[1 - axis] < -_CORNER * half[1 - axis]
+        )
+        ends = [beyond[axis][mine & (sign * border[:, axis] > 0)] for sign in (1, -1)]
+        if min(len(end) for end in ends) >= least:
+            measured[axis] = 2.0 * half[axis] + sum(float(np.median(end)) for end in ends)
+    return measured

@@ -121,6 +121,7 @@ def refilled(labeler: DepthLabeler, depth_m: np.ndarray, polygon: np.ndarray) ->
     if not strict.detected:
         lenient = DepthLabeler(labeler.sensor, labeler.pattern, options=_BY_HAND)
         found = _first_found(lenient, depth_m, seeds, polygon)
+        found = found.unsure or found  # the person knows what the image's edge cuts
         if found.detected:
             found = replace(found, warnings=(*found.warnings, strict.reason))
     if not isinstance(found.label, RangeLabel) or not found.detected:

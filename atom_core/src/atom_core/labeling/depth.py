@@ -79,7 +79,8 @@ class DepthLabeler:
             outermost ones on its border, never at the image's edge. ``quality``: ``pixels``,
             ``plane_rms_m``, ``border_rms_m``, ``border_share``, ``coverage``, ``angle_deg``,
             ``distance_m``, ``opposite_sides`` (1: two are seen, which tell the board's size).
-            ``next_seed`` is the centroid.
+            ``next_seed`` is the centroid. Where the image's edge cuts the board so that no two
+            opposite sides are seen, the label is ``unsure``.
 
         Raises:
             LabelingError: the array is no depth image of this camera, the seed or the polygon is
@@ -110,6 +111,8 @@ class DepthLabeler:
                 best = found
             elif found.detected:
                 nearest = nearest or _CUT
+            elif found.unsure is not None:
+                nearest = nearest or found.reason
             elif "measured_width_m" in found.quality:
                 nearest = found.reason
         if best.detected or not nearest:

@@ -30,6 +30,9 @@ _INTO_CORNERS = 0.6  # of the radius of what fits into a board
 _BORDER_POINTS, _LEAST_BORDER_PX = 400, 12
 _BORDER_M = 0.012
 _SAME_SIZE = 0.03  # of a side
+_CUT_SIZE = 0.035  # the same, where the image's edge cuts the other sides
+_SIZE_NOT_SEEN = "no two opposite sides of the plane there are seen, so that its size is not known"
+_CUT = "the image's edge cuts it: bring all of it into view, or let a camera see it, too"
 _LEAST_SEEN = 0.05  # of a board: in view, and not hidden
 _LARGEST_EXTENT, _LARGEST_BEYOND = 1.1, 0.05
 
@@ -113,7 +116,34 @@ def judge(view: DepthView, plane: Plane, region: Region) -> Labeled:
     reason = _reason(view, quality, fit, _share_beyond(surface, fit, tolerance_m))
     if reason and not _fits(quality, options) and surface.is_whole():
         reason = _size_reason(border, view, quality) or reason
-    return nothing(DEPTH, reason, quality) if reason else _label(board, fit, quality)
+    if reason:
+        return nothing(DEPTH, reason, quality)
+    labeled = _label(board, fit, quality)
+    if surface.is_whole() or not labeled.detected:
+        return labeled
+    measured, size = fit.measured + pixel_m / slant, 2.0 * fit.half_size
+    if not np.isfinite(measured).any():
+        return nothing(DEPTH, f"{_SIZE_NOT_SEEN}; {_CUT}", quality, labeled)
+    reason = _cut_size_reason(measured, size, view)
+    return nothing(DEPTH, reason, quality) if reason else labeled
+
+
+def _cut_size_reason(measured: np.ndarray, size: np.ndarray, view: DepthView) -> str:
+    """Tell of a side of a plane that the image's edge cuts, '' if it is as long as the board's.
+
+    Args:
+        measured: (2,) distances of opposite sides [m]; NaN where they are not seen.
+        size: (2,) what they are to be [m].
+        view: what is looked for.
+    """
+    wide, high = 2.0 * view.half_size
+    for side_m, expected_m in zip(measured, size):
+        if abs(side_m - expected_m) > _CUT_SIZE * expected_m:
+            return (
+                f"a side of the plane there measures {side_m:.2f} m; the configuration says "
+                f"{wide:.2f} x {high:.2f}, of which that side is to be {expected_m:.2f}; {_CUT}"
+            )
+    return ""
 
 
 def _comparison(

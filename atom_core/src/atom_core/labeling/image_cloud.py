@@ -107,8 +107,14 @@ def label_in_image(
             return nothing(LIDAR3D, "the seed is out of the sensor's field of view")
     labeler = DepthLabeler(replace(sensor, camera=image.camera), pattern)
     found = labeler.label(image.depth_m, pixel)
-    if not found.detected:
-        return nothing(LIDAR3D, found.reason, found.quality)
+    if found.detected:
+        return _in_cloud(found, points)
+    unsure = None if found.unsure is None else _in_cloud(found.unsure, points)
+    return nothing(LIDAR3D, found.reason, found.quality, unsure)
+
+
+def _in_cloud(found: Labeled, points: np.ndarray) -> Labeled:
+    """Return a label of the image as one of the cloud (n, 3) [m]."""
     assert isinstance(found.label, RangeLabel)
     inside = np.asarray(points, dtype=float)[found.label.indices]
     centre, normal, rms_m = fit_plane(inside)

@@ -284,7 +284,7 @@ def _found(
 ) -> FoundBoard:
     sensor_T_centre = segment["sensor_T_board"]
     quality = _quality(segment, _FIGURES_OF_LAYERS if by_layers else _FIGURES_OF_OUTLINES)
-    if not segment["detected"]:
+    if not segment["detected"] and not segment["unsure"]:
         return FoundBoard(nothing(LIDAR3D, segment["reason"], quality), sensor_T_centre)
     label = RangeLabel(segment["indices"], segment["limit_indices"])
     points = np.asarray(cloud.points, dtype=float)[label.indices]
@@ -297,6 +297,8 @@ def _found(
         next_seed=points.mean(axis=0),
         warnings=tuple(warnings),
     )
+    if segment["unsure"]:
+        labeled = nothing(LIDAR3D, segment["reason"], quality, labeled)
     return FoundBoard(labeled, sensor_T_centre)
 
 

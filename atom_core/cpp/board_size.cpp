@@ -1,0 +1,104 @@
+#include "board_size.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "board_judgement.h"
+#include "plane_points.h"
+
+namespace atom_core {
+namespace {
+
+constexpr double kSizeTolerance = 0.03;  // of a side, and
+constexpr double kSizeSigmas = 3.0;      // of what is measured, and
+constexpr double kSizeSteps = 0.5;       // beam steps
+constexpr double kMostSizeError = 0.07;  // of a side, however uncertain; what looks smaller, by
+constexpr double kMostSmaller = 0.035;   // of it: nothing makes a board look smaller
+constexpr double kMostCutError = 0.035;  // where the view cuts the board: one size is all there is
+constexpr double kWideBeamSteps = 2.0;   // by which beams of unknown width may enlarge a board
+
+void Refuse(int progress, const std::string& reason, BoardSegment* segment) {
+  segment->progress = progress;
+  segment->reason = reason;
+}
+
+// Tells whether the lowest or the highest layer of the scan meets a surface: nothing tells where it
+// ends beyond.
+bool IsCut(const BoardSearch& search, const Surface& surface) {
+  const int highest = static_cast<int>(search.scan.layer_elevation.size()) - 1;
+  return std::any_of(surface.ends().begin(), surface.ends().end(), [&](const auto& end) {
+    const int layer = search.At(end.first).layer;
+    return layer == 0 || layer == highest;
+  });
+}
+
+}  // namespace
+
+std::string SizeText(const Eigen::Vector2d& measured, const Eigen::Vector2d& configured) {
+  return Text("the plane there measures %.2f x %.2f m; the configuration says %.2f x %.2f",
+              measured.x(), measured.y(), configured.x(), configured.y());
+}
+
+void TellSize(const BoardSearch& search, const std::vector<int>& piece, BoardSegment* segment) {
+  if (segment->detected || segment->unsure || piece.size() < 3) return;
+  if (segment->reason.find("measures") != std::string::npos) return;
+  const PlaneAxes axes(FitPlane(search.window, piece), search.At(piece.front()).position);
+  PlanePoints points;
+  for (const int i : piece) points.push_back(axes.InPlane(search.At(i).position));
+  const Eigen::Vector2d size = MeasurePiece(points, 0.0), board = search.options.size;
+  segment->reason += "; " + SizeText(board.x() >= board.y() ? size : size.reverse().eval(), board);
+}
+
+std::string SizeReason(const Eigen::Vector2d& measured, const BoardOptions& options) {
+  for (int axis = 0; axis < 2; ++axis) {
+    if (std::isfinite(measured[axis])) continue;
+    return Text(
+        "a side of the plane there measures %.2f m; the configuration says %.2f x %.2f, of which "
+        "that side is to be %.2f",
+        measured[1 - axis], options.size.x(), options.size.y(), options.size[1 - axis]);
+  }
+  return SizeText(measured, options.size);
+}
+
+bool SizeFits(const BoardSearch& search, const Surface& surface, const RectanglePose& pose,
+              const Outline& outline, BoardSegment* segment) {
+  Eigen::Vector2d sigma;
+  segment->measured_size = MeasureSize(outline.limits, pose, surface.seen_half(), &sigma);
+  segment->measured_size -= 2.0 * (surface.seen_half() - search.HalfSize());
+  const double step = surface.StepOnBoard();
+  for (int axis = 0; axis < 2; ++axis) {
+    const double expected = search.options.size[axis];
+    const double off = segment->measured_size[axis] - expected;
+    const double wide = search.options.beam_width > 0.0 ? 0.0 : kWideBeamSteps * step;
+    const double most = kSizeTolerance * expected + kSizeSigmas * sigma[axis] + kSizeSteps * step;
+    const double limit = kMostSizeError * expected;
+    if (std::isfinite(off) &&
+        (off < -std::min(most, kMostSmaller * expected) || off > std::min(most + wide, limit))) {
+      Refuse(5, SizeReason(segment->measured_size, search.options), segment);
+      return false;
+    }
+  }
+  return true;
+}
+
+bool IsToldBySize(const BoardSearch& search, const Surface& surface, BoardSegment* segment) {
+  if (!IsCut(search, surface)) return true;
+  const Eigen::Vector2d off = segment->measured_size - search.options.size;
+  bool one = false, all = true;
+  for (int axis = 0; axis < 2; ++axis) {
+    if (!std::isfinite(off[axis])) continue;
+    one = true;
+    all = all && std::abs(off[axis]) <= kMostCutError * search.options.size[axis];
+  }
+  if (one && all) return true;
+  const std::string reason =
+      one ? SizeReason(segment->measured_size, search.options)
+          : "no two opposite sides of the plane there are seen, so that its size is not known";
+  Refuse(7,
+         reason + "; the sensor's lowest or highest layer cuts it: bring all of it into view, or " +
+             "let a camera see it, too",
+         segment);
+  return false;
+}
+
+}  // namespace atom_core
