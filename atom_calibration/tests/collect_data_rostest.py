@@ -213,6 +213,9 @@ class CollectDataTest(unittest.TestCase):
             os.kill(node.getPid("/test")[2], signal.SIGKILL)
         self.launch.wait(60)
         self.assertFalse(os.path.exists(os.path.join(self.output, "dataset.json")))
+        with open(os.path.join(self.output, "status.json"), encoding="utf-8") as stream:
+            status = json.load(stream)
+        self.assertIsNone(status["exit_code"], status)
         self.assertEqual(core_main(["recover", self.output]), 0)
         dataset = read_dataset(os.path.join(self.output, "dataset.json"))
         self.assertEqual(list(dataset.collections), before)

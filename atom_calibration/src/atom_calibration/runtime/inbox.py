@@ -28,10 +28,18 @@ class Inbox:
         self._most_data = most_data
         self._there = threading.Condition()
         self.dropped = 0
+        self._closed = False
+
+    def close(self) -> None:
+        """Take no more data: what is there can be worked off, however fast others come."""
+        with self._there:
+            self._closed = True
 
     def put(self, work: Work) -> None:
-        """Leave data."""
+        """Leave data; once it is closed, they are passed over."""
         with self._there:
+            if self._closed:
+                return
             if len(self._data) >= self._most_data:
                 self._data.popleft()
                 self.dropped += 1

@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import threading
+from _thread import start_new_thread
 from typing import Any, Callable, List, Optional, Tuple
 
 import rospy
@@ -61,7 +62,7 @@ def start(name: str) -> None:
         ConfigError: there is no master.
     """
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: _stop.set())
+        signal.signal(number, _ask_to_end)
     pid = check_master()
     try:
         rospy.init_node(name, disable_signals=True)
@@ -70,6 +71,12 @@ def start(name: str) -> None:
             raise
         raise ConfigError(GONE) from None
     _watches[:] = [MasterWatch(pid, _stop, _stop.set)]
+
+
+def _ask_to_end(*_: Any) -> None:
+    """Handle a signal: it may come while this very thread holds the lock of the event."""
+    if not _stop.is_set():
+        start_new_thread(_stop.set, ())  # which takes no lock here
 
 
 def lost() -> str:

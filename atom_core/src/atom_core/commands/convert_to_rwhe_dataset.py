@@ -14,9 +14,8 @@ from atom_core.commands.hand_eye_export import (
     image_file,
     robot_poses,
 )
-from atom_core.commands.hand_eye_import import copy_file
 from atom_core.errors import DatasetError
-from atom_core.io.atomic import prepare_output_folder, write_text_atomically
+from atom_core.io.atomic import copy_atomically, prepare_output_folder, write_text_atomically
 from atom_core.io.hand_eye_folders import RWHE_MATLAB, RWHE_POSES, RWHE_SQUARE, matlab_poses
 from atom_core.io.robot_poses import rwhe_text
 from atom_core.model.dataset import Dataset
@@ -54,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     files = {key: image_file(dataset, key, args.eye) for key in dataset.collections}
     folder = prepare_output_folder(args.output, args.overwrite)
     for number, path in enumerate(files.values(), 1):  # image n belongs to line n
-        copy_file(path, folder / f"{number}{path.suffix}")
+        copy_atomically(path, folder / f"{number}{path.suffix}")
     (pattern,) = dataset.patterns.values()
     write_text_atomically(folder / RWHE_SQUARE, f"{pattern.square_m:g}m\n")
     write_text_atomically(folder / RWHE_POSES, rwhe_text(poses))

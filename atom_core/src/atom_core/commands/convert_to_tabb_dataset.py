@@ -12,9 +12,8 @@ from atom_core.commands.hand_eye_export import (
     image_file,
     robot_poses,
 )
-from atom_core.commands.hand_eye_import import copy_file
 from atom_core.errors import DatasetError
-from atom_core.io.atomic import prepare_output_folder, write_text_atomically
+from atom_core.io.atomic import copy_atomically, prepare_output_folder, write_text_atomically
 from atom_core.io.hand_eye_folders import (
     TABB_BOARD,
     TABB_DETAILS,
@@ -55,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
     folder = prepare_output_folder(args.output, args.overwrite)
     for (camera, key), path in files.items():
         (folder / TABB_IMAGES / camera).mkdir(parents=True, exist_ok=True)
-        copy_file(path, folder / TABB_IMAGES / camera / f"image{key}{path.suffix}")
+        copy_atomically(path, folder / TABB_IMAGES / camera / f"image{key}{path.suffix}")
     (pattern,) = dataset.patterns.values()
     write_text_atomically(folder / TABB_BOARD, tabb_board_text(pattern))
     details = f"{args.dataset.name}: {len(poses)} poses of {args.hand_link} in {base}\n"

@@ -10,6 +10,7 @@ from atom_core.commands import common
 from atom_core.errors import OutputError
 from atom_core.io.atomic import write_text_atomically
 from atom_core.io.dataset_json import dumps, relocated
+from atom_core.io.together import written_together
 
 
 def add_overwrite_option(parser: argparse.ArgumentParser) -> None:
@@ -53,10 +54,13 @@ def write_documents(
         OutputError: a file is in the way, and nothing is written.
     """
     refuse_existing(source, list(documents), overwrite)
-    for path, document in documents.items():
-        text = dumps(relocated(document, source.parent, path.parent))
-        write_text_atomically(path, text)
-        print(described(path, document))
+    for folder in dict.fromkeys(path.parent for path in documents):
+        there = {path: document for path, document in documents.items() if path.parent == folder}
+        with written_together(folder, [path.name for path in there]):
+            for path, document in there.items():
+                write_text_atomically(path, dumps(relocated(document, source.parent, folder)))
+        for path, document in there.items():
+            print(described(path, document))
 
 
 def refuse_existing(source: Path, targets: Sequence[Path], overwrite: bool) -> None:

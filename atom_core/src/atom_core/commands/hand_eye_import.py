@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Dict, List, Mapping, Optional, Tuple
@@ -11,17 +10,18 @@ from typing import Any, Dict, List, Mapping, Optional, Tuple
 import numpy as np
 
 from atom_core.commands import common
-from atom_core.errors import ConfigError, DatasetError, OutputError
+from atom_core.errors import ConfigError, DatasetError
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics_from_boards import camera_of_boards
-from atom_core.io.atomic import prepare_output_folder, write_text_atomically
+from atom_core.io.atomic import copy_atomically, prepare_output_folder, write_text_atomically
 from atom_core.io.camera_info_yaml import read_camera_info
 from atom_core.io.config_yaml import read_config
 from atom_core.io.dataset_json import dumps
 from atom_core.io.dataset_writer import DATASET_FILE, new_document
 from atom_core.io.hand_eye_folders import RobotImages
 from atom_core.io.images import read_image
+from atom_core.io.together import written_together
 from atom_core.labeling.rgb import RgbLabeler
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.dataset import MULTIPLE, Collection, Dataset, DataSource
@@ -227,25 +227,17 @@ def _dataset(
 
 
 def _write(dataset: Dataset, content: RobotImages, args: argparse.Namespace) -> None:
-    """Copy the images as they are; the JSON last."""
+    """Copy the images as they are, and write the JSON."""
     document = new_document(dataset, name=args.output.name)
     folder = prepare_output_folder(args.output, args.overwrite)
+    sources = {}
     for number in content.base_T_hand:
         data = document["collections"][f"{number:03d}"]["data"]
         for camera, entry in data.items():
             source = content.images[camera][number]
             entry["data_file"] = f"{camera}_{number:03d}{source.suffix}"
-            copy_file(source, folder / entry["data_file"])
-    write_text_atomically(folder / DATASET_FILE, dumps(document))
-
-
-def copy_file(source: Path, target: Path) -> None:
-    """Copy a file.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
-    try:
-        shutil.copyfile(source, target)
-    except OSError as error:
-        raise OutputError(f"{target}: {error.strerror}") from None
+            sources[entry["data_file"]] = source
+    with written_together(folder, [*sources, DATASET_FILE]):
+        for name, source in sources.items():
+            copy_atomically(source, folder / name)
+        write_text_atomically(folder / DATASET_FILE, dumps(document))

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import shutil
 from pathlib import Path
 
 from atom_core.commands import common
 from atom_core.commands.dataset_output import add_overwrite_option, described
 from atom_core.errors import OutputError
-from atom_core.io.atomic import prepare_output_folder, write_text_atomically
+from atom_core.io.atomic import copy_atomically, prepare_output_folder, write_text_atomically
 from atom_core.io.dataset_json import dumps, read_dataset
 from atom_core.io.dataset_tools import merged
 from atom_core.io.dataset_writer import DATASET_FILE
+from atom_core.io.together import written_together
 
 EXAMPLE = "python3 -m atom_core merge_atom_datasets -ds1 a/dataset.json -ds2 b/dataset.json -dof ab"
 
@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Check, copy, write the JSON last, so that the dataset is whole or absent."""
+    """Check, copy, write; a dataset that was there is replaced as a whole."""
     common.refuse_occupied(args.output, args.overwrite)
     document, files = merged(read_dataset(args.dataset1), read_dataset(args.dataset2))
     target = args.output / DATASET_FILE
@@ -52,11 +52,9 @@ def run(args: argparse.Namespace) -> int:
                 f"{args.output}: holds {source.name}, which would change; choose another"
             )
     folder = prepare_output_folder(args.output, args.overwrite)
-    for file in files:
-        try:
-            shutil.copyfile(file.source, folder / file.name)
-        except OSError as error:
-            raise OutputError(f"{folder / file.name}: {error.strerror}") from None
-    write_text_atomically(target, dumps(document))
+    with written_together(folder, [*(file.name for file in files), DATASET_FILE]):
+        for file in files:
+            copy_atomically(file.source, folder / file.name)
+        write_text_atomically(target, dumps(document))
     print(described(target, document))
     return 0

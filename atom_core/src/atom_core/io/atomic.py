@@ -73,6 +73,20 @@ def write_bytes_atomically(path: PathLike, data: bytes) -> None:
     sync_folder(target.parent)
 
 
+def copy_atomically(source: PathLike, target: PathLike) -> None:
+    """Copy what a file holds; see `write_bytes_atomically`.
+
+    Raises:
+        OutputError: it cannot be read or written; an older target is intact.
+    """
+    try:
+        data = Path(source).read_bytes()
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise OutputError(f"{source}: cannot be copied ({reason}); restore the file") from error
+    write_bytes_atomically(target, data)
+
+
 def write_json_atomically(
     path: PathLike,
     document: Any,
@@ -159,6 +173,19 @@ def _write_and_sync(temporary: Path, target: Path, data: bytes) -> None:
 def _remove_if_there(path: Path) -> None:
     with contextlib.suppress(OSError):  # renamed already, or never created
         path.unlink()
+
+
+def sync_file(path: Path) -> None:
+    """Bring what a file holds to the disk, so that it may take the place of another one.
+
+    Raises:
+        OSError: the disk does not take it.
+    """
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def sync_folder(folder: Path) -> None:

@@ -16,6 +16,7 @@ from atom_core.geometry.camera import Camera
 from atom_core.io.atomic import prepare_output_folder, write_text_atomically
 from atom_core.io.dataset_entries import joint_document, transform_document
 from atom_core.io.dataset_json import CURRENT_VERSION, dumps
+from atom_core.io.together import written_together
 from atom_core.model.dataset import Collection, Dataset, board_edge
 from atom_core.model.pattern import Pattern, geometry_document
 from atom_core.model.sensor import Sensor
@@ -73,7 +74,7 @@ def new_document(
 def write_dataset_folder(
     dataset: Dataset, folder: Path, *, name: str, overwrite: bool = False, **options: Any
 ) -> Path:
-    """Write a dataset: its data files first, ``dataset.json`` last, so that it is whole or absent.
+    """Write a dataset, so that it is whole or absent; one that was there is replaced as a whole.
 
     Args:
         dataset: what to write, with its data.
@@ -90,12 +91,18 @@ def write_dataset_folder(
     """
     folder = prepare_output_folder(folder, overwrite)
     document = new_document(dataset, name=name, **options)
-    for key in dataset.collections:
-        for sensor in dataset.sensors.values():
-            if dataset.data.has_data(key, sensor.name):
-                write_data_file(folder, sensor, key, dataset.data.read(key, sensor.name))
+    present = [
+        (key, sensor)
+        for key in dataset.collections
+        for sensor in dataset.sensors.values()
+        if dataset.data.has_data(key, sensor.name)
+    ]
     path = folder / DATASET_FILE
-    write_text_atomically(path, dumps(document))
+    names = [data_file_name(sensor, key) for key, sensor in present]
+    with written_together(folder, [*names, DATASET_FILE]):
+        for key, sensor in present:
+            write_data_file(folder, sensor, key, dataset.data.read(key, sensor.name))
+        write_text_atomically(path, dumps(document))
     return path
 
 

@@ -96,9 +96,13 @@ def _is_temporary_of(temporary: str, name: str) -> bool:
 
 def _left_behind(folder: Path, names: Sequence[str]) -> Iterator[Path]:
     """Yield the temporary files of a run that was killed before all were written."""
+    if not folder.is_dir():  # the first that writes says so
+        return
     for entry in list(os.scandir(folder)):
         found = _TEMPORARY.fullmatch(entry.name)
-        if found is not None and any(name.startswith(found["name"]) for name in names):
+        if found is not None and any(
+            name.startswith(found["name"]) for name in (*names, LIST_FILE)
+        ):
             yield Path(entry.path)
 
 

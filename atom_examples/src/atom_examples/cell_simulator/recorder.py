@@ -13,6 +13,7 @@ import rosbag
 import rospy
 
 from atom_core.commands.progress import watched
+from atom_core.io.atomic import sync_file, sync_folder
 from atom_core.model.transforms import Edge
 from atom_core.synthetic.cell import SCENARIOS
 from atom_examples.cell_simulator import messages
@@ -194,6 +195,9 @@ class _ShownCell:
 def all_or_none(path: Path, files: Sequence[Path]) -> Iterator[List[Path]]:
     """Yield names for files that get their own when all is done, and are removed if it fails.
 
+    A bag of before is removed when all are on the disk: a program that is killed or a machine that
+    loses its power in between leaves no bag beside the truth of another one.
+
     Args:
         path: what messages call them.
         files: the bag is the last one.
@@ -204,8 +208,14 @@ def all_or_none(path: Path, files: Sequence[Path]) -> Iterator[List[Path]]:
     active = [file.with_name(file.name + ".active") for file in files]
     try:
         yield active
+        for unnamed in active:
+            sync_file(unnamed)
+        with suppress(FileNotFoundError):
+            files[-1].unlink()
+        sync_folder(path.parent)
         for unnamed, file in zip(active, files):
             os.replace(unnamed, file)
+            sync_folder(path.parent)
     except BaseException as error:
         for unnamed in active:
             with suppress(OSError):

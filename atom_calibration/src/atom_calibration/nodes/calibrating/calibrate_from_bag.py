@@ -1,8 +1,8 @@
 """From a bag to a calibration: collections in DIR/dataset, results in DIR/calibration.
 
 DIR/status.json says how far it came: {"step", "exit_code", "message"}, and once there is a result
-its {"verdict"}; that of an earlier run is removed at the beginning, so none is there when it was
-killed. With -rv the calibration is shown in RViz while it runs.
+its {"verdict"}; the exit code of a step that has not ended, or was killed, is null. With -rv the
+calibration is shown in RViz while it runs.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 from atom_calibration.nodes.calibrating.calibration_view import CalibrationView
 from atom_calibration.nodes.collecting import collect_from_bag
 from atom_calibration.runtime import running
+from atom_calibration.runtime.status import STATUS_FILE, write_begun, write_ended
 from atom_calibration.show.view_options import add_view_options, take_view_options
 from atom_core import cli
 from atom_core.commands import calibrate
@@ -26,10 +27,8 @@ from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser
 from atom_core.commands.report_option import add_report_option
 from atom_core.errors import AtomError, OutputError
-from atom_core.io.atomic import write_json_atomically
 from atom_core.io.dataset_writer import DATASET_FILE
 
-STATUS_FILE = "status.json"
 Said = Dict[str, Any]  # entries of status.json
 _BAD_INPUT = 2
 _EXAMPLE = "roslaunch atom_calibration calibrate_from_bag.launch config:=C bag:=B output:=DIR"
@@ -53,8 +52,12 @@ def main(argv: Optional[Sequence[str]] = None) -> int:
         return _BAD_INPUT
     code, steps = 0, (("collect", _collect), ("calibrate", _calibrate))
     for step, run in steps:
-        code, said = _outcome(run, args)
-        if not _write_status(args.output, {"step": step, "exit_code": code, **said}):
+        try:
+            write_begun(args.output, step)
+            code, said = _outcome(run, args)
+            write_ended(args.output, step, exit_code=code, **said)
+        except OutputError as error:
+            print(f"calibrate_from_bag: {error}", file=sys.stderr)
             return _BAD_INPUT
         if code == _BAD_INPUT:
             print(f"calibrate_from_bag: {step}: {said['message']}", file=sys.stderr)
@@ -105,15 +108,6 @@ def _calibrate(args: argparse.Namespace) -> Tuple[int, Said]:
 
 def _texts(options: List[object], args: argparse.Namespace) -> List[str]:
     return [str(option) for option in options] + (["--overwrite"] if args.overwrite else [])
-
-
-def _write_status(folder: Path, document: Said) -> bool:
-    try:
-        write_json_atomically(folder / STATUS_FILE, document)
-    except OutputError as error:
-        print(f"calibrate_from_bag: {error}", file=sys.stderr)
-        return False
-    return True
 
 
 def _optional_path(text: str) -> Optional[Path]:

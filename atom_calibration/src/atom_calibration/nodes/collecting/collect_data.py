@@ -3,7 +3,7 @@
 Services: ~save_collection, ~delete_collection, ~get_dataset, ~toggle_automatic_data_collector
 (SetBool). Topics: ~state, ~collections (both latched). A sphere in RViz has the same in its menu.
 The dataset is assembled when the node ends, and DIR/status.json says how it ended; after a crash
-`python3 -m atom_core recover DIR` assembles it.
+its exit code is null, and `python3 -m atom_core recover DIR` assembles the dataset.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from atom_calibration.nodes.collecting.collector_state import StateBoard
 from atom_calibration.nodes.collecting.live_collector import LabelSubscribers, LiveCollector
 from atom_calibration.runtime import running
 from atom_calibration.runtime.options import add_marker_size_option, add_receive_time_option
+from atom_calibration.runtime.status import STATUS_FILE, write_begun, write_ended
 from atom_calibration.sources.live_topics import LiveTopics, wait_for
 from atom_calibration.sources.live_transforms import LiveTransforms
 from atom_calibration.sources.receipts import ReceiptTimes
@@ -32,16 +33,14 @@ from atom_core.commands.atom_options import COLLECT_DATA, add_meaningless_option
 from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import AtomError
-from atom_core.io.atomic import write_json_atomically
 from atom_core.io.collections import CollectionStore
 from atom_core.io.config_yaml import read_config
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.pattern import pattern_from_config
 
 NAME = "collect_data"
-STATUS_FILE = "status.json"
 EXAMPLE = "roslaunch atom_calibration collect_data.launch config:=config.yml output_folder:=dataset"
-_POLL_S = 0.1
+_STEP, _POLL_S = "collect", 0.1
 
 
 def main() -> int:
@@ -55,6 +54,7 @@ def _run(args: argparse.Namespace) -> int:
     store = CollectionStore.create(args.output, args.overwrite, [*WRITTEN_BESIDE, STATUS_FILE])
     code, message = running.BAD_INPUT, "interrupted"
     try:
+        write_begun(store.folder, _STEP)
         code = _collect(args, config, store)
         message = f"{len(store.keys)} collections"
         if running.lost():
@@ -64,8 +64,7 @@ def _run(args: argparse.Namespace) -> int:
         raise
     finally:
         give_up(store, rospy.logwarn)
-        status = {"step": "collect", "exit_code": code, "message": message}
-        write_json_atomically(store.folder / STATUS_FILE, status)
+        write_ended(store.folder, _STEP, exit_code=code, message=message)
     return code
 
 

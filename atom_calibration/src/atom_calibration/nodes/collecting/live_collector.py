@@ -175,7 +175,8 @@ class LiveCollector:
         self._board.publish_if_due()
 
     def finish(self, take_last_stop: bool) -> None:
-        """Work off what has come, and take the stop that lasted until the end."""
+        """Work off what has come by now, and take the stop that lasted until the end."""
+        self._inbox.close()
         while True:
             task = self._inbox.get(0.0)
             if task is None:
