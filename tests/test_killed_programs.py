@@ -144,7 +144,7 @@ def first_input(data):
     return json.loads(data)["inputs"][0]["sha256"]
 
 
-@kills(2, 50)
+@kills(2, 60)
 def test_calibrate_leaves_the_results_of_one_run(datasets, calibrated, tmp_path, count):
     marks = {
         "atom_calibration.json": edges,
@@ -161,7 +161,7 @@ def test_calibrate_leaves_the_results_of_one_run(datasets, calibrated, tmp_path,
     survive(results.program, count, results.after_kill, results.after_run)
 
 
-@kills(1, 30)
+@kills(1, 40)
 def test_evaluate_leaves_the_results_of_one_run(datasets, calibrated, tmp_path, count):
     runs = []
     for number, (folder, _) in enumerate(calibrated):
@@ -236,7 +236,7 @@ def live_scene(tmp_path_factory):
     return folder
 
 
-@kills(2, 30)
+@kills(2, 25)
 def test_collect_from_bag_keeps_the_dataset_of_before(live_scene, tmp_path, count):
     collected = Collected(tmp_path / "out")
     words = [sys.executable, NODES / "collect_from_bag", "--config", live_scene / "config.yml"]
@@ -278,7 +278,7 @@ def labeled_rig(ros):
     process.wait()
 
 
-@kills(2, 40)
+@kills(2, 30)
 def test_collect_data_keeps_what_it_has_collected(live_scene, ros, labeled_rig, tmp_path, count):
     collected = Collected(tmp_path / "out")
     words = [sys.executable, NODES / "collect_data", "-c", live_scene / "config.yml"]
@@ -308,7 +308,7 @@ def test_collect_data_keeps_what_it_has_collected(live_scene, ros, labeled_rig, 
 # --- what a person works on ---------------------------------------------------------------------
 
 
-@kills(1, 30)
+@kills(1, 20)
 def test_playback_leaves_the_dataset_and_a_whole_corrected_one(ros, tmp_path, count):
     path = write_scene(tmp_path / "data")
     before, corrected = contents(path.parent), path.with_name("dataset_corrected.json")
@@ -341,7 +341,7 @@ def test_playback_leaves_the_dataset_and_a_whole_corrected_one(ros, tmp_path, co
         saver.wait()
 
 
-@kills(1, 30)
+@kills(1, 17)
 def test_configure_is_done_by_the_next_call(tmp_path, count):
     package = write_package(tmp_path, Make, seconds=1.0)
     given = contents(package)
@@ -373,7 +373,7 @@ def test_configure_is_done_by_the_next_call(tmp_path, count):
     survive(program, count, after_kill, after_run)
 
 
-@kills(1, 20)
+@kills(1, 8)
 def test_a_recording_is_whole_or_that_of_before(tmp_path, count):
     pytest.importorskip("mujoco")
     bag = tmp_path / "a.bag"

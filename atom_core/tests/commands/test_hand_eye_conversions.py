@@ -175,7 +175,7 @@ def test_what_does_not_belong_together_is_refused(made, tmp_path, capsys):
     rows = poses.read_text().splitlines()
     for text, words in (
         ("\n".join(rows[:3]), "has 3 lines, and none for image"),
-        ("\n".join([*rows[:6], rows[6][:40]]), "16 of a pose"),
+        ("\n".join([*rows[:6], " ".join(rows[6].split()[:7])]), "16 of a pose"),
         ("\n".join([*rows[:6], "1 " * 16]), "is no pose"),
         ("\n".join([*rows[:6], "a" + rows[6]]), "what is no number"),
         ("", "holds no pose"),
