@@ -119,6 +119,10 @@ def test_what_was_split_merges_into_the_same(path, tmp_path):
     assert cli.main(["check", "--dataset", str(new.source)]) == 0
 
 
+def a_corner_of_the_border(document):
+    return document["patterns"]["pattern_1"]["frame"]["corners"]["top_left"]
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -130,6 +134,19 @@ def test_what_was_split_merges_into_the_same(path, tmp_path):
                 fixed=True
             ),
             "another board",
+        ),
+        (lambda d: a_corner_of_the_border(d).update(x=-0.3), "another board"),
+        (
+            lambda d: d["calibration_config"].update(
+                joints={"elbow": {"params_to_calibrate": ["position_bias"]}}
+            ),
+            "the joints to be estimated differ (none; elbow)",
+        ),
+        (
+            lambda d: d["calibration_config"].update(
+                additional_tfs={"base": {"parent_link": "world", "child_link": "base"}}
+            ),
+            "the additional_tfs differ (none; base)",
         ),
     ],
 )

@@ -226,16 +226,23 @@ def check_same_rig(first: Dataset, second: Dataset) -> None:
     for what, one, other in (
         ("sensors", first.sensors, second.sensors),
         ("patterns", first.patterns, second.patterns),
+        ("additional_tfs", first.config.additional_tfs, second.config.additional_tfs),
+        ("joints to be estimated", first.config.joints, second.config.joints),
     ):
         if set(one) != set(other):
             raise DatasetError(
-                f"{pairs}: the {what} differ ({', '.join(one)}; {', '.join(other)}); merge "
-                f"datasets of one rig"
+                f"{pairs}: the {what} differ ({', '.join(one) or 'none'}; "
+                f"{', '.join(other) or 'none'}); merge datasets of one rig"
             )
     for name, sensor in first.sensors.items():
         problem = _difference_of_sensors(sensor, second.sensors[name])
         if problem:
             raise DatasetError(f"{pairs}: sensor '{name}' has another {problem}; they cannot merge")
+    for name, tf in first.config.additional_tfs.items():
+        if tf.edge != second.config.additional_tfs[name].edge:
+            raise DatasetError(
+                f"{pairs}: additional tf '{name}' is another edge; they cannot merge"
+            )
     for name, pattern in first.patterns.items():
         if not _is_same_board(pattern, second.patterns[name]):
             raise DatasetError(f"{pairs}: pattern '{name}' is another board; they cannot merge")
@@ -264,7 +271,9 @@ def _is_same_board(one: Pattern, other: Pattern) -> bool:
     plain = ("kind", "frame", "parent_frame", "fixed", "columns", "rows")
     if any(getattr(one, key) != getattr(other, key) for key in plain):
         return False
-    return np.allclose(one.corners_by_id, other.corners_by_id, atol=1e-6, equal_nan=True)
+    return np.allclose(
+        one.corners_by_id, other.corners_by_id, atol=1e-6, equal_nan=True
+    ) and np.allclose(one.border.corners, other.border.corners, atol=1e-6)
 
 
 # ------------------------------------------------------------------------------------- names
