@@ -129,6 +129,21 @@ def test_a_disturbed_start_does_not_move_the_prior():
     np.testing.assert_allclose(found[0], found[1], atol=1e-6)
 
 
+def test_a_joint_that_is_disturbed_on_purpose_does_not_take_its_prior_along(tmp_path):
+    """A joint that only its prior holds comes back to where it was described."""
+    dataset = degenerate.redundant_joint(1, which="last", collections=8).dataset
+    path = write_dataset_folder(dataset, tmp_path / "data", name="train")
+    disturb = ["-jbn", "wrist_3", "-jbp", "position_bias", "-jbv", "0.05"]
+    found = []
+    for name, words in (("plain", []), ("disturbed", disturb)):
+        known = ["--prior", "wrist_3", "0.001", "0.001"]
+        assert run(path, tmp_path / name, *known, *words) == 0
+        document = json.loads((tmp_path / name / "calibration.json").read_text())
+        found.append(document["joints"]["wrist_3"]["position_bias"])
+    assert found[1]["value"] == pytest.approx(found[0]["value"], abs=1e-6)
+    assert found[1]["change"] == pytest.approx(found[0]["change"] - 0.05, abs=1e-6)
+
+
 def test_a_prior_that_the_data_contradict_is_named():
     scene = hand_eye(0, collections=12)
     edge = edge_of(scene, "rgb_1")

@@ -60,6 +60,8 @@ class CalibrationOptions:
             off: metres and radians along and about each axis, None where that is estimated.
         priors: metres and radians, standard deviations about the dataset's value, by the name of a
             sensor, an additional tf or a joint, or by an edge; beside those of the configuration.
+        joint_biases: what was added to the dataset's joints beforehand, by joint and parameter
+            [m or rad]; priors are about the values without it.
         model_errors: whether errors of the model are looked for (``suggest``), estimated until
             none is left (``auto``), or left alone (``off``).
         keep_collections: keys of collections that are used even if they contradict the others.
@@ -90,6 +92,7 @@ class CalibrationOptions:
     board_bend: Tuple[str, ...] = ()
     moving_edge_sigma: Mapping[str, Optional[Tuple[float, float]]] = field(default_factory=dict)
     priors: Mapping[str, Tuple[float, float]] = field(default_factory=dict)
+    joint_biases: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     model_errors: str = SUGGEST
     keep_collections: Tuple[str, ...] = ()
     keep_detections: Tuple[Tuple[str, str], ...] = ()

@@ -15,7 +15,7 @@ from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.joints import select_joints
 from atom_core.commands import common
 from atom_core.commands.atom_options import CALIBRATE, add_meaningless_options, without_ros
-from atom_core.commands.calibrate_input import read_input
+from atom_core.commands.calibrate_input import CalibrationInput, read_input
 from atom_core.commands.calibrate_options import add_options
 from atom_core.commands.model_error_options import (
     selected_model_errors,
@@ -89,7 +89,7 @@ def run(args: argparse.Namespace, watcher: Optional[Watcher] = None) -> int:
     folder = _checked_folder(args)
     options = _options(args)
     given = read_input(args)
-    options = _with_selections(options, args, given.dataset)
+    options = _with_selections(options, args, given)
     description = _description(args, given.dataset.config.description_file)
     load_seconds = time.perf_counter() - began
     phases = Phases(watcher) if args.phased_execution else None
@@ -217,9 +217,10 @@ def _solver_remarks(options: CalibrationOptions) -> List[str]:
 
 
 def _with_selections(
-    options: CalibrationOptions, args: argparse.Namespace, dataset: Dataset
+    options: CalibrationOptions, args: argparse.Namespace, given: CalibrationInput
 ) -> CalibrationOptions:
-    """Return the options with what the arguments select of a dataset."""
+    """Return the options with what the arguments select of a dataset, and do to it."""
+    dataset = given.dataset
     if args.additional_tf_selection_function:
         names = select_names(
             dataset.config.additional_tfs, args.additional_tf_selection_function, "additional tf"
@@ -239,6 +240,7 @@ def _with_selections(
         ),
         keep_collections=_kept_collections(args, dataset),
         keep_detections=_kept_detections(args, dataset),
+        joint_biases=given.joint_biases,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass
-from typing import List, Optional, Tuple
+from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 from atom_core.calibration.prepare.input_changes import (
     JointBias,
@@ -32,12 +32,14 @@ class CalibrationInput:
         dataset: with the changes that were asked for.
         truth: to compare with, if there is one.
         remarks: what the user should know.
+        joint_biases: what was added to joints, by joint and parameter [m or rad].
     """
 
     original: Dataset
     dataset: Dataset
     truth: Optional[Truth]
     remarks: Tuple[str, ...]
+    joint_biases: Mapping[str, Mapping[str, float]]
 
 
 def read_input(args: argparse.Namespace) -> CalibrationInput:
@@ -68,7 +70,15 @@ def read_input(args: argparse.Namespace) -> CalibrationInput:
     dataset, of_joints = with_biased_joints(dataset, biases)
     if (args.save_file_results or args.save_file_results_name) and truth is None:
         remarks.append("-sfr writes errors against the truth: add -ctgt or --truth")
-    return CalibrationInput(original, dataset, truth, (*remarks, *of_joints))
+    return CalibrationInput(original, dataset, truth, (*remarks, *of_joints), _added(biases))
+
+
+def _added(biases: Sequence[JointBias]) -> Dict[str, Dict[str, float]]:
+    added: Dict[str, Dict[str, float]] = {}
+    for bias in biases:
+        of_joint = added.setdefault(bias.joint, {})
+        of_joint[bias.parameter] = of_joint.get(bias.parameter, 0.0) + bias.value
+    return added
 
 
 def _only_anchored(dataset: Dataset, args: argparse.Namespace) -> Dataset:

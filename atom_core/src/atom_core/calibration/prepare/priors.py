@@ -60,7 +60,7 @@ def priors(
                 f"{OPTION} {name}: {target.what} is not estimated ({target.held}); leave the prior "
                 f"out, or have it estimated"
             )
-        _add(found, dataset, name, target, sigmas)
+        found[target.edge] = _prior(found, dataset, options, (f"{OPTION} ", name), target, sigmas)
     remarks, of_options = [], set(found)
     for name, sigmas in configured.items():
         target = _target(targets, name, _CONFIGURED)
@@ -70,7 +70,8 @@ def priors(
                 f"estimated ({target.held})"
             )
         elif target.edge not in of_options:
-            _add(found, dataset, name, target, sigmas, _CONFIGURED)
+            said = (_CONFIGURED, name)
+            found[target.edge] = _prior(found, dataset, options, said, target, sigmas)
     return found, remarks
 
 
@@ -112,14 +113,20 @@ def _targets(dataset: Dataset, free: FreeEdges) -> Dict[str, _Target]:
     return by_name
 
 
-def _add(
-    found: Dict[Edge, Prior],
+def _prior(
+    found: Mapping[Edge, Prior],
     dataset: Dataset,
-    name: str,
+    options: CalibrationOptions,
+    said: Tuple[str, str],
     target: _Target,
     sigmas: Sequence[float],
-    where: str = f"{OPTION} ",
-) -> None:
+) -> Prior:
+    """Return the prior of a target, by where it was said and its name.
+
+    Raises:
+        CalibrationError: there is one already, or the dataset does not say about which value.
+    """
+    where, name = said
     before = found.get(target.edge)
     if before is not None:
         raise CalibrationError(
@@ -127,9 +134,10 @@ def _add(
             f"one of the two out"
         )
     if target.joint is not None:
-        parameters = dataset.joint(target.joint).parameters
-        found[target.edge] = Prior(name, sigmas[0], sigmas[1], parameters=parameters)
-        return
+        added = options.joint_biases.get(target.joint, {})
+        values = dataset.joint(target.joint).parameters
+        described = {key: value - added.get(key, 0.0) for key, value in values.items()}
+        return Prior(name, sigmas[0], sigmas[1], parameters=described)
     poses = {
         key: collection.transforms[target.edge]
         for key, collection in dataset.collections.items()
@@ -140,4 +148,4 @@ def _add(
             f"{where}{name}: the dataset does not say where '{target.edge}' is, so nothing can "
             f"be expected of it; put the link into the robot's description, and collect again"
         )
-    found[target.edge] = Prior(name, sigmas[0], sigmas[1], poses)
+    return Prior(name, sigmas[0], sigmas[1], poses)
