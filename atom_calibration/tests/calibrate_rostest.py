@@ -24,7 +24,7 @@ from waiting import soon, until
 
 from atom_calibration.messages.poses import pose_matrix, transform_matrix, transform_message
 from atom_calibration.msg import CalibrationState
-from atom_calibration.srv import ShowCollection
+from atom_calibration.srv import LeaveOut, ShowCollection
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.dataset_writer import write_dataset_folder
@@ -142,6 +142,7 @@ class CalibrateTest(unittest.TestCase):
         soon(lambda: self.check_images(listener))
         soon(lambda: self.check_transforms(buffer, document))
         self.check_choice_of_collection(listener)
+        self.check_leaving_out(listener)
         late = Listener(self.dataset)
         self.addCleanup(late.end)
         self.assertEqual(self.ended(late).status, "converged", "the state stays for who comes late")
@@ -230,6 +231,36 @@ class CalibrateTest(unittest.TestCase):
         self.assertIn(key, refusal.message)
         self.assertTrue(show("").success)
         until(lambda: listener.states[-1].collection == "", "all collections again")
+
+    def check_leaving_out(self, listener):
+        """Solved again at once, judged afterwards; and back to what is written."""
+        written, begin = listener.states[-1], len(listener.states)
+        place = ("lidar_1", "001")
+
+        def left_out(state):
+            return {(bar.sensor, bar.collection) for bar in state.bars if bar.left_out}
+
+        leave_out = rospy.ServiceProxy("/calibrate/leave_out", LeaveOut)
+        answer = leave_out(*place, True)
+        self.assertTrue(answer.success, answer.message)
+        self.assertIn("moves most", answer.message)
+
+        def judged():
+            return [s for s in listener.states[begin:] if s.grade and left_out(s) == {place}]
+
+        until(judged, "what it is worth", WITHIN_S)
+        first = listener.states[begin]
+        self.assertEqual((first.status, first.grade, first.sigmas), ("judging", "", []))
+        self.assertEqual(left_out(first), {place})
+        self.assertEqual(len(judged()[-1].sigmas), len(self.dataset.sensors))
+        self.assertTrue(leave_out(*place, False).success)
+        until(lambda: not left_out(listener.states[-1]), "all of it again", WITHIN_S)
+        last = listener.states[-1]
+        self.assertEqual((last.grade, last.message), (written.grade, written.message))
+        self.assertEqual(last.residuals, written.residuals)
+        refusal = leave_out("nobody", "001", True)
+        self.assertFalse(refusal.success)
+        self.assertIn("no label", refusal.message)
 
     def test_calibrated_transforms_take_the_place_of_the_descriptions(self):
         sensor = self.dataset.sensors["rgb_2"]

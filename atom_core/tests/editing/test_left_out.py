@@ -11,7 +11,7 @@ from atom_core.editing.left_out import LeftOut
 from atom_core.errors import SelectionError
 from atom_core.geometry import se3
 from atom_core.model.dataset import board_edge
-from atom_core.synthetic import scenes
+from atom_core.synthetic import faults, scenes
 
 pytest.importorskip("atom_core._core", reason="the compiled module solves")
 
@@ -43,7 +43,27 @@ def test_it_is_the_calibration_of_a_dataset_without_that_label(start):
     none = {key: None for key in labels if key[0] == "lidar_1"}
     expected = calibrate(first.dataset.with_labels("002", none), options)
     assert same(left.now, expected, 1e-7)
+    assert (left.now.status, left.now.message) == (expected.status, expected.message)
+    assert left.now is left.now, "judged once"
     assert not same(left.now, first, 1e-6), "it has had a say"
+
+
+@pytest.mark.parametrize(
+    "fault", ["every LiDAR reads 30 mm long", "camera on an arm, arm 5 mm and 1 deg off"]
+)
+def test_a_faulty_rig_does_not_become_a_good_one_by_a_click(fault):
+    dataset, options = faults.FAULTS[fault](0).dataset, CalibrationOptions()
+    first = calibrate(dataset, options)
+    left = LeftOut(first, options)
+    collection = next(d.collection for d, _ in dataset.detections() if d.sensor == "rgb_1")
+    left.leave_out("rgb_1", collection)
+    labels = dataset.collections[collection].labels
+    none = {key: None for key in labels if key[0] == "rgb_1"}
+    expected = calibrate(dataset.with_labels(collection, none), options)
+    assert left.now.status == expected.status == first.status != "converged"
+    assert [check.error for check in left.now.checks] == [c.error for c in expected.checks]
+    assert [m.child for m in left.now.moving] == [m.child for m in expected.moving]
+    assert same(left.now, expected, 1e-6)
 
 
 def test_taken_in_again_it_is_the_first_answer(start):

@@ -18,11 +18,12 @@ from atom_core.report.edge_results import edge_result
 from atom_core.report.verdict import SensorVerdict
 
 RUNNING = "running"
+JUDGING = "judging"  # solved again; what the answer is worth follows
 _BARS = (REPROJECTION, ORTHOGONAL)  # the kind that tells most of a sensor
 
 
 class Status(NamedTuple):
-    """RUNNING, or the status of calibration.json, with the grade and the message for the user."""
+    """RUNNING, JUDGING, or the status of calibration.json; the grade; the message for the user."""
 
     name: str
     message: str = ""

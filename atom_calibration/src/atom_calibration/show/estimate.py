@@ -11,7 +11,7 @@ from typing import Dict, Iterator, List, Mapping, NamedTuple, Tuple
 
 import numpy as np
 
-from atom_core.calibration.calibrate import Calibration
+from atom_core.calibration.calibrate import Calibration, Solved
 from atom_core.calibration.judge.statistics import Table, residual_table
 from atom_core.calibration.start.boards import solved_dataset
 from atom_core.errors import DatasetError
@@ -96,6 +96,12 @@ class Estimate:
             calibration.problem,
             summary.x,
         )
+
+    @classmethod
+    def of_solved(cls, solved: Solved) -> Estimate:
+        """Return the answer of a calibration that is not judged yet."""
+        summary, problem = solved.refined.summary, solved.refined.solver.problem
+        return cls(summary.iterations, summary.cost_final, solved.dataset, problem, summary.x)
 
     def with_transforms_of(self, dataset: Dataset) -> Estimate:
         """Return it with sensors and boards where a dataset has them."""

@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from functools import cached_property
+from types import MappingProxyType
 from typing import Dict, Mapping, Optional, Tuple
 
 from atom_core.calibration.judge.exclusion import Exclusion
-from atom_core.calibration.judge.judgement import judge
+from atom_core.calibration.judge.judgement import answer, judge
 from atom_core.calibration.judge.misfit import Misfit
 from atom_core.calibration.judge.priors import HeldDirection, PriorResult
 from atom_core.calibration.judge.weak_directions import WeakDirection
 from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.prepare.preparation import prepare
+from atom_core.calibration.prepare.preparation import Prepared, prepare
 from atom_core.calibration.refine.model_checks import ModelCheck
 from atom_core.calibration.refine.moving_edges import MovingEdge
-from atom_core.calibration.refine.refinement import refine
+from atom_core.calibration.refine.refinement import Earlier, Refined, refine
 from atom_core.calibration.refine.rejection import Rejected
 from atom_core.calibration.start.half_turns import with_half_turns
-from atom_core.calibration.start.starts import choose_start, find_starts
+from atom_core.calibration.start.starts import ChosenStart, Starts, choose_start, find_starts
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import DetectionKey
 from atom_core.problem.builder import FreeEdges
+from atom_core.problem.measurements import Measured
 from atom_core.problem.model_errors import ModelError
 from atom_core.problem.problem import Problem
 from atom_core.solvers.base import SolverSetup, SolverSummary
@@ -82,6 +85,33 @@ class Calibration:
     seed: int
 
 
+@dataclass(frozen=True)
+class Solved:
+    """A calibration that is solved and not yet judged: poses without sigmas, status or verdict.
+
+    Attributes:
+        given: the dataset as it came.
+        options: what to hold, how to solve.
+        prepared, starts, chosen, refined: the steps' values.
+        setup: which solver.
+        seconds: time by step, so far.
+    """
+
+    given: Dataset
+    options: CalibrationOptions
+    prepared: Prepared
+    starts: Starts
+    chosen: ChosenStart
+    refined: Refined
+    setup: SolverSetup
+    seconds: Mapping[str, float]
+
+    @cached_property
+    def dataset(self) -> Dataset:
+        """The input with the calibrated edges and board poses in its transforms."""
+        return answer(self.chosen, self.refined)
+
+
 def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) -> Calibration:
     """Estimate the selected edges of a dataset, and its board poses.
 
@@ -92,9 +122,28 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
     Raises:
         AtomError: the calibration cannot be posed; one sentence says why and what to do.
     """
-    options = options or CalibrationOptions()
+    return judged(solved(dataset, options or CalibrationOptions()))
+
+
+def solved(
+    dataset: Dataset,
+    options: CalibrationOptions,
+    read_before: Mapping[DetectionKey, Measured] = MappingProxyType({}),
+    earlier: Optional[Earlier] = None,
+) -> Solved:
+    """Do what ``calibrate`` does, without the judgement.
+
+    Args:
+        dataset: already reduced to the selected sensors, collections and patterns.
+        options: what to hold, how to solve.
+        read_before: what was read of detections that are the same still.
+        earlier: a solution of nearly the same problem; it saves time, and leaves the answer.
+
+    Raises:
+        AtomError: the calibration cannot be posed; one sentence says why and what to do.
+    """
     clock = _Clock()
-    prepared = prepare(dataset, options)
+    prepared = prepare(dataset, options, read_before)
     clock.lap("build")
     starts = find_starts(prepared, options)
     clock.lap("initialise")
@@ -102,11 +151,18 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
         setup = _setup(dataset, options, interrupt)
         chosen = choose_start(starts, prepared, options, setup)
         chosen = with_half_turns(chosen, starts, prepared, setup)
-        refined = refine(chosen.solution, prepared.free, prepared.moving, options, setup)
+        refined = refine(chosen.solution, prepared.free, prepared.moving, options, setup, earlier)
     clock.lap("solve")
-    judgement = judge(chosen, refined, options, setup.make)
+    return Solved(dataset, options, prepared, starts, chosen, refined, setup, clock.laps)
+
+
+def judged(solution: Solved) -> Calibration:
+    """Return the calibration with all that tells what it is worth."""
+    clock = _Clock()
+    chosen, refined, prepared = solution.chosen, solution.refined, solution.prepared
+    judgement = judge(chosen, refined, solution.options, solution.setup.make)
     clock.lap("covariance")
-    steps = (prepared, starts, chosen, refined, judgement)
+    steps = (prepared, solution.starts, chosen, refined, judgement)
     return Calibration(
         dataset=judgement.dataset,
         initial=chosen.solution.start.initial,
@@ -126,10 +182,10 @@ def calibrate(dataset: Dataset, options: Optional[CalibrationOptions] = None) ->
         error_priors=refined.options.error_priors,
         unused=refined.unused,
         rejected=refined.rejected,
-        relabeled=_relabeled(dataset, judgement.dataset),
+        relabeled=_relabeled(solution.given, judgement.dataset),
         warnings=(*prepared.dataset.warnings, *(r for step in steps for r in step.remarks)),
-        seconds=clock.laps,
-        seed=options.seed,
+        seconds={**solution.seconds, **clock.laps},
+        seed=solution.options.seed,
     )
 
 

@@ -1,17 +1,25 @@
-"""A calibration solved again without what some sensors saw in some collections."""
+"""A calibration solved again without what some sensors saw in some collections.
+
+Solving is quick, since data are read once, and boards and sigmas begin where they were. What the
+new answer is worth is found when it is asked for.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import FrozenSet, Set, Tuple
+from functools import cached_property
+from typing import Dict, FrozenSet, Optional, Set, Tuple
 
 import numpy as np
 
-from atom_core.calibration.calibrate import Calibration, calibrate
-from atom_core.calibration.options import OFF, SUGGEST, CalibrationOptions
+from atom_core.calibration.calibrate import Calibration, Solved, judged, solved
+from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.refine.refinement import Earlier
 from atom_core.errors import SelectionError
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset, pose
+from atom_core.model.labels import DetectionKey
+from atom_core.problem.measurements import Measured, measured_detections
 
 Place = Tuple[str, str]  # sensor, collection
 
@@ -21,7 +29,7 @@ class LeftOut:
 
     Attributes:
         first: that calibration.
-        now: the one without what is left out.
+        solved: the one without what is left out, not judged; None where nothing is.
     """
 
     def __init__(self, first: Calibration, options: CalibrationOptions):
@@ -31,23 +39,46 @@ class LeftOut:
             first: a calibration that has ended.
             options: with which it was made.
         """
-        self.first = self.now = first
+        self.first = first
+        self.solved: Optional[Solved] = None
+        self._judged: Optional[Tuple[Solved, Calibration]] = None
         self._options = replace(
             options,
             solver=replace(options.solver, progress=None),
             boards_of_dataset=True,
             noisy_initial_guess=(0.0, 0.0),
-            # what would only be suggested costs time, and changes nothing
-            model_errors=OFF if options.model_errors == SUGGEST else options.model_errors,
         )
         self._without: Set[Place] = set()
         self._kept: Set[Place] = set()
 
     @property
+    def now(self) -> Calibration:
+        """The calibration without what is left out, judged when this is first asked for.
+
+        It may be asked for in a thread while another one leaves out more.
+        """
+        solution, known = self.solved, self._judged
+        if solution is None:
+            return self.first
+        if known is None or known[0] is not solution:
+            known = (solution, judged(solution))
+            self._judged = known
+        return known[1]
+
+    @property
     def places(self) -> FrozenSet[Place]:
         """What is left out now: on request, and as bad detections."""
-        rejected = {(r.key.sensor, r.key.collection) for r in self.now.rejected}
+        now = self.first if self.solved is None else self.solved.refined
+        rejected = {(r.key.sensor, r.key.collection) for r in now.rejected}
         return frozenset(self._without | rejected)
+
+    def get_ready(self) -> None:
+        """Read the data, so that the first answer comes as soon as the others.
+
+        Raises:
+            AtomError: they cannot be read any more.
+        """
+        _ = self._read
 
     def leave_out(self, sensor: str, collection: str) -> str:
         """Solve without what a sensor saw in a collection; return what that changes.
@@ -80,10 +111,16 @@ class LeftOut:
             options = replace(
                 self._options, keep_detections=(*self._options.keep_detections, *keep)
             )
-            self.now = calibrate(_without(self.first.dataset, without), options)
+            left = _without(self.first.dataset, without)
+            earlier = Earlier(self.first.problem, self.first.summary)
+            self.solved = solved(left, options, self._read, earlier)
         else:
-            self.now = self.first
+            self.solved = None
         self._without, self._kept = set(without), set(kept)
+
+    @cached_property
+    def _read(self) -> Dict[DetectionKey, Measured]:
+        return measured_detections(self.first.dataset)
 
     def _check(self, sensor: str, collection: str) -> None:
         labels = self.first.dataset.collections.get(collection)
@@ -92,9 +129,10 @@ class LeftOut:
 
     def _change(self) -> str:
         """Return which sensor stands elsewhere now, and how far from where it stood at first."""
-        if self.now is self.first:
+        if self.solved is None:
             return "all is as it was written"
-        moves = {name: _move(self.first.dataset, self.now.dataset, name) for name in self._free()}
+        after = self.solved.dataset
+        moves = {name: _move(self.first.dataset, after, name) for name in self._free()}
         if not moves:
             return "no sensor is estimated"
         name = max(moves, key=lambda name: moves[name][0])

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import List, Sequence, Tuple
+from types import MappingProxyType
+from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -58,20 +59,43 @@ class Measurement(ABC):
         """Return what is wrong with it by itself, a phrase each, without its place."""
 
 
-def read_measurements(dataset: Dataset) -> Tuple[List[Measurement], List[str]]:
-    """Return the measurement of every detection, and warnings; clouds and images are read here.
+# What was read of a detection (None: too little to be used), and warnings.
+Measured = Tuple[Optional[Measurement], Sequence[str]]
+
+
+def measured_detections(
+    dataset: Dataset, before: Mapping[DetectionKey, Measured] = MappingProxyType({})
+) -> Dict[DetectionKey, Measured]:
+    """Return what there is to read of every detection; clouds and images are read here.
+
+    Args:
+        dataset: whose transforms do not matter.
+        before: what was read of detections that are the same still.
 
     Raises:
         DatasetError: a data file is absent or damaged, or a label does not fit it.
     """
-    measurements: List[Measurement] = []
-    warnings: List[str] = []
-    for key, _ in dataset.detections():
-        measurement, remarks = dataset.sensors[key.sensor].kind.measure(dataset, key)
-        warnings += remarks
-        if measurement is not None:
-            measurements.append(measurement)
-    return measurements, warnings
+    return {
+        key: before.get(key) or dataset.sensors[key.sensor].kind.measure(dataset, key)
+        for key, _ in dataset.detections()
+    }
+
+
+def read_measurements(
+    dataset: Dataset, before: Mapping[DetectionKey, Measured] = MappingProxyType({})
+) -> Tuple[List[Measurement], List[str]]:
+    """Return the measurement of every detection that can be used, and all warnings.
+
+    Args:
+        dataset: whose transforms do not matter.
+        before: what was read of detections that are the same still.
+
+    Raises:
+        DatasetError: a data file is absent or damaged, or a label does not fit it.
+    """
+    read = measured_detections(dataset, before).values()
+    measurements = [measurement for measurement, _ in read if measurement is not None]
+    return measurements, [remark for _, remarks in read for remark in remarks]
 
 
 def repeated(counts: Sequence[Tuple[int, int]]) -> np.ndarray:

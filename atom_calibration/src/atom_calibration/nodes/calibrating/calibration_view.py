@@ -30,6 +30,7 @@ from atom_calibration.msg import CalibrationState, SensorSigma
 from atom_calibration.runtime import running
 from atom_calibration.show import calibrated_tf, calibration_markers
 from atom_calibration.show.calibration_state import (
+    JUDGING,
     RUNNING,
     Status,
     sigma_messages,
@@ -129,6 +130,7 @@ class CalibrationView:
         """Show the answer, and leave it there."""
         self._left_out = LeftOut(calibration, options)
         self._show_answer(calibration)
+        threading.Thread(target=self._get_ready, args=(self._left_out,), daemon=True).start()
 
     def _show_answer(self, calibration: Calibration) -> None:
         verdict = calibration_verdict(calibration_results(calibration, default_solver()))
@@ -205,9 +207,37 @@ class CalibrationView:
                 words = act(request.sensor, request.collection_name)
             except AtomError as error:
                 return LeaveOutResponse(False, str(error))
-            self._show_answer(left_out.now)
+            if left_out.solved is None:
+                self._show_answer(left_out.first)
+            else:
+                self._sigmas = []
+                self._show(Estimate.of_solved(left_out.solved), Status(JUDGING, words))
+                threading.Thread(target=self._judge, args=(left_out,), daemon=True).start()
         rospy.loginfo(words)
         return LeaveOutResponse(True, words)
+
+    def _judge(self, left_out: LeftOut) -> None:
+        """Show what an answer is worth, unless it is no longer the one that is shown."""
+        solution = left_out.solved
+        assert solution is not None
+        try:
+            now, failure = left_out.now, ""
+        except AtomError as error:
+            failure = f"it is not known what this answer is worth: {error}"
+        with self._leaving:
+            if left_out.solved is not solution:
+                return
+            if failure:
+                self._show(Estimate.of_solved(solution), Status(JUDGING, failure))
+            else:
+                self._show_answer(now)
+
+    def _get_ready(self, left_out: LeftOut) -> None:
+        with self._leaving:
+            try:
+                left_out.get_ready()
+            except AtomError as error:  # a click will be told the same
+                rospy.logwarn(str(error))
 
     def _turn(self, steps: int) -> TriggerResponse:
         """Go through all and then each collection."""
@@ -252,6 +282,8 @@ class CalibrationView:
 
     def _publish(self, estimate: Estimate, status: Status, shown: str) -> None:
         """Publish everything, the state last; on the way only what somebody looks at."""
+        if status.name == JUDGING:  # a click waits for it
+            self._publish_state(estimate, status, shown)
         first = self._first or estimate
         everything = estimate is first or status.name != RUNNING
         keys = [shown] if shown else estimate.used_collections()
@@ -274,7 +306,11 @@ class CalibrationView:
         send(TF, lambda: TFMessage(self._transforms(estimate, shown)))
         self._publish_points(send, estimate, keys, world)
         self._publish_images(send, estimate, shown)
+        self._publish_state(estimate, status, shown)
+
+    def _publish_state(self, estimate: Estimate, status: Status, shown: str) -> None:
         left_out = self._left_out.places if self._left_out is not None else ()
+        first = self._first or estimate
         message = state_message(estimate, first, status, shown, self._sensor_colours, left_out)
         message.header.stamp = rospy.Time.now()
         message.sigmas = self._sigmas

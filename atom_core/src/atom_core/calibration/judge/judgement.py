@@ -90,6 +90,13 @@ class Judgement:
     remarks: Tuple[str, ...]
 
 
+def answer(chosen: ChosenStart, refined: Refined) -> Dataset:
+    """Return the dataset with the calibrated edges and board poses in its transforms."""
+    start, problem = chosen.solution.start, refined.solver.problem
+    boards = _of_use(start.initial, start.boards, problem)
+    return solved_dataset(start.initial, problem, refined.summary.x, boards)
+
+
 def judge(
     chosen: ChosenStart, refined: Refined, options: CalibrationOptions, make_solver: SolverFactory
 ) -> Judgement:
@@ -103,8 +110,7 @@ def judge(
     """
     start, summary, problem = chosen.solution.start, refined.summary, refined.solver.problem
     covariance = covariance_of(refined.solver, summary, refined.options)
-    boards = _of_use(start.initial, start.boards, problem)
-    dataset = solved_dataset(start.initial, problem, summary.x, boards)
+    dataset = answer(chosen, refined)
     solution = Solution(dataset, problem, summary.x)
     weak = _weak(chosen, refined, solution, covariance, options)
     unfit: List[Misfit] = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Dict, List, Mapping, Sequence, Set, Tuple
 
 import numpy as np
@@ -25,10 +26,11 @@ from atom_core.errors import CalibrationError
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics import intrinsics_names
 from atom_core.model.dataset import Dataset, is_complete
+from atom_core.model.labels import DetectionKey
 from atom_core.model.transforms import Edge
 from atom_core.problem.builder import FreeEdges, check_edges
 from atom_core.problem.camera_blocks import ExpectedCamera
-from atom_core.problem.measurements import Measurement, read_measurements
+from atom_core.problem.measurements import Measured, Measurement, read_measurements
 from atom_core.problem.range_measurement import RangeMeasurement
 from atom_core.solvers.base import ATOM, SIGMA
 from atom_core.solvers.choice import default_solver
@@ -58,8 +60,17 @@ class Prepared:
     remarks: Tuple[str, ...]
 
 
-def prepare(dataset: Dataset, options: CalibrationOptions) -> Prepared:
+def prepare(
+    dataset: Dataset,
+    options: CalibrationOptions,
+    read_before: Mapping[DetectionKey, Measured] = MappingProxyType({}),
+) -> Prepared:
     """Check a dataset and read its measurements.
+
+    Args:
+        dataset: already reduced to what is selected.
+        options: what to hold, how to solve.
+        read_before: what was read of detections that are the same still.
 
     Raises:
         AtomError: the calibration cannot be posed; one sentence says why and what to do.
@@ -74,7 +85,7 @@ def prepare(dataset: Dataset, options: CalibrationOptions) -> Prepared:
     known, prior_remarks = priors(dataset, options, free)
     free = replace(free, priors=known)
     check_memory(dataset, options.solver_name or default_solver())
-    measurements, remarks = read_measurements(dataset)
+    measurements, remarks = read_measurements(dataset, read_before)
     check_units(measurements)
     remarks += [*joint_remarks, *prior_remarks]
     if options.solver.weights == ATOM:

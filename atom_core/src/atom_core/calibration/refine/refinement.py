@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Mapping, Optional, Tuple
+from typing import Mapping, NamedTuple, Optional, Tuple
 
 from atom_core.calibration.options import AUTO, SUGGEST, CalibrationOptions
 from atom_core.calibration.prepare.moving_parts import Sigmas
 from atom_core.calibration.refine.deeper_minima import with_boards_in_deepest_minima
-from atom_core.calibration.refine.intrinsics import WithIntrinsics, with_intrinsics
+from atom_core.calibration.refine.intrinsics import with_intrinsics
 from atom_core.calibration.refine.model_errors import (
     remarks_on,
     with_shown_errors,
@@ -33,8 +33,16 @@ from atom_core.calibration.refine.shown_joints import with_shown_joints
 from atom_core.calibration.start.starts import RoughSolution
 from atom_core.model.transforms import Edge
 from atom_core.problem.builder import FreeEdges
-from atom_core.solvers.base import Solver, SolverOptions, SolverSetup, SolverSummary
-from atom_core.solvers.reweighting import solve
+from atom_core.problem.problem import Problem
+from atom_core.solvers.base import SIGMA, Solver, SolverOptions, SolverSetup, SolverSummary
+from atom_core.solvers.reweighting import solve, solve_again
+
+
+class Earlier(NamedTuple):
+    """A solution of nearly the same problem; to begin with its sigmas spares rounds."""
+
+    problem: Problem
+    summary: SolverSummary
 
 
 @dataclass(frozen=True)
@@ -67,6 +75,7 @@ def refine(
     moving: Mapping[Edge, Sigmas],
     options: CalibrationOptions,
     setup: SolverSetup,
+    earlier: Optional[Earlier] = None,
 ) -> Refined:
     """Free the intrinsics, solve, move boards to deeper minima, leave bad detections out.
 
@@ -76,10 +85,11 @@ def refine(
         moving: standard deviations [m, rad] of moving parts, None where they are estimated.
         options: what to keep in any case, and what counts as determined.
         setup: which solver.
+        earlier: a solution of nearly the same problem, if there is one.
     """
-    joined = with_intrinsics(rough, free, options.undetermined_limit[1], setup)
     initial, measurements = rough.start.initial, rough.start.measurements
-    arms = with_moving_parts(initial, measurements, _solved(rough, joined, setup), moving, setup)
+    first = _solved(rough, free, options, setup, earlier)
+    arms = with_moving_parts(initial, measurements, first, moving, setup)
     summary, unsettled = settled(arms.solver, arms.summary, setup)
     is_auto = options.model_errors == AUTO
     if is_auto:  # first, since what contradicts the others may do so for that reason
@@ -92,9 +102,8 @@ def refine(
         arms = with_usual_moving_parts(initial, measurements, arms, setup)
         summary = arms.summary
     rejection = reject_bad_detections(rough.start, arms.solver, summary, arms.free, options, setup)
-    rejected = rejection.rejected
     arms = replace(arms, solver=rejection.solver, summary=rejection.summary)
-    if rejected:
+    if rejected := rejection.rejected:
         arms = settled_again(initial, measurements, arms, setup)
     solver, summary, free = arms.solver, arms.summary, arms.free
     if is_auto:
@@ -107,15 +116,32 @@ def refine(
     remarks = remarks_on(options.estimated_errors(initial), summary, setup.options)
     left = {key.collection for key in solver.problem.detections}
     unused = {**rough.start.unused, **whole_collections(rejected, left)}
-    told = (*arms.remarks, *remarks, *far_parts(free), *unsettled)
-    told += tuple(rejection_warnings(rejected, left))
-    outcome = rejected, rejection.failure, told
-    return Refined(solver, summary, free, unused, *outcome, setup.options)
+    left_out = rejection_warnings(rejected, left)
+    told = (*arms.remarks, *remarks, *far_parts(free), *unsettled, *left_out)
+    return Refined(solver, summary, free, unused, rejected, rejection.failure, told, setup.options)
 
 
-def _solved(rough: RoughSolution, joined: WithIntrinsics, setup: SolverSetup) -> MovingSolution:
+def _solved(
+    rough: RoughSolution,
+    free: FreeEdges,
+    options: CalibrationOptions,
+    setup: SolverSetup,
+    earlier: Optional[Earlier],
+) -> MovingSolution:
     """Return the solution in its deepest minimum, moving parts where the dataset has them."""
-    summary = solve(joined.solver, setup.options, joined.minimum, guess=rough.first)
+    joined = with_intrinsics(rough, free, options.undetermined_limit[1], setup)
+    begun, minimum = joined.solver.problem, joined.minimum
+    known = {(b.sensor, b.kind) for b in earlier.problem.residual_blocks} if earlier else set()
+    if (
+        earlier is not None
+        and known.issuperset((b.sensor, b.kind) for b in begun.residual_blocks)
+        and setup.options.weights == SIGMA
+        and not minimum.interrupted
+    ):
+        before = replace(earlier.summary, iterations=minimum.iterations)
+        summary = solve_again(joined.solver, setup.options, earlier.problem, before, minimum.x)
+    else:
+        summary = solve(joined.solver, setup.options, minimum, guess=rough.first)
     solver, summary = with_boards_in_deepest_minima(
         joined.solver, summary, rough.start.measurements, setup.options, setup.make
     )
