@@ -21,6 +21,7 @@ from atom_core.model.truth import with_truth
 from atom_core.solvers.base import SolverOptions, SolverSetup
 from atom_core.solvers.choice import SOLVERS, solver_factory
 from atom_core.synthetic import Noise, paper_cell, scenes
+from atom_core.synthetic.arm import camera_on_arm
 
 DISTURBED = (0.1, 0.1)
 
@@ -159,6 +160,18 @@ def test_held_patterns_do_not_change():
         assert np.array_equal(held, collection.transforms[edge])
     assert result.status == "converged"
     assert {b.kind for b in result.problem.parameters.blocks} == {"sensor"}
+
+
+@pytest.mark.parametrize(("turned_rad", "status"), [(0.0, "converged"), (0.1, "inconsistent")])
+def test_boards_that_are_held_in_a_wrong_place_are_the_first_suspects(turned_rad, status):
+    scene = camera_on_arm(3, errors={"elbow": {"position_bias": 0.02}}, collections=10)
+    edge = board_edge(scene.dataset.patterns["pattern_1"])
+    turn = se3.rotation_from_rotation_vector(np.array([turned_rad, 0.0, 0.0]))
+    place = next(iter(scene.truth.boards.values())) @ se3.transform(turn, np.zeros(3))
+    held = scene.dataset.with_transforms({key: {edge: place} for key in scene.dataset.collections})
+    result = calibrate(held, CalibrationOptions(anchor_patterns=True))
+    assert result.status == status
+    assert ("(--anchor_patterns)" in result.message) == (turned_rad > 0.0)
 
 
 def test_holding_patterns_that_have_no_pose_is_refused():

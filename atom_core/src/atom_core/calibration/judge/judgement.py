@@ -129,7 +129,7 @@ def judge(
     reasons = [suggestion(c) for c in strong(checks, covariance)] + _unusual(refined, covariance)
     reasons += unusual_parts(refined.free, options) + contradictions(known)
     if unfit:  # else it is noise that the sigmas know of
-        reasons = [edge.why for edge in moving] + reasons
+        reasons = [*_of_held_boards(refined), *(edge.why for edge in moving), *reasons]
     reasons += [m.why for m in unfit] + [e.why for e in out]
     status, message = _verdict(summary, weak, reasons, refined.failure)
     return Judgement(
@@ -252,6 +252,16 @@ def _unusual(refined: Refined, covariance: Covariance) -> List[str]:
     far = [e for e, u in priors.items() if e.stands_alone and abs(values[e]) > _STRONG * u]
     far.sort(key=lambda e: -abs(values[e]) / priors[e])
     return [unusual(e, values[e], sigmas.get(e, 0.0), priors[e]) for e in far]
+
+
+def _of_held_boards(refined: Refined) -> Tuple[str, ...]:
+    """Return a sentence where boards are held: their wrong place looks like any other error."""
+    if not refined.free.anchor_patterns:
+        return ()
+    return (
+        "the sensors do not fit the boards where these are held (--anchor_patterns); leave the "
+        "option out, and the boards are estimated",
+    )
 
 
 def _weak_at_the_start(
