@@ -18,10 +18,10 @@ PYTHON_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicat
 CPP_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicate \
 	-- '*.h' '*.cpp' | xargs -r ls -d 2>/dev/null)
 
-.PHONY: help setup build demo test test-noetic-versions test-regression test-rviz test-quick test-long lint format bench bench-labels bench-hand-eye results clean pictures pictures-cell
+.PHONY: help setup build demo test test-noetic-versions test-opencv-versions test-debian11 test-regression test-rviz test-quick test-long lint format bench bench-labels bench-hand-eye results deb clean pictures pictures-cell
 
 help: ## this list
-	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1	\2/p' Makefile | expand -t 14
+	@sed -n 's/^\([a-z0-9-]*\):.*## \(.*\)/\1	\2/p' Makefile | expand -t 14
 
 setup: ## system packages (apt, root or sudo) and the virtual environment .venv; only what is missing
 	@flock requirements bash requirements/setup.bash
@@ -37,6 +37,15 @@ build: setup ## compile into build/ and devel/
 	@[ build/build.ninja -nt Makefile ] || flock CMakeLists.txt $(CONFIGURE)
 	@$(COMPILE)
 
+# In a build space of its own: the programs run Debian's Python and stand below /opt/atom. What was
+# compiled before comes out of ccache, where that is installed.
+deb: setup ## a Debian package of the install space, below /opt/atom, in build_deb/
+	@cmake -S . -B build_deb -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH= \
+		-DPYTHON_EXECUTABLE=/usr/bin/python3 -DCATKIN_ENABLE_TESTING=OFF \
+		-DCATKIN_DEVEL_PREFIX="$$PWD/build_deb/devel" -DCMAKE_INSTALL_PREFIX=/opt/atom
+	@cmake --build build_deb -j $(JOBS)
+	@cd build_deb && rm -f *.deb && cpack --config CPackConfig.cmake && ls -l *.deb
+
 demo: build ## the main job on the simulated cell, from bags to evaluation, in demo_output/; EXAMPLE=rihbot: on that robot
 	@$(ENV) rosrun atom_examples demo --overwrite $(if $(EXAMPLE),--example $(EXAMPLE) --output demo_output/$(EXAMPLE),--output demo_output)
 
@@ -48,6 +57,12 @@ test-regression: build ## does calibration still work? rostests on recordings of
 
 test-noetic-versions: ## the core with Noetic's Python 3.8, numpy, scipy, OpenCV; skipped without Python 3.8
 	@bash tests/noetic_versions.bash $(ARGS)
+
+test-opencv-versions: build ## the labelers with OpenCV from 4.2 to 5, in a table (requirements/opencv.txt)
+	@$(ENV) bash tests/opencv_versions.bash $(ARGS)
+
+test-debian11: ## build and tests in a root of Debian 11 (root; 7 GB in .debian11 or $ATOM_DEBIAN11_ROOT)
+	@bash tests/debian11.bash
 
 test-rviz: build ## RViz by mouse and keys on a screen of its own (Xvfb); REPEAT=10 runs it ten times
 	@$(ENV) $(COMPILE) --target tests; cd build && ROS_HOME="$$PWD/ros_home" \
@@ -94,7 +109,7 @@ results: build ## the paper's tables and the labels against their truth, docs/re
 	@$(ENV) python3 tests/benchmarks/results.py
 
 clean: ## remove build products and tool caches (keeps the virtual environments and results)
-	rm -rf build devel install .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf build build_deb devel install .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
 	find . -name __pycache__ -type d -not -path './.venv/*' -prune -exec rm -rf {} +
 
 pictures: build ## the pictures of the documents, docs/pictures, from the simulated cell

@@ -13,6 +13,10 @@ from xml.etree import ElementTree
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "tests"))
+
+from package_names import debian_packages, listed  # noqa: E402
+
 PACKAGES = {path.parent.name: path.parent for path in sorted(ROOT.glob("*/package.xml"))}
 
 # A module, or what find_package asks for -> its key in a manifest, where the names differ.
@@ -51,44 +55,6 @@ SEEN_BY = {
     "message_runtime": "message_runtime",
     "xvfb": "Xvfb",
 }
-# A key -> its packages in Debian 12.
-DEBIAN = {
-    "eigen": ["libeigen3-dev"],
-    "imagemagick": ["imagemagick"],
-    "interactive_markers": ["python3-interactive-markers"],
-    "joint_state_publisher": ["joint-state-publisher"],
-    "libpcl-all-dev": ["libpcl-dev"],
-    "libqt5-widgets": ["qtbase5-dev"],
-    "message_generation": ["ros-message-generation"],
-    "message_runtime": ["ros-message-runtime"],
-    "opengl": ["libopengl-dev", "libglu1-mesa-dev"],
-    "robot_state_publisher": ["ros-robot-state-publisher"],
-    "roscpp": ["libroscpp-dev"],
-    "rostest": ["librostest-dev", "python3-rostest"],
-    "rviz": ["rviz", "librviz-dev"],
-    "pluginlib": ["pluginlib-dev"],
-    "topic_tools": ["topic-tools"],
-    "xacro": [],  # from PyPI (requirements/pip.txt)
-    **{
-        name: [f"ros-{dashed}", f"python3-{dashed}", f"lib{dashed}-dev"]
-        for name in ("geometry_msgs", "sensor_msgs", "std_msgs")
-        for dashed in [name.replace("_", "-")]
-    },
-    **{
-        name: [f"ros-{dashed}", f"python3-{dashed}"]
-        for name in ("std_srvs", "visualization_msgs")
-        for dashed in [name.replace("_", "-")]
-    },
-    **{
-        name: [f"python3-{name.replace('_', '-')}"]
-        for name in ("message_filters", "rosbag", "rosgraph", "rosgraph_msgs", "roslaunch")
-    },
-    **{
-        name: [f"python3-{name.replace('_', '-')}"]
-        for name in ("roslib", "rospy", "rosunit", "tf2_msgs", "tf2_ros")
-    },
-}
-
 # Libraries that no manifest names: CMake's, those of the tests' programs, the documents' pictures.
 FOR_TOOLS = {
     *("python3-catkin-pkg", "python3-dev", "python3-venv", "python3-pip", "python3-nose"),
@@ -246,13 +212,8 @@ def test_what_is_declared_is_used(package):
 # ---- Debian
 
 
-def debian_packages(key):
-    return DEBIAN.get(key, [key.replace("_", "-")])
-
-
 def wanted():
-    text = (ROOT / "requirements" / "apt.txt").read_text(encoding="utf-8")
-    return set(re.sub(r"#.*", "", text).split())
+    return listed("apt.txt")
 
 
 def test_setup_installs_what_the_manifests_name():
