@@ -73,6 +73,18 @@ def test_all_versions_agree():
         for name, folder in PACKAGES.items()
     }
     assert set(versions.values()) == {atom_core.__version__}, versions
+    cited = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {atom_core.__version__}\n" in cited
+
+
+@pytest.mark.parametrize("name", [None, *PACKAGES])
+def test_a_changelog_begins_with_the_version(name):
+    import atom_core
+
+    file = ROOT / "CHANGELOG.md" if name is None else PACKAGES[name] / "CHANGELOG.rst"
+    heading = r"^## \[(\S+)\]" if name is None else r"^(\d+\.\d+\.\d+) \(\d{4}-\d\d-\d\d\)$"
+    versions = re.findall(heading, file.read_text(encoding="utf-8"), re.MULTILINE)
+    assert [v for v in versions if v != "Unreleased"][0] == atom_core.__version__
 
 
 @pytest.mark.parametrize("name", [name for name in PACKAGES if name != "atom"])

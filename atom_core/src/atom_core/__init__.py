@@ -10,4 +10,4 @@ import os
 # others need. Takes effect where numpy is not loaded yet; who sets the variable decides.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
