@@ -49,7 +49,7 @@ make_root() {
 # The network as this machine reaches it: names, proxies, certificates.
 connect_root() {
   mkdir -p "$root/etc/apt/apt.conf.d"
-  cp -L /etc/resolv.conf "$root/etc/resolv.conf"
+  cp -L /etc/hosts /etc/resolv.conf "$root/etc/"
   cp -L /etc/ssl/certs/ca-certificates.crt "$root/etc/ssl/certs/ca-certificates.crt"
   apt-config dump | grep -E '^Acquire::(http|https|ftp)::' >"$root/etc/apt/apt.conf.d/90machine" || true
   [ ! -r /etc/pip.conf ] || cp -L /etc/pip.conf "$root/etc/pip.conf"
@@ -68,6 +68,13 @@ versions() {
     dpkg-query --show --showformat '\${Package} \${Version}\n' \
       cmake g++ python3 libceres-dev libpcl-dev libeigen3-dev rviz catkin pybind11-dev \
       python3-opencv python3-numpy python3-scipy" | sed 's/^/Debian 11: /'
+}
+
+# Debian 11's rospy, roslaunch and rosunit ask threads `isAlive()`, which its Python 3.9 has no more:
+# programs that end well end with 1. Later versions, and Noetic's, have the name that is left.
+mend_ros() {
+  sed -i 's/\.isAlive()/.is_alive()/' \
+    "$root"/usr/lib/python3/dist-packages/{rospy/core,roslaunch/pmon,rosunit/pmon}.py
 }
 
 failed=()
@@ -90,6 +97,7 @@ inside() {
     stop "apt-get failed in the root; its last words (all of them: $root.log): $(tail -n 2 "$root.log")"
   step "set-up" make setup
   [ "${#failed[@]}" -eq 0 ] || stop "the set-up failed; no test was run"
+  mend_ros
   versions
   step "build" make build
   [ "${#failed[@]}" -eq 0 ] || stop "the build failed; no test was run"

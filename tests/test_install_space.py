@@ -110,7 +110,7 @@ def test_the_debian_package_has_all_that_is_installed(tmp_path):
     ).stdout
     assert f"Version: {VERSION}\n" in control
     depends = re.search(r"^Depends: (.*)$", control, re.MULTILINE).group(1)
-    for name in ("libceres", "librviz", "python3-scipy", "python3-rospy"):
+    for name in ("libpcl", "librviz", "python3-scipy", "python3-rospy"):
         assert name in depends, depends
     subprocess.run(["dpkg-deb", "--extract", package, tmp_path], check=True)
     script = f"""
