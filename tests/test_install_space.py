@@ -61,7 +61,7 @@ def test_the_install_space_alone_runs_the_demo_and_rviz(tmp_path):
     shutil.copy(ROOT / "tests" / "installed_programs.py", tmp_path)
     script = ALONE.format(
         root=ROOT,
-        venv=Path(sys.prefix).resolve(),
+        venv=sys.prefix,
         kept=tmp_path / "venv",
         installed=installed,
         folder=tmp_path,
