@@ -26,6 +26,7 @@ from atom_core.commands.model_error_options import (
 from atom_core.commands.phases import Phases, Watcher
 from atom_core.commands.provenance import inputs, versions
 from atom_core.commands.report_files import REPORT_FILES, RESIDUALS_FILE, report_beside
+from atom_core.commands.verdict_output import print_verdict
 from atom_core.errors import CalibrationError, DescriptionError, OutputError
 from atom_core.evaluation.trust.checks import trust_checks
 from atom_core.io.atomic import (
@@ -55,7 +56,7 @@ from atom_core.report.calibration_tables import calibration_report
 from atom_core.report.calibration_verdict import calibration_verdict
 from atom_core.report.edge_comments import edge_comments
 from atom_core.report.residual_samples import residual_samples, to_bytes
-from atom_core.report.verdict import WRONG, verdict_lines
+from atom_core.report.verdict import WRONG
 from atom_core.solvers.base import ATOM, CONVERGED, SolverOptions
 from atom_core.solvers.choice import CERES, default_solver
 
@@ -124,7 +125,7 @@ def run(args: argparse.Namespace, watcher: Optional[Watcher] = None) -> int:
     print(calibration_report(results, args.verbose, args.show_normalized_values))
     print(f"\nresults: {folder.resolve()}\n")
     verdict = calibration_verdict(results)
-    print(verdict_lines(verdict))
+    print_verdict(verdict)
     if not args.no_report and not calibration.summary.interrupted:
         report_beside(folder, folder, None, calibration.dataset)
     return 0 if calibration.status == CONVERGED and verdict.grade != WRONG else 1

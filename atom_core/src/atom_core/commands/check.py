@@ -11,6 +11,7 @@ import numpy as np
 from atom_core.calibration.preflight import preflight
 from atom_core.commands import common
 from atom_core.commands.drift_check import calibration_of, drift_of, moved_sensors
+from atom_core.commands.verdict_output import print_verdict
 from atom_core.errors import OutputError
 from atom_core.geometry import se3
 from atom_core.io.atomic import write_json_atomically
@@ -20,7 +21,7 @@ from atom_core.model.transforms import Edge
 from atom_core.report.calibration_tables import MovedEdge, moved_report, preflight_report
 from atom_core.report.changes_report import drift_document, drift_sentence, drift_table
 from atom_core.report.check_verdict import check_verdict
-from atom_core.report.verdict import WRONG, length, verdict_lines
+from atom_core.report.verdict import WRONG, length
 
 EXAMPLE = """
 python3 -m atom_core check --dataset data/dataset.json
@@ -84,7 +85,8 @@ def run(args: argparse.Namespace) -> int:
                 document = drift_document(found, str(dataset.source), str(args.against))
                 write_json_atomically(args.output, document, sort_keys=False)
     verdict = check_verdict(dataset, result, moved)
-    print("\n" + verdict_lines(verdict))
+    print()
+    print_verdict(verdict)
     return 1 if verdict.grade == WRONG else 0
 
 

@@ -18,6 +18,7 @@ from atom_core.commands.compare_calibrations import run_comparison
 from atom_core.commands.provenance import inputs, versions
 from atom_core.commands.report_files import REPORT_FILES, report_beside
 from atom_core.commands.report_option import add_report_option
+from atom_core.commands.verdict_output import print_verdict
 from atom_core.errors import SelectionError
 from atom_core.evaluation.baselines.comparison import Measured
 from atom_core.evaluation.evaluate import Evaluation, evaluate
@@ -39,7 +40,6 @@ from atom_core.report.evaluation_csv import csv_name, csv_texts
 from atom_core.report.evaluation_document import evaluation_document
 from atom_core.report.evaluation_tables import evaluation_report
 from atom_core.report.evaluation_verdict import evaluation_verdict
-from atom_core.report.verdict import verdict_lines
 
 _FILES = "--train results/atom_calibration.json --test test/dataset.json"
 EXAMPLE = f"""
@@ -121,7 +121,7 @@ def run(args: argparse.Namespace) -> int:
             f"those that were calibrated with ({_few(shared)}): errors on them are too "
             f"small; record a test set of its own\n"
         )
-    print(verdict_lines(evaluation_verdict(evaluation)))
+    print_verdict(evaluation_verdict(evaluation))
     if not args.no_report:
         report_beside(folder, None, folder)
     if evaluation.measured:
