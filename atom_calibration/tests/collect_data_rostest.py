@@ -101,7 +101,7 @@ class CollectDataTest(unittest.TestCase):
         state = NOW["state"]
         self.assertEqual(state.dataset_folder, self.output)
         self.assertEqual((state.automatic, state.collections), (False, 0))
-        self.assertEqual([s.name for s in state.sensors], list(self.scene.sensors))
+        self.assertEqual([s.name for s in state.sensors], sorted(self.scene.sensors))
         for sensor in state.sensors:
             self.assertEqual(sensor.frame_id, self.scene.sensors[sensor.name].frame)
             self.assertEqual(sensor.modality, self.scene.sensors[sensor.name].modality)

@@ -13,7 +13,7 @@ from atom_calibration.configure.package import CalibrationPackage, launch_text
 from atom_calibration.configure.window import HEIGHT, WIDTH, Side, window_state
 from atom_calibration.modalities.table import ros_modality
 from atom_core.io.paths import package_folder
-from atom_core.model.colours import sensor_colours
+from atom_core.model.colours import in_order, sensor_colours
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.dataset import Dataset
 from atom_core.model.modality import modalities, modality_named
@@ -148,7 +148,8 @@ def _sensor_values(config: CalibrationConfig) -> Dict[str, Any]:
     """Return what the configuration alone says."""
     sensors: List[Dict[str, Any]] = []
     colours = sensor_colours(config.sensors)
-    for name, entry in config.sensors.items():
+    for name in in_order(config.sensors):
+        entry = config.sensors[name]
         colour = "; ".join(str(round(255 * value)) for value in colours[name])
         sensors.append(
             {

@@ -1,8 +1,8 @@
-"""One colour for each sensor, in all screens, pictures and tables."""
+"""One colour and one place for each sensor, in all screens, pictures and tables."""
 
 from __future__ import annotations
 
-from typing import Dict, Iterable, Tuple
+from typing import Dict, Iterable, List, Tuple
 
 Colour = Tuple[float, float, float]  # red, green, blue from 0 to 1
 
@@ -25,7 +25,12 @@ def sensor_colours(names: Iterable[str]) -> Dict[str, Colour]:
     Give all sensors of the configuration, also where only some are shown: then a sensor has the
     same colour everywhere.
     """
-    return {name: colour_of(index) for index, name in enumerate(sorted(names))}
+    return {name: colour_of(index) for index, name in enumerate(in_order(names))}
+
+
+def in_order(names: Iterable[str]) -> List[str]:
+    """Return sensors in the order in which screens show them, that of a written dataset."""
+    return sorted(names)
 
 
 def packed(colour: Colour) -> int:

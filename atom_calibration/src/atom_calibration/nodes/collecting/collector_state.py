@@ -24,7 +24,7 @@ from atom_calibration.show.markers import sensor_names
 from atom_core.io.collections import CollectionStore, StoredCollection
 from atom_core.labeling.guidance import ALL_ROUND_ASPECT, BoardView, Guidance, board_view
 from atom_core.labeling.view_quality import described
-from atom_core.model.colours import packed, sensor_colours
+from atom_core.model.colours import in_order, packed, sensor_colours
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.modality import modality_named
 
@@ -78,9 +78,10 @@ class StateBoard:
             key: self._collections.get(key) or collection_state(self._store.load(key))
             for key in keys
         }
+        found = guidance or {}
         listed = [
-            guidance_message(name, self._colours[name], found, (aspects or {}).get(name))
-            for name, found in (guidance or {}).items()
+            guidance_message(name, self._colours[name], found[name], (aspects or {}).get(name))
+            for name in in_order(found)
         ]
         self._matrix.publish(CollectionStates(list(self._collections.values()), listed))
         self._due_s = 0.0
@@ -99,7 +100,7 @@ class StateBoard:
         )
         state.header.stamp = rospy.Time.now()
         state.header.frame_id = self._config.world_link
-        state.sensors = [self._sensor_state(name) for name in self._config.sensors]
+        state.sensors = [self._sensor_state(name) for name in in_order(self._config.sensors)]
         self._state.publish(state)
 
     def _sensor_state(self, name: str) -> SensorState:

@@ -43,7 +43,7 @@ from atom_core.errors import ConfigError
 from atom_core.geometry import se3
 from atom_core.io.config_yaml import read_config
 from atom_core.io.urdf import read_description
-from atom_core.model.colours import Colour, colour_of, packed, sensor_colours
+from atom_core.model.colours import Colour, colour_of, in_order, packed, sensor_colours
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.modality import modality_named
 
@@ -231,7 +231,7 @@ class SetInitialEstimate:
         fits = self._watch.fits if self._watch is not None else {}
         state = GuessState(output=str(self._output), unsaved=bool(self._guess.unsaved))
         state.message, state.failed = self._told
-        for name in self._config.sensors:
+        for name in in_order(self._config.sensors):
             guess = SensorGuess(sensor=name, colour=packed(self._colours[name]))
             guess.held = name not in self._guess.edges
             if not guess.held:
