@@ -1,13 +1,12 @@
-"""`make bench`: speed, growth and accuracy of the solvers; frames of RViz; labels after a seed;
-what a calibration says of planted faults.
+"""`make bench`: speed, growth and accuracy of the solvers; frames of RViz; labels after a seed
+and a correction; what a calibration says of planted faults.
 
 Prints tables and writes bench_output/*.csv (speed, scaling, accuracy, starts, convergence,
-gross_errors, rviz, leaving_out, seeds, trust, planted, rough) and scaling.png;
-docs/benchmarks/README.md tells
-how to read them. Times depend on the machine and its load: compare the rows of one run with each
-other. The references beside our solvers, on the same rows from the same start: plain_ceres.cpp (a
-straightforward Ceres program, one thread) and scipy.optimize.least_squares (trf, sparse analytic
-Jacobian, lsmr).
+gross_errors, rviz, leaving_out, seeds, corrected_labels, trust, planted, rough) and scaling.png;
+docs/benchmarks/README.md tells how to read them. Times depend on the machine and its load: compare
+the rows of one run with each other. The references beside our solvers, on the same rows from the
+same start: plain_ceres.cpp (a straightforward Ceres program, one thread) and
+scipy.optimize.least_squares (trf, sparse analytic Jacobian, lsmr).
 """
 
 from __future__ import annotations
@@ -351,6 +350,25 @@ def seeds(output: Path, quick: bool) -> None:
     print()
 
 
+def corrected_labels(output: Path, quick: bool) -> None:
+    """Measure how soon a label that was corrected by hand is shown."""
+    from label_refresh import label_refresh  # needs ROS
+
+    rows = [
+        [one.what, len(one.shown_ms), *_percentiles(one.shown_ms), *_percentiles(one.told_ms)]
+        for one in label_refresh(10 if quick else 50)
+    ]
+    headers = ["corrected", "times"]
+    headers += [f"{what} {share} % [ms]" for what in ("shown", "panel") for share in (50, 95)]
+    _report(output / "corrected_labels.csv", headers, rows, "Labels corrected by hand", 1)
+    _verdict("shown, the slower kind, 95th percentile", max(row[3] for row in rows), 200, "ms")
+    print()
+
+
+def _percentiles(values: np.ndarray) -> np.ndarray:
+    return np.percentile(values, [50, 95])
+
+
 def _trust(args: argparse.Namespace) -> None:
     """Plant faults, then model errors, then all that the rough profile has."""
     trust(args.output, 1 if args.quick else min(args.seeds, 3))
@@ -381,6 +399,7 @@ PARTS: Dict[str, Callable[[argparse.Namespace], None]] = {
     "gross_errors": lambda args: gross_errors(args.output, 1 if args.quick else min(args.seeds, 5)),
     "rviz": lambda args: rviz(args.output, args.quick),
     "seeds": lambda args: seeds(args.output, args.quick),
+    "corrected_labels": lambda args: corrected_labels(args.output, args.quick),
     "trust": _trust,
 }
 

@@ -75,16 +75,16 @@ def seed_refresh(output: Path, steps: int = STEPS) -> List[Refresh]:
         ["rosrun", "atom_examples", "cell_simulator", "--bag", str(bag), *words], check=True
     )
     with tempfile.TemporaryDirectory() as name:
-        processes = [_start_master(Path(name))]
+        processes = [start_master(Path(name))]
         try:
             processes.append(
-                _start(
+                start_program(
                     *("roslaunch", "atom_calibration", "collect_data.launch", "rviz:=false"),
                     *(f"config:={CONFIG}", f"output_folder:={name}/dataset"),
                 )
             )
             rospy.init_node("seed_refresh", disable_signals=True)
-            processes.append(_start(sys.executable, __file__, bag))
+            processes.append(start_program(sys.executable, __file__, bag))
             drags = [_Drag(sensor) for sensor in RANGE]
             for drag in drags:
                 drag.wait_until_ready()
@@ -113,7 +113,7 @@ class _Drag:
 
     def wait_until_ready(self) -> None:
         """Wait until the labeler finds the board by itself and hears the marker."""
-        _wait(
+        wait_until(
             lambda: (
                 self._hand.is_ready()
                 and self._answers
@@ -220,22 +220,22 @@ def _own_class(raw: Any) -> Any:
     return message.deserialize(buffer.getvalue())
 
 
-def _start_master(folder: Path) -> subprocess.Popen:
+def start_master(folder: Path) -> subprocess.Popen:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
     os.environ.update(ROS_MASTER_URI=f"http://127.0.0.1:{port}", ROS_HOME=str(folder / "ros"))
-    master = _start("rosmaster", "--core", "-p", port)
-    _wait(lambda: not socket.socket().connect_ex(("127.0.0.1", port)), "the master answers")
+    master = start_program("rosmaster", "--core", "-p", port)
+    wait_until(lambda: not socket.socket().connect_ex(("127.0.0.1", port)), "the master answers")
     return master
 
 
-def _start(*words: Any) -> subprocess.Popen:
+def start_program(*words: Any) -> subprocess.Popen:
     quiet = subprocess.DEVNULL
     return subprocess.Popen([str(word) for word in words], stdout=quiet, stderr=quiet)
 
 
-def _wait(condition: Callable[[], Any], what: str) -> None:
+def wait_until(condition: Callable[[], Any], what: str) -> None:
     end = time.monotonic() + PATIENCE_S
     while not condition():
         if time.monotonic() > end:
