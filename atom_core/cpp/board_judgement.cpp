@@ -300,6 +300,7 @@ std::optional<RectanglePose> FitToEnds(const BoardSearch& search, const Surface&
       !BorderFits(surface, pose, outline, open, segment)) {
     return std::nullopt;
   }
+  segment->unsure = !IsToldBySize(search, surface, pose, outline, segment);
   return pose;
 }
 
@@ -345,7 +346,8 @@ void Label(const BoardSearch& search, const Surface& surface, const RectanglePos
   segment->layers = static_cast<int>(ends.size());
 }
 
-BoardSegment Judge(const BoardSearch& search, std::vector<int> piece) {
+// What is found unsure is labeled, too, if nothing else speaks against it.
+BoardSegment Judged(const BoardSearch& search, std::vector<int> piece) {
   BoardSegment segment;
   const auto surface = FindSurface(search, std::move(piece), &segment);
   if (!surface) return segment;
@@ -357,9 +359,14 @@ BoardSegment Judge(const BoardSearch& search, std::vector<int> piece) {
   if (!pose || !IsAll(search, *surface, InPlaneOf(*surface, segment), &segment)) return segment;
   if (!FillsRectangle(search, *restricted, *pose, &segment)) return segment;
   if (GoesOnBesideSide(search, *restricted, *pose, &segment)) return segment;
-  segment.unsure = !IsToldBySize(search, *restricted, &segment);
   segment.detected = !segment.unsure;
   Label(search, *restricted, *pose, &segment);
+  return segment;
+}
+
+BoardSegment Judge(const BoardSearch& search, std::vector<int> piece) {
+  BoardSegment segment = Judged(search, std::move(piece));
+  segment.unsure = segment.unsure && !segment.indices.empty();
   return segment;
 }
 

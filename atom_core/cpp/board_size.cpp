@@ -15,6 +15,7 @@ constexpr double kSizeSteps = 0.5;       // beam steps
 constexpr double kMostSizeError = 0.07;  // of a side, however uncertain; what looks smaller, by
 constexpr double kMostSmaller = 0.035;   // of it: nothing makes a board look smaller
 constexpr double kMostCutError = 0.035;  // where the view cuts the board: one size is all there is
+constexpr int kLeastEnds = 2;            // of layers, on each of two opposite sides of it
 constexpr double kWideBeamSteps = 2.0;   // by which beams of unknown width may enlarge a board
 
 void Refuse(int progress, const std::string& reason, BoardSegment* segment) {
@@ -81,9 +82,13 @@ bool SizeFits(const BoardSearch& search, const Surface& surface, const Rectangle
   return true;
 }
 
-bool IsToldBySize(const BoardSearch& search, const Surface& surface, BoardSegment* segment) {
+bool IsToldBySize(const BoardSearch& search, const Surface& surface, const RectanglePose& pose,
+                  const Outline& outline, BoardSegment* segment) {
   if (!IsCut(search, surface)) return true;
-  const Eigen::Vector2d off = segment->measured_size - search.options.size;
+  const Eigen::Vector2d half = surface.seen_half();
+  const Eigen::Vector2d measured = MeasureSize(outline.limits, pose, half, nullptr, kLeastEnds) -
+                                   2.0 * (half - search.HalfSize());
+  const Eigen::Vector2d off = measured - search.options.size;
   bool one = false, all = true;
   for (int axis = 0; axis < 2; ++axis) {
     if (!std::isfinite(off[axis])) continue;
@@ -92,7 +97,7 @@ bool IsToldBySize(const BoardSearch& search, const Surface& surface, BoardSegmen
   }
   if (one && all) return true;
   const std::string reason =
-      one ? SizeReason(segment->measured_size, search.options)
+      one ? SizeReason(measured, search.options)
           : "no two opposite sides of the plane there are seen, so that its size is not known";
   Refuse(7,
          reason + "; the sensor's lowest or highest layer cuts it: bring all of it into view, or " +

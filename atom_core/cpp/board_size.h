@@ -32,8 +32,9 @@ bool SizeFits(const BoardSearch& search, const Surface& surface, const Rectangle
 /// the highest layer of the scan meets it, nothing shows where it ends beyond, and only two
 /// opposite sides tell its size.
 ///
-/// \param segment has the measured size, and gets the reason why it is not told.
-bool IsToldBySize(const BoardSearch& search, const Surface& surface, BoardSegment* segment);
+/// \param segment gets the reason why it is not told.
+bool IsToldBySize(const BoardSearch& search, const Surface& surface, const RectanglePose& pose,
+                  const Outline& outline, BoardSegment* segment);
 
 }  // namespace atom_core
 

@@ -14,6 +14,7 @@ from atom_core.report.calibration_results import calibration_results
 from atom_core.report.calibration_verdict import calibration_verdict
 from atom_core.report.stated_errors import stated_errors
 from atom_core.report.verdict import WEAK
+from atom_core.solvers import detection_noise
 from atom_core.solvers.choice import SOLVERS, default_solver
 from atom_core.solvers.scalar_columns import scalars_of
 from atom_core.solvers.shared_equations import shared_equations
@@ -155,3 +156,12 @@ def test_auto_has_them_in_the_solution():
     for error in errors:
         np.testing.assert_allclose(error.combined_sigma, error.sigma, rtol=0.01)
         assert error.in_combined_sigmas < 3.0
+
+
+def test_weights_of_detections_that_do_not_settle_are_no_convergence(monkeypatch):
+    scene = random_scene(0, collections=12, realism=ROUGH)
+    assert "did not settle" not in stated(scene, model_errors=AUTO)[1].message
+    monkeypatch.setattr(detection_noise, "_ROUNDS", 1)
+    result = stated(scene, model_errors=AUTO)[1]
+    assert result.status not in ("converged", "inconsistent")
+    assert "the weights of detections that are off as a whole did not settle" in result.message

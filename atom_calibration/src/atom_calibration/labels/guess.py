@@ -10,8 +10,8 @@ from atom_core.geometry import se3
 from atom_core.labeling.stillness import SurfaceSighting
 
 NORMAL_RAD, OFF_PLANE_M = 0.03, 0.03  # one sigma of a label
-_GATE_SIGMAS = 4.0
-_EXACT = 0.2  # of half the board's diagonal: a prediction that tells the board from others
+_GATE_SIGMAS, _NARROW_GATE_SIGMAS = 4.0, 2.5
+_EXACT = 0.5  # of half the board's diagonal: a prediction that tells the board from others
 
 
 class Guess(NamedTuple):
@@ -48,16 +48,17 @@ class Guess(NamedTuple):
 
         It is where the board must be, and that is known to a part of the board's size.
         """
-        return self.sigma_m <= _EXACT * self.half_diagonal_m and self.agrees(found)
+        exact = self.sigma_m <= _EXACT * self.half_diagonal_m
+        return exact and self.agrees(found, _NARROW_GATE_SIGMAS)
 
-    def agrees(self, found: SurfaceSighting) -> bool:
+    def agrees(self, found: SurfaceSighting, gate_sigmas: float = _GATE_SIGMAS) -> bool:
         """Tell whether what was found may be the board."""
         off = misfit(self.middle, self.normal, found)
         variance = np.einsum("ij,jk,ik->i", off.jacobian, self.covariance, off.jacobian)
         turned = self.drift_m / self.half_diagonal_m
         variance += off.by_kind(turned, self.drift_m, self.drift_m) ** 2
         variance += off.by_kind(NORMAL_RAD, OFF_PLANE_M, OFF_PLANE_M) ** 2
-        limit = _GATE_SIGMAS * np.sqrt(variance)
+        limit = gate_sigmas * np.sqrt(variance)
         limit += off.by_kind(0.0, 0.0, self.half_diagonal_m)  # the labeled part may be any
         return bool(np.all(np.abs(off.numbers) <= limit))
 

@@ -19,7 +19,7 @@ from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import BorderBlock
 from atom_core.solvers import losses
-from atom_core.solvers.base import Solver, SolverOptions, SolverSummary
+from atom_core.solvers.base import NOT_CONVERGED, Solver, SolverOptions, SolverSummary
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.error_columns import apply_errors, in_steps, in_units, within_reason
 from atom_core.solvers.insets import MOST_STEPS
@@ -31,6 +31,7 @@ from atom_core.solvers.variance_components import scale_factors
 
 _ROUNDS = 30
 _STILL = 0.01  # of a step beside its standard deviation
+_MOVING = 0.1  # the same, after the last round: the answer would be another one with more rounds
 _SMALLEST = 1e-9  # relative eigenvalue of a detection's information that counts as seen
 
 
@@ -56,7 +57,8 @@ def weighted_by_detections(
 ) -> SolverSummary:
     """Return the solution with common parts estimated; the solver's problem is corrected anew.
 
-    Model errors that the summary does not have yet begin at zero.
+    Model errors that the summary does not have yet begin at zero. Where the shared poses still
+    move when the rounds end, the solution has not converged.
 
     Args:
         solver: of the problem.
@@ -65,7 +67,7 @@ def weighted_by_detections(
     """
     errors, problem = list(options.model_errors), solver.problem
     scales, state = np.ones(len(summary.sigmas)), _first_state(summary, options)
-    sigmas = summary.sigmas
+    sigmas, largest = summary.sigmas, 0.0
     for _ in range(_ROUNDS):
         system = _system(solver, state, sigmas, options)
         covariance = Covariance(system.equations).bordered(system.joint)
@@ -81,6 +83,8 @@ def weighted_by_detections(
         scales = scales * factors
         sigmas = tuple(sigma * scale for sigma, scale in zip(summary.sigmas, scales))
     squares = solver.squares(state.x, sigmas)
+    if largest > _MOVING:
+        summary = replace(summary, status=NOT_CONVERGED, message=_moving_still(largest))
     return replace(
         summary,
         x=state.x,
@@ -91,6 +95,14 @@ def weighted_by_detections(
         inset_steps=tuple(float(v) for v in state.insets),
         model_errors=in_units(errors, state.errors),
         common=tuple(float(v) for v in state.common),
+    )
+
+
+def _moving_still(largest: float) -> str:
+    return (
+        f"the weights of detections that are off as a whole did not settle in {_ROUNDS} rounds: "
+        f"the last one moved a sensor by {largest:.1f} of its standard deviation; add collections, "
+        f"or calibrate without --model_errors auto"
     )
 
 
