@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import List, Optional, Sequence, Tuple
 
 import numpy as np
@@ -68,6 +69,10 @@ class RangeMeasurement(Measurement):
 
     def candidates(self) -> List[np.ndarray]:
         """Return the four poses of a rectangle that fit plane and outline equally well."""
+        return list(self._fits)
+
+    @cached_property
+    def _fits(self) -> List[np.ndarray]:
         try:
             centroid, normal, _ = fit_plane(self.inside)
         except ValueError:
@@ -236,24 +241,28 @@ def _border(sensor: Sensor, items: Sequence[Tuple[int, RangeMeasurement]]) -> Bo
 
 
 def _fit_rectangle(outline: np.ndarray, inside: np.ndarray, border: Rectangle) -> np.ndarray:
-    """Return ``plane_T_board`` (4, 4), origin in the board's centre, of the best orientation."""
-    best_cost, best_pose = np.inf, np.eye(4)
-    for angle in np.deg2rad(np.arange(0.0, 180.0, 4.0)):
-        plane_R_board = se3.rotation_from_rotation_vector(np.array([0.0, 0.0, angle]))
-        board_R_plane = plane_R_board[:2, :2].T
-        turned, turned_inside = outline @ board_R_plane.T, inside @ board_R_plane.T
-        low, high = turned_inside.min(axis=0), turned_inside.max(axis=0)
-        centre = (low + high) / 2.0
-        half = border.half_size
-        around = Rectangle(*(centre - half), *(centre + half))
-        distance, _ = around.signed_distance(turned)
-        cost = np.mean(np.minimum(distance**2, (0.5 * half.min()) ** 2))
-        cost += 4.0 * np.sum(np.maximum((high - low) / 2.0 - half, 0.0) ** 2)
-        if cost < best_cost:
-            best_cost = cost
-            move = plane_R_board @ np.array([centre[0], centre[1], 0.0])
-            best_pose = se3.transform(plane_R_board, move)
-    return best_pose
+    """Return ``plane_T_board`` (4, 4), origin in the board's centre, of the best orientation.
+
+    Args:
+        outline: (m, 2) points on the border, in the plane [m].
+        inside: (n, 2) points on the board [m].
+        border: the board's.
+    """
+    angles, half = np.deg2rad(np.arange(0.0, 180.0, 4.0)), border.half_size
+    cosine, sine = np.cos(angles), np.sin(angles)
+    plane_R_boards = np.array([[cosine, -sine], [sine, cosine]]).transpose(2, 0, 1)
+    turned, turned_inside = outline @ plane_R_boards, inside @ plane_R_boards  # (angles, n, 2)
+    low, high = turned_inside.min(axis=1), turned_inside.max(axis=1)
+    centre = (low + high) / 2.0
+    beyond = np.abs(turned - centre[:, None]) - half
+    deepest = beyond.max(axis=2)
+    outside = np.sum(np.maximum(beyond, 0.0) ** 2, axis=2)
+    squares = np.where(deepest > 0.0, outside, deepest**2)  # of the distances to the border
+    costs = np.mean(np.minimum(squares, (0.5 * half.min()) ** 2), axis=1)
+    costs += 4.0 * np.sum(np.maximum((high - low) / 2.0 - half, 0.0) ** 2, axis=1)
+    best = int(np.argmin(costs))
+    plane_R_board = se3.rotation_from_rotation_vector(np.array([0.0, 0.0, angles[best]]))
+    return se3.transform(plane_R_board, plane_R_board @ np.array([*centre[best], 0.0]))
 
 
 def _diameter(points: np.ndarray) -> float:

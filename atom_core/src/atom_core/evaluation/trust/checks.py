@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 from scipy import special
 
-from atom_core.calibration.calibrate import Calibration, calibrate
+from atom_core.calibration.calibrate import Calibration, judged, solved
 from atom_core.calibration.judge.judgement import INCONSISTENT
 from atom_core.calibration.judge.statistics import kinds_of, residual_table
 from atom_core.calibration.options import (
@@ -37,8 +37,10 @@ from atom_core.evaluation.trust.relative import (
 )
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset
+from atom_core.model.labels import DetectionKey
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import BLOCK_SIZE
+from atom_core.problem.measurements import Measured, measured_detections
 from atom_core.solvers.base import CONVERGED
 
 FALSE_ALARMS = 0.01  # of each of the three questions
@@ -118,16 +120,17 @@ def trust_checks(calibration: Calibration, asked: Optional[CalibrationOptions] =
     if calibration.status not in _TRUSTED:
         why = f"nothing was asked: the calibration is {calibration.status}"
         return Trust((), 0.0, (), 0.0, (), 0.0, (why,))
-    solved = calibration.dataset.selected(collections=_used(calibration))
+    whole = calibration.dataset.selected(collections=_used(calibration))
     options = _options(calibration, asked or CalibrationOptions())
-    halves = _halves(solved, options, untold)
+    parts = _Parts(whole, options, measured_detections(whole), untold)
+    halves = _halves(whole, parts)
     left_out = [
         found
-        for name in solved.sensors
-        for found in [_left_out(calibration, solved, options, name, untold)]
+        for name in whole.sensors
+        for found in [_left_out(calibration, whole, parts, name)]
         if found is not None
     ]
-    loops = _loops(solved, options, untold)
+    loops = _loops(whole, parts)
     return Trust(
         tuple(halves),
         limit_of(len(halves)),
@@ -137,6 +140,33 @@ def trust_checks(calibration: Calibration, asked: Optional[CalibrationOptions] =
         limit_of(len(loops)),
         tuple(dict.fromkeys(untold)),
     )
+
+
+class _Parts(NamedTuple):
+    """How parts of a calibration are solved again.
+
+    Attributes:
+        whole: the calibrated dataset.
+        options: of all of it.
+        known: what was read of its detections, which parts share.
+        untold: grows by why something could not be asked.
+    """
+
+    whole: Dataset
+    options: CalibrationOptions
+    known: Mapping[DetectionKey, Measured]
+    untold: List[str]
+
+    def known_of(self, part: Dataset) -> Dict[DetectionKey, Measured]:
+        """Return what was read of detections that are the same in a part."""
+        return {
+            key: self.known[key]
+            for key, label in part.detections()
+            if key in self.known
+            and label is self.whole.label(key)
+            and part.sensors[key.sensor] is self.whole.sensors[key.sensor]
+            and part.patterns[key.pattern] is self.whole.patterns[key.pattern]
+        }
 
 
 def limit_of(count: int) -> float:
@@ -181,16 +211,16 @@ def _of_sensors(options: CalibrationOptions, dataset: Dataset) -> CalibrationOpt
     )
 
 
-def _solved(
-    dataset: Dataset, options: CalibrationOptions, what: str, untold: List[str]
-) -> Optional[Calibration]:
+def _solved(dataset: Dataset, parts: _Parts, what: str, **changed: Any) -> Optional[Calibration]:
+    """Return a part's calibration with changed options; None where it has none to trust."""
+    options = _of_sensors(replace(parts.options, **changed), dataset)
     try:
-        found = calibrate(dataset, _of_sensors(options, dataset))
+        found = judged(solved(dataset, options, parts.known_of(dataset)))
     except AtomError as error:
-        untold.append(f"{what}: {error}")
+        parts.untold.append(f"{what}: {error}")
         return None
     if found.status not in _TRUSTED:
-        untold.append(f"{what}: {found.message}")
+        parts.untold.append(f"{what}: {found.message}")
         return None
     return found
 
@@ -198,22 +228,20 @@ def _solved(
 # ---- two halves
 
 
-def _halves(dataset: Dataset, options: CalibrationOptions, untold: List[str]) -> List[Compared]:
+def _halves(dataset: Dataset, parts: _Parts) -> List[Compared]:
     keys = list(dataset.collections)
     if len(keys) < FEWEST_COLLECTIONS:
-        untold.append(f"two halves: {len(keys)} collections, it takes {FEWEST_COLLECTIONS}")
+        parts.untold.append(f"two halves: {len(keys)} collections, it takes {FEWEST_COLLECTIONS}")
         return []
-    parts = [
-        _solved(dataset.selected(collections=keys[i::2]), options, "two halves", untold)
-        for i in (0, 1)
-    ]
-    one, other = parts
+    one, other = (
+        _solved(dataset.selected(collections=keys[i::2]), parts, "two halves") for i in (0, 1)
+    )
     if one is None or other is None:
         return []
     found = []
     for name, sensor in dataset.sensors.items():
         if sensor.edge not in one.free.held_edges(dataset):
-            apart = difference(*(p.dataset.first_value(sensor.edge) for p in (one, other)))
+            apart = difference(*(half.dataset.first_value(sensor.edge) for half in (one, other)))
             spread = _spread(one, sensor.edge) + _spread(other, sensor.edge)
             found.append(_compared((name,), apart, spread))
     return found
@@ -235,45 +263,43 @@ def _compared(names: Tuple[str, ...], numbers: np.ndarray, covariance: np.ndarra
 
 def _left_out(
     calibration: Calibration,
-    solved: Dataset,
-    options: CalibrationOptions,
+    whole: Dataset,
+    parts: _Parts,
     name: str,
-    untold: List[str],
 ) -> Optional[Predicted]:
     what = f"without {name}"
-    others = [other for other in solved.sensors if other != name]
+    others = [other for other in whole.sensors if other != name]
     if not others:
         return None
-    held = tuple(other for other in options.anchor_sensors if other != name)
+    held = tuple(other for other in parts.options.anchor_sensors if other != name)
     if not held:  # the gauge: one of the others stays where the joint solution has it
         held = (others[0],)
-    rest = solved.selected(sensors=others)
-    by_others = _solved(
-        rest,
-        replace(options, anchor_sensors=held, ignore_anchored_sensor=True),
-        what,
-        untold,
-    )
+    rest = whole.selected(sensors=others)
+    by_others = _solved(rest, parts, what, anchor_sensors=held, ignore_anchored_sensor=True)
     if by_others is None:
         return None
     boards = by_others.dataset
-    alone = replace(boards, sensors={name: solved.sensors[name]}).selected(
+    alone = replace(boards, sensors={name: whole.sensors[name]}).selected(
         collections=_used(by_others)
     )
     seen = _of_use(alone, others, name, calibration.dataset)
     if not seen:
-        untold.append(f"{what}: no other sensor tells which way round a board is that it sees")
+        parts.untold.append(
+            f"{what}: no other sensor tells which way round a board is that it sees"
+        )
         return None
     predicted = _solved(
         alone.selected(collections=seen),
-        replace(options, anchor_sensors=(), anchor_patterns=True, ignore_anchored_sensor=True),
+        parts,
         what,
-        untold,
+        anchor_sensors=(),
+        anchor_patterns=True,
+        ignore_anchored_sensor=True,
     )
     if predicted is None:
         return None
-    edge = solved.sensors[name].edge
-    change = difference(solved.first_value(edge), predicted.dataset.first_value(edge))
+    edge = whole.sensors[name].edge
+    change = difference(whole.first_value(edge), predicted.dataset.first_value(edge))
     covariance = _spread(predicted, edge) + _spread(calibration, edge)
     kind, joint, now = _grown(calibration, predicted, name)
     return Predicted(_compared((name,), change, covariance), kind, joint, now)
@@ -306,25 +332,25 @@ def _grown(before: Calibration, after: Calibration, name: str) -> Tuple[str, flo
 # ---- loops
 
 
-def _loops(dataset: Dataset, options: CalibrationOptions, untold: List[str]) -> List[Compared]:
+def _loops(dataset: Dataset, parts: _Parts) -> List[Compared]:
     links: Dict[Tuple[str, str], RelativePose] = {}
     for one, other in combinations(dataset.sensors, 2):
-        found = _by_themselves(dataset, options, one, other, untold)
+        found = _by_themselves(dataset, parts, one, other)
         if found is not None:
             links[one, other] = found
     found_loops = []
     for a, b, c in combinations(dataset.sensors, 3):
-        parts = [links.get(pair) for pair in ((a, b), (b, c), (a, c))]
-        if all(part is not None for part in parts):
-            found_loops.append(_loop((a, b, c), [part for part in parts if part is not None]))
+        around = [links.get(pair) for pair in ((a, b), (b, c), (a, c))]
+        if all(link is not None for link in around):
+            found_loops.append(_loop((a, b, c), [link for link in around if link is not None]))
     if len(dataset.sensors) > 2 and not found_loops:
-        untold.append(f"loops: no three sensors of which each two share {FEWEST_BOARDS} boards")
+        parts.untold.append(
+            f"loops: no three sensors of which each two share {FEWEST_BOARDS} boards"
+        )
     return found_loops
 
 
-def _by_themselves(
-    dataset: Dataset, options: CalibrationOptions, one: str, other: str, untold: List[str]
-) -> Optional[RelativePose]:
+def _by_themselves(dataset: Dataset, parts: _Parts, one: str, other: str) -> Optional[RelativePose]:
     """Return ``one_T_other`` by these two sensors alone."""
     sensors = [dataset.sensors[name] for name in (one, other)]
     both = seen_by_both(dataset, one, other)
@@ -333,8 +359,14 @@ def _by_themselves(
     if move_against_each_other(dataset, one, other):
         return None
     pair = dataset.selected(sensors=(one, other), collections=[key.collection for key, _ in both])
-    held = replace(options, anchor_sensors=(one,), ignore_anchored_sensor=True, additional_tfs=())
-    found = _solved(pair, held, f"{one} and {other} by themselves", untold)
+    found = _solved(
+        pair,
+        parts,
+        f"{one} and {other} by themselves",
+        anchor_sensors=(one,),
+        ignore_anchored_sensor=True,
+        additional_tfs=(),
+    )
     return None if found is None else relative_pose(found, one, other)
 
 
