@@ -70,6 +70,44 @@ def test_boards_that_face_the_sensor_need_tilt_and_those_tilted_alike_another_on
     assert g.guidance(alike, has_image=True).missing == ("tilted another way",)
 
 
+@pytest.mark.parametrize(
+    ("turns", "image_words", "all_round"),
+    [
+        ([(30 * (-1) ** i, 0) for i in range(12)], "to the left and right", None),
+        ([(0, 30 * (-1) ** i) for i in range(12)], "up and down", None),
+        ([(90, 8 * i) for i in range(12)], None, "up and down"),
+    ],
+)
+def test_the_advice_says_which_way_to_tilt(turns, image_words, all_round):
+    """Turned about x alone a camera's boards lean up and down: left and right is missing."""
+    alike = [
+        v._replace(normal=w.normal, tilt_deg=30.0)
+        for v, w in zip(varied(), [view(turn_deg=turn) for turn in turns])
+    ]
+    if image_words:
+        found = g.guidance(alike, has_image=True)
+        assert found.advice == f"collect 3 boards for it: tilted {image_words}"
+    if all_round:
+        upright = [
+            v._replace(normal=np.array([np.cos(i), np.sin(i), 0.0])) for i, v in enumerate(alike)
+        ]
+        assert g.guidance(upright, has_image=False).turns == all_round
+
+
+def test_the_advice_names_places_and_numbers():
+    rest = [v for v in varied() if v.box[0] > 1 / 3][:2]
+    found = g.guidance(rest, has_image=True)
+    assert found.advice.startswith(f"collect {g.LEAST_BOARDS - 2} boards for it: ")
+    assert "in the left third of its view" in found.advice
+    assert g.guidance(varied(), has_image=True).advice == ""
+    assert g.guidance([], has_image=True).advice == f"collect {g.LEAST_BOARDS} boards for it"
+
+
+def test_every_word_of_what_is_missing_has_its_advice():
+    words = {"near", "far", "nearer or farther", "left", "right", "top", "bottom"}
+    assert words | {"more to the sides", "tilted", "tilted another way"} == set(g._ADVICE)
+
+
 def test_which_way_a_normal_points_does_not_matter():
     turned = [v._replace(normal=-v.normal) if i % 2 else v for i, v in enumerate(varied())]
     assert g.guidance(turned, has_image=True).missing == ()

@@ -19,6 +19,21 @@ NEAR_SHARE = 0.1  # of the image's area: a board that fills more is near
 _BOX = ("view_left", "view_top", "view_right", "view_bottom")
 _NORMAL = ("normal_x", "normal_y", "normal_z")
 _SIDES = (("left", 0, 0), ("right", 0, 1), ("top", 1, 0), ("bottom", 1, 1))  # word, axis, end
+_TILTED, _ANOTHER_WAY = "tilted", "tilted another way"
+_ADVICE = {
+    "near": "near",
+    "far": "far away",
+    "nearer or farther": "nearer or farther than so far",
+    "left": "in the left third of its view",
+    "right": "in the right third of its view",
+    "top": "in the upper third of its view",
+    "bottom": "in the lower third of its view",
+    "more to the sides": "more to its sides",
+    _TILTED: f"tilted by {LEAST_TILT_DEG:.0f} deg and more, left, right, up and down",
+    _ANOTHER_WAY: "tilted {}",
+}
+_FEW = 3  # boards that one is asked for at least
+_ACROSS, _UPRIGHT, _FACING = "to the left and right", "up and down", "less, facing it"
 _LOWEST_RAD, _HIGHEST_RAD = -np.pi / 4, np.pi / 4  # of the map of what sees all round
 ALL_ROUND_ASPECT = 2.0 * np.pi / (_HIGHEST_RAD - _LOWEST_RAD)
 
@@ -45,10 +60,12 @@ class Guidance(NamedTuple):
     Attributes:
         views: of each board, in the order of the collections.
         missing: in a word or two each; empty when it is enough.
+        turns: which way boards are to be tilted that they have not been so far; empty: any.
     """
 
     views: Tuple[BoardView, ...]
     missing: Tuple[str, ...]
+    turns: str = ""
 
     @property
     def enough(self) -> bool:
@@ -59,6 +76,16 @@ class Guidance(NamedTuple):
     def sentence(self) -> str:
         """What to tell the user."""
         return "enough" if self.enough else f"still missing: {', '.join(self.missing)}"
+
+    @property
+    def advice(self) -> str:
+        """What to collect, as a part of a sentence; empty when it is enough."""
+        if self.enough:
+            return ""
+        count = max(LEAST_BOARDS - len(self.views), _FEW)
+        wanted = [_ADVICE[word].format(self.turns) for word in self.missing if word in _ADVICE]
+        where = f" for it: {', '.join(wanted)}" if wanted else " for it"
+        return f"collect {count} boards{where}".rstrip()
 
 
 def image_box(pixels: np.ndarray, width: int, height: int) -> Dict[str, float]:
@@ -114,7 +141,8 @@ def guidance(views: Sequence[BoardView], has_image: bool) -> Guidance:
     missing += _missing_distance(views, boxes, has_image)
     missing += _missing_sides(boxes) if has_image else _missing_directions(boxes)
     missing += _missing_tilt(views)
-    return Guidance(tuple(views), tuple(missing))
+    turns = _lacking_turns(views, has_image) if _ANOTHER_WAY in missing else ""
+    return Guidance(tuple(views), tuple(missing), turns)
 
 
 def _box_figures(shares: np.ndarray) -> Dict[str, float]:
@@ -162,7 +190,20 @@ def _missing_tilt(views: Sequence[BoardView]) -> List[str]:
         return []
     tilts = np.array([view.tilt_deg for view in views])
     if not np.any(tilts >= LEAST_TILT_DEG):
-        return ["tilted"]
+        return [_TILTED]
     spread = np.linalg.svd(normals / np.sqrt(len(normals)), compute_uv=False)
     flat = len(normals) < 3 or spread[-1] < np.sin(np.deg2rad(LEAST_SPREAD_DEG))
-    return ["tilted another way"] if flat else []
+    return [_ANOTHER_WAY] if flat else []
+
+
+def _lacking_turns(views: Sequence[BoardView], has_image: bool) -> str:
+    """Return which way boards would have to be tilted so that their normals leave one plane.
+
+    A camera has x to the right, y down and z ahead; what sees all round has z upright.
+    """
+    normals = np.array([view.normal for view in views])
+    normals = normals[np.all(np.isfinite(normals), axis=1)]
+    across = np.abs(np.linalg.svd(normals)[2][-1])
+    if not has_image:
+        return _UPRIGHT if across[2] > np.hypot(across[0], across[1]) else _ACROSS
+    return (_ACROSS, _UPRIGHT, _FACING)[int(np.argmax(across))]

@@ -34,7 +34,7 @@ from atom_core.report.verdict import (
 )
 from atom_core.solvers.base import CONVERGED, FAILED, NOT_CONVERGED
 
-_MORE_BOARDS = "collect boards for it near and far, tilted, and all over its view"
+MORE_BOARDS = "collect boards for it near and far, tilted, and all over its view"
 _LABELS = "look at its labels (dataset_playback), then at its intrinsics and the board's measures"
 _WORDS = {"reprojection": "corners", "orthogonal": "points", "border": "border points"}
 _FROM = {
@@ -217,7 +217,7 @@ def _of_the_data(sensor: SensorResult) -> List[Finding]:
     found = []
     if sensor.detections < FEWEST_BOARDS:
         told = "too few boards to tell by how much they disagree"
-        found.append(Finding(WEAK, told, _MORE_BOARDS))
+        found.append(Finding(WEAK, told, MORE_BOARDS))
     for kind, statistics in sensor.residuals.items():
         grade = RESIDUAL[kind].grade(statistics.mean)
         if grade != GOOD:
@@ -238,7 +238,7 @@ def _of_the_place(results: CalibrationResults, edge: Optional[EdgeResult]) -> Li
     if worst([KNOWN_M.grade(metres), KNOWN_RAD.grade(radians)]) == GOOD:
         return []
     told = f"known to {length(metres)} and {angle(radians)} only"
-    return [Finding(WEAK, told, _MORE_BOARDS)]
+    return [Finding(WEAK, told, MORE_BOARDS)]
 
 
 def _facts(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, Dict, List, Mapping, Tuple
 
 from atom_core.labeling.guidance import Guidance
+from atom_core.report.calibration_verdict import MORE_BOARDS
 from atom_core.report.page.blocks import SensorLine
 from atom_core.report.page.given import Document, Given, verdict_of
 from atom_core.report.verdict import GOOD, GRADES, WEAK, WRONG, is_named
@@ -75,7 +76,7 @@ def _line(given: Given, name: str, guidance: Mapping[str, Guidance]) -> SensorLi
     advice = [entry["advice"] for entry in verdicts if entry.get("advice")]
     lacks = guidance.get(name)
     if grade != GOOD and lacks is not None and not lacks.enough:
-        advice.append(f"its boards so far lack: {', '.join(lacks.missing)}")
+        advice = [lacks.advice, *(text for text in advice if text != MORE_BOARDS)]
     return SensorLine(name, modality, grade, word, why, _sentence("; ".join(advice)))
 
 
