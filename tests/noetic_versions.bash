@@ -8,7 +8,7 @@ unset PYTHONPATH PYTHONHOME VIRTUAL_ENV PYENV_VERSION
 
 venv=.venv-noetic
 core=atom_core/tests
-tested=("$core"/{geometry,model,problem,labeling,io})
+tested=("$core"/{geometry,model,problem,labeling,io} "$core"/report/test_page.py)
 # What takes long and depends on no version of anything.
 left_out=(--deselect "$core/io/test_dataset_structure.py::test_any_value_anywhere_is_read_or_refused_in_one_line"
   --deselect "$core/io/test_dataset_writer.py::test_the_paper_cell_goes_to_disk_and_back")
