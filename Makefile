@@ -105,7 +105,7 @@ bench-labels: build ## speed and accuracy of the labelers, on synthetic and on r
 bench-hand-eye: build ## ours against OpenCV's hand-eye methods on the same labels, a minute; page in docs/results
 	@$(ENV) python3 tests/benchmarks/bench_hand_eye.py --keep docs/results
 
-results: build ## the paper's tables and the labels against their truth, docs/results; three quarters of an hour, 13 GB
+results: build ## the paper's tables and the labels against their truth, docs/results; an hour and a quarter, 22 GB
 	@$(ENV) python3 tests/benchmarks/results.py
 
 clean: ## remove build products and tool caches (keeps the virtual environments and results)

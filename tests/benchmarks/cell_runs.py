@@ -11,8 +11,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Dict, List, NamedTuple, Sequence
 
+from atom_core.io.atomic import write_json_atomically
+from atom_core.io.dataset_json import read_dataset
+from atom_core.io.truth_json import read_truth
+from atom_core.model.dataset import Dataset, pose
+from atom_core.model.sensor import RGB
+from atom_core.model.truth import Truth, with_truth
+
 CONFIG = Path(__file__).resolve().parents[2] / "atom_examples/collab_cell/config/config.yml"
 PLAIN = "plain"
+COSTS = "costs.json"
 STOPS = {"train": 23, "test": 17}  # as the paper's simulated sets
 
 
@@ -33,7 +41,7 @@ class CellRun:
         folder: for all files of the seed.
         compressed: whether bags are.
         realism: the simulator's profile, ``plain`` or ``rough``.
-        costs: by step, ``collect_train`` and so on; only what was run.
+        costs: by step, ``collect_train`` and so on; those of an earlier run are read from its file.
     """
 
     seed: int
@@ -94,14 +102,18 @@ class CellRun:
     def calibrate(self, *more: str) -> None:
         """Calibrate the train set from its disturbed start, with further options."""
         options = ["--dataset", self.dataset("train"), "--output", self.calibration]
-        options += ["--truth", self.truth("train"), "--overwrite", *more]
+        options += ["--truth", self.truth("train"), "--overwrite", "--no_report", *more]
         self._run("calibrate", "train", "atom_calibration", "calibrate", options)
 
     def evaluate(self) -> None:
-        """Measure on the test set, and against the truth."""
+        """Measure on the test set, against the truth, and beside methods for two sensors."""
+        chain = self.folder / "camchain_of_truth.yaml"
+        write_camchain_of_truth(chain, self.dataset("train"), self.truth("train"))
         options = ["--train", self.calibration / "atom_calibration.json"]
         options += ["--test", self.dataset("test"), "--truth", self.truth("test")]
-        options += ["--output", self.evaluation, "--overwrite"]
+        options += ["--baseline", "opencv", "icp", "pairwise", "kalibr"]
+        options += ["--initial", self.dataset("train"), "--camchain", chain]
+        options += ["--output", self.evaluation, "--overwrite", "--no_report"]
         self._run("evaluate", "test", "atom_calibration", "evaluate", options)
 
     def evaluation_document(self) -> Dict[str, Any]:
@@ -113,6 +125,41 @@ class CellRun:
         log = self.folder / f"{step}_{scenario}.log"
         call = ["rosrun", package, command, *(str(option) for option in options)]
         self.costs[f"{step}_{scenario}"] = measured(call, log)
+        costs = {name: cost._asdict() for name, cost in self.costs.items()}
+        write_json_atomically(self.folder / COSTS, costs, indent=1)
+
+    def __post_init__(self) -> None:
+        """Read what the steps of an earlier run took."""
+        if (self.folder / COSTS).is_file():
+            found = json.loads((self.folder / COSTS).read_text(encoding="utf-8"))
+            self.costs.update({name: Cost(**cost) for name, cost in found.items()})
+
+
+def write_camchain_of_truth(path: Path, dataset: Path, truth: Path) -> None:
+    """Write what Kalibr would say of the cameras if it made no error."""
+    chain = camchain_of(read_dataset(dataset), read_truth(truth))
+    write_json_atomically(path, chain, indent=1)  # JSON is YAML
+
+
+def camchain_of(dataset: Dataset, truth: Truth) -> Dict[str, Any]:
+    """Return a camchain of the cameras as they truly are."""
+    true = with_truth(dataset, truth)
+    first = next(iter(true.collections.values()))
+    chain: Dict[str, Any] = {}
+    before = ""
+    for sensor in true.sensors.values():
+        if sensor.modality != RGB or sensor.camera is None:
+            continue
+        camera = sensor.camera
+        entry: Dict[str, Any] = {"camera_model": "pinhole", "distortion_model": "radtan"}
+        entry["intrinsics"] = [*map(float, camera.focal_px), *map(float, camera.centre_px)]
+        entry["distortion_coeffs"] = [float(value) for value in camera.D[:4]]
+        entry["resolution"] = [camera.width, camera.height]
+        entry["rostopic"] = sensor.topic
+        if before:
+            entry["T_cn_cnm1"] = pose(first, true.graph, sensor.frame, before).tolist()
+        chain[f"cam{len(chain)}"], before = entry, sensor.frame
+    return chain
 
 
 def measured(call: Sequence[str], log: Path) -> Cost:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, List, Mapping, Sequence
+from typing import Any, Dict, Mapping, Sequence
+
+from markdown_tables import number, table
+from paper_tables_page import drawn_part_page, paper_tables_part
 
 _NAMES = {
     "rgb-rgb_px": "RGB-RGB, RMS [px]",
@@ -34,19 +37,21 @@ def page(document: Mapping[str, Any]) -> str:
     parts = [
         _HEAD,
         f"Seeds {seeds}; {bags} bags; {made['date']}, {made['cores']} cores.\n",
-        "## The paper's table\n",
+        "## The paper's averages\n",
         "*At the truth* is the same metric on the same labels with the true edges: the floor that "
         "labels, noise and metric set. The paper's figures are those of its own simulated cell.\n",
-        _table(
+        table(
             ["", "paper", "here, mean", "std over seeds", "at the truth"],
             [
-                [name, *(_number(rows[key][k]) for k in ("paper", "mean", "std", "at_truth"))]
+                [name, *(number(rows[key][k]) for k in ("paper", "mean", "std", "at_truth"))]
                 for key, name in _NAMES.items()
                 if key in rows  # results of before a row was added lack it
             ],
         ),
         _whole_board(document["whole_board_lidar3d-lidar3d_mm"]),
         _figures(document["pairs"]),
+        paper_tables_part(document["tables"]) if "tables" in document else "",
+        drawn_part_page(document["drawn"]) if "drawn" in document else "",
         _rough(document["rough"]),
         "\n## Labels against their truth\n",
         _figures(document["labels"]),
@@ -80,13 +85,13 @@ holds.
 
 def _rough(part: Mapping[str, Any]) -> str:
     rows = part["rows"]
-    table = _table(
+    body = table(
         ["seed", "", "mean [mm]", "mean [deg]", "farthest", "largest", "within 95 %", "said"],
         [
             [
                 str(row["seed"]),
                 _MODES[row["model_errors"]],
-                *(_number(row[key]) for key in ("mean_mm", "mean_deg")),
+                *(number(row[key]) for key in ("mean_mm", "mean_deg")),
                 f"{row['farthest']}, {row['farthest_mm']:.1f} mm",
                 f"{row['largest_in_sigmas']:.1f} sigma",
                 f"{100.0 * row['within_95_percent']:.0f} %",
@@ -97,21 +102,12 @@ def _rough(part: Mapping[str, Any]) -> str:
     )
     seeds = ", ".join(dict.fromkeys(str(row["seed"]) for row in rows))
     made = part["made"]
-    return f"{_ROUGH}\nSeeds {seeds}; {made['date']}, {made['cores']} cores.\n\n{table}\n"
+    return f"{_ROUGH}\nSeeds {seeds}; {made['date']}, {made['cores']} cores.\n\n{body}\n"
 
 
 def _figures(figures: Sequence[Mapping[str, Any]]) -> str:
     marks = {True: "yes", False: "**no**", None: ""}
-    return _table(
+    return table(
         ["", "measured", "goal", "reached"],
         [[f["what"], f["measured"], f["goal"], marks[f["reached"]]] for f in figures],
     )
-
-
-def _table(headers: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines: List[Sequence[str]] = [headers, ["---"] * len(headers), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def _number(value: Any) -> str:
-    return "" if value is None else f"{value:.3f}" if abs(value) < 10 else f"{value:.1f}"

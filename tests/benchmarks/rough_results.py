@@ -17,23 +17,24 @@ from atom_core.model.transforms import Edge
 from atom_core.report.edge_results import EdgeResult
 from atom_core.report.stated_errors import StatedError, stated_errors
 
+ROUGH = "rough"  # the simulator's profile
 MODES = (SUGGEST, AUTO)  # the first one is the default
 
 
-def rough_part(seeds: Sequence[int], work: Path, compressed: bool, labeled: bool) -> Dict[str, Any]:
+def rough_part(seeds: Sequence[int], work: Path, compressed: bool, resume: bool) -> Dict[str, Any]:
     """Record, label and calibrate the cell of each seed, its sensors, board and robot erring.
 
     Args:
         seeds: of rig, boards, noise and errors.
         work: for all files.
         compressed: whether bags are.
-        labeled: take datasets that are there already.
+        resume: take datasets that are there already.
     """
     rows: List[Dict[str, Any]] = []
     for seed in seeds:
-        run = CellRun(seed, work / f"seed_{seed}_rough", compressed, "rough")
+        run = CellRun(seed, work / f"seed_{seed}_rough", compressed, ROUGH)
         run.simulate("train", STOPS["train"])
-        if not (labeled and run.dataset("train").is_file()):
+        if not (resume and run.dataset("train").is_file()):
             run.collect("train")
         for mode in MODES:
             run.calibrate("--model_errors", mode)
