@@ -1,0 +1,35 @@
+"""docs/results/robots.md is the page of the runs in robots.json, and says which are too far off."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS = ROOT / "docs" / "results"
+sys.path.insert(0, str(ROOT / "tests" / "benchmarks"))
+
+from robots_page import LIMITS, page, within_limits  # noqa: E402
+
+RUNS = json.loads((RESULTS / "robots.json").read_text(encoding="utf-8"))
+
+
+def test_the_page_is_that_of_the_runs():
+    assert (RESULTS / "robots.md").read_text(encoding="utf-8") == page(RUNS)
+
+
+@pytest.mark.parametrize("run", RUNS, ids=lambda run: f"{run['robot']} {run['seed']}")
+def test_a_run_that_was_written_down_is_within_its_limits(run):
+    assert run["largest"]
+    assert within_limits(run)
+
+
+def test_a_run_is_judged_by_its_errors_and_its_status():
+    run = {"robot": "rrbot", "seed": 0, "largest": {"camera mm": 0.9}, "status": "converged"}
+    assert within_limits(run)
+    assert not within_limits({**run, "largest": {"camera mm": LIMITS["camera mm"] + 0.01}})
+    assert not within_limits({**run, "status": "rank_deficient"})
+    at_work = {**run, "robot": "collab_cell_at_work", "largest": {"range mm": 1.4}}
+    assert within_limits(at_work)
+    assert not within_limits({**at_work, "largest": {"camera mm": 0.9}})
