@@ -7,20 +7,18 @@
 #include <QApplication>
 #include <QKeyEvent>
 #include <QSaveFile>
-#include <QScreen>
 #include <QTimer>
 #include <QVBoxLayout>
-#include <QWindow>
 #include <pluginlib/class_list_macros.hpp>
 
 #include "plugins/cut_parts.h"
+#include "plugins/fitted_window.h"
 #include "plugins/image_canvas.h"
 #include "plugins/point_label_tool.h"
 
 namespace atom_rviz {
 namespace {
 
-constexpr int kSettled_ms = 500;  // the window manager has put a frame around the window by then
 constexpr int kGeometry_ms = 1000;
 constexpr char kGeometryFile[] = "ATOM_PANEL_GEOMETRY";
 
@@ -84,21 +82,7 @@ void AtomPanel::showEvent(QShowEvent* event) {
   rviz::Panel::showEvent(event);
   if (fitted_) return;
   fitted_ = true;
-  QTimer::singleShot(kSettled_ms, this, [this] { fit_window(); });
-}
-
-// A layout that was made for a larger screen would hide a part of the panel beyond its edge.
-void AtomPanel::fit_window() {
-  QWidget* top = window();
-  const QScreen* screen = top->windowHandle() ? top->windowHandle()->screen() : nullptr;
-  if (!screen || top == this) return;
-  const QRect room = screen->availableGeometry();
-  const QSize frame = top->frameGeometry().size() - top->size();
-  if (top->frameGeometry().width() > room.width() ||
-      top->frameGeometry().height() > room.height()) {
-    top->move(room.topLeft());
-    top->resize(top->size().boundedTo(room.size() - frame));
-  }
+  if (window() != this) fit_into_screen(window());
 }
 
 // What was chosen or drawn belongs to the collection that was shown before.

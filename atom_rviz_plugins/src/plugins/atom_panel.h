@@ -36,7 +36,6 @@ class AtomPanel : public rviz::Panel {
  private:
   bool takes_keys(QObject* watched) const;
   std::array<Page*, 4> all_pages() const { return {collect_, calibrate_, playback_, guess_}; }
-  void fit_window();
   void forget_marks();
   void write_geometry();
 

@@ -11,6 +11,7 @@
 #include <rviz/properties/ros_topic_property.h>
 #include <rviz/render_panel.h>
 #include <rviz/view_manager.h>
+#include <rviz/window_manager_interface.h>
 
 #include <array>
 #include <cmath>
@@ -18,6 +19,7 @@
 #include <vector>
 
 #include "logic/label_places.h"
+#include "plugins/fitted_window.h"
 
 namespace atom_rviz {
 namespace {
@@ -43,7 +45,12 @@ NamesDisplay::~NamesDisplay() {
   clear();
 }
 
-void NamesDisplay::onInitialize() {}
+// A layout may have names without the panel, which sees to the window else.
+void NamesDisplay::onInitialize() {
+  rviz::WindowManagerInterface* manager = context_->getWindowManager();
+  QWidget* parent = manager ? manager->getParentWindow() : nullptr;
+  if (parent) fit_into_screen(parent->window());
+}
 
 void NamesDisplay::setTopic(const QString& topic, const QString& /*datatype*/) {
   topic_->setString(topic);
