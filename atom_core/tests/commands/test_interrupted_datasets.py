@@ -22,7 +22,7 @@ def given(tmp_path_factory):
     folder = tmp_path_factory.mktemp("given")
     return [
         write_dataset_folder(
-            scenes.random_scene(seed, rgb=1, depth=0, lidar3d=1, collections=2).dataset,
+            scenes.random_scene(seed, rgb=1, depth=0, lidar3d=1, collections=3).dataset,
             folder / str(seed),
             name="given",
         )
@@ -95,3 +95,41 @@ def test_a_dataset_is_replaced_as_a_whole(given, tmp_path, command):
     assert whole(out / "dataset.json") == runs[1]
     assert number > 8
     assert not [name for name in os.listdir(out) if name.startswith(".")]
+
+
+# --- the order in which a disk is told: what a name stands for is on it before the name --------
+
+
+def calibrate(given, number, out):
+    line = ["calibrate", "-json", given[number], "-o", out, "--no_report", "--overwrite"]
+    return [*line, "-ssf", "rgb_1", "lidar_1"]
+
+
+def split(given, number, out):
+    if not out.exists():
+        shutil.copytree(given[number].parent, out)
+    return ["split_atom_dataset", "-json", out / "dataset.json", "-tp", 50, "--overwrite"]
+
+
+@pytest.mark.parametrize("command", [merge, convert, split, calibrate])
+def test_names_are_given_to_what_is_on_the_disk_already(given, tmp_path, monkeypatch, command):
+    line = [str(word) for word in command(given, 0, tmp_path / "out")]
+    synced, waiting, renamed = set(), set(), []
+    fsync, replace = os.fsync, os.replace
+
+    def synchronise(descriptor):
+        fsync(descriptor)
+        there = os.fstat(descriptor)
+        synced.add(there.st_ino)
+        waiting.discard(there.st_ino)
+
+    def rename(source, target):
+        assert os.stat(source).st_ino in synced, f"{target} gets its name too early"
+        replace(source, target)
+        renamed.append(target)
+        waiting.add(os.stat(os.path.dirname(target)).st_ino)
+
+    monkeypatch.setattr(os, "fsync", synchronise)
+    monkeypatch.setattr(os, "replace", rename)
+    assert main(line) == 0
+    assert renamed and not waiting, "new names are brought to the disk, too"

@@ -1,7 +1,8 @@
 """Files of a package that are made anew without losing what the user changed in them.
 
 What was written is remembered by its checksum. A file that still has it is replaced; one that was
-edited is kept and told, unless the user asks for it to be replaced.
+edited is kept and told, unless the user asks for it to be replaced. What is about to be written is
+noted beforehand, so that a file of a run that was killed is not taken for one that was edited.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import hashlib
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Dict, List, Mapping
+from typing import Dict, List, Mapping, Optional
 
 from atom_core.io.atomic import write_bytes_atomically, write_json_atomically
 
@@ -45,7 +46,11 @@ class GeneratedFiles:
             record: the file with their checksums; absent for a new package.
         """
         self.folder, self._record = folder, record
-        self._sums: Dict[str, str] = _read_record(record)
+        self._sums = _read_record(record, "sha256")
+        for name, begun in _read_record(record, "begun").items():
+            path = folder / name
+            if path.is_file() and _checksum(path.read_bytes()) == begun:
+                self._sums[name] = begun
 
     def is_edited(self, name: str) -> bool:
         """Tell whether a file is there and is not what was written last."""
@@ -63,6 +68,7 @@ class GeneratedFiles:
             OutputError: one cannot be written.
         """
         outcome = Outcome()
+        self._save({name: _checksum(content) for name, content in contents.items()})
         for name, content in contents.items():
             path = self.folder / name
             edited = self.is_edited(name)
@@ -85,18 +91,21 @@ class GeneratedFiles:
         self._sums[name] = _checksum((self.folder / name).read_bytes())
         self._save()
 
-    def _save(self) -> None:
-        write_json_atomically(self._record, {"sha256": self._sums})
+    def _save(self, begun: Optional[Mapping[str, str]] = None) -> None:
+        document: Dict[str, Mapping[str, str]] = {"sha256": self._sums}
+        if begun:
+            document["begun"] = begun
+        write_json_atomically(self._record, document)
 
 
 def _checksum(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def _read_record(path: Path) -> Dict[str, str]:
-    """Return the checksums; a record that cannot be read makes every file count as edited."""
+def _read_record(path: Path, key: str) -> Dict[str, str]:
+    """Return checksums; a record that cannot be read makes every file count as edited."""
     try:
-        sums = json.loads(path.read_text(encoding="utf-8")).get("sha256", {})
+        sums = json.loads(path.read_text(encoding="utf-8")).get(key, {})
     except (OSError, ValueError, AttributeError):
         return {}
     return dict(sums) if isinstance(sums, dict) else {}

@@ -155,7 +155,9 @@ def prepare_output_folder(path: PathLike, overwrite: bool = False) -> Path:
             f"choose another one"
         )
     if not os.access(folder, os.W_OK | os.X_OK):
-        raise output_error(folder, OSError(errno.EACCES, os.strerror(errno.EACCES)))
+        read_only = os.statvfs(folder).f_flag & os.ST_RDONLY
+        number = errno.EROFS if read_only else errno.EACCES
+        raise output_error(folder, OSError(number, os.strerror(number)))
     return folder
 
 
