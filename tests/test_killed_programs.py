@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -25,6 +26,7 @@ from messages import Make  # noqa: E402
 from playback_scene import write_scene  # noqa: E402
 from ports import reserved_port  # noqa: E402
 from small_rig import write_package  # noqa: E402
+from waiting import until  # noqa: E402
 
 from atom_core.cli import main as core_main  # noqa: E402
 from atom_core.io.dataset_json import read_dataset  # noqa: E402
@@ -263,6 +265,9 @@ def ros(tmp_path):
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
+        until(
+            lambda: not socket.socket().connect_ex(("localhost", port)), "the master answers", 300.0
+        )
         yield env
         master.kill()
         master.wait()
@@ -272,7 +277,13 @@ def ros(tmp_path):
 def labeled_rig(ros):
     """Let a rig and its labelers run."""
     player = ROOT / "atom_calibration" / "tests" / "labeled_rig_player.py"
-    process = subprocess.Popen([sys.executable, str(player), "10"], env={**os.environ, **ros})
+    process = subprocess.Popen(
+        [sys.executable, str(player), "10"],
+        env={**os.environ, **ros},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout.readline() == "publishing\n"
     yield process
     process.kill()
     process.wait()

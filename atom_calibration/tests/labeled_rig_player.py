@@ -44,6 +44,7 @@ def main():
         for name in scene.sensors
     }
     scene.message = lambda name, key, stamp_s: stamped(found[name, key][0], stamp_s)
+    print("publishing", flush=True)
     pace, tick = rospy.Rate(float(sys.argv[1])), 0
     while not rospy.is_shutdown():
         key = COLLECTIONS[int(tick * PERIOD_S / STOP_S) % len(COLLECTIONS)]

@@ -8,6 +8,7 @@
 #include <pybind11/stl.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <stdexcept>
 #include <vector>
@@ -69,8 +70,18 @@ py::dict ToDict(const BoardSegment& segment) {
 
 BoardOptions AsOptions(double width, double height, int least_layers, double beam_width,
                        double dark) {
+  const Eigen::Vector2d size(width, height);
+  if (!size.allFinite() || size.minCoeff() <= 0.0) {
+    throw std::invalid_argument("the board's size must be positive");
+  }
+  if (!(beam_width >= 0.0 && beam_width < M_PI)) {
+    throw std::invalid_argument("a beam must be narrower than half a turn");
+  }
+  if (!(dark >= 0.0 && std::isfinite(dark))) {
+    throw std::invalid_argument("dark squares must have a size");
+  }
   BoardOptions options;
-  options.size = {width, height};
+  options.size = size;
   options.least_layers = least_layers;
   options.beam_width = beam_width;
   options.dark = dark;
@@ -148,7 +159,8 @@ Returns:
     with its origin in the board's middle, and figures: see BoardSegment in board_segmentation.h.
 
 Raises:
-    ValueError: a size that is not positive, or a seed that is not finite.
+    ValueError: a size that is not positive, a seed that is not finite, or a beam as wide as half a
+        turn.
 )");
   m.def("find_boards", &Find, py::arg("scan"), py::arg("width"), py::arg("height"),
         py::arg("least_layers"), py::arg("beam_width") = 0.0, py::arg("dark") = 0.0,

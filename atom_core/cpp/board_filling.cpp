@@ -11,6 +11,7 @@
 namespace atom_core {
 namespace {
 
+constexpr double kLeastSpacing = 1e-5;  // of layers that continue; finer ones are not counted [rad]
 constexpr double kLeastBright = 0.6;  // of what must be visible, where dark squares return nothing
 
 // Beams of some layers that meet the rectangle.
@@ -57,7 +58,7 @@ std::vector<double> LayersBeyond(const Scan& scan) {
   const std::vector<double>& own = scan.layer_elevation;
   const double spacing = (own.back() - own.front()) / std::max<std::size_t>(own.size() - 1, 1);
   std::vector<double> beyond;
-  if (spacing <= 0.0) return beyond;
+  if (spacing < kLeastSpacing) return beyond;
   for (double e = own.back() + spacing; e < M_PI / 2.0; e += spacing) beyond.push_back(e);
   for (double e = own.front() - spacing; e > -M_PI / 2.0; e -= spacing) beyond.push_back(e);
   return beyond;

@@ -115,6 +115,16 @@ def test_malformed_input_is_a_value_error(points, weights, starts):
         core.compress_planar_segments(points, weights, np.array(starts, dtype=np.int64))
 
 
+@pytest.mark.parametrize("beam, dark", [(np.inf, 0), (np.nan, 0), (-1, 0), (4, 0), (0, np.inf)])
+def test_a_beam_is_narrow_and_a_square_has_a_size(beam, dark):
+    core = native.require("Boards")
+    scan = core.find_layers(np.ones((4, 3)), np.zeros(0, np.int64), 4, 1)
+    with pytest.raises(ValueError):
+        core.segment_board(scan, np.ones(3), 1.0, 1.0, 3, beam, dark)
+    with pytest.raises(ValueError):
+        core.find_boards(scan, 1.0, 1.0, 3, beam, dark)
+
+
 def test_every_function_is_documented():
     core = native.require("Documentation")
     for name in ("parse_urdf", "compress_planar_rows", "compress_planar_segments"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import Dict, List, Mapping, Sequence
 
@@ -12,7 +13,7 @@ from atom_core.calibration.preflight import preflight
 from atom_core.commands import common
 from atom_core.commands.drift_check import calibration_of, drift_of, moved_sensors
 from atom_core.commands.verdict_output import print_verdict
-from atom_core.errors import OutputError
+from atom_core.errors import DescriptionError, OutputError
 from atom_core.geometry import se3
 from atom_core.io.atomic import write_json_atomically
 from atom_core.io.urdf import read_description
@@ -67,6 +68,7 @@ def run(args: argparse.Namespace) -> int:
         raise OutputError(f"{args.output}: exists already; choose another name for --output")
     dataset = common.selected_dataset(args)
     result = preflight(dataset)
+    result = replace(result, warnings=(*result.warnings, *_of_description(dataset)))
     print(preflight_report(dataset, result))
     moved: Dict[str, str] = {}
     if args.against:
@@ -88,6 +90,17 @@ def run(args: argparse.Namespace) -> int:
     print()
     print_verdict(verdict)
     return 1 if verdict.grade == WRONG else 0
+
+
+def _of_description(dataset: Dataset) -> List[str]:
+    """Return why `calibrate` cannot use the description that the dataset names, if it cannot."""
+    configured = dataset.config.description_file
+    try:
+        if configured:
+            read_description(configured)
+    except DescriptionError as error:
+        return [f"optimized.urdf.xacro will not be written: {error}"]
+    return []
 
 
 def _moved(edges: Sequence[MovedEdge]) -> Dict[str, str]:

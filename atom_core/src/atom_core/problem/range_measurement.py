@@ -26,6 +26,7 @@ LIDAR_SIGMA_M = 0.010
 POINTS_LOOKED_AT = 200  # of a detection's points on the board
 _GRAZING = 0.05  # cosine of the incidence below which a plane is hit nowhere in particular
 _PLANE_LIMIT_M = 0.05
+_FEW_POINTS = 6  # three are always on a plane, whatever they are
 _SIZE_LIMIT = 1.15  # labeled extent over the board's diagonal
 
 
@@ -106,12 +107,15 @@ class RangeMeasurement(Measurement):
         return replace(self, along_rays=False)
 
     def implausibilities(self) -> List[str]:
-        """Return what is wrong with the points: no plane, or larger than the board."""
+        """Return what is wrong with the points: no plane, too few, or larger than the board."""
         try:
             _, _, rms = fit_plane(self.inside)
         except ValueError as error:
             return [str(error)]
         found = []
+        if len(self.inside) < _FEW_POINTS:
+            few = f"only {len(self.inside)} points are labeled"
+            found.append(f"{few}, which do not tell how the board stands")
         if rms > _PLANE_LIMIT_M:
             found.append(f"the labeled points are no plane (RMS {rms:.3f} m)")
         return found + self.too_large()

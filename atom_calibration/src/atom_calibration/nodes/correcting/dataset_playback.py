@@ -141,7 +141,7 @@ class DatasetPlayback:
     def quit(self) -> str:
         """Save what is not saved, and end."""
         words = self.save() if self._corrections.unsaved else "nothing was left to save"
-        rospy.Timer(rospy.Duration(_LAST_WORDS_S), lambda _: _end(), oneshot=True)
+        threading.Timer(_LAST_WORDS_S, _end).start()  # also where ROS's clock stands still
         return words
 
     def finish(self) -> None:

@@ -1,0 +1,61 @@
+"""What `check` says of a dataset that can be read and is not as it should be."""
+
+import json
+
+import pytest
+
+from atom_core.cli import main
+from atom_core.io.dataset_writer import write_dataset_folder
+from atom_core.synthetic import scenes
+
+
+@pytest.fixture(scope="module")
+def given(tmp_path_factory):
+    scene = scenes.random_scene(1, rgb=2, depth=0, lidar3d=1, collections=5)
+    return write_dataset_folder(
+        scene.dataset, tmp_path_factory.mktemp("data"), name="a", overwrite=True
+    )
+
+
+def said_of(given, capsys, change):
+    """Return what is said of the dataset after a change of its document."""
+    document = json.loads(given.read_text())
+    change(document)
+    path = given.with_name("changed.json")
+    path.write_text(json.dumps(document))
+    capsys.readouterr()
+    main(["check", "--dataset", str(path)])
+    return capsys.readouterr().out
+
+
+def test_a_sound_dataset_brings_no_remark(given, capsys):
+    assert "warning" not in said_of(given, capsys, lambda _: None)
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        (None, "there is no such robot description"),
+        ("<robot name='a'><link name='b'></robot>", "urdfdom refuses the description"),
+    ],
+)
+def test_a_description_that_calibrate_could_not_write_is_told(given, capsys, text, words):
+    urdf = given.with_name("rig.urdf")
+    if text:
+        urdf.write_text(text)
+    said = said_of(
+        given, capsys, lambda d: d["calibration_config"].update(description_file=str(urdf))
+    )
+    (warning,) = [line for line in said.splitlines() if line.startswith("warning:")]
+    assert "optimized.urdf.xacro will not be written" in warning and words in warning
+
+
+def test_labels_of_three_points_are_told(given, capsys):
+    def cut(document):
+        for collection in document["collections"].values():
+            (labels,) = collection["labels"].values()
+            labels["lidar_1"].update(idxs=labels["lidar_1"]["idxs"][:3], idxs_limit_points=[])
+
+    said = said_of(given, capsys, cut)
+    assert "only 3 points are labeled" in said
+    assert "nothing looks wrong" not in said
