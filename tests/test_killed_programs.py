@@ -305,7 +305,8 @@ def test_collect_data_keeps_what_it_has_collected(live_scene, ros, labeled_rig, 
 
     def after_run(whole):
         assert labeled_rig.poll() is None
-        assert (whole.code, status()) == (0, 0), whole.said
+        # 1: on a busy machine data may come too late for a collection, which is told
+        assert whole.code in (0, 1) and status() == whole.code, whole.said
         assert not (collected.folder / "previous").exists()
         collected.remember()
 

@@ -15,9 +15,7 @@ import yaml
 from small_rig import CAMERA_IN_BAG, CONFIG, XACRO, write_package
 
 from atom_calibration.configure import configure_package, create_package
-from atom_calibration.configure import files as generated
 from atom_calibration.configure.check import BagFacts
-from atom_calibration.configure.files import GeneratedFiles
 from atom_calibration.configure.package import find_package, launch_text
 from atom_calibration.configure.render import collecting_view, rendered_files
 from atom_core.commands.atom_options import LAUNCH_ARGUMENTS
@@ -433,21 +431,3 @@ def test_launch_files_declare_atoms_arguments(made_once, step):
     root = ElementTree.parse(str(made_once / "launch" / f"{step}.launch")).getroot()
     declared = {arg.get("name") for arg in root.findall("arg") if arg.get("value") is None}
     assert set(LAUNCH_ARGUMENTS[step]) <= declared
-
-
-def test_files_of_a_run_that_was_killed_are_no_edits_of_the_user(tmp_path, monkeypatch):
-    def files():
-        return GeneratedFiles(tmp_path, tmp_path / "generated.json")
-
-    def killed(path, content, write=generated.write_bytes_atomically):
-        write(path, content)
-        if path.name == "b":
-            raise KeyboardInterrupt
-
-    files().write({"a": b"1", "b": b"1", "c": b"1"}, overwrite=False)
-    (tmp_path / "c").write_bytes(b"mine")
-    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(generated, "write_bytes_atomically", killed)
-        files().write({"a": b"2", "b": b"2", "c": b"2"}, overwrite=False)
-    outcome = files().write({"a": b"3", "b": b"3", "c": b"3"}, overwrite=False)
-    assert (outcome.written, outcome.kept) == (["a", "b"], ["c"])

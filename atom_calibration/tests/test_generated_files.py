@@ -1,0 +1,24 @@
+"""Files that are made anew without losing what the user changed in them."""
+
+import pytest
+
+from atom_calibration.configure import files as generated
+from atom_calibration.configure.files import GeneratedFiles
+
+
+def test_files_of_a_run_that_was_killed_are_no_edits_of_the_user(tmp_path, monkeypatch):
+    def files():
+        return GeneratedFiles(tmp_path, tmp_path / "generated.json")
+
+    def killed(path, content, write=generated.write_bytes_atomically):
+        write(path, content)
+        if path.name == "b":
+            raise KeyboardInterrupt
+
+    files().write({"a": b"1", "b": b"1", "c": b"1"}, overwrite=False)
+    (tmp_path / "c").write_bytes(b"mine")
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(generated, "write_bytes_atomically", killed)
+        files().write({"a": b"2", "b": b"2", "c": b"2"}, overwrite=False)
+    outcome = files().write({"a": b"3", "b": b"3", "c": b"3"}, overwrite=False)
+    assert (outcome.written, outcome.kept) == (["a", "b"], ["c"])
