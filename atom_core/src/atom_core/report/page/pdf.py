@@ -33,6 +33,7 @@ _PAPER_IN = (8.27, 11.69)
 _COLUMNS, _LINES = 108, 78  # of a page of text
 _TEXT_SIZE = 6.8
 _ROWS, _ACROSS = 4, 2  # figures of a page
+_TITLE_COLUMNS, _TITLE_SIZE = 62, 7.5  # of a figure's title, which may have several lines
 _COLOURS = {"good": "#00664b", "weak": "#ffd166", "wrong": "#a4161a", "unknown": "#444b50"}
 _INK_ON = {"weak": "#1b1f22"}
 _GREY = "#5b6770"
@@ -169,6 +170,6 @@ def _figures(title: str, items: Items) -> Figure:
             item.draw(axes)
             for drawn in axes.collections:
                 drawn.set_rasterized(item.dense)
-        axes.set_title(textwrap.shorten(item.title, 62), fontsize=8)
-    figure.subplots_adjust(0.09, 0.05, 0.95, 0.93, wspace=0.28, hspace=0.45)
+        axes.set_title(textwrap.fill(item.title, _TITLE_COLUMNS), fontsize=_TITLE_SIZE)
+    figure.subplots_adjust(0.09, 0.05, 0.95, 0.93, wspace=0.34, hspace=0.55)
     return figure
