@@ -32,6 +32,8 @@ from atom_core.report.tables import text_table
 _PAPER_IN = (8.27, 11.69)
 _COLUMNS, _LINES = 108, 78  # of a page of text
 _TEXT_SIZE = 6.8
+_WIDE = 124  # columns of a table, up to the margin
+_CELL_COLUMNS = 60  # of a table; longer cells have several lines
 _ROWS, _ACROSS = 4, 2  # figures of a page
 _TITLE_COLUMNS, _TITLE_SIZE = 62, 7.5  # of a figure's title, which may have several lines
 _COLOURS = {"good": "#00664b", "weak": "#ffd166", "wrong": "#a4161a", "unknown": "#444b50"}
@@ -117,7 +119,7 @@ def _wrapped_tables(lines: Sequence[str]) -> List[str]:
     """Return lines that fit the page; what is longer goes on in the next one."""
     found: List[str] = []
     for line in lines:
-        found += [line[i : i + _COLUMNS + 12] for i in range(0, max(len(line), 1), _COLUMNS + 12)]
+        found += [line[i : i + _WIDE] for i in range(0, max(len(line), 1), _WIDE)]
     return found
 
 
@@ -129,8 +131,7 @@ def _told(blocks: Sequence[Any]) -> Tuple[List[str], Items]:
         if isinstance(block, Text):
             lines += [*_wrapped([block.text]).split("\n"), ""]
         elif isinstance(block, Table):
-            rows = [[_text(cell) for cell in row] for row in block.rows]
-            lines += text_table(block.columns, rows, block.caption).split("\n")
+            lines += _table_lines(block)
             lines += [*_wrapped([block.note]).split("\n"), ""]
         elif isinstance(block, Tree):
             lines += [*(line for root in block.roots for line in _branches(root, 0)), ""]
@@ -144,6 +145,35 @@ def _told(blocks: Sequence[Any]) -> Tuple[List[str], Items]:
             more, others = _told(block.blocks)
             lines, items = lines + more, items + others
     return lines, items
+
+
+def _table_lines(block: Table) -> List[str]:
+    """Return a table as lines; one that is wider than the page comes in parts, side after side.
+
+    Long cells have several lines, and each part begins with the first column.
+    """
+    rows = [[_folded(_text(cell)) for cell in row] for row in block.rows]
+    titles = list(block.columns)
+    widths = [
+        max(len(title) + 2, *(len(line) for cell in cells for line in cell.split("\n")), 0) + 2
+        for title, *cells in zip(titles, *rows)
+    ]
+    parts: List[List[int]] = [[]]
+    for i in range(1, len(titles)):
+        if parts[-1] and widths[0] + sum(widths[k] for k in [*parts[-1], i]) - 2 > _WIDE:
+            parts.append([])
+        parts[-1].append(i)
+    lines: List[str] = []
+    for part in parts:
+        shown = [[row[i] for i in (0, *part)] for row in rows]
+        table = text_table([titles[i] for i in (0, *part)], shown, block.caption)
+        lines += [*([""] if lines else []), *table.split("\n")]
+    return lines
+
+
+def _folded(cell: str) -> str:
+    """Return a cell as it is, or on several lines; figures keep their type, which is aligned."""
+    return cell if len(cell) <= _CELL_COLUMNS else textwrap.fill(cell, _CELL_COLUMNS)
 
 
 def _branches(branch: Branch, depth: int) -> Iterator[str]:
