@@ -18,7 +18,7 @@ PYTHON_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicat
 CPP_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicate \
 	-- '*.h' '*.cpp' | xargs -r ls -d 2>/dev/null)
 
-.PHONY: help setup build demo test test-noetic-versions test-opencv-versions test-debian11 test-regression test-rviz test-quick test-long lint format bench bench-labels bench-hand-eye results deb clean pictures pictures-cell
+.PHONY: help setup build demo test test-noetic-versions test-opencv-versions test-debian11 test-regression test-rviz test-quick test-long coverage lint format bench bench-labels bench-hand-eye results deb clean pictures pictures-cell
 
 help: ## this list
 	@sed -n 's/^\([a-z0-9-]*\):.*## \(.*\)/\1	\2/p' Makefile | expand -t 14
@@ -70,6 +70,9 @@ test-rviz: build ## RViz by mouse and keys on a screen of its own (Xvfb); REPEAT
 
 test-quick: build ## unit tests, at most two minutes
 	@$(ENV) $(PYTEST) -m "not slow and not long"
+
+coverage: build ## statements that the tests execute, Python and C++, in coverage_output/; three quarters of an hour
+	@$(ENV) bash tests/coverage.bash $(JOBS) $(PYTEST)
 
 test-long: build ## statistics over many simulated rigs, fuzzing, kills: what `make test` does small
 	@$(ENV) $(PYTEST) -m long
