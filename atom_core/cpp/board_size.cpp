@@ -89,11 +89,15 @@ bool IsToldBySize(const BoardSearch& search, const Surface& surface, const Recta
   const Eigen::Vector2d measured = MeasureSize(outline.limits, pose, half, nullptr, kLeastEnds) -
                                    2.0 * (half - search.HalfSize());
   const Eigen::Vector2d off = measured - search.options.size;
+  const double wide =
+      search.options.beam_width > 0.0 ? 0.0 : kWideBeamSteps * surface.StepOnBoard();
   bool one = false, all = true;
   for (int axis = 0; axis < 2; ++axis) {
     if (!std::isfinite(off[axis])) continue;
     one = true;
-    all = all && std::abs(off[axis]) <= kMostCutError * search.options.size[axis];
+    const double least = kMostCutError * search.options.size[axis];
+    const double most = std::min(least + wide, kMostSizeError * search.options.size[axis]);
+    all = all && off[axis] >= -least && off[axis] <= most;
   }
   if (one && all) return true;
   const std::string reason =
