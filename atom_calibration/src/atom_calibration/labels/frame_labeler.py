@@ -221,7 +221,7 @@ class FrameLabeler:
     def _prediction(
         self, frame: Frame, pattern: str, tree: Optional[TransformTree]
     ) -> Optional[Guess]:
-        if tree is None or not self._automatic:
+        if tree is None:
             return None
         return self._boards.predict(frame.sensor, self._patterns[pattern], frame.stamp_s, tree)
 
