@@ -32,6 +32,7 @@ from atom_core.solvers.variance_components import scale_factors
 _ROUNDS = 30
 _STILL = 0.01  # of a step beside its standard deviation
 _MOVING = 0.1  # the same, after the last round: the answer would be another one with more rounds
+UNSETTLED = "the weights of detections that are off as a whole did not settle"
 _SMALLEST = 1e-9  # relative eigenvalue of a detection's information that counts as seen
 
 
@@ -100,7 +101,7 @@ def weighted_by_detections(
 
 def _moving_still(largest: float) -> str:
     return (
-        f"the weights of detections that are off as a whole did not settle in {_ROUNDS} rounds: "
+        f"{UNSETTLED} in {_ROUNDS} rounds: "
         f"the last one moved a sensor by {largest:.1f} of its standard deviation; add collections, "
         f"or calibrate without --model_errors auto"
     )

@@ -50,6 +50,7 @@ from atom_core.solvers.base import (
     SolverSummary,
 )
 from atom_core.solvers.covariance import Covariance
+from atom_core.solvers.detection_noise import UNSETTLED
 from atom_core.solvers.reweighting import covariance_of
 from atom_core.solvers.robust_covariance import FEWEST, sigma_factors
 
@@ -160,8 +161,9 @@ def _weak(
     weak += weak_directions(solution, covariance, *options.undetermined_limit)
     weak += weak_model_errors(covariance, options.undetermined_limit[0])
     summary = refined.summary
-    if not weak and summary.status == NOT_CONVERGED and not summary.interrupted:
-        return _weak_at_the_start(chosen.solution.start, refined, options)
+    if summary.status == NOT_CONVERGED and not summary.interrupted:
+        # far along an open direction the others may look determined
+        return max(weak, _weak_at_the_start(chosen.solution.start, refined, options), key=len)
     return weak
 
 
@@ -297,9 +299,9 @@ def _verdict(
 ) -> Tuple[str, str]:
     if failure is not None:
         return FAILED, failure
+    restless = "" if summary.status == CONVERGED else f"; the solver: {summary.message}"
     if weak and summary.status != FAILED:
-        restless = "" if summary.status == CONVERGED else f"; the solver: {summary.message}"
         return RANK_DEFICIENT, f"{len(weak)} undetermined direction(s): {weak[0].why}{restless}"
-    if inconsistent and summary.status == CONVERGED:
-        return INCONSISTENT, inconsistent[0]
+    if inconsistent and (not restless or summary.message.startswith(UNSETTLED)):
+        return INCONSISTENT, inconsistent[0] + restless  # which may be why weights do not settle
     return summary.status, summary.message
