@@ -161,9 +161,8 @@ def _weak(
     weak += weak_directions(solution, covariance, *options.undetermined_limit)
     weak += weak_model_errors(covariance, options.undetermined_limit[0])
     summary = refined.summary
-    if summary.status == NOT_CONVERGED and not summary.interrupted:
-        # far along an open direction the others may look determined
-        return max(weak, _weak_at_the_start(chosen.solution.start, refined, options), key=len)
+    if not weak and summary.status == NOT_CONVERGED and not summary.interrupted:
+        return _weak_at_the_start(chosen.solution.start, refined, options)
     return weak
 
 
