@@ -1,3 +1,6 @@
+import subprocess
+import sys
+
 import cell_boards as boards
 import numpy as np
 import pytest
@@ -140,6 +143,23 @@ def test_without_a_library_to_draw_the_packages_are_named(monkeypatch):
     monkeypatch.setattr(graphics, "_is_there", lambda library: False)
     with pytest.raises(SimulatorError, match="libegl1 libegl-mesa0 libgl1-mesa-dri.*libosmesa6"):
         graphics.import_mujoco()
+
+
+def test_mujoco_that_was_imported_before_draws_without_a_screen_all_the_same():
+    drawing = (
+        "import os; os.environ.pop('MUJOCO_GL', None); os.environ.pop('DISPLAY', None)\n"
+        "import mujoco; from atom_examples.cell_simulator import graphics\n"
+        "graphics.import_mujoco()\n"
+        "scene = '<mujoco><worldbody><camera/></worldbody></mujoco>'\n"
+        "model = mujoco.MjModel.from_xml_string(scene)\n"
+        "data = mujoco.MjData(model); mujoco.mj_forward(model, data)\n"
+        "renderer = graphics.Renderer(model, {'width': 8, 'height': 8}, (0,))\n"
+        "print(renderer.colours(data, 0, 8, 8).shape); renderer.close()"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", drawing], capture_output=True, text=True, check=False
+    )
+    assert (ran.returncode, ran.stdout.strip(), ran.stderr) == (0, "(8, 8, 3)", "")
 
 
 def test_osmesa_is_the_second_way(monkeypatch):

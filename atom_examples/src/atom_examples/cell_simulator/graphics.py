@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import importlib
 import os
 from types import ModuleType
 from typing import Any, Dict, Optional, Sequence
@@ -34,6 +35,15 @@ def import_mujoco() -> ModuleType:
     except (AttributeError, RuntimeError) as error:  # PyOpenGL without its library
         raise SimulatorError(_nothing_draws(str(error))) from None
     return mujoco
+
+
+def _way_of_drawing(mujoco: ModuleType) -> ModuleType:
+    """Return the module with the context that ``MUJOCO_GL`` asks for now.
+
+    MuJoCo itself chooses when it is imported, which may have been before this was known.
+    """
+    way = os.environ["MUJOCO_GL"]
+    return importlib.import_module(f"mujoco.{way}") if way in _LIBRARIES else mujoco
 
 
 def _first_way() -> str:
@@ -76,7 +86,7 @@ class Renderer:
         self._mujoco = mujoco = import_mujoco()
         self._model = model
         try:
-            context = mujoco.GLContext(largest["width"], largest["height"])
+            context = _way_of_drawing(mujoco).GLContext(largest["width"], largest["height"])
             context.make_current()
             self._gl: Optional[Any] = context
             self._context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
