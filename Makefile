@@ -7,6 +7,7 @@ unexport CMAKE_PREFIX_PATH ROS_PACKAGE_PATH PYTHONPATH PYTHONHOME VIRTUAL_ENV PY
 
 JOBS := $(shell nproc)
 REPEAT := 1
+BUILD_TYPE := Release
 # A module of tests stays in one process, since its tests share what it made. One thread of linear
 # algebra in each process: more of them would only take the processors from one another.
 PYTEST = env OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python3 -m pytest -n $(JOBS) --dist loadfile \
@@ -28,7 +29,7 @@ setup: ## system packages (apt, root or sudo) and the virtual environment .venv;
 
 # The root is a catkin package that brings in the others, so one plain cmake build does it.
 # The interpreter is the virtual environment's, which sees Debian's ROS modules.
-CONFIGURE = cmake -S . -B build -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH= \
+CONFIGURE = cmake -S . -B build -G Ninja -DCMAKE_BUILD_TYPE=$(BUILD_TYPE) -DCMAKE_PREFIX_PATH= \
 	-DPYTHON_EXECUTABLE="$$PWD/.venv/bin/python3" -DCATKIN_ENABLE_TESTING=ON \
 	-DCATKIN_DEVEL_PREFIX="$$PWD/devel" -DCMAKE_INSTALL_PREFIX="$$PWD/install"
 COMPILE = flock CMakeLists.txt cmake --build build -j $(JOBS)

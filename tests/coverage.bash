@@ -26,12 +26,8 @@ rm -rf "$output"
 git clone --quiet --shared . "$source" || exit 1
 ln -s "$PWD/.venv" "$source/.venv"
 cd "$source" || exit 1
-counted="--coverage -O1 -fprofile-update=atomic"
-cmake -S . -B build -G Ninja -DCMAKE_BUILD_TYPE=None -DCMAKE_CXX_FLAGS="$counted" \
-  -DCMAKE_SHARED_LINKER_FLAGS=--coverage -DCMAKE_PREFIX_PATH= \
-  -DPYTHON_EXECUTABLE="$PWD/.venv/bin/python3" -DCATKIN_ENABLE_TESTING=ON \
-  -DCATKIN_DEVEL_PREFIX="$PWD/devel" >"$output/build.log" &&
-  cmake --build build -j "$processes" >>"$output/build.log" 2>&1 &&
+CXXFLAGS="--coverage -O1 -fprofile-update=atomic" LDFLAGS=--coverage \
+  make --no-print-directory BUILD_TYPE=None build >"$output/build.log" 2>&1 &&
   cmake --build build -j "$processes" --target tests >>"$output/build.log" 2>&1 || {
   echo "make coverage: the build failed; see $output/build.log" >&2
   exit 1

@@ -15,6 +15,13 @@
 #include "plane_points.h"
 
 namespace atom_core {
+
+std::nullopt_t Reject(int progress, const std::string& reason, BoardSegment* segment) {
+  segment->progress = progress;
+  segment->reason = reason;
+  return std::nullopt;
+}
+
 namespace {
 
 constexpr int kRefits = 6;
@@ -25,12 +32,6 @@ constexpr double kUneven = 0.008;     // [m] about the plane are flat
 constexpr double kWideLayer = 0.4;    // of the shorter side: layers beyond the board count, if
 constexpr double kSolid = 0.6;        // of them returns, and
 constexpr double kFarBeyond = 0.12;   // of that side away
-
-std::nullopt_t Reject(int progress, const std::string& reason, BoardSegment* segment) {
-  segment->progress = progress;
-  segment->reason = reason;
-  return std::nullopt;
-}
 
 // ---- the surface: plane and threshold from the piece itself, and the piece from them
 

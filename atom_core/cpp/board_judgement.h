@@ -4,6 +4,7 @@
 #ifndef ATOM_CORE_CPP_BOARD_JUDGEMENT_H_
 #define ATOM_CORE_CPP_BOARD_JUDGEMENT_H_
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,6 +14,14 @@ namespace atom_core {
 
 /// Formats up to four numbers, for reasons.
 std::string Text(const char* format, double a, double b = 0.0, double c = 0.0, double d = 0.0);
+
+/// Notes that a piece is no board.
+///
+/// \param progress how many steps of the judgement it passed.
+/// \param reason for the user.
+/// \param segment gets both.
+/// \return nothing, for functions that return an optional.
+std::nullopt_t Reject(int progress, const std::string& reason, BoardSegment* segment);
 
 /// Tells whether a piece is the board: a flat surface with enough layers, an outline of the
 /// board's size, and returns wherever the board would give them.

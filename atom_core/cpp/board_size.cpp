@@ -18,9 +18,9 @@ constexpr double kMostCutError = 0.035;  // where the view cuts the board: one s
 constexpr int kLeastEnds = 2;            // of layers, on each of two opposite sides of it
 constexpr double kWideBeamSteps = 2.0;   // by which beams of unknown width may enlarge a board
 
-void Refuse(int progress, const std::string& reason, BoardSegment* segment) {
-  segment->progress = progress;
-  segment->reason = reason;
+// By how much [m] beams of unknown width may enlarge a board.
+double Widening(const BoardSearch& search, const Surface& surface) {
+  return search.options.beam_width > 0.0 ? 0.0 : kWideBeamSteps * surface.StepOnBoard();
 }
 
 // Tells whether the lowest or the highest layer of the scan meets a surface: nothing tells where it
@@ -66,16 +66,15 @@ bool SizeFits(const BoardSearch& search, const Surface& surface, const Rectangle
   Eigen::Vector2d sigma;
   segment->measured_size = MeasureSize(outline.limits, pose, surface.seen_half(), &sigma);
   segment->measured_size -= 2.0 * (surface.seen_half() - search.HalfSize());
-  const double step = surface.StepOnBoard();
+  const double step = surface.StepOnBoard(), wide = Widening(search, surface);
   for (int axis = 0; axis < 2; ++axis) {
     const double expected = search.options.size[axis];
     const double off = segment->measured_size[axis] - expected;
-    const double wide = search.options.beam_width > 0.0 ? 0.0 : kWideBeamSteps * step;
     const double most = kSizeTolerance * expected + kSizeSigmas * sigma[axis] + kSizeSteps * step;
     const double limit = kMostSizeError * expected;
     if (std::isfinite(off) &&
         (off < -std::min(most, kMostSmaller * expected) || off > std::min(most + wide, limit))) {
-      Refuse(5, SizeReason(segment->measured_size, search.options), segment);
+      Reject(5, SizeReason(segment->measured_size, search.options), segment);
       return false;
     }
   }
@@ -89,8 +88,7 @@ bool IsToldBySize(const BoardSearch& search, const Surface& surface, const Recta
   const Eigen::Vector2d measured = MeasureSize(outline.limits, pose, half, nullptr, kLeastEnds) -
                                    2.0 * (half - search.HalfSize());
   const Eigen::Vector2d off = measured - search.options.size;
-  const double wide =
-      search.options.beam_width > 0.0 ? 0.0 : kWideBeamSteps * surface.StepOnBoard();
+  const double wide = Widening(search, surface);
   bool one = false, all = true;
   for (int axis = 0; axis < 2; ++axis) {
     if (!std::isfinite(off[axis])) continue;
@@ -103,7 +101,7 @@ bool IsToldBySize(const BoardSearch& search, const Surface& surface, const Recta
   const std::string reason =
       one ? SizeReason(measured, search.options)
           : "no two opposite sides of the plane there are seen, so that its size is not known";
-  Refuse(7,
+  Reject(7,
          reason + "; the sensor's lowest or highest layer cuts it: bring all of it into view, or " +
              "let a camera see it, too",
          segment);

@@ -17,11 +17,11 @@ def write_begun(folder: Path, step: str) -> None:
     Raises:
         OutputError: the file cannot be written.
     """
-    write_ended(folder, step, exit_code=None, message=_BEGUN)
+    write_status(folder, step, exit_code=None, message=_BEGUN)
 
 
-def write_ended(folder: Path, step: str, **said: Any) -> None:
-    """Say how a step ended.
+def write_status(folder: Path, step: str, **said: Any) -> None:
+    """Say how far a step has come.
 
     Args:
         folder: where the file is.

@@ -14,14 +14,12 @@ from atom_core.errors import ConfigError, DatasetError
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics_from_boards import camera_of_boards
-from atom_core.io.atomic import copy_atomically, prepare_output_folder, write_text_atomically
+from atom_core.io.atomic import prepare_output_folder
 from atom_core.io.camera_info_yaml import read_camera_info
 from atom_core.io.config_yaml import read_config
-from atom_core.io.dataset_json import dumps
-from atom_core.io.dataset_writer import DATASET_FILE, new_document
+from atom_core.io.dataset_writer import DATASET_FILE, new_document, write_with_copies
 from atom_core.io.hand_eye_folders import RobotImages
 from atom_core.io.images import read_image
-from atom_core.io.together import written_together
 from atom_core.labeling.rgb import RgbLabeler
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.dataset import MULTIPLE, Collection, Dataset, DataSource
@@ -237,7 +235,4 @@ def _write(dataset: Dataset, content: RobotImages, args: argparse.Namespace) -> 
             source = content.images[camera][number]
             entry["data_file"] = f"{camera}_{number:03d}{source.suffix}"
             sources[entry["data_file"]] = source
-    with written_together(folder, [*sources, DATASET_FILE]):
-        for name, source in sources.items():
-            copy_atomically(source, folder / name)
-        write_text_atomically(folder / DATASET_FILE, dumps(document))
+    write_with_copies(folder, document, sources)

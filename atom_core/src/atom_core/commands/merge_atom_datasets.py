@@ -8,11 +8,10 @@ from pathlib import Path
 from atom_core.commands import common
 from atom_core.commands.dataset_output import add_overwrite_option, described
 from atom_core.errors import OutputError
-from atom_core.io.atomic import copy_atomically, prepare_output_folder, write_text_atomically
-from atom_core.io.dataset_json import dumps, read_dataset
+from atom_core.io.atomic import prepare_output_folder
+from atom_core.io.dataset_json import read_dataset
 from atom_core.io.dataset_tools import merged
-from atom_core.io.dataset_writer import DATASET_FILE
-from atom_core.io.together import written_together
+from atom_core.io.dataset_writer import write_with_copies
 
 EXAMPLE = "python3 -m atom_core merge_atom_datasets -ds1 a/dataset.json -ds2 b/dataset.json -dof ab"
 
@@ -45,16 +44,12 @@ def run(args: argparse.Namespace) -> int:
     """Check, copy, write; a dataset that was there is replaced as a whole."""
     common.refuse_occupied(args.output, args.overwrite)
     document, files = merged(read_dataset(args.dataset1), read_dataset(args.dataset2))
-    target = args.output / DATASET_FILE
     for source in (args.dataset1, args.dataset2):
         if source.resolve().parent == args.output.resolve():
             raise OutputError(
                 f"{args.output}: holds {source.name}, which would change; choose another"
             )
     folder = prepare_output_folder(args.output, args.overwrite)
-    with written_together(folder, [*(file.name for file in files), DATASET_FILE]):
-        for file in files:
-            copy_atomically(file.source, folder / file.name)
-        write_text_atomically(target, dumps(document))
-    print(described(target, document))
+    copies = {file.name: file.source for file in files}
+    print(described(write_with_copies(folder, document, copies), document))
     return 0

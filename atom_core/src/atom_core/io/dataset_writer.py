@@ -13,7 +13,7 @@ from typing import Any, Dict, Mapping, Optional, Tuple
 import numpy as np
 
 from atom_core.geometry.camera import Camera
-from atom_core.io.atomic import prepare_output_folder, write_text_atomically
+from atom_core.io.atomic import copy_atomically, prepare_output_folder, write_text_atomically
 from atom_core.io.dataset_entries import joint_document, transform_document
 from atom_core.io.dataset_json import CURRENT_VERSION, dumps
 from atom_core.io.together import written_together
@@ -102,6 +102,27 @@ def write_dataset_folder(
     with written_together(folder, [*names, DATASET_FILE]):
         for key, sensor in present:
             write_data_file(folder, sensor, key, dataset.data.read(key, sensor.name))
+        write_text_atomically(path, dumps(document))
+    return path
+
+
+def write_with_copies(folder: Path, document: Mapping[str, Any], files: Mapping[str, Path]) -> Path:
+    """Write a dataset whose data files are copied as they are; return the path of its JSON.
+
+    One that was there is replaced as a whole.
+
+    Args:
+        folder: it exists.
+        document: the JSON.
+        files: what to copy, by its name in the folder.
+
+    Raises:
+        OutputError: a file cannot be read or written; everything is as it was.
+    """
+    path = folder / DATASET_FILE
+    with written_together(folder, [*files, DATASET_FILE]):
+        for name, source in files.items():
+            copy_atomically(source, folder / name)
         write_text_atomically(path, dumps(document))
     return path
 

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any, Dict, Mapping
 
 from atom_core.errors import DatasetError, OutputError
-from atom_core.io.atomic import copy_atomically, prepare_output_folder, write_text_atomically
-from atom_core.io.dataset_json import dataset_from_document, dumps, read_document
+from atom_core.io.atomic import prepare_output_folder
+from atom_core.io.dataset_json import dataset_from_document, read_document
+from atom_core.io.dataset_writer import write_with_copies
 from atom_core.io.earliest_layout import completed, in_layout_of_version_3, is_before_version_2
-from atom_core.io.together import written_together
 
 
 def migrated_document(document: Mapping[str, Any], source: Path) -> Dict[str, Any]:
@@ -43,9 +43,5 @@ def migrate_dataset(source: Path, folder: Path, overwrite: bool) -> Path:
         for collection in document["collections"].values()
         for entry in (collection.get("data") or {}).values()
     ]
-    files, target = [file for file in named if file.is_file()], folder / "dataset.json"
-    with written_together(folder, [*(file.name for file in files), target.name]):
-        for file in files:
-            copy_atomically(file, folder / file.name)
-        write_text_atomically(target, dumps(document))
-    return target
+    files = {file.name: file for file in named if file.is_file()}
+    return write_with_copies(folder, document, files)

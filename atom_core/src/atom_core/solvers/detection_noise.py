@@ -32,7 +32,6 @@ from atom_core.solvers.variance_components import scale_factors
 _ROUNDS = 30
 _STILL = 0.01  # of a step beside its standard deviation
 _MOVING = 0.1  # the same, after the last round: the answer would be another one with more rounds
-UNSETTLED = "the weights of detections that are off as a whole did not settle"
 _SMALLEST = 1e-9  # relative eigenvalue of a detection's information that counts as seen
 
 
@@ -85,7 +84,8 @@ def weighted_by_detections(
         sigmas = tuple(sigma * scale for sigma, scale in zip(summary.sigmas, scales))
     squares = solver.squares(state.x, sigmas)
     if largest > _MOVING:
-        summary = replace(summary, status=NOT_CONVERGED, message=_moving_still(largest))
+        message = _moving_still(largest)
+        summary = replace(summary, status=NOT_CONVERGED, message=message, settled=False)
     return replace(
         summary,
         x=state.x,
@@ -101,7 +101,7 @@ def weighted_by_detections(
 
 def _moving_still(largest: float) -> str:
     return (
-        f"{UNSETTLED} in {_ROUNDS} rounds: "
+        f"the weights of detections that are off as a whole did not settle in {_ROUNDS} rounds: "
         f"the last one moved a sensor by {largest:.1f} of its standard deviation; add collections, "
         f"or calibrate without --model_errors auto"
     )

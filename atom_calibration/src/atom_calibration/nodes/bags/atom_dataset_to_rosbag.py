@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
-import rosbag
 import rospy
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
@@ -17,6 +16,7 @@ from atom_calibration.messages.cameras import camera_info_message
 from atom_calibration.messages.poses import transforms_message
 from atom_calibration.modalities.table import is_labeled, ros_modality
 from atom_calibration.runtime import running
+from atom_calibration.sources.bag_writer import new_bag
 from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import DatasetError, OutputError
@@ -96,18 +96,10 @@ def write_bag(dataset: Dataset, path: Path, timing: Timing) -> List[str]:
     has = {(k, s) for k in dataset.collections for s in dataset.sensors if _has(dataset, k, s)}
     if not has:
         raise DatasetError(f"{dataset.source}: there are no data of any sensor; restore the files")
-    half = path.with_name(f".{path.name}.part")
-    try:
-        with rosbag.Bag(str(half), "w") as bag:
-            _write_static(bag, dataset, _begin_s(dataset, timing) - _BEGIN_S)
-            for topic, message, time_s in _entries(dataset, timing):
-                bag.write(topic, message, rospy.Time.from_sec(time_s))
-        half.replace(path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
-    finally:
-        if half.exists():
-            half.unlink()
+    with new_bag(path) as bag:
+        _write_static(bag, dataset, _begin_s(dataset, timing) - _BEGIN_S)
+        for topic, message, time_s in _entries(dataset, timing):
+            bag.write(topic, message, rospy.Time.from_sec(time_s))
     without = [(key, s) for key in dataset.collections for s in dataset.sensors]
     return [f"collection {k} has no data of '{s}'" for k, s in without if (k, s) not in has]
 

@@ -7,14 +7,13 @@ import sys
 from pathlib import Path
 from typing import Optional, Sequence
 
-import rosbag
 import rospy
 from sensor_msgs.msg import Image
 
 from atom_calibration.runtime import running
+from atom_calibration.sources.bag_writer import new_bag
 from atom_core.cli import build_parser
 from atom_core.commands import common, convert
-from atom_core.errors import OutputError
 from atom_core.io.atomic import prepare_output_folder, write_text_atomically
 from atom_core.io.kalibr_export import TARGET_FILE, Frame, KalibrExport, target_text
 
@@ -51,19 +50,12 @@ def write_images_bag(export: KalibrExport, path: Path) -> int:
         DatasetError: a data file is absent or damaged.
         OutputError: the bag cannot be written; nothing is left of it.
     """
-    half, count = path.with_name(f".{path.name}.part"), 0
-    try:
-        with rosbag.Bag(str(half), "w") as bag:
-            for frame in export.frames():
-                message = _message(frame, export)
-                bag.write(export.topics[frame.number], message, message.header.stamp)
-                count += 1
-        half.replace(path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror})") from None
-    finally:
-        if half.exists():
-            half.unlink()
+    count = 0
+    with new_bag(path) as bag:
+        for frame in export.frames():
+            message = _message(frame, export)
+            bag.write(export.topics[frame.number], message, message.header.stamp)
+            count += 1
     return count
 
 

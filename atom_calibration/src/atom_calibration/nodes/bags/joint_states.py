@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any, Dict, List, Mapping, Optional, Sequence
 
 import numpy as np
-import rosbag
 import rospy
 
 from atom_calibration.errors import BagError
 from atom_calibration.runtime import running
 from atom_calibration.sources.bag_reader import open_bag
+from atom_calibration.sources.bag_writer import new_bag
 from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import OutputError
@@ -116,19 +116,12 @@ def biased_copy(source: Path, target: Path, biases: Mapping[str, float]) -> int:
     Raises:
         OutputError: it cannot be written; nothing is left of it.
     """
-    half, changed = target.with_name(f".{target.name}.part"), 0
-    try:
-        with open_bag(source) as bag, rosbag.Bag(str(half), "w") as written:
-            for topic, message, time, header in bag.read_messages(return_connection_header=True):
-                biased = _biased(message, biases) if topic == TOPIC else message
-                changed += biased is not message
-                written.write(topic, biased, time, connection_header=header)
-        half.replace(target)
-    except OSError as error:
-        raise OutputError(f"{target}: cannot be written ({error.strerror})") from None
-    finally:
-        if half.exists():
-            half.unlink()
+    changed = 0
+    with open_bag(source) as bag, new_bag(target) as written:
+        for topic, message, time, header in bag.read_messages(return_connection_header=True):
+            biased = _biased(message, biases) if topic == TOPIC else message
+            changed += biased is not message
+            written.write(topic, biased, time, connection_header=header)
     return changed
 
 

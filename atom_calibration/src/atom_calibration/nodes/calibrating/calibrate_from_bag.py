@@ -17,7 +17,7 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 from atom_calibration.nodes.calibrating.calibration_view import CalibrationView
 from atom_calibration.nodes.collecting import collect_from_bag
 from atom_calibration.runtime import running
-from atom_calibration.runtime.status import STATUS_FILE, write_begun, write_ended
+from atom_calibration.runtime.status import STATUS_FILE, write_begun, write_status
 from atom_calibration.show.view_options import add_view_options, take_view_options
 from atom_core import cli
 from atom_core.commands import calibrate
@@ -55,7 +55,7 @@ def main(argv: Optional[Sequence[str]] = None) -> int:
         try:
             write_begun(args.output, step)
             code, said = _outcome(run, args)
-            write_ended(args.output, step, exit_code=code, **said)
+            write_status(args.output, step, exit_code=code, **said)
         except OutputError as error:
             print(f"calibrate_from_bag: {error}", file=sys.stderr)
             return _BAD_INPUT

@@ -24,7 +24,7 @@ from atom_calibration.nodes.collecting.collector_state import StateBoard
 from atom_calibration.nodes.collecting.live_collector import LabelSubscribers, LiveCollector
 from atom_calibration.runtime import running
 from atom_calibration.runtime.options import add_marker_size_option, add_receive_time_option
-from atom_calibration.runtime.status import STATUS_FILE, write_begun, write_ended
+from atom_calibration.runtime.status import STATUS_FILE, write_begun, write_status
 from atom_calibration.sources.live_topics import LiveTopics, wait_for
 from atom_calibration.sources.live_transforms import LiveTransforms
 from atom_calibration.sources.receipts import ReceiptTimes
@@ -64,7 +64,7 @@ def _run(args: argparse.Namespace) -> int:
         raise
     finally:
         give_up(store, rospy.logwarn)
-        write_ended(store.folder, _STEP, exit_code=code, message=message)
+        write_status(store.folder, _STEP, exit_code=code, message=message)
     return code
 
 

@@ -50,7 +50,6 @@ from atom_core.solvers.base import (
     SolverSummary,
 )
 from atom_core.solvers.covariance import Covariance
-from atom_core.solvers.detection_noise import UNSETTLED
 from atom_core.solvers.reweighting import covariance_of
 from atom_core.solvers.robust_covariance import FEWEST, sigma_factors
 
@@ -301,6 +300,6 @@ def _verdict(
     restless = "" if summary.status == CONVERGED else f"; the solver: {summary.message}"
     if weak and summary.status != FAILED:
         return RANK_DEFICIENT, f"{len(weak)} undetermined direction(s): {weak[0].why}{restless}"
-    if inconsistent and (not restless or summary.message.startswith(UNSETTLED)):
+    if inconsistent and (not restless or not (summary.settled or summary.interrupted)):
         return INCONSISTENT, inconsistent[0] + restless  # which may be why weights do not settle
     return summary.status, summary.message
