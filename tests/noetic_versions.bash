@@ -33,7 +33,8 @@ if [ "$(cat "$venv/requirements.sha256" 2>/dev/null)" != "$checksum" ] || ! "$ve
     exit 0
   fi
   "$python" -m venv --clear "$venv"
-  "$venv/bin/pip" install --quiet --quiet --disable-pip-version-check \
+  # -O0: what has no wheel is compiled here, to be imported only
+  CFLAGS=-O0 "$venv/bin/pip" install --quiet --quiet --disable-pip-version-check \
     --only-binary numpy,scipy,opencv-contrib-python-headless -r requirements/noetic.txt || {
     echo "test-noetic-versions: $venv cannot be filled; see requirements/noetic.txt and the message above" >&2
     exit 2

@@ -2,15 +2,19 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from atom_core.errors import DatasetError
+from atom_core.geometry import se3
+from atom_core.io.dataset_entries import pose_of_entry, transform_document
 from atom_core.io.dataset_json import (
     dataset_from_document,
     dumps,
     read_dataset,
 )
 from atom_core.io.dataset_writer import new_document
+from atom_core.model.transforms import Edge
 from atom_core.synthetic import scenes
 
 # --- refusals -------------------------------------------------------------------------------
@@ -180,3 +184,57 @@ def test_a_document_without_a_file_names_its_source():
     dataset = scenes.two_cameras(0, collections=1).dataset
     again = dataset_from_document(new_document(dataset, name="x"), dataset.source)
     assert again.source == dataset.source
+
+
+# --- frames that stand in two places --------------------------------------------------------
+
+
+def tangle(document, key, name, parent, child, matrix):
+    """Add a transform to one collection."""
+    entry = transform_document(Edge(parent, child), matrix)
+    document["collections"][key]["transforms"][name] = entry
+
+
+def edge_of(document, sensor, key):
+    """Return the edge of a sensor that is calibrated, and its matrix in a collection."""
+    entry = document["sensors"][sensor]
+    parent, child = entry["calibration_parent"], entry["calibration_child"]
+    (found,) = (
+        value
+        for value in document["collections"][key]["transforms"].values()
+        if (value["parent"], value["child"]) == (parent, child)
+    )
+    return parent, child, pose_of_entry(found)
+
+
+SLANTED = se3.from_rpy(np.zeros(3), np.full(3, 0.1))
+
+
+@pytest.mark.parametrize("off_m", [0.0, 0.02])
+def test_an_edge_and_its_reverse(document, refusal, off_m):
+    parent, child, matrix = edge_of(document, "rgb_2", "001")
+    moved = matrix @ se3.from_rpy(np.array([off_m, 0.0, 0.0]), np.zeros(3))
+    tangle(document, "001", "back", child, parent, np.linalg.inv(moved))
+    message = refusal(document)
+    assert "collection 001" in message and f"'{child}-{parent}'" in message
+    assert ("20.0 mm" if off_m else "is to be calibrated") in message
+
+
+def test_a_frame_with_two_parents(document, refusal):
+    parent, child, matrix = edge_of(document, "rgb_2", "000")
+    tangle(document, "000", "a", parent, "shelf", np.eye(4))
+    tangle(document, "000", "b", "shelf", child, matrix @ SLANTED)
+    message = refusal(document)
+    assert f"'shelf-{child}'" in message and "deg apart" in message
+
+
+def test_two_values_of_one_edge(document, refusal):
+    parent, child, matrix = edge_of(document, "rgb_2", "000")
+    tangle(document, "000", "another name", parent, child, matrix @ SLANTED)
+    assert f"frame '{child}' in '{parent}'" in refusal(document)
+
+
+def test_a_loop_of_fixed_transforms_that_agree_is_taken(document, read):
+    tangle(document, "000", "a", "world", "shelf", np.eye(4))
+    tangle(document, "000", "b", "shelf", "world", np.eye(4))
+    assert read(document).collections

@@ -29,6 +29,7 @@ from atom_core.io.dataset_entries import (
     with_camera,
 )
 from atom_core.io.dataset_structure import check_dataset_structure
+from atom_core.io.dataset_trees import check_trees
 from atom_core.io.earliest_layout import CURRENT_VERSION, completed, is_before_version_2
 from atom_core.io.label_json import is_old_layout, with_label
 from atom_core.io.paths import looked_for
@@ -49,6 +50,7 @@ from atom_core.model.transforms import Edge
 
 Choose = Callable[[Sequence[str]], Sequence[str]]
 _UNKNOWN_VERSION = 4.0  # and all above
+_SAME = 1e-6  # entries of a matrix
 _MIGRATE = "python3 -m atom_core convert --from atom_v2 --to atom_v3 --dataset {} --output DIR"
 
 
@@ -159,6 +161,9 @@ def dataset_from_document(
     keys = sorted_keys(document)
     chosen = keys if choose is None else choose(keys)
     collections = {key: reader.collection(key, sensors, patterns) for key in chosen}
+    estimated = {sensor.edge for sensor in sensors.values()}
+    estimated |= {edge for _, edge in config.estimated_edges}
+    check_trees(collections.values(), estimated, str(source))
     return Dataset(
         source=Path(source),
         config=config,
@@ -295,12 +300,18 @@ class _Reader:
         return joints
 
     def transforms(self, key: str, entry: Mapping[str, Any]) -> Dict[Edge, np.ndarray]:
-        transforms = {}
+        transforms: Dict[Edge, np.ndarray] = {}
         for name, value in (entry.get("transforms") or {}).items():
             try:
-                transforms[Edge(value["parent"], value["child"])] = pose_of_entry(value)
+                edge, matrix = Edge(value["parent"], value["child"]), pose_of_entry(value)
             except (KeyError, ValueError, TypeError) as error:
                 raise self.fail(f"collection {key}, transform '{name}': {error}") from None
+            if edge in transforms and not np.allclose(transforms[edge], matrix, atol=_SAME):
+                raise self.fail(
+                    f"collection {key}: transform '{name}' says of frame '{edge.child}' in "
+                    f"'{edge.parent}' what another one denies; remove one of the two"
+                )
+            transforms[edge] = matrix
         return transforms
 
     def labels(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Dict, Iterable, Mapping, NamedTuple, Tuple
+from typing import Dict, Iterable, Iterator, List, Mapping, NamedTuple, Tuple
 
 import numpy as np
 
@@ -83,6 +83,42 @@ class FrameGraph:
             frame, step = came_by[frame]
             steps.append(step)
         return tuple(reversed(steps))
+
+
+class Loop(NamedTuple):
+    """An edge between two frames that other edges connect already.
+
+    Attributes:
+        edge: the one that closes the loop.
+        others: the chain of other edges from its parent to its child.
+        off_m, off_rad: how far its child lies from where the others put it.
+    """
+
+    edge: Edge
+    others: Chain
+    off_m: float
+    off_rad: float
+
+
+def loops(transforms: Transforms) -> Iterator[Loop]:
+    """Yield the loops of one collection's transforms; a tree, as tf has it, has none."""
+    tree: List[Edge] = []
+    roots: Dict[str, str] = {}
+
+    def root(frame: str) -> str:
+        while roots.get(frame, frame) != frame:
+            frame = roots[frame]
+        return frame
+
+    for edge, matrix in transforms.items():
+        if root(edge.parent) != root(edge.child):
+            roots[root(edge.child)] = root(edge.parent)
+            tree.append(edge)
+            continue
+        others = FrameGraph(tree).chain(edge.parent, edge.child)
+        apart = se3.inverse(chain_transform(others, transforms)) @ matrix
+        angle_rad = float(se3.rotation_angle(apart[:3, :3]))
+        yield Loop(edge, others, float(np.linalg.norm(apart[:3, 3])), angle_rad)
 
 
 def chain_transform(chain: Chain, transforms: Transforms) -> np.ndarray:
