@@ -84,11 +84,32 @@ def test_all_that_can_be_had(made, tmp_path, capsys):
     assert not (output / "opencv.json").exists()  # of an earlier run
 
 
-def test_what_was_named_and_cannot_be_had_is_refused(made, tmp_path, capsys):
+@pytest.mark.parametrize("named", [("hand_eye", "opencv"), ("opencv", "hand_eye", "all")])
+def test_one_method_without_an_answer_costs_the_others_nothing(named, made, tmp_path, capsys):
+    output = tmp_path / "out"
+    run(*line(made, output, "--baseline", *named, "-ssf", "rgb_*"), code=1)
+    said = capsys.readouterr()
+    assert "opencv" in said.out and (output / "opencv.json").is_file()
+    assert said.err.startswith("evaluate: --baseline hand_eye: ") and said.err.count("\n") == 1
+    document = json.loads((output / "evaluation.json").read_text())
+    assert document["baselines"]["opencv"]["links"] and document["pairs"]
+    assert any("--baseline hand_eye" in why for why in document["baselines_left_out"])
+
+
+def test_the_evaluation_stands_where_no_method_has_an_answer(made, tmp_path, capsys):
+    more = ["--baseline", "opencv", "-ssf", "rgb_1", "lidar_*"]
+    run(*line(made, tmp_path / "out", *more), code=1)
+    assert "there are no two sensors" in capsys.readouterr().err
+    assert json.loads((tmp_path / "out" / "evaluation.json").read_text())["pairs"]
+
+
+def test_a_file_that_was_named_and_cannot_be_used_is_refused(made, tmp_path, capsys):
     out = tmp_path / "out"
     assert "give the camchain" in refused(capsys, *line(made, out, "--baseline", "kalibr"))
-    more = ["--baseline", "kalibr", "--camchain", made / "nowhere.yaml"]
-    assert "cannot be read" in refused(capsys, *line(made, out, *more))
-    more = ["--baseline", "opencv", "-ssf", "rgb_1", "lidar_*"]
-    assert "there are no two sensors" in refused(capsys, *line(made, out, *more))
+    for named in ("kalibr", "all"):
+        more = ["--baseline", named, "--camchain", made / "nowhere.yaml"]
+        assert "cannot be read" in refused(capsys, *line(made, out, *more))
+    for named in ("icp", "all"):
+        more = ["--baseline", named, "--initial", made / "nowhere.json"]
+        assert "nowhere.json" in refused(capsys, *line(made, out, *more))
     assert not out.exists()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from atom_core.commands import common
 from atom_core.errors import DatasetError
@@ -21,6 +21,7 @@ from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset
 
 HAND_EYE, ALL = "hand_eye", "all"
+_NO_CHAIN = "--baseline kalibr: give the camchain that Kalibr wrote as --camchain"
 NAMES = (HAND_EYE, OPENCV, ICP, PAIRWISE, KALIBR)
 FILES = tuple(
     f"{name}.json"
@@ -38,11 +39,13 @@ class Baselines(NamedTuple):
         hand_eye: OpenCV's methods for cameras on an arm; None where they were not asked for.
         rigs: methods that take two sensors at a time.
         remarks: why some of all cannot be had.
+        missed: why methods that were named cannot be had.
     """
 
     hand_eye: Optional[HandEyeComparison] = None
     rigs: Tuple[RigComparison, ...] = ()
     remarks: Tuple[str, ...] = ()
+    missed: Tuple[str, ...] = ()
 
     @property
     def datasets(self) -> Dict[str, Dataset]:
@@ -84,27 +87,52 @@ def chosen_baselines(
         measured: the calibration, and what it is measured on.
         sensors: only these; None: all.
 
+    A method that has nothing to solve is left out with a remark, and the others go on.
+
     Raises:
-        DatasetError: a method that was named has nothing to solve; of ``all``, that is a remark.
+        DatasetError: a file that was named for a method cannot be used, or is missing.
     """
     if not args.baseline:
         return Baselines()
     wanted = NAMES if ALL in args.baseline else tuple(args.baseline)
     train = measured.train.selected(sensors, None, list(measured.test.patterns))
+    files = _named_files(args, train, wanted)
     hand_eye: Optional[HandEyeComparison] = None
     rigs: List[LinkedRig] = []
-    remarks: List[str] = []
+    left_out: Dict[str, str] = {}
     for name in (name for name in NAMES if name in wanted):
         try:
             if name == HAND_EYE:
                 hand_eye = _hand_eye(measured, sensors)
             else:
-                rigs += _checked(name, _SOLVED[name](args, train))
+                rigs += _checked(name, _SOLVED[name](files, train))
         except DatasetError as error:
-            if name in args.baseline:
-                raise
-            remarks.append(str(error))
-    return Baselines(hand_eye, tuple(compare_rigs(rigs, measured, sensors)), tuple(remarks))
+            left_out[name] = str(error)
+    remarks = tuple(why for name, why in left_out.items() if name not in args.baseline)
+    missed = tuple(why for name, why in left_out.items() if name in args.baseline)
+    return Baselines(hand_eye, tuple(compare_rigs(rigs, measured, sensors)), remarks, missed)
+
+
+class _Files(NamedTuple):
+    """What was read of the files that were named for methods."""
+
+    initial: Optional[Dataset]
+    chain: Optional[LinkedRig]
+
+
+def _named_files(args: argparse.Namespace, train: Dataset, wanted: Sequence[str]) -> _Files:
+    """Read the files that were named for methods.
+
+    Raises:
+        DatasetError: one cannot be used, or Kalibr was named without its camchain.
+    """
+    if KALIBR in args.baseline and not args.camchain:
+        raise DatasetError(_NO_CHAIN)
+    initial = read_dataset(args.initial) if args.initial and ICP in wanted else None
+    chain = None
+    if args.camchain and KALIBR in wanted:
+        chain = chain_baseline(train, args.camchain, common.strings(args.cameras))
+    return _Files(initial, chain)
 
 
 def _hand_eye(measured: Measured, sensors: Optional[Sequence[str]]) -> HandEyeComparison:
@@ -130,19 +158,15 @@ def _checked(name: str, rigs: List[LinkedRig]) -> List[LinkedRig]:
     raise DatasetError(f"--baseline {name}: no pair could be solved: {why}")
 
 
-def _icp(args: argparse.Namespace, train: Dataset) -> List[LinkedRig]:
-    return icp_baselines(train, read_dataset(args.initial) if args.initial else None)
+def _kalibr(files: _Files, train: Dataset) -> List[LinkedRig]:
+    if files.chain is None:
+        raise DatasetError(_NO_CHAIN)
+    return [files.chain]
 
 
-def _kalibr(args: argparse.Namespace, train: Dataset) -> List[LinkedRig]:
-    if not args.camchain:
-        raise DatasetError("--baseline kalibr: give the camchain that Kalibr wrote as --camchain")
-    return [chain_baseline(train, args.camchain, common.strings(args.cameras))]
-
-
-_SOLVED: Dict[str, Callable[[Any, Dataset], List[LinkedRig]]] = {
-    OPENCV: lambda args, train: [stereo_baseline(train)],
-    ICP: _icp,
-    PAIRWISE: lambda args, train: [pairwise_baseline(train)],
+_SOLVED: Dict[str, Callable[[_Files, Dataset], List[LinkedRig]]] = {
+    OPENCV: lambda files, train: [stereo_baseline(train)],
+    ICP: lambda files, train: icp_baselines(train, files.initial),
+    PAIRWISE: lambda files, train: [pairwise_baseline(train)],
     KALIBR: _kalibr,
 }

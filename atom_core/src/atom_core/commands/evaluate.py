@@ -89,7 +89,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Evaluate, write the results, print the tables; 1 when no pair could be measured.
+    """Evaluate, write the results, print the tables.
+
+    Returns 1 when no pair could be measured, or a baseline that was named has nothing to solve.
 
     Two results to compare: 1 when the rig has moved between them.
     """
@@ -106,7 +108,7 @@ def run(args: argparse.Namespace) -> int:
     measured = Measured(train, test, evaluation, truth, annotations)
     found = chosen_baselines(args, measured, _sensors(args, train, test))
     document = evaluation_document(evaluation, compared, found.hand_eye, found.rigs)
-    document["baselines_left_out"] = list(found.remarks)
+    document["baselines_left_out"] = [*found.remarks, *found.missed]
     document["options"] = common.options_document(args)
     document["inputs"] = inputs(train=args.train, test=args.test, truth=args.truth)
     document["versions"] = versions()
@@ -124,8 +126,10 @@ def run(args: argparse.Namespace) -> int:
     print_verdict(evaluation_verdict(evaluation))
     if not args.no_report:
         report_beside(folder, None, folder)
+    for why in found.missed:
+        print(f"evaluate: {why}; all else is done", file=sys.stderr)
     if evaluation.measured:
-        return 0
+        return 1 if found.missed else 0
     told = evaluation.pairs or evaluation.spread
     why = "the table says why" if told else "no two of these sensors can be compared"
     print(f"evaluate: no pair was measured, {why}", file=sys.stderr)
