@@ -14,7 +14,7 @@ import sys
 from typing import TYPE_CHECKING, Callable, List, Optional, cast
 
 import atom_core
-from atom_core.commands.option_parser import OptionParser, examples
+from atom_core.commands.option_parser import HelpFormatter, OptionParser, examples
 from atom_core.commands.substitutes import SUBSTITUTES, refuse
 from atom_core.errors import AtomError
 
@@ -25,61 +25,84 @@ BAD_INPUT = 2
 INTERRUPTED = 130
 BROKEN_PIPE = 141
 
-# Modules of atom_core.commands; those that are not asked for are not loaded.
-COMMANDS = (
-    "check",
-    "calibrate",
-    "evaluate",
-    "report",
-    "convert",
-    "recover",
-    "demo",
-    "inspect_atom_dataset",
-    "merge_atom_datasets",
-    "split_atom_dataset",
-    "remove_collections_from_atom_dataset",
-    "filter_dataset_based_on_joint_states",
-    "rename_atom_dataset",
-    "rename_sensor",
-    "add_ground_truth_to_dataset",
-    "estimate_pattern_poses",
-    "convert_from_rwhe_dataset",
-    "convert_from_rwhe_synthetic_dataset",
-    "convert_from_tabb_dataset",
-    "convert_to_rwhe_dataset",
-    "convert_to_tabb_dataset",
-    "annotate_pattern_borders_in_rgb_or_depth",
-    "annotate_pattern_borders_in_lidar",
-    "copy_tfs_from_dataset",
-    "update_dataset_from_version_2_to_3",
-    "kalibr_stereo_calib",
-    "dahll2017",
-    "cv_stereo_calib",
-    "icp_calibration",
-    "rgb_to_rgb_evaluation",
-    "lidar_to_rgb_evaluation",
-    "lidar_to_depth_evaluation",
-    "depth_to_rgb_evaluation",
-    "depth_to_depth_evaluation",
-    "lidar_to_lidar_evaluation",
-    "inter_collection_rgb_to_rgb_evaluation",
-    "inter_collection_lidar_to_rgb_evaluation",
-    "inter_collection_lidar_to_depth_evaluation",
-    "inter_collection_depth_to_rgb_evaluation",
-    "inter_collection_depth_to_depth_evaluation",
-    "inter_collection_lidar_to_lidar_evaluation",
-    "single_rgb_evaluation",
-    "ground_truth_frame_evaluation",
-    "ground_truth_transform_evaluation",
-    "cv_eye_in_hand",
-    "cv_eye_to_hand",
-    "cv_eye_to_hand_robot_world",
-    "li_eye_in_hand",
-    "li_eye_to_hand",
-    "shah_eye_in_hand",
-    "batch_execution",
-    "process_results",
-)  # modules of atom_core.commands
+# Modules of atom_core.commands below the headings of --help; those that are not asked for are not
+# loaded.
+COMMAND_GROUPS = {
+    "the main steps": (
+        "check",
+        "calibrate",
+        "evaluate",
+        "report",
+        "demo",
+    ),
+    "datasets": (
+        "convert",
+        "recover",
+        "inspect_atom_dataset",
+        "merge_atom_datasets",
+        "split_atom_dataset",
+        "remove_collections_from_atom_dataset",
+        "filter_dataset_based_on_joint_states",
+        "rename_atom_dataset",
+        "rename_sensor",
+        "add_ground_truth_to_dataset",
+        "copy_tfs_from_dataset",
+        "estimate_pattern_poses",
+        "update_dataset_from_version_2_to_3",
+        "convert_from_rwhe_dataset",
+        "convert_from_rwhe_synthetic_dataset",
+        "convert_from_tabb_dataset",
+        "convert_to_rwhe_dataset",
+        "convert_to_tabb_dataset",
+    ),
+    "one figure of `evaluate`, under ATOM's names": (
+        "rgb_to_rgb_evaluation",
+        "lidar_to_rgb_evaluation",
+        "lidar_to_depth_evaluation",
+        "depth_to_rgb_evaluation",
+        "depth_to_depth_evaluation",
+        "lidar_to_lidar_evaluation",
+        "inter_collection_rgb_to_rgb_evaluation",
+        "inter_collection_lidar_to_rgb_evaluation",
+        "inter_collection_lidar_to_depth_evaluation",
+        "inter_collection_depth_to_rgb_evaluation",
+        "inter_collection_depth_to_depth_evaluation",
+        "inter_collection_lidar_to_lidar_evaluation",
+        "single_rgb_evaluation",
+        "ground_truth_frame_evaluation",
+        "ground_truth_transform_evaluation",
+        "annotate_pattern_borders_in_rgb_or_depth",
+        "annotate_pattern_borders_in_lidar",
+    ),
+    "other methods, to compare with": (
+        "kalibr_stereo_calib",
+        "dahll2017",
+        "cv_stereo_calib",
+        "icp_calibration",
+        "cv_eye_in_hand",
+        "cv_eye_to_hand",
+        "cv_eye_to_hand_robot_world",
+        "li_eye_in_hand",
+        "li_eye_to_hand",
+        "shah_eye_in_hand",
+    ),
+    "many runs": (
+        "batch_execution",
+        "process_results",
+    ),
+}
+COMMANDS = tuple(name for names in COMMAND_GROUPS.values() for name in names)
+
+
+class _GroupedCommands(HelpFormatter):
+    """Help with a heading above each group of commands."""
+
+    def _format_action(self, action: argparse.Action) -> str:
+        """Return an entry, below its group's heading where it is the first of one."""
+        text = super()._format_action(action)
+        firsts = {names[0]: heading for heading, names in COMMAND_GROUPS.items()}
+        heading = firsts.get(str(action.dest)) if not action.option_strings else None
+        return f"\n  {heading}:\n{text}" if heading else text
 
 
 def build_parser(only: Optional[str] = None) -> argparse.ArgumentParser:
@@ -91,6 +114,8 @@ def build_parser(only: Optional[str] = None) -> argparse.ArgumentParser:
     parser = OptionParser(
         prog="python3 -m atom_core",
         description="Calibrate the sensors of a robotic cell in one optimisation.",
+        epilog="python3 -m atom_core COMMAND --help tells more of each.",
+        formatter_class=_GroupedCommands,
     )
     parser.add_argument("--version", action="version", version=atom_core.__version__)
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)

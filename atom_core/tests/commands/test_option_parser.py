@@ -111,6 +111,18 @@ def test_help_names_each_option_once_with_its_default_and_two_examples(command, 
         assert "(default: 0.005)" not in text  # per cent, as it is typed
 
 
+def test_help_lists_the_commands_below_headings_the_main_steps_first(capsys):
+    with pytest.raises(SystemExit):
+        cli.build_parser().parse_args(["--help"])
+    text = capsys.readouterr().out
+    places = []
+    for heading, names in cli.COMMAND_GROUPS.items():
+        places += [text.index(f"\n  {heading}:\n    {names[0]}")]
+        places += [re.search(rf"^    {name}\b", text, re.M).start() for name in names]
+    assert len(places) == len(cli.COMMANDS) + len(cli.COMMAND_GROUPS) and places == sorted(places)
+    assert list(cli.COMMAND_GROUPS)[0] == "the main steps"
+
+
 def test_the_folder_of_the_package_says_that_the_environment_is_not_loaded():
     root = Path(__file__).parents[3]
     command = [sys.executable, "-I", str(root / "atom_core"), "check"]
