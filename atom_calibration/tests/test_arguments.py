@@ -26,6 +26,14 @@ def test_with_roslaunch_relative_paths_are_where_the_user_stands(folders, monkey
     assert os.path.samefile(os.getcwd(), folders[1])
 
 
+def test_with_roslaunch_the_home_folder_is_that_which_the_shell_leaves(folders, monkeypatch):
+    monkeypatch.setenv("HOME", "/home/me")
+    words = ["node", "--dataset", "~/a.json", "--output=~/b", "~c", "a~/b", "__log:=/tmp/node.log"]
+    monkeypatch.setattr(sys, "argv", words)
+    expected = ["--dataset", "/home/me/a.json", "--output=/home/me/b", "~c", "a~/b"]
+    assert running.arguments() == expected
+
+
 def test_without_it_nobody_moves(folders, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["node", "--dataset", "data/dataset.json"])
     assert running.arguments() == ["--dataset", "data/dataset.json"]

@@ -332,6 +332,8 @@ def test_a_joint_that_the_bag_does_not_move_is_told(package, capsys, make, tmp_p
     assert "joints.shoulder is not in /joint_states of the bag" in capsys.readouterr().err
     edit_config(package, "joints:\n  shoulder:\n    params_to_calibrate: [origin_yaw]", "joints:")
     assert configure(package, "--bag", str(bag)) == 0
+    coming = capsys.readouterr().out.split("next: ")[1]
+    assert coming.count(f".launch bag_file:={bag}") + coming.count(f"data bag_file:={bag}") == 2
     assert "--moving_joints" in (package / "launch" / "playbag.launch").read_text("utf-8")
 
 

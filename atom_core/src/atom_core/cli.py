@@ -21,6 +21,15 @@ from atom_core.errors import AtomError
 if TYPE_CHECKING:
     from atom_core.commands.common import Command
 
+# How launch files call options whose names stand in sentences.
+_OF_LAUNCHES = {
+    "--overwrite": "overwrite:=true",
+    **{f"--{name}": f"{name}:=..." for name in ("dataset", "output", "truth", "seeds")},
+    "--description": "description:=...",
+    "--parent_link_list": "parents:=...",
+    "--child_link_list": "children:=...",
+    "--patterns": "patterns:=...",
+}
 BAD_INPUT = 2
 INTERRUPTED = 130
 BROKEN_PIPE = 141
@@ -149,8 +158,9 @@ def as_typed(text: str) -> str:
     """Return a sentence with its options as the user types them, who may have typed roslaunch."""
     if not any(word.startswith("__log:=") for word in sys.argv):
         return text
-    text = text.replace("--overwrite", "overwrite:=true")
-    return re.sub(r"--(dataset|output|truth|seeds|description)\b", r"\1:=...", text)
+    for option, argument in _OF_LAUNCHES.items():
+        text = re.sub(rf"{option}\b", argument, text)
+    return text
 
 
 def guarded(command: str, run: Callable[[], int]) -> int:

@@ -94,7 +94,8 @@ def test_an_argument_that_a_launch_file_was_not_given_is_refused(words, capsys):
     with pytest.raises(SystemExit) as refused:
         main(["calibrate", *words])
     assert refused.value.code == 2
-    assert "is empty; name it behind the option, or to roslaunch as" in capsys.readouterr().err
+    name = "dataset" if "" in words else "output"
+    assert f"is empty; give a path, to roslaunch as {name}:=PATH" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", ["check", "calibrate", "evaluate"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shlex
 import shutil
 import sys
 from dataclasses import dataclass
@@ -88,7 +89,7 @@ def configure(args: argparse.Namespace) -> int:
             "xacro is not on the PATH, which the launch files start: run `source env.bash` in this "
             "shell (`make setup` installs it, and so does apt install ros-noetic-xacro)"
         )
-    _report(package, rig, outcome, remarks)
+    _report(package, outcome, remarks, _argument(args.bag, config.bag_file))
     return _NOT_ACCEPTABLE if outcome.kept else 0
 
 
@@ -220,8 +221,9 @@ def _write_estimate(
 
 
 def _report(
-    package: CalibrationPackage, rig: CheckedRig, outcome: Outcome, remarks: Sequence[str]
+    package: CalibrationPackage, outcome: Outcome, remarks: Sequence[str], bag: str
 ) -> None:
+    """Say what was written, and what comes next with the words that name the bag."""
     lines = [f"{package.folder}:"]
     lines += [f"  {name}: written" for name in outcome.written]
     lines += [f"  {name}: replaced, with your edits" for name in outcome.replaced]
@@ -232,10 +234,17 @@ def _report(
     for name in outcome.kept:
         _tell(f"{name}: has edits of yours and is kept; --overwrite replaces it")
     sys.stdout.write(
-        f"next: roslaunch {package.name} set_initial_estimate.launch, or, where the description is "
-        f"right to some centimetres,\n"
-        f"      roslaunch {package.name} collect_data.launch output_folder:=$PWD/data\n"
+        f"next: roslaunch {package.name} set_initial_estimate.launch{bag}, or, where the "
+        f"description is right to some centimetres,\n"
+        f"      roslaunch {package.name} collect_data.launch output_folder:=$PWD/data{bag}\n"
     )
+
+
+def _argument(bag: Optional[Path], of_config: Optional[str]) -> str:
+    """Return what has to be typed behind a launch file so that it plays the bag of --bag."""
+    if bag is None or (of_config and str(bag) == of_config):
+        return ""
+    return f" bag_file:={shlex.quote(str(bag.absolute()))}"
 
 
 def _tell(text: str) -> None:

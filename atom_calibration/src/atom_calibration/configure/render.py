@@ -187,7 +187,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _bag_text(bag_file: Optional[str], package: CalibrationPackage) -> str:
-    return launch_text(bag_file, package) if bag_file else "/bag_file-is-not-given"
+    return launch_text(bag_file, package) if bag_file else ""
 
 
 def _unique(words: Sequence[str]) -> List[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import signal
 import sys
 import threading
@@ -20,6 +21,7 @@ Work = Callable[[argparse.Namespace], int]
 UNACCEPTABLE, BAD_INPUT = 1, 2
 ENDS_LAUNCH = "ATOM_ENDS_LAUNCH"  # set by launch files for the node whose work is all of theirs
 _LAUNCH_ENDS_S = 10.0
+_HOME = re.compile(r"^(--\w+=|)~/")
 _stop = threading.Event()
 _watches: List[MasterWatch] = []
 
@@ -107,12 +109,16 @@ def arguments() -> List[str]:
     """Return the words of the command line, without those that roslaunch adds.
 
     roslaunch starts nodes in ROS's own folder. Relative paths are those of where the user stands,
-    as with any other command: the process goes there.
+    as with any other command: the process goes there. `~/` is the home folder, which the shell
+    leaves as it is behind `:=`.
     """
+    words = [str(word) for word in rospy.myargv(sys.argv)[1:]]
+    if not any(word.startswith("__log:=") for word in sys.argv):
+        return words
     stands = os.environ.get("PWD", "")
-    if any(word.startswith("__log:=") for word in sys.argv) and os.path.isdir(stands):
+    if os.path.isdir(stands):
         os.chdir(stands)
-    return [str(word) for word in rospy.myargv(sys.argv)[1:]]
+    return [_HOME.sub(lambda found: found.group(1) + os.path.expanduser("~/"), w) for w in words]
 
 
 def run(name: str, parser: argparse.ArgumentParser, work: Work) -> int:
@@ -145,6 +151,11 @@ def end_launch(code: int) -> None:
     """
     if code or not os.environ.get(ENDS_LAUNCH) or stopped():
         return
+    give_up_launch()
+
+
+def give_up_launch() -> None:
+    """End the launch that has started this node, if one has, as Ctrl-C does."""
     parent = os.getppid()
     if _is_roslaunch(parent):
         os.kill(parent, signal.SIGINT)

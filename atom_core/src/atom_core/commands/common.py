@@ -63,9 +63,7 @@ def named_path(text: str) -> Path:
         argparse.ArgumentTypeError: the text is empty.
     """
     if not text.strip():
-        raise argparse.ArgumentTypeError(
-            "is empty; name it behind the option, or to roslaunch as dataset:=FILE, output:=DIR"
-        )
+        raise argparse.ArgumentTypeError("is empty; give a path")
     return Path(text)
 
 

@@ -15,6 +15,7 @@ from typing import Any, Dict, List, NoReturn, Optional, Sequence, Tuple
 from atom_core.commands.atom_options import NOTES
 
 _NUMBER = re.compile(r"-(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
+_EMPTY = re.compile(r"^(argument --(\w+)\S*: is empty; give a path)$")
 _EXIT_CODE = 2
 _SIMILAR = 0.6
 _NAMED = 3  # similar options that a refusal names
@@ -89,7 +90,8 @@ class OptionParser(argparse.ArgumentParser):
         return parsed, rest
 
     def error(self, message: str) -> NoReturn:
-        """Refuse in one line."""
+        """Refuse in one line; to roslaunch what is empty is an argument that was not given."""
+        message = _EMPTY.sub(r"\1, to roslaunch as \2:=PATH", message)
         self.exit(_EXIT_CODE, f"{self._command}: {message} ({self.prog} --help tells more)\n")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:

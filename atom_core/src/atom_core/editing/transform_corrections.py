@@ -58,7 +58,10 @@ class TransformCorrections(DatasetHistory):
         for edge in edges:
             _check_present(dataset, edge)
         if not self.edges:
-            raise SelectionError("nothing to correct; name edges or patterns")
+            raise SelectionError(
+                "nothing to correct; name edges with --parent_link_list and --child_link_list, or "
+                "boards with --patterns"
+            )
         self._fixed = {edge for edge in self.edges if _is_fixed(self.dataset, edge)}
         self._dragged: Optional[Edge] = None
 
