@@ -133,6 +133,8 @@ class Reader:
         code, printed = 0, "(as simulated before)"
         if not kept.is_dir():
             code, printed = self._run(words)
+            if code != 0:
+                return code, printed
             kept.mkdir(parents=True)
             for path in bag.parent.glob(f"{bag.stem}.*"):
                 os.link(path, kept / path.name)
