@@ -19,7 +19,7 @@ PYTHON_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicat
 CPP_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicate \
 	-- '*.h' '*.cpp' | xargs -r ls -d 2>/dev/null)
 
-.PHONY: help setup build demo test test-noetic-versions test-opencv-versions test-debian11 test-regression test-rviz test-quick test-long coverage lint format bench bench-labels bench-hand-eye results deb clean pictures pictures-cell
+.PHONY: help setup build demo test test-noetic-versions test-opencv-versions test-debian11 test-regression test-rviz test-quick test-long test-sanitizers coverage lint format bench bench-labels bench-hand-eye results deb clean pictures pictures-cell
 
 help: ## this list
 	@sed -n 's/^\([a-z0-9-]*\):.*## \(.*\)/\1	\2/p' Makefile | expand -t 14
@@ -34,8 +34,11 @@ CONFIGURE = cmake -S . -B build -G Ninja -DCMAKE_BUILD_TYPE=$(BUILD_TYPE) -DCMAK
 	-DCATKIN_DEVEL_PREFIX="$$PWD/devel" -DCMAKE_INSTALL_PREFIX="$$PWD/install"
 COMPILE = flock CMakeLists.txt cmake --build build -j $(JOBS)
 
-build: setup ## compile into build/ and devel/
+.PHONY: configure
+configure: setup
 	@[ build/build.ninja -nt Makefile ] || flock CMakeLists.txt $(CONFIGURE)
+
+build: configure ## compile into build/ and devel/
 	@$(COMPILE)
 
 # In a build space of its own: the programs run Debian's Python and stand below /opt/atom. What was
@@ -71,6 +74,9 @@ test-rviz: build ## RViz by mouse and keys on a screen of its own (Xvfb); REPEAT
 
 test-quick: build ## unit tests, at most two minutes
 	@$(ENV) $(PYTEST) -m "not slow and not long"
+
+test-sanitizers: setup ## C++ with the address, undefined and thread sanitizers, in sanitizer_output/; half an hour
+	@$(ENV) bash tests/sanitizers.bash $(JOBS)
 
 coverage: build ## statements that the tests execute, Python and C++, in coverage_output/; three quarters of an hour
 	@$(ENV) bash tests/coverage.bash $(JOBS) $(PYTEST)
