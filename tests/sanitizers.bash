@@ -25,7 +25,7 @@ declare -A flags=(
 declare -A libraries=([address]=libasan.so [thread]=libtsan.so)
 # Python and its libraries keep what they allocate until they end: leaks are told of C++ alone.
 declare -A of_python=(
-  [address]="ASAN_OPTIONS=detect_leaks=0"
+  [address]="ASAN_OPTIONS=detect_leaks=0:allocator_may_return_null=1"
   [thread]="TSAN_OPTIONS=halt_on_error=1"
 )
 declare -A calling=(
@@ -55,15 +55,18 @@ for kind in "${kinds[@]}"; do
   fi
   echo "---- $kind: C++"
   for program in "${programs[@]}"; do
-    "$(find "$output/$kind/devel" "$output/$kind/build" -name "$program" -type f -executable -print -quit)" \
-      --gtest_brief=1 || failed+=("$kind: $program")
+    ( # whose environment names the library that was built there
+      cd "$output/$kind" && source ./env.bash &&
+        LSAN_OPTIONS=suppressions=tests/leaks_of_others.txt:print_suppressions=0 \
+          "$(find devel build -name "$program" -type f -executable -print -quit)" --gtest_brief=1
+    ) || failed+=("$kind: $program")
   done
   echo "---- $kind: what Python calls"
   (
     cd "$output/$kind" && source ./env.bash &&
       read -ra files <<<"$(tr '\n' ' ' <<<"${calling[$kind]}")" &&
       env "${of_python[$kind]}" OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 \
-        LD_PRELOAD="$(gcc -print-file-name="${libraries[$kind]}"):$(gcc -print-file-name=libstdc++.so)" \
+        FUZZED_LONGEST_S=400 LD_PRELOAD="$(gcc -print-file-name="${libraries[$kind]}"):$(gcc -print-file-name=libstdc++.so)" \
         python3 -m pytest -q -p no:cacheprovider "${files[@]}"
   ) || failed+=("$kind: pytest")
 done

@@ -33,6 +33,9 @@ constexpr double kRingDensity = 0.2;               // of the points, against tho
 constexpr double kRightBehind = 0.05;              // [m] behind such a margin
 constexpr double kLeastMargin = 0.008;             // [m] about a plane that is known
 constexpr double kSamePiece = 0.95;  // of the points of two pieces: what is said of one holds
+// Cells from the sensor to the farthest, of which a key has room for; what is beyond counts as
+// there.
+constexpr std::int64_t kFarthest = 1 << 20;
 
 constexpr int kOtherSize = 1;  // progress of pieces that are too large or too small
 
@@ -171,16 +174,24 @@ class CellIndex {
   // The points nearer to a place than a radius, ascending.
   Positions Around(const Eigen::Vector3d& place, double radius) const {
     Positions found;
+    const auto add_near = [&](int begin, int end) {
+      for (int i = begin; i < end; ++i) {
+        const Eigen::Vector3d away = scan_.points[i].position - place;
+        if (away.squaredNorm() < radius * radius) found.push_back(i);
+      }
+    };
     const Eigen::Vector3i low = Cube(place.array() - radius), high = Cube(place.array() + radius);
+    const Eigen::Vector3d count = (high - low).cast<double>().array() + 1.0;
+    if (count.x() * count.y() > static_cast<double>(keys_.size())) {  // more columns than cells
+      add_near(0, begins_.back());
+      return found;
+    }
     auto column = keys_.begin();
     for (int x = low.x(); x <= high.x(); ++x) {
       for (int y = low.y(); y <= high.y(); ++y) {
         column = std::lower_bound(column, keys_.end(), Key({x, y, low.z()}));
         const auto end = std::upper_bound(column, keys_.end(), Key({x, y, high.z()}));
-        for (int i = begins_[column - keys_.begin()]; i < begins_[end - keys_.begin()]; ++i) {
-          const Eigen::Vector3d away = scan_.points[i].position - place;
-          if (away.squaredNorm() < radius * radius) found.push_back(i);
-        }
+        add_near(begins_[column - keys_.begin()], begins_[end - keys_.begin()]);
       }
     }
     return found;
@@ -188,10 +199,10 @@ class CellIndex {
 
  private:
   Eigen::Vector3i Cube(const Eigen::Vector3d& point) const {
-    return (point / side_).array().floor().cast<int>();
+    return (point / side_).array().floor().max(-1.0 * kFarthest).min(kFarthest - 1.0).cast<int>();
   }
   static std::int64_t Key(const Eigen::Vector3i& cube) {
-    const auto part = [](int value) { return static_cast<std::int64_t>(value + (1 << 20)); };
+    const auto part = [](int value) { return static_cast<std::int64_t>(value) + kFarthest; };
     return (part(cube.x()) << 42) + (part(cube.y()) << 21) + part(cube.z());
   }
 

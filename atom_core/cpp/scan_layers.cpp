@@ -368,7 +368,9 @@ Scan FindLayers(const Eigen::Ref<const PointRows>& cloud, const CloudLayout& lay
   if (!layout.ring.empty() && layout.ring.size() != size) {
     throw std::invalid_argument("ring must have one entry for each point");
   }
-  if (layout.height > 1 && layout.width * layout.height != cloud.rows()) {
+  const std::int64_t rows =
+      std::max<std::int64_t>(layout.height, 1);  // times width: may be too large
+  if (rows > 1 && (cloud.rows() % rows != 0 || cloud.rows() / rows != layout.width)) {
     throw std::invalid_argument("width * height must be the number of points");
   }
   Scan scan;
