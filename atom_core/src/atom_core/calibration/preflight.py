@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
@@ -12,7 +12,9 @@ from atom_core.calibration.judge.statistics import Table, residual_table
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.connectivity import check_connected, floats_freely
 from atom_core.calibration.prepare.joints import check_joints
+from atom_core.calibration.prepare.motions import open_motion
 from atom_core.calibration.prepare.preparation import absent_data, check_not_alone, free_edges
+from atom_core.calibration.prepare.priors import priors
 from atom_core.calibration.start.boards import carried_boards
 from atom_core.errors import AtomError
 from atom_core.model.dataset import Dataset, is_complete
@@ -38,6 +40,7 @@ class Preflight:
         warnings: what should be looked at.
         residuals: at the poses that the dataset carries; None when it carries none.
         sides: of the boards, as range sensors see them.
+        open_motion: what the motions leave open, one of the warnings; else empty.
     """
 
     detections: Mapping[DetectionKey, str]
@@ -48,6 +51,7 @@ class Preflight:
     warnings: Tuple[str, ...]
     residuals: Optional[Table]
     sides: Tuple[MeasuredSide, ...] = ()
+    open_motion: str = ""
 
 
 def preflight(dataset: Dataset) -> Preflight:
@@ -61,7 +65,7 @@ def preflight(dataset: Dataset) -> Preflight:
         )
     present = _with_data(dataset)
     measurements, remarks = read_measurements(present)
-    free = _free_edges(dataset, problems)
+    free = _free_edges(dataset, problems, warnings)
     for check in (
         lambda: check_edges(dataset, free),
         lambda: check_joints(dataset, free),
@@ -74,6 +78,8 @@ def preflight(dataset: Dataset) -> Preflight:
         warnings.append(
             "nothing ties the rig to world: the first sensor will be held (anchored_sensor, -as)"
         )
+    left_open = "" if problems else open_motion(present, measurements, free)
+    warnings += [left_open] if left_open else []
     widths = {sensor.name: sensor.beam_width_rad for sensor in dataset.sensors.values()}
     by_labeler, remarks = look_at_boards(present)
     known = {(side.sensor, side.pattern) for side in by_labeler}
@@ -89,6 +95,7 @@ def preflight(dataset: Dataset) -> Preflight:
         warnings=tuple(warnings),
         residuals=residual_table(held, np.zeros(0)) if held else None,
         sides=(*by_labeler, *sides),
+        open_motion=left_open,
     )
 
 
@@ -115,12 +122,17 @@ def _collect(check: Callable[[], None], problems: List[str]) -> None:
         problems.append(str(error))
 
 
-def _free_edges(dataset: Dataset, problems: List[str]) -> FreeEdges:
+def _free_edges(dataset: Dataset, problems: List[str], warnings: List[str]) -> FreeEdges:
+    """Return what will be estimated, and what is known of it beforehand."""
+    options, free = CalibrationOptions(), FreeEdges()
     try:
-        return free_edges(dataset, CalibrationOptions())
+        free = free_edges(dataset, options)
+        known, remarks = priors(dataset, options, free)
     except AtomError as error:
         problems.append(str(error))
-        return FreeEdges()
+        return free
+    warnings += remarks
+    return replace(free, priors=known)
 
 
 def _with_data(dataset: Dataset) -> Dataset:

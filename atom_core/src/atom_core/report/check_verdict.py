@@ -54,6 +54,8 @@ def check_verdict(
         what = f"the rig is not as described: {names_in_words(list(moved))} stand elsewhere"
         return Verdict(WRONG, what, sensors)
     grade = worst(sensor.grade for sensor in sensors.values())
+    if result.open_motion and grade != WRONG:
+        return Verdict(WEAK, f"it will not be determined: {result.open_motion}", sensors)
     if grade == GOOD:
         collections = counted(len(dataset.collections), "collection")
         what = f"ready to calibrate: {counted(len(sensors), 'sensor')} in {collections}"

@@ -73,16 +73,19 @@ def floats_freely(dataset: Dataset, measurements: Sequence[Measurement], free: F
     robot or the boards' parents ties the solution to world: then every sensor and every board may
     move along.
     """
-    if free.anchored_sensors or free.anchor_patterns:
-        return False
-    if any(edge in free.priors for edge in _tying_edges(dataset)):
-        return False
-    return nothing_moves(
+    return not is_held(dataset, free) and nothing_moves(
         dataset,
         {m.key.sensor for m in measurements},
         {m.key.pattern for m in measurements},
         sorted({m.key.collection for m in measurements}),
     )
+
+
+def is_held(dataset: Dataset, free: FreeEdges) -> bool:
+    """Tell whether a sensor or the boards are held, or a prior says where one of them is."""
+    if free.anchored_sensors or free.anchor_patterns:
+        return True
+    return any(edge in free.priors for edge in _tying_edges(dataset))
 
 
 def only_by_priors(
