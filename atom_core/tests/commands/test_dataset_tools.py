@@ -160,6 +160,20 @@ def test_rigs_that_differ_are_not_merged(path, tmp_path, capsys, change, words):
     assert not (tmp_path / "new").exists()
 
 
+def test_collections_that_are_in_both_are_told(path, tmp_path, capsys):
+    run("split_atom_dataset", "-json", path, "-tp", "50")
+    train, test = (path.with_name(f"dataset_{part}.json") for part in ("train", "test"))
+    capsys.readouterr()
+    line = ["merge_atom_datasets", "-ds1", train, "-dof"]
+    run(*line, tmp_path / "apart", "-ds2", test)
+    assert "warning" not in capsys.readouterr().out
+    run(*line, tmp_path / "twice", "-ds2", path)
+    told = capsys.readouterr().out
+    known, both = (list(document_of(file)["collections"]) for file in (train, path))
+    assert f"{len(known)} of {len(both)} collections" in told and "counts twice" in told
+    assert ", ".join(known[:5]) in told
+
+
 def test_collections_are_kept_as_selected(path, tmp_path, capsys):
     tool = ["remove_collections_from_atom_dataset", "-json", path]
     run(*tool, "-csf", "lambda x: int(x) in [1, 4]")

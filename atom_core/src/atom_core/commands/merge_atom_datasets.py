@@ -8,6 +8,7 @@ from pathlib import Path
 from atom_core.commands import common
 from atom_core.commands.dataset_output import add_overwrite_option, described
 from atom_core.errors import OutputError
+from atom_core.evaluation.same_data import shared_collections
 from atom_core.io.atomic import prepare_output_folder
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.dataset_tools import merged
@@ -43,7 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Check, copy, write; a dataset that was there is replaced as a whole."""
     common.refuse_occupied(args.output, args.overwrite)
-    document, files = merged(read_dataset(args.dataset1), read_dataset(args.dataset2))
+    first, second = read_dataset(args.dataset1), read_dataset(args.dataset2)
+    document, files = merged(first, second)
     for source in (args.dataset1, args.dataset2):
         if source.resolve().parent == args.output.resolve():
             raise OutputError(
@@ -52,4 +54,12 @@ def run(args: argparse.Namespace) -> int:
     folder = prepare_output_folder(args.output, args.overwrite)
     copies = {file.name: file.source for file in files}
     print(described(write_with_copies(folder, document, copies), document))
+    twice = shared_collections(first, second)
+    if twice:
+        print(
+            f"warning: {len(twice)} of {len(second.collections)} collections of {args.dataset2} "
+            f"have the labels of one of {args.dataset1} ({', '.join(twice[:5])}"
+            f"{' ...' if len(twice) > 5 else ''}): what counts twice looks surer than it is; merge "
+            f"other recordings, or remove them (remove_collections_from_atom_dataset)"
+        )
     return 0
