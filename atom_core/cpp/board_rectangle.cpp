@@ -8,14 +8,15 @@
 namespace atom_core {
 namespace {
 
-constexpr int kAngles = 45;            // tried over half a turn
-constexpr std::size_t kStarts = 4;     // refined
-constexpr double kStartsApart = 0.2;   // [rad]
-constexpr double kCapShare = 0.15;     // of the shorter half side: a larger misfit is gross
-constexpr double kOpenStep = 0.002;    // [m] in which a rectangle is moved, as long as its cost is
-constexpr double kOpenMisfit = 0.004;  // [m] squared more, or
-constexpr double kOpenMeans = 2.0;     // mean squares: nothing tells it from the best
-constexpr double kCornerShare = 0.08;  // limits as near to a corner say little about a side
+constexpr int kAngles = 45;           // tried over half a turn
+constexpr std::size_t kStarts = 4;    // refined
+constexpr double kStartsApart = 0.2;  // [rad]
+constexpr double kCapShare = 0.15;    // of the shorter half side: a larger misfit is gross
+constexpr double kOpenStep = 0.002;   // [m] in which a rectangle is moved, as long as its cost is
+constexpr double kMostOpenSteps = 1000.0;  // to the middle of the board
+constexpr double kOpenMisfit = 0.004;      // [m] squared more, or
+constexpr double kOpenMeans = 2.0;         // mean squares: nothing tells it from the best
+constexpr double kCornerShare = 0.08;      // limits as near to a corner say little about a side
 
 Eigen::Vector2d Turned(const Eigen::Vector2d& point, double angle) {
   const double c = std::cos(angle), s = std::sin(angle);
@@ -121,10 +122,11 @@ double OpenTo(const Outline& outline, const Eigen::Vector2d& half, const Rectang
               const Eigen::Vector2d& direction) {
   const double mean = pose.cost / std::max<std::size_t>(outline.limits.size(), 1);
   const double most = pose.cost + std::max(kOpenMisfit * kOpenMisfit, kOpenMeans * mean);
+  const double step = std::max(kOpenStep, half.minCoeff() / kMostOpenSteps);
   double moved = 0.0;
-  for (; moved < half.minCoeff(); moved += kOpenStep) {
+  for (; moved < half.minCoeff(); moved += step) {
     RectanglePose tried = pose;
-    tried.centre += (moved + kOpenStep) * direction;
+    tried.centre += (moved + step) * direction;
     if (Cost(outline, half, tried, most) >= most) break;
   }
   return moved;
