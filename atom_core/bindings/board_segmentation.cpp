@@ -71,9 +71,7 @@ py::dict ToDict(const BoardSegment& segment) {
 BoardOptions AsOptions(double width, double height, int least_layers, double beam_width,
                        double dark) {
   const Eigen::Vector2d size(width, height);
-  if (!size.allFinite() || size.minCoeff() <= 0.0) {
-    throw std::invalid_argument("the board's size must be positive");
-  }
+  CheckBoardSize(size);
   if (!(beam_width >= 0.0 && beam_width < M_PI)) {
     throw std::invalid_argument("a beam must be narrower than half a turn");
   }

@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kProposal = 2.0;     // standard deviations of the inliers of a proposed plane
 constexpr double kUnmeasured = 0.25;  // of the score, for a side
+constexpr double kLeastSide = 1e-3, kMostSide = 1e3, kMostRatio = 1e3;  // [m] of a board
 
 // The score, worse where a side of the board is not measured: a plane that is a little off has
 // fewer ends of layers on the border, and those fit well.
@@ -27,9 +28,7 @@ bool IsBetter(const BoardSegment& a, const BoardSegment& b) {
 }
 
 void Check(const Eigen::Vector3d& seed, const BoardOptions& options) {
-  if (!options.size.allFinite() || options.size.minCoeff() <= 0.0) {
-    throw std::invalid_argument("the board's size must be positive");
-  }
+  CheckBoardSize(options.size);
   if (!seed.allFinite()) throw std::invalid_argument("the seed must be finite");
 }
 
@@ -87,6 +86,14 @@ BoardSegment BestOfPlanes(const BoardSearch& search, const Eigen::Vector3d& seed
 }
 
 }  // namespace
+
+void CheckBoardSize(const Eigen::Vector2d& size) {
+  const double least = size.minCoeff(), most = size.maxCoeff();
+  if (size.allFinite() && least >= kLeastSide && most <= std::min(kMostSide, kMostRatio * least)) {
+    return;
+  }
+  throw std::invalid_argument("the board's sides must be from 1 mm to 1 km long, no strip");
+}
 
 double SeedRadius(const BoardOptions& options) { return options.seed_radius * options.size.norm(); }
 

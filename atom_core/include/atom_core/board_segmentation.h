@@ -49,6 +49,13 @@ struct BoardOptions {
   double LongestDark() const { return 1.6 * dark; }
 };
 
+/// Refuses what is no board: sides shorter than 1 mm, longer than 1 km, or a strip 1000 times as
+/// long as wide.
+///
+/// \param size width and height [m].
+/// \throws std::invalid_argument saying so.
+void CheckBoardSize(const Eigen::Vector2d& size);
+
 /// What was found on a plane, or why it is not the board.
 struct BoardSegment {
   bool detected = false;

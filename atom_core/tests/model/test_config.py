@@ -220,6 +220,8 @@ BOARD = ("calibration_patterns", "board")
         ((*BOARD, "border_size", "x"), -0.01, "of at least 0"),
         ((*BOARD, "border_size"), "wide", "is 'wide'; write a number"),
         ((*BOARD, "size"), 0, "above 0"),
+        ((*BOARD, "size"), 1e-300, "is 1e-300, the board"),
+        ((*BOARD, "size"), 1e6, "write metres"),
         ((*BOARD, "size"), float("nan"), "is nan"),
         ((*BOARD, "size"), float("inf"), "is inf"),
         ((*BOARD, "size"), True, "is true; write a number"),

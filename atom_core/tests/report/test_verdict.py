@@ -167,6 +167,18 @@ def pushed(dataset, name):
     return dataset.with_transforms({key: {edge: pose} for key in dataset.collections})
 
 
+def test_a_sensor_among_others_that_are_wrong_is_not_good():
+    scene = scenes.random_scene(3, rgb=2, depth=1, lidar3d=1, collections=8)
+    train, moves = scene.dataset, np.random.default_rng(3)
+    for sensor in train.sensors.values():
+        pose = train.first_value(sensor.edge) @ se3.random_move(0.05, 0.05, moves)
+        train = train.with_transforms({key: {sensor.edge: pose} for key in train.collections})
+    verdict = evaluation_verdict(evaluate(train, scene.dataset))
+    grades = {name: sensor.grade for name, sensor in verdict.sensors.items()}
+    assert grades == {"rgb_1": WRONG, "rgb_2": WRONG, "depth_1": WRONG, "lidar_1": WEAK}
+    assert "no sensor that is right here" in verdict.sensors["lidar_1"].sentence
+
+
 def test_where_nothing_depends_on_the_calibration_nothing_is_good():
     alone = scenes.random_scene(0, rgb=1, depth=0, lidar3d=0, collections=4).dataset
     verdict = evaluation_verdict(evaluate(alone, alone))

@@ -32,6 +32,7 @@ from atom_core.model.pattern import CHARUCO, CHESSBOARD
 from atom_core.model.sensor import WIDEST_BEAM_RAD
 from atom_core.model.transforms import Edge
 
+LEAST_SIDE_M, MOST_SIDE_M, MOST_RATIO = 1e-3, 1e3, 1e3  # of a board; CheckBoardSize, too
 PATTERN_TYPES = (CHESSBOARD, CHARUCO)
 AUTO = "auto"
 DICTIONARIES = tuple(
@@ -351,6 +352,14 @@ class PatternConfig:
         check_each(self.border_size, "border_size", "xy")
         if self.border is not None:
             check_each(self.border, "border", SIDES)
+        left, right, top, bottom = self.border_sides
+        columns, rows = self.dimension
+        width = (columns + 1) * self.size + left + right
+        height = (rows + 1) * self.size + top + bottom
+        least, most = (min(columns, rows) + 1) * self.size, max(width, height)
+        if not (least >= LEAST_SIDE_M and most <= min(MOST_SIDE_M, MOST_RATIO * least)):
+            problem = f"is {self.size:g}, the board {width:.3g} x {height:.3g} m; write metres"
+            raise ConfigValueError(problem, "size")
 
     def _check_markers(self) -> None:
         if self.inner_size is None:

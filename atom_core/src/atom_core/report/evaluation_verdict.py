@@ -169,7 +169,11 @@ def _sensor(
         bad = [pair for pair in mine if GRADES.index(pair.grade) >= GRADES.index(grade)]
         findings.append(Finding(grade, _told("does not agree with", name, bad), _AGAIN))
         return _with_truth(evaluation, name, findings, "")
-    others = [pair for pair in mine if blamed.get(_other(pair, name), GOOD) == GOOD] or mine
+    others = [pair for pair in mine if blamed.get(_other(pair, name), GOOD) == GOOD]
+    if mine and not others:  # all that it could agree with is blamed
+        told = _told("can be compared with no sensor that is right here, only with", name, mine)
+        findings.append(Finding(WEAK, told, _AGAIN))
+        return _with_truth(evaluation, name, findings, "")
     return _with_truth(evaluation, name, findings, _told("agrees with", name, others))
 
 
