@@ -14,7 +14,8 @@ namespace {
 
 constexpr double kProposal = 2.0;     // standard deviations of the inliers of a proposed plane
 constexpr double kUnmeasured = 0.25;  // of the score, for a side
-constexpr double kLeastSide = 1e-3, kMostSide = 1e3, kMostRatio = 1e3;  // [m] of a board
+// Of a board [m], as in config_entries.py.
+constexpr double kLeastSide = 1e-3, kMostSide = 1e3, kMostRatio = 1e3;
 
 // The score, worse where a side of the board is not measured: a plane that is a little off has
 // fewer ends of layers on the border, and those fit well.

@@ -32,7 +32,7 @@ from atom_core.model.pattern import CHARUCO, CHESSBOARD
 from atom_core.model.sensor import WIDEST_BEAM_RAD
 from atom_core.model.transforms import Edge
 
-LEAST_SIDE_M, MOST_SIDE_M, MOST_RATIO = 1e-3, 1e3, 1e3  # of a board; CheckBoardSize, too
+LEAST_SIDE_M, MOST_SIDE_M, MOST_RATIO = 1e-3, 1e3, 1e3  # of a board, as in board_segmentation.cpp
 PATTERN_TYPES = (CHESSBOARD, CHARUCO)
 AUTO = "auto"
 DICTIONARIES = tuple(

@@ -300,6 +300,8 @@ def _verdict(
     restless = "" if summary.status == CONVERGED else f"; the solver: {summary.message}"
     if weak and summary.status != FAILED:
         return RANK_DEFICIENT, f"{len(weak)} undetermined direction(s): {weak[0].why}{restless}"
-    if inconsistent and (not restless or not (summary.settled or summary.interrupted)):
-        return INCONSISTENT, inconsistent[0] + restless  # which may be why weights do not settle
+    # What contradicts may be why the weights did not settle, unless the run was stopped.
+    unsettled = not summary.settled and not summary.interrupted
+    if inconsistent and (summary.status == CONVERGED or unsettled):
+        return INCONSISTENT, inconsistent[0] + restless
     return summary.status, summary.message
