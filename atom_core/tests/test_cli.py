@@ -157,7 +157,7 @@ def test_a_result_is_the_next_input_wherever_it_lies(cell, tmp_path, capsys):
 
 def test_check_is_0_when_ready_and_1_when_not(cell, tmp_path, capsys):
     assert main(["check", "--dataset", str(cell / "data" / "dataset.json")]) == 0
-    assert "ready to calibrate" in capsys.readouterr().out
+    assert "verdict: GOOD. Ready to calibrate" in capsys.readouterr().out
 
     def blind(document):
         for collection in document["collections"].values():
@@ -165,7 +165,17 @@ def test_check_is_0_when_ready_and_1_when_not(cell, tmp_path, capsys):
             label.update(detected=False, idxs=[], idxs_limit_points=[])
 
     assert main(["check", "--dataset", str(edited(cell, tmp_path, blind))]) == 1
-    assert "'lidar_1' has no detection" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "'lidar_1' has no detection" in told and "ready to calibrate" not in told.lower()
+
+
+def test_check_does_not_say_ready_where_its_verdict_is_weak(cell, tmp_path, capsys):
+    def few(document):
+        document["collections"] = dict(list(document["collections"].items())[:3])
+
+    assert main(["check", "--dataset", str(edited(cell, tmp_path, few))]) == 0
+    told = capsys.readouterr().out
+    assert "verdict: WEAK" in told and "ready to calibrate" not in told.lower()
 
 
 def test_check_gives_atoms_mean_errors(real_data, capsys):

@@ -5,6 +5,7 @@ import io
 import json
 import shlex
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from atom_core.commands.atom_options import CALIBRATE, LIVE
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.io.truth_json import read_truth, write_truth
+from atom_core.model.truth import truth_of
 from atom_core.synthetic import arm, scenes
 
 # What ATOM's pages for users tell them to type, behind `calibrate -json dataset.json`.
@@ -255,6 +257,20 @@ def test_joints_are_disturbed_and_found(robot, tmp_path, line):
         assert elbow["before"] == pytest.approx(-0.02)
         assert abs(elbow["after"]) < 0.002
         assert joints[("shoulder_pan", "origin_x")]["after"] == pytest.approx(0.003)  # not selected
+
+
+def test_a_truth_that_does_not_tell_an_estimated_joint_is_named(robot, tmp_path, capsys):
+    shutil.copytree(robot, tmp_path / "data")
+    dataset = tmp_path / "data" / "dataset.json"
+    truth = truth_of(read_dataset(dataset))
+    line = ["calibrate", "-json", str(dataset), "-ow", "--truth"]
+    silent, telling = tmp_path / "silent.json", tmp_path / "telling.json"
+    write_truth(replace(truth, joints={}), silent)
+    write_truth(truth, telling)
+    assert cli.main([*line, str(silent)]) == 0
+    assert "truth does not tell elbow" in " ".join(capsys.readouterr().out.split())
+    assert cli.main([*line, str(telling)]) == 0
+    assert "truth does not tell" not in " ".join(capsys.readouterr().out.split())
 
 
 def test_whoever_ends_a_phased_run_before_the_solver_gets_no_results(copy, monkeypatch, capsys):

@@ -38,6 +38,7 @@ from atom_core.report.edge_results import (
     joint_results,
     selected_edges,
 )
+from atom_core.report.verdict import names_in_words
 
 # What is not seen at all gets these instead of infinity, which JSON does not have.
 _LARGEST_SIGMA, _LARGEST_SIGMA_M = 1e12, 1e6
@@ -203,7 +204,7 @@ def calibration_results(
         propagation=_propagation(calibration),
         outliers=outliers,
         ground_truth=None if truth is None else _ground_truth(calibration, truth),
-        warnings=calibration.warnings,
+        warnings=(*calibration.warnings, *_untold_joints(calibration, truth)),
         seconds=calibration.seconds,
         trust=trust,
         **_against(calibration, truth),
@@ -219,6 +220,19 @@ def _against(calibration: Calibration, truth: Optional[Truth]) -> Dict[str, Any]
         "edge_errors": tuple(edge_errors(*datasets, truth)),
         "joint_errors": tuple(joint_errors(*datasets, truth)),
     }
+
+
+def _untold_joints(calibration: Calibration, truth: Optional[Truth]) -> List[str]:
+    """Return a remark where the truth says nothing of joints that are estimated."""
+    if truth is None:
+        return []
+    untold = [name for name in joint_results(calibration) if name not in truth.joints]
+    if not untold:
+        return []
+    return [
+        f"the truth does not tell {names_in_words(untold)}, estimated here: their errors are not "
+        f"shown, and are not 0; add them to its `joints`"
+    ]
 
 
 def _ground_truth(calibration: Calibration, truth: Truth) -> GroundTruth:

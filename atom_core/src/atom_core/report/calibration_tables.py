@@ -246,7 +246,6 @@ def preflight_report(dataset: Dataset, result: Preflight) -> str:
         parts.append(_size_table(result))
     parts += [f"warning: {w}" for w in result.warnings]
     parts += [f"problem: {p}" for p in result.problems]
-    parts.append("not ready to calibrate" if result.problems else "ready to calibrate")
     return "\n\n".join(parts)
 
 

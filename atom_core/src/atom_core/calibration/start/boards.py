@@ -181,7 +181,8 @@ def _held_boards(
             edge = board_edge(dataset.patterns[m.key.pattern])
             raise CalibrationError(
                 f"--anchor_patterns: collection {m.key.collection} has no pose '{edge}' of pattern "
-                f"'{m.key.pattern}' to hold; calibrate once without -ap, and use its result"
+                f"'{m.key.pattern}' to hold; calibrate once without -ap and use its result, "
+                f"or let `estimate_pattern_poses` add first poses"
             )
     return boards
 
