@@ -407,6 +407,7 @@ def test_a_configured_prior_of_what_is_held_now_is_remarked():
         (["--prior", "lens", "0.01", "0.02"], "there is no such sensor, additional tf, joint"),
         (["--prior", "elbow", "0.01", "0.02"], "joint 'elbow' is not estimated"),
         (["--prior", "rgb_1", "0.01", "0.02", "-as", "rgb_1"], "is not estimated (it is held)"),
+        (["--prior", "world-arm_base", "0.1", "0.1"], "edge 'world-arm_base' is not estimated"),
         (["--prior", "rgb_1", "0", "0.02"], "needs two figures > 0, metres and radians"),
         (["--prior", "rgb_1", "0.01", "-0.02"], "needs two figures > 0, metres and radians"),
         (["--prior", "rgb_1", "nan", "0.02"], "needs two figures > 0, metres and radians"),

@@ -106,6 +106,10 @@ def _targets(dataset: Dataset, free: FreeEdges) -> Dict[str, _Target]:
         found.append(
             (pattern.name, _Target(board_edge(pattern), f"pattern '{pattern.name}'", None, why))
         )
+    others = {edge: None for c in dataset.collections.values() for edge in c.transforms}
+    for edge in others:
+        why = "neither a sensor of the configuration nor an additional_tf is calibrated by it"
+        found.append((str(edge), _Target(edge, f"edge '{edge}'", None, why)))
     by_name: Dict[str, _Target] = {}
     for name, target in sorted(found, key=lambda item: item[1].held is not None):
         by_name.setdefault(name, target)
