@@ -140,6 +140,35 @@ def test_the_calibration_is_nearer_the_truth_than_every_method_in_the_median(nam
         assert np.all(2.0 * ours < median), method
 
 
+def with_twin(dataset, name):
+    """Return the dataset with a second camera in the place of the first, which sees the same."""
+    sensors = {**dataset.sensors, name: replace(dataset.sensors[CAMERA], name=name)}
+    collections = {
+        key: replace(c, labels={**c.labels, (name, BOARD): c.labels[CAMERA, BOARD]})
+        for key, c in dataset.collections.items()
+    }
+    return replace(dataset, sensors=sensors, collections=collections)
+
+
+def test_a_camera_that_a_method_cannot_solve_costs_the_others_nothing(monkeypatch, exact):
+    twins = with_twin(exact.dataset, "rgb_2")
+    solve, calls = baselines.solved_by, []
+
+    def fails_for_the_second(method, views):
+        calls.append(method)
+        second = method == "park" and calls.count("park") == 2
+        return None if second else solve(method, views)
+
+    monkeypatch.setattr(baselines, "solved_by", fails_for_the_second)
+    compared = compare_hand_eye(twins, twins, evaluate(twins, twins), truth=exact.truth)
+    park = next(b for b in compared.baselines if b.method == "park")
+    assert park.skipped == "park finds no pose of 'rgb_2'" and list(park.boards) == [CAMERA]
+    # Its place in the calibration is not the method's: the camera is not in the answer at all.
+    assert list(park.dataset.sensors) == [CAMERA]
+    assert ("park", CAMERA) in compared.scores and ("park", "rgb_2") not in compared.scores
+    assert (CALIBRATION, "rgb_2") in compared.scores and ("horaud", "rgb_2") in compared.scores
+
+
 def test_an_old_opencv_is_named(monkeypatch, exact):
     monkeypatch.setattr(baselines, "has_robot_world", lambda: False)
     found, _ = hand_eye_baselines(exact.dataset)

@@ -36,9 +36,10 @@ class Baseline:
 
     Attributes:
         method: one of ``METHODS``.
-        dataset: the dataset with the answers in the cameras' edges; None where there is none.
-        boards: the board that was used, by camera.
-        skipped: why there is no answer.
+        dataset: the dataset with the answers in the cameras' edges, without the cameras that have
+            none; None where no camera has one.
+        boards: the board that was used, by camera that has an answer.
+        skipped: why there is no answer, or none of some cameras.
     """
 
     method: str
@@ -89,13 +90,21 @@ def _baseline(
 ) -> Baseline:
     if method in ROBOT_WORLD_METHODS and not has_robot_world():
         return Baseline(method, None, skipped=NO_ROBOT_WORLD)
-    solved = dataset
+    solved, boards = dataset, {}
     for camera, (board, of_camera) in views.items():
         X = solved_by(method, of_camera)
-        if X is None:
-            return Baseline(method, None, skipped=f"{method} finds no pose of '{camera}'")
-        solved = with_hand_eye(solved, camera, board, of_camera, X)
-    return Baseline(method, solved, {camera: board for camera, (board, _) in views.items()})
+        if X is not None:
+            solved = with_hand_eye(solved, camera, board, of_camera, X)
+            boards[camera] = board
+    failed = [camera for camera in views if camera not in boards]
+    if not failed:
+        return Baseline(method, solved, boards)
+    why = f"{method} finds no pose of {', '.join(repr(camera) for camera in failed)}"
+    if not boards:
+        return Baseline(method, None, skipped=why)
+    # Their edges have the calibration's own values, which would pass for the method's.
+    left = solved.selected(sensors=[name for name in solved.sensors if name not in failed])
+    return Baseline(method, left, boards, why)
 
 
 def solved_by(method: str, views: HandEyeViews) -> Optional[np.ndarray]:

@@ -72,7 +72,7 @@ def compare_hand_eye(
         DatasetError: no camera can be solved; the message says why.
     """
     baselines, remarks = hand_eye_baselines(train.selected(sensors, None, list(test.patterns)))
-    cameras = next((list(b.boards) for b in baselines if b.boards), [])
+    cameras = list(dict.fromkeys(camera for b in baselines for camera in b.boards))
     evaluations: Dict[str, Evaluation] = {}
     scores: Dict[Tuple[str, str], HandEyeScore] = {}
     for camera in cameras:
@@ -80,9 +80,10 @@ def compare_hand_eye(
     for baseline in baselines:
         if baseline.dataset is None:
             continue
-        found = evaluate(baseline.dataset, test, truth=truth, sensors=cameras)
+        solved = list(baseline.boards)
+        found = evaluate(baseline.dataset, test, truth=truth, sensors=solved)
         evaluations[baseline.method] = found
-        for camera in cameras:
+        for camera in solved:
             score = hand_eye_score(camera, baseline.dataset, found, truth)
             scores[baseline.method, camera] = score
     return HandEyeComparison(tuple(baselines), evaluations, scores, tuple(remarks))
