@@ -169,15 +169,6 @@ def test_check_is_0_when_ready_and_1_when_not(cell, tmp_path, capsys):
     assert "'lidar_1' has no detection" in told and "ready to calibrate" not in told.lower()
 
 
-def test_check_does_not_say_ready_where_its_verdict_is_weak(cell, tmp_path, capsys):
-    def few(document):
-        document["collections"] = dict(list(document["collections"].items())[:3])
-
-    assert main(["check", "--dataset", str(edited(cell, tmp_path, few))]) == 0
-    told = capsys.readouterr().out
-    assert "verdict: WEAK" in told and "ready to calibrate" not in told.lower()
-
-
 def test_check_gives_atoms_mean_errors(real_data, capsys):
     path = real_data("atom_softbot") / "nig_0.1_run001" / "atom_calibration.json"
     assert main(["check", "--dataset", str(path)]) == 1  # the LiDAR's clouds are absent

@@ -50,6 +50,14 @@ def test_a_description_that_calibrate_could_not_write_is_told(given, capsys, tex
     assert "optimized.urdf.xacro will not be written" in warning and words in warning
 
 
+def test_what_is_weak_is_not_called_ready(given, capsys):
+    def few(document):
+        document["collections"] = dict(list(document["collections"].items())[:3])
+
+    said = said_of(given, capsys, few)
+    assert "verdict: WEAK" in said and "ready to calibrate" not in said.lower()
+
+
 def test_labels_of_three_points_are_told(given, capsys):
     def cut(document):
         for collection in document["collections"].values():

@@ -20,6 +20,7 @@ _GRID = 8  # cells of the longer side of an image
 _LEAST_IN_CELL = 4
 _TO_SIGMA = 1.4826  # from the median of absolute values, for a normal distribution
 _MARK = 3.0
+_ROOM_FOR_LEGEND = 1.6  # length of an axis, in longest bars
 
 
 def fitted_sigma(values: np.ndarray) -> float:
@@ -229,7 +230,8 @@ def draw_bars(
     axes.invert_yaxis()
     axes.set_xlabel(f"[{unit}]")
     if len(groups) > 1:
-        axes.legend(loc="best", frameon=False)
+        axes.set_xlim(0.0, _ROOM_FOR_LEGEND * axes.get_xlim()[1])
+        axes.legend(loc="lower right", frameon=False)
 
 
 def draw_limit(

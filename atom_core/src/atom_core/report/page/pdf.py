@@ -6,9 +6,7 @@ import io
 import textwrap
 from typing import Any, Iterator, List, Sequence, Tuple, Union
 
-import cv2
 from matplotlib import rc_context
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
@@ -20,27 +18,24 @@ from atom_core.report.page.blocks import (
     Gallery,
     Page,
     Picture,
-    Section,
     Table,
     Text,
     Tree,
     Viewer,
 )
-from atom_core.report.page.html import STYLE, axes_of
+from atom_core.report.page.html import STYLE
+from atom_core.report.page.paper import BOTTOM, SIZE_IN, TOP, Item, Paper
 from atom_core.report.tables import text_table
 
-_PAPER_IN = (8.27, 11.69)
-_COLUMNS, _LINES = 108, 78  # of a page of text
-_TEXT_SIZE = 6.8
+_COLUMNS = 108  # of a page of text
+_WIDEST, _LOWEST = 0.6, 0.35  # height of the view of the rig; from where it may hang down
 _WIDE = 124  # columns of a table, up to the margin
 _CELL_COLUMNS = 60  # of a table; longer cells have several lines
-_ROWS, _ACROSS = 4, 2  # figures of a page
-_TITLE_COLUMNS, _TITLE_SIZE = 62, 7.5  # of a figure's title, which may have several lines
 _COLOURS = {"good": "#00664b", "weak": "#ffd166", "wrong": "#a4161a", "unknown": "#444b50"}
 _INK_ON = {"weak": "#1b1f22"}
 _GREY = "#5b6770"
 
-Items = List[Union[Chart, Picture]]
+Items = List[Item]
 
 
 def pdf(page: Page) -> bytes:
@@ -52,22 +47,20 @@ def pdf(page: Page) -> bytes:
     stream = io.BytesIO()
     metadata = {"Title": page.title, "CreationDate": None}
     small = {**STYLE, "font.size": 7.5, "pdf.compression": 9}
-    with rc_context(small), PdfPages(stream, metadata=metadata) as paper:
-        paper.savefig(_cover(page))
+    with rc_context(small), PdfPages(stream, metadata=metadata) as written:
+        paper = Paper()
+        _cover(paper, page)
+        paper.fill()
         for section in page.sections:
-            for figure in _pages(section):
-                paper.savefig(figure)
+            lines, items = _told(section.blocks)
+            paper.section(section.title, _wrapped_tables(lines), items)
+        for sheet in paper.sheets:
+            written.savefig(sheet)
     return stream.getvalue()
 
 
-def _sheet() -> Figure:
-    figure = Figure(figsize=_PAPER_IN, dpi=130)
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _cover(page: Page) -> Figure:
-    figure = _sheet()
+def _cover(paper: Paper, page: Page) -> None:
+    figure = paper.new_sheet()
     figure.text(0.07, 0.955, page.title, fontsize=15, weight="bold")
     colour = _COLOURS.get(page.grade, _COLOURS["unknown"])
     lines = textwrap.wrap(page.sentence, 84)
@@ -84,12 +77,21 @@ def _cover(page: Page) -> Figure:
         told.append("")
         told.append(f"{sensor.name} ({sensor.modality}): {sensor.word.upper()}. {sensor.why}")
         told += [f"    What to do: {sensor.advice}"] if sensor.advice else []
-    figure.text(0.07, 0.915 - height, _wrapped(told), fontsize=8, va="top", linespacing=1.25)
+    text, top = _wrapped(told), 0.915 - height
+    figure.text(0.07, top, text, fontsize=8, va="top", linespacing=1.25)
     if page.viewer is not None:
-        axes = figure.add_axes((0.05, 0.03, 0.9, 0.42), projection="3d")
-        page.viewer.still.draw(axes)
-        figure.text(0.07, 0.02, page.viewer.still.alt, fontsize=7, color=_GREY)
-    return figure
+        free = top - (text.count("\n") + 2) * 8 * 1.5 / (72.0 * SIZE_IN[1])
+        if free < _LOWEST:
+            figure, free = paper.new_sheet(), TOP
+        _draw_rig(figure, page.viewer.still, free)
+
+
+def _draw_rig(figure: Figure, still: Chart, top: float) -> None:
+    """Draw the view of the rig below a height of a sheet."""
+    bottom = max(top - _WIDEST, 2.0 * BOTTOM)
+    axes = figure.add_axes((0.02, bottom, 0.96, top - bottom), projection="3d")
+    still.draw(axes)
+    figure.text(0.07, bottom - 0.02, still.alt, fontsize=7, color=_GREY)
 
 
 def _wrapped(lines: Sequence[str], width: int = _COLUMNS) -> str:
@@ -98,21 +100,6 @@ def _wrapped(lines: Sequence[str], width: int = _COLUMNS) -> str:
         begin = line[: len(line) - len(line.lstrip())]
         found += textwrap.wrap(line, width, subsequent_indent=begin) or [""]
     return "\n".join(found)
-
-
-def _pages(section: Section) -> Iterator[Figure]:
-    """Yield the pages of a section: its words and tables, then its figures."""
-    lines, items = _told(section.blocks)
-    lines = _wrapped_tables(lines)
-    for start in range(0, len(lines), _LINES):
-        figure = _sheet()
-        figure.text(0.07, 0.955, section.title, fontsize=13, weight="bold")
-        text = "\n".join(lines[start : start + _LINES])
-        figure.text(0.07, 0.935, text, fontsize=_TEXT_SIZE, va="top", family="monospace")
-        yield figure
-    most = _ROWS * _ACROSS
-    for start in range(0, len(items), most):
-        yield _figures(section.title, items[start : start + most])
 
 
 def _wrapped_tables(lines: Sequence[str]) -> List[str]:
@@ -185,21 +172,3 @@ def _branches(branch: Branch, depth: int) -> Iterator[str]:
 
 def _text(cell: Union[str, Cell]) -> str:
     return cell if isinstance(cell, str) else cell.text
-
-
-def _figures(title: str, items: Items) -> Figure:
-    figure = _sheet()
-    figure.text(0.07, 0.965, title, fontsize=13, weight="bold")
-    for i, item in enumerate(items):
-        if isinstance(item, Picture):
-            axes = figure.add_subplot(_ROWS, _ACROSS, i + 1)
-            axes.imshow(cv2.cvtColor(item.image, cv2.COLOR_BGR2RGB), interpolation="nearest")
-            axes.set_axis_off()
-        else:
-            axes = axes_of(figure, item, _ROWS, _ACROSS, i + 1)
-            item.draw(axes)
-            for drawn in axes.collections:
-                drawn.set_rasterized(item.dense)
-        axes.set_title(textwrap.fill(item.title, _TITLE_COLUMNS), fontsize=_TITLE_SIZE)
-    figure.subplots_adjust(0.09, 0.05, 0.95, 0.93, wspace=0.34, hspace=0.55)
-    return figure
