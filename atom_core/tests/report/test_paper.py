@@ -83,9 +83,9 @@ def test_short_sections_share_a_sheet_and_a_heading_is_never_alone():
     assert [sheet.texts[0].get_text() for sheet in paper.sheets] == ["first", "second"]
 
 
-def test_what_follows_a_filled_sheet_is_on_the_next():
+def test_what_follows_an_ended_sheet_is_on_the_next():
     paper = Paper()
     paper.new_sheet()
-    paper.fill()
+    paper.end_sheet()
     paper.section("first", ["line"], [])
     assert [len(sheet.texts) for sheet in paper.sheets] == [0, 2]

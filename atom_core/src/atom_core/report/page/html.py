@@ -7,12 +7,13 @@ import gzip
 import io
 import json
 from pathlib import Path
-from typing import Any, Union
+from typing import Any, Optional, Union
 
 import jinja2
 from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.gridspec import SubplotSpec
 
 from atom_core.report.page.blocks import Chart, Page, Picture
 from atom_core.report.page.pictures import jpeg
@@ -80,20 +81,20 @@ def chart_file(chart: Chart, form: str) -> bytes:
     return stream.getvalue()
 
 
-def axes_of(figure: Figure, chart: Chart, *place: int) -> Any:
+def axes_of(figure: Figure, chart: Chart, place: Optional[SubplotSpec] = None) -> Any:
     """Return axes for a chart, of three dimensions where it needs them.
 
     Args:
         figure: to which they belong.
         chart: what will be drawn.
-        place: rows, columns and number, as of matplotlib; nothing: the whole figure.
+        place: cell of a grid; None: the whole figure.
     """
     if not chart.solid:
-        return figure.add_subplot(*(place or (1, 1, 1)))
+        return figure.add_subplot(place or 111)
     from mpl_toolkits.mplot3d import Axes3D  # noqa: F401  (registers "3d" in older versions)
 
-    axes = figure.add_subplot(*(place or (1, 1, 1)), projection="3d")
-    if not place:
+    axes = figure.add_subplot(place or 111, projection="3d")
+    if place is None:
         axes.set_position((-0.06, -0.02, 1.12, 1.06))
     return axes
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from typing import List, Sequence, Union
+from typing import Any, List, Sequence, Union
 
 import cv2
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -24,6 +24,7 @@ _HEADING, _HEADING_SIZE = 0.036, 13
 _ROW, _GAP = 0.225, 0.012
 _TITLE_COLUMNS, _TITLE_SIZE = 62, 7.5  # of a figure's title, which may have several lines
 _TICKS = 5  # intervals of an axis at most, so that its numbers do not touch
+_ABOUT_WIDE = 0.05  # height of what is around a wide picture
 _WIDE = 2.0  # a picture so many times as wide as high gets a row of its own
 _FEWEST_LINES = 8  # of a paragraph that goes on on the next sheet
 # What an item leaves free of its cell: left, right, below, above.
@@ -50,7 +51,7 @@ class Paper:
         self._free = TOP
         return sheet
 
-    def fill(self) -> None:
+    def end_sheet(self) -> None:
         """Leave the rest of the sheet empty."""
         self._free = 0.0
 
@@ -91,12 +92,10 @@ class Paper:
         self._free -= LINE
 
     def _row(self, items: Sequence[Item]) -> None:
-        across = 1 if _is_wide(items[0]) else 2
-        width = (RIGHT - LEFT) / across
-        height = _ROW
-        if across == 1:
-            rows, columns = items[0].image.shape[:2]  # type: ignore[union-attr]
-            height = min(_ROW, width * SIZE_IN[0] / SIZE_IN[1] * rows / columns + 0.05)
+        width, height = (RIGHT - LEFT) / 2, _ROW
+        if _is_wide(items[0]):
+            width = RIGHT - LEFT
+            height = min(_ROW, width * SIZE_IN[0] / SIZE_IN[1] / _aspect(items[0]) + _ABOUT_WIDE)
         self._make_room(height)
         for i, item in enumerate(items):
             self._draw(item, LEFT + i * width, self._free - height, width, height)
@@ -124,21 +123,25 @@ class Paper:
         axes.set_title(textwrap.fill(item.title, _TITLE_COLUMNS), fontsize=_TITLE_SIZE)
 
 
-def _make_room_for_names(sheet: Figure, axes: object, left: float) -> None:
+def _make_room_for_names(sheet: Figure, axes: Any, left: float) -> None:
     """Move the left side of axes so that what stands beside it begins at a part of the width."""
-    axis = axes.yaxis  # type: ignore[attr-defined]
-    box = axis.get_tightbbox(sheet.canvas.get_renderer())
+    box = axes.yaxis.get_tightbbox(sheet.canvas.get_renderer())
     if box is None:
         return
     begin = box.transformed(sheet.transFigure.inverted()).x0
     if begin < left:
-        now = axes.get_position()  # type: ignore[attr-defined]
+        now = axes.get_position()
         moved = (now.x0 + left - begin, now.y0, now.width - (left - begin), now.height)
-        axes.set_position(moved)  # type: ignore[attr-defined]
+        axes.set_position(moved)
+
+
+def _aspect(item: Item) -> float:
+    """Return how many times as wide as high an item is; 1 for a chart, which fits any room."""
+    return item.image.shape[1] / item.image.shape[0] if isinstance(item, Picture) else 1.0
 
 
 def _is_wide(item: Item) -> bool:
-    return isinstance(item, Picture) and item.image.shape[1] > _WIDE * item.image.shape[0]
+    return _aspect(item) > _WIDE
 
 
 def _rows(items: Sequence[Item]) -> List[List[Item]]:

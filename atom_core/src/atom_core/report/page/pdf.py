@@ -28,7 +28,7 @@ from atom_core.report.page.paper import BOTTOM, SIZE_IN, TOP, Item, Paper
 from atom_core.report.tables import text_table
 
 _COLUMNS = 108  # of a page of text
-_WIDEST, _LOWEST = 0.6, 0.35  # height of the view of the rig; from where it may hang down
+_HIGHEST, _LOWEST_TOP = 0.6, 0.35  # of the view of the rig, as parts of the height
 _WIDE = 124  # columns of a table, up to the margin
 _CELL_COLUMNS = 60  # of a table; longer cells have several lines
 _COLOURS = {"good": "#00664b", "weak": "#ffd166", "wrong": "#a4161a", "unknown": "#444b50"}
@@ -50,7 +50,7 @@ def pdf(page: Page) -> bytes:
     with rc_context(small), PdfPages(stream, metadata=metadata) as written:
         paper = Paper()
         _cover(paper, page)
-        paper.fill()
+        paper.end_sheet()
         for section in page.sections:
             lines, items = _told(section.blocks)
             paper.section(section.title, _wrapped_tables(lines), items)
@@ -81,14 +81,14 @@ def _cover(paper: Paper, page: Page) -> None:
     figure.text(0.07, top, text, fontsize=8, va="top", linespacing=1.25)
     if page.viewer is not None:
         free = top - (text.count("\n") + 2) * 8 * 1.5 / (72.0 * SIZE_IN[1])
-        if free < _LOWEST:
+        if free < _LOWEST_TOP:
             figure, free = paper.new_sheet(), TOP
         _draw_rig(figure, page.viewer.still, free)
 
 
 def _draw_rig(figure: Figure, still: Chart, top: float) -> None:
     """Draw the view of the rig below a height of a sheet."""
-    bottom = max(top - _WIDEST, 2.0 * BOTTOM)
+    bottom = max(top - _HIGHEST, 2.0 * BOTTOM)
     axes = figure.add_axes((0.02, bottom, 0.96, top - bottom), projection="3d")
     still.draw(axes)
     figure.text(0.07, bottom - 0.02, still.alt, fontsize=7, color=_GREY)
