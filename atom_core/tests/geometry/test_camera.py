@@ -25,6 +25,28 @@ def points_in_view(count=200, seed=0):
     return np.column_stack([xy * depth[:, None], depth])
 
 
+@pytest.mark.parametrize(
+    "numbers, what",
+    [
+        ([1040, 15, 663, 0, 1027, 401, 0, 0, 1], "skew of 15 px"),
+        ([1040, 0, 0, 0, 1027, 0, 663, 401, 1], "written column by column"),
+        ([1.04, 0, 0.663, 0, 1.027, 0.401, 0, 0, 0.001], "scaled as a whole"),
+    ],
+)
+def test_a_matrix_that_says_more_than_the_models_know_is_refused(numbers, what):
+    with pytest.raises(ValueError, match=what):
+        Camera(1280, 800, numbers, np.zeros(5))
+
+
+def test_a_skew_below_what_corners_tell_is_none():
+    Camera(1280, 800, [1040, 1e-3, 663, 0, 1027, 401, 0, 0, 1], np.zeros(5))
+
+
+def test_a_fisheye_without_coefficients_is_no_pinhole():
+    with pytest.raises(ValueError, match="D has 0 numbers, the model equidistant needs 4"):
+        Camera(1280, 800, K, [], "equidistant")
+
+
 @pytest.mark.parametrize("name", [n for n in CAMERAS if n != "equidistant"])
 def test_projection_is_opencvs(name):
     camera, points = CAMERAS[name], points_in_view()

@@ -167,6 +167,17 @@ def test_a_lens_in_doubt_is_told_when_the_dataset_is_read(document, read, topic,
     assert len(told) == (remark is not None) and all(str(remark) in w for w in told)
 
 
+def test_rectified_images_with_the_matrix_of_raw_ones_are_told(document, read):
+    sensor = document["sensors"]["rgb_1"]
+    sensor["topic"], info = "/cam/image_rect_color", sensor["camera_info"]
+    info["D"] = [0.0] * 5
+    told = [w for w in read(document).warnings if "another K than P" in w]
+    assert not told
+    info["P"][0] *= 0.98
+    (told,) = [w for w in read(document).warnings if "another K than P" in w]
+    assert "sensor 'rgb_1'" in told and "left three columns" in told
+
+
 def test_labels_by_sensor_as_in_version_2(document, read):
     expected = {key for key, _ in read(document).detections()}
     for collection in document["collections"].values():

@@ -238,3 +238,22 @@ def test_a_loop_of_fixed_transforms_that_agree_is_taken(document, read):
     tangle(document, "000", "a", "world", "shelf", np.eye(4))
     tangle(document, "000", "b", "shelf", "world", np.eye(4))
     assert read(document).collections
+
+
+def test_intrinsics_of_another_size_than_the_images(document, refusal):
+    info = document["sensors"]["rgb_1"]["camera_info"]
+    sizes = f"{info['width']} x {info['height']}"
+    info["width"], info["height"] = info["width"] // 2, info["height"] // 2
+    line = refusal(document)
+    assert "collection 000, sensor 'rgb_1'" in line and f"its image is {sizes}" in line
+    info["binning_x"] = info["binning_y"] = 2
+    assert "it has binning" in refusal(document)
+    info["binning_x"] = "two"
+    assert "binning_x" in refusal(document)
+
+
+def test_images_whose_size_is_not_told_are_not_judged(document, read):
+    for collection in document["collections"].values():
+        del collection["data"]["rgb_1"]["width"]
+    document["sensors"]["rgb_1"]["camera_info"]["width"] //= 2
+    read(document)

@@ -24,6 +24,7 @@ from typing import Tuple
 import numpy as np
 
 NEAR_M = 0.05
+_SMALL_SKEW_PX = 0.01  # at the top and bottom of the image; far below what a corner is known to
 _COEFFICIENTS = {
     "none": (0,),
     "plumb_bob": (4, 5),
@@ -58,7 +59,7 @@ class Camera:
         model: none, plumb_bob, rational_polynomial or equidistant.
 
     Raises:
-        ValueError: sizes, K or the number of coefficients do not fit the model.
+        ValueError: K is of another form, or the number of coefficients does not fit the model.
     """
 
     width: int
@@ -76,13 +77,14 @@ class Camera:
         if K.size != 9:
             raise ValueError(f"K has {K.size} numbers, 9 are needed (3 x 3, row by row)")
         K = K.reshape(3, 3)
-        if D.size == 0 and self.model != "none":  # ROS drivers write D = [] for "no distortion"
+        if D.size == 0 and self.model != "equidistant":  # so drivers write "no distortion"
             object.__setattr__(self, "model", "none")
         D = _trim_coefficients(self.model, D)
         if not (np.all(np.isfinite(K)) and np.all(np.isfinite(D))):
             raise ValueError("K and D must be finite numbers")
         if K[0, 0] <= 0 or K[1, 1] <= 0:
             raise ValueError(f"focal lengths in K must be positive, found {K[0, 0]}, {K[1, 1]}")
+        _check_form(K, self.height)
         object.__setattr__(self, "K", K)
         object.__setattr__(self, "D", D)
         object.__setattr__(self, "_limit_square", self._radius_limit_square())
@@ -210,6 +212,20 @@ class Camera:
         radial = value - np.einsum("nij,nj->ni", jacobian, ideal)
         extended = jacobian + radial[:, :, None] * direction[:, None, :]
         return value, np.where(outside[:, None, None], extended, jacobian)
+
+
+def _check_form(K: np.ndarray, height: int) -> None:
+    """Refuse a K whose further numbers say what no model here has, rather than pass over them."""
+    if np.any(K[2] != [0.0, 0.0, 1.0]) or K[1, 0] != 0.0:
+        raise ValueError(
+            f"K is not fx 0 cx, 0 fy cy, 0 0 1, row by row, but {K.ravel().tolist()}; correct it "
+            f"(written column by column, or scaled as a whole?)"
+        )
+    if abs(K[0, 1]) * height > 2.0 * _SMALL_SKEW_PX * K[1, 1]:
+        raise ValueError(
+            f"K has a skew of {K[0, 1]:g} px (its second number), which no camera model here has; "
+            f"calibrate the intrinsics without skew"
+        )
 
 
 def _solved(matrices: np.ndarray, values: np.ndarray) -> np.ndarray:

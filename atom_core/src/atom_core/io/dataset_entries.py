@@ -1,19 +1,15 @@
-"""The entries of a dataset's JSON, one by one: sensors, transforms, joints."""
+"""The entries of a dataset's JSON, one by one: modalities, transforms, joints."""
 
 from __future__ import annotations
 
-import re
-from typing import Any, Dict, List, Mapping, Optional
+from typing import Any, Dict, Mapping
 
 import numpy as np
 
 from atom_core.geometry import se3
-from atom_core.geometry.camera import Camera
 from atom_core.model.joints import ORIGIN_PARAMETERS, POSITION_BIAS, JointState
 from atom_core.model.modality import Modality, modality_named, modality_of_message
 from atom_core.model.transforms import Edge
-
-_RECTIFIED = re.compile(r"(^|[/_])rect(ified)?($|[/_])")  # as image_proc names its topics
 
 
 def modality_of_entry(entry: Mapping[str, Any]) -> Modality:
@@ -33,57 +29,6 @@ def modality_of_entry(entry: Mapping[str, Any]) -> Modality:
             f"{by_message.name}; correct one of them"
         )
     return kind
-
-
-def camera_of_entry(info: Mapping[str, Any]) -> Camera:
-    """Return the camera of a `camera_info`.
-
-    Raises:
-        KeyError, ValueError, TypeError: something is absent or malformed; so do those below.
-    """
-    return Camera(
-        width=int(info["width"]),
-        height=int(info["height"]),
-        K=np.array(info["K"], dtype=float),
-        D=np.array(info["D"], dtype=float),
-        model=info.get("distortion_model") or "plumb_bob",
-    )
-
-
-def remarks_on_lens(camera: Camera, topic: str) -> List[str]:
-    """Tell what a camera's distortion and the topic of its images leave in doubt."""
-    if not len(camera.D):
-        return ["no distortion coefficients (D): its images are taken as free of distortion"]
-    if np.any(camera.D) and _RECTIFIED.search(topic):
-        return [
-            f"distortion coefficients, although its topic '{topic}' looks rectified; one of the "
-            f"two is wrong: label the raw images, or set D to zeros"
-        ]
-    return []
-
-
-def with_camera(entry: Mapping[str, Any], camera: Optional[Camera]) -> Mapping[str, Any]:
-    """Return a sensor's entry with other intrinsics, where they have changed."""
-    info = entry.get("camera_info")
-    if camera is None or not info:
-        return entry
-    before = camera_of_entry(info)
-    same_model = before.model == camera.model
-    if same_model and np.array_equal(before.K, camera.K) and np.array_equal(before.D, camera.D):
-        return entry
-    coefficients = [float(v) for v in camera.D]
-    longer = [float(v) for v in info["D"][len(coefficients) :]]  # zeros of a longer layout
-    changed = {**info, "K": [float(v) for v in camera.K.ravel()], "D": coefficients + longer}
-    if not same_model:
-        plain = camera.model == "none"  # written as plumb_bob with zeros, which every reader knows
-        changed["distortion_model"] = "plumb_bob" if plain else camera.model
-        changed["D"] = [0.0] * 5 if plain else coefficients
-    P = np.array(info.get("P") or [], dtype=float)
-    if P.size == 12 and np.allclose(P.reshape(3, 4)[:, :3], before.K):  # of the raw image
-        P = P.reshape(3, 4)
-        P[:, :3] = camera.K
-        changed["P"] = [float(v) for v in P.ravel()]
-    return {**entry, "camera_info": changed}
 
 
 def pose_of_entry(entry: Mapping[str, Any]) -> np.ndarray:

@@ -17,16 +17,14 @@ import numpy as np
 
 from atom_core.errors import AtomError, DatasetError
 from atom_core.io.atomic import write_text_atomically
+from atom_core.io.camera_entries import camera_of_entry, check_images, remarks_on_lens, with_camera
 from atom_core.io.data_files import FileDataSource, data_path
 from atom_core.io.dataset_entries import (
-    camera_of_entry,
     joint_document,
     joint_of_entry,
     lay_over,
     modality_of_entry,
     pose_of_entry,
-    remarks_on_lens,
-    with_camera,
 )
 from atom_core.io.dataset_structure import check_dataset_structure
 from atom_core.io.dataset_trees import check_trees
@@ -228,8 +226,8 @@ class _Reader:
             kind = modality_of_entry(entry)
             camera = camera_of_entry(entry["camera_info"]) if kind.has_camera_info else None
             if camera is not None:
-                for remark in remarks_on_lens(camera, str(entry.get("topic", ""))):
-                    self.warnings.append(f"sensor '{name}' has {remark}")
+                remarks = remarks_on_lens(camera, entry)
+                self.warnings += [f"sensor '{name}' has {remark}" for remark in remarks]
             return Sensor(
                 name=name,
                 modality=kind.name,
@@ -281,6 +279,10 @@ class _Reader:
         self, key: str, sensors: Mapping[str, Sensor], patterns: Mapping[str, Pattern]
     ) -> Collection:
         entry = self.document["collections"][key]
+        try:
+            check_images(self.document["sensors"], entry.get("data") or {}, sensors)
+        except ValueError as error:
+            raise self.fail(f"collection {key}, {error}") from None
         return Collection(
             key=key,
             labels=self.labels(key, entry, sensors, patterns),

@@ -38,6 +38,9 @@ _CAMERA = keys(
     D=_NUMBERS,
     P=or_null(_NUMBERS),
     distortion_model=_TEXT_OR_NULL,
+    binning_x=or_null(WHOLE),
+    binning_y=or_null(WHOLE),
+    roi=or_null(MAP),
 )
 _SENSOR = keys(
     parent=TEXT,
@@ -52,6 +55,8 @@ _SENSOR = keys(
 _STAMP = keys(secs=NUMBER, nsecs=NUMBER)
 _DATA = keys(
     data_file=TEXT,
+    width=or_null(WHOLE),
+    height=or_null(WHOLE),
     header=or_null(keys(stamp=or_null(_STAMP), frame_id=_TEXT_OR_NULL)),
     ranges=or_null(LIST),
 )

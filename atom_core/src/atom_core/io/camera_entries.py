@@ -1,0 +1,108 @@
+"""Cameras in a dataset's JSON: their intrinsics, and whether the images are those of them."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, List, Mapping, Optional
+
+import numpy as np
+
+from atom_core.geometry.camera import Camera
+from atom_core.model.sensor import Sensor
+
+_RECTIFIED = re.compile(r"(^|[/_])rect(ified)?($|[/_])")  # as image_proc names its topics
+Sensors = Mapping[str, Sensor]
+
+
+def camera_of_entry(info: Mapping[str, Any]) -> Camera:
+    """Return the camera of a `camera_info`.
+
+    Raises:
+        KeyError, ValueError, TypeError: something is absent or malformed; so do those below.
+    """
+    return Camera(
+        width=int(info["width"]),
+        height=int(info["height"]),
+        K=np.array(info["K"], dtype=float),
+        D=np.array(info["D"], dtype=float),
+        model=info.get("distortion_model") or "plumb_bob",
+    )
+
+
+def remarks_on_lens(camera: Camera, entry: Mapping[str, Any]) -> List[str]:
+    """Tell what a camera's intrinsics, and the topic of its images in its entry, leave in doubt."""
+    topic = str(entry.get("topic", ""))
+    P: List[float] = entry["camera_info"].get("P") or []
+    rectified = _RECTIFIED.search(topic)
+    if not len(camera.D) and not rectified:
+        return ["no distortion coefficients (D): its images are taken as free of distortion"]
+    if np.any(camera.D) and rectified:
+        return [
+            f"distortion coefficients, although its topic '{topic}' looks rectified; one of the "
+            f"two is wrong: label the raw images, or set D to zeros, and K to the left three "
+            f"columns of P"
+        ]
+    known = rectified is not None and len(P) == 12 and P[0] > 0.0
+    if known and not np.allclose(np.array(P).reshape(3, 4)[:, :3], camera.K, rtol=1e-6):
+        return [
+            f"another K than P, although its topic '{topic}' looks rectified; rectified images are "
+            f"those of P: set K to its left three columns"
+        ]
+    return []
+
+
+def check_images(entries: Mapping[str, Any], data: Mapping[str, Any], sensors: Sensors) -> None:
+    """Refuse a collection's images of another size than the intrinsics are for.
+
+    Args:
+        entries: of the sensors, by name.
+        data: the collection's, by sensor.
+        sensors: as read of the entries.
+
+    Raises:
+        ValueError: naming the sensor, both sizes, and what may have changed them.
+    """
+    for name, sensor in sensors.items():
+        if sensor.camera is not None and data.get(name):
+            _check_image_size(name, sensor.camera, entries[name]["camera_info"], data[name])
+
+
+def _check_image_size(
+    sensor: str, camera: Camera, info: Mapping[str, Any], image: Mapping[str, Any]
+) -> None:
+    size = tuple(image.get(key) for key in ("width", "height"))
+    if None in size or size == (camera.width, camera.height):
+        return
+    region = info.get("roi") or {}
+    binned = max(int(info.get(key) or 1) for key in ("binning_x", "binning_y")) > 1
+    reason = "it has binning, " if binned else ""
+    reason += "it has a region of interest, " if region.get("width") else ""
+    raise ValueError(
+        f"sensor '{sensor}': its image is {size[0]} x {size[1]} pixels, its camera_info says "
+        f"{camera.width} x {camera.height}; they do not belong together: {reason}K, width and "
+        f"height must be those of the images as they are"
+    )
+
+
+def with_camera(entry: Mapping[str, Any], camera: Optional[Camera]) -> Mapping[str, Any]:
+    """Return a sensor's entry with other intrinsics, where they have changed."""
+    info = entry.get("camera_info")
+    if camera is None or not info:
+        return entry
+    before = camera_of_entry(info)
+    same_model = before.model == camera.model
+    if same_model and np.array_equal(before.K, camera.K) and np.array_equal(before.D, camera.D):
+        return entry
+    coefficients = [float(v) for v in camera.D]
+    longer = [float(v) for v in info["D"][len(coefficients) :]]  # zeros of a longer layout
+    changed = {**info, "K": [float(v) for v in camera.K.ravel()], "D": coefficients + longer}
+    if not same_model:
+        plain = camera.model == "none"  # written as plumb_bob with zeros, which every reader knows
+        changed["distortion_model"] = "plumb_bob" if plain else camera.model
+        changed["D"] = [0.0] * 5 if plain else coefficients
+    P = np.array(info.get("P") or [], dtype=float)
+    if P.size == 12 and np.allclose(P.reshape(3, 4)[:, :3], before.K):  # of the raw image
+        P = P.reshape(3, 4)
+        P[:, :3] = camera.K
+        changed["P"] = [float(v) for v in P.ravel()]
+    return {**entry, "camera_info": changed}
