@@ -211,23 +211,35 @@ class Collected:
 
     def after_kill(self, tmp_path):
         """Demand that what was there before can be had, and so can all that was collected."""
-        there = self.dataset_files(self.folder)
         copy = tmp_path / "copy"
         shutil.copytree(self.folder, copy)
-        if there != self.before:
-            announced = list(copy.glob("collections/[0-9]*.json"))
-            if there or announced:
-                assert core_main(["recover", str(copy), "--overwrite"]) == 0
-                dataset = read_dataset(copy / "dataset.json")
-                assert len(dataset.collections) == len(announced) or there
-                for key in dataset.collections:
-                    for name in dataset.sensors:
-                        if dataset.data.has_data(key, name):
-                            dataset.data.read(key, name)
-            if not there or (copy / "previous").is_dir():
-                assert core_main(["recover", str(copy), "--previous"]) == 0
-                assert self.dataset_files(copy) == self.before
+        if (copy / ".previous.partial").is_dir():  # killed while it set the dataset aside
+            self.demand_previous(copy)
+        else:
+            self.demand_both(copy)
         shutil.rmtree(copy)
+
+    def demand_both(self, folder):
+        there = self.dataset_files(folder)
+        if there == self.before:
+            return
+        announced = list(folder.glob("collections/[0-9]*.json"))
+        if there or announced:
+            assert core_main(["recover", str(folder), "--overwrite"]) == 0
+            dataset = read_dataset(folder / "dataset.json")
+            assert len(dataset.collections) == len(announced) or there
+            for key in dataset.collections:
+                for name in dataset.sensors:
+                    if dataset.data.has_data(key, name):
+                        dataset.data.read(key, name)
+        if not there or (folder / "previous").is_dir():
+            self.demand_previous(folder)
+        if there:  # whole, so it is what the next run sets aside
+            self.before = there
+
+    def demand_previous(self, folder):
+        assert core_main(["recover", str(folder), "--previous"]) == 0
+        assert self.dataset_files(folder) == self.before
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,6 @@ import pytest
 
 from atom_core.cli import main
 from atom_core.errors import DatasetError, OutputError
-from atom_core.io import earlier_run
 from atom_core.io.atomic import write_bytes_atomically
 from atom_core.io.collections import CollectionStore, StoredCollection, recover_dataset
 from atom_core.io.dataset_json import read_dataset, read_document
@@ -180,9 +179,32 @@ def test_a_kill_amid_the_setting_aside_is_undone(assembled, monkeypatch):
             CollectionStore.create(assembled, overwrite=True, beside=["pictures"])
             raise SystemExit
         monkeypatch.undo()
-        earlier_run.undo_partial(assembled)
-        earlier_run.put_back(assembled)
+        assert main(["recover", str(assembled), "--previous"]) == 0
         assert files_of(assembled) == before
+
+
+def test_a_kill_amid_the_removing_leaves_no_collection_without_its_data(
+    collected, tmp_path, monkeypatch
+):
+    unlink, files = type(tmp_path).unlink, len(files_of(collected.folder))
+    for number in range(files):
+        folder = shutil.copytree(collected.folder, tmp_path / str(number))
+        calls = itertools.count()
+
+        def killed(path, *args, calls=calls, number=number):
+            if next(calls) == number:
+                raise SystemExit
+            unlink(path, *args)
+
+        monkeypatch.setattr(type(tmp_path), "unlink", killed)
+        with pytest.raises(SystemExit):
+            CollectionStore(folder).begin_anew()
+        monkeypatch.undo()
+        assert len(files_of(folder)) == files - number
+        keys = CollectionStore(folder).keys
+        if keys:
+            path, warnings = recover_dataset(folder)
+            assert list(read_dataset(path).collections) == keys and not warnings
 
 
 def test_files_outside_of_the_folder_are_not_touched(assembled):

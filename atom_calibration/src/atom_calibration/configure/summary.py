@@ -6,6 +6,7 @@ pattern, whose edge is both. Branches without anything that matters are folded.
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 from typing import Any, Dict, List, Mapping, Set
@@ -20,6 +21,7 @@ GREEN, BLUE, RED, ORANGE, GREY = "#2e8b3d", "#1f5fb4", "#c8342b", "#d9730d", "#8
 _FILL = {"world": "#e4e4e4", "sensor": "#cdebc9", "pattern": "#f6c6c1"}
 _LINE = {"world": "#444444", "sensor": GREEN, "pattern": RED}
 FORMATS = ("pdf", "svg")
+_NO_DATE = {"SOURCE_DATE_EPOCH": "0"}  # the same tree, the same bytes
 _TIMEOUT_S = 60
 
 
@@ -67,6 +69,7 @@ def draw(dot: str, kind: str) -> bytes:
             [program, f"-T{kind}"],
             input=dot.encode(),
             capture_output=True,
+            env={**os.environ, **_NO_DATE},
             timeout=_TIMEOUT_S,
             check=True,
         )

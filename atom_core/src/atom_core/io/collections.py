@@ -82,8 +82,12 @@ class CollectionStore:
         return (self.folder / DATASET_FILE).is_file()
 
     def begin_anew(self) -> None:
-        """Remove what this run has collected so far."""
-        for path in list(self._files()):
+        """Remove what this run has collected so far.
+
+        What names data goes before the data, so whoever pulls the plug leaves no collection
+        without its data.
+        """
+        for path in reversed(list(self._files())):
             if path.is_file():
                 path.unlink()
 
@@ -112,7 +116,8 @@ class CollectionStore:
             DatasetError: there was none.
             OutputError: it cannot be moved.
         """
-        earlier_run.undo_partial(self.folder)
+        if earlier_run.undo_partial(self.folder) and self.is_assembled:
+            return self.folder / DATASET_FILE  # the run was interrupted before its first collection
         if not earlier_run.has_earlier_run(self.folder):
             kept = self.folder / earlier_run.PREVIOUS_FOLDER
             raise DatasetError(f"{kept}: absent; no earlier dataset is kept here")
@@ -121,7 +126,7 @@ class CollectionStore:
         return self.folder / DATASET_FILE
 
     def _files(self, beside: Sequence[str] = ()) -> Iterator[Path]:
-        """Yield the files of a run: data, collections, dataset, and others named."""
+        """Yield the files of a run: data, others named, header, collections, dataset."""
         for key in self.keys:
             with suppress(DatasetError):  # damaged: its data cannot be told from others' files
                 yield from self._data_files(self.load(key)).values()
@@ -130,7 +135,9 @@ class CollectionStore:
         for name in beside:
             yield self.folder / name
             yield from (self.folder / name).rglob("*")
-        yield from self._inside.glob("*.json")
+        header = self._inside / HEADER_FILE
+        yield header
+        yield from (path for path in self._inside.glob("*.json") if path != header)
         yield self.folder / DATASET_FILE
 
     def _assembled_data_files(self) -> Iterator[Path]:
@@ -282,6 +289,7 @@ def recover_dataset(folder: Path, overwrite: bool = False) -> Tuple[Path, List[s
         OutputError: a dataset is there already, or it cannot be written.
     """
     store = CollectionStore(folder)
+    earlier_run.undo_partial(store.folder)
     if not (store.folder / FOLDER).is_dir():
         raise DatasetError(
             f"{folder}: there is no folder '{FOLDER}' in it; name the folder that was the "

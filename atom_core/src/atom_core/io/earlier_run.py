@@ -49,14 +49,20 @@ def set_aside(folder: Path, files: Iterable[Path]) -> None:
         raise output_error(folder / PREVIOUS_FOLDER, error) from error
 
 
-def undo_partial(folder: Path) -> None:
-    """Put everything where it was, if an earlier call of `set_aside` was killed amid its work."""
+def undo_partial(folder: Path) -> bool:
+    """Put everything where it was, if an earlier call of `set_aside` was killed amid its work.
+
+    Returns:
+        True if there was something to be put back.
+    """
+    undone = (folder / _PARTIAL).is_dir()
     _put_back_from(folder, folder / _PARTIAL)
     if (folder / _OLDER).is_dir():
         if has_earlier_run(folder):
             _remove(folder / _OLDER)
         else:
             os.replace(folder / _OLDER, folder / PREVIOUS_FOLDER)
+    return undone
 
 
 def put_back(folder: Path) -> None:
