@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 from sensor_msgs import point_cloud2
-from sensor_msgs.msg import CompressedImage, LaserScan
+from sensor_msgs.msg import CompressedImage, Image, LaserScan
 
 from atom_calibration.errors import MessageError
 from atom_calibration.messages import images
@@ -67,6 +67,16 @@ def test_a_bayer_image_keeps_its_colours(make):
     mosaic[0::2, 0::2] = 200  # red where rggb has it
     colour = colour_image(make.image(mosaic, "bayer_rggb8"))[4, 4]
     assert colour[2] > colour[0] and colour[2] > colour[1]
+
+
+@pytest.mark.parametrize("encoding, grey", [("yuv422", b"\x80\x50"), ("yuv422_yuy2", b"\x50\x80")])
+def test_yuv_images_share_colours_by_pairs_of_columns(encoding, grey):
+    data = grey * 2
+    shown = colour_image(Image(height=1, width=2, step=4, encoding=encoding, data=data))
+    assert shown.shape == (1, 2, 3) and np.ptp(shown) <= 1
+    with pytest.raises(MessageError, match="has 3 columns; .* their number is even"):
+        # decoded, it would write beyond the picture's memory and end whatever comes later
+        colour_image(Image(height=1, width=3, step=6, encoding=encoding, data=data + grey))
 
 
 def test_a_compressed_picture_is_decoded_in_the_right_order():

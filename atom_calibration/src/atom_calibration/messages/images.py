@@ -66,6 +66,11 @@ def colour_image(message: Any) -> np.ndarray:
             f"{', '.join(_COLOURS)}"
         )
     kind, channels, conversion = _COLOURS[message.encoding]
+    if message.encoding.startswith("yuv422") and message.width % 2:
+        raise MessageError(  # OpenCV would read and write beyond its end
+            f"the image has {message.width} columns; {message.encoding} has one colour for two "
+            f"pixels side by side, so their number is even; correct the driver's width"
+        )
     image = _eight_bits(_pixels(message, kind, channels))
     return image if conversion is None else cv2.cvtColor(image, conversion)
 
