@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from atom_calibration.modalities.frames import Frame
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.errors import LabelingError
 from atom_core.io.seeds import Seed
-from atom_core.labeling.base import Labeled, Labeler, labeler_for, nothing
+from atom_core.labeling.base import Labeled, Labeler, labeler_for, nothing, prepared
 from atom_core.labeling.stillness import SurfaceSighting
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.pattern import Pattern
@@ -76,10 +76,13 @@ class FrameLabeler:
         self._boards = BoardPredictor(self._world)
         self._motion = MotionWatch()
 
-    def label_unseeded(self, frame: Frame) -> Frame:
-        """Label data that need no seed, and so nothing else: any thread may do it."""
+    def prepare(self, frame: Frame) -> Frame:
+        """Do what needs nothing but the data, as labeling images does: any thread may."""
         for name in self._patterns:
-            frame.set_label(name, self._label(frame, name, None))
+            if frame.ros.seeds is None:
+                frame.set_label(name, self._label(frame, name, None))
+            else:
+                self._prepared(frame, name)
         return frame
 
     def label(self, frame: Frame, tree: Optional[TransformTree]) -> Frame:
@@ -95,11 +98,12 @@ class FrameLabeler:
         """
         if frame.ros.seeds is None:
             if not frame.labels:
-                self.label_unseeded(frame)
+                self.prepare(frame)
             self._note_boards(frame, tree)
         else:
             for name in self._patterns:
                 self._label_range(frame, name, tree)
+        frame.prepared.clear()
         self._motion.note(frame)
         return frame
 
@@ -241,12 +245,22 @@ class FrameLabeler:
         reach_m: Optional[float] = None,
     ) -> Labeled:
         labeler, label_near = self._labelers[(frame.sensor.name, pattern)], frame.ros.label_near
+        data = self._prepared(frame, pattern)
         try:
             if label_near is None or seed is None or reach_m is None:
-                return labeler.label(frame.data, seed)
-            return label_near(labeler, frame.data, seed, reach_m)
+                return labeler.label(data, seed)
+            return label_near(labeler, data, seed, reach_m)
         except LabelingError as error:
             raise LabelingError(f"{frame.place}: {error}") from None
+
+    def _prepared(self, frame: Frame, pattern: str) -> Any:
+        if pattern not in frame.prepared:
+            labeler = self._labelers[(frame.sensor.name, pattern)]
+            try:
+                frame.prepared[pattern] = prepared(labeler, frame.data)
+            except LabelingError as error:
+                raise LabelingError(f"{frame.place}: {error}") from None
+        return frame.prepared[pattern]
 
 
 def _vouched(frame: Frame, labeled: Labeled, prediction: Optional[Guess]) -> Labeled:

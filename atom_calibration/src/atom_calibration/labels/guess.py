@@ -78,7 +78,7 @@ class Misfit(NamedTuple):
 
     def by_kind(self, direction: float, off: float, beside: float) -> np.ndarray:
         """Return (n,) with a figure for each kind of number."""
-        return np.array([direction] * self.directions + [off] + [beside] * 2)
+        return np.array((*(direction,) * self.directions, off, beside, beside))
 
 
 def misfit(middle: np.ndarray, normal: np.ndarray, found: SurfaceSighting) -> Misfit:
@@ -88,12 +88,13 @@ def misfit(middle: np.ndarray, normal: np.ndarray, found: SurfaceSighting) -> Mi
     normal = normal if normal @ off >= 0 else -normal
     away = middle - found.centre
     numbers = np.concatenate([beside[:known] @ normal, [off @ away], beside @ away])
-    jacobian = np.zeros((known + 3, 6))
-    jacobian[:known, :3] = -beside[:known] @ se3.skew(normal)
+    jacobian, across_normal = np.zeros((known + 3, 6)), se3.skew(normal)
+    jacobian[:known, :3] = -beside[:known] @ across_normal
     moved = np.vstack([off, beside])
     jacobian[known:, :3] = -moved @ se3.skew(middle)
     jacobian[known:, 3:] = moved
     # The nearest normal turns with the prediction about the axes that are known.
-    free = beside[known:]
-    jacobian[known, :3] -= (free @ away) @ free @ se3.skew(normal)
+    if known < len(beside):
+        free = beside[known:]
+        jacobian[known, :3] -= (free @ away) @ free @ across_normal
     return Misfit(numbers, jacobian, known)

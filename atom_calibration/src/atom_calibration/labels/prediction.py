@@ -37,6 +37,7 @@ _MOST_DRIFT_M = 0.02  # of a board in motion since a camera saw it, to learn fro
 _UNKNOWN_SPEED_M_S = 0.5
 _APART_M, _APART_RAD = 0.2, 0.2  # places nearer to each other than this count once
 _MOST_PLACES, _ITERATIONS = 30, 6
+_SETTLED = 1e-7  # of a step [rad, m]
 _USUAL_SQUARE, _TAIL_SQUARE = 5.0, 9.0  # of a label's misfit in sigmas: expected, and half weight
 
 
@@ -234,6 +235,7 @@ class _Seen(NamedTuple):
 
 
 _PRIOR = np.diag([_PRIOR_RAD**2] * 3 + [_PRIOR_M**2] * 3)
+_PRIOR_INFORMATION = np.linalg.inv(_PRIOR)
 
 
 @dataclass
@@ -263,7 +265,7 @@ class _Correction:
         """Robust weighted least squares, beside a prior of no further correction."""
         pose = self.first
         for _ in range(_ITERATIONS):
-            information = np.linalg.inv(_PRIOR)
+            information = _PRIOR_INFORMATION.copy()
             further = pose @ se3.inverse(self.first)
             turn = se3.rotation_vector_from_rotation(further[:3, :3])
             gradient = information @ np.concatenate([turn, further[:3, 3]])
@@ -279,6 +281,8 @@ class _Correction:
             step = -np.linalg.solve(information, gradient)
             turned = se3.rotation_from_rotation_vector(step[:3])
             pose = se3.transform(turned, step[3:]) @ pose
+            if np.abs(step).max() < _SETTLED:
+                break
         self.found_T_predicted, self.covariance = pose, np.linalg.inv(information)
 
 

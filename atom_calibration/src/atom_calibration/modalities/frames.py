@@ -28,6 +28,8 @@ class Frame:
         labels: what the labeler found, by pattern.
         seeds: where the labels were begun from, by pattern; of what was not detected, the one that
             was set by hand.
+        prepared: the data with all done that labels need beside a seed, by pattern; while the frame
+            is being labeled.
         sightings: what tells whether the board moved, by pattern; only of what was detected.
     """
 
@@ -38,6 +40,7 @@ class Frame:
     labels: Dict[str, Labeled] = field(default_factory=dict)
     seeds: Dict[str, np.ndarray] = field(default_factory=dict)
     sightings: Dict[str, Sighting] = field(default_factory=dict)
+    prepared: Dict[str, Any] = field(default_factory=dict)
 
     @property
     def ros(self) -> RosModality:

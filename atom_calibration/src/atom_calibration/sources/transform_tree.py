@@ -7,6 +7,7 @@ did in it.
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left, insort
 from typing import Any, Dict, Iterable, List, Mapping, Optional, Set, Tuple
 
@@ -315,9 +316,10 @@ def _copy(edge: Edge, matrix: np.ndarray, message: Any) -> TransformStamped:
     copy = TransformStamped()
     copy.header.stamp = rospy.Time(message.header.stamp.secs, message.header.stamp.nsecs)
     copy.header.frame_id, copy.child_frame_id = edge
-    t, q = copy.transform.translation, copy.transform.rotation
-    t.x, t.y, t.z = (float(v) for v in matrix[:3, 3])
-    q.x, q.y, q.z, q.w = (float(v) for v in se3.quaternion_from_rotation(matrix[:3, :3]))
+    t, q, given = copy.transform.translation, copy.transform.rotation, message.transform.rotation
+    t.x, t.y, t.z = matrix[:3, 3].tolist()
+    length = math.hypot(math.hypot(given.x, given.y), math.hypot(given.z, given.w))
+    q.x, q.y, q.z, q.w = (v / length for v in (given.x, given.y, given.z, given.w))
     return copy
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import Tuple
 
 import numpy as np
@@ -33,10 +34,18 @@ def fit_plane(points: np.ndarray) -> Tuple[np.ndarray, np.ndarray, float]:
 
 def plane_basis(normal: np.ndarray) -> np.ndarray:
     """Return a rotation (3, 3) whose third column is the unit normal."""
-    helper = np.eye(3)[np.argmin(np.abs(normal))]
-    first = np.cross(helper, normal)
-    first /= np.linalg.norm(first)
-    return np.column_stack([first, np.cross(normal, first), normal])
+    # By numbers: numpy's cross product of two single vectors takes ten times as long.
+    x, y, z = (float(value) for value in normal)
+    smallest = min(abs(x), abs(y), abs(z))
+    if abs(x) == smallest:  # the axis that is farthest from the normal, times the normal
+        a, b, c = 0.0, -z, y
+    elif abs(y) == smallest:
+        a, b, c = z, 0.0, -x
+    else:
+        a, b, c = -y, x, 0.0
+    length = sqrt(a * a + b * b + c * c)
+    a, b, c = a / length, b / length, c / length
+    return np.array([[a, y * c - z * b, x], [b, z * a - x * c, y], [c, x * b - y * a, z]])
 
 
 def plane_as_seen(points: np.ndarray) -> np.ndarray:

@@ -61,47 +61,21 @@ def right_jacobian(rotation_vector: np.ndarray) -> np.ndarray:
 
 def quaternion_from_rotation(rotation: np.ndarray) -> np.ndarray:
     """Return unit quaternions (..., 4), x y z w with w >= 0, of the matrices (..., 3, 3)."""
-    rotation = np.asarray(rotation, dtype=float)
-    r = rotation
-    trace = r[..., 0, 0] + r[..., 1, 1] + r[..., 2, 2]
-    # The four candidates are the same quaternion scaled; the longest is the best conditioned.
-    candidates = np.stack(
-        [
-            _stack4(
-                1 + 2 * r[..., 0, 0] - trace,
-                r[..., 0, 1] + r[..., 1, 0],
-                r[..., 0, 2] + r[..., 2, 0],
-                r[..., 2, 1] - r[..., 1, 2],
-            ),
-            _stack4(
-                r[..., 0, 1] + r[..., 1, 0],
-                1 + 2 * r[..., 1, 1] - trace,
-                r[..., 1, 2] + r[..., 2, 1],
-                r[..., 0, 2] - r[..., 2, 0],
-            ),
-            _stack4(
-                r[..., 0, 2] + r[..., 2, 0],
-                r[..., 1, 2] + r[..., 2, 1],
-                1 + 2 * r[..., 2, 2] - trace,
-                r[..., 1, 0] - r[..., 0, 1],
-            ),
-            _stack4(
-                r[..., 2, 1] - r[..., 1, 2],
-                r[..., 0, 2] - r[..., 2, 0],
-                r[..., 1, 0] - r[..., 0, 1],
-                1 + trace,
-            ),
-        ],
-        axis=-2,
-    )
-    best = np.argmax(np.einsum("...ii->...i", candidates), axis=-1)
-    quaternion = np.take_along_axis(candidates, best[..., None, None], axis=-2)[..., 0, :]
-    quaternion = quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True)
+    r = np.asarray(rotation, dtype=float)
+    xx, yy, zz = r[..., 0, 0], r[..., 1, 1], r[..., 2, 2]
+    trace = xx + yy + zz
+    # Rows: four candidates, the same quaternion scaled; the longest is the best conditioned.
+    candidates = np.empty(r.shape[:-2] + (4, 4))
+    candidates[..., 0, 0], candidates[..., 1, 1] = 1 + 2 * xx - trace, 1 + 2 * yy - trace
+    candidates[..., 2, 2], candidates[..., 3, 3] = 1 + 2 * zz - trace, 1 + trace
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        candidates[..., i, j] = candidates[..., j, i] = r[..., i, j] + r[..., j, i]
+        candidates[..., k, 3] = candidates[..., 3, k] = r[..., j, i] - r[..., i, j]
+    rows = candidates.reshape(-1, 4, 4)
+    best = np.diagonal(rows, axis1=1, axis2=2).argmax(axis=1)
+    quaternion = rows[np.arange(len(rows)), best].reshape(r.shape[:-2] + (4,))
+    quaternion /= np.linalg.norm(quaternion, axis=-1, keepdims=True)
     return np.where(quaternion[..., 3:] < 0, -quaternion, quaternion)
-
-
-def _stack4(x: np.ndarray, y: np.ndarray, z: np.ndarray, w: np.ndarray) -> np.ndarray:
-    return np.stack([x, y, z, w], axis=-1)
 
 
 def rotation_from_quaternion(quaternion: np.ndarray) -> np.ndarray:

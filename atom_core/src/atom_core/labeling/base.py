@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Mapping, Optional, Protocol, Tuple
+from typing import Any, Mapping, Optional, Protocol, Tuple, runtime_checkable
 
 import numpy as np
 
@@ -69,6 +69,19 @@ class Labeler(Protocol):
                 the cloud, as the modality's module describes it.
             seed: where the board is, as ``Labeled.next_seed``; None: search for it.
         """
+
+
+@runtime_checkable
+class Preparing(Protocol):
+    """A labeler with work to do that needs no seed: it is done once, and any thread may do it."""
+
+    def prepare(self, data: Any) -> Any:
+        """Return data in a form that ``label`` takes, too, with that work done."""
+
+
+def prepared(labeler: Labeler, data: Any) -> Any:
+    """Return data for a labeler, with all done that needs no seed."""
+    return labeler.prepare(data) if isinstance(labeler, Preparing) else data
 
 
 def labeler_for(sensor: Sensor, pattern: Pattern, config: PatternConfig) -> Labeler:

@@ -7,7 +7,7 @@ Only if border, coverage and planarity fit, the region is the board (`depth_boar
 
 from __future__ import annotations
 
-from typing import Optional
+from typing import NamedTuple, Optional, Union
 
 import numpy as np
 
@@ -36,6 +36,13 @@ _DARK_SQUARES, _NEAR_M = 1.3, 1.5  # sides of a square, seen from there: holes t
 _LEAST_FITNESS = 0.75  # of what was searched: nobody said that the board is there
 
 
+class PreparedDepth(NamedTuple):
+    """A depth image (height, width) [m] that fits its camera, and what is looked at of it."""
+
+    depth_m: np.ndarray
+    view: DepthView
+
+
 class DepthLabeler:
     """Finds a board in the depth images of one camera."""
 
@@ -61,16 +68,26 @@ class DepthLabeler:
         rays = self.camera.normalise(np.column_stack([column.ravel(), row.ravel()]))
         self._rays = rays.reshape(self.camera.height, self.camera.width, 2).astype(np.float32)
 
+    def prepare(self, data: np.ndarray) -> PreparedDepth:
+        """Return a depth image (height, width) [m] without specks, and with small holes filled.
+
+        Raises:
+            LabelingError: see `label`.
+        """
+        depth_m = self._checked(data)
+        return PreparedDepth(depth_m, self._view(depth_m))
+
     def label(
         self,
-        data: np.ndarray,
+        data: Union[np.ndarray, PreparedDepth],
         seed: Optional[np.ndarray] = None,
         polygon: Optional[np.ndarray] = None,
     ) -> Labeled:
         """Label the board.
 
         Args:
-            data: (height, width) [m]; NaN, infinite or 0 where there is no depth (`to_metres`).
+            data: (height, width) [m]; NaN, infinite or 0 where there is no depth (`to_metres`); or
+                what `prepare` returns.
             seed: (2,) pixel x, y on the board; None: search the image for it (`find_board`).
             polygon: (n, 2) pixels; what lies outside is not looked at.
 
@@ -86,13 +103,11 @@ class DepthLabeler:
             LabelingError: the array is no depth image of this camera, the seed or the polygon is
                 outside it, or the depths are in another unit.
         """
-        depth_m = self._checked(data)
+        depth_m, view = data if isinstance(data, PreparedDepth) else self.prepare(data)
         if polygon is not None:
             depth_m = _within(depth_m, polygon)
-        if seed is None:
-            found = self.find_board(depth_m)
-        else:
-            found = self._from_seed(depth_m, self._checked_seed(seed))
+            view = self._view(depth_m)
+        found = _found_in(view) if seed is None else _from_seed(view, self._checked_seed(seed))
         if not found.detected:
             self._check_unit(depth_m, seed)
         return found
@@ -103,21 +118,7 @@ class DepthLabeler:
         Args:
             depth_m: (height, width) [m], NaN where there is no depth.
         """
-        view = self._view(depth_m)
-        best, nearest = nothing(DEPTH, _NO_BOARD), ""
-        for plane, region in plane_regions(view):
-            found = judge(view, plane, region)
-            if _fitness(found) >= max(_LEAST_FITNESS, _fitness(best)):
-                best = found
-            elif found.detected:
-                nearest = nearest or _CUT
-            elif found.unsure is not None:
-                nearest = nearest or found.reason
-            elif "measured_width_m" in found.quality:
-                nearest = found.reason
-        if best.detected or not nearest:
-            return best
-        return nothing(DEPTH, f"{_NO_BOARD}; of what comes nearest: {nearest}")
+        return _found_in(self._view(depth_m))
 
     def _view(self, depth_m: np.ndarray) -> DepthView:
         half_size, square_m = self.pattern.border.half_size, self.pattern.square_m
@@ -127,15 +128,6 @@ class DepthLabeler:
         return DepthView(
             depth_m, solid_m, square_m, self._rays, self.camera, half_size, self.options
         )
-
-    def _from_seed(self, depth_m: np.ndarray, seed: np.ndarray) -> Labeled:
-        view = self._view(depth_m)
-        if start_pixel(view.solid_m, seed) is None:
-            return nothing(DEPTH, f"no depth within {SEED_REACH_PX} px of the seed")
-        found = plane_region(view, seed)
-        if found is None:
-            return nothing(DEPTH, "what is seen at the seed is no plane of the least size")
-        return judge(view, *found)
 
     def _checked(self, data: np.ndarray) -> np.ndarray:
         data = np.asarray(data)
@@ -169,7 +161,8 @@ class DepthLabeler:
             return
         for factor, meaning in _FACTORS.items():
             scaled = depth_m * np.float32(factor)
-            found = self.find_board(scaled) if seed is None else self._from_seed(scaled, seed)
+            view = self._view(scaled)
+            found = _found_in(view) if seed is None else _from_seed(view, seed)
             if found.detected:
                 raise LabelingError(
                     f"sensor '{self.sensor.name}': the board has its size only when depths are "
@@ -205,6 +198,32 @@ def _nan_where_invalid(depth_m: np.ndarray) -> np.ndarray:
     with np.errstate(invalid="ignore"):  # numpy 1.17 warns of comparisons with NaN
         depth_m[~(depth_m > 0) | ~np.isfinite(depth_m)] = np.nan
     return depth_m
+
+
+def _found_in(view: DepthView) -> Labeled:
+    best, nearest = nothing(DEPTH, _NO_BOARD), ""
+    for plane, region in plane_regions(view):
+        found = judge(view, plane, region)
+        if _fitness(found) >= max(_LEAST_FITNESS, _fitness(best)):
+            best = found
+        elif found.detected:
+            nearest = nearest or _CUT
+        elif found.unsure is not None:
+            nearest = nearest or found.reason
+        elif "measured_width_m" in found.quality:
+            nearest = found.reason
+    if best.detected or not nearest:
+        return best
+    return nothing(DEPTH, f"{_NO_BOARD}; of what comes nearest: {nearest}")
+
+
+def _from_seed(view: DepthView, seed: np.ndarray) -> Labeled:
+    if start_pixel(view.solid_m, seed) is None:
+        return nothing(DEPTH, f"no depth within {SEED_REACH_PX} px of the seed")
+    found = plane_region(view, seed)
+    if found is None:
+        return nothing(DEPTH, "what is seen at the seed is no plane of the least size")
+    return judge(view, *found)
 
 
 def _fitness(found: Labeled) -> float:

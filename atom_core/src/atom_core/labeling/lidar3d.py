@@ -7,7 +7,7 @@ results become labels. Clouds that are depth images are labeled as such (`image_
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
@@ -17,7 +17,7 @@ from atom_core.errors import LabelingError
 from atom_core.geometry import se3
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.labeling.base import Labeled, nothing
-from atom_core.labeling.image_cloud import as_image, label_in_image
+from atom_core.labeling.image_cloud import ImageCloud, as_image, label_in_image
 from atom_core.model.config import PatternConfig
 from atom_core.model.labels import RangeLabel
 from atom_core.model.pattern import Pattern
@@ -41,12 +41,14 @@ class Cloud:
         points: (n, 3) [m] in the sensor's frame, row by row; NaN and zeros are invalid.
         ring: (n,) layer of each point, or None where unknown.
         width, height: organisation; height 1 where there is none.
+        scan: what `find_layers` returns of it, where that is done already.
     """
 
     points: np.ndarray
     ring: Optional[np.ndarray] = None
     width: int = 0
     height: int = 1
+    scan: Any = None
 
 
 _NO_BOARD = "no plane of the board's size and outline is in the cloud"
@@ -137,14 +139,31 @@ class Lidar3dLabeler:
             return nothing(LIDAR3D, _NO_BOARD)
         return found[0].labeled
 
+    def prepare(self, data: Any) -> Cloud:
+        """Return a cloud with its layers found, unless it is a depth image.
+
+        Raises:
+            LabelingError: the data are no cloud.
+        """
+        try:
+            cloud = as_cloud(data)
+            if self._image(cloud) is not None or not self._options.use_layers:
+                return cloud
+            return replace(cloud, scan=find_layers(cloud))
+        except LabelingError as error:
+            raise LabelingError(f"{self._place}: {error}") from None
+
     def _in_image(self, cloud: Cloud, seed: Optional[np.ndarray]) -> Optional[Labeled]:
         """Label a cloud that is a depth image; None where it is none."""
-        if cloud.ring is not None or not self._options.use_image:
-            return None
-        image = as_image(np.asarray(cloud.points, dtype=float), cloud.width, cloud.height)
+        image = None if cloud.scan is not None else self._image(cloud)
         if image is None:
             return None
         return label_in_image(image, cloud.points, self._sensor, self._pattern, seed)
+
+    def _image(self, cloud: Cloud) -> Optional[ImageCloud]:
+        if cloud.ring is not None or not self._options.use_image:
+            return None
+        return as_image(np.asarray(cloud.points, dtype=float), cloud.width, cloud.height)
 
 
 def as_cloud(data: CloudLike) -> Cloud:
@@ -200,6 +219,8 @@ def find_layers(cloud: Cloud) -> Any:
 
 
 def _scan(cloud: Cloud, options: Lidar3dOptions) -> Any:
+    if cloud.scan is not None and options.use_layers:
+        return cloud.scan
     scan = find_layers(cloud)
     scan.has_layers = scan.has_layers and options.use_layers
     return scan

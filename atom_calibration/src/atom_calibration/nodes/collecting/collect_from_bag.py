@@ -186,8 +186,9 @@ def labeled_frames(
 
     The stamps of sensors in ``received`` are replaced by the times of receipt.
 
-    Images are decoded and labeled by threads a few messages ahead; what needs the result of
-    the frame before it, the tracking of range sensors, is done here.
+    Messages are decoded, images labeled, clouds and depths prepared by threads a few messages
+    ahead; what needs the result of the frame before it, the tracking of range sensors, is done
+    here.
     """
     cv2.setNumThreads(1)
     bad: Counter = Counter()
@@ -238,8 +239,7 @@ def _ahead(
 
 
 def _prepared(labeler: FrameLabeler, sensor: Any, message: Any) -> Frame:
-    frame = decode(sensor, message)
-    return labeler.label_unseeded(frame) if frame.ros.seeds is None else frame
+    return labeler.prepare(decode(sensor, message))
 
 
 def _moments(
