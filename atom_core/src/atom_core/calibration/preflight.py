@@ -10,10 +10,19 @@ import numpy as np
 from atom_core.calibration.board_sizes import look_at_boards
 from atom_core.calibration.judge.statistics import Table, residual_table
 from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.prepare.connectivity import check_connected, floats_freely
-from atom_core.calibration.prepare.joints import check_joints
+from atom_core.calibration.prepare.connectivity import (
+    check_connected,
+    floats_freely,
+    only_by_priors,
+)
+from atom_core.calibration.prepare.joints import check_joints, with_joint_transforms
 from atom_core.calibration.prepare.motions import open_motion
-from atom_core.calibration.prepare.preparation import absent_data, check_not_alone, free_edges
+from atom_core.calibration.prepare.preparation import (
+    absent_data,
+    check_not_alone,
+    free_edges,
+    prepare,
+)
 from atom_core.calibration.prepare.priors import priors
 from atom_core.calibration.start.boards import carried_boards
 from atom_core.errors import AtomError
@@ -21,7 +30,7 @@ from atom_core.model.dataset import Dataset, is_complete
 from atom_core.model.labels import DetectionKey, place
 from atom_core.problem.builder import FreeEdges, build_problem, check_edges
 from atom_core.problem.measured_size import MeasuredSide, measured_sides
-from atom_core.problem.measurements import Measurement, read_measurements
+from atom_core.problem.measurements import Measurement, measured_detections, read_measurements
 from atom_core.problem.problem import Problem
 
 _FEW_DETECTIONS = 3
@@ -55,7 +64,10 @@ class Preflight:
 
 
 def preflight(dataset: Dataset) -> Preflight:
-    """Examine a dataset; what is wrong is collected rather than raised."""
+    """Examine a dataset; what is wrong is collected rather than raised.
+
+    What `calibrate` refuses before it solves is a problem here, in the same words.
+    """
     problems: List[str] = []
     warnings: List[str] = list(dataset.warnings)
     for sensor, collections in absent_data(dataset).items():
@@ -64,20 +76,22 @@ def preflight(dataset: Dataset) -> Preflight:
             f"calibrate without it: -ssf '!{sensor}'"
         )
     present = _with_data(dataset)
-    measurements, remarks = read_measurements(present)
+    read = measured_detections(present)
+    measurements, remarks = read_measurements(present, read)
     free = _free_edges(dataset, problems, warnings)
-    for check in (
-        lambda: check_edges(dataset, free),
-        lambda: check_joints(dataset, free),
-        lambda: check_connected(present, measurements, free),
-    ):
-        _collect(check, problems)
+    _collect(lambda: check_edges(dataset, free), problems)
+    _collect(lambda: check_joints(dataset, free), problems)
+    _collect(lambda: check_connected(present, measurements, free), problems)
     warnings += remarks + _implausible(present, measurements)
     if floats_freely(present, measurements, free):
         _collect(lambda: check_not_alone(present, free), problems)
         warnings.append(
             "nothing ties the rig to world: the first sensor will be held (anchored_sensor, -as)"
         )
+    if not problems:
+        warnings += with_joint_transforms(present, free)[1]
+        warnings += only_by_priors(present, measurements, free)
+        _collect(lambda: prepare(present, CalibrationOptions(), read), problems)
     left_open = "" if problems else open_motion(present, measurements, free)
     warnings += [left_open] if left_open else []
     widths = {sensor.name: sensor.beam_width_rad for sensor in dataset.sensors.values()}
@@ -115,7 +129,7 @@ def _of_another_size(sides: Sequence[MeasuredSide]) -> List[str]:
     return remarks
 
 
-def _collect(check: Callable[[], None], problems: List[str]) -> None:
+def _collect(check: Callable[[], object], problems: List[str]) -> None:
     try:
         check()
     except AtomError as error:

@@ -131,7 +131,8 @@ def judge(
     if unfit:  # else it is noise that the sigmas know of
         reasons = [*_of_held_boards(refined), *(edge.why for edge in moving), *reasons]
     reasons += [m.why for m in unfit] + [e.why for e in out]
-    status, message = _verdict(summary, weak, reasons, refined.failure)
+    also = _if_a_fixed_board_moved(dataset, problem) if unfit or moving or out else ""
+    status, message = _verdict(summary, weak, [why + also for why in reasons], refined.failure)
     return Judgement(
         dataset,
         covariance,
@@ -261,6 +262,18 @@ def _of_held_boards(refined: Refined) -> Tuple[str, ...]:
     return (
         "the sensors do not fit the boards where these are held (--anchor_patterns); leave the "
         "option out, and the boards are estimated",
+    )
+
+
+def _if_a_fixed_board_moved(dataset: Dataset, problem: Problem) -> str:
+    """Return the rest of a sentence about what does not fit; '' where each board may move."""
+    patterns = sorted({key.pattern for key in problem.detections})
+    names = [f"'{name}'" for name in patterns if dataset.patterns[name].fixed]
+    if not names:
+        return ""
+    return (
+        f"; if board {', '.join(names)}, configured `fixed: true`, was moved between collections, "
+        f"use those of one place (-csf), or set `fixed: false`"
     )
 
 

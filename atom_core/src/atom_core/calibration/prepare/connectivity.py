@@ -47,11 +47,12 @@ def check_connected(dataset: Dataset, measurements: Sequence[Measurement], free:
         alone = [name for name in blind if name in detected]
         what = (
             f"sensor {_list(alone)} sees no board together with another sensor, so nothing ties "
-            f"it to the rig; collect boards that are seen by both"
+            f"it to the rig; {_remedy(dataset, alone)}"
             if alone
             else f"sensor {_list(blind)} has no detection in any collection used; collect again"
         )
-        raise CalibrationError(f"{what}, or leave it out with -ssf")
+        several = len(dataset.sensors) > 1
+        raise CalibrationError(f"{what}, or leave it out with -ssf" if several else what)
     if free.anchor_patterns:
         return
     groups = components(dataset, measurements)
@@ -64,6 +65,18 @@ def check_connected(dataset: Dataset, measurements: Sequence[Measurement], free:
             f"collections in which sensors of different components see the board together, or "
             f"select one component with -ssf"
         )
+
+
+def _remedy(dataset: Dataset, alone: Sequence[str]) -> str:
+    """Return what ties sensors to the rig that see boards by themselves."""
+    several = "collect boards that are seen by both"
+    loose = [pattern.name for pattern in dataset.patterns.values() if not pattern.fixed]
+    moved = not all(nothing_moves(dataset, [name], loose, [*dataset.collections]) for name in alone)
+    if not moved:
+        return several
+    still = f"if pattern {_list(loose)} does not move in the frame that it is attached to"
+    said = f"{still} while the robot moves, set `fixed: true` of it in the configuration"
+    return said if len(dataset.sensors) == 1 else f"{several}; {said}"
 
 
 def floats_freely(dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges) -> bool:

@@ -14,6 +14,7 @@ from atom_core.calibration.prepare.connectivity import (
     floats_freely,
     only_by_priors,
 )
+from atom_core.calibration.prepare.fixed_boards import check_fixed_boards
 from atom_core.calibration.prepare.joints import (
     check_joints,
     configured_joints,
@@ -96,6 +97,7 @@ def prepare(
     if floats_freely(dataset, measurements, free):
         free, remark = _anchor_first(dataset, free)
         remarks.append(remark)
+    check_fixed_boards(dataset, measurements)
     check_told(dataset, measurements, free, moving)
     return Prepared(dataset, measurements, free, moving, unused, tuple(remarks))
 
