@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <map>
 #include <optional>
@@ -32,6 +33,7 @@ constexpr double kUneven = 0.008;     // [m] about the plane are flat
 constexpr double kWideLayer = 0.4;    // of the shorter side: layers beyond the board count, if
 constexpr double kSolid = 0.6;        // of them returns, and
 constexpr double kFarBeyond = 0.12;   // of that side away
+constexpr std::size_t kNearest = 4;   // ends on each side that are limit points in any case
 
 // ---- the surface: plane and threshold from the piece itself, and the piece from them
 
@@ -307,15 +309,33 @@ std::optional<RectanglePose> FitToEnds(const BoardSearch& search, const Surface&
 
 // ---- the label
 
+// An end of a layer that may be a limit point.
+struct Limit {
+  double inset;  // how far inside the outline, in beam steps
+  std::int64_t index;
+};
+
 void AddLimit(const BoardSearch& search, const Surface& surface, const RectanglePose& pose, int i,
-              int side, std::vector<std::int64_t>* limits) {
+              int side, std::vector<Limit>* limits) {
   const BoardOptions& options = search.options;
   const Eigen::Vector2d point = pose.ToBoard(surface.InPlane(search.At(i).position));
   const double distance = SignedDistance(point, surface.seen_half());
   const double step = surface.StepOnBoard();
   if (!surface.IsHiddenBeside(i, side) && distance > -options.most_inside * step &&
       distance < options.border_tolerance + step) {
-    limits->push_back(search.At(i).index);
+    limits->push_back({-distance / step, search.At(i).index});
+  }
+}
+
+// Takes the half of the ends on one side that lies nearest to the border, four at least, and all
+// others near to it. What lies farther inside tells less of where the border is.
+void TakeNearest(double well_inside, std::vector<Limit> limits, std::vector<std::int64_t>* taken) {
+  std::stable_sort(limits.begin(), limits.end(),
+                   [](const Limit& a, const Limit& b) { return a.inset < b.inset; });
+  const std::size_t least = std::max(kNearest, (limits.size() + 1) / 2);
+  for (std::size_t k = 0; k < limits.size(); ++k) {
+    if (k >= least && limits[k].inset > well_inside) break;
+    taken->push_back(limits[k].index);
   }
 }
 
@@ -336,11 +356,14 @@ void Label(const BoardSearch& search, const Surface& surface, const RectanglePos
     segment->indices.push_back(point.index);
     ends.emplace(point.layer, std::make_pair(i, i)).first->second.second = i;
   }
-  auto& limits = segment->limit_indices;
+  std::vector<Limit> first, last;
   for (const auto& item : ends) {
-    AddLimit(search, surface, pose, surface.Trusted(item.second.first, 1), -1, &limits);
-    AddLimit(search, surface, pose, surface.Trusted(item.second.second, -1), 1, &limits);
+    AddLimit(search, surface, pose, surface.Trusted(item.second.first, 1), -1, &first);
+    AddLimit(search, surface, pose, surface.Trusted(item.second.second, -1), 1, &last);
   }
+  auto& limits = segment->limit_indices;
+  TakeNearest(search.options.well_inside, std::move(first), &limits);
+  TakeNearest(search.options.well_inside, std::move(last), &limits);
   std::sort(segment->indices.begin(), segment->indices.end());
   std::sort(limits.begin(), limits.end());
   limits.erase(std::unique(limits.begin(), limits.end()), limits.end());

@@ -41,7 +41,8 @@ struct BoardOptions {
   double least_in_view = 0.04;   ///< share of the board between the lowest and the highest layer
   double least_of_outline = 0.50;  ///< share of the board in the field of view, without layers
   double most_through = 0.08;      ///< share of the expected beams that pass through the rectangle
-  double most_inside = 0.9;  ///< beam steps from the outline that a limit point may lie inside
+  double most_inside = 0.9;  ///< beam steps from the outline that a limit point may lie inside,
+  double well_inside = 0.5;  ///< and where half of its side, four at least, are nearer
   double border_tolerance =
       0.025;  ///< RMS of the layers' ends about the border, beside beam steps [m]
 
