@@ -128,6 +128,18 @@ def test_transforms_of_another_clock_are_refused(place, make, capsys):
     assert "/tf: its stamps are 90.0 s before" in refusal(place(late), capsys)
 
 
+def test_sensors_whose_clocks_all_count_from_boot_are_refused_with_the_option(place, make, capsys):
+    content = list(messages(make))
+    for topic, message, time in content:
+        if topic in ("/cam/image_raw", "/lidar/points"):
+            message.header.stamp = type(message.header.stamp).from_sec(time - 90.0)
+    arguments = place(content)
+    line = refusal(arguments, capsys)
+    assert "/tf: its stamps are 90.0 s after" in line and "--use_receive_time cam lidar" in line
+    assert main([*arguments, "--use_receive_time", "cam", "lidar", "--overwrite"]) == 0
+    assert len(read_dataset(place.folder / "dataset.json").collections) == STOPS
+
+
 def test_receipt_of_an_unknown_sensor_is_refused(place, capsys):
     line = refusal([*place(), "--use_receive_time", "radar"], capsys)
     assert "there is no sensor 'radar'; there are cam, lidar" in line
@@ -155,6 +167,41 @@ def test_an_interval_shorter_than_the_data_takes_each_of_them_once(place, capsys
         for c in document["collections"].values()
     ]
     assert len(stamps) > 5 * STOPS and len(set(stamps)) == len(stamps)
+
+
+def test_moments_between_the_data_are_counted_and_cost_nothing(place, make, capsys):
+    slow = [m for m in messages(make, lag_s=0.0) if m[2] < 101.5]  # it stands still, at 10 Hz
+    arguments = place(slow)
+    place.config.write_text(CONFIG.replace("msgs: 200", "msgs: 20"))
+    assert main([*arguments, "--interval", "0.015"]) == 0
+    said = capsys.readouterr().err
+    assert "moments lie between the data and are not taken" in said
+    assert "no collection is taken" not in said
+    assert len(read_dataset(place.folder / "dataset.json").collections) >= 14
+
+
+def test_moments_that_miss_the_data_are_told_once(place, make, capsys):
+    slow = [m for m in messages(make, lag_s=0.0) if m[2] < 101.5]
+    arguments = place(slow)
+    place.config.write_text(CONFIG.replace("msgs: 200", "msgs: 20"))
+    assert main([*arguments, "--interval", "0.13"]) == 1
+    said = capsys.readouterr().err
+    assert said.count("no sensor has data within 10 ms") == 1
+    assert "more moments have no data within 10 ms: raise max_duration_between_msgs" in said
+
+
+def test_a_time_beyond_the_recording_is_said_to_be_that(place, capsys):
+    line = refusal([*place(), "--times", "3"], capsys)
+    assert "time 3.000" in line and "the recording has data from 100.000 to 107" in line
+    assert "max_duration" not in line
+
+
+def test_times_that_are_given_are_taken_to_the_frame(place, make):
+    arguments = place(messages(make, lag_s=0.0))
+    place.config.write_text(CONFIG.replace("msgs: 200", "msgs: 20"))
+    assert main([*arguments, "--times", "100.1", "100.4", "100.9"]) == 0
+    for collection in read_dataset(place.folder / "dataset.json").collections.values():
+        assert {name for name, _ in collection.labels} == {"cam", "lidar"}
 
 
 def test_times_that_are_given_are_taken(place):

@@ -118,6 +118,19 @@ def test_a_still_rig_needs_images_and_clouds_alone(place, make, tmp_path, capsys
     assert len(list(lidar_places(place))) == STOPS
 
 
+def test_a_still_rig_whose_stamps_are_not_the_times_of_receipt_has_no_tf_to_contradict(
+    place, make, tmp_path, capsys
+):
+    place.config.write_text(f"description_file: {description(tmp_path, STILL)}\n{CONFIG}")
+    later = [(topic, message, time + 1e6) for topic, message, time in still(make)]
+    arguments = place(later)
+    assert main(arguments) == 0
+    assert "clock" not in capsys.readouterr().err
+    assert len(list(lidar_places(place))) == STOPS
+    main([*arguments, "--interval", "1.0", "--overwrite"])
+    assert len(read_dataset(place.folder / "dataset.json").collections) > STOPS
+
+
 def test_the_first_guess_that_a_package_saved_comes_before_its_description(
     place, make, tmp_path, capsys
 ):

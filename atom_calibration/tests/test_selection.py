@@ -56,6 +56,14 @@ def test_no_two_stamps_differ_by_more_than_allowed():
         assert skew_s(chosen) <= 0.2 + 1e-5
 
 
+def test_stamps_that_lie_as_far_apart_as_allowed_make_one_collection():
+    frames = [frame("a", t) for t in (0.0, 0.2)] + [frame("b", t) for t in (0.04, 0.24)]
+    assert set(choose_frames(frames, Moment(0.0, 1.0), 0.05)) == {"a", "b"}
+    around = [frame("a", 0.52), frame("b", 0.5), frame("c", 0.545)]  # b before, c after
+    assert set(choose_frames(around, Moment(0.0, 1.0), 0.05)) == {"a", "b", "c"}
+    assert len(choose_frames(around, Moment(0.0, 1.0), 0.04)) == 2
+
+
 def test_a_sensor_without_data_of_the_moment_is_left_out():
     frames = [frame("a", 0.5), frame("b", 5.0)]
     assert set(choose_frames(frames, Moment(0.0, 6.0, centre_s=0.5), 0.3)) == {"a"}
@@ -72,6 +80,14 @@ def test_a_board_that_stood_still_during_the_skew_is_accepted():
     frames = [frame("a", t) for t in (0.0, 0.4, 0.8)] + [frame("b", 0.6)]
     chosen = {"a": frames[1], "b": frames[3]}
     check_still(chosen, recent(*frames), Moment(0.0, 1.0, 0.5))
+
+
+def test_around_a_time_what_was_seen_shortly_before_tells_of_slow_sensors():
+    frames = [frame("a", t) for t in (0.0, 0.4, 0.8)] + [frame("b", 0.42)]
+    check_still({"a": frames[1], "b": frames[3]}, recent(*frames), Moment(0.39, 0.44, 0.41))
+    moving = [frame("a", t, 50.0 * t) for t in (0.0, 0.4, 0.8)] + [frame("b", 0.42)]
+    with pytest.raises(CollectionError, match="the board moved"):
+        check_still({"a": moving[1], "b": moving[3]}, recent(*moving), Moment(0.39, 0.44, 0.41))
 
 
 def test_a_board_that_moved_during_the_skew_is_refused_with_sensor_and_time():
@@ -115,7 +131,46 @@ def test_memory_is_bounded_by_time():
     for number in range(1000):
         memory.add(frame("a", 0.01 * number))
     kept = memory.between(-1e9, 1e9)
-    assert len(kept) <= 12 and kept[0].stamp_s >= 9.99 - 2.0
+    newest = memory.between(9.99 - 0.19, 1e9)  # what they go with is not known yet
+    assert len(newest) <= 20 and len(kept) - len(newest) <= 11 and kept[0].stamp_s >= 9.99 - 2.0
+
+
+def test_memory_of_late_and_of_silent_sensors_is_bounded_too():
+    memory = RecentFrames(2.0)
+    for number in range(1000):
+        memory.add(frame("a", 0.01 * number))
+        memory.add(frame("late", 0.01 * number - 1.0))
+        if number < 200:
+            memory.add(frame("silent", 0.01 * number))
+    assert len(memory.between(-1e9, 1e9)) <= 20 + 2 * 12
+
+
+def test_frames_that_belong_together_are_remembered_whatever_was_lost_before():
+    for lost in (0, 1, 2, 5):  # of a camera that is triggered together with the other one
+        left = [frame("left", t) for t in np.arange(0.0, 1.5, 1 / 30)]
+        right = [frame("right", f.stamp_s) for f in left[lost:]]
+        kept = recent(*left, *right).between(0.0, 2.0)
+        assert len(kept) < 30
+        chosen = choose_frames(kept, Moment(0.2, 1.5), 0.01)
+        assert set(chosen) == {"left", "right"} and skew_s(chosen) == 0.0
+
+
+def test_what_is_remembered_fits_together_about_as_well_as_all_there_was():
+    rng = np.random.default_rng(0)
+    worse = []
+    for _ in range(60):
+        periods_s = rng.choice([0.033, 0.05, 0.1, 0.2], 3)
+        frames = [
+            frame(name, t)
+            for name, period_s in zip("abc", periods_s)
+            for t in np.arange(rng.uniform(0, period_s), 3.0, period_s)
+        ]
+        kept, stop = recent(*frames).between(0.0, 3.0), Moment(0.7, 2.2)
+        of_all = [f for f in frames if 0.7 <= f.stamp_s <= 2.2]
+        of_kept = [f for f in kept if 0.7 <= f.stamp_s <= 2.2]
+        best, left = (skew_s(choose_frames(of, stop, 0.4)) for of in (of_all, of_kept))
+        worse.append(left - best)
+    assert np.mean(worse) < 0.002 and np.max(worse) < 0.02
 
 
 def test_times_are_due_when_all_their_data_have_come():

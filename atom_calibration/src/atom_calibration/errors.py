@@ -27,5 +27,17 @@ class CollectionError(AtomError):
     """No collection can be taken, or not as asked."""
 
 
+class NoDataError(CollectionError):
+    """No data are near enough to a time.
+
+    Attributes:
+        between: nor are there any that another moment would not have: it lies between the data.
+    """
+
+    def __init__(self, text: str, between: bool = False):
+        super().__init__(text)
+        self.between = between
+
+
 class ToolError(AtomError):
     """A program that is needed is absent, or fails."""

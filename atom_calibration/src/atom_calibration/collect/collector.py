@@ -20,9 +20,10 @@ from atom_calibration.collect.selection import (
     same_place,
     too_far,
 )
-from atom_calibration.errors import CollectionError, TransformError
+from atom_calibration.errors import CollectionError, NoDataError, TransformError
 from atom_calibration.modalities.frames import Frame
 from atom_calibration.sources.transform_tree import TransformTree, edges_at
+from atom_core.errors import AtomError
 from atom_core.io.atomic import prepare_output_folder
 from atom_core.io.collections import CollectionStore, StoredCollection
 from atom_core.io.dataset_writer import (
@@ -45,6 +46,7 @@ from atom_core.model.transforms import Edge, FrameGraph, chain_transform
 PICTURES_FOLDER = "pictures"
 WRITTEN_BESIDE = (SEEDS_FILE, QUALITY_FILE, PICTURES_FOLDER)  # what there is but for the dataset
 _AROUND_S = 0.25  # of a time that was asked for: speeds need two sights of the board
+_LONGEST_WHOLE_S = 0.5  # around a time that was asked for all data are remembered, no longer
 _LEAST_MEMORY_S = 1.0  # so that a message can say how far away data are
 
 
@@ -95,6 +97,9 @@ class Collector:
         taken: number of detections by sensor, in the collections taken.
         refused: why moments became no collection.
         repeated: number of moments whose data are those of the collection before.
+        between: number of moments that lie between the data, faster than which they follow.
+        missed: number of moments that have no data near enough, of those that follow each other.
+        max_skew_s: greatest difference of the stamps in a collection.
         quality: how well each sensor sees the board, and advice.
         apart_ms: by sensor that saw the board and is not in a collection, how long all stamps of
             that collection would last with its own.
@@ -103,15 +108,16 @@ class Collector:
     def __init__(self, setup: Setup, moments: Moments):
         """Start; nothing is written before the first collection."""
         self._setup, self._moments = setup, moments
-        skew = setup.config.max_duration_between_msgs_s
-        self._recent = RecentFrames(max(moments.memory_s + 2 * skew, _LEAST_MEMORY_S))
+        skew = self.max_skew_s = setup.config.max_duration_between_msgs_s
+        whole_s = 0.0 if setup.at_stops else min(2 * skew, _LONGEST_WHOLE_S)
+        self._recent = RecentFrames(max(moments.memory_s + 2 * skew, _LEAST_MEMORY_S), whole_s)
         self._last: Tuple[str, Mapping[str, Frame]] = ("", {})  # key and frames
         self._seeds: Dict[str, List[Seed]] = {}  # by collection
         self._detected: Dict[str, List[str]] = {}  # sensors by collection
         self.taken: Counter = Counter(dict.fromkeys(setup.sensors, 0))
         self.reasons: Dict[str, Counter] = {name: Counter() for name in setup.sensors}
         self.refused: List[str] = []
-        self.repeated = 0
+        self.repeated, self.between, self.missed = 0, 0, 0
         self.apart_ms: Dict[str, List[float]] = {}
         self.quality = QualityLog(setup.config, setup.sensors, setup.patterns, setup.warn)
         self._doubtful: List[Tuple[Moment, str]] = []  # looked like a stop to some sensor
@@ -169,7 +175,7 @@ class Collector:
         frames = self._recent.between(moment.start_s, moment.end_s)
         chosen = choose_frames(frames, moment, skew)
         if not any(frame.detections for frame in chosen.values()):
-            raise CollectionError(self._recent.why_nothing(moment, skew))
+            raise self._recent.why_nothing(moment, skew)
         try:
             check_still(chosen, self._recent, moment)
         except CollectionError as error:
@@ -222,11 +228,20 @@ class Collector:
         try:
             key = self.take(moment)
         except (CollectionError, TransformError) as error:
-            self.refused.append(str(error))
-            self._setup.warn(f"no collection is taken: {error}")
+            self._refuse(moment, error)
             return
         if key is not None:
             yield key
+
+    def _refuse(self, moment: Moment, error: AtomError) -> None:
+        """Say why a moment is no collection; of moments by the hundred once, and how many."""
+        if isinstance(error, NoDataError) and moment.every_s is not None:
+            self.between += error.between
+            self.missed += not error.between
+            if error.between or self.missed > 1:
+                return
+        self.refused.append(str(error))
+        self._setup.warn(f"no collection is taken: {error}")
 
     def _remember(self, key: str, chosen: Mapping[str, Frame]) -> None:
         self._detected[key] = [name for name, frame in chosen.items() if frame.detections]

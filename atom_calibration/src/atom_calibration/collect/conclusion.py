@@ -97,6 +97,16 @@ def left_out(collector: Collector, keys: List[str]) -> Iterator[str]:
             f"{collector.repeated} moments had the very data of the collection before and are not "
             f"taken: they follow each other faster than the data"
         )
+    if collector.between:
+        yield (
+            f"{collector.between} moments lie between the data and are not taken: they follow "
+            f"each other faster than the data"
+        )
+    if collector.missed > 1:
+        yield (
+            f"{collector.missed - 1} more moments have no data within "
+            f"{500 * collector.max_skew_s:.0f} ms: raise max_duration_between_msgs"
+        )
     for name, apart_ms in collector.apart_ms.items():
         yield (
             f"sensor '{name}' saw the board in {len(apart_ms)} of {len(keys)} collections and is "

@@ -6,7 +6,9 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Deque, Dict, Iterable, Iterator, List, Mapping, Optional, Tuple
 
-from atom_calibration.errors import CollectionError
+import numpy as np
+
+from atom_calibration.errors import CollectionError, NoDataError
 from atom_calibration.modalities.frames import Frame
 from atom_core.labeling.stillness import (
     DEFAULT_OPTIONS,
@@ -21,6 +23,7 @@ _SAME_PLACE_SIGMAS = 3.0
 _EPSILON_S = 1e-6
 _AROUND_STOP_S = 1.0  # what a camera saw so shortly before or after a stop tells about it too
 _DENSEST_DATA_S = 0.19  # of a sensor; more often than that, only the labels are remembered
+_SILENT_S = 0.5  # a sensor whose newest data are so much older is not waited for
 
 
 @dataclass(frozen=True)
@@ -30,11 +33,18 @@ class Moment:
     Attributes:
         start_s, end_s: only data of this time.
         centre_s: the time asked for; None: whichever suits.
+        every_s: it is one of many that follow each other so fast; None: it stands for itself.
     """
 
     start_s: float
     end_s: float
     centre_s: Optional[float] = None
+    every_s: Optional[float] = None
+
+    @property
+    def middle_s(self) -> float:
+        """The middle of its time."""
+        return 0.5 * (self.start_s + self.end_s)
 
 
 class StopMoments:
@@ -122,14 +132,17 @@ class SwitchedMoments:
 class TimedMoments:
     """Moments at times that are given."""
 
-    def __init__(self, times_s: Iterable[float], max_skew_s: float):
+    def __init__(
+        self, times_s: Iterable[float], max_skew_s: float, every_s: Optional[float] = None
+    ):
         """Prepare.
 
         Args:
             times_s: when, in any order; may be endless if ascending.
             max_skew_s: greatest difference of the stamps in a collection.
+            every_s: the interval at which the times follow each other, if they do.
         """
-        self._times = iter(times_s)
+        self._times, self._every_s = iter(times_s), every_s
         self._half_s = 0.5 * max_skew_s
         self.memory_s = 2.0 * max_skew_s
         self._next = next(self._times, None)
@@ -147,26 +160,26 @@ class TimedMoments:
     def _take(self) -> Moment:
         assert self._next is not None
         centre, self._next = self._next, next(self._times, None)
-        return Moment(centre - self._half_s, centre + self._half_s, centre)
+        return Moment(centre - self._half_s, centre + self._half_s, centre, self._every_s)
 
 
 class RecentFrames:
-    """The frames of the last seconds: all sightings, and data no denser than needed."""
+    """The frames of the last seconds: all sightings, and data no denser than needed.
 
-    def __init__(self, memory_s: float):
-        """Remember so many seconds."""
-        self._memory_s = memory_s
+    Of each fifth of a second a sensor keeps the frame whose stamp is nearest to frames of the other
+    sensors, so that what was measured together stays together.
+    """
+
+    def __init__(self, memory_s: float, whole_s: float = 0.0):
+        """Remember so many seconds; of the newest, ``whole_s``, all data."""
+        self._memory_s, self._whole_s = memory_s, whole_s
         self._frames: Dict[str, Deque[Frame]] = {}
         self._sightings: Deque[Tuple[float, str, str, Sighting]] = deque()
+        self._thinned: Optional[int] = None  # slots before this one
 
     def add(self, frame: Frame) -> None:
         """Remember a frame, and forget what is too old."""
-        frames = self._frames.setdefault(frame.sensor.name, deque())
-        last = frames[-1] if frames else None
-        if last is None or frame.stamp_s - last.stamp_s >= _DENSEST_DATA_S:
-            frames.append(frame)
-        elif frame.detections > last.detections:
-            frames[-1] = frame
+        self._frames.setdefault(frame.sensor.name, deque()).append(frame)
         for pattern, sighting in frame.sightings.items():
             self._sightings.append((frame.stamp_s, frame.sensor.name, pattern, sighting))
         oldest = frame.stamp_s - self._memory_s
@@ -175,6 +188,48 @@ class RecentFrames:
                 queue.popleft()
         while self._sightings and self._sightings[0][0] < oldest:
             self._sightings.popleft()
+        self._thin(_slot(frame))
+
+    def _thin(self, added: int) -> None:
+        """Leave one frame of each sensor in the slots of which all data have come.
+
+        Args:
+            added: the slot of the newest frame; may be one that was thinned before.
+        """
+        newest_s = [queue[-1].stamp_s for queue in self._frames.values() if queue]
+        awaited_s = min(s for s in newest_s if s >= max(newest_s) - _SILENT_S) - self._whole_s
+        due = int(awaited_s // _DENSEST_DATA_S)
+        if self._thinned is None:
+            self._thinned = min(added, due)
+        if self._thinned >= due and self._thinned <= added:
+            return
+        slots = {_slot(f) for f in self._all() if self._thinned <= _slot(f) < due}
+        if added < self._thinned:
+            slots.add(added)
+        for slot in sorted(slots):
+            self._thin_slot(slot)
+        self._thinned = max(self._thinned, due)
+
+    def _thin_slot(self, slot: int) -> None:
+        for name, queue in self._frames.items():
+            inside = [frame for frame in queue if _slot(frame) == slot]
+            if len(inside) > 1:
+                best = min(inside, key=lambda f: (-f.detections, self._apart_s(f), f.stamp_s))
+                kept = (frame for frame in queue if frame is best or _slot(frame) != slot)
+                self._frames[name] = deque(kept)
+
+    def _apart_s(self, frame: Frame) -> float:
+        """Return how far the stamps of other sensors are from a frame's, added up [s]."""
+        apart_s = 0.0
+        for name, queue in self._frames.items():
+            if name != frame.sensor.name:
+                gaps_s = [(-f.detections, abs(f.stamp_s - frame.stamp_s)) for f in queue]
+                near = [gap for gap in gaps_s if gap[1] < _DENSEST_DATA_S]
+                apart_s += min(near)[1] if near else _DENSEST_DATA_S
+        return apart_s
+
+    def _all(self) -> Iterator[Frame]:
+        return (frame for queue in self._frames.values() for frame in queue)
 
     def label_again(self, frame: Frame) -> None:
         """Take the newest frame of a sensor with other labels; those before count no more."""
@@ -187,29 +242,32 @@ class RecentFrames:
         """Forget all."""
         self._frames.clear()
         self._sightings.clear()
+        self._thinned = None
 
     def between(self, start_s: float, end_s: float) -> List[Frame]:
         """Return the frames of a time."""
         low, high = start_s - _EPSILON_S, end_s + _EPSILON_S
-        return [f for q in self._frames.values() for f in q if low <= f.stamp_s <= high]
+        return [frame for frame in self._all() if low <= frame.stamp_s <= high]
 
-    def why_nothing(self, moment: Moment, max_skew_s: float) -> str:
+    def why_nothing(self, moment: Moment, max_skew_s: float) -> CollectionError:
         """Return why a moment gives no collection: nobody sees the board, or data are too far."""
-        time_s = 0.5 * (moment.start_s + moment.end_s)
-        nearest_s = {
-            name: min(abs(frame.stamp_s - time_s) for frame in frames)
-            for name, frames in self._frames.items()
-            if frames
-        }
-        near = [name for name, gap_s in nearest_s.items() if gap_s <= 0.5 * max_skew_s + _EPSILON_S]
-        if near or not nearest_s:
-            return f"time {moment.start_s:.3f}: no sensor sees the board; choose another time"
-        name, gap_s = min(nearest_s.items(), key=lambda item: item[1])
-        return (
+        time_s = moment.middle_s
+        gap_s, name = self._nearest_data(time_s)
+        if gap_s <= 0.5 * max_skew_s + _EPSILON_S or gap_s == np.inf:
+            return CollectionError(
+                f"time {moment.start_s:.3f}: no sensor sees the board; choose another time"
+            )
+        return NoDataError(
             f"time {time_s:.3f}: no sensor has data within {500 * max_skew_s:.0f} ms of it; the "
             f"nearest are those of sensor '{name}', {1000 * gap_s:.0f} ms away: raise "
-            f"max_duration_between_msgs, which is {1000 * max_skew_s:.0f} ms"
+            f"max_duration_between_msgs, which is {1000 * max_skew_s:.0f} ms",
+            moment.every_s is not None and gap_s > 0.5 * moment.every_s,
         )
+
+    def _nearest_data(self, time_s: float) -> Tuple[float, str]:
+        """Return how far from a time the nearest data are [s], and whose; inf: there are none."""
+        gaps_s = ((abs(frame.stamp_s - time_s), frame.sensor.name) for frame in self._all())
+        return min(gaps_s, default=(np.inf, ""))
 
     def speeds(self, start_s: float, end_s: float) -> Dict[Tuple[str, str], float]:
         """Return how fast the board moved [sigmas / s] by (sensor, pattern), where it shows.
@@ -240,20 +298,31 @@ def choose_frames(frames: List[Frame], moment: Moment, max_skew_s: float) -> Dic
         moment: when.
         max_skew_s: greatest difference of the stamps.
     """
-    middle = 0.5 * (moment.start_s + moment.end_s)
     if moment.centre_s is not None:
-        return _nearest(frames, moment.centre_s, max_skew_s)
+        return _nearest(frames, moment.centre_s, moment.centre_s - 0.5 * max_skew_s, max_skew_s)
     best: Dict[str, Frame] = {}
     best_score = (-1, -1, 0.0, 0.0)
     # Cameras are the slowest, so that their stamps are the ones to meet; at most a few dozen.
     reference = [f for f in frames if f.ros.board_pose is not None and f.detections] or frames
     for time_s in sorted({f.stamp_s for f in reference}):
-        chosen = _nearest(frames, time_s, max_skew_s)
-        detections = sum(f.detections for f in chosen.values())
-        score = (detections, len(chosen), -round(skew_s(chosen), 3), -abs(time_s - middle))
-        if score > best_score:
-            best, best_score = chosen, score
+        for chosen in _choices(frames, time_s, max_skew_s):
+            detections = sum(f.detections for f in chosen.values())
+            beside_s = abs(time_s - moment.middle_s)
+            score = (detections, len(chosen), -round(skew_s(chosen), 3), -beside_s)
+            if score > best_score:
+                best, best_score = chosen, score
     return best
+
+
+def _choices(frames: List[Frame], time_s: float, max_skew_s: float) -> Iterator[Dict[str, Frame]]:
+    """Yield frames near a time: of the span around it, and of others if those have more boards."""
+    near = [f for f in frames if abs(f.stamp_s - time_s) <= max_skew_s + _EPSILON_S]
+    around = _nearest(near, time_s, time_s - 0.5 * max_skew_s, max_skew_s)
+    yield around
+    seen = {frame.sensor.name for frame in near if frame.detections}
+    if seen - {name for name, frame in around.items() if frame.detections}:
+        for start_s in sorted({f.stamp_s for f in near if f.stamp_s <= time_s}):
+            yield _nearest(near, time_s, start_s, max_skew_s)
 
 
 def skew_s(frames: Mapping[str, Frame]) -> float:
@@ -297,6 +366,8 @@ def check_still(
     if moment.centre_s is None:  # a stop: how the board came there, and goes, does not count
         start_s, end_s = max(start_s, moment.start_s), min(end_s, moment.end_s)
     speeds = recent.speeds(start_s, end_s)
+    if moment.centre_s is not None and not speeds:  # slow sensors: what was shortly before tells
+        speeds = recent.speeds(min(stamps) - _AROUND_STOP_S, max(stamps) + _AROUND_STOP_S)
     if not speeds:
         raise CollectionError(
             f"time {min(stamps):.3f}: no sensor saw the board twice, so that nothing tells whether "
@@ -322,11 +393,23 @@ def same_place(frames: Mapping[str, Frame], before: Mapping[str, Frame]) -> bool
     return bool(moved) and sorted(moved)[len(moved) // 2] < _SAME_PLACE_SIGMAS
 
 
-def _nearest(frames: List[Frame], time_s: float, max_skew_s: float) -> Dict[str, Frame]:
-    """Return the frame of each sensor nearest to a time; one with a detection if there is any."""
-    half = 0.5 * max_skew_s + _EPSILON_S
+def _nearest(frames: List[Frame], time_s: float, start_s: float, span_s: float) -> Dict[str, Frame]:
+    """Return the frame of each sensor nearest to a time; one with a detection if there is any.
+
+    Args:
+        frames: of all sensors.
+        time_s: which.
+        start_s: from when on stamps may be.
+        span_s: for how long.
+    """
+    first_s, last_s = start_s - _EPSILON_S, start_s + span_s + _EPSILON_S
     chosen: Dict[str, Frame] = {}
     for frame in sorted(frames, key=lambda f: (-f.detections, abs(f.stamp_s - time_s))):
-        if abs(frame.stamp_s - time_s) <= half:
+        if first_s <= frame.stamp_s <= last_s:
             chosen.setdefault(frame.sensor.name, frame)
     return chosen
+
+
+def _slot(frame: Frame) -> int:
+    """Return the number of the slot of time of which a sensor keeps one frame."""
+    return int(frame.stamp_s // _DENSEST_DATA_S)

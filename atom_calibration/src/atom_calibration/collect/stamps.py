@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Collection, Dict, List, Mapping
+from typing import Collection, Dict, List, Mapping, Optional
 
 from atom_calibration.errors import CollectionError
 from atom_calibration.messages.headers import stamp_s
@@ -38,7 +38,7 @@ def check_received(received: Collection[str], sensors: Collection[str]) -> None:
             )
 
 
-def check_clocks(lags_s: Mapping[str, float], tf_lag_s: float) -> List[str]:
+def check_clocks(lags_s: Mapping[str, float], tf_lag_s: Optional[float]) -> List[str]:
     """Return what a user should know of the sensors' clocks, a sentence for each.
 
     What all sensors have in common is no fault: a bag may be a copy of an older one. The sensor
@@ -46,7 +46,7 @@ def check_clocks(lags_s: Mapping[str, float], tf_lag_s: float) -> List[str]:
 
     Args:
         lags_s: receipt after stamp by sensor [s]; 0 for sensors whose stamps are not used.
-        tf_lag_s: that of the moving transforms.
+        tf_lag_s: that of the moving transforms; None: nothing moves.
 
     Raises:
         CollectionError: a sensor, or the transforms, have another clock.
@@ -75,11 +75,25 @@ def check_clocks(lags_s: Mapping[str, float], tf_lag_s: float) -> List[str]:
                 f"after those of the other sensors: its clock is ahead; {remedy} takes the times "
                 f"of receipt instead"
             )
-    apart_s = tf_lag_s - usual_s
-    if abs(apart_s) > _OTHER_CLOCK_S:
-        side = "before" if apart_s > 0 else "after"
-        raise CollectionError(
-            f"/tf: its stamps are {abs(apart_s):.1f} s {side} those of the sensors, against the "
-            f"times of receipt: it has another clock; record it with the clock of the sensors"
-        )
+    if tf_lag_s is not None and abs(tf_lag_s - usual_s) > _OTHER_CLOCK_S:
+        raise CollectionError(_other_clock(lags_s, tf_lag_s, usual_s))
     return warnings
+
+
+def _other_clock(lags_s: Mapping[str, float], tf_lag_s: float, usual_s: float) -> str:
+    """Return what to say of transforms and sensors that have not one clock."""
+    apart_s = tf_lag_s - usual_s
+    remedy = "record it with the clock of the sensors"
+    if abs(tf_lag_s) <= _OTHER_CLOCK_S:
+        names = " ".join(lags_s)
+        remedy = f"--use_receive_time {names} takes the times of receipt, as /tf has them"
+    return (
+        f"/tf: its stamps are {abs(apart_s):.1f} s {'before' if apart_s > 0 else 'after'} those of "
+        f"the sensors, against the times of receipt: it has another clock; {remedy}"
+    )
+
+
+def start_lag_s(lags_s: Mapping[str, float], tf_lag_s: Optional[float]) -> float:
+    """Return how long after the stamps of its data a bag was recorded [s]; a delay counts as 0."""
+    lag_s = min(lags_s.values(), key=abs, default=0.0) if tf_lag_s is None else tf_lag_s
+    return lag_s if abs(lag_s) > _OTHER_CLOCK_S else 0.0

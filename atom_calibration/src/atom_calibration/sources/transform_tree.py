@@ -192,6 +192,7 @@ class BagTransforms:
     Attributes:
         lag_s: how long after their stamps the messages of /tf were received [s], where that is
             more than a delay: a bag that was played and recorded anew. Otherwise 0.
+        moving: some of them move, so that they have a clock.
     """
 
     def __init__(
@@ -233,6 +234,7 @@ class BagTransforms:
         lag_s = bag.receipt_lag_s(self._moving_topics, _newest_s) if self._moving_topics else None
         if lag_s is None and described is not None and described.topics:
             lag_s = bag.receipt_lag_s(described.topics, stamp_s)
+        self.moving = lag_s is not None
         self.lag_s = 0.0 if lag_s is None or abs(lag_s) <= _LATENCY_S else lag_s
         self._window: Tuple[float, float] = (np.inf, -np.inf)
         self._tree = TransformTree()

@@ -11,6 +11,7 @@ from typing import (
     Any,
     Collection,
     Deque,
+    Dict,
     Iterator,
     List,
     Mapping,
@@ -30,8 +31,13 @@ from atom_calibration.collect.conclusion import conclude, give_up
 from atom_calibration.collect.expectation import PointExpectation
 from atom_calibration.collect.joint_positions import described_joints
 from atom_calibration.collect.selection import StopMoments, TimedMoments
-from atom_calibration.collect.stamps import check_clocks, check_received, receipt_lags_s
-from atom_calibration.errors import MessageError
+from atom_calibration.collect.stamps import (
+    check_clocks,
+    check_received,
+    receipt_lags_s,
+    start_lag_s,
+)
+from atom_calibration.errors import CollectionError, MessageError
 from atom_calibration.labels.frame_labeler import FrameLabeler
 from atom_calibration.modalities.frames import Frame, decode
 from atom_calibration.runtime.options import add_receive_time_option
@@ -56,6 +62,7 @@ EXAMPLE = (
 _BAD_INPUT, _INTERRUPTED = 2, 130
 _LOOK_AHEAD = 12  # messages that are decoded and, if images, labeled beforehand
 _WORKERS = 2
+_BEYOND_S = 1.0  # clocks and delays may put data so far beyond what was recorded
 _MOST_BAD_MESSAGES = 3  # of a sensor that are told one by one
 
 
@@ -90,13 +97,18 @@ def collect_from_bag(args: argparse.Namespace) -> int:
         first_s = bag.start_s - transforms.lag_s
         check_described(described, transforms, rig, config, first_s)
         check_frames(rig, config, transforms.at(first_s))
-        clocks = _clocks(bag, rig, args.use_receive_time, transforms.lag_s)
+        lags_s = _lags_s(bag, rig, args.use_receive_time)
+        tf_lag_s = transforms.lag_s if transforms.moving else None
+        clocks = check_clocks(lags_s, tf_lag_s)
         for warning in (*config.warnings, *rig.warnings, *transforms.remarks, *remarks, *clocks):
             _warn(warning)
         patterns = {n: pattern_from_config(n, p) for n, p in config.calibration_patterns.items()}
         seeds = read_seeds(args.seeds, rig.sensors) if args.seeds else []
         labeler = FrameLabeler(config, rig.sensors, patterns, seeds, args.automatic_seeds == "on")
-        recording = Recording(config, bag, rig, patterns, transforms, labeler)
+        lag_s = start_lag_s(lags_s, tf_lag_s)
+        stamps_s = bag.start_s - lag_s, bag.end_s - lag_s
+        _check_times(args.times or [], stamps_s)
+        recording = Recording(config, bag, rig, patterns, transforms, labeler, stamps_s)
         _announce(bag, rig)
         store = CollectionStore.create(args.output, args.overwrite, WRITTEN_BESIDE)
         try:
@@ -126,7 +138,7 @@ def _announce(bag: BagReader, rig: Rig) -> None:
 
 
 class Recording(NamedTuple):
-    """A bag, and what is known of it."""
+    """A bag, and what is known of it; ``stamps_s``: of its first and last data."""
 
     config: CalibrationConfig
     bag: BagReader
@@ -134,15 +146,16 @@ class Recording(NamedTuple):
     patterns: Mapping[str, Pattern]
     transforms: BagTransforms
     labeler: FrameLabeler
+    stamps_s: Tuple[float, float]
 
 
 def _setup(args: argparse.Namespace, recording: Recording, store: CollectionStore) -> Setup:
-    config, _, rig, patterns, transforms, _ = recording
+    config, rig, patterns = recording.config, recording.rig, recording.patterns
     return Setup(
         config,
         rig.sensors,
         patterns,
-        transforms.at,
+        recording.transforms.at,
         store,
         args.bag.stem,
         args.pictures,
@@ -156,9 +169,9 @@ def _collected(
     args: argparse.Namespace, recording: Recording, store: CollectionStore
 ) -> Tuple[Collector, List[str]]:
     """Read the bag once; return the collector and the keys of its collections."""
-    config, bag, rig, _, transforms, labeler = recording
+    config, bag, rig, _, transforms, labeler, stamps_s = recording
     setup = _setup(args, recording, store)
-    moments = _moments(args, config, (bag.start_s, bag.end_s), transforms.lag_s)
+    moments = _moments(args, config, stamps_s)
     collector, expectation = Collector(setup, moments), PointExpectation(setup)
     keys: List[str] = []
     for frame in labeled_frames(bag, rig, labeler, transforms, args.use_receive_time):
@@ -168,11 +181,22 @@ def _collected(
     return collector, keys
 
 
-def _clocks(bag: BagReader, rig: Rig, received: Collection[str], tf_lag_s: float) -> List[str]:
-    """Return what is to be said of the sensors' clocks, without those whose stamps are not used."""
+def _lags_s(bag: BagReader, rig: Rig, received: Collection[str]) -> Dict[str, float]:
+    """Return by sensor how long after their stamps data came [s]; 0 where these are not used."""
     check_received(received, rig.sensors)
     lags_s = receipt_lags_s(bag, rig.topics)
-    return check_clocks({n: 0.0 if n in received else lag for n, lag in lags_s.items()}, tf_lag_s)
+    return {name: 0.0 if name in received else lag for name, lag in lags_s.items()}
+
+
+def _check_times(times_s: Sequence[float], stamps_s: Tuple[float, float]) -> None:
+    """Refuse times at which nothing was recorded."""
+    first_s, last_s = stamps_s
+    for time_s in times_s:
+        if not first_s - _BEYOND_S <= time_s <= last_s + _BEYOND_S:
+            raise CollectionError(
+                f"--times: at time {time_s:.3f} nothing was recorded; the recording has data from "
+                f"{first_s:.3f} to {last_s:.3f} (their stamps)"
+            )
 
 
 def labeled_frames(
@@ -243,19 +267,16 @@ def _prepared(labeler: FrameLabeler, sensor: Any, message: Any) -> Frame:
 
 
 def _moments(
-    args: argparse.Namespace,
-    config: CalibrationConfig,
-    recorded_s: Tuple[float, float],
-    lag_s: float,
+    args: argparse.Namespace, config: CalibrationConfig, stamps_s: Tuple[float, float]
 ) -> Moments:
-    """Return when collections are taken, of a bag that was recorded from when to when [s]."""
+    """Return when collections are taken, of data with stamps from when to when [s]."""
     skew_s = config.max_duration_between_msgs_s
     if args.times:
         return TimedMoments(sorted(args.times), skew_s)
     if args.interval:
-        first_s, last_s = (time_s - lag_s for time_s in recorded_s)
+        first_s, last_s = stamps_s
         times = np.arange(first_s + 0.5 * args.interval, last_s, args.interval)
-        return TimedMoments(times.tolist(), skew_s)
+        return TimedMoments(times.tolist(), skew_s, args.interval)
     return StopMoments(config.calibration_patterns)
 
 
@@ -326,7 +347,12 @@ def _add_moments(made: argparse.ArgumentParser) -> None:
         when, "interval", type=_positive, metavar="S", help="a collection every so many seconds"
     )
     add_option(
-        when, "times", type=float, nargs="+", metavar="T", help="a collection at each time [s]"
+        when,
+        "times",
+        type=float,
+        nargs="+",
+        metavar="T",
+        help="a collection at each time [s], as the stamps have it",
     )
 
 
