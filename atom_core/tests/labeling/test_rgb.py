@@ -301,6 +301,20 @@ def test_the_board_that_is_seen_is_named_with_its_rows(printed, configured):
     assert not found.detected and f"{{x: {columns}, y: {rows}}} fits" in found.reason
 
 
+@pytest.mark.parametrize("times", [0.6, 0.8, 0.9, 0.93, 0.95, 0.98, 1.02, 1.05, 1.1, 1.2, 1.3])
+def test_an_inner_size_that_is_wrong_is_named_and_misleads_no_corner(times):
+    for dimension in ((6, 5), (11, 8)):
+        printed = charuco(dimension=dimension)
+        configured = replace(printed, inner_size=printed.inner_size * times)
+        for number, pose in enumerate(poses(4, 5, 25.0, 45.0, printed)):
+            found = labeler(configured).label(picture(printed, pose, number))
+            if found.detected:
+                assert 0.85 < times < 1.15
+                assert np.max(np.abs(errors(found, printed, pose))) <= 0.6
+            elif not 0.95 <= times <= 1.05:
+                assert "of their squares' sides; the configuration says" in found.reason
+
+
 @pytest.mark.parametrize("config", [charuco(), chessboard()], ids=["charuco", "chessboard"])
 def test_no_board_has_a_reason(config):
     noise = np.random.default_rng(0).integers(0, 255, (800, 1280, 3)).astype(np.uint8)

@@ -8,6 +8,7 @@ and changed the layout of boards with an even number of rows at 4.6 (opencv_cont
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from typing import List, NamedTuple, Optional, Tuple
 
@@ -24,6 +25,7 @@ from atom_core.labeling.marker_search import (
     search_markers,
     smoothed_where_flat,
 )
+from atom_core.labeling.marker_share import MarkerShare, measure_share
 from atom_core.labeling.saddle import Corners, refine
 from atom_core.labeling.view_quality import over_exposed_share
 
@@ -94,7 +96,8 @@ class CharucoFinder:
         """Find the corners in a grey image (height, width) uint8.
 
         Where next to no markers are seen, a print with black and white exchanged is looked for,
-        and an image that its driver mirrors is named.
+        and an image that its driver mirrors is named. Markers of another size than configured are
+        named; where blur may make them look so, both sizes are tried.
         """
         smooth = smoothed_where_flat(grey)
         ids, outlines, alike = search_markers(smooth, self.dictionary)
@@ -106,6 +109,24 @@ class CharucoFinder:
         if len(ids) < LEAST_MARKERS:
             why = self._mirrored(smooth, alike) or _few(len(ids), self.dictionary)
             return _none(len(ids), why)
+        measured = self._measured(ids, outlines, camera)
+        if measured is not None and measured.contradicts(self.marker_share):
+            return _none(len(ids), self._other_share(measured))
+        found = self._on_board(grey, smooth, ids, outlines, camera)
+        if measured is None or not measured.differs(self.marker_share):
+            return found
+        other = self._with_share(measured.share)._on_board(grey, smooth, ids, outlines, camera)
+        return max(found, other, key=lambda one: float(np.sum(one.corners.quality)))
+
+    def _on_board(
+        self,
+        grey: np.ndarray,
+        smooth: np.ndarray,
+        ids: np.ndarray,
+        outlines: np.ndarray,
+        camera: Optional[Camera],
+    ) -> FoundCorners:
+        """Find the corners of the board on which the markers stand."""
         views = self._fitting(ids, outlines, self.layouts, camera)
         if not views:
             alike = likenesses(smooth, outlines, self.dictionary)
@@ -114,6 +135,29 @@ class CharucoFinder:
             )
             return _none(len(ids), why)
         return self._of_the_right_layout(grey, views, len(ids), camera)
+
+    def _measured(
+        self, ids: np.ndarray, outlines: np.ndarray, camera: Optional[Camera]
+    ) -> Optional[MarkerShare]:
+        """Return how large the markers are in their squares, by the first layout that fits."""
+        for layout in self.layouts:
+            squares = marker_squares(layout.columns + 1, layout.rows + 1, layout.legacy)
+            known = ids < len(squares)
+            measured = measure_share(squares[ids[known]], outlines[known], camera)
+            if measured is not None:
+                return measured
+        return None
+
+    def _with_share(self, share: float) -> CharucoFinder:
+        changed = copy(self)
+        changed.marker_share = share
+        return changed
+
+    def _other_share(self, measured: MarkerShare) -> str:
+        return (
+            f"the markers have {measured.share:.2f} of their squares' sides; the configuration "
+            f"says {self.marker_share:.2f} (inner_size over size): measure both, and correct them"
+        )
 
     def _of_the_right_layout(
         self,
