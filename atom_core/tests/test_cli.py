@@ -231,13 +231,15 @@ def test_a_sensor_that_shares_no_board_is_told_so(cell, tmp_path, capsys):
     path = cell / "data" / "dataset.json"
     line = calibrate(capsys, path, tmp_path / "out", "-ssf", "rgb_1")
     assert "'rgb_1' sees no board together with another sensor" in line
+    assert "use a second sensor that sees the boards, too" in line and "both" not in line
 
 
 # ---------------------------------------------------------------------------- refusals
 
 
 def test_a_missing_file(tmp_path, capsys):
-    assert "no such file" in calibrate(capsys, tmp_path / "none.json", tmp_path / "out")
+    line = calibrate(capsys, tmp_path / "none.json", tmp_path / "out")
+    assert "no such file" in line and "--dataset" not in line  # `evaluate` has no such option
 
 
 def test_truncated_json(cell, tmp_path, capsys):

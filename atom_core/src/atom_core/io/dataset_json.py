@@ -82,7 +82,7 @@ def read_document(path: Path) -> Dict[str, Any]:
         raise DatasetError(f"{path}: a folder; give the dataset's JSON in it, {path}/dataset.json")
     if not path.is_file():
         raise DatasetError(
-            f"{path}: no such file{looked_for(path)}; give the dataset's JSON with --dataset"
+            f"{path}: no such file{looked_for(path)}; give the path of the dataset's JSON"
         )
     if path.suffix in (".yml", ".yaml", ".bag", ".xacro", ".urdf"):
         raise DatasetError(f"{path}: no dataset; give the dataset.json that a collector wrote")

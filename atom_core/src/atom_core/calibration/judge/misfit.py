@@ -37,7 +37,8 @@ _GROSS = {REPROJECTION: 50.0, ORTHOGONAL: 0.03, BORDER: 0.03}
 _POINTS = "its points (unit, axes, whether labels and data belong to these collections)"
 _GROSS_LIKELY = {
     REPROJECTION: (
-        "its labels (whether they belong to these collections, how corners are numbered)",
+        "its labels (whether they belong to these collections, how corners are numbered, and "
+        "whether its images are mirrored)",
         "its intrinsics",
     ),
     ORTHOGONAL: (_POINTS, _BOARD),

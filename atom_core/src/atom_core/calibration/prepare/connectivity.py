@@ -69,14 +69,19 @@ def check_connected(dataset: Dataset, measurements: Sequence[Measurement], free:
 
 def _remedy(dataset: Dataset, alone: Sequence[str]) -> str:
     """Return what ties sensors to the rig that see boards by themselves."""
-    several = "collect boards that are seen by both"
+    single = len(dataset.sensors) == 1
+    several = (
+        "use a second sensor that sees the boards, too"
+        if single
+        else "collect boards that are seen by both"
+    )
     loose = [pattern.name for pattern in dataset.patterns.values() if not pattern.fixed]
     moved = not all(nothing_moves(dataset, [name], loose, [*dataset.collections]) for name in alone)
     if not moved:
         return several
     still = f"if pattern {_list(loose)} does not move in the frame that it is attached to"
     said = f"{still} while the robot moves, set `fixed: true` of it in the configuration"
-    return said if len(dataset.sensors) == 1 else f"{several}; {said}"
+    return said if single else f"{several}; {said}"
 
 
 def floats_freely(dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges) -> bool:
