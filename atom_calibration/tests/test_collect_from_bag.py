@@ -112,6 +112,19 @@ def test_a_clock_that_counts_from_elsewhere_is_refused(place, make, capsys):
     assert main([*arguments, "--use_receive_time", "lidar", "--overwrite"]) == 0
 
 
+def test_a_clock_from_elsewhere_in_a_copied_bag_names_all_whose_receipt_is_to_be_taken(
+    place, make, capsys
+):
+    copied = [(topic, message, time + 1e6) for topic, message, time in with_clock(make, -90.0)]
+    still = ("/tf_static", make.tf("world", "arm", np.eye(4), 100.0), copied[0][2])
+    arguments = place([still, *(m for m in copied if m[0] != "/tf")])
+    line = refusal(arguments, capsys)
+    assert "'lidar': its stamps are 90.0 s before" in line
+    assert "--use_receive_time cam lidar takes" in line
+    line = refusal([*arguments, "--use_receive_time", "lidar", "--overwrite"], capsys)
+    assert "--use_receive_time cam lidar takes" in line
+
+
 def test_a_copy_of_an_older_bag_has_no_wrong_clocks(place, make, capsys):
     later = [(topic, message, time + 1e6) for topic, message, time in messages(make)]
     assert main(place(later)) == 0

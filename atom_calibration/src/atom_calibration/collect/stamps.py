@@ -38,7 +38,9 @@ def check_received(received: Collection[str], sensors: Collection[str]) -> None:
             )
 
 
-def check_clocks(lags_s: Mapping[str, float], tf_lag_s: Optional[float]) -> List[str]:
+def check_clocks(
+    lags_s: Mapping[str, float], tf_lag_s: Optional[float], received: Collection[str] = ()
+) -> List[str]:
     """Return what a user should know of the sensors' clocks, a sentence for each.
 
     What all sensors have in common is no fault: a bag may be a copy of an older one. The sensor
@@ -47,6 +49,7 @@ def check_clocks(lags_s: Mapping[str, float], tf_lag_s: Optional[float]) -> List
     Args:
         lags_s: receipt after stamp by sensor [s]; 0 for sensors whose stamps are not used.
         tf_lag_s: that of the moving transforms; None: nothing moves.
+        received: sensors whose stamps are not used.
 
     Raises:
         CollectionError: a sensor, or the transforms, have another clock.
@@ -55,7 +58,7 @@ def check_clocks(lags_s: Mapping[str, float], tf_lag_s: Optional[float]) -> List
     warnings = []
     for name, lag_s in lags_s.items():
         more_s = lag_s - usual_s
-        remedy = f"--use_receive_time {name}"
+        remedy = f"--use_receive_time {_to_receive(lags_s, {name, *received})}"
         if abs(more_s) > _OTHER_CLOCK_S:
             side = "before" if more_s > 0 else "after"
             raise CollectionError(
@@ -78,6 +81,11 @@ def check_clocks(lags_s: Mapping[str, float], tf_lag_s: Optional[float]) -> List
     if tf_lag_s is not None and abs(tf_lag_s - usual_s) > _OTHER_CLOCK_S:
         raise CollectionError(_other_clock(lags_s, tf_lag_s, usual_s))
     return warnings
+
+
+def _to_receive(lags_s: Mapping[str, float], named: Collection[str]) -> str:
+    """Return the sensors to take the times of receipt of: the named, and what these do not fit."""
+    return " ".join(n for n, lag_s in lags_s.items() if n in named or abs(lag_s) > _OTHER_CLOCK_S)
 
 
 def _other_clock(lags_s: Mapping[str, float], tf_lag_s: float, usual_s: float) -> str:

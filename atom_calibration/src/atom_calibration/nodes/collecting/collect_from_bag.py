@@ -99,7 +99,7 @@ def collect_from_bag(args: argparse.Namespace) -> int:
         check_frames(rig, config, transforms.at(first_s))
         lags_s = _lags_s(bag, rig, args.use_receive_time)
         tf_lag_s = transforms.lag_s if transforms.moving else None
-        clocks = check_clocks(lags_s, tf_lag_s)
+        clocks = check_clocks(lags_s, tf_lag_s, args.use_receive_time)
         for warning in (*config.warnings, *rig.warnings, *transforms.remarks, *remarks, *clocks):
             _warn(warning)
         patterns = {n: pattern_from_config(n, p) for n, p in config.calibration_patterns.items()}
