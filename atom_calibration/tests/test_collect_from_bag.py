@@ -5,11 +5,22 @@ import json
 import numpy as np
 import pytest
 import rosbag
-from stand_in_rig import CONFIG, GRID, STOPS, Place, messages, position, refusal, use_stand_ins
+from stand_in_rig import (
+    CONFIG,
+    GRID,
+    STOPS,
+    Place,
+    StandIn,
+    messages,
+    position,
+    refusal,
+    use_stand_ins,
+)
 
 from atom_calibration.nodes.collecting.collect_from_bag import main
 from atom_core.cli import main as core_main
 from atom_core.io.dataset_json import read_dataset
+from atom_core.labeling.base import nothing
 from atom_core.model.dataset import range_points
 from atom_core.model.labels import DetectionKey
 from atom_core.model.transforms import Edge
@@ -365,6 +376,15 @@ def test_a_board_that_no_sensor_sees_is_refused_with_each_ones_reason(place, mak
     place.config.write_text(text)
     line = refusal(arguments, capsys)
     assert "no collection was taken" in line and "cam: no markers" in line
+
+
+def test_what_searches_say_is_told_and_not_that_most_frames_are_not_searched(
+    place, capsys, monkeypatch
+):
+    monkeypatch.setattr(
+        StandIn, "label", lambda self, data, seed=None: nothing(self.modality, "all is dark")
+    )
+    assert "lidar: all is dark" in refusal(place(), capsys)
 
 
 def test_a_bag_damaged_inside_leaves_the_collections_before_it(place, make, capsys):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Callable, Iterator, List
+from typing import Callable, Iterator, List, Mapping
 
 import numpy as np
 
 from atom_calibration.collect.collector import Collector
 from atom_calibration.errors import CollectionError
+from atom_calibration.labels.frame_labeler import NO_SEED
 from atom_core.io.collections import CollectionStore
 from atom_core.io.earlier_run import PREVIOUS_FOLDER, has_earlier_run
 
@@ -41,7 +42,7 @@ def conclude(
     """
     if not keys:
         never = "; ".join(
-            f"{name}: {reasons.most_common(1)[0][0]}"
+            f"{name}: {_most_often(reasons)}"
             for name, reasons in collector.reasons.items()
             if reasons
         )
@@ -115,13 +116,19 @@ def left_out(collector: Collector, keys: List[str]) -> Iterator[str]:
         )
 
 
+def _most_often(reasons: Mapping[str, int]) -> str:
+    """Return the most frequent reason; that of searches, where most frames were not searched."""
+    telling = {why: count for why, count in reasons.items() if why != NO_SEED} or reasons
+    return max(telling, key=lambda why: telling[why])
+
+
 def summary(collector: Collector, keys: List[str]) -> List[str]:
     """Return lines for the user: what was collected, and what was not seen."""
     lines = [f"{'sensor':16} detections in {len(keys)} collections"]
     for name, count in collector.taken.items():
         why = ""
         if not count and collector.reasons[name]:
-            why = f"  never: {collector.reasons[name].most_common(1)[0][0]}"
+            why = f"  never: {_most_often(collector.reasons[name])}"
         lines.append(f"{name:16} {count:4d}{why}")
     figures = list(collector.quality.summary())
     advice = [f"advice: {line}" for line in collector.quality.advice()]

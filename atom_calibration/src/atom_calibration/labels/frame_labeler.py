@@ -20,6 +20,7 @@ from atom_core.model.config import CalibrationConfig
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import Sensor
 
+NO_SEED = "there is no seed"  # and the frame is not searched: others were just before
 _SEARCH_EVERY_S = 0.35  # of each range sensor that lost the board
 _REACH_M = (0.25, 0.7)  # from a predicted seed to what is found; least, most
 _REACH_SIGMAS = 2.0
@@ -292,4 +293,4 @@ def _is_useless(by_hand: Optional[np.ndarray], frame: Frame) -> bool:
 def _why_no_seed(by_hand: Optional[np.ndarray], frame: Frame) -> str:
     if _is_useless(by_hand, frame):
         return "the seed set by hand lies outside the image; put it onto the board"
-    return "there is no seed"
+    return NO_SEED
