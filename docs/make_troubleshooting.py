@@ -36,6 +36,8 @@ _END = """
 | warnings of `check` | [Calibrate a dataset](tutorials/calibrate_a_dataset.md#1-check) |
 | `rosrun: command not found` | `source env.bash` in this shell, after `make build` |
 | `no such command [['xacro'` of roslaunch | `source env.bash` in this shell, after `make setup` |
+| `Cannot load command parameter [robot_description]` of roslaunch | \
+the sentence above it, which names the description |
 | `REQUIRED process [...] has died!`, then `exit code 1` or `2` | the sentence above it: \
 1 is a result that is not acceptable, 2 a refusal |
 | RViz ends with `could not connect to display` | there is no screen: add `rviz:=false` |

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 # How launch files call options whose names stand in sentences.
 _OF_LAUNCHES = {
     "--overwrite": "overwrite:=true",
+    "--automatic": "automatic:=true",
     **{f"--{name}": f"{name}:=..." for name in ("dataset", "output", "truth", "seeds")},
     "--description": "description:=...",
     "--parent_link_list": "parents:=...",

@@ -21,6 +21,7 @@ def conclude(
     keys: List[str],
     say: Callable[[str], None],
     warn: Callable[[str], None],
+    asked: bool = True,
 ) -> int:
     """Assemble the dataset and say what it holds.
 
@@ -30,6 +31,7 @@ def conclude(
         keys: of the collections.
         say: is told the summary.
         warn: is told, in one line each, what the user should know.
+        asked: whether collections were to be taken wherever the board stands still.
 
     Returns:
         The exit code: 1 if a sensor never saw the board, if moments became no collection, if not
@@ -41,15 +43,9 @@ def conclude(
         OutputError: the dataset cannot be written.
     """
     if not keys:
-        never = "; ".join(
-            f"{name}: {_most_often(reasons)}"
-            for name, reasons in collector.reasons.items()
-            if reasons
+        raise CollectionError(
+            f"{store.folder}: no collection was taken: {why_none(collector, asked)}"
         )
-        whys = [*collector.refused, *collector.passed, "the board never stood still in view"]
-        why = whys[0]
-        because = f" ({never})" if never else ""
-        raise CollectionError(f"{store.folder}: no collection was taken: {why}{because}")
     path, _ = store.assemble()
     path = path.resolve()
     say("\n".join([*summary(collector, keys), "", f"{path}: {len(keys)} collections"]))
@@ -64,6 +60,22 @@ def conclude(
         warn(text)
     fewer = len(collector.passed) > len(keys)
     return NOT_ACCEPTABLE if bad or collector.refused or fewer else DONE
+
+
+def why_none(collector: Collector, asked: bool) -> str:
+    """Return why there is no collection; the arguments are those of `conclude`."""
+    if not (asked or collector.refused or collector.passed):
+        return (
+            "nobody asked for one; take them with Save in the panel or in the menu of the ball, "
+            "or, wherever the board stands still, with --automatic"
+        )
+    never = "; ".join(
+        f"{name}: {_most_often(reasons)}"
+        for name, reasons in collector.reasons.items()
+        if reasons
+    )
+    whys = [*collector.refused, *collector.passed, "the board never stood still in view"]
+    return f"{whys[0]} ({never})" if never else whys[0]
 
 
 def bad_sensors(collector: Collector) -> Iterator[str]:

@@ -223,4 +223,6 @@ def _ended(code: int, folder: Path) -> str:
 def _conclusion(folder: Path, batch: Batch, failed: Sequence[str]) -> str:
     done = [e.name for e in batch.experiments if _is_done(folder / e.name)]
     rest = f"; failed: {', '.join(failed)}" if failed else ""
-    return f"\n{folder}: {len(done)} of {len(batch.experiments)} experiments are done{rest}"
+    return (
+        f"\n{folder.resolve()}: {len(done)} of {len(batch.experiments)} experiments are done{rest}"
+    )

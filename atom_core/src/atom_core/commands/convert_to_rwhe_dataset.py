@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     savemat(str(folder / RWHE_MATLAB), matlab_poses(poses))
     if args.save_detections:
         _write_corners(dataset, args)
-    print(f"{folder}: {len(poses)} images with their poses, image n with line n")
+    print(f"{folder.resolve()}: {len(poses)} images with their poses, image n with line n")
     return 0
 
 

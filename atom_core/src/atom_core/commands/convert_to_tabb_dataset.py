@@ -60,5 +60,5 @@ def run(args: argparse.Namespace) -> int:
     details = f"{args.dataset.name}: {len(poses)} poses of {args.hand_link} in {base}\n"
     write_text_atomically(folder / TABB_DETAILS, details)
     write_text_atomically(folder / TABB_POSES, tabb_text(poses))
-    print(f"{folder}: {len(poses)} poses, images of {', '.join(cameras)}")
+    print(f"{folder.resolve()}: {len(poses)} poses, images of {', '.join(cameras)}")
     return 0

@@ -52,5 +52,5 @@ def run(args: argparse.Namespace) -> int:
     right_T_left = found if link.source == left else se3.inverse(found)
     write_dataset(with_source(dataset, left, right, right_T_left), target)
     print(pose_table(dataset, left, right, [("OpenCV", right_T_left, link.collections)]))
-    print(f"\nresults: {target}")
+    print(f"\nresults: {target.resolve()}")
     return 0

@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
     off_m = rms_m(pairs, camera_T_lidar)
     row = (args.method_name, camera_T_lidar, len(pairs))
     print(pose_table(dataset, args.lidar, args.camera, [row]))
-    print(f"\ncorners are {_MM_PER_M * off_m:.1f} mm apart (RMS)\n\nresults: {target}")
+    print(f"\ncorners are {_MM_PER_M * off_m:.1f} mm apart (RMS)\n\nresults: {target.resolve()}")
     limit_m = _TOO_FAR * 2.0 * float(np.min(dataset.patterns[args.pattern].border.half_size))
     if off_m > limit_m:
         print(

@@ -79,4 +79,4 @@ def refuse_existing(source: Path, targets: Sequence[Path], overwrite: bool) -> N
 def described(path: Path, document: Mapping[str, Any]) -> str:
     """Return a line on a dataset that was written."""
     counts: Dict[str, int] = {name: len(document[name]) for name in ("sensors", "collections")}
-    return f"{path}: {counts['sensors']} sensors, {counts['collections']} collections"
+    return f"{path.resolve()}: {counts['sensors']} sensors, {counts['collections']} collections"

@@ -84,7 +84,8 @@ def import_folder(args: argparse.Namespace, content: RobotImages) -> int:
         labels.update(found)
     dataset = _dataset(args.output, config, sensors, labels, content, Edge(base, hand))
     _write(dataset, content, args)
-    print(f"{args.output / DATASET_FILE}: {len(sensors)} cameras, {len(dataset.collections)} poses")
+    path = (args.output / DATASET_FILE).resolve()
+    print(f"{path}: {len(sensors)} cameras, {len(dataset.collections)} poses")
     return 0
 
 

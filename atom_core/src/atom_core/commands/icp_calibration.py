@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
     rows = [(kind, pose, links[kind].collections) for kind, pose in poses.items()]
     print(pose_table(dataset, source, target, rows))
     for path in files.values():
-        print(f"results: {path}")
+        print(f"results: {path.resolve()}")
     return 0
 
 

@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     missing = dict.fromkeys((a.file, name) for a in found for name in a.missing)
     for file, name in missing:
         print(f"process_results: {folder / name}: {file} is missing", file=sys.stderr)
-    print(f"\nresults: {args.output_folder}")
+    print(f"\nresults: {args.output_folder.resolve()}")
     return 1 if missing else 0
 
 

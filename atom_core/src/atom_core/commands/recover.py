@@ -41,5 +41,7 @@ def run(args: argparse.Namespace) -> int:
         for warning in warnings:
             print(f"recover: {warning}", file=sys.stderr)
     dataset = read_dataset(path)
-    print(f"{path}: {len(dataset.sensors)} sensors, {len(dataset.collections)} collections")
+    print(
+        f"{path.resolve()}: {len(dataset.sensors)} sensors, {len(dataset.collections)} collections"
+    )
     return 0

@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
         folder.rename(target)
     except OSError as error:
         raise OutputError(f"{target}: cannot take the name ({error.strerror})") from None
-    print(f"{target}: {', '.join(path.name for path in documents)}")
+    print(f"{target.resolve()}: {', '.join(path.name for path in documents)}")
     return 0
 
 

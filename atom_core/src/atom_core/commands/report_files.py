@@ -162,7 +162,7 @@ def write_report(given: Given, folder: Path) -> Path:
         ) from error
     for name, data in files.items():
         write_bytes_atomically(folder / name, data)
-    return folder / HTML_FILE
+    return folder.resolve() / HTML_FILE
 
 
 def report_beside(

@@ -78,5 +78,5 @@ def _run(args: argparse.Namespace) -> int:
         record(world, recording, args.bag, stops)
     finally:
         world.scene.close()
-    print(f"{args.bag}: {robot.name}, {stops} stops, seed {args.seed}; truth beside it")
+    print(f"{args.bag.resolve()}: {robot.name}, {stops} stops, seed {args.seed}; truth beside it")
     return 0

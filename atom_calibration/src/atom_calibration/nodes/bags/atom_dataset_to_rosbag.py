@@ -82,7 +82,7 @@ def _run(args: argparse.Namespace) -> int:
     for line in absent:
         sys.stderr.write(f"atom_dataset_to_rosbag: warning: {line}\n")
     counts = f"{len(dataset.sensors)} sensors, {len(dataset.collections)} collections"
-    sys.stdout.write(f"{args.output}: {counts}\n")
+    sys.stdout.write(f"{args.output.resolve()}: {counts}\n")
     return 0
 
 

@@ -99,7 +99,7 @@ def _collect(args: argparse.Namespace, config: CalibrationConfig, store: Collect
     live.serve(args.marker_size)
     _spin(live, args)
     live.finish(take_last_stop=not _is_enough(live, args))
-    return conclude(store, live.collector, store.keys, print, rospy.logwarn)
+    return conclude(store, live.collector, store.keys, print, rospy.logwarn, live.was_automatic)
 
 
 def _rig_when_there(

@@ -87,6 +87,7 @@ class LiveCollector:
 
     Attributes:
         collector: the one that offline collection uses too.
+        was_automatic: whether collections were ever to be taken wherever the board stands still.
         last_data_s: when labeled data came last, by the wall's clock; None: never.
     """
 
@@ -111,6 +112,7 @@ class LiveCollector:
         self._receipts = receipts
         self._moments = self._new_moments(automatic)
         self.collector = Collector(setup, self._moments)
+        self.was_automatic = automatic
         self.last_data_s: Optional[float] = None
         self._last_data_time = rospy.Time()
         self._labeled: Dict[str, rospy.Time] = {}  # stamp of the newest labels by sensor
@@ -357,6 +359,7 @@ class LiveCollector:
 
     def _switch(self, on: bool, answer: Future) -> None:
         self._moments.on = on
+        self.was_automatic |= on
         self._board.switch(on)
         text = f"automatic data collection is {'on' if on else 'off'}"
         self._tell(text)
