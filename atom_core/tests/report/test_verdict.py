@@ -33,6 +33,7 @@ from atom_core.report.verdict import (
 )
 from atom_core.solvers.base import SolverOptions
 from atom_core.synthetic import degenerate, mistakes, paper_cell, scenes
+from atom_core.synthetic.scanners import cell_with_scanners
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "certainty.md"
 LONG_M = 0.05
@@ -148,6 +149,21 @@ def test_a_file_that_was_not_calibrated_is_said_to_be_none(cell, test_cell):
     verdict = evaluation_verdict(evaluate(cell.dataset, test_cell.dataset))
     assert {verdict.grade, *(s.grade for s in verdict.sensors.values())} == {WRONG}
     assert "no calibration of these sensors" in verdict.sentence
+
+
+def test_two_scans_in_one_plane_speak_for_neither():
+    """Two cuts through a board are nearly in one plane in wrong calibrations, too."""
+    scene = cell_with_scanners(0, disturbance=(0.1, 0.1))
+    train = scene.dataset.selected(["rgb_1", "scanner_1", "scanner_2"])
+    verdict = evaluation_verdict(evaluate(train, train))
+    assert {verdict.grade, *(s.grade for s in verdict.sensors.values())} == {WRONG}
+    assert "no calibration of these sensors" in verdict.sentence
+    true = train.with_transforms(dict.fromkeys(train.collections, scene.truth.edges))
+    verdict = evaluation_verdict(evaluate(true, train))
+    assert {verdict.grade, *(s.grade for s in verdict.sensors.values())} == {GOOD}
+    pushed_one = evaluation_verdict(evaluate(pushed(true, "scanner_1"), train))
+    assert pushed_one.sensors["scanner_1"].grade == WRONG
+    assert pushed_one.sensors["scanner_2"].grade == GOOD
 
 
 @pytest.mark.parametrize("name", ["lidar_1", "rgb_1", "depth_1"])

@@ -35,6 +35,8 @@ class PairKind:
         measure: errors of one detection pair, given ``target_T_source`` (4, 4).
         floor: what keeps the figure large even at the truth, in a sentence; then it says little of
             the calibration, and judges none. Empty: nothing does.
+        proves: a small figure tells that both sensors are right. Without, only a large one tells
+            something, that one of them is wrong.
     """
 
     name: str
@@ -45,6 +47,7 @@ class PairKind:
     directed: bool
     measure: Measure
     floor: str = ""
+    proves: bool = True
 
 
 @dataclass(frozen=True)

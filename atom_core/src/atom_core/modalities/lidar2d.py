@@ -121,7 +121,11 @@ _PAIRS = (
     PairKind(
         "lidar2d-lidar3d", LIDAR2D, LIDAR3D, "point_to_plane", "mm", False, cut_to_plane_of_points
     ),
-    PairKind("lidar2d-lidar2d", LIDAR2D, LIDAR2D, "coplanarity", "mm", False, cuts_in_one_plane),
+    PairKind(  # two lines are nearly in one plane in many wrong calibrations, too
+        "lidar2d-lidar2d",
+        *(LIDAR2D, LIDAR2D, "coplanarity", "mm", False, cuts_in_one_plane),
+        proves=False,
+    ),
 )
 
 LIDAR_2D = Modality(

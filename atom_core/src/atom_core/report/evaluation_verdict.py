@@ -40,13 +40,17 @@ _AGAIN = "look at its labels in both sets, then calibrate it with more boards"
 
 
 class _Judged(NamedTuple):
-    """A measured pair: its grade, how far off it is in words, and as a length [m]."""
+    """A measured pair: its grade, how far off it is in words, and as a length [m].
+
+    A good one that does not prove anything speaks for no sensor (`PairKind.proves`).
+    """
 
     source: str
     target: str
     grade: str
     words: str
     size_m: float
+    proves: bool = True
 
 
 def evaluation_verdict(evaluation: Evaluation) -> Verdict:
@@ -89,7 +93,7 @@ def _judged(evaluation: Evaluation, result: PairResult) -> Optional[_Judged]:
     if kind.unit == "mm":
         words = f"{length(value / 1e3)} off the plane{beyond}"
         grade = OFF_PLANE_M.grade(value / 1e3)
-        return _Judged(pair.source, pair.target, grade, words, value / 1e3)
+        return _Judged(pair.source, pair.target, grade, words, value / 1e3, kind.proves)
     focal_px = evaluation.px_per_rad.get(pair.target)
     if focal_px is None:
         return None
@@ -133,6 +137,7 @@ def _blamed(pairs: Sequence[_Judged]) -> Dict[str, str]:
     The sensor whose pairs are bad most often goes first, until no bad pair is left; of equal ones
     all go, since nothing tells which of them is wrong.
     """
+    pairs = [pair for pair in pairs if pair.proves or pair.grade != GOOD]
     blamed: Dict[str, str] = {}
     for grade in (WRONG, WEAK):
         while True:
