@@ -3,6 +3,7 @@
 import os
 import shutil
 import subprocess
+from pathlib import Path
 
 import pytest
 from ports import reserved_port
@@ -10,6 +11,7 @@ from ports import reserved_port
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.synthetic import scenes
 
+ROOT = Path(__file__).resolve().parents[2]
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(shutil.which("roslaunch") is None, reason="roslaunch is not installed"),
@@ -23,12 +25,16 @@ def dataset(tmp_path_factory):
     return write_dataset_folder(scene.dataset, folder / "data", name="ends")
 
 
-def launched(folder, *words):
-    """Run calibrate.launch without RViz to its end; return exit code and what was printed."""
+CALIBRATE = ("atom_calibration", "calibrate.launch", "rviz:=false", "stay:=false")
+EVALUATE = (str(ROOT / "atom_examples" / "collab_cell" / "launch" / "full_evaluation.launch"),)
+FROM_BAG = ("atom_calibration", "calibrate_from_bag.launch", "report:=false")
+
+
+def launched(folder, *words, file=CALIBRATE):
+    """Run a launch file, which starts its master, to its end; return exit code and prints."""
     with reserved_port() as port:
         done = subprocess.run(
-            ["roslaunch", "-p", str(port), "atom_calibration", "calibrate.launch", "rviz:=false"]
-            + ["stay:=false", *words],
+            ["roslaunch", "-p", str(port), *file, *words],
             cwd=folder,
             env={
                 **os.environ,
@@ -39,7 +45,7 @@ def launched(folder, *words):
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            timeout=300,
+            timeout=120,
             check=False,
         )
     return done.returncode, done.stdout
@@ -57,3 +63,19 @@ def test_a_failure_does_and_a_relative_path_is_told_with_where_it_was_looked_for
     assert "REQUIRED process [calibrate" in printed and "exit code 2" in printed
     assert f"data/none.json: no such file, looked for at {tmp_path}/data/none.json;" in printed
     assert not (tmp_path / "results").exists()
+
+
+def test_an_evaluation_ends_by_itself_also_with_a_master_of_its_own(dataset, tmp_path):
+    words = (f"train_json:={dataset}", f"test_json:={dataset}", f"output:={tmp_path}/tables")
+    code, printed = launched(tmp_path, *words, file=EVALUATE)
+    assert code == 0 and "verdict: " in printed, printed
+    assert "REQUIRED" not in printed and "died" not in printed and "Traceback" not in printed
+    assert (tmp_path / "tables" / "evaluation.json").is_file()
+    _, printed = launched(tmp_path, *words, file=EVALUATE)  # a refusal: the folder is not empty
+    assert "overwrite:=true" in printed and "REQUIRED process [evaluate" in printed
+
+
+def test_a_recording_that_cannot_be_calibrated_ends_its_launch(tmp_path):
+    words = (f"config:={tmp_path}/config.yml", "bag:=none.bag", f"output:={tmp_path}/all")
+    _, printed = launched(tmp_path, *words, file=FROM_BAG)
+    assert "config.yml: " in printed and "REQUIRED process [calibrate_from_bag" in printed

@@ -63,8 +63,7 @@ def start(name: str) -> None:
     Raises:
         ConfigError: there is no master.
     """
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _ask_to_end)
+    _hear_signals()
     pid = check_master()
     try:
         rospy.init_node(name, disable_signals=True)
@@ -73,6 +72,11 @@ def start(name: str) -> None:
             raise
         raise ConfigError(GONE) from None
     _watches[:] = [MasterWatch(pid, _stop, _stop.set)]
+
+
+def _hear_signals() -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _ask_to_end)
 
 
 def _ask_to_end(*_: Any) -> None:
@@ -151,6 +155,7 @@ def end_launch(code: int) -> None:
     """
     if code or not os.environ.get(ENDS_LAUNCH) or stopped():
         return
+    _hear_signals()  # a command that is no node would die of roslaunch's
     give_up_launch()
 
 
