@@ -39,6 +39,8 @@ PARSERS = {
     "cell_simulator": "atom_examples.cell_simulator.main",
     "robot_simulator": "atom_examples.robot_simulator.main",
     "demo": "atom_examples.demo",
+    "calibrate": "atom_calibration.nodes.calibrating.calibrate",
+    "calibrate_from_bag": "atom_calibration.nodes.calibrating.calibrate_from_bag",
 }
 
 
@@ -67,6 +69,16 @@ def test_the_program_exists_and_its_options_parse(line):
     words = shlex.split(line)
     check = {"make": made, "python3": ran, "rosrun": rosran, "roslaunch": launched}[words[0]]
     check(words[1:])
+
+
+@pytest.mark.parametrize("program", PARSERS)
+def test_help_ends_with_two_examples_that_parse(program):
+    module = importlib.import_module(PARSERS[program])
+    lines = (getattr(module, "parser", None) or module.build_parser)().epilog.splitlines()
+    assert lines[0] == "examples:" and len(lines) == 3
+    for line in lines[1:]:
+        words = shlex.split(line)
+        {"rosrun": rosran, "roslaunch": launched}[words[0]](words[1:])
 
 
 def made(words):

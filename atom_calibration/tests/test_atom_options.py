@@ -23,7 +23,7 @@ from atom_core.commands import atom_options
 
 NODES = {
     "calibrate": (calibrate.parser, atom_options.CALIBRATE, "-json a.json"),
-    "collect_data": (collect_data._parser, atom_options.COLLECT_DATA, "-o DIR -c a.yml"),
+    "collect_data": (collect_data.parser, atom_options.COLLECT_DATA, "-o DIR -c a.yml"),
     "rgb_labeler": (
         lambda: labeler._parser("rgb_labeler"),
         atom_options.LABELER,

@@ -11,7 +11,7 @@ from typing import List, Optional, Sequence
 from atom_calibration.nodes.collecting import collect_from_bag
 from atom_core.commands import calibrate, evaluate
 from atom_core.commands.common import add_option, add_output_options
-from atom_core.commands.option_parser import OptionParser
+from atom_core.commands.option_parser import OptionParser, examples
 from atom_core.errors import AtomError
 from atom_core.io.atomic import prepare_output_folder
 from atom_core.io.dataset_writer import DATASET_FILE
@@ -33,7 +33,10 @@ from atom_examples.demo_steps import (
 )
 
 PROGRAM = "demo"
-EXAMPLE = "rosrun atom_examples demo --output demo_output --overwrite"
+EXAMPLE = """
+rosrun atom_examples demo --output demo_output --overwrite
+rosrun atom_examples demo --example rihbot --output demo_output/rihbot
+"""
 _CONFIGS = {False: "config.yml", True: "config_with_scanners.yml"}
 
 
@@ -57,7 +60,7 @@ def build_parser() -> argparse.ArgumentParser:
         description="Simulate the collaborative cell, label the recordings, calibrate from a start "
         "that is off by 0.1 m and 0.1 rad, evaluate on a test set and against the truth. "
         "Recordings of an earlier run are used again while they would be the same.",
-        epilog=f"example: {EXAMPLE}",
+        epilog=examples(EXAMPLE),
     )
     add_output_options(parser)
     add_option(parser, "seed", type=int, default=0, metavar="N", help="of rig, boards and noise")

@@ -37,14 +37,17 @@ from atom_core.commands.atom_options import (
     add_meaningless_options,
 )
 from atom_core.commands.common import add_option
-from atom_core.commands.option_parser import OptionParser
+from atom_core.commands.option_parser import OptionParser, examples
 from atom_core.errors import AtomError, ConfigError
 from atom_core.io.config_yaml import read_config_with_places
 from atom_core.io.paths import looked_for
 from atom_core.io.urdf import Description, read_description, write_calibrated_description
 from atom_core.model.config import CalibrationConfig
 
-EXAMPLE = "rosrun atom_calibration configure_calibration_pkg -n my_robot_calibration"
+EXAMPLE = """
+rosrun my_robot_calibration configure
+rosrun atom_calibration configure_calibration_pkg -n my_robot_calibration --first_guess bag
+"""
 ESTIMATE = "urdf/initial_estimate.urdf.xacro"
 _NAME = "configure_calibration_pkg"
 _NOT_ACCEPTABLE = 1
@@ -256,7 +259,7 @@ def parser() -> argparse.ArgumentParser:
     made = OptionParser(
         prog=_NAME,
         description=__doc__,
-        epilog=f"example: {EXAMPLE}",
+        epilog=examples(EXAMPLE),
     )
     add_option(
         made,

@@ -12,12 +12,15 @@ from typing import Optional, Sequence
 from atom_calibration.configure.render import skeleton_files
 from atom_core.cli import guarded
 from atom_core.commands.common import add_option
-from atom_core.commands.option_parser import OptionParser
+from atom_core.commands.option_parser import OptionParser, examples
 from atom_core.errors import OutputError
 from atom_core.io.atomic import prepare_output_folder, write_text_atomically
 from atom_core.io.paths import find_ros_package
 
-EXAMPLE = "rosrun atom_calibration create_calibration_pkg -n ~/catkin_ws/src/my_robot_calibration"
+EXAMPLE = """
+rosrun atom_calibration create_calibration_pkg -n ~/catkin_ws/src/my_robot_calibration
+rosrun atom_calibration create_calibration_pkg --name my_robot_calibration
+"""
 FOLDERS = ("calibration", "launch", "rviz", "urdf", "urdf/optimized", "scripts")
 _NAME = re.compile(r"[a-z][a-z0-9_]*$")
 
@@ -83,7 +86,7 @@ def _on_package_path(folder: Path) -> bool:
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command."""
     made = OptionParser(
-        prog="create_calibration_pkg", description=__doc__, epilog=f"example: {EXAMPLE}"
+        prog="create_calibration_pkg", description=__doc__, epilog=examples(EXAMPLE)
     )
     add_option(
         made,

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Dict, List, Optional
 
-from atom_core.commands.option_parser import OptionParser
+from atom_core.commands.option_parser import OptionParser, examples
 from atom_core.errors import OutputError
 from atom_core.synthetic.cell import SCENARIOS
 from atom_core.synthetic.lidar_models import LIDAR_MODELS
@@ -25,7 +25,10 @@ if TYPE_CHECKING:  # both need MuJoCo, which takes its time
 
 _LONGEST_MS, _BRIGHTEST = 100.0, 10.0
 PROGRAM = "cell_simulator"
-EXAMPLE = "rosrun atom_examples cell_simulator --bag train.bag --scenario train --seed 0"
+EXAMPLE = """
+rosrun atom_examples cell_simulator --bag train.bag --scenario train --seed 0
+rosrun atom_examples cell_simulator --bag test.bag --scenario test --collections 5 --scanners
+"""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -33,7 +36,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser = OptionParser(
         prog=PROGRAM,
         description="Simulate the collaborative cell: what its sensors see of a board.",
-        epilog=f"example: {EXAMPLE}",
+        epilog=examples(EXAMPLE),
     )
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("--bag", type=Path, metavar="OUT.bag", help="record into a bag; no master")

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import List, Optional
 
-from atom_core.commands.option_parser import OptionParser
+from atom_core.commands.option_parser import OptionParser, examples
 from atom_examples.cell_simulator.command_line import (
     add_option,
     check_bag,
@@ -17,7 +17,10 @@ from atom_examples.robot_simulator.robots import robot_named
 from atom_examples.robot_simulator.scenario import STOPS
 
 PROGRAM = "robot_simulator"
-EXAMPLE = "rosrun atom_examples robot_simulator --robot rihbot --bag train.bag"
+EXAMPLE = """
+rosrun atom_examples robot_simulator --robot rihbot --bag train.bag
+rosrun atom_examples robot_simulator --robot my_robot --bag test.bag --scenario test --seed 1
+"""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -25,7 +28,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser = OptionParser(
         prog=PROGRAM,
         description="Simulate an example robot: what its sensors see of its boards.",
-        epilog=f"example: {EXAMPLE}",
+        epilog=examples(EXAMPLE),
     )
     parser.add_argument("--robot", required=True, metavar="NAME|FOLDER", help="which")
     parser.add_argument("--bag", type=Path, required=True, metavar="OUT.bag", help="the recording")

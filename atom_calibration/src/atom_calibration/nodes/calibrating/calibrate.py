@@ -9,12 +9,13 @@ from atom_calibration.show.view_options import ViewOptions, add_view_options, ta
 from atom_core import cli
 from atom_core.commands import calibrate
 from atom_core.commands.calibrate_options import add_options
-from atom_core.commands.option_parser import OptionParser
+from atom_core.commands.option_parser import OptionParser, examples
 
 NODE = "calibrate"
-EXAMPLE = (
-    "rosrun atom_calibration calibrate --dataset data/dataset.json --output results -rv --slow 0.3"
-)
+EXAMPLE = """
+rosrun atom_calibration calibrate --dataset data/dataset.json --output results
+rosrun atom_calibration calibrate --dataset data/dataset.json --output results -rv --slow 0.3
+"""
 
 
 def main() -> int:
@@ -40,7 +41,7 @@ def _watched(args: argparse.Namespace, view: ViewOptions, stay: bool) -> int:
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser: the command's options, and those of the view."""
-    made = OptionParser(prog=NODE, description=str(calibrate.__doc__), epilog=f"example: {EXAMPLE}")
+    made = OptionParser(prog=NODE, description=str(calibrate.__doc__), epilog=examples(EXAMPLE))
     add_options(made)
     add_view_options(made)
     return made

@@ -24,19 +24,22 @@ from atom_core.commands import calibrate
 from atom_core.commands.calibrate import DATASET_FILE as RESULT_FILE
 from atom_core.commands.calibrate import NOT_CONVERGED_FOLDER
 from atom_core.commands.common import add_option
-from atom_core.commands.option_parser import OptionParser
+from atom_core.commands.option_parser import OptionParser, examples
 from atom_core.commands.report_option import add_report_option
 from atom_core.errors import AtomError, OutputError
 from atom_core.io.dataset_writer import DATASET_FILE
 
 Said = Dict[str, Any]  # entries of status.json
 _BAD_INPUT = 2
-_EXAMPLE = "roslaunch atom_calibration calibrate_from_bag.launch config:=C bag:=B output:=DIR"
+EXAMPLE = """
+roslaunch atom_calibration calibrate_from_bag.launch config:=config.yml bag:=train.bag output:=all
+rosrun atom_calibration calibrate_from_bag --config config.yml --bag train.bag --output all
+"""
 
 
 def main(argv: Optional[Sequence[str]] = None) -> int:
     """Run the steps until one is not done; return its exit code."""
-    args = _parser().parse_args(argv)
+    args = parser().parse_args(argv)
     args.view, stay = take_view_options(args)
     try:
         args.output.mkdir(parents=True, exist_ok=True)
@@ -115,26 +118,25 @@ def _optional_path(text: str) -> Optional[Path]:
     return Path(text) if text else None
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = OptionParser(
-        prog="calibrate_from_bag", description=__doc__, epilog=f"example: {_EXAMPLE}"
-    )
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    made = OptionParser(prog="calibrate_from_bag", description=__doc__, epilog=examples(EXAMPLE))
     for name, help_text in (("config", "config.yml"), ("bag", "the recording")):
-        add_option(parser, name, required=True, type=Path, metavar="FILE", help=help_text)
-    add_option(parser, "output", "-o", required=True, type=Path, metavar="DIR", help="results")
-    add_option(parser, "seeds", type=_optional_path, metavar="FILE", help="seeds given by hand")
+        add_option(made, name, required=True, type=Path, metavar="FILE", help=help_text)
+    add_option(made, "output", "-o", required=True, type=Path, metavar="DIR", help="results")
+    add_option(made, "seeds", type=_optional_path, metavar="FILE", help="seeds given by hand")
     add_option(
-        parser,
+        made,
         "description",
         type=_optional_path,
         metavar="URDF_OR_XACRO",
         help="take its transforms, moved by the bag's /joint_states, in place of /tf",
     )
-    add_option(parser, "truth", type=_optional_path, metavar="FILE", help="a simulation's truth")
-    add_option(parser, "overwrite", "-ow", action="store_true", help="replace earlier results")
-    add_report_option(parser)
-    add_view_options(parser)
-    return parser
+    add_option(made, "truth", type=_optional_path, metavar="FILE", help="a simulation's truth")
+    add_option(made, "overwrite", "-ow", action="store_true", help="replace earlier results")
+    add_report_option(made)
+    add_view_options(made)
+    return made
 
 
 def run_as_node() -> int:

@@ -31,7 +31,7 @@ from atom_calibration.sources.receipts import ReceiptTimes
 from atom_calibration.sources.rig import Rig, check_frames, rig_from_bag
 from atom_core.commands.atom_options import COLLECT_DATA, add_meaningless_options
 from atom_core.commands.common import add_option
-from atom_core.commands.option_parser import OptionParser
+from atom_core.commands.option_parser import OptionParser, examples
 from atom_core.errors import AtomError
 from atom_core.io.collections import CollectionStore
 from atom_core.io.config_yaml import read_config
@@ -39,13 +39,16 @@ from atom_core.model.config import CalibrationConfig
 from atom_core.model.pattern import pattern_from_config
 
 NAME = "collect_data"
-EXAMPLE = "roslaunch atom_calibration collect_data.launch config:=config.yml output_folder:=dataset"
+EXAMPLE = """
+roslaunch atom_calibration collect_data.launch config:=config.yml output_folder:=dataset
+rosrun atom_calibration collect_data --config config.yml --output dataset --automatic
+"""
 _STEP, _POLL_S = "collect", 0.1
 
 
 def main() -> int:
     """Run the node; return its exit code."""
-    return running.run(NAME, _parser(), _run)
+    return running.run(NAME, parser(), _run)
 
 
 def _run(args: argparse.Namespace) -> int:
@@ -157,15 +160,16 @@ def _folder(text: str) -> Path:
     return Path(text)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = OptionParser(
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    made = OptionParser(
         prog=NAME,
         description=__doc__,
-        epilog=f"example: {EXAMPLE}",
+        epilog=examples(EXAMPLE),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_option(
-        parser,
+        made,
         "config",
         "-c",
         "--calibration_file",
@@ -175,7 +179,7 @@ def _parser() -> argparse.ArgumentParser:
         help="the calibration's config.yml",
     )
     add_option(
-        parser,
+        made,
         "output",
         "-o",
         "--output_folder",
@@ -184,21 +188,21 @@ def _parser() -> argparse.ArgumentParser:
         metavar="DIR",
         help="folder for the dataset; must be empty or absent unless --overwrite is given",
     )
-    add_option(parser, "overwrite", "-ov", action="store_true", help="replace an earlier dataset")
+    add_option(made, "overwrite", "-ov", action="store_true", help="replace an earlier dataset")
     add_option(
-        parser,
+        made,
         "automatic",
         action="store_true",
         help="begin with taking a collection wherever the board stands still",
     )
     add_option(
-        parser, "pictures", action="store_true", help="write pictures of the labels to look at"
+        made, "pictures", action="store_true", help="write pictures of the labels to look at"
     )
-    add_receive_time_option(parser)
-    add_marker_size_option(parser, 0.5)
-    _add_limits(parser)
-    add_meaningless_options(parser, COLLECT_DATA)
-    return parser
+    add_receive_time_option(made)
+    add_marker_size_option(made, 0.5)
+    _add_limits(made)
+    add_meaningless_options(made, COLLECT_DATA)
+    return made
 
 
 def _add_limits(parser: argparse.ArgumentParser) -> None:

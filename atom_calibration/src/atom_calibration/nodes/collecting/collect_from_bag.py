@@ -47,7 +47,7 @@ from atom_calibration.sources.described_bag import SAVED, check_described, trans
 from atom_calibration.sources.rig import Rig, check_frames, rig_from_bag
 from atom_calibration.sources.transform_tree import BagTransforms
 from atom_core.commands.common import add_option, add_output_options
-from atom_core.commands.option_parser import OptionParser
+from atom_core.commands.option_parser import OptionParser, examples
 from atom_core.commands.progress import progress
 from atom_core.errors import AtomError
 from atom_core.io.collections import CollectionStore
@@ -56,9 +56,10 @@ from atom_core.io.seeds import read_seeds
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.pattern import Pattern, pattern_from_config
 
-EXAMPLE = (
-    "rosrun atom_calibration collect_from_bag --config config.yml --bag train.bag --output dataset"
-)
+EXAMPLE = """
+rosrun atom_calibration collect_from_bag --config config.yml --bag train.bag --output dataset
+rosrun atom_calibration collect_from_bag -c config.yml -b train.bag -o dataset --seeds seeds.yaml
+"""
 _BAD_INPUT, _INTERRUPTED = 2, 130
 _LOOK_AHEAD = 12  # messages that are decoded and, if images, labeled beforehand
 _WORKERS = 2
@@ -289,7 +290,7 @@ def parser() -> argparse.ArgumentParser:
     made = OptionParser(
         prog="collect_from_bag",
         description=__doc__,
-        epilog=f"example: {EXAMPLE}",
+        epilog=examples(EXAMPLE),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_option(made, "config", "-c", required=True, type=Path, metavar="FILE", help="config.yml")

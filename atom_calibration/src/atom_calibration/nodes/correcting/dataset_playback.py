@@ -42,14 +42,17 @@ from atom_calibration.srv import (
 )
 from atom_core.commands.atom_options import DATASET_PLAYBACK, add_meaningless_options
 from atom_core.commands.common import add_dataset_option, add_option
-from atom_core.commands.option_parser import OptionParser
+from atom_core.commands.option_parser import OptionParser, examples
 from atom_core.editing.label_corrections import LabelCorrections
 from atom_core.errors import AtomError, OutputError
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset
 
 NODE = "dataset_playback"
-EXAMPLE = "rosrun atom_calibration dataset_playback -json dataset.json"
+EXAMPLE = """
+rosrun atom_calibration dataset_playback -json dataset.json
+roslaunch my_robot_calibration dataset_playback.launch dataset:=$PWD/data/dataset.json
+"""
 _POINT_TOPICS = {
     "add": "/rviz/selected_points",
     "add_border": "/rviz/selected_border_points",
@@ -360,7 +363,7 @@ def parser() -> argparse.ArgumentParser:
     made = OptionParser(
         prog=NODE,
         description=__doc__,
-        epilog=f"example: {EXAMPLE}",
+        epilog=examples(EXAMPLE),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_dataset_option(made)

@@ -31,7 +31,7 @@ from atom_calibration.show.pose_marker import (
 )
 from atom_core.commands.atom_options import TRANSFORM_CORRECTOR, add_meaningless_options
 from atom_core.commands.common import add_dataset_option, add_option
-from atom_core.commands.option_parser import OptionParser
+from atom_core.commands.option_parser import OptionParser, examples
 from atom_core.editing.transform_corrections import TransformCorrections, chosen_edges
 from atom_core.errors import SelectionError
 from atom_core.geometry import se3
@@ -42,9 +42,10 @@ from atom_core.model.sensor import Sensor
 from atom_core.model.transforms import Edge
 
 NODE = "transform_corrector"
-EXAMPLE = (
-    "rosrun atom_calibration transform_corrector -json dataset.json -pll odom -cll base_footprint"
-)
+EXAMPLE = """
+rosrun atom_calibration transform_corrector -json dataset.json -pll odom -cll base_footprint
+roslaunch atom_calibration transform_corrector.launch json:=a.json parents:=odom children:=base_link
+"""
 _MENU_PLACE_M = (1.0, 0.0, 0.4)  # in the world, below what is dragged
 _BODY_IN_SCALE = 0.25  # size of the ball in the middle of a marker
 _MOST_POINTS = 6000  # of a cloud that are drawn
@@ -262,7 +263,7 @@ def _thinned(points: np.ndarray) -> np.ndarray:
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command."""
-    made = OptionParser(prog=NODE, description=__doc__.split("\n")[0], epilog=f"example: {EXAMPLE}")
+    made = OptionParser(prog=NODE, description=__doc__.split("\n")[0], epilog=examples(EXAMPLE))
     add_dataset_option(made)
     _add_choice(made)
     add_option(

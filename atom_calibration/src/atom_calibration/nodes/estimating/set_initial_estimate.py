@@ -37,7 +37,7 @@ from atom_calibration.srv import (
     SetSensorInteractiveMarkerResponse,
 )
 from atom_core.commands.common import add_option
-from atom_core.commands.option_parser import OptionParser
+from atom_core.commands.option_parser import OptionParser, examples
 from atom_core.editing.first_guess import FirstGuess, values_from_dataset
 from atom_core.errors import ConfigError
 from atom_core.geometry import se3
@@ -48,7 +48,10 @@ from atom_core.model.config import CalibrationConfig
 from atom_core.model.modality import modality_named
 
 NODE = "set_initial_estimate"
-EXAMPLE = "rosrun atom_calibration set_initial_estimate -c config.yml -d cell.urdf.xacro"
+EXAMPLE = """
+rosrun atom_calibration set_initial_estimate -c config.yml -d cell.urdf.xacro
+roslaunch my_robot_calibration set_initial_estimate.launch from_dataset:=$PWD/data/dataset.json
+"""
 _MENU_PLACE_M = (1.0, 0.0, 1.0)  # in the world, as ATOM has it
 _GREY_PLACE = 8  # in the palette: of what is no sensor
 _BODY_IN_SCALE = 0.25  # size of the ball in the middle of a marker
@@ -291,7 +294,7 @@ class _Frustum:
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command."""
-    made = OptionParser(prog=NODE, description=__doc__.split("\n")[0], epilog=f"example: {EXAMPLE}")
+    made = OptionParser(prog=NODE, description=__doc__.split("\n")[0], epilog=examples(EXAMPLE))
     add_option(
         made,
         "config_file",
