@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Dict, List, Optional, Tuple, Union
 
-from atom_core.calibration.calibrate import calibrate
+from atom_core.calibration.calibrate import Calibration, calibrate
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.joints import select_joints
 from atom_core.commands import common
@@ -26,7 +26,7 @@ from atom_core.commands.model_error_options import (
 from atom_core.commands.phases import Phases, Watcher
 from atom_core.commands.provenance import inputs, versions
 from atom_core.commands.report_files import REPORT_FILES, RESIDUALS_FILE, report_beside
-from atom_core.commands.verdict_output import print_verdict
+from atom_core.commands.verdict_output import print_next, print_verdict
 from atom_core.errors import CalibrationError, DescriptionError, OutputError
 from atom_core.evaluation.trust.checks import trust_checks
 from atom_core.io.atomic import (
@@ -122,13 +122,24 @@ def run(args: argparse.Namespace, watcher: Optional[Watcher] = None) -> int:
         _remove_results(folder / NOT_CONVERGED_FOLDER)
     if looking_on is not None:
         looking_on.end(calibration, options)
+    return _conclude(args, folder, calibration, results)
+
+
+def _conclude(
+    args: argparse.Namespace, folder: Path, calibration: Calibration, results: CalibrationResults
+) -> int:
+    """Print the tables, the verdict and what comes next; return the exit code."""
     print(calibration_report(results, args.verbose, args.show_normalized_values))
     print(f"\nresults: {folder.resolve()}\n")
     verdict = calibration_verdict(results)
     print_verdict(verdict)
     if not args.no_report and not calibration.summary.interrupted:
         report_beside(folder, folder, None, calibration.dataset)
-    return 0 if calibration.status == CONVERGED and verdict.grade != WRONG else 1
+    if calibration.status != CONVERGED or verdict.grade == WRONG:
+        return 1
+    words = ("--train", str(folder.resolve() / DATASET_FILE), "--test", "OTHER/dataset.json")
+    print_next("evaluate", *words, "--output", "evaluation")
+    return 0
 
 
 def _write_document(folder: Path, args: argparse.Namespace, results: CalibrationResults) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from atom_core.calibration.preflight import preflight
 from atom_core.commands import common
 from atom_core.commands.drift_check import calibration_of, drift_of, moved_sensors
-from atom_core.commands.verdict_output import print_verdict
+from atom_core.commands.verdict_output import print_next, print_verdict
 from atom_core.errors import DescriptionError, OutputError
 from atom_core.geometry import se3
 from atom_core.io.atomic import write_json_atomically
@@ -89,7 +89,12 @@ def run(args: argparse.Namespace) -> int:
     verdict = check_verdict(dataset, result, moved)
     print()
     print_verdict(verdict)
-    return 1 if verdict.grade == WRONG else 0
+    if verdict.grade == WRONG:
+        return 1
+    if not args.against:
+        words = ["--dataset", str(args.dataset.resolve()), *common.selection_words(args)]
+        print_next("calibrate", *words, "--output", "results")
+    return 0
 
 
 def _of_description(dataset: Dataset) -> List[str]:

@@ -16,6 +16,11 @@ from atom_core.model.selection import select_names
 # Set to 1: results and tables of an earlier run are replaced without --overwrite, inputs never.
 # batch_execution sets it for its experiments, which write to the same places one after the other.
 REPLACE_RESULTS = "ATOM_REPLACE_RESULTS"
+_SELECTIONS = (
+    ("sensor_selection_function", "-ssf", "sensors"),
+    ("collection_selection_function", "-csf", "collections"),
+    ("pattern_selection_function", "-psf", "patterns"),
+)
 
 
 class Command(Protocol):
@@ -90,11 +95,7 @@ def add_dataset_option(parser: argparse.ArgumentParser) -> None:
 
 def add_selection_options(parser: argparse.ArgumentParser) -> None:
     """Add ATOM's selections of sensors, collections and patterns."""
-    for name, short, what in (
-        ("sensor_selection_function", "-ssf", "sensors"),
-        ("collection_selection_function", "-csf", "collections"),
-        ("pattern_selection_function", "-psf", "patterns"),
-    ):
+    for name, short, what in _SELECTIONS:
         add_option(
             parser,
             name,
@@ -103,6 +104,12 @@ def add_selection_options(parser: argparse.ArgumentParser) -> None:
             metavar="SELECTION",
             help=f"{what} to use: names, globs, '!name' to leave one out, or ATOM's lambda strings",
         )
+
+
+def selection_words(args: argparse.Namespace) -> List[str]:
+    """Return the options of `add_selection_options` as they were given."""
+    given = ((short, getattr(args, name)) for name, short, _ in _SELECTIONS)
+    return [word for short, words in given if words for word in (short, *words)]
 
 
 def add_overwrite_option(parser: Any, text: str = "replace results of an earlier run") -> None:

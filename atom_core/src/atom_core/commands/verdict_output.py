@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import sys
+from pathlib import Path
 from typing import TextIO
 
 from atom_core.report.verdict import GOOD, WEAK, WRONG, Verdict, verdict_lines
@@ -18,6 +20,13 @@ def print_verdict(verdict: Verdict) -> None:
     """Print one sentence, and one line for each sensor."""
     text = verdict_lines(verdict)
     print(coloured(text) if shows_colours(sys.stdout) else text)
+
+
+def print_next(command: str, *words: str) -> None:
+    """Print which command comes next, as the one that runs was typed: by rosrun, or by python3."""
+    of_ros = Path(sys.argv[0]).parent.name == "atom_calibration"
+    program = ("rosrun", "atom_calibration") if of_ros else ("python3", "-m", "atom_core")
+    print("\nnext:", *program, command, *map(shlex.quote, words))
 
 
 def coloured(text: str) -> str:
