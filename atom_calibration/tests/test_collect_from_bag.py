@@ -11,6 +11,7 @@ from stand_in_rig import (
     STOPS,
     Place,
     StandIn,
+    cloud,
     messages,
     position,
     refusal,
@@ -212,6 +213,23 @@ def test_moments_that_miss_the_data_are_told_once(place, make, capsys):
     said = capsys.readouterr().err
     assert said.count("no sensor has data within 10 ms") == 1
     assert "more moments have no data within 10 ms: raise max_duration_between_msgs" in said
+
+
+def test_a_stop_where_the_board_stood_before_is_told(place, make, capsys):
+    content = []
+    for topic, message, time in messages(make):
+        if 102.5 <= time < 104.1:  # the second stop; the board is back where it was
+            image = np.zeros((48, 64, 3), np.uint8)
+            image[0, 0, 0] = position(0.0)
+            if topic == "/cam/image_raw":
+                message = make.image(image, frame="cam_optical", stamp_s=time)
+            elif topic == "/lidar/points":
+                message = cloud(make, position(0.0), time)
+        content.append((topic, message, time))
+    assert main(place(content)) == 0
+    said = capsys.readouterr().err
+    assert "the board stands where it stood at the stop before" in said and ": 1 stop\n" in said
+    assert len(read_dataset(place.folder / "dataset.json").collections) == STOPS - 1
 
 
 def test_a_time_beyond_the_recording_is_said_to_be_that(place, capsys):

@@ -7,14 +7,21 @@ direction. *Found* is a move for which anything is called moved, *named* one for
 alone is.
 
     nice -n 10 python3 tests/benchmarks/bench_drift.py --rigs 200
+
+With ``--cell FOLDER``, the simulated cell as `make results` left it there: calibrated with the
+train set of each seed, and asked with threes of the test set's boards that all sensors see. Every
+sensor is moved in turn.
+
+    nice -n 10 python3 tests/benchmarks/bench_drift.py --cell results_output
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+from itertools import combinations
 from pathlib import Path
-from typing import Any, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Dict, Iterator, List, Mapping, Optional, Tuple
 
 import numpy as np
 
@@ -25,6 +32,7 @@ from atom_core.evaluation.drift import Drift, drift
 from atom_core.evaluation.edge_spread import edge_spread
 from atom_core.geometry import se3
 from atom_core.io.atomic import write_json_atomically
+from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import Edge
 from atom_core.report.edge_results import selected_edges
@@ -33,6 +41,7 @@ from atom_core.synthetic.scenes import random_scene
 
 ROOT = Path(__file__).resolve().parents[2]
 COLLECTIONS, NEW = 24, 3
+THREES = 8  # of the boards of a seed's test set
 KINDS = {
     "three cameras": {"rgb": 3, "depth": 0, "lidar3d": 0},
     "two cameras, depth camera": {"rgb": 2, "depth": 1, "lidar3d": 0},
@@ -61,6 +70,29 @@ def asked(seed: int, sensors: Mapping[str, int]) -> Optional[Answers]:
         found = drift(dataset.selected(collections=new), moved, spreads)
         answers[name] = bool(found.moved), _names(found) == [sensor.name]
     return answers
+
+
+def asked_of_cell(folder: Path, seed: int) -> Iterator[Tuple[str, Answers]]:
+    """Yield what is said of each move of each sensor of the simulated cell, and its modality."""
+    described, spreads = calibrated(read_dataset(folder / "train" / "dataset.json"))
+    test = read_dataset(folder / "test" / "dataset.json")
+    whole = [k for k, c in test.collections.items() if len(c.labels) == len(test.sensors)]
+    rng = np.random.default_rng([seed, 2])
+    threes = rng.permutation(list(combinations(whole, NEW)))[:THREES]
+    for three in threes:
+        new = test.selected(collections=list(three))
+        still = bool(drift(new, described, spreads).moved)
+        for sensor in test.sensors.values():
+            if sensor.edge not in described:
+                continue
+            answers = {"none": (still, False)}
+            for name, move in MOVES.items():
+                if name != "none":
+                    moved = {**described}
+                    moved[sensor.edge] = se3.moved(moved[sensor.edge], se3.random_move(*move, rng))
+                    found = drift(new, moved, spreads)
+                    answers[name] = bool(found.moved), _names(found) == [sensor.name]
+            yield sensor.modality, answers
 
 
 def _least_share(dataset: Dataset, key: str) -> float:
@@ -109,26 +141,47 @@ def _shares(answers: List[Answers]) -> Dict[str, Any]:
     return row
 
 
+def figures_of_cell(folder: Path) -> Dict[str, Any]:
+    """Return the shares over all seeds of the simulated cell, by modality and together."""
+    by_kind: Dict[str, List[Answers]] = {}
+    for of_seed in sorted(folder.glob("seed_[0-9]*")):
+        if not (of_seed / "test" / "dataset.json").is_file():
+            continue
+        for modality, answers in asked_of_cell(of_seed, int(of_seed.name.split("_")[1])):
+            by_kind.setdefault(modality, []).append(answers)
+            by_kind.setdefault("all sensors", []).append(answers)
+        for kind, answers_of_kind in by_kind.items():
+            print(kind, json.dumps(_shares(answers_of_kind)), flush=True)
+    return {f"cell, {kind}": _shares(answers) for kind, answers in by_kind.items()}
+
+
 def main() -> None:
     """Print the table, and write drift.json."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rigs", type=int, default=200)
     parser.add_argument("--kinds", nargs="+", choices=list(KINDS), default=list(KINDS))
+    parser.add_argument("--cell", type=Path, metavar="FOLDER", help="of `make results`")
     parser.add_argument("--output", type=Path, default=ROOT / "bench_output")
     args = parser.parse_args()
-    document = {}
-    for kind in args.kinds:
-        print(kind, flush=True)
-        document[kind] = figures(args.rigs, KINDS[kind])
+    document = figures_of_cell(args.cell) if args.cell else figures_of_kinds(args.rigs, args.kinds)
     args.output.mkdir(parents=True, exist_ok=True)
     write_json_atomically(args.output / "drift.json", document, indent=1)
-    headers = ["rig", "rigs", "false alarms", "2 mm found", "named", "0.1 deg found", "named"]
+    headers = ["rig", "asked", "false alarms", "2 mm found", "named", "0.1 deg found", "named"]
     rows = [
         [kind, row["rigs"], f"{100 * row['none']['moved']:.1f} %"]
         + [f"{100 * row[m][s]:.1f} %" for m in ("2 mm", "0.1 deg") for s in ("moved", "named")]
         for kind, row in document.items()
     ]
     print(text_table(headers, rows, f"Has the rig moved? {NEW} new boards"))
+
+
+def figures_of_kinds(rigs: int, kinds: List[str]) -> Dict[str, Any]:
+    """Return the shares over some rigs of each kind."""
+    document = {}
+    for kind in kinds:
+        print(kind, flush=True)
+        document[kind] = figures(rigs, KINDS[kind])
+    return document
 
 
 if __name__ == "__main__":

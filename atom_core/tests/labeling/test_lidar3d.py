@@ -82,53 +82,6 @@ def test_board_is_labeled_in_many_poses(tilted, noise_m):
         check(label(cloud, cloud.seed + away), cloud)
 
 
-def test_limit_points_are_on_the_border_but_for_a_beam_step():
-    for k, scene in enumerate(many_scenes(20, 4)):
-        cloud = scan(scene, k)
-        indices = label(cloud).label.limit_indices
-        board_T_lidar = se3.inverse(scene.world_T_board) @ scene.world_T_lidar
-        in_board = se3.apply(board_T_lidar, cloud.points[indices])
-        distance, _ = BORDER.signed_distance(in_board[:, :2])
-        assert np.max(distance) < 0.015
-        assert np.median(distance) > -0.02
-        assert np.min(distance) > -0.08
-
-
-def test_limit_points_belong_to_the_label_and_stand_on_both_sides():
-    cloud = scan(Scene(pose(EYE), before()))
-    found = label(cloud)
-    assert set(found.label.limit_indices) <= set(found.label.indices)
-    azimuth = np.arctan2(cloud.points[:, 1], cloud.points[:, 0])
-    middle = np.median(azimuth[found.label.indices])
-    for layer in np.unique(cloud.ring[found.label.limit_indices]):
-        ends = found.label.limit_indices[cloud.ring[found.label.limit_indices] == layer]
-        assert 1 <= len(ends) <= 2
-    limits = azimuth[found.label.limit_indices]
-    assert 4 <= np.sum(limits < middle) <= len(limits) - 4
-
-
-def test_ends_that_are_no_limit_points_lie_farther_inside():
-    taken = left = 0
-    for k, scene in enumerate(many_scenes(20, 4)):
-        cloud = scan(scene, k)
-        found = label(cloud).label
-        board_T_lidar = se3.inverse(scene.world_T_board) @ scene.world_T_lidar
-        inside_m = -BORDER.signed_distance(se3.apply(board_T_lidar, cloud.points)[:, :2])[0]
-        azimuth = np.arctan2(cloud.points[:, 1], cloud.points[:, 0])
-        ends = {-1: [], 1: []}
-        for layer in np.unique(cloud.ring[found.indices]):
-            of_layer = found.indices[cloud.ring[found.indices] == layer]
-            ends[-1].append(of_layer[np.argmin(azimuth[of_layer])])
-            ends[1].append(of_layer[np.argmax(azimuth[of_layer])])
-        for side in ends.values():
-            limits = np.intersect1d(side, found.limit_indices)
-            others = np.setdiff1d(side, found.limit_indices)
-            taken, left = taken + len(limits), left + len(others)
-            if len(limits) and len(others):
-                assert np.max(inside_m[limits]) < np.max(inside_m[others]) + 0.01
-    assert left > 0.2 * taken > 0
-
-
 def test_noise_is_measured_not_assumed():
     scene = Scene(pose(EYE), before(turn_deg=0.0))
     for noise_m in (0.004, 0.015):

@@ -99,6 +99,7 @@ class Collector:
         repeated: number of moments whose data are those of the collection before.
         between: number of moments that lie between the data, faster than which they follow.
         missed: number of moments that have no data near enough, of those that follow each other.
+        stayed: number of stops at the place of the stop before.
         max_skew_s: greatest difference of the stamps in a collection.
         quality: how well each sensor sees the board, and advice.
         apart_ms: by sensor that saw the board and is not in a collection, how long all stamps of
@@ -117,7 +118,7 @@ class Collector:
         self.taken: Counter = Counter(dict.fromkeys(setup.sensors, 0))
         self.reasons: Dict[str, Counter] = {name: Counter() for name in setup.sensors}
         self.refused: List[str] = []
-        self.repeated, self.between, self.missed = 0, 0, 0
+        self.repeated, self.between, self.missed, self.stayed = 0, 0, 0, 0
         self.apart_ms: Dict[str, List[float]] = {}
         self.quality = QualityLog(setup.config, setup.sensors, setup.patterns, setup.warn)
         self._doubtful: List[Tuple[Moment, str]] = []  # looked like a stop to some sensor
@@ -218,6 +219,8 @@ class Collector:
         before = self._last[1]
         if self._setup.at_stops:
             known = same_place(chosen, before)
+            is_later = bool(self._done) and moment.start_s > self._done[-1].end_s
+            self.stayed += known and is_later
             self._done += [moment] * known
             return known
         stamps = [{name: f.stamp_s for name, f in of.items()} for of in (chosen, before)]

@@ -70,9 +70,7 @@ def why_none(collector: Collector, asked: bool) -> str:
             "or, wherever the board stands still, with --automatic"
         )
     never = "; ".join(
-        f"{name}: {_most_often(reasons)}"
-        for name, reasons in collector.reasons.items()
-        if reasons
+        f"{name}: {_most_often(reasons)}" for name, reasons in collector.reasons.items() if reasons
     )
     whys = [*collector.refused, *collector.passed, "the board never stood still in view"]
     return f"{whys[0]} ({never})" if never else whys[0]
@@ -109,6 +107,11 @@ def left_out(collector: Collector, keys: List[str]) -> Iterator[str]:
         yield (
             f"{collector.repeated} moments had the very data of the collection before and are not "
             f"taken: they follow each other faster than the data"
+        )
+    if collector.stayed:
+        yield (
+            f"not taken, since the board stands where it stood at the stop before, as far as its "
+            f"sensors tell: {collector.stayed} stop{'s' * (collector.stayed > 1)}"
         )
     if collector.between:
         yield (
