@@ -43,7 +43,8 @@ constexpr int kGoodSides = 3;
 constexpr double kOpenSide = 0.2;       // of its bins, and more than on the border: a larger thing
 constexpr double kOnShare = 0.7;        // of the bins that are not hidden or touched
 constexpr double kBorderRms = 0.6;      // of the spacing, and
-constexpr double kBorderNoise = 0.012;  // [m] about the border
+constexpr double kBorderNoise = 0.012;  // [m] about the border, of large boards; of small ones
+constexpr double kBorderOfSide = 0.04;  // of the shorter side
 constexpr double kMostInset = 0.9;      // spacings that a limit point may lie inside
 
 std::nullopt_t Refuse(int progress, const std::string& reason, BoardSegment* segment) {
@@ -251,9 +252,9 @@ std::vector<PlaneReturn> ReturnsNear(const BoardSearch& search, const Patch& pat
 // ---- what the sides say
 
 // Tells whether the sides show the outline of the board.
-bool SidesFit(const Sides& sides, double spacing, BoardSegment* segment) {
+bool SidesFit(const Sides& sides, double shorter, BoardSegment* segment) {
   int good = 0, on = 0, all = 0, open = 0, bins = 0;
-  double squares = 0.0;
+  double squares = 0.0, spacings = 0.0;
   bool goes_on = false;
   for (const auto& side : sides) {
     int here = 0, open_here = 0, in_view = 0;
@@ -263,7 +264,7 @@ bool SidesFit(const Sides& sides, double spacing, BoardSegment* segment) {
       here += is_on;
       open_here += bin.GoesOn();
       all += bin.GoesOn() || (bin.in_view && !bin.hidden && TouchMargin(bin, 0.01) == 0.0);
-      if (is_on) squares += std::pow(bin.beyond + bin.inset, 2);
+      if (is_on) squares += std::pow(bin.beyond + bin.inset, 2), spacings += bin.spacing;
     }
     on += here;
     open += open_here;
@@ -272,7 +273,8 @@ bool SidesFit(const Sides& sides, double spacing, BoardSegment* segment) {
     good += in_view >= kLeastOfSide * side.size() && here >= kGoodSide * in_view;
   }
   segment->border_rms = std::sqrt(squares / std::max(on, 1));
-  const double most = kBorderNoise + kBorderRms * spacing;
+  const double most =
+      std::min(kBorderNoise, kBorderOfSide * shorter) + kBorderRms * spacings / std::max(on, 1);
   if (!goes_on && good >= kGoodSides && on >= kOnShare * all && segment->border_rms < most) {
     return true;
   }
@@ -397,7 +399,7 @@ BoardSegment JudgeCloudPatch(const BoardSearch& search, const Patch& patch, Boar
     for (const SideBin& bin : side) widest = std::max(widest, bin.spacing);
   }
   const CellShares cells = LookAtCells(search.scan, view, pose, board->half, widest, &sides);
-  if (!SidesFit(sides, widest, &segment)) {
+  if (!SidesFit(sides, options.size.minCoeff(), &segment)) {
     TellWhy(patch, view, options, &segment);
     return segment;
   }

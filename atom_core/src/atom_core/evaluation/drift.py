@@ -40,8 +40,9 @@ class EdgeDrift(NamedTuple):
         edge: parent and child.
         sensors: that stand on it.
         change: found minus described, along and about the parent's axes.
-        chi_square: of the six numbers in their joint covariance, as the assumed noise has it;
-            of three sensors or more, while all others are held.
+        chi_square: of the six numbers in their joint covariance: that of the calibration, and that
+            of the new boards as its detections varied; of three sensors or more, while all others
+            are held.
         moved: beyond the limit, and by no trifle.
         beyond_detections: beyond it even where detections of the new boards are off as a whole, as
             `calibrate` assumes of a few boards.
@@ -275,7 +276,7 @@ def _edge_drift(
     )
     assert stated is not None and of_model is not None  # it is estimated
     spread = described + (stated, of_model)
-    covariance = spread.of_model
+    covariance = described.stated + _scatter(described) * of_model
     change = pose_error(standing.first_value(edge), solved.dataset.first_value(edge))
     square = chi_square(change, covariance)
     trifle = change.translation_m < LEAST_M and change.rotation_rad < LEAST_RAD
@@ -292,6 +293,18 @@ def _edge_drift(
         size * _largest(weight[TRANSLATION, TRANSLATION]),
         size * _largest(weight[ROTATION, ROTATION]),
     )
+
+
+def _scatter(described: Spread) -> float:
+    """Return by how much detections vary more than their noise, as the rig's calibration had it.
+
+    All limit points of a board's side are off together, for one, where a LiDAR's steps happen to
+    end. Two or three new boards do not tell that themselves.
+    """
+    if not np.any(described.of_model):
+        return 1.0
+    ratios = np.linalg.solve(described.of_model + 1e-18 * np.eye(NUMBERS), described.stated)
+    return max(1.0, float(np.trace(ratios)) / NUMBERS)
 
 
 def _largest(weight: np.ndarray) -> float:

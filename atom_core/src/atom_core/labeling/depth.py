@@ -31,9 +31,11 @@ _FACTORS = {
 }
 _NO_BOARD = "no plane region of the board's size and shape is seen"
 _CUT = "it is cut by the image's edge or hidden, and its size is not seen"
+_LITTLE = "only {:.0%} of a board there are in view: set a seed on it, or let a camera see it, too"
 _PLAUSIBLE_M = (0.5, 12.0)  # median depth of a room
 _DARK_SQUARES, _NEAR_M = 1.3, 1.5  # sides of a square, seen from there: holes that are filled
 _LEAST_FITNESS = 0.75  # of what was searched: nobody said that the board is there
+_LEAST_IN_VIEW = 0.75  # of the board, for the same reason: one side may be another board's, too
 
 
 class PreparedDepth(NamedTuple):
@@ -95,7 +97,8 @@ class DepthLabeler:
             Indices are ``column + row * width``: every ``step``-th pixel inside the board, and the
             outermost ones on its border, never at the image's edge. ``quality``: ``pixels``,
             ``plane_rms_m``, ``border_rms_m``, ``border_share``, ``coverage``, ``angle_deg``,
-            ``distance_m``, ``opposite_sides`` (1: two are seen, which tell the board's size).
+            ``distance_m``, ``in_view`` (share of the board in the image), ``opposite_sides`` (1:
+            two are seen, which tell the board's size).
             ``next_seed`` is the centroid. Where the image's edge cuts the board so that no two
             opposite sides are seen, the label is ``unsure``.
 
@@ -207,7 +210,7 @@ def _found_in(view: DepthView) -> Labeled:
         if _fitness(found) >= max(_LEAST_FITNESS, _fitness(best)):
             best = found
         elif found.detected:
-            nearest = nearest or _CUT
+            nearest = nearest or _why_unfit(found)
         elif found.unsure is not None:
             nearest = nearest or found.reason
         elif "measured_width_m" in found.quality:
@@ -226,11 +229,17 @@ def _from_seed(view: DepthView, seed: np.ndarray) -> Labeled:
     return judge(view, *found)
 
 
+def _why_unfit(found: Labeled) -> str:
+    if found.quality["opposite_sides"] and found.quality["in_view"] < _LEAST_IN_VIEW:
+        return _LITTLE.format(found.quality["in_view"])
+    return _CUT
+
+
 def _fitness(found: Labeled) -> float:
     if not found.detected:
         return 0.0
     # A corner at the image's edge may be that of any larger thing.
-    if not found.quality["opposite_sides"]:
+    if not found.quality["opposite_sides"] or found.quality["in_view"] < _LEAST_IN_VIEW:
         return 0.0
     return found.quality["border_share"] * found.quality["coverage"]
 

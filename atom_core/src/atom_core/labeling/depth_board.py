@@ -122,7 +122,7 @@ def judge(view: DepthView, plane: Plane, region: Region) -> Labeled:
     if surface.is_whole() or not labeled.detected:
         return labeled
     measured, size = fit.measured + pixel_m / slant, 2.0 * fit.half_size
-    if not np.isfinite(measured).any():
+    if not (fit.opposite and np.isfinite(measured).any()):
         return nothing(DEPTH, f"{_SIZE_NOT_SEEN}; {_CUT}", quality, labeled)
     reason = _cut_size_reason(measured, size, view)
     return nothing(DEPTH, reason, quality) if reason else labeled
@@ -152,10 +152,12 @@ def _comparison(
     """Return how well a region fits the board that was laid on it."""
     on = np.abs(fit.distance) <= 2.0 * tolerance_m
     rms = float(np.sqrt(np.mean(fit.distance[on] ** 2))) if on.any() else 1.0
+    in_view, coverage = _in_view_and_covered(board, fit)
     return {
         "border_share": float(np.mean(on)),
         "border_rms_m": rms,
-        "coverage": _coverage(board, fit),
+        "coverage": coverage,
+        "in_view": in_view,
         "before_share": _share_before(board),
         "opposite_sides": float(fit.opposite),
     }
@@ -231,8 +233,8 @@ def _share_before(board: _Surface) -> float:
     return float(np.mean(behind)) if behind.size else 1.0
 
 
-def _coverage(board: _Surface, fit: BoardFit) -> float:
-    """Return the share of the board's part in the image that the region covers."""
+def _in_view_and_covered(board: _Surface, fit: BoardFit) -> Tuple[float, float]:
+    """Return the share of the board in the image, and how much of this the region covers."""
     camera, region = board.view.camera, board.region
     steps = np.linspace(-0.94, 0.94, 24)
     grid = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) * fit.half_size
@@ -240,16 +242,17 @@ def _coverage(board: _Surface, fit: BoardFit) -> float:
     pixels = np.rint(camera.project(points)).astype(int)
     size = [camera.width, camera.height]
     seen = np.all((pixels >= 0) & (pixels < size), axis=1) & (points[:, 2] > 0)
+    in_view = float(np.mean(seen))
     if not seen.any():
-        return 0.0
+        return in_view, 0.0
     seen &= ~_hidden(board, points, pixels, seen)
     if np.mean(seen) < _LEAST_SEEN:
-        return 0.0
+        return in_view, 0.0
     column, row = (pixels[seen] - [region.left, region.top]).T
     height, width = region.mask.shape
     inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
     covered = region.mask[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)] > 0
-    return float(np.mean(inside & covered))
+    return in_view, float(np.mean(inside & covered))
 
 
 def _hidden(
