@@ -122,10 +122,12 @@ def judge(view: DepthView, plane: Plane, region: Region) -> Labeled:
     if surface.is_whole() or not labeled.detected:
         return labeled
     measured, size = fit.measured + pixel_m / slant, 2.0 * fit.half_size
+    reason = _cut_size_reason(measured, size, view)
+    if reason:
+        return nothing(DEPTH, reason, quality)
     if not (fit.opposite and np.isfinite(measured).any()):
         return nothing(DEPTH, f"{_SIZE_NOT_SEEN}; {_CUT}", quality, labeled)
-    reason = _cut_size_reason(measured, size, view)
-    return nothing(DEPTH, reason, quality) if reason else labeled
+    return labeled
 
 
 def _cut_size_reason(measured: np.ndarray, size: np.ndarray, view: DepthView) -> str:
