@@ -275,7 +275,6 @@ def _edge_drift(
         edge_spread(solved, edge, c) for c in (solved.covariance, solved.covariance.of_model)
     )
     assert stated is not None and of_model is not None  # it is estimated
-    spread = described + (stated, of_model)
     covariance = described.stated + _scatter(described) * of_model
     change = pose_error(standing.first_value(edge), solved.dataset.first_value(edge))
     square = chi_square(change, covariance)
@@ -289,7 +288,7 @@ def _edge_drift(
         change,
         square,
         square > limit and not trifle,
-        chi_square(change, spread.stated) > limit,
+        chi_square(change, described.stated + stated) > limit,
         size * _largest(weight[TRANSLATION, TRANSLATION]),
         size * _largest(weight[ROTATION, ROTATION]),
     )

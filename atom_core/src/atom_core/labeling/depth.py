@@ -210,7 +210,7 @@ def _found_in(view: DepthView) -> Labeled:
         if _fitness(found) >= max(_LEAST_FITNESS, _fitness(best)):
             best = found
         elif found.detected:
-            nearest = nearest or _why_unfit(found)
+            nearest = nearest or _why_unsure(found) or _CUT
         elif found.unsure is not None:
             nearest = nearest or found.reason
         elif "measured_width_m" in found.quality:
@@ -229,17 +229,16 @@ def _from_seed(view: DepthView, seed: np.ndarray) -> Labeled:
     return judge(view, *found)
 
 
-def _why_unfit(found: Labeled) -> str:
-    if found.quality["opposite_sides"] and found.quality["in_view"] < _LEAST_IN_VIEW:
-        return _LITTLE.format(found.quality["in_view"])
-    return _CUT
+def _why_unsure(found: Labeled) -> str:
+    """Tell why a board that was searched for may be another one, '' if nothing says so."""
+    if not found.quality["opposite_sides"]:
+        return _CUT  # a corner at the image's edge may be that of any larger thing
+    in_view = found.quality["in_view"]
+    return _LITTLE.format(in_view) if in_view < _LEAST_IN_VIEW else ""
 
 
 def _fitness(found: Labeled) -> float:
-    if not found.detected:
-        return 0.0
-    # A corner at the image's edge may be that of any larger thing.
-    if not found.quality["opposite_sides"] or found.quality["in_view"] < _LEAST_IN_VIEW:
+    if not found.detected or _why_unsure(found):
         return 0.0
     return found.quality["border_share"] * found.quality["coverage"]
 
