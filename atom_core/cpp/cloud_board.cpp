@@ -34,7 +34,7 @@ constexpr double kNarrowest = 0.5;          // of its shorter side: strips where
 constexpr double kSizeTolerance = 0.03;     // of a side, and
 constexpr double kSizeSigmas = 3.0;         // of what is measured
 constexpr double kMostSizeError = 0.07;     // of a side, however uncertain, and
-constexpr double kMostCutError = 0.035;     // where the view cuts the others
+constexpr double kMostCutError = 0.035;     // where it is the only one that is seen, or a cut one
 constexpr double kFlattest = 75.0 * M_PI / 180.0;  // incidence
 constexpr double kSlack = 6.0;                     // insets: the points fill less than the board
 constexpr double kGoodSide = 0.5;                  // of its bins in view are on the border, and
@@ -307,6 +307,7 @@ bool SizeFits(const MeasuredSize& measured, const Patch& patch, const View& view
   segment->measured_size = measured.size - (2.0 * patch.half - options.size);
   bool fits = true;
   Eigen::Vector2d shown = segment->measured_size;
+  const bool is_whole = view.edges.empty() && shown.array().isFinite().all();
   for (int axis = 0; axis < 2; ++axis) {
     const double expected = options.size[axis];
     if (!std::isfinite(shown[axis])) {
@@ -314,7 +315,7 @@ bool SizeFits(const MeasuredSize& measured, const Patch& patch, const View& view
       continue;
     }
     const double most = std::min(kSizeTolerance * expected + kSizeSigmas * measured.sigma[axis],
-                                 (view.edges.empty() ? kMostSizeError : kMostCutError) * expected);
+                                 (is_whole ? kMostSizeError : kMostCutError) * expected);
     fits &= std::abs(shown[axis] - expected) < most;
   }
   if (!segment->measured_size.array().isFinite().any()) {

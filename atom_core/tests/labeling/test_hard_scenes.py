@@ -68,9 +68,20 @@ def test_a_part_of_a_larger_board_is_none(difficulty, number):
     assert not any(label.false for label in (*judged(frame, seen), at_the_other(frame, seen)))
 
 
+def test_a_cut_board_at_the_seed_is_in_doubt_beside_a_whole_one():
+    frame = hard_frame("second board", "tof", 1085)  # its seen side is the board's to 2 mm
+    seen = measured(frame)
+    at_seed, _ = judged(frame, seen)
+    assert at_seed.found, at_seed.labeled.reason
+    other = at_the_other(frame, seen).labeled
+    assert not other.detected and other.unsure.detected
+    assert "a whole board of the configured size stands elsewhere" in other.reason
+
+
 @pytest.mark.parametrize(
     ("difficulty", "kind", "number"),
     [
+        ("another one, cut", "tof", 1126),  # one side is seen, 4 % too long
         ("small on a pole", "rosette", 1110),  # a rectangle lay across board and pole
         ("second board", "depth", 1166),  # the image cuts one with a side as long as the board's
         ("second board", "depth points", 1144),

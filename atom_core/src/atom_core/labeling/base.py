@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Mapping, Optional, Protocol, Tuple, runtime_checkable
+from typing import Any, Callable, Iterable, Mapping, Optional, Protocol, Tuple, runtime_checkable
 
 import numpy as np
 
 from atom_core.errors import ConfigError
 from atom_core.model.config import PatternConfig
-from atom_core.model.labels import Label
+from atom_core.model.labels import Label, RangeLabel
 from atom_core.model.modality import modalities, modality_named
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import Sensor
+
+_WHOLE = 0.95  # share of a board in view
+
+_WHOLE_ELSEWHERE = (
+    "the view cuts the board at the seed ({:.0%} of it are in view), so that its size is not known, "
+    "and a whole board of the configured size stands elsewhere; put the seed there, or bring all of "
+    "this one into view"
+)
 
 
 @dataclass(frozen=True)
@@ -29,8 +37,8 @@ class Labeled:
             (3,) point [m] of a cloud; None where the modality needs none or nothing was found.
         warnings: what the user should know though a label was found.
         unsure: where nothing was detected, the label of what may be the board, but of which these
-            data do not tell the size, since the edge of the view cuts it. It holds where another
-            sensor sees the board there.
+            data do not tell the size, since the edge of the view cuts it, or which may be another
+            one than a whole board beside it. It holds where another sensor sees the board there.
     """
 
     label: Label
@@ -56,6 +64,31 @@ def nothing(
     """Return the result of a labeler that did not find the board."""
     empty = modality_named(modality).labels.empty
     return Labeled(empty, reason=reason, quality=quality or {}, unsure=unsure)
+
+
+def unless_whole_elsewhere(
+    found: Labeled, modality: str, search: Callable[[], Iterable[Labeled]]
+) -> Labeled:
+    """Return what was found at a seed, unsure where a whole board stands elsewhere.
+
+    Args:
+        found: a range sensor's; only where the view cuts it anything is searched for.
+        modality: of the sensor.
+        search: what a search of the same data finds.
+    """
+    in_view = found.quality.get("in_view", 1.0)
+    if not found.detected or in_view >= _WHOLE:
+        return found
+    for other in search():
+        is_whole = other.detected and other.quality.get("in_view", 1.0) >= _WHOLE
+        if is_whole and not _overlap(found.label, other.label):
+            return nothing(modality, _WHOLE_ELSEWHERE.format(in_view), found.quality, found)
+    return found
+
+
+def _overlap(label: Label, other: Label) -> bool:
+    assert isinstance(label, RangeLabel) and isinstance(other, RangeLabel)
+    return bool(np.intersect1d(label.indices, other.indices).size)
 
 
 class Labeler(Protocol):

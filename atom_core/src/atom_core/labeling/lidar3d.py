@@ -16,7 +16,7 @@ from atom_core import native
 from atom_core.errors import LabelingError
 from atom_core.geometry import se3
 from atom_core.geometry.rectangle import Rectangle
-from atom_core.labeling.base import Labeled, nothing
+from atom_core.labeling.base import Labeled, nothing, unless_whole_elsewhere
 from atom_core.labeling.image_cloud import ImageCloud, as_image, label_in_image
 from atom_core.model.config import PatternConfig
 from atom_core.model.labels import RangeLabel
@@ -131,13 +131,20 @@ class Lidar3dLabeler:
             if in_image is not None:
                 return in_image
             if seed is not None:
-                return board_at(cloud, self._border, seed, self._options).labeled
+                return self._at_seed(cloud, seed)
             found = _searched(cloud, self._border, self._options)
         except LabelingError as error:
             raise LabelingError(f"{self._place}: {error}") from None
         if not found:
             return nothing(LIDAR3D, _NO_BOARD)
         return found[0].labeled
+
+    def _at_seed(self, cloud: Cloud, seed: np.ndarray) -> Labeled:
+        found = board_at(cloud, self._border, seed, self._options).labeled
+        return unless_whole_elsewhere(
+            *(found, LIDAR3D),
+            lambda: [one.labeled for one in _searched(cloud, self._border, self._options)],
+        )
 
     def prepare(self, data: Any) -> Cloud:
         """Return a cloud with its layers found, unless it is a depth image.
