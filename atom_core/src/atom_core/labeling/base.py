@@ -17,9 +17,9 @@ from atom_core.model.sensor import Sensor
 _WHOLE = 0.95  # share of a board in view
 
 _WHOLE_ELSEWHERE = (
-    "the view cuts the board at the seed ({:.0%} of it are in view), so that its size is not known, "
-    "and a whole board of the configured size stands elsewhere; put the seed there, or bring all of "
-    "this one into view"
+    "the view cuts the board at the seed ({:.0%} of it are in view), so that its size is not "
+    "known, and a whole board of the configured size stands elsewhere; put the seed there, or "
+    "bring all of this one into view"
 )
 
 
