@@ -21,7 +21,7 @@ print(rospy.ServiceProxy("/dataset_playback/quit", Trigger)().message)
 """
 
 
-def test_playback_quits_though_the_clock_stands_still(tmp_path):
+def test_playback_quits_though_the_clock_stands_still_and_tells_that_nothing_is_written(tmp_path):
     scene = scenes.random_scene(2, rgb=1, depth=0, lidar3d=1, collections=3)
     dataset = write_dataset_folder(scene.dataset, tmp_path / "data", name="scene")
     with reserved_port() as port:
@@ -44,7 +44,10 @@ def test_playback_quits_though_the_clock_stands_still(tmp_path):
                 check=False,
             )
             assert "nothing was left to save" in asked.stdout
-            assert playback.wait(60) == 0
+            said, _ = playback.communicate(timeout=60)
+            assert playback.returncode == 0
+            assert f"the next step takes {dataset}" in said
+            assert not list(tmp_path.rglob("*_corrected.json"))
         finally:
             master.kill()
             master.wait()

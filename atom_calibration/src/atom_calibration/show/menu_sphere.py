@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Optional, Tuple
+from typing import List, Optional, Tuple
 
 import numpy as np
 from interactive_markers.interactive_marker_server import InteractiveMarkerServer
@@ -32,6 +32,7 @@ class MenuSphere:
         diameter_m: float,
         colour: Colour = GREY,
         words: str = "",
+        letters_m: Optional[float] = None,
     ):
         """Show it.
 
@@ -44,8 +45,9 @@ class MenuSphere:
             diameter_m: of the sphere.
             colour: of the sphere.
             words: the text.
+            letters_m: their height [m], right above the sphere; None: as RViz writes titles.
         """
-        self._diameter_m, self._colour = diameter_m, colour
+        self._diameter_m, self._colour, self._letters_m = diameter_m, colour, letters_m
         self._marker = PoseMarker(
             server,
             NAME,
@@ -53,15 +55,20 @@ class MenuSphere:
             se3.transform(np.eye(3), np.array(place_m)),
             moves=STILL,
             scale=scale,
-            shapes=[self._sphere()],
+            shapes=self._shapes(words),
             menu=menu,
-            description=words,
+            description=words if letters_m is None else "",
         )
 
     def show(self, words: str, colour: Optional[Colour] = None) -> None:
         """Say something else, of which 80 characters are shown; None: in the same colour."""
         self._colour = self._colour if colour is None else colour
-        self._marker.redraw([self._sphere()], words[:_MOST_LETTERS])
+        words = words[:_MOST_LETTERS]
+        self._marker.redraw(self._shapes(words), words if self._letters_m is None else "")
 
-    def _sphere(self) -> markers.Marker:
-        return markers.sphere("", self._diameter_m, self._colour)
+    def _shapes(self, words: str) -> List[markers.Marker]:
+        shapes = [markers.sphere("", self._diameter_m, self._colour)]
+        if self._letters_m is not None:
+            above_m = 0.5 * self._diameter_m + (1.0 + words.count("\n")) * self._letters_m
+            shapes.append(markers.text("", words, self._letters_m, GREY, above_m))
+        return shapes

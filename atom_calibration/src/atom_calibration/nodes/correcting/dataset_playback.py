@@ -95,7 +95,7 @@ class DatasetPlayback:
         """
         self._corrections, self._output = corrections, output
         self._lock = threading.RLock()
-        self._polygon_removes_border = False
+        self._polygon_removes_border = self._has_saved = False
         self._press = KeyPress()
         self._figures: Optional[Tuple[Dataset, str, List[LabelState]]] = None
         self._topics = CollectionTopics(corrections)
@@ -139,7 +139,9 @@ class DatasetPlayback:
 
     def save(self) -> str:
         """Write the corrected dataset."""
-        return self._corrections.save(self._output)
+        words = self._corrections.save(self._output)
+        self._has_saved = True
+        return words
 
     def quit(self) -> str:
         """Save what is not saved, and end."""
@@ -148,10 +150,16 @@ class DatasetPlayback:
         return words
 
     def finish(self) -> None:
-        """Save what is not saved."""
+        """Save what is not saved; tell where nothing is corrected."""
         with self._lock:
             if self._corrections.unsaved:
                 rospy.loginfo(self.save())
+            elif not self._has_saved:
+                source = self._corrections.dataset.source
+                rospy.loginfo(
+                    f"nothing was corrected, and {self._output} is not written; "
+                    f"the next step takes {source}"
+                )
 
     def _turn(self, turn: Callable[[], str]) -> str:
         """Show another collection, even where the corrections so far cannot be saved."""

@@ -48,6 +48,7 @@ roslaunch atom_calibration transform_corrector.launch json:=a.json parents:=odom
 """
 _MENU_PLACE_M = (1.0, 0.0, 0.4)  # in the world, below what is dragged
 _BODY_IN_SCALE = 0.25  # size of the ball in the middle of a marker
+_LETTERS_IN_SCALE = 0.25  # height of those above the menu
 _MOST_POINTS = 6000  # of a cloud that are drawn
 _GREY, _LIGHT = (0.6, 0.6, 0.6), (0.9, 0.9, 0.9)
 
@@ -111,11 +112,12 @@ class TransformCorrector:
             self._entries(),
             scale=scale,
             diameter_m=_BODY_IN_SCALE * scale,
+            letters_m=_LETTERS_IN_SCALE * scale,
         )
         for name in ("save", "undo", "next", "previous"):
             self._actions.serve(name, getattr(self, name))
         self._show()
-        self._menu.show(f"{self._corrections.place}; right mouse button: next, undo, save")
+        self._menu.show(f"{self._corrections.place}\nright mouse button: next, undo, save")
 
     def _marker_of(self, edge: Edge, colour: Colour, moves: str, scale: float) -> PoseMarker:
         value = self._corrections.value(edge)
