@@ -241,7 +241,8 @@ def test_the_files_of_the_simulated_cell_are_up_to_date():
         for name, entry in config.sensors.items()
     }
     facts = BagFacts({}, topics, {}, {}, {}, {"shoulder_pan_joint"})
-    for name, text in rendered_files(config, facts, package).items():
+    transforms = read_description(config.description_file).robot.transforms()
+    for name, text in rendered_files(config, facts, package, transforms).items():
         assert (folder / name).read_text("utf-8") == text, (
             f"run `rosrun atom_calibration configure_calibration_pkg -n {folder.name} --bag BAG` "
             f"with a compressed recording of the simulated cell: {name}"

@@ -185,7 +185,8 @@ def _existing(
 
 def _contents(rig: CheckedRig, package: CalibrationPackage) -> Dict[str, bytes]:
     """Return every generated file by its path in the package, but for the description."""
-    texts = rendered_files(rig.config, rig.facts, package)
+    transforms = {**rig.facts.fixed, **rig.description.robot.transforms()}
+    texts = rendered_files(rig.config, rig.facts, package, transforms)
     contents = {name: text.encode() for name, text in texts.items()}
     folder = package.calibration_folder.relative_to(package.folder).as_posix()
     graph = networkx_graph(rig.config, rig.tree)

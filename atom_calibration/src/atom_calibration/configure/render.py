@@ -10,6 +10,7 @@ import jinja2
 
 from atom_calibration.configure.check import BagFacts
 from atom_calibration.configure.package import CalibrationPackage, launch_text
+from atom_calibration.configure.viewpoint import Viewpoint, viewpoint
 from atom_calibration.configure.window import HEIGHT, WIDTH, Side, window_state
 from atom_calibration.modalities.table import ros_modality
 from atom_core.io.paths import package_folder
@@ -17,6 +18,7 @@ from atom_core.model.colours import in_order, sensor_colours
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.dataset import Dataset
 from atom_core.model.modality import modalities, modality_named
+from atom_core.model.transforms import Transforms
 
 # Each is made from the template of its name; a launch file is listed once all its nodes exist.
 LAUNCH_FILES = (
@@ -41,10 +43,21 @@ MADE_BY = "Made by `configure` from {config}; it tells before it replaces what y
 
 
 def rendered_files(
-    config: CalibrationConfig, facts: BagFacts, package: CalibrationPackage
+    config: CalibrationConfig,
+    facts: BagFacts,
+    package: CalibrationPackage,
+    transforms: Optional[Transforms] = None,
 ) -> Dict[str, str]:
-    """Return the texts of launch and RViz files by their path in the package."""
-    values = template_values(config, facts, package)
+    """Return the texts of launch and RViz files by their path in the package.
+
+    Args:
+        config: with the modality of each sensor.
+        facts: what the bag tells.
+        package: that the files are for.
+        transforms: of the rig as it is described; RViz looks from behind its cameras.
+    """
+    view = viewpoint(config, transforms or {})
+    values = {**template_values(config, facts, package), "view": view}
     names = [f"launch/{name}.launch" for name in LAUNCH_FILES]
     names += [f"rviz/{name}.rviz" for name in RVIZ_FILES]
     environment = _environment()
@@ -163,6 +176,7 @@ def _sensor_values(config: CalibrationConfig) -> Dict[str, Any]:
         )
     return {
         "world": config.world_link,
+        "view": Viewpoint(),
         "sensors": sensors,
         "data_frames": _unique([s["frame"] for s in sensors]),
     }
