@@ -108,6 +108,8 @@ def take(words: List[str], wait_s: float, sizes: Tuple, path: Path, folder: Path
     )
     try:
         time.sleep(wait_s)
+        if not screen.is_managed:
+            raise SystemExit(f"{path.name}: the window manager has ended; take it again")
         picture = screen.picture()[:, :, ::-1]
         height = round(picture.shape[0] * width / picture.shape[1])
         small = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)

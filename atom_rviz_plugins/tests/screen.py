@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import tempfile
 import time
 from pathlib import Path
 
@@ -45,7 +46,26 @@ class Screen:
             "LIBGL_ALWAYS_SOFTWARE": "1",
             "QT_X11_NO_MITSHM": "1",
         }
-        self._manager = self.run(["openbox"], log)
+        self._manager = self._managed(log)
+
+    def _managed(self, log):
+        """Start the window manager; it is ready when it runs the command that it is given."""
+        end_s = time.monotonic() + PATIENCE_S
+        with tempfile.TemporaryDirectory() as folder:
+            ready = Path(folder) / "ready"
+            manager = self.run(["openbox", "--startup", f"touch {ready}"], log)
+            while not ready.exists():
+                if time.monotonic() > end_s:
+                    raise RuntimeError("openbox did not start")
+                if manager.poll() is not None:
+                    manager = self.run(["openbox", "--startup", f"touch {ready}"], log)
+                time.sleep(_STEP_S)
+        return manager
+
+    @property
+    def is_managed(self):
+        """Tell whether the window manager runs, without which windows may be larger."""
+        return self._manager.poll() is None
 
     @property
     def server_pid(self):
