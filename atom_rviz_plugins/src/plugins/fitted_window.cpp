@@ -8,9 +8,10 @@
 namespace atom_rviz {
 namespace {
 
-// The window manager puts a frame around a window that is seen: soon, but not at once.
+// The window manager puts a frame around a window that is seen: soon, but not at once. On a busy
+// machine it may answer seconds later, with the size that the layout asked for.
 constexpr int kLook_ms = 500;
-constexpr int kLooks = 6;
+constexpr int kLooks = 40;
 
 void fit(QWidget* window) {
   const QScreen* screen = window->windowHandle() ? window->windowHandle()->screen() : nullptr;
