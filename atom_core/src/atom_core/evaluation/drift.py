@@ -8,7 +8,6 @@ exactly the description was known.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
@@ -18,7 +17,13 @@ from atom_core.calibration.calibrate import Calibration, calibrate
 from atom_core.calibration.judge.judgement import INCONSISTENT
 from atom_core.calibration.options import OFF, CalibrationOptions
 from atom_core.errors import AtomError, CalibrationError
-from atom_core.evaluation.changes import NO_SPREAD, NUMBERS, Spread, chi_square, limit_of
+from atom_core.evaluation.changes import (
+    FALSE_ALARMS,
+    NO_SPREAD,
+    NUMBERS,
+    Spread,
+    chi_square,
+)
 from atom_core.evaluation.edge_errors import PoseError, pose_error
 from atom_core.evaluation.edge_spread import edge_spread
 from atom_core.model.dataset import Dataset
@@ -32,9 +37,9 @@ LEAST_M, LEAST_RAD = 0.0005, float(np.radians(0.02))  # a smaller change is none
 TOLD_M, TOLD_RAD = 0.02, float(np.radians(1.0))  # what is not found at this size is not told
 _FOUND = 0.95
 _UNKNOWN = 1e-6  # weight of what is not determined
-# By how much detections vary beyond their noise is estimated itself (`_scatter`). A detection has
-# six numbers, which are not independent; it counts as three. Unknown: as of ten detections.
-_NUMBERS_OF_A_DETECTION, _DETECTIONS = 3, 10
+# By how much detections vary beyond their noise is estimated itself, from a sensor's dozen or two
+# dozen detections of six numbers, which are not independent: worth so many independent ones.
+_FREEDOM = 30
 
 
 class EdgeDrift(NamedTuple):
@@ -46,7 +51,7 @@ class EdgeDrift(NamedTuple):
         change: found minus described, along and about the parent's axes.
         chi_square: of the six numbers in their joint covariance: that of the calibration, and that
             of the new boards as its detections varied; of three sensors or more, while all others
-            are held. Of what few detections told so: the one that is as rare.
+            are held.
         moved: beyond the limit, and by no trifle.
         beyond_detections: beyond it even where detections of the new boards are off as a whole, as
             `calibrate` assumes of a few boards.
@@ -126,7 +131,7 @@ def drift(
     alone = _each_alone(standing, spreads)
     if not alone:  # two sensors: holding one is all that can be done
         return _blamed(standing, spreads, first)
-    limit = limit_of(len(alone))
+    limit = _limit_of(len(alone))
     suspects = [edge for edge, found in alone.items() if found.moved]
     if not suspects:
         return _asked_alone(first, alone, limit, ())
@@ -158,7 +163,7 @@ def _each_alone(standing: Dataset, spreads: Mapping[Edge, Spread]) -> Dict[Edge,
     edges = list(dict.fromkeys(sensor.edge for sensor in standing.sensors.values()))
     if len(edges) < FEWEST_ALONE:
         return {}
-    limit, found = limit_of(len(edges)), {}
+    limit, found = _limit_of(len(edges)), {}
     for edge in edges:
         held = [name for name, sensor in standing.sensors.items() if sensor.edge != edge]
         options = CalibrationOptions(
@@ -185,13 +190,13 @@ def _of_the_held(spreads: Mapping[Edge, Spread]) -> Spread:
     if not others:
         return NO_SPREAD
     found = []
-    for matrices in zip(*(spread[:2] for spread in others)):
+    for matrices in zip(*others):
         whole = np.zeros((NUMBERS, NUMBERS))
         for part in (ROTATION, TRANSLATION):
             least = min(float(np.trace(matrix[part, part])) / 3.0 for matrix in matrices)
             whole[part, part] = least * np.eye(3)
         found.append(whole)
-    return Spread(found[0], found[1], min(spread.detections for spread in others))
+    return Spread(*found)
 
 
 def _asked_alone(
@@ -247,7 +252,7 @@ def _drift(standing: Dataset, spreads: Mapping[Edge, Spread], held: Sequence[str
             f"others, and see what `check` says of them"
         )
     estimated = [edge for edge in _edges(standing) if edge_spread(solved, edge) is not None]
-    limit = limit_of(len(estimated))
+    limit = _limit_of(len(estimated))
     of_reference = _reference_spread(standing, spreads, anchored)
     edges = tuple(
         _edge_drift(solved, standing, edge, spreads.get(edge, NO_SPREAD) + of_reference, limit)
@@ -281,12 +286,11 @@ def _edge_drift(
     assert stated is not None and of_model is not None  # it is estimated
     covariance = described.stated + _scatter(described) * of_model
     change = pose_error(standing.first_value(edge), solved.dataset.first_value(edge))
-    freedom = _freedom(described)
-    square = _as_rare(chi_square(change, covariance), freedom)
+    square = chi_square(change, covariance)
     trifle = change.translation_m < LEAST_M and change.rotation_rad < LEAST_RAD
     names = tuple(s.name for s in standing.sensors.values() if s.edge == edge)
     weight = np.linalg.inv(covariance + 1e-18 * np.eye(NUMBERS))
-    size = np.sqrt(_noncentrality(limit, freedom))
+    size = np.sqrt(_noncentrality(limit))
     return EdgeDrift(
         edge,
         names,
@@ -297,6 +301,15 @@ def _edge_drift(
         size * _largest(weight[TRANSLATION, TRANSLATION]),
         size * _largest(weight[ROTATION, ROTATION]),
     )
+
+
+def _limit_of(edges: int) -> float:
+    """Return the chi-square that one of some edges of a rig that stands exceeds once in a hundred.
+
+    Its covariance is estimated (`_scatter`): a sixth of it is distributed as F.
+    """
+    share = FALSE_ALARMS / max(edges, 1)
+    return float(NUMBERS * stats.f.isf(share, NUMBERS, _FREEDOM))
 
 
 def _scatter(described: Spread) -> float:
@@ -316,38 +329,12 @@ def _largest(weight: np.ndarray) -> float:
     return float(1.0 / np.sqrt(max(np.min(np.linalg.eigvalsh(weight)), _UNKNOWN)))
 
 
-def _freedom(described: Spread) -> float:
-    """Return how many independent numbers told the scatter; infinity where there is none."""
-    if not np.any(described.of_model):
-        return np.inf
-    return _NUMBERS_OF_A_DETECTION * float(described.detections or _DETECTIONS)
-
-
-def _as_rare(square: float, freedom: float) -> float:
-    """Return the chi-square that is as rare as one whose covariance is estimated itself.
-
-    A sixth of the latter is distributed as F.
-    """
-    if np.isinf(freedom):
-        return square
-    share = stats.f.sf(square / NUMBERS, NUMBERS, freedom)
-    return float(stats.chi2.isf(share, NUMBERS)) if share > 0.0 else square
-
-
-def _noncentrality(limit: float, freedom: float) -> float:
+def _noncentrality(limit: float) -> float:
     """Return how large a chi-square is on top when it is beyond the limit in 95 % of cases."""
-    if np.isinf(freedom):
-        beyond = partial(stats.ncx2.sf, limit, NUMBERS)
-    else:
-        bound = stats.f.isf(stats.chi2.sf(limit, NUMBERS), NUMBERS, freedom)
-        beyond = partial(_beyond, bound, freedom)
-    low, high = 0.0, 10.0 * limit + 200.0
+    low, high = 0.0, 10.0 * limit + 100.0
     for _ in range(60):
         middle = (low + high) / 2.0
-        enough = beyond(max(middle, 1e-9)) >= _FOUND
+        below = special.ncfdtr(NUMBERS, _FREEDOM, max(middle, 1e-9), limit / NUMBERS)
+        enough = 1.0 - below >= _FOUND
         low, high = (low, middle) if enough else (middle, high)
     return high
-
-
-def _beyond(bound: float, freedom: float, noncentrality: float) -> float:
-    return 1.0 - float(special.ncfdtr(NUMBERS, freedom, noncentrality, bound))

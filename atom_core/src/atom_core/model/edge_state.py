@@ -21,7 +21,6 @@ class EdgeState(NamedTuple):
         covariance: (6, 6) likewise.
         model_sigma: (6,) likewise, as the assumed noise has it.
         combined_sigma: (6,) likewise, with usual errors of sensors and boards; None: not known.
-        detections: of its sensors, that were used; 0: not known.
     """
 
     edge: Edge
@@ -32,4 +31,3 @@ class EdgeState(NamedTuple):
     covariance: np.ndarray
     model_sigma: np.ndarray
     combined_sigma: Optional[np.ndarray] = None
-    detections: int = 0
