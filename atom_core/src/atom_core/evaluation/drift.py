@@ -11,19 +11,13 @@ from dataclasses import dataclass, replace
 from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
-from scipy import special, stats
+from scipy import stats
 
 from atom_core.calibration.calibrate import Calibration, calibrate
 from atom_core.calibration.judge.judgement import INCONSISTENT
 from atom_core.calibration.options import OFF, CalibrationOptions
 from atom_core.errors import AtomError, CalibrationError
-from atom_core.evaluation.changes import (
-    FALSE_ALARMS,
-    NO_SPREAD,
-    NUMBERS,
-    Spread,
-    chi_square,
-)
+from atom_core.evaluation.changes import NO_SPREAD, NUMBERS, Spread, chi_square, limit_of
 from atom_core.evaluation.edge_errors import PoseError, pose_error
 from atom_core.evaluation.edge_spread import edge_spread
 from atom_core.model.dataset import Dataset
@@ -37,9 +31,6 @@ LEAST_M, LEAST_RAD = 0.0005, float(np.radians(0.02))  # a smaller change is none
 TOLD_M, TOLD_RAD = 0.02, float(np.radians(1.0))  # what is not found at this size is not told
 _FOUND = 0.95
 _UNKNOWN = 1e-6  # weight of what is not determined
-# By how much detections vary beyond their noise is estimated itself, from a sensor's dozen or two
-# dozen detections of six numbers, which are not independent: worth so many independent ones.
-_FREEDOM = 30
 
 
 class EdgeDrift(NamedTuple):
@@ -131,7 +122,7 @@ def drift(
     alone = _each_alone(standing, spreads)
     if not alone:  # two sensors: holding one is all that can be done
         return _blamed(standing, spreads, first)
-    limit = _limit_of(len(alone))
+    limit = limit_of(len(alone))
     suspects = [edge for edge, found in alone.items() if found.moved]
     if not suspects:
         return _asked_alone(first, alone, limit, ())
@@ -163,7 +154,7 @@ def _each_alone(standing: Dataset, spreads: Mapping[Edge, Spread]) -> Dict[Edge,
     edges = list(dict.fromkeys(sensor.edge for sensor in standing.sensors.values()))
     if len(edges) < FEWEST_ALONE:
         return {}
-    limit, found = _limit_of(len(edges)), {}
+    limit, found = limit_of(len(edges)), {}
     for edge in edges:
         held = [name for name, sensor in standing.sensors.items() if sensor.edge != edge]
         options = CalibrationOptions(
@@ -252,7 +243,7 @@ def _drift(standing: Dataset, spreads: Mapping[Edge, Spread], held: Sequence[str
             f"others, and see what `check` says of them"
         )
     estimated = [edge for edge in _edges(standing) if edge_spread(solved, edge) is not None]
-    limit = _limit_of(len(estimated))
+    limit = limit_of(len(estimated))
     of_reference = _reference_spread(standing, spreads, anchored)
     edges = tuple(
         _edge_drift(solved, standing, edge, spreads.get(edge, NO_SPREAD) + of_reference, limit)
@@ -303,15 +294,6 @@ def _edge_drift(
     )
 
 
-def _limit_of(edges: int) -> float:
-    """Return the chi-square that one of some edges of a rig that stands exceeds once in a hundred.
-
-    Its covariance is estimated (`_scatter`): a sixth of it is distributed as F.
-    """
-    share = FALSE_ALARMS / max(edges, 1)
-    return float(NUMBERS * stats.f.isf(share, NUMBERS, _FREEDOM))
-
-
 def _scatter(described: Spread) -> float:
     """Return by how much detections vary more than their noise, as the rig's calibration had it.
 
@@ -334,7 +316,6 @@ def _noncentrality(limit: float) -> float:
     low, high = 0.0, 10.0 * limit + 100.0
     for _ in range(60):
         middle = (low + high) / 2.0
-        below = special.ncfdtr(NUMBERS, _FREEDOM, max(middle, 1e-9), limit / NUMBERS)
-        enough = 1.0 - below >= _FOUND
+        enough = stats.ncx2.sf(limit, NUMBERS, max(middle, 1e-9)) >= _FOUND
         low, high = (low, middle) if enough else (middle, high)
     return high
