@@ -8,10 +8,11 @@
 namespace atom_rviz {
 namespace {
 
-// The window manager puts a frame around a window that is seen: soon, but not at once. On a busy
-// machine it may answer seconds later, with the size that the layout asked for.
+// The window manager puts a frame around a window that is seen, on a busy machine seconds later,
+// and then gives it the size that the layout asked for. Some managers put none.
 constexpr int kLook_ms = 500;
-constexpr int kLooks = 40;
+constexpr int kLooks = 6;
+constexpr int kLooksWithoutFrame = 40;
 
 void fit(QWidget* window) {
   const QScreen* screen = window->windowHandle() ? window->windowHandle()->screen() : nullptr;
@@ -29,11 +30,13 @@ void fit(QWidget* window) {
 
 void fit_into_screen(QWidget* window) {
   auto* timer = new QTimer(window);
-  QObject::connect(timer, &QTimer::timeout, window, [window, timer, looks = 0]() mutable {
+  const auto look = [window, timer, looks = 0, framed = 0]() mutable {
     if (!window->isVisible()) return;
     fit(window);
-    if (++looks == kLooks) timer->deleteLater();
-  });
+    framed += window->frameGeometry() != window->geometry();
+    if (++looks == kLooksWithoutFrame || framed == kLooks) timer->deleteLater();
+  };
+  QObject::connect(timer, &QTimer::timeout, window, look);
   timer->start(kLook_ms);
 }
 
