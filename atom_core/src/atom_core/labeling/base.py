@@ -72,12 +72,14 @@ def unless_whole_elsewhere(
     """Return what was found at a seed, unsure where a whole board stands elsewhere.
 
     Args:
-        found: a range sensor's; only where the view cuts it anything is searched for.
+        found: a range sensor's; only where the view cuts it, so that one side alone is measured,
+            anything is searched for.
         modality: of the sensor.
         search: what a search of the same data finds.
     """
     in_view = found.quality.get("in_view", 1.0)
-    if not found.detected or in_view >= _WHOLE:
+    is_measured = {"measured_width_m", "measured_height_m"} <= set(found.quality)
+    if not found.detected or in_view >= _WHOLE or is_measured:
         return found
     for other in search():
         is_whole = other.detected and other.quality.get("in_view", 1.0) >= _WHOLE

@@ -12,7 +12,7 @@ from typing import NamedTuple, Optional, Union
 import numpy as np
 
 from atom_core.errors import LabelingError
-from atom_core.labeling.base import Labeled, nothing, unless_whole_elsewhere
+from atom_core.labeling.base import Labeled, nothing
 from atom_core.labeling.depth_board import judge
 from atom_core.labeling.depth_plane import SEED_REACH_PX, plane_region, start_pixel
 from atom_core.labeling.depth_search import plane_regions
@@ -100,8 +100,7 @@ class DepthLabeler:
             ``distance_m``, ``in_view`` (share of the board in the image), ``opposite_sides`` (1:
             two are seen, which tell the board's size).
             ``next_seed`` is the centroid. Where the image's edge cuts the board so that no two
-            opposite sides are seen, or where it cuts the one at the seed and another one is seen
-            as a whole, the label is ``unsure``.
+            opposite sides are seen, the label is ``unsure``.
 
         Raises:
             LabelingError: the array is no depth image of this camera, the seed or the polygon is
@@ -227,7 +226,7 @@ def _from_seed(view: DepthView, seed: np.ndarray) -> Labeled:
     found = plane_region(view, seed)
     if found is None:
         return nothing(DEPTH, "what is seen at the seed is no plane of the least size")
-    return unless_whole_elsewhere(judge(view, *found), DEPTH, lambda: [_found_in(view)])
+    return judge(view, *found)
 
 
 def _why_unsure(found: Labeled) -> str:

@@ -141,6 +141,8 @@ class Lidar3dLabeler:
 
     def _at_seed(self, cloud: Cloud, seed: np.ndarray) -> Labeled:
         found = board_at(cloud, self._border, seed, self._options).labeled
+        if "layers" in found.quality:  # a search would be too slow while a seed is dragged
+            return found
         return unless_whole_elsewhere(
             *(found, LIDAR3D),
             lambda: [one.labeled for one in _searched(cloud, self._border, self._options)],
