@@ -112,7 +112,9 @@ def calibrated(dataset: Dataset) -> Tuple[Dict[Edge, np.ndarray], Dict[Edge, Spr
         stated = edge_spread(solved, edge)
         of_model = edge_spread(solved, edge, solved.covariance.of_model)
         known = stated is not None and of_model is not None
-        spreads[edge] = Spread(stated, of_model) if known else NO_SPREAD
+        names = {name for name, sensor in dataset.sensors.items() if sensor.edge == edge}
+        count = sum(key.sensor in names for key in solved.problem.detections)
+        spreads[edge] = Spread(stated, of_model, count) if known else NO_SPREAD
     return edges, spreads
 
 

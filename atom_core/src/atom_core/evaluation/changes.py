@@ -116,14 +116,26 @@ def held_apart(before: Sequence[EdgeState], after: Sequence[EdgeState]) -> List[
 
 
 class Spread(NamedTuple):
-    """Covariances (6, 6) of an edge: as stated, and as the assumed noise has it."""
+    """How exactly an edge is known.
+
+    Attributes:
+        stated, of_model: covariances (6, 6), as stated and as the assumed noise has it.
+        detections: that told it; 0: not known.
+        scatter: by which detections vary beyond their noise at least.
+    """
 
     stated: np.ndarray
     of_model: np.ndarray
+    detections: int = 0
+    scatter: float = 1.0
 
     def __add__(self, other: tuple) -> Spread:
-        """Return the covariances of the difference of two independent edges."""
-        return Spread(self.stated + other[0], self.of_model + other[1])
+        """Return what is known of the difference of two independent edges."""
+        counts = [count for count in (self.detections, other[2]) if count > 0]
+        scatter = max(self.scatter, other[3])
+        return Spread(
+            self.stated + other[0], self.of_model + other[1], min(counts, default=0), scatter
+        )
 
 
 NO_SPREAD = Spread(np.zeros((NUMBERS, NUMBERS)), np.zeros((NUMBERS, NUMBERS)))
@@ -135,5 +147,6 @@ def spreads_of(states: Sequence[EdgeState]) -> Mapping[Edge, Spread]:
     for state in states:
         smaller = state.model_sigma / np.maximum(state.sigma, np.sqrt(_LEAST_VARIANCE))
         of_model = state.covariance * np.outer(smaller, smaller)
-        found[state.edge] = NO_SPREAD if state.anchored else Spread(state.covariance, of_model)
+        known = Spread(state.covariance, of_model, state.detections)
+        found[state.edge] = NO_SPREAD if state.anchored else known
     return found

@@ -8,10 +8,11 @@ exactly the description was known.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
-from scipy import stats
+from scipy import special, stats
 
 from atom_core.calibration.calibrate import Calibration, calibrate
 from atom_core.calibration.judge.judgement import INCONSISTENT
@@ -31,6 +32,9 @@ LEAST_M, LEAST_RAD = 0.0005, float(np.radians(0.02))  # a smaller change is none
 TOLD_M, TOLD_RAD = 0.02, float(np.radians(1.0))  # what is not found at this size is not told
 _FOUND = 0.95
 _UNKNOWN = 1e-6  # weight of what is not determined
+# By how much detections of a range sensor vary beyond their noise is estimated itself (`_scatter`).
+# A detection has six numbers, which are not independent; it counts as three. Unknown: ten of them.
+_NUMBERS_OF_A_DETECTION, _DETECTIONS = 3, 10
 
 
 class EdgeDrift(NamedTuple):
@@ -42,7 +46,7 @@ class EdgeDrift(NamedTuple):
         change: found minus described, along and about the parent's axes.
         chi_square: of the six numbers in their joint covariance: that of the calibration, and that
             of the new boards as its detections varied; of three sensors or more, while all others
-            are held.
+            are held. Of a range sensor, whose scatter few detections told, the one that is as rare.
         moved: beyond the limit, and by no trifle.
         beyond_detections: beyond it even where detections of the new boards are off as a whole, as
             `calibrate` assumes of a few boards.
@@ -118,6 +122,7 @@ def drift(
         )
     edges = {edge: described[edge] for edge in _edges(dataset) if edge in described}
     standing = dataset.with_transforms(dict.fromkeys(dataset.collections, edges))
+    spreads = _with_common_scatter(standing, spreads)
     first = _drift(standing, spreads, ())
     alone = _each_alone(standing, spreads)
     if not alone:  # two sensors: holding one is all that can be done
@@ -181,13 +186,13 @@ def _of_the_held(spreads: Mapping[Edge, Spread]) -> Spread:
     if not others:
         return NO_SPREAD
     found = []
-    for matrices in zip(*others):
+    for matrices in zip(*(spread[:2] for spread in others)):
         whole = np.zeros((NUMBERS, NUMBERS))
         for part in (ROTATION, TRANSLATION):
             least = min(float(np.trace(matrix[part, part])) / 3.0 for matrix in matrices)
             whole[part, part] = least * np.eye(3)
         found.append(whole)
-    return Spread(*found)
+    return Spread(found[0], found[1], min(spread.detections for spread in others))
 
 
 def _asked_alone(
@@ -277,11 +282,13 @@ def _edge_drift(
     assert stated is not None and of_model is not None  # it is estimated
     covariance = described.stated + _scatter(described) * of_model
     change = pose_error(standing.first_value(edge), solved.dataset.first_value(edge))
-    square = chi_square(change, covariance)
+    ranges = any(s.kind.measures_range for s in standing.sensors.values() if s.edge == edge)
+    freedom = _freedom(described) if ranges else np.inf
+    square = _as_rare(chi_square(change, covariance), freedom)
     trifle = change.translation_m < LEAST_M and change.rotation_rad < LEAST_RAD
     names = tuple(s.name for s in standing.sensors.values() if s.edge == edge)
     weight = np.linalg.inv(covariance + 1e-18 * np.eye(NUMBERS))
-    size = np.sqrt(_noncentrality(limit))
+    size = np.sqrt(_noncentrality(limit, freedom))
     return EdgeDrift(
         edge,
         names,
@@ -301,9 +308,9 @@ def _scatter(described: Spread) -> float:
     end. Two or three new boards do not tell that themselves.
     """
     if not np.any(described.of_model):
-        return 1.0
+        return described.scatter
     ratios = np.linalg.solve(described.of_model + 1e-18 * np.eye(NUMBERS), described.stated)
-    return max(1.0, float(np.trace(ratios)) / NUMBERS)
+    return max(described.scatter, float(np.trace(ratios)) / NUMBERS)
 
 
 def _largest(weight: np.ndarray) -> float:
@@ -311,11 +318,53 @@ def _largest(weight: np.ndarray) -> float:
     return float(1.0 / np.sqrt(max(np.min(np.linalg.eigvalsh(weight)), _UNKNOWN)))
 
 
-def _noncentrality(limit: float) -> float:
+def _with_common_scatter(standing: Dataset, spreads: Mapping[Edge, Spread]) -> Dict[Edge, Spread]:
+    """Return the spreads; range sensors of a modality scatter as much as they do in the mean.
+
+    What a dozen detections of one tell of its own is little.
+    """
+    found = dict(spreads)
+    for kind in {s.modality: s.kind for s in standing.sensors.values()}.values():
+        alike = {s.edge for s in standing.sensors.values() if s.kind is kind}
+        known = [e for e in alike if e in spreads and np.any(spreads[e].of_model)]
+        if kind.measures_range and known:
+            mean = float(np.mean([_scatter(spreads[edge]) for edge in known]))
+            found.update({edge: spreads[edge]._replace(scatter=mean) for edge in known})
+    return found
+
+
+def _freedom(described: Spread) -> float:
+    """Return how many independent numbers told the scatter; infinity where there is none."""
+    if not np.any(described.of_model):
+        return np.inf
+    return _NUMBERS_OF_A_DETECTION * float(described.detections or _DETECTIONS)
+
+
+def _as_rare(square: float, freedom: float) -> float:
+    """Return the chi-square that is as rare as one whose covariance is estimated itself.
+
+    A sixth of the latter is distributed as F.
+    """
+    if np.isinf(freedom):
+        return square
+    share = stats.f.sf(square / NUMBERS, NUMBERS, freedom)
+    return float(stats.chi2.isf(share, NUMBERS)) if share > 0.0 else square
+
+
+def _noncentrality(limit: float, freedom: float) -> float:
     """Return how large a chi-square is on top when it is beyond the limit in 95 % of cases."""
-    low, high = 0.0, 10.0 * limit + 100.0
+    if np.isinf(freedom):
+        beyond = partial(stats.ncx2.sf, limit, NUMBERS)
+    else:
+        bound = stats.f.isf(stats.chi2.sf(limit, NUMBERS), NUMBERS, freedom)
+        beyond = partial(_beyond, bound, freedom)
+    low, high = 0.0, 10.0 * limit + 200.0
     for _ in range(60):
         middle = (low + high) / 2.0
-        enough = stats.ncx2.sf(limit, NUMBERS, max(middle, 1e-9)) >= _FOUND
+        enough = beyond(max(middle, 1e-9)) >= _FOUND
         low, high = (low, middle) if enough else (middle, high)
     return high
+
+
+def _beyond(bound: float, freedom: float, noncentrality: float) -> float:
+    return 1.0 - float(special.ncfdtr(NUMBERS, freedom, noncentrality, bound))

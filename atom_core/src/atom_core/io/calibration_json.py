@@ -58,7 +58,8 @@ def read_calibration(path: Path) -> StoredCalibration:
     except ValueError:
         raise DatasetError(f"{file}: is no JSON; give a folder of results of `calibrate`") from None
     try:
-        edges = [_edge(entry) for entry in document["edges"].values()]
+        sensors = document.get("sensors", {})
+        edges = [_edge(entry, sensors) for entry in document["edges"].values()]
         return StoredCalibration(file, str(document["status"]), edges)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         said = f"lacks {error}" if isinstance(error, KeyError) else str(error)
@@ -67,7 +68,7 @@ def read_calibration(path: Path) -> StoredCalibration:
         ) from None
 
 
-def _edge(entry: Dict[str, Any]) -> EdgeState:
+def _edge(entry: Dict[str, Any], by_name: Dict[str, Any]) -> EdgeState:
     pose = se3.from_quaternion(
         _numbers(entry["translation_m"], _AXES), _numbers(entry["quaternion_xyzw"], _AXES + 1)
     )
@@ -81,7 +82,10 @@ def _edge(entry: Dict[str, Any]) -> EdgeState:
     if entry.get("covariance") is not None:
         covariance = np.array([_numbers(row, 2 * _AXES) for row in entry["covariance"]])
     anchored = bool(entry["anchored"])
-    return EdgeState(edge, sensors, anchored, pose, sigma, covariance, of_model, combined)
+    detections = sum(int(by_name[name]["detections"]) for name in sensors if name in by_name)
+    return EdgeState(
+        *(edge, sensors, anchored, pose, sigma, covariance, of_model, combined, detections)
+    )
 
 
 def _sigma(entry: Dict[str, Any], name: str) -> np.ndarray:

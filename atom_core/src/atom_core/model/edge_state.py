@@ -21,6 +21,7 @@ class EdgeState(NamedTuple):
         covariance: (6, 6) likewise.
         model_sigma: (6,) likewise, as the assumed noise has it.
         combined_sigma: (6,) likewise, with usual errors of sensors and boards; None: not known.
+        detections: of its sensors, that were used; 0: not known.
     """
 
     edge: Edge
@@ -31,3 +32,4 @@ class EdgeState(NamedTuple):
     covariance: np.ndarray
     model_sigma: np.ndarray
     combined_sigma: Optional[np.ndarray] = None
+    detections: int = 0
