@@ -40,7 +40,7 @@ def viewpoint(config: CalibrationConfig, transforms: Transforms) -> Viewpoint:
         config: its sensors, with their modalities.
         transforms: of the rig, as far as they are known.
     """
-    poses = [(pose, axis) for pose, axis in _poses(config, transforms) if pose is not None]
+    poses = _poses(config, transforms)
     ahead = [pose[:3, :3] @ axis for pose, axis in poses if axis is not None]
     if not ahead:
         return Viewpoint()
@@ -61,8 +61,8 @@ def viewpoint(config: CalibrationConfig, transforms: Transforms) -> Viewpoint:
 
 def _poses(
     config: CalibrationConfig, transforms: Transforms
-) -> List[Tuple[Optional[np.ndarray], Optional[np.ndarray]]]:
-    """Return for each sensor world_T_sensor, None where unknown, and where a camera looks."""
+) -> List[Tuple[np.ndarray, Optional[np.ndarray]]]:
+    """Return world_T_sensor of each sensor whose place is known, and a camera's optical axis."""
     graph = FrameGraph(transforms)
     found = []
     for entry in config.sensors.values():
@@ -71,7 +71,7 @@ def _poses(
         try:
             pose = chain_transform(graph.chain(config.world_link, entry.link), transforms)
         except DatasetError:
-            pose = None
+            continue  # its place is known from /tf alone
         found.append((pose, axis))
     return found
 

@@ -282,8 +282,8 @@ def _edge_drift(
     assert stated is not None and of_model is not None  # it is estimated
     covariance = described.stated + _scatter(described) * of_model
     change = pose_error(standing.first_value(edge), solved.dataset.first_value(edge))
-    ranges = any(s.kind.measures_range for s in standing.sensors.values() if s.edge == edge)
-    freedom = _freedom(described) if ranges else np.inf
+    measures_range = any(s.kind.measures_range for s in standing.sensors.values() if s.edge == edge)
+    freedom = _freedom(described) if measures_range else np.inf
     square = _as_rare(chi_square(change, covariance), freedom)
     trifle = change.translation_m < LEAST_M and change.rotation_rad < LEAST_RAD
     names = tuple(s.name for s in standing.sensors.values() if s.edge == edge)

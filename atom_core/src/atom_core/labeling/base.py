@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Callable, Iterable, Mapping, Optional, Protocol, Tuple, runtime_checkable
+from typing import Any, Mapping, Optional, Protocol, Tuple, runtime_checkable
 
 import numpy as np
 
 from atom_core.errors import ConfigError
 from atom_core.model.config import PatternConfig
-from atom_core.model.labels import Label, RangeLabel
+from atom_core.model.labels import Label
 from atom_core.model.modality import modalities, modality_named
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import Sensor
-
-_WHOLE = 0.95  # share of a board in view
-
-_WHOLE_ELSEWHERE = (
-    "the view cuts the board at the seed ({:.0%} of it are in view), so that its size is not "
-    "known, and a whole board of the configured size stands elsewhere; put the seed there, or "
-    "bring all of this one into view"
-)
 
 
 @dataclass(frozen=True)
@@ -64,33 +56,6 @@ def nothing(
     """Return the result of a labeler that did not find the board."""
     empty = modality_named(modality).labels.empty
     return Labeled(empty, reason=reason, quality=quality or {}, unsure=unsure)
-
-
-def unless_whole_elsewhere(
-    found: Labeled, modality: str, search: Callable[[], Iterable[Labeled]]
-) -> Labeled:
-    """Return what was found at a seed, unsure where a whole board stands elsewhere.
-
-    Args:
-        found: a range sensor's; only where the view cuts it, so that one side alone is measured,
-            anything is searched for.
-        modality: of the sensor.
-        search: what a search of the same data finds.
-    """
-    in_view = found.quality.get("in_view", 1.0)
-    is_measured = {"measured_width_m", "measured_height_m"} <= set(found.quality)
-    if not found.detected or in_view >= _WHOLE or is_measured:
-        return found
-    for other in search():
-        is_whole = other.detected and other.quality.get("in_view", 1.0) >= _WHOLE
-        if is_whole and not _overlap(found.label, other.label):
-            return nothing(modality, _WHOLE_ELSEWHERE.format(in_view), found.quality, found)
-    return found
-
-
-def _overlap(label: Label, other: Label) -> bool:
-    assert isinstance(label, RangeLabel) and isinstance(other, RangeLabel)
-    return bool(np.intersect1d(label.indices, other.indices).size)
 
 
 class Labeler(Protocol):

@@ -16,10 +16,10 @@ from atom_core import native
 from atom_core.errors import LabelingError
 from atom_core.geometry import se3
 from atom_core.geometry.rectangle import Rectangle
-from atom_core.labeling.base import Labeled, nothing, unless_whole_elsewhere
+from atom_core.labeling.base import Labeled, nothing
 from atom_core.labeling.image_cloud import ImageCloud, as_image, label_in_image
 from atom_core.model.config import PatternConfig
-from atom_core.model.labels import RangeLabel
+from atom_core.model.labels import Label, RangeLabel
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import LIDAR3D, Sensor
 
@@ -51,6 +51,12 @@ class Cloud:
     scan: Any = None
 
 
+_WHOLE = 0.95  # share of a board in view
+_WHOLE_ELSEWHERE = (
+    "the view cuts the board at the seed ({:.0%} of it are in view), so that its size is not "
+    "known, and a whole board of the configured size stands elsewhere; put the seed there, or "
+    "bring all of this one into view"
+)
 _NO_BOARD = "no plane of the board's size and outline is in the cloud"
 
 CloudLike = Union[Cloud, np.ndarray]
@@ -140,13 +146,22 @@ class Lidar3dLabeler:
         return found[0].labeled
 
     def _at_seed(self, cloud: Cloud, seed: np.ndarray) -> Labeled:
+        """Label at a seed; unsure where one side alone is measured, and a whole board is seen.
+
+        By layers nothing is searched for: it would be too slow while a seed is dragged.
+        """
         found = board_at(cloud, self._border, seed, self._options).labeled
-        if "layers" in found.quality:  # a search would be too slow while a seed is dragged
+        in_view = found.quality.get("in_view", 1.0)
+        is_measured = {"measured_width_m", "measured_height_m"} <= set(found.quality)
+        by_layers = "layers" in found.quality
+        if by_layers or not found.detected or in_view >= _WHOLE or is_measured:
             return found
-        return unless_whole_elsewhere(
-            *(found, LIDAR3D),
-            lambda: [one.labeled for one in _searched(cloud, self._border, self._options)],
-        )
+        for other in find_boards(cloud, self._border, self._options):
+            is_whole = other.labeled.quality.get("in_view", 1.0) >= _WHOLE
+            if is_whole and not _overlap(found.label, other.labeled.label):
+                reason = _WHOLE_ELSEWHERE.format(in_view)
+                return nothing(LIDAR3D, reason, found.quality, found)
+        return found
 
     def prepare(self, data: Any) -> Cloud:
         """Return a cloud with its layers found, unless it is a depth image.
@@ -173,6 +188,11 @@ class Lidar3dLabeler:
         if cloud.ring is not None or not self._options.use_image:
             return None
         return as_image(np.asarray(cloud.points, dtype=float), cloud.width, cloud.height)
+
+
+def _overlap(label: Label, other: Label) -> bool:
+    assert isinstance(label, RangeLabel) and isinstance(other, RangeLabel)
+    return bool(np.intersect1d(label.indices, other.indices).size)
 
 
 def as_cloud(data: CloudLike) -> Cloud:
