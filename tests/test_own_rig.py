@@ -118,6 +118,17 @@ def write_robot(home):
     return folder
 
 
+def record(line, home, robot, variables):
+    """Simulate a bag with the topics of a `rosbag record` of the page and no others: no /tf."""
+    bag = Path(line.split()[3].replace("~", str(home)))
+    whole = bag.with_name(f"whole_{bag.name}")
+    made = f"rosrun atom_examples robot_simulator --robot {robot} --bag {whole}"
+    run(f"{made} --scenario {bag.stem} --seed 0", home, variables)
+    topics = " or ".join(f"topic == '{topic}'" for topic in line.split()[4:])
+    run(f'rosbag filter {whole} {bag} "{topics}"', home, variables)
+    whole.unlink()
+
+
 @pytest.mark.long
 def test_from_an_empty_package_to_figures(home):
     folder, variables = home
@@ -130,9 +141,8 @@ def test_from_an_empty_package_to_figures(home):
             variables["ROS_PACKAGE_PATH"] += f"{os.pathsep}{source}"
             continue
         if line.startswith("rosbag record"):
-            bag = Path(line.split()[3].replace("~", str(folder)))
-            line = f"rosrun atom_examples robot_simulator --robot {robot} --bag {bag}"
-            line += f" --scenario {bag.stem} --seed 0"
+            record(line, folder, robot, variables)
+            continue
         printed[line.split(" --")[0]] = run(line, folder, variables)
         if "create_calibration_pkg" in line:
             write_package(folder)

@@ -6,6 +6,7 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import CompressedImage, JointState
 
+from atom_calibration.configure import configure_package
 from atom_core.geometry import se3
 from atom_core.io.urdf import read_description
 
@@ -151,3 +152,16 @@ def _jpeg(make, pixels, now):
     message.data = cv2.imencode(".jpg", pixels)[1].tobytes()
     assert message.header.stamp == rospy.Time.from_sec(now)
     return message
+
+
+def configure(folder, *arguments):
+    """Run `configure` in the package; return its exit code."""
+    return configure_package.main(["-n", str(folder), *arguments])
+
+
+def edit_config(folder, old, new):
+    """Replace the one place of a text in the configuration."""
+    path = folder / "calibration" / "config.yml"
+    text = path.read_text(encoding="utf-8")
+    assert text.count(old) == 1, f"{old} stands {text.count(old)} times"
+    path.write_text(text.replace(old, new), encoding="utf-8")

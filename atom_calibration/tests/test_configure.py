@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import rospkg
 import yaml
-from small_rig import CAMERA_IN_BAG, CONFIG, XACRO, write_package
+from small_rig import CAMERA_IN_BAG, CONFIG, XACRO, configure, edit_config, write_package
 
 from atom_calibration.configure import configure_package, create_package
 from atom_calibration.configure.check import BagFacts
@@ -38,17 +38,6 @@ def made_once(tmp_path_factory, make):
 @pytest.fixture
 def package(tmp_path, make):
     return write_package(tmp_path, make, seconds=1.0)
-
-
-def configure(folder, *arguments):
-    return configure_package.main(["-n", str(folder), *arguments])
-
-
-def edit_config(folder, old, new):
-    path = folder / "calibration" / "config.yml"
-    text = path.read_text(encoding="utf-8")
-    assert text.count(old) == 1, f"{old} stands {text.count(old)} times"
-    path.write_text(text.replace(old, new), encoding="utf-8")
 
 
 # --- what is made ------------------------------------------------------------------------------
@@ -323,33 +312,6 @@ def test_every_problem_is_told_at_once(package, capsys):
 def test_a_configuration_that_was_named_and_is_absent_is_not_replaced_by_another(package, capsys):
     assert configure(package, "-cfg", "other.yml") == 2
     assert "other.yml" in capsys.readouterr().err
-
-
-def test_a_joint_that_the_bag_does_not_move_is_told(package, capsys, make, tmp_path):
-    bag = tmp_path / "no_joints.bag"
-    kept = [m for m in _messages(package) if m[0] != "/joint_states"]
-    make.bag(bag, kept)
-    assert configure(package, "--bag", str(bag)) == 2
-    assert "joints.shoulder is not in /joint_states of the bag" in capsys.readouterr().err
-    edit_config(package, "joints:\n  shoulder:\n    params_to_calibrate: [origin_yaw]", "joints:")
-    assert configure(package, "--bag", str(bag)) == 0
-    coming = capsys.readouterr().out.split("next: ")[1]
-    assert coming.count(f".launch bag_file:={bag}") + coming.count(f"data bag_file:={bag}") == 2
-    assert "--moving_joints" in (package / "launch" / "playbag.launch").read_text("utf-8")
-
-
-def test_a_bag_without_transforms_is_refused(package, capsys, make, tmp_path):
-    bag = tmp_path / "no_tf.bag"
-    make.bag(bag, [m for m in _messages(package) if not m[0].startswith("/tf")])
-    assert configure(package, "--bag", str(bag)) == 2
-    assert "has neither /tf nor /tf_static" in capsys.readouterr().err
-
-
-def _messages(package):
-    import rosbag
-
-    with rosbag.Bag(str(package / "calibration" / "rig.bag")) as bag:
-        return [(topic, message, time.to_sec()) for topic, message, time in bag.read_messages()]
 
 
 # --- what the user edited -----------------------------------------------------------------------

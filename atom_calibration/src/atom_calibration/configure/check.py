@@ -96,7 +96,7 @@ def bag_facts(config: CalibrationConfig, bag: BagReader, findings: Findings) -> 
                 f"is '{entry.link}', but the data of {topic} in {bag.path} are in frame "
                 f"'{frame_id}' (header.frame_id); write that, or correct topic_name",
             )
-    edges, fixed = _bag_edges(bag, findings)
+    edges, fixed = _bag_edges(bag)
     return BagFacts(sensors, topics, modalities, edges, fixed, _bag_joints(bag))
 
 
@@ -112,6 +112,7 @@ def check_rig(
     for name, edge in config.additional_tfs.items():
         _check_edge(("additional_tfs", name), edge, tree, (FIXED, MULTIPLE), findings)
     _check_joints(config, facts, description, findings)
+    _check_told(config, facts, description, tree, findings)
     for name, pattern in config.calibration_patterns.items():
         path = ("calibration_patterns", name)
         if pattern.parent_link not in tree.frames:
@@ -155,18 +156,10 @@ def edges_from_bag(
 # --- the bag ----------------------------------------------------------------------------------
 
 
-def _bag_edges(
-    bag: BagReader, findings: Findings
-) -> Tuple[Dict[Edge, str], Dict[Edge, np.ndarray]]:
+def _bag_edges(bag: BagReader) -> Tuple[Dict[Edge, str], Dict[Edge, np.ndarray]]:
     edges: Dict[Edge, str] = {}
     fixed: Dict[Edge, np.ndarray] = {}
     topics = bag.topics_of(_TF_TYPES)
-    if not topics:
-        findings.problem(
-            ("bag_file",),
-            f"({bag.path}) has neither /tf nor /tf_static; record them with the sensors' data",
-        )
-        return edges, fixed
     static = [topic for topic in topics if topic.endswith("tf_static")]
     moving = [topic for topic in topics if topic not in static]
     for names, kind, end_s in (
@@ -279,6 +272,37 @@ def _check_joints(
             )
         elif joint.edge in taken:
             findings.problem(path, f"is the edge of '{taken[joint.edge]}' already; remove one")
+
+
+def _check_told(
+    config: CalibrationConfig,
+    facts: BagFacts,
+    description: Description,
+    tree: TransformGraph,
+    findings: Findings,
+) -> None:
+    """Tell where a bag leaves open how a joint stands on which a sensor or a board hangs."""
+    if not facts.edges:
+        findings.warn(
+            ("bag_file",),
+            "has neither /tf nor /tf_static: its transforms are those of the description"
+            + (", moved by /joint_states" if facts.joints else ""),
+        )
+    hanging = {("sensors", name, "link"): entry.link for name, entry in config.sensors.items()}
+    for name, pattern in config.calibration_patterns.items():
+        hanging["calibration_patterns", name, "parent_link"] = pattern.parent_link
+    for path, frame in hanging.items():
+        for item in tree.chain(config.world_link, frame) or ():
+            joint = description.robot.joints.get(item.joint or "")
+            if joint is None or joint.type == FIXED or item.edge in facts.edges:
+                continue
+            moved_by = joint.name if joint.mimic is None else joint.mimic.joint
+            if not {joint.name, moved_by} & facts.joints:
+                findings.problem(
+                    path,
+                    f"is '{frame}', which hangs on the {joint.type} joint '{joint.name}', and "
+                    f"where that stands neither /joint_states nor /tf of the bag tells; record one",
+                )
 
 
 def _compare_with_bag(description: Description, facts: BagFacts, findings: Findings) -> None:

@@ -1,0 +1,61 @@
+"""configure, with a bag that lacks /joint_states or /tf: does the description tell the rest?"""
+
+import pytest
+import rosbag
+from small_rig import configure, edit_config, write_package
+
+
+@pytest.fixture
+def package(tmp_path, make):
+    return write_package(tmp_path, make, seconds=1.0)
+
+
+def _messages(package):
+    with rosbag.Bag(str(package / "calibration" / "rig.bag")) as bag:
+        return [(topic, message, time.to_sec()) for topic, message, time in bag.read_messages()]
+
+
+def test_a_joint_that_the_bag_does_not_move_is_told(package, capsys, make, tmp_path):
+    bag = tmp_path / "no_joints.bag"
+    kept = [m for m in _messages(package) if m[0] != "/joint_states"]
+    make.bag(bag, kept)
+    assert configure(package, "--bag", str(bag)) == 2
+    assert "joints.shoulder is not in /joint_states of the bag" in capsys.readouterr().err
+    edit_config(package, "joints:\n  shoulder:\n    params_to_calibrate: [origin_yaw]", "joints:")
+    assert configure(package, "--bag", str(bag)) == 0
+    coming = capsys.readouterr().out.split("next: ")[1]
+    assert coming.count(f".launch bag_file:={bag}") + coming.count(f"data bag_file:={bag}") == 2
+    assert "--moving_joints" in (package / "launch" / "playbag.launch").read_text("utf-8")
+
+
+def stand_on_the_base(package):
+    """Let the world be a frame of the description; that of the rig is known from /tf alone."""
+    edit_config(package, 'world_link: "odom"', 'world_link: "base"')
+    edit_config(package, 'parent_link: "odom"', 'parent_link: "base"')
+
+
+def test_a_bag_without_tf_is_taken_where_the_description_and_joint_states_tell_all(
+    package, capsys, make, tmp_path
+):
+    bag = tmp_path / "no_tf.bag"
+    make.bag(bag, [m for m in _messages(package) if not m[0].startswith("/tf")])
+    assert configure(package, "--bag", str(bag)) == 2
+    assert "world_link is 'odom', which is neither" in capsys.readouterr().err
+    stand_on_the_base(package)
+    assert configure(package, "--bag", str(bag)) == 0
+    told = "bag_file has neither /tf nor /tf_static: its transforms are those of the description, "
+    assert told + "moved by /joint_states" in capsys.readouterr().err
+
+
+def test_a_joint_that_neither_tf_nor_joint_states_tells_is_refused_with_what_hangs_on_it(
+    package, capsys, make, tmp_path
+):
+    bag = tmp_path / "no_tf.bag"
+    untold = ("/tf", "/tf_static", "/joint_states")
+    make.bag(bag, [m for m in _messages(package) if m[0] not in untold])
+    edit_config(package, "joints:\n  shoulder:\n    params_to_calibrate: [origin_yaw]", "joints:")
+    stand_on_the_base(package)
+    assert configure(package, "--bag", str(bag)) == 2
+    error = capsys.readouterr().err
+    assert "joint 'shoulder', and where that stands neither /joint_states nor /tf" in error
+    assert "sensors.lidar.link is " in error and "sensors.camera.link is " not in error
