@@ -51,7 +51,9 @@ def read_input(args: argparse.Namespace) -> CalibrationInput:
     biases = joint_biases(args)
     if args.truth and args.comparison_to_ground_truth:
         raise CalibrationError("--truth and -ctgt are two truths; leave one of them out")
-    original = _only_anchored(common.selected_dataset(args), args)
+    chosen = common.selected_dataset(args)
+    common.refuse_empty(chosen)
+    original = _only_anchored(chosen, args)
     dataset, remarks = original, _remarks_on_yaw(original)
     if args.comparison_to_ground_truth:
         truth: Optional[Truth] = truth_of(original)

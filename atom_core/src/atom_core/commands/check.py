@@ -67,6 +67,7 @@ def run(args: argparse.Namespace) -> int:
     if args.output and args.output.exists():
         raise OutputError(f"{args.output}: exists already; choose another name for --output")
     dataset = common.selected_dataset(args)
+    common.refuse_empty(dataset)
     result = preflight(dataset)
     result = replace(result, warnings=(*result.warnings, *_of_description(dataset)))
     print(preflight_report(dataset, result))

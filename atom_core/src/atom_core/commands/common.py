@@ -8,7 +8,7 @@ import shutil
 from pathlib import Path
 from typing import Any, Dict, List, Optional, Protocol, Sequence
 
-from atom_core.errors import OutputError
+from atom_core.errors import DatasetError, OutputError
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset
 from atom_core.model.selection import select_names
@@ -163,6 +163,19 @@ def apply_selections(dataset: Dataset, args: argparse.Namespace) -> Dataset:
         sensors=select_names(dataset.sensors, args.sensor_selection_function, "sensor"),
         patterns=select_names(dataset.patterns, args.pattern_selection_function, "pattern"),
     )
+
+
+def refuse_empty(dataset: Dataset) -> None:
+    """Refuse a dataset without collections.
+
+    Raises:
+        DatasetError: naming the file.
+    """
+    if not dataset.collections:
+        raise DatasetError(
+            f"{dataset.source}: there are no collections, so nothing can be measured; collect "
+            f"them (collect_data, collect_from_bag), or name another file"
+        )
 
 
 def refuse_occupied(folder: Path, overwrite: bool) -> None:

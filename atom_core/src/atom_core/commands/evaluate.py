@@ -193,6 +193,7 @@ def _evaluate(
 
 def _selected(args: argparse.Namespace, test: Dataset) -> Dataset:
     """Reduce the test set to the selected collections and patterns."""
+    common.refuse_empty(test)
     return test.selected(
         collections=select_names(
             test.collections, args.collection_selection_function, "collection"
