@@ -92,5 +92,10 @@ RUNS = (
         "passed in Chromium at 1280 and 390 px",
     ),
     Run("`docker build`", "", "", "never: no Docker engine at hand"),
-    Run("`make test-long`", "", "", "never whole: 352 tests in 30 modules on 2026-11-23; parts of it above"),
+    Run(
+        "`make test-long`",
+        "",
+        "",
+        "never whole: 352 tests in 30 modules on 2026-11-23; parts of it above",
+    ),
 )
