@@ -19,6 +19,7 @@ import numpy as np
 from atom_core import native
 
 LONGEST_S = float(os.environ.get("FUZZED_LONGEST_S", "20"))  # of one input
+LONGEST_TEXT = 100_000  # bytes of a description that is still repeated
 MOST_MB = 1000.0  # what all of them may add to the process
 NUMBERS = [0.0, -0.0, 1.0, -1.0, 1e-300, 1e-30, 1e30, 1e300, np.nan, np.inf, -np.inf, 0.1, 5.0]
 COUNTS = [-(2**63), -1, 0, 1, 2, 3, 7, 2**31 - 1, 2**31, 2**32, 2**62, 2**63 - 1]
@@ -88,7 +89,7 @@ def description(core, drawn):
     for _ in range(drawn.randint(1, 5)):
         place = drawn.randrange(len(text))
         text[place : place + drawn.choice([0, 1, 9, 60])] = drawn.choice(PIECES)
-        if drawn.random() < 0.1:
+        if drawn.random() < 0.1 and len(text) < LONGEST_TEXT:  # five times 50 would fill the memory
             text = text * drawn.choice([2, 50])
     core.parse_urdf(bytes(text))
 
