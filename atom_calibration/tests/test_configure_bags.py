@@ -15,23 +15,27 @@ def _messages(package):
         return [(topic, message, time.to_sec()) for topic, message, time in bag.read_messages()]
 
 
-def test_a_joint_that_the_bag_does_not_move_is_told(package, capsys, make, tmp_path):
-    bag = tmp_path / "no_joints.bag"
-    kept = [m for m in _messages(package) if m[0] != "/joint_states"]
-    make.bag(bag, kept)
-    assert configure(package, "--bag", str(bag)) == 2
-    assert "joints.shoulder is not in /joint_states of the bag" in capsys.readouterr().err
+def calibrate_no_joint(package):
     edit_config(package, "joints:\n  shoulder:\n    params_to_calibrate: [origin_yaw]", "joints:")
-    assert configure(package, "--bag", str(bag)) == 0
-    coming = capsys.readouterr().out.split("next: ")[1]
-    assert coming.count(f".launch bag_file:={bag}") + coming.count(f"data bag_file:={bag}") == 2
-    assert "--moving_joints" in (package / "launch" / "playbag.launch").read_text("utf-8")
 
 
 def stand_on_the_base(package):
     """Let the world be a frame of the description; that of the rig is known from /tf alone."""
     edit_config(package, 'world_link: "odom"', 'world_link: "base"')
     edit_config(package, 'parent_link: "odom"', 'parent_link: "base"')
+
+
+def test_a_joint_that_the_bag_does_not_move_is_told(package, capsys, make, tmp_path):
+    bag = tmp_path / "no_joints.bag"
+    kept = [m for m in _messages(package) if m[0] != "/joint_states"]
+    make.bag(bag, kept)
+    assert configure(package, "--bag", str(bag)) == 2
+    assert "joints.shoulder is not in /joint_states of the bag" in capsys.readouterr().err
+    calibrate_no_joint(package)
+    assert configure(package, "--bag", str(bag)) == 0
+    coming = capsys.readouterr().out.split("next: ")[1]
+    assert coming.count(f".launch bag_file:={bag}") + coming.count(f"data bag_file:={bag}") == 2
+    assert "--moving_joints" in (package / "launch" / "playbag.launch").read_text("utf-8")
 
 
 def test_a_bag_without_tf_is_taken_where_the_description_and_joint_states_tell_all(
@@ -53,7 +57,7 @@ def test_a_joint_that_neither_tf_nor_joint_states_tells_is_refused_with_what_han
     bag = tmp_path / "no_tf.bag"
     untold = ("/tf", "/tf_static", "/joint_states")
     make.bag(bag, [m for m in _messages(package) if m[0] not in untold])
-    edit_config(package, "joints:\n  shoulder:\n    params_to_calibrate: [origin_yaw]", "joints:")
+    calibrate_no_joint(package)
     stand_on_the_base(package)
     assert configure(package, "--bag", str(bag)) == 2
     error = capsys.readouterr().err

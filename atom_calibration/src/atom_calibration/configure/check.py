@@ -282,12 +282,6 @@ def _check_told(
     findings: Findings,
 ) -> None:
     """Tell where a bag leaves open how a joint stands on which a sensor or a board hangs."""
-    if not facts.edges:
-        findings.warn(
-            ("bag_file",),
-            "has neither /tf nor /tf_static: its transforms are those of the description"
-            + (", moved by /joint_states" if facts.joints else ""),
-        )
     hanging = {("sensors", name, "link"): entry.link for name, entry in config.sensors.items()}
     for name, pattern in config.calibration_patterns.items():
         hanging["calibration_patterns", name, "parent_link"] = pattern.parent_link
@@ -296,8 +290,7 @@ def _check_told(
             joint = description.robot.joints.get(item.joint or "")
             if joint is None or joint.type == FIXED or item.edge in facts.edges:
                 continue
-            moved_by = joint.name if joint.mimic is None else joint.mimic.joint
-            if not {joint.name, moved_by} & facts.joints:
+            if not {joint.name, joint.moved_by} & facts.joints:
                 findings.problem(
                     path,
                     f"is '{frame}', which hangs on the {joint.type} joint '{joint.name}', and "
@@ -306,7 +299,13 @@ def _check_told(
 
 
 def _compare_with_bag(description: Description, facts: BagFacts, findings: Findings) -> None:
-    """Tell where the bag was recorded with another description."""
+    """Tell where the bag was recorded with another description, or with no transforms at all."""
+    if not facts.edges:
+        findings.warn(
+            ("bag_file",),
+            "has neither /tf nor /tf_static: its transforms are those of the description"
+            + (", moved by /joint_states" if facts.joints else ""),
+        )
     differing: List[str] = []
     for edge, in_bag in facts.fixed.items():
         above = description.robot.joint_above(edge.child)

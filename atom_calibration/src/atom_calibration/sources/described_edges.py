@@ -46,7 +46,7 @@ class DescribedEdges:
         moving = {n: j for n, j in robot.joints.items() if j.type in MOVING_TYPES}
         first = islice(bag.messages(self.topics), _FIRST) if self.topics else ()
         self._named = {name for found in first for name in positions(found.message)}
-        told = [n for n, j in moving.items() if _moved_by(j) in self._named or n in self._named]
+        told = [n for n, j in moving.items() if j.moved_by in self._named or n in self._named]
         self.told: FrozenSet[str] = frozenset(told)
         still = robot.transforms()
         self.fixed: List[TransformStamped] = [
@@ -72,7 +72,7 @@ class DescribedEdges:
         return [
             transform_message(joint.edge, poses[joint.edge], message.header.stamp)
             for joint in joints
-            if joint.name in known or _moved_by(joint) in known
+            if joint.name in known or joint.moved_by in known
         ]
 
     def others(self, transforms: Iterable[Any]) -> List[Any]:
@@ -122,8 +122,3 @@ def positions(message: Any) -> Mapping[str, float]:
         if not np.isfinite(position):
             raise MessageError(f"joint '{name}' is at {position}; correct its publisher")
     return found
-
-
-def _moved_by(joint: Joint) -> str:
-    """Return the joint that moves one."""
-    return joint.name if joint.mimic is None else joint.mimic.joint

@@ -82,6 +82,11 @@ class Joint:
         """Return the edge of the transform tree that the joint makes."""
         return Edge(self.parent_link, self.child_link)
 
+    @property
+    def moved_by(self) -> str:
+        """Return the name of the joint whose position moves it: its own, or that it mimics."""
+        return self.name if self.mimic is None else self.mimic.joint
+
     def parent_T_child(self, position: float = 0.0) -> np.ndarray:
         """Return the pose (4, 4) of the child link in the parent link: origin, then motion.
 
