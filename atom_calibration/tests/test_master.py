@@ -21,6 +21,25 @@ pytest.importorskip("rospy")
 
 SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
 PATIENCE_S = 300.0
+MORTAL_MASTER = """
+import os, sys, time
+from rosmaster.master import Master
+from rosmaster.master_api import ROSMasterHandler
+
+port, last = int(sys.argv[1]), sys.argv[2]
+
+def mortal(register):
+    def dies(self, caller, name, *others):
+        if name == last:
+            os._exit(0)
+        return register(self, caller, name, *others)
+    return dies
+
+for kind in ("registerService", "registerSubscriber", "registerPublisher"):
+    setattr(ROSMasterHandler, kind, mortal(getattr(ROSMasterHandler, kind)))
+Master(port).start()
+time.sleep(1e6)
+"""
 NODES = (
     *("rgb_labeler", "depth_labeler", "lidar3d_labeler", "labelers", "collect_data"),
     *("set_initial_estimate", "transform_corrector", "decompress_images", "filter_bag_tf"),
@@ -130,9 +149,9 @@ def test_a_node_whose_master_is_gone_or_another_says_so_and_ends(inputs, port, a
         known = rosgraph.Master("/test_master", master_uri=f"http://localhost:{port}")
         wait_until(
             lambda: (
-                {service for service, _ in known.getSystemState()[2]}  # the last that rospy begins
+                {service for service, _ in known.getSystemState()[2]}
                 >= {
-                    f"/{name}/get_loggers"
+                    f"/{name}/set_logger_level"  # the last that rospy begins
                     for name in ("rgb_1_labeler", "depth_1_labeler", "lidar_1_labeler", *WAITING)
                 }
             ),
@@ -156,3 +175,27 @@ def test_a_node_whose_master_is_gone_or_another_says_so_and_ends(inputs, port, a
             if process.poll() is None:
                 process.send_signal(signal.SIGKILL)
                 process.wait()
+
+
+@pytest.mark.parametrize(
+    "last",
+    ["/rosout", "/collect_data/get_loggers", "/collect_data/set_logger_level", "/tf", "/tf_static"],
+)
+def test_a_node_whose_master_dies_while_it_registers_ends(inputs, port, last):
+    """rospy tries to register for ever; the node has to end nevertheless."""
+    folder = inputs["folder"]
+    program = folder / "mortal_master.py"
+    program.write_text(MORTAL_MASTER, "utf-8")
+    master = subprocess.Popen([sys.executable, str(program), str(port), last])
+    try:
+        wait_until(lambda: not socket.socket().connect_ex(("localhost", port)), "it answers")
+        node = start("collect_data", inputs["collect_data"], port, folder)
+        try:
+            ends(node, "collect_data", 2, ("no longer answers",))
+        finally:
+            node.kill()
+            node.wait()
+        assert master.wait(PATIENCE_S) == 0, "it died of something else"
+    finally:
+        master.kill()
+        master.wait()

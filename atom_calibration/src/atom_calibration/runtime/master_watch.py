@@ -28,7 +28,7 @@ class MasterWatch:
         """Start to look.
 
         Args:
-            pid: the master's, when the node began.
+            pid: the master's, before the node registers with it.
             stop: ends the thread when it is set.
             on_problem: called once, in that thread.
         """

@@ -8,6 +8,7 @@ import re
 import signal
 import sys
 import threading
+import time
 from _thread import start_new_thread
 from typing import Any, Callable, List, Optional, Tuple
 
@@ -21,6 +22,7 @@ Work = Callable[[argparse.Namespace], int]
 UNACCEPTABLE, BAD_INPUT = 1, 2
 ENDS_LAUNCH = "ATOM_ENDS_LAUNCH"  # set by launch files for the node whose work is all of theirs
 _LAUNCH_ENDS_S = 10.0
+_ENDS_WITHOUT_MASTER_S = 2.0
 _HOME = re.compile(r"^(--\w+=|)~/")
 _stop = threading.Event()
 _watches: List[MasterWatch] = []
@@ -61,17 +63,28 @@ def start(name: str) -> None:
     """Become a node; SIGINT and SIGTERM then only ask it to end, so that it can finish its work.
 
     Raises:
-        ConfigError: there is no master.
+        ConfigError: there is no master, or it is lost while the node registers with it.
     """
     _hear_signals()
-    pid = check_master()
+    _watches[:] = [MasterWatch(check_master(), _stop, _end_without_master)]
     try:
         rospy.init_node(name, disable_signals=True)
     except rospy.ROSInitException:
-        if _master_pid() is not None:
+        if not lost() and _master_pid() is not None:
             raise
-        raise ConfigError(GONE) from None
-    _watches[:] = [MasterWatch(pid, _stop, _stop.set)]
+        raise ConfigError(lost() or GONE) from None
+    if lost():
+        raise ConfigError(lost())
+
+
+def _end_without_master() -> None:
+    """Ask the node to end, also where rospy tries to register a topic or service for ever.
+
+    It holds a lock then that `signal_shutdown` waits for; only the flag ends its trying.
+    """
+    _stop.set()
+    time.sleep(_ENDS_WITHOUT_MASTER_S)  # which is enough for a node that does not register
+    rospy.core._shutdown_flag = True
 
 
 def _hear_signals() -> None:
