@@ -63,3 +63,22 @@ def test_a_joint_that_neither_tf_nor_joint_states_tells_is_refused_with_what_han
     error = capsys.readouterr().err
     assert "joint 'shoulder', and where that stands neither /joint_states nor /tf" in error
     assert "sensors.lidar.link is " in error and "sensors.camera.link is " not in error
+
+
+def test_transforms_that_begin_late_in_the_bag_are_seen(package, capsys, make, tmp_path):
+    bag = tmp_path / "late.bag"
+    late = ("/tf", "/joint_states")
+    make.bag(bag, [(t, m, s + 30.0 * (t in late)) for t, m, s in _messages(package)])
+    assert configure(package, "--bag", str(bag)) == 0
+    assert "neither /tf nor" not in capsys.readouterr().err
+
+
+def test_a_joint_that_is_told_long_after_others_is_seen(package, make, tmp_path):
+    """Two publishers of /joint_states are usual: an arm's, and that of what it stands on."""
+    bag = tmp_path / "two_publishers.bag"
+    told = _messages(package)
+    (first,) = [m for t, m, _ in told if t == "/joint_states"][:1]
+    other = type(first)(header=first.header, name=["wheel"], position=[0.0])
+    shifted = [(t, m, s + 25.0 * (t == "/joint_states")) for t, m, s in told]
+    make.bag(bag, [*shifted, ("/joint_states", other, told[0][2])])
+    assert configure(package, "--bag", str(bag)) == 0

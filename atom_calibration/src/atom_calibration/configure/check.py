@@ -4,7 +4,19 @@ from __future__ import annotations
 
 import difflib
 from dataclasses import dataclass, replace
-from typing import Callable, Dict, List, Mapping, Optional, Set, Tuple, Union
+from typing import (
+    Any,
+    Callable,
+    Dict,
+    Iterator,
+    List,
+    Mapping,
+    Optional,
+    Sequence,
+    Set,
+    Tuple,
+    Union,
+)
 
 import numpy as np
 
@@ -28,7 +40,7 @@ Locate = Callable[[KeyPath], str]
 JOINT_STATE = "sensor_msgs/JointState"
 _TF_TYPES = (TF_MESSAGE, "tf/tfMessage")
 _CALIBRATED_JOINTS = (REVOLUTE, CONTINUOUS, PRISMATIC)
-_LOOKED_AT_S = 20.0  # of /tf and /joint_states, which repeat themselves
+_LOOKED_AT_S = 20.0  # of each topic of /tf and /joint_states, which repeat themselves
 _SAME_M, _SAME_RAD = 1e-4, 1e-4  # between description and bag; more is told
 _LISTED = 8
 
@@ -71,7 +83,12 @@ class Findings:
         self.warnings.append(f"{self.locate(path)}: {'.'.join(path)} {text}")
 
 
-def bag_facts(config: CalibrationConfig, bag: BagReader, findings: Findings) -> BagFacts:
+def bag_facts(
+    config: CalibrationConfig,
+    bag: BagReader,
+    description: Optional[Description],
+    findings: Findings,
+) -> BagFacts:
     """Read what is needed of a bag; topics and frames that do not fit are problems."""
     sensors: Dict[str, Sensor] = {}
     topics: Dict[str, str] = {}
@@ -96,8 +113,11 @@ def bag_facts(config: CalibrationConfig, bag: BagReader, findings: Findings) -> 
                 f"is '{entry.link}', but the data of {topic} in {bag.path} are in frame "
                 f"'{frame_id}' (header.frame_id); write that, or correct topic_name",
             )
-    edges, fixed = _bag_edges(bag)
-    return BagFacts(sensors, topics, modalities, edges, fixed, _bag_joints(bag))
+    awaited = {} if description is None else _needed_joints(config, description)
+    joints = _bag_joints(bag, set(awaited))
+    untold = {edge for name, edge in awaited.items() if name not in joints}
+    edges, fixed = _bag_edges(bag, untold)
+    return BagFacts(sensors, topics, modalities, edges, fixed, joints)
 
 
 def check_rig(
@@ -156,30 +176,57 @@ def edges_from_bag(
 # --- the bag ----------------------------------------------------------------------------------
 
 
-def _bag_edges(bag: BagReader) -> Tuple[Dict[Edge, str], Dict[Edge, np.ndarray]]:
+def _needed_joints(config: CalibrationConfig, description: Description) -> Dict[str, Edge]:
+    """Return the joints whose motion is needed, by the name under which their position is told."""
+    robot = description.robot
+    needed = {name: robot.joints[name].edge for name in config.joints if name in robot.joints}
+    frames = [entry.link for entry in config.sensors.values()]
+    frames += [pattern.parent_link for pattern in config.calibration_patterns.values()]
+    for frame in frames:
+        joint = robot.joint_above(frame)
+        while joint is not None:
+            if joint.type != FIXED:
+                needed[joint.moved_by] = joint.edge
+            joint = robot.joint_above(joint.parent_link)
+    return needed
+
+
+def _beginnings(
+    bag: BagReader, topics: Sequence[str], complete: Callable[[], bool]
+) -> Iterator[Any]:
+    """Yield a while of the messages of each topic, and further ones until all is there."""
+    for topic in topics:
+        first_s = None
+        for found in bag.messages([topic]):
+            first_s = found.recorded_s if first_s is None else first_s
+            if found.recorded_s > first_s + _LOOKED_AT_S and complete():
+                break
+            yield found.message
+
+
+def _bag_edges(
+    bag: BagReader, awaited: Set[Edge]
+) -> Tuple[Dict[Edge, str], Dict[Edge, np.ndarray]]:
     edges: Dict[Edge, str] = {}
     fixed: Dict[Edge, np.ndarray] = {}
     topics = bag.topics_of(_TF_TYPES)
     static = [topic for topic in topics if topic.endswith("tf_static")]
     moving = [topic for topic in topics if topic not in static]
-    for names, kind, end_s in (
-        (static, FIXED, bag.end_s),
-        (moving, MULTIPLE, bag.start_s + _LOOKED_AT_S),
-    ):
-        for found in bag.messages(names, None, end_s) if names else ():
-            for message in found.message.transforms:
-                edges.setdefault(edge_of(message), kind)
-                if kind == FIXED:
-                    fixed[edge_of(message)] = transform_matrix(message)
+    for found in bag.messages(static) if static else ():
+        for message in found.message.transforms:
+            edges.setdefault(edge_of(message), FIXED)
+            fixed[edge_of(message)] = transform_matrix(message)
+    for heard in _beginnings(bag, moving, lambda: awaited <= set(edges)):
+        for message in heard.transforms:
+            edges.setdefault(edge_of(message), MULTIPLE)
     return edges, fixed
 
 
-def _bag_joints(bag: BagReader) -> Set[str]:
-    topics = bag.topics_of([JOINT_STATE])
-    if not topics:
-        return set()
-    messages = bag.messages(topics, None, bag.start_s + _LOOKED_AT_S)
-    return {name for found in messages for name in found.message.name}
+def _bag_joints(bag: BagReader, awaited: Set[str]) -> Set[str]:
+    joints: Set[str] = set()
+    for heard in _beginnings(bag, bag.topics_of([JOINT_STATE]), lambda: awaited <= joints):
+        joints.update(heard.name)
+    return joints
 
 
 # --- the transforms ---------------------------------------------------------------------------

@@ -107,8 +107,8 @@ def checked_rig(
         bag: the recording, instead of the configuration's.
         findings: what is found is added to them.
     """
-    facts = _facts(config, package, bag, findings)
     description = _description(config, package, findings)
+    facts = _facts(config, package, bag, description, findings)
     for name, pattern in config.calibration_patterns.items():
         if pattern.mesh_file:
             path = ("calibration_patterns", name, "mesh_file")
@@ -122,7 +122,11 @@ def checked_rig(
 
 
 def _facts(
-    config: CalibrationConfig, package: CalibrationPackage, bag: Optional[Path], findings: Findings
+    config: CalibrationConfig,
+    package: CalibrationPackage,
+    bag: Optional[Path],
+    description: Optional[Description],
+    findings: Findings,
 ) -> Optional[BagFacts]:
     if bag is None and config.bag_file is None:
         findings.problem(("bag_file",), "is absent; give a recording, there or with --bag")
@@ -139,7 +143,7 @@ def _facts(
         return None
     try:
         with BagReader(path) as reader:
-            return bag_facts(config, reader, findings)
+            return bag_facts(config, reader, description, findings)
     except AtomError as error:
         which = "is replaced by --bag, which cannot be used" if bag else "cannot be used"
         findings.problem(("bag_file",), f"{which}: {error}")

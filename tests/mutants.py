@@ -1,0 +1,286 @@
+"""Mutation tests: are small faults in the code noticed by the tests? `make mutants` runs it.
+
+Faults ("mutants") are those of Cosmic Ray: another operator, comparison or number, a condition
+turned round, a loop left out. There are thousands, so places are drawn by chance, with one mutant
+at each. The committed state is cloned into mutants_output/; the tests run there once, with a note
+of the lines that each executes. For a mutant, those that execute its line then run, quick ones
+first, until one fails ("killed"). Mutants that no test kills are listed with their change.
+
+Usage: mutants.py [--sample N] [--seed N] [--jobs N] [--only PART_OF_A_PATH]
+"""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import json
+import os
+import random
+import shutil
+import subprocess
+import sys
+import threading
+from collections import Counter, defaultdict
+from pathlib import Path
+from typing import Dict, List, NamedTuple, Tuple
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.append(str(ROOT / ".mutation"))  # Cosmic Ray, behind what the tests use
+OUTPUT = ROOT / "mutants_output"
+SOURCES = "atom_core/src"
+PACKAGES = ("geometry", "problem", "solvers", "evaluation")
+TESTS_S = 60.0  # of tests for each mutant, as long as they take without it
+# These two put the names of variables in the place of others, and need to be told which.
+WITHOUT = {"core/VariableReplacer", "core/VariableInserter"}
+
+
+class Mutant(NamedTuple):
+    """One change; `line` and `column` say where, `which` is the operator's count in the file."""
+
+    path: str
+    line: int
+    column: int
+    operator: str
+    which: int
+
+
+class Tests(NamedTuple):
+    """What the tests execute, and how long they take without any mutant."""
+
+    of_line: Dict[Tuple[str, int], List[str]]
+    of_module: Dict[str, List[str]]
+    seconds: Dict[str, float]
+
+
+def main() -> int:
+    """Draw mutants, run the tests of each, write the survivors; return 0."""
+    args = _arguments()
+    shutil.rmtree(OUTPUT, ignore_errors=True)
+    copies = [_copy(OUTPUT / f"copy_{number}") for number in range(args.jobs)]
+    drawn = _drawn(args)
+    tests = _watched(copies[0], args.jobs)
+    chosen = {mutant: _tests_of(mutant, tests) for mutant in drawn}
+    for mutant, outcome in _outcomes(copies, chosen):
+        with (OUTPUT / "outcomes.jsonl").open("a") as stream:
+            stream.write(json.dumps({**mutant._asdict(), "outcome": outcome}) + "\n")
+    _report(drawn, len(_places(args.only)))
+    return 0
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--sample", type=int, default=400, help="mutants drawn")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--only", default="", help="files whose path contains this")
+    return parser.parse_args()
+
+
+def _copy(folder: Path) -> Path:
+    """Clone what is committed, with the compiled module of this checkout."""
+    subprocess.run(["git", "clone", "--quiet", "--shared", str(ROOT), str(folder)], check=True)
+    (folder / ".venv").symlink_to(ROOT / ".venv")
+    package = ROOT / "devel/lib/python3/dist-packages/atom_core"
+    for module in package.glob("_core*.so"):
+        (folder / SOURCES / "atom_core" / module.name).symlink_to(module)
+    # Mutants may have the size and the second of the file before: Python is to look at the content.
+    compiler = [sys.executable, "-m", "compileall", "-q", "--invalidation-mode", "checked-hash"]
+    subprocess.run([*compiler, str(folder / SOURCES)], check=True)
+    return folder
+
+
+def _environment(copy: Path) -> Dict[str, str]:
+    ours = [str(copy / SOURCES), str(copy / "atom_calibration" / "src")]
+    threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    path = os.pathsep.join([*ours, os.environ.get("PYTHONPATH", "")])
+    return {**os.environ, **threads, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
+
+
+def _places(only: str) -> Dict[Tuple[str, int, int], List[Mutant]]:
+    """Return all mutants by their place."""
+    from cosmic_ray.ast import ast_nodes, get_ast
+    from cosmic_ray.plugins import get_operator, operator_names
+
+    operators = {n: get_operator(n)() for n in sorted(operator_names()) if n not in WITHOUT}
+    places: Dict[Tuple[str, int, int], List[Mutant]] = defaultdict(list)
+    for package in PACKAGES:
+        for file in sorted((ROOT / SOURCES / "atom_core" / package).rglob("*.py")):
+            path = str(file.relative_to(ROOT))
+            if only not in path:
+                continue
+            count: Counter = Counter()
+            for node in ast_nodes(get_ast(file.read_text("utf-8"))):
+                for name, operator in operators.items():
+                    for start, _ in operator.mutation_positions(node):
+                        places[(path, *start)].append(Mutant(path, *start, name, count[name]))
+                        count[name] += 1
+    return places
+
+
+def _drawn(args: argparse.Namespace) -> List[Mutant]:
+    chance = random.Random(args.seed)
+    places = _places(args.only)
+    keys = chance.sample(sorted(places), min(args.sample, len(places)))
+    return [chance.choice(places[key]) for key in keys]
+
+
+def _watched(copy: Path, jobs: int) -> Tests:
+    """Run the tests of the core once, and note what each executes."""
+    import coverage
+
+    (copy / ".coveragerc").write_text("[run]\nparallel = true\n", "utf-8")
+    command = [sys.executable, "-m", "pytest", "-q", "-n", str(jobs), "--dist", "loadfile"]
+    command += ["-p", "no:cacheprovider", "-p", "mutant_runner", "-m", "not slow and not long"]
+    command += ["--cov-config=.coveragerc", f"--cov={copy / SOURCES / 'atom_core'}"]
+    command += ["--cov-context=test", "--cov-report=", "atom_core/tests"]
+    environment = _environment(copy)
+    environment["PYTHONPATH"] += os.pathsep + str(ROOT / "tests")
+    environment["MUTANTS_SECONDS"] = str(OUTPUT / "seconds.json")
+    if subprocess.run(command, cwd=copy, env=environment).returncode:
+        sys.exit("mutants: the tests fail without any mutant")
+    seconds = json.loads((OUTPUT / "seconds.json").read_text("utf-8"))
+    data = coverage.CoverageData(str(copy / ".coverage"))
+    data.read()
+    of_line: Dict[Tuple[str, int], List[str]] = {}
+    of_module: Dict[str, List[str]] = {}
+    for file in data.measured_files():
+        path = str(Path(file).relative_to(copy))
+        lines = data.contexts_by_lineno(file)
+        in_module = set()
+        for line, contexts in lines.items():
+            of_line[path, line] = _with_shared(contexts, seconds)
+            in_module.update(of_line[path, line])
+        of_module[path] = sorted(in_module)
+    return Tests(of_line, of_module, seconds)
+
+
+def _with_shared(contexts: List[str], seconds: Dict[str, float]) -> List[str]:
+    """Return the tests of contexts, and where it was a fixture's, all that may share it."""
+    tests = {context.rpartition("|")[0] for context in contexts if context}
+    sharing = {c.partition("::")[0] for c in contexts if c.endswith("|setup")}
+    tests |= {test for test in seconds if test.partition("::")[0] in sharing}
+    return sorted(test for test in tests if test in seconds)
+
+
+def _tests_of(mutant: Mutant, tests: Tests) -> List[str]:
+    """Return the tests for a mutant: those of its package first, then quick ones."""
+    found = tests.of_line.get((mutant.path, mutant.line)) or tests.of_module.get(mutant.path, [])
+    package = Path(mutant.path).parent.name
+    ordered = sorted(found, key=lambda t: (f"/{package}/" not in t, tests.seconds[t]))
+    kept, total = [], 0.0
+    for test in ordered:
+        total += tests.seconds[test]
+        if total > TESTS_S and kept:
+            break
+        kept.append(test)
+    return kept
+
+
+def _mutated(mutant: Mutant, text: str) -> str:
+    from cosmic_ray.mutating import mutate_code
+    from cosmic_ray.plugins import get_operator
+
+    changed = mutate_code(text, get_operator(mutant.operator)(), mutant.which)
+    if changed is None:
+        raise ValueError(f"no such mutant: {mutant}")
+    return str(changed)
+
+
+def _outcomes(copies: List[Path], chosen: Dict[Mutant, List[str]]):
+    """Yield each mutant with its outcome: killed, survived, or not executed by any test."""
+    waiting, done, lock = list(chosen), [], threading.Lock()
+    ready = threading.Semaphore(0)
+
+    def work(copy: Path) -> None:
+        with _Runner(copy) as runner:
+            while True:
+                with lock:
+                    if not waiting:
+                        return
+                    mutant = waiting.pop()
+                outcome = runner.outcome(mutant, chosen[mutant])
+                with lock:
+                    done.append((mutant, outcome))
+                ready.release()
+
+    for copy in copies:
+        threading.Thread(target=work, args=(copy,), daemon=True).start()
+    for number in range(len(chosen)):
+        ready.acquire()
+        with lock:
+            mutant, outcome = done[number]
+        where = f"{mutant.path}:{mutant.line} {mutant.operator}"
+        print(f"{number + 1}/{len(chosen)} {outcome}: {where}", flush=True)
+        yield mutant, outcome
+
+
+class _Runner:
+    """A process with the libraries loaded, which forks for each mutant."""
+
+    def __init__(self, copy: Path):
+        self._copy = copy
+
+    def __enter__(self) -> _Runner:
+        self._process = subprocess.Popen(
+            [sys.executable, str(ROOT / "tests" / "mutant_runner.py")],
+            cwd=self._copy,
+            env=_environment(self._copy),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+        return self
+
+    def __exit__(self, *_) -> None:
+        self._process.stdin.close()
+        self._process.wait()
+
+    def outcome(self, mutant: Mutant, tests: List[str]) -> str:
+        if not tests:
+            return "not executed"
+        file = self._copy / mutant.path
+        text = file.read_text("utf-8")
+        file.write_text(_mutated(mutant, text), "utf-8")
+        try:
+            code = self._run(tests)
+        finally:
+            file.write_text(text, "utf-8")
+        if code not in (0, 1, -1) and self._run(tests) != 0:
+            return "tests fail without it"
+        return "killed" if code else "survived"
+
+    def _run(self, tests: List[str]) -> int:
+        self._process.stdin.write(json.dumps(tests) + "\n")
+        self._process.stdin.flush()
+        return int(self._process.stdout.readline())
+
+
+def _report(drawn: List[Mutant], places: int) -> None:
+    lines = (OUTPUT / "outcomes.jsonl").read_text("utf-8").splitlines()
+    outcomes = {Mutant(**{k: v for k, v in o.items() if k != "outcome"}): o["outcome"]
+                for o in map(json.loads, lines)}
+    with (OUTPUT / "survivors.txt").open("w") as stream:
+        for mutant in sorted(drawn):
+            if outcomes[mutant] != "killed":
+                stream.write(f"{outcomes[mutant]}: {mutant.operator}\n{_change(mutant)}\n\n")
+    print(f"\n{len(drawn)} of {places} places, one mutant each\n")
+    print("| package | mutants | killed | survived | not executed | share killed |")
+    print("|---|---|---|---|---|---|")
+    for package in (*PACKAGES, ""):
+        count = Counter(o for m, o in outcomes.items() if f"/atom_core/{package}" in m.path)
+        total = sum(count.values())
+        if total:
+            row = (count["killed"], count["survived"], count["not executed"])
+            share = f"{100 * count['killed'] / total:.0f} %"
+            print("|", " | ".join(map(str, (package or "all", total, *row, share))), "|")
+
+
+def _change(mutant: Mutant) -> str:
+    text = (ROOT / mutant.path).read_text("utf-8")
+    pair = (text.splitlines(), _mutated(mutant, text).splitlines())
+    return "\n".join(difflib.unified_diff(*pair, mutant.path, mutant.path, lineterm="", n=1))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
