@@ -6,6 +6,7 @@ As a plugin of pytest it writes how long each test took, into $MUTANTS_SECONDS.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import resource
@@ -64,16 +65,13 @@ def _run(tests: List[str]) -> int:
 
 def _end(child: int) -> None:
     """End a child and all that it has started."""
-    try:
+    with contextlib.suppress(ProcessLookupError):
         os.killpg(child, signal.SIGKILL)
-    except ProcessLookupError:
-        pass
 
 
 def main() -> None:
     """Load what takes long, then serve."""
     import cv2  # noqa: F401
-    import hypothesis  # noqa: F401
     import numpy  # noqa: F401
     import scipy.optimize
     import scipy.sparse.linalg

@@ -15,14 +15,16 @@ import argparse
 import difflib
 import json
 import os
+import queue
 import random
 import shutil
 import subprocess
 import sys
-import threading
 from collections import Counter, defaultdict
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Dict, List, NamedTuple, Tuple
+from typing import Dict, Iterator, List, NamedTuple, Tuple
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / ".mutation"))  # Cosmic Ray, behind what the tests use
@@ -126,8 +128,6 @@ def _drawn(args: argparse.Namespace) -> List[Mutant]:
 
 def _watched(copy: Path, jobs: int) -> Tests:
     """Run the tests of the core once, and note what each executes."""
-    import coverage
-
     (copy / ".coveragerc").write_text("[run]\nparallel = true\n", "utf-8")
     command = [sys.executable, "-m", "pytest", "-q", "-n", str(jobs), "--dist", "loadfile"]
     command += ["-p", "no:cacheprovider", "-p", "mutant_runner", "-m", "not slow and not long"]
@@ -138,6 +138,12 @@ def _watched(copy: Path, jobs: int) -> Tests:
     environment["MUTANTS_SECONDS"] = str(OUTPUT / "seconds.json")
     if subprocess.run(command, cwd=copy, env=environment).returncode:
         sys.exit("mutants: the tests fail without any mutant")
+    return _noted(copy)
+
+
+def _noted(copy: Path) -> Tests:
+    import coverage
+
     seconds = json.loads((OUTPUT / "seconds.json").read_text("utf-8"))
     data = coverage.CoverageData(str(copy / ".coverage"))
     data.read()
@@ -186,32 +192,27 @@ def _mutated(mutant: Mutant, text: str) -> str:
     return str(changed)
 
 
-def _outcomes(copies: List[Path], chosen: Dict[Mutant, List[str]]):
+def _outcomes(copies: List[Path], chosen: Dict[Mutant, List[str]]) -> Iterator[Tuple[Mutant, str]]:
     """Yield each mutant with its outcome: killed, survived, or not executed by any test."""
-    waiting, done, lock = list(chosen), [], threading.Lock()
-    ready = threading.Semaphore(0)
+    with ExitStack() as stack:
+        idle: queue.Queue[_Runner] = queue.Queue()
+        for copy in copies:
+            idle.put(stack.enter_context(_Runner(copy)))
 
-    def work(copy: Path) -> None:
-        with _Runner(copy) as runner:
-            while True:
-                with lock:
-                    if not waiting:
-                        return
-                    mutant = waiting.pop()
-                outcome = runner.outcome(mutant, chosen[mutant])
-                with lock:
-                    done.append((mutant, outcome))
-                ready.release()
+        def outcome(mutant: Mutant) -> Tuple[Mutant, str]:
+            runner = idle.get()
+            try:
+                return mutant, runner.outcome(mutant, chosen[mutant])
+            finally:
+                idle.put(runner)
 
-    for copy in copies:
-        threading.Thread(target=work, args=(copy,), daemon=True).start()
-    for number in range(len(chosen)):
-        ready.acquire()
-        with lock:
-            mutant, outcome = done[number]
-        where = f"{mutant.path}:{mutant.line} {mutant.operator}"
-        print(f"{number + 1}/{len(chosen)} {outcome}: {where}", flush=True)
-        yield mutant, outcome
+        pool = stack.enter_context(ThreadPoolExecutor(len(copies)))
+        done = as_completed([pool.submit(outcome, mutant) for mutant in chosen])
+        for number, future in enumerate(done, 1):
+            mutant, said = future.result()
+            where = f"{mutant.path}:{mutant.line} {mutant.operator}"
+            print(f"{number}/{len(chosen)} {said}: {where}", flush=True)
+            yield mutant, said
 
 
 class _Runner:
@@ -227,7 +228,6 @@ class _Runner:
             env=_environment(self._copy),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
             text=True,
         )
         return self
@@ -258,8 +258,10 @@ class _Runner:
 
 def _report(drawn: List[Mutant], places: int) -> None:
     lines = (OUTPUT / "outcomes.jsonl").read_text("utf-8").splitlines()
-    outcomes = {Mutant(**{k: v for k, v in o.items() if k != "outcome"}): o["outcome"]
-                for o in map(json.loads, lines)}
+    outcomes = {
+        Mutant(**{k: v for k, v in o.items() if k != "outcome"}): o["outcome"]
+        for o in map(json.loads, lines)
+    }
     with (OUTPUT / "survivors.txt").open("w") as stream:
         for mutant in sorted(drawn):
             if outcomes[mutant] != "killed":

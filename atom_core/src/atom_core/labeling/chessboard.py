@@ -69,7 +69,14 @@ class ChessboardFinder:
         found = detect(grey, (self.columns, self.rows))
         if found is None:
             return FoundBoard(None, f"no chessboard of {self._size()} inner corners is seen")
-        grid = self._oriented(grey, found.reshape(self.rows, self.columns, 2))
+        return self._labeled(grey, found.reshape(self.rows, self.columns, 2))
+
+    def _labeled(self, grey: np.ndarray, grid: np.ndarray, is_sure: bool = False) -> FoundBoard:
+        """Return the exact corners of a grid (rows, columns, 2) that a detector has found.
+
+        Unless it is sure, it may lie beside the board.
+        """
+        grid = self._oriented(grey, grid)
         black = _starts_black(grey, grid)
         corners, wrong = _refine(grey, grid, black)
         if not _clear(corners.quality.reshape(self.rows, self.columns)):
@@ -80,8 +87,14 @@ class ChessboardFinder:
             return FoundBoard(
                 None, f"corner {np.flatnonzero(wrong)[0]} of the chessboard is hidden or blurred"
             )
-        whole = _whole_grid(grey, corners.pixels.reshape(grid.shape), black)
+        exact = corners.pixels.reshape(grid.shape)
+        whole = _whole_grid(grey, exact, black)
         if whole != (self.columns, self.rows):
+            again = _regridded(grey, exact)
+            if again.shape[:2] == (self.columns, self.rows) != (self.rows, self.columns):
+                again = again.swapaxes(0, 1)
+            if again.shape == grid.shape and not is_sure:
+                return self._labeled(grey, again, is_sure=True)
             return FoundBoard(
                 None,
                 f"a chessboard of {whole[0]} x {whole[1]} inner corners is seen, not of "
@@ -214,6 +227,32 @@ def _whole_grid(grey: np.ndarray, grid: np.ndarray, starts_black: bool) -> Tuple
             count += _lines_beyond(grey, np.moveaxis(outwards, axis, 0), black)
         sizes.append(count)
     return sizes[0], sizes[1]
+
+
+def _regridded(grey: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """Return corners (rows, columns, 2) without outer lines that have none, with those beyond.
+
+    A detector may take the print's border for a line of corners, and leave out one elsewhere.
+    """
+    for ends in (_without_blank_line, _with_line_beyond):
+        for axis in (1, 0):
+            for _ in range(2):  # each end, and back again
+                grid = np.flip(ends(grey, grid, axis), axis=axis)
+    return grid
+
+
+def _without_blank_line(grey: np.ndarray, grid: np.ndarray, axis: int) -> np.ndarray:
+    corners = _refit(grey, grid, _starts_black(grey, grid))
+    first = np.take(corners.quality.reshape(grid.shape[:2]), 0, axis=axis)
+    is_blank = np.median(first) < _BEYOND_QUALITY and grid.shape[axis] > _LEAST_CORNERS
+    return np.delete(grid, 0, axis=axis) if is_blank else grid
+
+
+def _with_line_beyond(grey: np.ndarray, grid: np.ndarray, axis: int) -> np.ndarray:
+    lines = np.moveaxis(grid, axis, 0)
+    if _lines_beyond(grey, lines, _starts_black(grey, grid)) == 0:
+        return grid
+    return np.moveaxis(np.concatenate([_next_line(lines[:3])[None], lines]), 0, axis)
 
 
 def _lines_beyond(grey: np.ndarray, lines: np.ndarray, starts_black: bool) -> int:
