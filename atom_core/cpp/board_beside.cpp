@@ -18,20 +18,25 @@ bool GoesOnBesideSide(const BoardSearch& search, const Surface& surface, const R
                       BoardSegment* segment) {
   const Eigen::Vector2d half = surface.seen_half();
   const double from = surface.Tolerance(), to = from + kStrip * search.options.size.minCoeff();
-  std::array<std::array<bool, kBins>, 4> there = {};  // beside -x, +x, -y, +y
+  std::array<std::array<int, kBins>, 4> more = {};  // returns on the plane than behind it, of each
+                                                    // bin beside -x, +x, -y, +y
   for (std::size_t i = 0; i < search.window.points.size(); ++i) {
     const ScanPoint& point = search.At(static_cast<int>(i));
-    if (!surface.plane().Holds(point)) continue;
+    const bool holds = surface.plane().Holds(point);
+    if (!holds && surface.plane().Residual(point.position) < 0.0) continue;
     const Eigen::Vector2d place = pose.ToBoard(surface.InPlane(point.position));
     for (int axis = 0; axis < 2; ++axis) {
       const double beyond = std::abs(place[axis]) - half[axis];
       const double along = (place[1 - axis] / half[1 - axis] + 1.0) / 2.0;
       if (beyond < from || beyond > to || along <= 0.0 || along >= 1.0) continue;
-      there[2 * axis + (place[axis] > 0.0 ? 1 : 0)][static_cast<int>(along * kBins)] = true;
+      const int side = 2 * axis + (place[axis] > 0.0 ? 1 : 0);
+      more[side][static_cast<int>(along * kBins)] += holds ? 1 : -1;
     }
   }
-  for (const auto& side : there) {
-    if (std::count(side.begin(), side.end(), true) <= kOpenShare * kBins) continue;
+  for (const auto& side : more) {
+    // Of a wall right behind some returns lie on the plane, but most do not.
+    const auto open = std::count_if(side.begin(), side.end(), [](int bin) { return bin > 0; });
+    if (open <= kOpenShare * kBins) continue;
     segment->progress = kProgress;
     segment->reason = "the surface goes on beyond the board's outline";
     return true;
