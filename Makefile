@@ -19,7 +19,7 @@ PYTHON_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicat
 CPP_FILES = $$(git ls-files --cached --others --exclude-standard --deduplicate \
 	-- '*.h' '*.cpp' | xargs -r ls -d 2>/dev/null)
 
-.PHONY: help setup build demo test test-noetic-versions test-opencv-versions test-debian11 test-regression test-rviz test-quick test-long test-sanitizers coverage lint format bench bench-labels bench-hand-eye results deb clean pictures pictures-cell
+.PHONY: help setup build demo test test-noetic-versions test-opencv-versions test-debian11 test-regression test-rviz test-quick test-long test-sanitizers coverage mutants lint format bench bench-labels bench-hand-eye results deb clean pictures pictures-cell
 
 help: ## this list
 	@sed -n 's/^\([a-z0-9-]*\):.*## \(.*\)/\1	\2/p' Makefile | expand -t 14
@@ -80,6 +80,11 @@ test-sanitizers: setup ## C++ with the address, undefined and thread sanitizers,
 
 coverage: build ## statements that the tests execute, Python and C++, in coverage_output/; three quarters of an hour
 	@$(ENV) bash tests/coverage.bash $(JOBS) $(PYTEST)
+
+mutants: build ## small faults in the core, drawn by chance: do the tests notice? in mutants_output/; an hour and a half
+	@$(ENV) [ -d .mutation ] || python3 -m pip install --quiet --disable-pip-version-check --target .mutation \
+		-r requirements/mutants.txt
+	@$(ENV) python3 tests/mutants.py $(ARGS)
 
 test-long: build ## statistics over many simulated rigs, fuzzing, kills: what `make test` does small
 	@$(ENV) $(PYTEST) -m long
