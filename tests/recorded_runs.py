@@ -105,8 +105,8 @@ RUNS = (
         "2026-11-25",
         "93f8b6e",
         "345 passed, 5 failed (70 min). Mended since: a chessboard that a detector sees beside its "
-        "place, and boards right before a wall with 64 layers. **Open**: `calibrate` ends with 1 "
-        "on one of three recordings with 2D scanners (Ceres stops too early); the Debian package's "
+        "place, boards right before a wall with 64 layers, and a sound recording with 2D scanners "
+        "that was called wrong (Ceres stopped too early). **Open**: the Debian package's "
         "plugin and compiled Python name the folder that they were built in; one frame of a cut, "
         "other board before 64 layers has a false label, which is known",
     ),

@@ -194,6 +194,29 @@ def test_convergence_is_not_claimed_when_iterations_run_out():
     assert not end.converged
 
 
+@pytest.mark.parametrize(("promised", "is_near"), [(1e-8, True), (1e-3, False)])
+def test_where_no_step_lowers_the_cost_a_newton_step_of_no_weight_is_none(
+    monkeypatch, promised, is_near
+):
+    """As with a line scanner whose distances have kinks: 1e-8 is a ten-thousandth of a sigma."""
+    problem = problem_of(scenes.random_scene(0).dataset)
+    solver = CeresSolver(problem)
+    x = np.zeros(problem.parameters.size)
+    monkeypatch.setattr(solver, "equations", lambda *_: Promise(promised))
+    end = solver.minimise(x, sigmas_of(problem), losses.NONE, 200)
+    assert end.converged == is_near
+
+
+class Promise:
+    """Equations that promise the same decrease of the cost, however far the solver goes."""
+
+    def __init__(self, decrease):
+        self._decrease = decrease
+
+    def newton_decrease(self):
+        return self._decrease
+
+
 def test_the_cost_never_rises():
     problem = problem_of(scenes.random_scene(0).dataset)
     sigmas, x = sigmas_of(problem), np.zeros(problem.parameters.size)

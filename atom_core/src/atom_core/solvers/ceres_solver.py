@@ -35,6 +35,7 @@ from atom_core.solvers.criteria import (
     LONGEST_MOVE_M,
     LONGEST_TURN_RAD,
     ROUNDING,
+    SETTLING,
     SMALLEST_UNIT,
     Tolerance,
     unit_cost,
@@ -161,11 +162,15 @@ class CeresSolver:
             if not end["converged"] or tolerance.relative > 0 or iterations >= max_iterations:
                 break
             promised = self.equations(x, sigmas, loss).newton_decrease()
-            limit = tolerance.decrease * unit_cost(self.problem, end["cost"])
+            unit = unit_cost(self.problem, end["cost"])
+            limit = tolerance.decrease * unit
             if promised < max(limit, ROUNDING * end["cost"]):
                 return Minimum(x, end["cost"], iterations, True, ENOUGH)
             if radius >= _LAST_RADIUS:
-                return Minimum(x, end["cost"], iterations, False, "Ceres stopped too early")
+                # No step lowers the cost, as where a distance has a kink: is it near enough?
+                near = promised < SETTLING.decrease * unit
+                why = ENOUGH if near else "Ceres stopped too early"
+                return Minimum(x, end["cost"], iterations, near, why)
             radius *= _RADIUS_GROWTH
         message = ENOUGH if end["converged"] else f"not done after {iterations} iterations"
         return Minimum(x, end["cost"], iterations, end["converged"], message)
