@@ -34,6 +34,7 @@ from atom_calibration.messages.clouds import cloud_xyz, point_cloud
 from atom_calibration.messages.images import colour_image, depth_image
 from atom_calibration.messages.poses import transform_matrix
 from atom_calibration.srv import DeleteLabel
+from atom_core.io.annotations import annotation_path, read_lines
 from atom_core.io.dataset_json import read_dataset
 from atom_core.labeling.depth import DepthLabeler
 
@@ -180,6 +181,40 @@ class DatasetPlaybackTest(PlaybackCase):
         self.call("reset")
         self.assertFalse(self.told(CAMERA).corrected)
         self.assertEqual(self.saved(CAMERA).ids.tolist(), before.ids.tolist())
+
+    def test_23_a_border_is_drawn_and_saved_for_evaluations(self):
+        file = annotation_path(self.path.parent, CAMERA)
+        keys, topic = list(self.dataset.collections), f"{self.sensors[CAMERA].topic}/labeled2d"
+        self.assertFalse(file.exists())
+        before = colour_image(self.shown(CAMERA, "/labeled2d"))
+        self.assertIn("n / p: next / previous side", self.key(CAMERA, "h").message)
+        for pixel in ((20.5, 30.0), (200.0, 35.0)):
+            self.click(CAMERA, pixel, "border_click")
+        self.assertIn("top side, 2 points; saved to annotation_", self.state.message)
+        drawn = colour_image(self.latest[topic])
+        rows, columns = np.nonzero(np.any(drawn != before, axis=2))
+        self.assertLess(abs(columns.mean() - 110), 8)
+        self.assertLess(abs(rows.mean() - 32), 8)
+        self.key(CAMERA, "n")
+        self.click(CAMERA, (210.0, 150.0), "border_click")
+        lines = read_lines(file, [PATTERN], PATTERN, self.sensors[CAMERA].camera)
+        expected = {"top": [(20.5, 30), (200, 35)], "right": [(200, 35), (210, 150)]}
+        self.assertEqual(lines[SECOND], {**expected, "bottom": [], "left": []})
+        state = self.key(CAMERA, ".")
+        self.assertEqual(state.collection, keys[(keys.index(SECOND) + 1) % len(keys)])
+        self.assertEqual(self.key(CAMERA, ",").collection, SECOND)
+        self.key(CAMERA, "q")
+        until(lambda: np.array_equal(colour_image(self.latest[topic]), before), "the picture alone")
+        self.assertEqual(self.state.undo_steps, 0)  # no label is touched
+
+    def test_24_a_border_of_images_of_another_size_is_refused_and_kept(self):
+        file = annotation_path(self.path.parent, DEPTH)
+        text = '{"_metadata": {"version": "2.0", "image_size": [9, 7]}}'
+        file.write_text(text)
+        state = self.click(DEPTH, (5.0, 5.0), "border_click")
+        self.assertTrue(state.failed)
+        self.assertIn("drawn in images of 9 x 7 px", state.message)
+        self.assertEqual(file.read_text(), text)
 
     # --- collections --------------------------------------------------------------------------
 

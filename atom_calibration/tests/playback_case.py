@@ -18,6 +18,7 @@ from playback_scene import (
     write_scene,
 )
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
+from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import InteractiveMarkerFeedback, InteractiveMarkerInit
 from waiting import until
@@ -84,6 +85,8 @@ class PlaybackCase(unittest.TestCase):
                 ("mouse_click", PointStamped),
                 ("right_click", PointStamped),
                 ("polygon", PolygonStamped),
+                ("border_click", PointStamped),
+                ("border_key", String),
             ):
                 topic = f"{cls.sensors[sensor].topic}/labeled2d/{ending}"
                 cls.publishers[(sensor, ending)] = rospy.Publisher(topic, kind, queue_size=5)
@@ -191,6 +194,10 @@ class PlaybackCase(unittest.TestCase):
         message = PolygonStamped(header=header or self.header(sensor))
         message.polygon.points = [Point32(x, y, 0.0) for x, y in polygon]
         return self.after(lambda: self.publishers[(sensor, "polygon")].publish(message))
+
+    def key(self, sensor, name):
+        """Type a key over an image in which a border is drawn."""
+        return self.after(lambda: self.publishers[(sensor, "border_key")].publish(String(name)))
 
     def label(self, sensor, path=None, key=None):
         """Return a label of a file; of the dataset when no file is named."""

@@ -15,6 +15,7 @@ import rospy
 import rosunit
 from geometry_msgs.msg import PointStamped, PolygonStamped
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
 
 FOLDER = Path(__file__).resolve().parent
 sys.path.insert(0, str(FOLDER))
@@ -39,8 +40,8 @@ from scene import (  # noqa: E402
 from screen import Screen, end, middle, style_sheet  # noqa: E402
 
 # Colours that nothing else has, for what the mouse has to find.
-SAVE, DELETE, AUTOMATIC, SEED, SENSORS, COLLECTIONS, CLICK, POLYGON, IS_AUTOMATIC = (
-    (1, 200, 100 + i) for i in range(9)
+SAVE, DELETE, AUTOMATIC, SEED, SENSORS, COLLECTIONS, CLICK, POLYGON, IS_AUTOMATIC, BORDER = (
+    (1, 200, 100 + i) for i in range(10)
 )
 NAMES = {
     "save": SAVE,
@@ -50,6 +51,7 @@ NAMES = {
     "clear_seed": SEED,
     "click_mode": CLICK,
     "polygon_mode": POLYGON,
+    "border_mode": BORDER,
 }
 TABLES = {"sensors": SENSORS, "collections": COLLECTIONS}
 PATIENCE_S = 60.0  # reached by what is broken only, however busy the machine
@@ -97,6 +99,8 @@ class RvizTest(unittest.TestCase):
         cls.clicks = Inbox("/camera/labeled/mouse_click", PointStamped)
         cls.right_clicks = Inbox("/camera/labeled/right_click", PointStamped)
         cls.polygons = Inbox("/camera/labeled/polygon", PolygonStamped)
+        cls.border_clicks = Inbox("/camera/labeled/border_click", PointStamped)
+        cls.border_keys = Inbox("/camera/labeled/border_key", String)
         cls.scene = Scene()
         cls.screen = Screen()
         cls.addClassCleanup(cls.screen.close)
@@ -300,6 +304,28 @@ class RvizTest(unittest.TestCase):
         pixel = width / (right - left + 1)  # of the screen, in px
         found = np.subtract((click.point.x, click.point.y), (block_left - 0.5, block_top - 0.5))
         self.assertLess(np.abs(found - 0.5 * pixel).max(), 1.1 * pixel)
+        self.assertTrue(self.clicks.is_empty())
+
+    def test_34_a_border_is_drawn_by_clicks_and_the_keys_of_the_annotation_tool(self):
+        self.screen.click(*middle(self.screen.wait_for(BORDER)))
+        self.assertEqual(self.border_keys.next().data, "h", "the keys are told at the begin")
+        left, top, right, bottom = self.screen.wait_for(BLOCK)
+        self.screen.click(left, top)
+        first = self.border_clicks.next()
+        self.screen.key("n")
+        self.screen.click(right, bottom)
+        second = self.border_clicks.next()
+        block_left, block_top, width, height = BLOCK_PX
+        pixel = width / (right - left + 1)  # of the screen, in px
+        found = np.array([(m.point.x, m.point.y) for m in (first, second)])
+        truth = np.array([(0, 0), (width, height)]) + [block_left, block_top] - 0.5
+        self.assertLess(np.abs(found - truth).max(), 1.6 * pixel)
+        for name in ("period", "comma", "plus", "minus", "s", "w"):  # w is none
+            self.screen.key(name)
+        self.assertEqual([self.border_keys.next().data for _ in range(6)], list("n.,+-s"))
+        self.assertEqual(self.scene.calls, [], "s saves the border, and no collection")
+        self.screen.click(*middle(self.screen.wait_for(CLICK)))
+        self.assertEqual(self.border_keys.next().data, "q")
         self.assertTrue(self.clicks.is_empty())
 
     # ---- the end

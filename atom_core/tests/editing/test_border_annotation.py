@@ -2,6 +2,7 @@
 
 import json
 from argparse import Namespace
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -14,6 +15,8 @@ from atom_core.errors import DatasetError
 from atom_core.io.annotations import read_annotations, read_lines, write_annotations
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.synthetic import Noise, scenes
+
+NO_CAMERA = SimpleNamespace(camera=None)
 
 
 def typed(annotation, words):
@@ -74,7 +77,7 @@ def test_the_file_is_atoms(tmp_path):
     assert list(zip(top["ixs"], top["iys"]))[0] == (0, 0)
     assert list(zip(top["ixs"], top["iys"]))[-1] == (3, 9)
     assert document["000"]["left"]["ixs"] == [1] and document["000"]["right"]["xs"] == []
-    segments = read_annotations(tmp_path, ["rgb_1"], ["board"])["000", "rgb_1", "board"]
+    segments = read_annotations(tmp_path, {"rgb_1": NO_CAMERA}, ["board"])["000", "rgb_1", "board"]
     np.testing.assert_array_equal(segments[0], [[0, 0], [3, 4]])
     assert read_lines(path, ["board"], "board")["000"]["top"] == [(0, 0), (3, 4), (3, 9)]
     write_annotations(path, {"000": {"top": [(0, 0), (10, 0)]}}, points_per_pixel=0.5)
@@ -87,7 +90,7 @@ def test_of_two_patterns_each_keeps_its_sides(tmp_path):
         write_annotations(path, {"000": {"top": [(x, 0.0), (x, 5.0)]}}, pattern=pattern)
     for pattern, x in (("a", 1.0), ("b", 2.0)):
         assert read_lines(path, ["a", "b"], pattern)["000"]["top"] == [(x, 0), (x, 5)]
-    assert {key[2] for key in read_annotations(tmp_path, ["rgb_1"], ["a", "b"])} == {"a", "b"}
+    assert {key[2] for key in read_annotations(tmp_path, {"rgb_1": NO_CAMERA}, ["a", "b"])} == {"a", "b"}
 
 
 @pytest.fixture

@@ -1,12 +1,14 @@
 """Hand annotations of borders."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from atom_core.errors import DatasetError
-from atom_core.io.annotations import read_annotations
+from atom_core.geometry.camera import Camera
+from atom_core.io.annotations import read_annotations, read_lines, write_annotations
 
 SIDES = {
     "top": {"xs": [0, 10], "ys": [1, 1], "ixs": list(range(11)), "iys": [1] * 11},
@@ -16,6 +18,14 @@ SIDES = {
 }
 
 
+def camera(width=640, height=480):
+    return Camera(width, height, np.diag([500.0, 500.0, 1.0]))
+
+
+def cameras(*names):
+    return {name: SimpleNamespace(camera=camera()) for name in names}
+
+
 def write(folder, entry, sensor="rgb_1"):
     document = {"_metadata": {"version": "2.0", "user": "someone"}, "004": entry}
     (folder / f"annotation_{sensor}.json").write_text(json.dumps(document))
@@ -23,7 +33,7 @@ def write(folder, entry, sensor="rgb_1"):
 
 def test_clicked_points_make_the_line_and_interpolated_ones_serve_where_they_are_alone(tmp_path):
     write(tmp_path, SIDES)
-    borders = read_annotations(tmp_path, ["rgb_1", "rgb_2"], ["board"])
+    borders = read_annotations(tmp_path, cameras("rgb_1", "rgb_2"), ["board"])
     assert list(borders) == [("004", "rgb_1", "board")]
     expected = [
         [[0, 1], [10, 1]],
@@ -37,19 +47,19 @@ def test_clicked_points_make_the_line_and_interpolated_ones_serve_where_they_are
 
 def test_several_patterns_have_a_level_of_their_own(tmp_path):
     write(tmp_path, {"one": SIDES, "two": SIDES})
-    borders = read_annotations(tmp_path, ["rgb_1"], ["one", "two"])
+    borders = read_annotations(tmp_path, cameras("rgb_1"), ["one", "two"])
     assert sorted(borders) == [("004", "rgb_1", "one"), ("004", "rgb_1", "two")]
 
 
 def test_sides_without_a_pattern_are_refused_where_there_are_several(tmp_path):
     write(tmp_path, SIDES)
     with pytest.raises(DatasetError, match="several patterns"):
-        read_annotations(tmp_path, ["rgb_1"], ["one", "two"])
+        read_annotations(tmp_path, cameras("rgb_1"), ["one", "two"])
 
 
 def test_empty_sides_are_no_annotation(tmp_path):
     write(tmp_path, {side: {"xs": [], "ys": []} for side in SIDES})
-    assert read_annotations(tmp_path, ["rgb_1"], ["board"]) == {}
+    assert read_annotations(tmp_path, cameras("rgb_1"), ["board"]) == {}
 
 
 @pytest.mark.parametrize(
@@ -65,10 +75,29 @@ def test_empty_sides_are_no_annotation(tmp_path):
 def test_a_malformed_file_is_named(tmp_path, entry):
     write(tmp_path, entry)
     with pytest.raises(DatasetError, match="annotation_rgb_1.json"):
-        read_annotations(tmp_path, ["rgb_1"], ["board"])
+        read_annotations(tmp_path, cameras("rgb_1"), ["board"])
 
 
 def test_a_truncated_file_is_named(tmp_path):
     (tmp_path / "annotation_rgb_1.json").write_text('{"004": {"top":')
     with pytest.raises(DatasetError, match="annotation_rgb_1.json"):
-        read_annotations(tmp_path, ["rgb_1"], ["board"])
+        read_annotations(tmp_path, cameras("rgb_1"), ["board"])
+
+
+@pytest.mark.parametrize("x, y", [(0, -3), (641, 5), (5, 481), (1200, 900)])
+def test_points_outside_the_image_are_of_another_one(tmp_path, x, y):
+    write(tmp_path, {"top": {"xs": [5, x], "ys": [5, y]}})
+    with pytest.raises(DatasetError, match=rf"004 .*\({x}, {y}\), outside the image of 640 x 480"):
+        read_annotations(tmp_path, cameras("rgb_1"), ["board"])
+    write(tmp_path, {"top": {"xs": [-0.6, 639.9], "ys": [5, 479.6]}})
+    assert len(read_annotations(tmp_path, cameras("rgb_1"), ["board"])) == 1  # on the rim
+
+
+def test_the_size_that_was_drawn_in_is_noted_and_another_one_refused(tmp_path):
+    path = tmp_path / "annotation_rgb_1.json"
+    write_annotations(path, {"004": {"top": [(5, 5), (90, 5)]}}, camera=camera(320, 240))
+    with pytest.raises(DatasetError, match="images of 320 x 240 px, .* have 640 x 480"):
+        read_annotations(tmp_path, cameras("rgb_1"), ["board"])
+    with pytest.raises(DatasetError, match="images of 320 x 240 px"):
+        read_lines(path, ["board"], "board", camera())
+    assert read_lines(path, ["board"], "board", camera(320, 240))["004"]["top"] == [(5, 5), (90, 5)]

@@ -39,8 +39,9 @@ AtomPanel::AtomPanel(QWidget* parent) : rviz::Panel(parent) {
 bool AtomPanel::takes_keys(QObject* watched) const {
   const auto* widget = qobject_cast<QWidget*>(watched);
   if (!widget || !isVisible()) return false;
-  return widget == this || isAncestorOf(widget) || qobject_cast<const rviz::RenderPanel*>(widget) ||
-         qobject_cast<const ImageCanvas*>(widget);
+  const auto* canvas = qobject_cast<const ImageCanvas*>(widget);
+  if (canvas) return !canvas->draws_border();
+  return widget == this || isAncestorOf(widget) || qobject_cast<const rviz::RenderPanel*>(widget);
 }
 
 bool AtomPanel::eventFilter(QObject* watched, QEvent* event) {

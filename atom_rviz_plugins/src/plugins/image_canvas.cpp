@@ -12,6 +12,7 @@ namespace {
 constexpr double kClosingRadius = 10.0;  // of the first corner, in screen pixels
 constexpr double kZoomPerNotch = 1.2;
 constexpr double kEighthsPerNotch = 120.0;  // Qt's unit of a wheel
+const QString kBorderKeys("nprxc.,+-shq");  // those of the annotation tool
 const QColor kMark(255, 220, 0);
 const QColor kTaken(60, 220, 60);  // that of labels on the board
 constexpr double kFrame = 6.0;     // of a picture that is taken, in screen pixels
@@ -42,7 +43,10 @@ void ImageCanvas::show_image(const QImage& image, const QString& text) {
 }
 
 void ImageCanvas::set_mode(Mode mode) {
+  const bool drew_border = draws_border();
   mode_ = mode;
+  if (draws_border() != drew_border) Q_EMIT border_key(drew_border ? "q" : "h");
+  Q_EMIT message_changed(draws_border() ? "Left: a point. n: the next side. h: all keys" : "");
   drawing_.cancel();
   last_click_px_.reset();
   update();
@@ -97,7 +101,7 @@ void ImageCanvas::draw_marks(QPainter& painter) const {
   if (!open.isEmpty()) painter.drawPolyline(open << mouse_);
   QPolygonF closed;
   for (const Point2& corner : drawing_.closed()) closed << from(view_.widget_from_pixel(corner));
-  if (!open.isEmpty() || closed.isEmpty() || mode_ == Mode::kClick) return;
+  if (!open.isEmpty() || closed.isEmpty() || mode_ != Mode::kPolygon) return;
   painter.drawPolygon(closed);
 }
 
@@ -113,7 +117,7 @@ void ImageCanvas::mousePressEvent(QMouseEvent* event) {
     press_left(pixel);
   } else if (event->button() == Qt::RightButton && mode_ == Mode::kPolygon) {
     say(drawing_.close());
-  } else if (event->button() == Qt::RightButton && view_.contains(pixel)) {
+  } else if (event->button() == Qt::RightButton && mode_ == Mode::kClick && view_.contains(pixel)) {
     Q_EMIT right_clicked(pixel.x, pixel.y);
   }
   update();
@@ -122,6 +126,10 @@ void ImageCanvas::mousePressEvent(QMouseEvent* event) {
 void ImageCanvas::press_left(Point2 pixel) {
   if (mode_ == Mode::kPolygon) {
     say(drawing_.add(pixel, kClosingRadius / view_.scale()));
+    return;
+  }
+  if (mode_ == Mode::kBorder) {
+    Q_EMIT border_clicked(pixel.x, pixel.y);
     return;
   }
   last_click_px_ = pixel;
@@ -171,6 +179,8 @@ void ImageCanvas::keyPressEvent(QKeyEvent* event) {
   const bool polygon = mode_ == Mode::kPolygon;
   if (event->key() == Qt::Key_F) {
     fit();
+  } else if (draws_border() && event->text().size() == 1 && kBorderKeys.contains(event->text())) {
+    Q_EMIT border_key(event->text());
   } else if (polygon && (event->key() == Qt::Key_Return || event->key() == Qt::Key_Enter)) {
     say(drawing_.close());
   } else if (polygon && event->key() == Qt::Key_Escape) {

@@ -13,12 +13,13 @@ namespace atom_rviz {
 
 /// The wheel zooms at the mouse, the middle button moves, F shows all of the image.
 ///
-/// Clicking: the left and the right button. Polygons: left adds a corner, right or Enter closes (so
+/// Clicking: the left and the right button. Border: the left button, and the keys of the annotation
+/// tool, which whoever draws the border understands. Polygons: left adds a corner, right or Enter closes (so
 /// does the first corner), Backspace takes one back, Escape forgets all.
 class ImageCanvas : public QWidget {
   Q_OBJECT
  public:
-  enum class Mode { kClick, kPolygon };
+  enum class Mode { kClick, kPolygon, kBorder };
 
   explicit ImageCanvas(QWidget* parent = nullptr);
 
@@ -26,6 +27,9 @@ class ImageCanvas : public QWidget {
   void show_image(const QImage& image, const QString& text = "");
 
   void set_mode(Mode mode);
+
+  /// Letters typed over the image are for the border that is drawn.
+  bool draws_border() const { return mode_ == Mode::kBorder; }
 
   QSize sizeHint() const override { return {480, 360}; }
   QSize minimumSizeHint() const override { return {120, 90}; }
@@ -44,6 +48,11 @@ class ImageCanvas : public QWidget {
   void clicked(double x_px, double y_px);
   void right_clicked(double x_px, double y_px);
   void polygon_closed(const QVector<QPointF>& corners_px);
+  void border_clicked(double x_px, double y_px);
+
+  /// A key of the annotation tool, one letter, while a border is drawn: "h" at first, which asks
+  /// for the keys, "q" at last.
+  void border_key(const QString& key);
 
   /// The mouse is over a pixel, or (with column -1) over none.
   void hovered(int column, int row);

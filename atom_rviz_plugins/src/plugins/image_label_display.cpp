@@ -8,8 +8,10 @@
 #include <rviz/properties/enum_property.h>
 #include <rviz/properties/float_property.h>
 #include <rviz/properties/ros_topic_property.h>
+#include <std_msgs/String.h>
 
 #include <QMainWindow>
+#include <map>
 #include <pluginlib/class_list_macros.hpp>
 #include <stdexcept>
 
@@ -20,13 +22,21 @@ namespace {
 
 constexpr double kMillimetres = 1000.0;  // in a metre; the unit of 16UC1
 
+const std::map<ImageCanvas::Mode, QString>& mode_names() {
+  using Mode = ImageCanvas::Mode;
+  static const std::map<Mode, QString> names{
+      {Mode::kClick, "Click"}, {Mode::kPolygon, "Polygon"}, {Mode::kBorder, "Border"}};
+  return names;
+}
+
 }  // namespace
 
 ImageLabelDisplay::ImageLabelDisplay() {
   topic_ = new rviz::RosTopicProperty(
       "Topic", "", "sensor_msgs/Image",
       "Image to show. Clicks go to TOPIC/mouse_click and TOPIC/right_click, polygons to "
-      "TOPIC/polygon.",
+      "TOPIC/polygon, points and keys for a board's border to TOPIC/border_click and "
+      "TOPIC/border_key.",
       this, SLOT(update_topic()));
   values_topic_ = new rviz::RosTopicProperty("Values from", "", "sensor_msgs/Image",
                                              "Image of the same size whose values are told under "
@@ -35,8 +45,7 @@ ImageLabelDisplay::ImageLabelDisplay() {
                                              this, SLOT(update_values()));
   mode_ = new rviz::EnumProperty("Mode", "Click", "What the left button does.", this,
                                  SLOT(update_mode()));
-  mode_->addOption("Click", static_cast<int>(ImageCanvas::Mode::kClick));
-  mode_->addOption("Polygon", static_cast<int>(ImageCanvas::Mode::kPolygon));
+  for (const auto& [mode, name] : mode_names()) mode_->addOption(name, static_cast<int>(mode));
   automatic_ = new rviz::BoolProperty("Automatic range", true,
                                       "Depth images: grey over what each image holds.", this,
                                       SLOT(update_range()));
@@ -62,10 +71,13 @@ void ImageLabelDisplay::onInitialize() {
           [this](double x_px, double y_px) { publish_click(clicks_, x_px, y_px); });
   connect(pane_->canvas(), &ImageCanvas::right_clicked, this,
           [this](double x_px, double y_px) { publish_click(right_clicks_, x_px, y_px); });
+  connect(pane_->canvas(), &ImageCanvas::border_clicked, this,
+          [this](double x_px, double y_px) { publish_click(border_clicks_, x_px, y_px); });
+  connect(pane_->canvas(), &ImageCanvas::border_key, this, &ImageLabelDisplay::publish_key);
   connect(pane_->canvas(), &ImageCanvas::polygon_closed, this, &ImageLabelDisplay::publish_polygon);
   connect(pane_->canvas(), &ImageCanvas::hovered, this, &ImageLabelDisplay::show_value);
   connect(pane_, &ImagePane::mode_chosen, this, [this](int mode) {
-    mode_->setString(mode == static_cast<int>(ImageCanvas::Mode::kPolygon) ? "Polygon" : "Click");
+    mode_->setString(mode_names().at(static_cast<ImageCanvas::Mode>(mode)));
   });
   update_range();
 }
@@ -148,6 +160,8 @@ void ImageLabelDisplay::subscribe() {
     clicks_ = update_nh_.advertise<geometry_msgs::PointStamped>(topic + "/mouse_click", 5);
     right_clicks_ = update_nh_.advertise<geometry_msgs::PointStamped>(topic + "/right_click", 5);
     polygons_ = update_nh_.advertise<geometry_msgs::PolygonStamped>(topic + "/polygon", 5);
+    border_clicks_ = update_nh_.advertise<geometry_msgs::PointStamped>(topic + "/border_click", 20);
+    border_keys_ = update_nh_.advertise<std_msgs::String>(topic + "/border_key", 20);
     subscriber_ = threaded_nh_.subscribe(topic, 1, &ImageLabelDisplay::take, this);
     update_values();
     setStatus(rviz::StatusProperty::Ok, "Topic", "OK");
@@ -162,6 +176,8 @@ void ImageLabelDisplay::unsubscribe() {
   clicks_.shutdown();
   right_clicks_.shutdown();
   polygons_.shutdown();
+  border_clicks_.shutdown();
+  border_keys_.shutdown();
 }
 
 // Runs in the thread of threaded_nh_.
@@ -234,6 +250,13 @@ void ImageLabelDisplay::publish_click(ros::Publisher& clicks, double x_px, doubl
   click.point.x = x_px;
   click.point.y = y_px;
   clicks.publish(click);
+}
+
+void ImageLabelDisplay::publish_key(const QString& key) {
+  if (!shown_.message || !border_keys_) return;
+  std_msgs::String typed;
+  typed.data = key.toStdString();
+  border_keys_.publish(typed);
 }
 
 void ImageLabelDisplay::publish_polygon(const QVector<QPointF>& corners_px) {

@@ -10,19 +10,24 @@ ImagePane::ImagePane(QWidget* parent)
       click_(button("Click", "Left and right clicks are published")),
       polygon_(button("Polygon",
                       "Left: a corner. Right or Enter: close. Backspace: one back. "
-                      "Escape: forget")) {
+                      "Escape: forget")),
+      border_(button("Border",
+                     "Draws the board's border for evaluations. Left: a point. n, p: next, previous "
+                     "side. r, x, c: removes the last point, the side, all. Dot, comma: next, "
+                     "previous collection. h: all keys")) {
   QToolButton* fit = button("Fit",
                             "Show all of the image (F). The wheel zooms, the middle button "
                             "moves");
   click_->setObjectName("click_mode");
   polygon_->setObjectName("polygon_mode");
-  click_->setCheckable(true);
-  polygon_->setCheckable(true);
+  border_->setObjectName("border_mode");
+  for (QToolButton* mode : {click_, polygon_, border_}) mode->setCheckable(true);
   message_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);
   auto* bar = new QHBoxLayout;
   bar->setSpacing(6);
   for (QWidget* widget : {static_cast<QWidget*>(click_), static_cast<QWidget*>(polygon_),
-                          static_cast<QWidget*>(fit), static_cast<QWidget*>(value_)}) {
+                          static_cast<QWidget*>(border_), static_cast<QWidget*>(fit),
+                          static_cast<QWidget*>(value_)}) {
     bar->addWidget(widget);
   }
   bar->addWidget(message_, 1);
@@ -37,6 +42,7 @@ ImagePane::ImagePane(QWidget* parent)
   };
   connect(click_, &QToolButton::clicked, this, [choose] { choose(ImageCanvas::Mode::kClick); });
   connect(polygon_, &QToolButton::clicked, this, [choose] { choose(ImageCanvas::Mode::kPolygon); });
+  connect(border_, &QToolButton::clicked, this, [choose] { choose(ImageCanvas::Mode::kBorder); });
   connect(fit, &QToolButton::clicked, canvas_, &ImageCanvas::fit);
   connect(canvas_, &ImageCanvas::message_changed, message_, &QLabel::setText);
   set_mode(ImageCanvas::Mode::kClick);
@@ -53,6 +59,7 @@ QToolButton* ImagePane::button(const QString& text, const QString& hint) {
 void ImagePane::set_mode(ImageCanvas::Mode mode) {
   click_->setChecked(mode == ImageCanvas::Mode::kClick);
   polygon_->setChecked(mode == ImageCanvas::Mode::kPolygon);
+  border_->setChecked(mode == ImageCanvas::Mode::kBorder);
   canvas_->set_mode(mode);
 }
 

@@ -33,6 +33,7 @@ class ImagePane : public QWidget {
   ImageCanvas* canvas_ = new ImageCanvas;
   QToolButton* click_;
   QToolButton* polygon_;
+  QToolButton* border_;
   QLabel* value_ = new QLabel;
   QLabel* message_ = new QLabel;
 };

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Dict, List, Mapping, Tuple
+from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 
 import cv2
 import numpy as np
@@ -115,12 +115,15 @@ def camera_info(frame: Frame) -> CameraInfo:
     return message
 
 
-def labeled_image(frame: Frame, chosen: Any = None) -> Image:
+def labeled_image(
+    frame: Frame, chosen: Any = None, draw_more: Optional[Callable[[np.ndarray], None]] = None
+) -> Image:
     """Return an image with its labels drawn in.
 
     Args:
         frame: of a camera.
         chosen: the `ChosenCorner` to point out, if it is one of this image.
+        draw_more: draws into the picture (height, width, 3) at last.
     """
     with np.errstate(invalid="ignore"):
         picture = frame.ros.draw(frame)
@@ -130,6 +133,8 @@ def labeled_image(frame: Frame, chosen: Any = None) -> Image:
         for x, y in label.pixels[label.ids == chosen.corner]:
             centre = (int(round(16 * x)), int(round(16 * y)))
             cv2.circle(picture, centre, 9 * 16, _CHOSEN_BGR, 2, cv2.LINE_AA, 4)
+    if draw_more is not None:
+        draw_more(picture)
     return picture_message(frame, picture)
 
 

@@ -13,7 +13,7 @@ from atom_core.commands import annotation_window, common
 from atom_core.commands.atom_options import AtomOption, add_meaningless_options
 from atom_core.editing.border_annotation import HELP, BorderAnnotation, Outcome
 from atom_core.errors import DatasetError
-from atom_core.io.annotations import SIDES, annotation_path, read_lines, write_annotations
+from atom_core.io.annotations import annotation_path, read_lines, write_annotations
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset
 from atom_core.model.selection import select_names
@@ -21,7 +21,6 @@ from atom_core.model.selection import select_names
 EXAMPLE = (
     "python3 -m atom_core annotate_pattern_borders_in_rgb_or_depth -d data/dataset.json -cs rgb_1"
 )
-_COLOURS = dict(zip(SIDES, ((0, 0, 255), (0, 200, 0), (255, 0, 0), (0, 220, 255))))
 _FAR_M = 5.0  # shown white in a depth image
 _NOT_HERE = (AtomOption("si", "show_images", remark="the images are shown as it is"),)
 
@@ -78,11 +77,13 @@ class Task:
             raise DatasetError(f"{args.dataset}: '{self._sensor}' has no image in any collection")
         self.path = annotation_path(args.dataset.parent, self._sensor)
         self._pattern = args.pattern or next(iter(self._dataset.patterns))
-        lines = read_lines(self.path, self._dataset.patterns, self._pattern)
+        camera = self._dataset.sensors[self._sensor].camera
+        lines = read_lines(self.path, self._dataset.patterns, self._pattern, camera)
         self.annotation = BorderAnnotation(keys, lines, args.point_size)
         self._options = {
             "points_per_pixel": args.points_per_pixel,
             "pattern": self._pattern if several else "",
+            "camera": camera,
         }
 
     def _check(self, args: argparse.Namespace) -> bool:
@@ -120,14 +121,7 @@ def picture(task: Task, width: int) -> Tuple[np.ndarray, float]:
     scale = width / image.shape[1]
     size = (width, int(round(image.shape[0] * scale)))
     shown = cv2.resize(image, size, interpolation=cv2.INTER_LINEAR)
-    drawn = task.annotation.lines[task.annotation.collection]
-    for side, points in drawn.items():
-        pixels = [(int(round(x * scale)), int(round(y * scale))) for x, y in points]
-        for begin, end in zip(pixels, pixels[1:]):
-            cv2.line(shown, begin, end, _COLOURS[side], 1, cv2.LINE_AA)
-        marker = cv2.MARKER_CROSS if SIDES.index(side) % 2 else cv2.MARKER_SQUARE
-        for at in pixels:
-            cv2.drawMarker(shown, at, _COLOURS[side], marker, task.annotation.point_size, 2)
+    task.annotation.draw(shown, scale)
     return shown, scale
 
 

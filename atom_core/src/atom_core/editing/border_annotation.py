@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from typing import Dict, List, Mapping, NamedTuple, Sequence, Tuple
 
+import cv2
+import numpy as np
+
 from atom_core.io.annotations import SIDES
 
 Point = Tuple[float, float]
@@ -17,6 +20,7 @@ HELP = (
     "r: removes the last point    x: clears the side    c: clears the collection    + / -: size",
     "s: saves and ends    q: ends without saving    h: this help",
 )
+_COLOURS = dict(zip(SIDES, ((0, 0, 255), (0, 200, 0), (255, 0, 0), (0, 220, 255))))
 
 
 class Outcome(NamedTuple):
@@ -71,6 +75,26 @@ class BorderAnnotation:
     def title(self) -> str:
         """What the window is called."""
         return f"Collection {self.collection}: {self.side} side"
+
+    def show(self, key: str) -> None:
+        """Go to a collection's top side, unless it is shown already; it must have an image."""
+        if key != self.collection:
+            self._at, self._side = self._keys.index(key), 0
+
+    def draw(self, picture: np.ndarray, scale: float = 1.0) -> None:
+        """Draw the points of the collection into a picture (height, width, 3) of its image.
+
+        Args:
+            picture: changed in place; blue, green, red.
+            scale: of the picture to the image.
+        """
+        for side, points in self.lines[self.collection].items():
+            pixels = [(int(round(x * scale)), int(round(y * scale))) for x, y in points]
+            for begin, end in zip(pixels, pixels[1:]):
+                cv2.line(picture, begin, end, _COLOURS[side], 1, cv2.LINE_AA)
+            marker = cv2.MARKER_CROSS if SIDES.index(side) % 2 else cv2.MARKER_SQUARE
+            for at in pixels:
+                cv2.drawMarker(picture, at, _COLOURS[side], marker, self.point_size, 2)
 
     def click(self, x: float, y: float) -> None:
         """Add a point [px] to the side."""

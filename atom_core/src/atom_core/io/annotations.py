@@ -11,18 +11,21 @@ import getpass
 import json
 import time
 from pathlib import Path
-from typing import Any, Collection, Dict, Iterable, List, Mapping, Sequence, Tuple
+from typing import Any, Collection, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
 from atom_core.errors import DatasetError
+from atom_core.geometry.camera import Camera
 from atom_core.geometry.polyline import evenly_spaced, segments_of
 from atom_core.io.atomic import write_json_atomically
+from atom_core.model.sensor import Sensor
 
 SIDES = ("top", "right", "bottom", "left")
 PLANE = "plane"  # of a collection in the file of a LiDAR, which has points in space, no pixels
 
-_METADATA, _VERSION = "_metadata", "2.0"
+_METADATA, _VERSION, _SIZE = "_metadata", "2.0", "image_size"
+_EDGE_PX = 1.0  # a click on the rim of an image is rounded, which may put it just outside
 
 BorderKey = Tuple[str, str, str]  # collection, sensor, pattern
 
@@ -33,33 +36,33 @@ def annotation_path(folder: Path, sensor: str) -> Path:
 
 
 def read_annotations(
-    folder: Path, sensors: Iterable[str], patterns: Collection[str]
+    folder: Path, sensors: Mapping[str, Sensor], patterns: Collection[str]
 ) -> Dict[BorderKey, np.ndarray]:
     """Return the annotated borders as segments (m, 2, 2) [px]; sensors without a file have none.
 
     Raises:
-        DatasetError: a file is malformed.
+        DatasetError: a file is malformed, or was drawn in images of another size.
     """
     borders: Dict[BorderKey, np.ndarray] = {}
-    for sensor in sensors:
-        path = annotation_path(folder, sensor)
+    for name, sensor in sensors.items():
+        path = annotation_path(folder, name)
         if path.is_file():
-            for (collection, pattern), segments in _read(path, patterns).items():
-                borders[(collection, sensor, pattern)] = segments
+            for (collection, pattern), segments in _read(path, patterns, sensor.camera).items():
+                borders[(collection, name, pattern)] = segments
     return borders
 
 
 def read_lines(
-    path: Path, patterns: Collection[str], pattern: str
+    path: Path, patterns: Collection[str], pattern: str, camera: Optional[Camera] = None
 ) -> Dict[str, Dict[str, List[Tuple[float, float]]]]:
     """Return the clicked points [px] of a pattern by collection and side, to draw on.
 
     Raises:
-        DatasetError: the file is malformed.
+        DatasetError: the file is malformed, or was drawn in images of another size than camera's.
     """
     if not path.is_file():
         return {}
-    _read(path, patterns)  # which refuses what is malformed
+    _read(path, patterns, camera)  # which refuses what is malformed
     document = json.loads(path.read_text(encoding="utf-8"))
     lines = {}
     for collection, entry in document.items():
@@ -79,6 +82,7 @@ def write_annotations(
     *,
     points_per_pixel: float = 1.0,
     pattern: str = "",
+    camera: Optional[Camera] = None,
 ) -> None:
     """Write the border that was drawn in the images of a sensor.
 
@@ -87,12 +91,15 @@ def write_annotations(
         lines: clicked points [px] by collection and side.
         points_per_pixel: how densely the lines are sampled for ATOM.
         pattern: whose sides they are, where the dataset has several; empty: as ATOM, without.
+        camera: whose images have the size that is noted down (ATOM notes none).
 
     Raises:
         OutputError: the file cannot be written.
     """
     old = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
     document: Dict[str, Any] = {_METADATA: metadata()}
+    if camera is not None:
+        document[_METADATA][_SIZE] = [camera.width, camera.height]
     for collection, sides in lines.items():
         entry = {side: _side(sides.get(side, ()), points_per_pixel) for side in SIDES}
         kept = old.get(collection) or {}
@@ -117,7 +124,9 @@ def _side(points: Sequence[Tuple[float, float]], points_per_pixel: float) -> Dic
     return {"xs": xs, "ys": ys, "ixs": ixs, "iys": iys}
 
 
-def _read(path: Path, patterns: Collection[str]) -> Dict[Tuple[str, str], np.ndarray]:
+def _read(
+    path: Path, patterns: Collection[str], camera: Optional[Camera]
+) -> Dict[Tuple[str, str], np.ndarray]:
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
         entries = {key: value for key, value in document.items() if key != _METADATA}
@@ -128,12 +137,40 @@ def _read(path: Path, patterns: Collection[str]) -> Dict[Tuple[str, str], np.nda
                 segments = _segments(sides)
                 if len(segments):
                     borders[(collection, pattern)] = segments
-        return borders
+        noted = (document.get(_METADATA) or {}).get(_SIZE)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise DatasetError(
             f"{path}: not a file of border annotations ({error}); annotate again, or move the "
             f"file away to use the board's pose instead"
         ) from None
+    if camera is not None:
+        _check_size(path, noted, borders, camera)
+    return borders
+
+
+def _check_size(
+    path: Path, noted: Any, borders: Mapping[Tuple[str, str], np.ndarray], camera: Camera
+) -> None:
+    """Refuse borders that were drawn in images of another size, or lie outside the image."""
+    size, remedy = [camera.width, camera.height], "draw them anew, or move the file away"
+    if noted is not None and noted != size:
+        raise DatasetError(
+            f"{path}: drawn in images of {_by(noted)} px, those of this dataset have "
+            f"{_by(size)}; {remedy}"
+        )
+    for (collection, _), segments in borders.items():
+        points = segments.reshape(-1, 2)
+        is_outside = (points < -_EDGE_PX) | (points > np.array(size) - 1.0 + _EDGE_PX)
+        if np.any(is_outside):
+            x, y = points[np.any(is_outside, axis=1)][0]
+            raise DatasetError(
+                f"{path}: collection {collection} has a point at ({x:.0f}, {y:.0f}), outside the "
+                f"image of {_by(size)} px: drawn in images of another size? {remedy}"
+            )
+
+
+def _by(size: Any) -> str:
+    return " x ".join(map(str, size)) if isinstance(size, list) else repr(size)
 
 
 def _by_pattern(entry: Mapping[str, Any], patterns: Collection[str]) -> Mapping[str, Any]:

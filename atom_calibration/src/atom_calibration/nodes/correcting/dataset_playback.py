@@ -1,7 +1,8 @@
 """Go through the collections of a dataset and correct their labels in RViz.
 
 Shown are data, labels and transforms of one collection. Points chosen with the tool "Label points",
-clicks and polygons in images (TOPIC/labeled2d) correct it; each correction can be undone. Saved is
+clicks and polygons in images (TOPIC/labeled2d) correct it; each correction can be undone. In the mode
+"Border" of an image a board's border is drawn, for evaluations (annotation_SENSOR.json). Saved is
 dataset_corrected.json beside the dataset: on request, when another collection is shown, and at the
 end.
 """
@@ -17,6 +18,7 @@ from typing import Any, Callable, List, Optional, Tuple
 import rospy
 from geometry_msgs.msg import PointStamped, PolygonStamped
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 from atom_calibration.msg import CollectionStates, LabelState, PlaybackState
@@ -43,10 +45,12 @@ from atom_calibration.srv import (
 from atom_core.commands.atom_options import DATASET_PLAYBACK, add_meaningless_options
 from atom_core.commands.common import add_dataset_option, add_option
 from atom_core.commands.option_parser import OptionParser, examples
+from atom_core.editing.drawn_borders import DrawnBorders
 from atom_core.editing.label_corrections import LabelCorrections
 from atom_core.errors import AtomError, OutputError
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset
+from atom_core.model.labels import DetectionKey
 
 NODE = "dataset_playback"
 EXAMPLE = """
@@ -98,7 +102,8 @@ class DatasetPlayback:
         self._polygon_removes_border = self._has_saved = False
         self._press = KeyPress()
         self._figures: Optional[Tuple[Dataset, str, List[LabelState]]] = None
-        self._topics = CollectionTopics(corrections)
+        self._borders = DrawnBorders(corrections.dataset)
+        self._topics = CollectionTopics(corrections, self._borders)
         self._state = rospy.Publisher("~state", PlaybackState, queue_size=10, latch=True)
         self._matrix = rospy.Publisher("~collections", CollectionStates, queue_size=2, latch=True)
         self._menu = MenuSphere(
@@ -258,6 +263,8 @@ class DatasetPlayback:
                 ("mouse_click", PointStamped, self._clicked),
                 ("right_click", PointStamped, self._right_clicked),
                 ("polygon", PolygonStamped, self._polygon),
+                ("border_click", PointStamped, self._border_clicked),
+                ("border_key", String, self._border_key),
             ):
                 heard = self._hear(partial(act, name))
                 rospy.Subscriber(f"{topic}/{ending}", message, heard, queue_size=20)
@@ -317,6 +324,19 @@ class DatasetPlayback:
         assert correct is not None
         removes_border = self._polygon_removes_border
         return self._corrected(sensor, correct(self._corrections, sensor, polygon, removes_border))
+
+    def _border_clicked(self, sensor: str, message: Any) -> str:
+        pixel = pixel_of(message, self._topics.shown[sensor].frame)
+        return self._corrected(sensor, self._borders.click(self._place(sensor), pixel))
+
+    def _border_key(self, sensor: str, message: Any) -> str:
+        press = self._borders.press(self._place(sensor), message.data)
+        if press.collection != self._corrections.collection:
+            self._turn(lambda: self._corrections.show(press.collection))
+        return self._corrected(sensor, press.words)
+
+    def _place(self, sensor: str) -> DetectionKey:
+        return DetectionKey(self._corrections.collection, sensor, self._corrections.pattern)
 
     def _corrected(self, sensor: str, words: str) -> str:
         self._topics.show_labels(sensor)

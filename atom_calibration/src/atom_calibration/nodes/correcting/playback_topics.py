@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, Dict, List, NamedTuple
 
+import numpy as np
 import rospy
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from tf2_msgs.msg import TFMessage
@@ -12,7 +14,9 @@ from atom_calibration.messages.poses import transforms_message
 from atom_calibration.modalities.table import is_labeled, ros_modality
 from atom_calibration.show import playback_view as view
 from atom_calibration.show.annotation import labeled_cloud
+from atom_core.editing.drawn_borders import DrawnBorders
 from atom_core.editing.label_corrections import LabelCorrections
+from atom_core.model.labels import DetectionKey
 from atom_core.model.sensor import Sensor
 
 
@@ -33,9 +37,9 @@ class CollectionTopics:
         shown: what is shown of each.
     """
 
-    def __init__(self, corrections: LabelCorrections):
+    def __init__(self, corrections: LabelCorrections, borders: DrawnBorders):
         """Advertise; nothing is published yet."""
-        self._corrections = corrections
+        self._corrections, self._borders = corrections, borders
         sensors = corrections.dataset.sensors
         self.sensors = {n: s for n, s in sensors.items() if is_labeled(s.modality)}
         self.shown: Dict[str, view.Shown] = {}
@@ -68,9 +72,15 @@ class CollectionTopics:
     def _publish_labels(self, name: str) -> None:
         frame, publishers = self.shown[name].frame, self._publishers[name]
         for publisher in publishers.pictures:
-            publisher.publish(view.labeled_image(frame, self._corrections.chosen))
+            chosen = self._corrections.chosen
+            publisher.publish(view.labeled_image(frame, chosen, partial(self._draw_border, name)))
         for publisher in publishers.points:
             publisher.publish(labeled_cloud(frame))
+
+    def _draw_border(self, name: str, picture: np.ndarray) -> None:
+        corrections = self._corrections
+        place = DetectionKey(corrections.collection, name, corrections.pattern)
+        self._borders.draw(place, picture)
 
 
 def _publishers(sensor: Sensor) -> _Publishers:
