@@ -90,7 +90,10 @@ def test_of_two_patterns_each_keeps_its_sides(tmp_path):
         write_annotations(path, {"000": {"top": [(x, 0.0), (x, 5.0)]}}, pattern=pattern)
     for pattern, x in (("a", 1.0), ("b", 2.0)):
         assert read_lines(path, ["a", "b"], pattern)["000"]["top"] == [(x, 0), (x, 5)]
-    assert {key[2] for key in read_annotations(tmp_path, {"rgb_1": NO_CAMERA}, ["a", "b"])} == {"a", "b"}
+    assert {key[2] for key in read_annotations(tmp_path, {"rgb_1": NO_CAMERA}, ["a", "b"])} == {
+        "a",
+        "b",
+    }
 
 
 @pytest.fixture

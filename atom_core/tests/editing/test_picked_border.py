@@ -66,7 +66,9 @@ def test_the_file_is_atoms_and_reads_back(tmp_path):
     assert entry["intersections"] == {} and entry["left"] == {"picked_pts": [[], [], []]}
     back = read_picked_sides(path)["003"]
     np.testing.assert_allclose(back.sides["right"], SIDES["right"], atol=1e-12)
-    assert read_annotations(tmp_path, {"lidar_1": SimpleNamespace(camera=None)}, ["a", "b"]) == {}  # no pixels of a camera
+    assert (
+        read_annotations(tmp_path, {"lidar_1": SimpleNamespace(camera=None)}, ["a", "b"]) == {}
+    )  # no pixels of a camera
     path.write_text('{"003": {"plane": {}}}')
     with pytest.raises(DatasetError, match="not a file of picked borders"):
         read_picked_sides(path)

@@ -1,17 +1,17 @@
 """The minimiser against scipy.optimize.least_squares, and what its flags may claim."""
 
 import itertools
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.prepare.preparation import free_edges
-from atom_core.calibration.start.boards import initial_boards
-from atom_core.calibration.start.disturb import disturbed
-from atom_core.problem.builder import build_problem
-from atom_core.problem.measurements import read_measurements
+sys.path.insert(0, str(Path(__file__).parent))
+
+from problems import problem_of, rows, sigmas_of  # noqa: E402
+
 from atom_core.solvers import losses
 from atom_core.solvers.base import SolverOptions
 from atom_core.solvers.covariance import Covariance
@@ -26,23 +26,6 @@ SCENES = {
     "board_on_arm": scenes.board_on_arm,
     "two_patterns": scenes.two_patterns,
 }
-
-
-def problem_of(scene, seed=0, disturbance=(0.05, 0.05), **options):
-    dataset = scene(seed, collections=6, **options).dataset
-    free = free_edges(dataset, CalibrationOptions())
-    dataset = disturbed(dataset, free, *disturbance, np.random.default_rng(seed))
-    measurements, _ = read_measurements(dataset)
-    boards = initial_boards(dataset, measurements, free)
-    return build_problem(dataset, measurements, boards, free)
-
-
-def sigmas_of(problem):
-    return tuple(block.sigma for block in problem.residual_blocks)
-
-
-def rows(problem, x, sigmas):
-    return np.concatenate([(r / s[:, None]).ravel() for r, s in zip(problem.residuals(x), sigmas)])
 
 
 @pytest.mark.parametrize("scene", SCENES)
