@@ -19,8 +19,16 @@ set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_PACKAGING_INSTALL_PREFIX ${CMAKE_INSTALL_PREFIX})
 set(CPACK_STRIP_FILES ON)
-# Compiled Python names the folder of the build: it is made where the package is installed.
+# Compiled Python names the folder of the build: it is made where the package is installed. Messages
+# are compiled in spite of PYTHONDONTWRITEBYTECODE, which `make deb` sets.
 set(python_folder ${CMAKE_INSTALL_PREFIX}/${CATKIN_GLOBAL_PYTHON_DESTINATION})
+install(CODE "
+  if(\"\$ENV{PYTHONDONTWRITEBYTECODE}\")
+    file(GLOB_RECURSE compiled LIST_DIRECTORIES true \"\$ENV{DESTDIR}${python_folder}/__pycache__\")
+    if(compiled)
+      file(REMOVE_RECURSE \${compiled})
+    endif()
+  endif()")
 foreach(script postinst prerm)
   configure_file(cmake/${script}.in ${CMAKE_CURRENT_BINARY_DIR}/debian/${script} @ONLY)
   list(APPEND CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA ${CMAKE_CURRENT_BINARY_DIR}/debian/${script})

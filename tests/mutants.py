@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import difflib
+import importlib.util
 import json
 import os
 import queue
@@ -57,6 +58,8 @@ class Tests(NamedTuple):
 def main() -> int:
     """Draw mutants, run the tests of each, write the survivors; return 0."""
     args = _arguments()
+    if importlib.util.find_spec("pytest_cov") is None:
+        sys.exit("make mutants: needs python3-pytest-cov: apt-get install python3-pytest-cov")
     shutil.rmtree(OUTPUT, ignore_errors=True)
     copies = [_copy(OUTPUT / f"copy_{number}") for number in range(args.jobs)]
     drawn = _drawn(args)
