@@ -112,6 +112,10 @@ def test_the_debian_package_has_all_that_is_installed(tmp_path):
     depends = re.search(r"^Depends: (.*)$", control, re.MULTILINE).group(1)
     for name in ("libpcl", "librviz", "python3-scipy", "python3-rospy"):
         assert name in depends, depends
+    compiles = subprocess.run(
+        ["dpkg-deb", "--info", package, "postinst"], capture_output=True, text=True, check=True
+    ).stdout
+    assert "compileall -q /opt/atom/lib/python3/dist-packages" in compiles
     subprocess.run(["dpkg-deb", "--extract", package, tmp_path], check=True)
     script = f"""
     export PATH=/usr/bin:/bin
