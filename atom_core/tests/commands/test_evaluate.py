@@ -131,8 +131,9 @@ def test_bad_input_is_refused_in_one_line_and_nothing_is_written(evaluate, capsy
     assert not output.exists()
 
 
-def test_hand_annotations_beside_the_test_set_are_used(scene, evaluate):
+def test_hand_annotations_beside_the_test_set_are_used_and_doubted(scene, evaluate, capsys):
     _, output = evaluate()
+    assert result(output)["annotations_in_doubt"] == []
     plain = result(output)["averages"]["lidar3d-rgb"]["rms"]
     for sensor in ("rgb_1", "rgb_2"):
         far = {"top": {"xs": [0.0, 1.0], "ys": [0.0, 0.0]}}
@@ -141,6 +142,11 @@ def test_hand_annotations_beside_the_test_set_are_used(scene, evaluate):
     try:
         evaluate("--overwrite")
         assert result(output)["averages"]["lidar3d-rgb"]["rms"] > plain + 100
+        doubts = result(output)["annotations_in_doubt"]
+        assert doubts and all(
+            f"warning: {doubt}" in capsys.readouterr().out for doubt in doubts[:1]
+        )
+        assert any("annotation_rgb_1.json: the border drawn in collection 00" in d for d in doubts)
     finally:
         for sensor in ("rgb_1", "rgb_2"):
             (scene / "test" / f"annotation_{sensor}.json").unlink()

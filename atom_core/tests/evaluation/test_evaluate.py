@@ -8,11 +8,13 @@ import pytest
 
 from atom_core.errors import DatasetError, SelectionError
 from atom_core.evaluation import observed
+from atom_core.evaluation.annotation_check import misplaced_annotations
 from atom_core.evaluation.evaluate import evaluate
 from atom_core.evaluation.mixed import mixed_dataset
 from atom_core.evaluation.pairs import pair_kinds, pairs_of
 from atom_core.geometry import se3
 from atom_core.geometry.plane import fit_plane
+from atom_core.geometry.polyline import segments_of
 from atom_core.model.dataset import MULTIPLE, DataSource, range_points
 from atom_core.model.dataset import pose as pose_of
 from atom_core.model.labels import DetectionKey, RangeLabel
@@ -239,6 +241,30 @@ def test_hand_annotations_come_before_the_boards_pose(exact):
     assert drawn.measured.per_collection[key].rms > 50.0
     others = [k for k in plain.measured.per_collection if k != key]
     assert all(drawn.measured.per_collection[k].rms < 1e-3 for k in others)
+
+
+@pytest.mark.parametrize("sensor", ["rgb_3", "depth_1"])
+@pytest.mark.parametrize(
+    "shift_px, sides, is_doubted",
+    [(0.0, 4, False), (3.0, 4, False), (0.0, 1, False), (60.0, 4, True), (90.0, 2, True)],
+)
+def test_a_border_that_is_drawn_elsewhere_is_told(noisy, sensor, shift_px, sides, is_doubted):
+    dataset, seen = noisy.dataset, observed.Observed(noisy.dataset)
+    key = next(k for k, _ in dataset.detections() if k.sensor == sensor)
+    if sensor == "depth_1":
+        pixels = seen.limit_pixels(key)
+        ends = pixels[[np.argmin(pixels[:, 0]), np.argmin(pixels[:, 1])]]
+        ends = np.concatenate([ends, pixels[[np.argmax(pixels[:, 0]), np.argmax(pixels[:, 1])]]])
+        border = segments_of(ends, closed=True)[:sides]
+    else:
+        border = seen.border(key)
+        border = border[: sides * len(border) // 4]
+    drawn = {(key.collection, sensor, key.pattern): border + shift_px}
+    nowhere = {("017", sensor, key.pattern): border, (key.collection, sensor, "none"): border}
+    told = misplaced_annotations(dataset, {**drawn, **nowhere})
+    assert len(told) == is_doubted
+    if told:
+        assert f"annotation_{sensor}.json" in told[0] and f"collection {key.collection}" in told[0]
 
 
 # -------------------------------------------------------------------------- the mixed dataset

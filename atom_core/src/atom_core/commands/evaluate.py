@@ -20,6 +20,7 @@ from atom_core.commands.report_files import REPORT_FILES, report_beside
 from atom_core.commands.report_option import add_report_option
 from atom_core.commands.verdict_output import print_verdict
 from atom_core.errors import SelectionError
+from atom_core.evaluation.annotation_check import misplaced_annotations
 from atom_core.evaluation.baselines.comparison import Measured
 from atom_core.evaluation.evaluate import Evaluation, evaluate
 from atom_core.evaluation.pairs import pair_kinds
@@ -108,6 +109,7 @@ def run(args: argparse.Namespace) -> int:
     measured = Measured(train, test, evaluation, truth, annotations)
     found = chosen_baselines(args, measured, _sensors(args, train, test))
     document = evaluation_document(evaluation, compared, found.hand_eye, found.rigs)
+    document["annotations_in_doubt"] = misplaced_annotations(test, annotations)
     document["baselines_left_out"] = [*found.remarks, *found.missed]
     document["options"] = common.options_document(args)
     document["inputs"] = inputs(train=args.train, test=args.test, truth=args.truth)
@@ -123,6 +125,8 @@ def run(args: argparse.Namespace) -> int:
             f"those that were calibrated with ({_few(shared)}): errors on them are too "
             f"small; record a test set of its own\n"
         )
+    for sentence in document["annotations_in_doubt"]:
+        print(f"warning: {sentence}\n")
     print_verdict(evaluation_verdict(evaluation))
     if not args.no_report:
         report_beside(folder, None, folder)

@@ -10,10 +10,11 @@ from atom_core.calibration.prepare.input_changes import without_partial_detectio
 from atom_core.commands import common
 from atom_core.commands.atom_options import AtomOption, add_meaningless_options
 from atom_core.errors import DatasetError, OutputError
+from atom_core.evaluation.annotation_check import misplaced_annotations
 from atom_core.evaluation.between_collections import between_collections
 from atom_core.evaluation.evaluate import evaluate
 from atom_core.evaluation.mixed import mixed_dataset
-from atom_core.evaluation.observed import Observed
+from atom_core.evaluation.observed import Borders, Observed
 from atom_core.evaluation.pairs import Pair, pair_kinds
 from atom_core.evaluation.results import PairResult
 from atom_core.io.annotations import read_annotations
@@ -185,7 +186,7 @@ def _measured(tool: Evaluator, args: argparse.Namespace) -> PairResult:
         test,
         sensors=[s for s in test.sensors if s in (args.source, args.target)],
         pairs=[f"{args.source}:{args.target}"],
-        annotations=read_annotations(args.test_json.parent, test.sensors, test.patterns),
+        annotations=_annotations(args, test),
     )
     of_kind = [result for result in evaluation.pairs if result.pair.kind.name == tool.kind]
     ends = args.source, args.target
@@ -207,12 +208,20 @@ def _measured_between(tool: Evaluator, args: argparse.Namespace) -> PairResult:
             f"{args.test_json}: {named} cannot be measured: they are no pair of {tool.kind}"
         )
     mixed = mixed_dataset(train, test, [args.source, args.target])
-    annotations = read_annotations(args.test_json.parent, test.sensors, test.patterns)
-    pair, observed = Pair(kind, args.source, args.target), Observed(mixed, annotations)
+    observed = Observed(mixed, _annotations(args, test))
+    pair = Pair(kind, args.source, args.target)
     result = between_collections(pair, observed, mixed, frame=args.fixed_frame)
     if result.measured is None:
         raise DatasetError(f"{args.test_json}: {named} cannot be measured: {result.skipped}")
     return result
+
+
+def _annotations(args: argparse.Namespace, test: Dataset) -> Borders:
+    """Return the borders drawn in the test set's images; warn of those that are elsewhere."""
+    annotations = read_annotations(args.test_json.parent, test.sensors, test.patterns)
+    for sentence in misplaced_annotations(test, annotations):
+        print(f"warning: {sentence}")
+    return annotations
 
 
 def test_set(args: argparse.Namespace, sensors: Sequence[str] = ()) -> Dataset:

@@ -47,7 +47,8 @@ def pairs_section(given: Given) -> List[Section]:
     for name, entry in document.get("baselines", {}).items():
         if isinstance(entry, Mapping) and entry.get("skipped"):
             blocks.append(Text(f"Baseline {name}: {entry['skipped']}", warns=True))
-    blocks += [Text(told, warns=True) for told in document.get("baselines_left_out", [])]
+    for name in ("annotations_in_doubt", "baselines_left_out"):
+        blocks += [Text(told, warns=True) for told in document.get(name, [])]
     return [Section("pairs", "Sensors against one another, on the test set", blocks)]
 
 
