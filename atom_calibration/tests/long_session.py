@@ -1,0 +1,124 @@
+"""A long session of the live collector: the same stops again and again, with ever rising stamps.
+
+Run below a master; writes to standard output, as JSON, what became of the saves and how much
+memory each node held after each play. A play is one stop at each place of the board.
+
+Usage: long_session.py OUTPUT_FOLDER PLAYS SECONDS_OF_A_STOP {keep,delete}
+"""
+
+import json
+import sys
+import threading
+import xmlrpc.client
+from pathlib import Path
+
+import rosgraph
+import rosnode
+import rospy
+from live_scene import COLLECTIONS, LiveRig, LiveScene, Process
+
+from atom_calibration.msg import CollectorState
+from atom_calibration.srv import DeleteCollection, SaveCollection
+
+NODE = "/collect_data"
+_START_S, _STOP_WITHIN_S = 180.0, 300.0  # reached by what is broken only
+_US = "/long_session"
+
+
+class Session:
+    """The rig, the collector, and what is noted of both."""
+
+    def __init__(self, folder, stop_s):
+        """Start the collector, and show it the rig until all sensors have labels."""
+        self._stop_s, self.state = stop_s, None
+        self.refused, self.memory_mb = [], []
+        scene = LiveScene()
+        config = scene.write_config(folder / "config.yml")
+        rospy.Subscriber(f"{NODE}/state", CollectorState, self._keep)
+        self.launch = Process(
+            *("roslaunch", "atom_calibration", "collect_data.launch", f"config:={config}"),
+            *(f"output_folder:={folder / 'dataset'}", "rviz:=false"),
+        )
+        self.rig = LiveRig(scene)
+        self.rig.show_until(COLLECTIONS[0], self._all_see, _START_S, lambda: self.state)
+
+    def _keep(self, state):
+        self.state = state
+
+    def _all_see(self):
+        state = self.state
+        seen = [[p.detected for p in s.patterns] for s in state.sensors] if state else []
+        return bool(seen) and all(patterns == [True] for patterns in seen)
+
+    def play(self):
+        """Stop at each place and save; return the names of the collections."""
+        names = []
+        for key in COLLECTIONS:
+            self._show(key, self.rig.stamp_s + self._stop_s)
+            answer = self._save(key)
+            if answer.success:
+                names.append(answer.collection_name)
+            else:
+                self.refused.append(answer.message)
+        return names
+
+    def _show(self, key, end_s):
+        self.rig.show_until(key, lambda: self.rig.stamp_s > end_s, _STOP_WITHIN_S, lambda: "a stop")
+
+    def _save(self, key):
+        answers = []
+        ask = rospy.ServiceProxy(f"{NODE}/save_collection", SaveCollection)
+        asking = threading.Thread(target=lambda: answers.append(ask()))
+        asking.start()
+        self.rig.show_until(key, lambda: answers, _STOP_WITHIN_S, lambda: "the answer to a save")
+        asking.join()
+        return answers[0]
+
+    def delete(self, names):
+        """Delete collections again."""
+        for name in names:
+            answer = rospy.ServiceProxy(f"{NODE}/delete_collection", DeleteCollection)(name)
+            if not answer.success:
+                self.refused.append(answer.message)
+
+    def note_memory(self):
+        """Note how much memory [MB] each node holds."""
+        self.memory_mb.append({name: _resident_mb(pid) for name, pid in _pids().items()})
+
+
+def _pids():
+    master, found = rosgraph.Master(_US), {}
+    for name in rosnode.get_node_names():
+        if name not in ("/rosout", _US):
+            uri = master.lookupNode(name)
+            found[name] = xmlrpc.client.ServerProxy(uri).getPid(_US)[2]
+    return found
+
+
+def _resident_mb(pid):
+    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+        if line.startswith("VmRSS:"):
+            return int(line.split()[1]) / 1024.0
+    raise RuntimeError(f"process {pid} has ended")
+
+
+def main():
+    """Run the session, and end the collector as a user does."""
+    folder, plays, stop_s = Path(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])
+    rospy.init_node(_US.strip("/"))
+    session, saved = Session(folder, stop_s), 0
+    for _ in range(plays):
+        names = session.play()
+        saved += len(names)
+        if sys.argv[4] == "delete":
+            session.delete(names)
+        session.note_memory()
+    running = session.launch.is_running()
+    sys.stdout, out = sys.stderr, sys.stdout  # what the launch has said is no result
+    session.launch.end()
+    figures = {"saved": saved, "refused": session.refused, "ran_to_the_end": running}
+    json.dump({**figures, "memory_mb": session.memory_mb}, out)
+
+
+if __name__ == "__main__":
+    main()
