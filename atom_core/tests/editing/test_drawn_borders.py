@@ -79,7 +79,12 @@ def test_what_cannot_be_drawn_on_is_refused_and_kept(dataset):
     for place in (lidar, other):
         with pytest.raises(LabelingError, match=f"{place.sensor} has no image in collection"):
             DrawnBorders(dataset).click(place, np.array([1.0, 1.0]))
+    camera = dataset.sensors["rgb_1"].camera
+    for pixel in ((-1.0, 5.0), (5.0, -1.0), (camera.width, 5.0), (5.0, camera.height)):
+        with pytest.raises(LabelingError, match="is outside the image of rgb_1"):
+            DrawnBorders(dataset).click(RGB, np.array(pixel))
     path = file_of(dataset, RGB)
+    assert not path.exists()
     path.write_text(json.dumps({"_metadata": {"image_size": [9, 7]}}))
     with pytest.raises(DatasetError, match="drawn in images of 9 x 7 px"):
         DrawnBorders(dataset).press(RGB, "c")

@@ -85,12 +85,19 @@ def test_a_truncated_file_is_named(tmp_path):
 
 
 @pytest.mark.parametrize("x, y", [(0, -3), (641, 5), (5, 481), (1200, 900)])
-def test_points_outside_the_image_are_of_another_one(tmp_path, x, y):
+def test_where_many_points_are_outside_the_images_are_others(tmp_path, x, y):
     write(tmp_path, {"top": {"xs": [5, x], "ys": [5, y]}})
-    with pytest.raises(DatasetError, match=rf"004 .*\({x}, {y}\), outside the image of 640 x 480"):
+    words = rf"1 of 2 points lie outside the images of 640 x 480 px, the first at \({x}, {y}\)"
+    with pytest.raises(DatasetError, match=words):
         read_annotations(tmp_path, cameras("rgb_1"), ["board"])
+
+
+def test_some_points_outside_are_lines_drawn_on_beyond_the_image(tmp_path):
     write(tmp_path, {"top": {"xs": [-0.6, 639.9], "ys": [5, 479.6]}})
     assert len(read_annotations(tmp_path, cameras("rgb_1"), ["board"])) == 1  # on the rim
+    write(tmp_path, {"top": {"xs": [5, 90, 600, 700], "ys": [5, 5, 5, 5]}})
+    (segments,) = read_annotations(tmp_path, cameras("rgb_1"), ["board"]).values()
+    assert len(segments) == 3
 
 
 def test_the_size_that_was_drawn_in_is_noted_and_another_one_refused(tmp_path):

@@ -46,11 +46,15 @@ class DrawnBorders:
         """Add a point (2,) [px] to the side that is drawn, and save.
 
         Raises:
-            LabelingError: the camera has no image there.
+            LabelingError: the camera has no image there, or the point is outside it.
             DatasetError: the file that is there is none, or was drawn in images of another size.
             OutputError: it cannot be written.
         """
-        drawn = self._at(place)
+        drawn, camera = self._at(place), self._dataset.sensors[place.sensor].camera
+        assert camera is not None
+        if not (-0.5 <= pixel[0] <= camera.width - 0.5 and -0.5 <= pixel[1] <= camera.height - 0.5):
+            x, y = pixel
+            raise LabelingError(f"({x:.0f}, {y:.0f}) is outside the image of {place.sensor}")
         drawn.click(float(pixel[0]), float(pixel[1]))
         return self._saved(place, drawn)
 
