@@ -48,7 +48,7 @@ deb: setup ## a Debian package of the install space, below /opt/atom, in build_d
 		-DPYTHON_EXECUTABLE=/usr/bin/python3 -DCATKIN_ENABLE_TESTING=OFF \
 		-DCATKIN_DEVEL_PREFIX="$$PWD/build_deb/devel" -DCMAKE_INSTALL_PREFIX=/opt/atom
 	@cmake --build build_deb -j $(JOBS)
-	@cd build_deb && rm -f *.deb && PYTHONDONTWRITEBYTECODE=1 cpack --config CPackConfig.cmake && ls -l *.deb
+	@cd build_deb && rm -f *.deb && PYTHONDONTWRITEBYTECODE=1 ATOM_WITHOUT_COMPILED_PYTHON=1 cpack --config CPackConfig.cmake && ls -l *.deb
 
 demo: build ## the main job on the simulated cell, from bags to evaluation, in demo_output/; EXAMPLE=rihbot: on that robot
 	@$(ENV) rosrun atom_examples demo --overwrite $(if $(EXAMPLE),--example $(EXAMPLE) --output demo_output/$(EXAMPLE),--output demo_output)

@@ -20,10 +20,10 @@ set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_PACKAGING_INSTALL_PREFIX ${CMAKE_INSTALL_PREFIX})
 set(CPACK_STRIP_FILES ON)
 # Compiled Python names the folder of the build: it is made where the package is installed. Messages
-# are compiled in spite of PYTHONDONTWRITEBYTECODE, which `make deb` sets.
+# are compiled in spite of PYTHONDONTWRITEBYTECODE; `make deb` sets both.
 set(python_folder ${CMAKE_INSTALL_PREFIX}/${CATKIN_GLOBAL_PYTHON_DESTINATION})
 install(CODE "
-  if(\"\$ENV{PYTHONDONTWRITEBYTECODE}\")
+  if(\"\$ENV{ATOM_WITHOUT_COMPILED_PYTHON}\")
     file(GLOB_RECURSE compiled LIST_DIRECTORIES true \"\$ENV{DESTDIR}${python_folder}/*\")
     list(FILTER compiled INCLUDE REGEX \"/__pycache__$\")
     if(compiled)

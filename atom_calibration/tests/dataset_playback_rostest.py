@@ -187,23 +187,26 @@ class DatasetPlaybackTest(PlaybackCase):
         keys, topic = list(self.dataset.collections), f"{self.sensors[CAMERA].topic}/labeled2d"
         self.assertFalse(file.exists())
         before = colour_image(self.shown(CAMERA, "/labeled2d"))
-        self.assertIn("n / p: next / previous side", self.key(CAMERA, "h").message)
+        self.assertIn("n / p: next / previous side", self.stroke(CAMERA, "h").message)
         for pixel in ((20.5, 30.0), (200.0, 35.0)):
-            self.click(CAMERA, pixel, "border_click")
+            self.stroke(CAMERA, pixel=pixel)
         self.assertIn("top side, 2 points; saved to annotation_", self.state.message)
         drawn = colour_image(self.latest[topic])
         rows, columns = np.nonzero(np.any(drawn != before, axis=2))
         self.assertLess(abs(columns.mean() - 110), 8)
         self.assertLess(abs(rows.mean() - 32), 8)
-        self.key(CAMERA, "n")
-        self.click(CAMERA, (210.0, 150.0), "border_click")
+        self.stroke(CAMERA, "n")
+        self.stroke(CAMERA, pixel=(210.0, 150.0))
         lines = read_lines(file, [PATTERN], PATTERN, self.sensors[CAMERA].camera)
         expected = {"top": [(20.5, 30), (200, 35)], "right": [(200, 35), (210, 150)]}
         self.assertEqual(lines[SECOND], {**expected, "bottom": [], "left": []})
-        state = self.key(CAMERA, ".")
+        here = self.header(CAMERA)
+        state = self.stroke(CAMERA, ".")
         self.assertEqual(state.collection, keys[(keys.index(SECOND) + 1) % len(keys)])
-        self.assertEqual(self.key(CAMERA, ",").collection, SECOND)
-        self.key(CAMERA, "q")
+        state = self.stroke(CAMERA, "c", header=here)  # typed before the picture had changed
+        self.assertTrue(state.failed and "another collection" in state.message, state.message)
+        self.assertEqual(self.stroke(CAMERA, ",").collection, SECOND)
+        self.stroke(CAMERA, "q")
         until(lambda: np.array_equal(colour_image(self.latest[topic]), before), "the picture alone")
         self.assertEqual(self.state.undo_steps, 0)  # no label is touched
 
@@ -211,9 +214,10 @@ class DatasetPlaybackTest(PlaybackCase):
         file = annotation_path(self.path.parent, DEPTH)
         text = '{"_metadata": {"version": "2.0", "image_size": [9, 7]}}'
         file.write_text(text)
-        state = self.click(DEPTH, (5.0, 5.0), "border_click")
+        state = self.stroke(DEPTH, pixel=(5.0, 5.0))
         self.assertTrue(state.failed)
         self.assertIn("drawn in images of 9 x 7 px", state.message)
+        self.assertFalse(self.stroke(DEPTH, "q").failed)  # the mode can be left all the same
         self.assertEqual(file.read_text(), text)
 
     # --- collections --------------------------------------------------------------------------

@@ -8,12 +8,11 @@ Usage: long_session.py OUTPUT_FOLDER PLAYS SECONDS_OF_A_STOP {keep,delete}
 
 import json
 import sys
-import threading
 import xmlrpc.client
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import rosgraph
-import rosnode
 import rospy
 from live_scene import COLLECTIONS, LiveRig, LiveScene, Process
 
@@ -28,10 +27,14 @@ _US = "/long_session"
 class Session:
     """The rig, the collector, and what is noted of both."""
 
-    def __init__(self, folder, stop_s):
-        """Start the collector, and show it the rig until all sensors have labels."""
-        self._stop_s, self.state = stop_s, None
+    def __init__(self):
+        """Begin with nothing."""
+        self.state, self.launch = None, None
         self.refused, self.memory_mb = [], []
+
+    def start(self, folder, stop_s):
+        """Start the collector, and show it the rig until all sensors have labels."""
+        self._stop_s = stop_s
         scene = LiveScene()
         config = scene.write_config(folder / "config.yml")
         rospy.Subscriber(f"{NODE}/state", CollectorState, self._keep)
@@ -41,6 +44,11 @@ class Session:
         )
         self.rig = LiveRig(scene)
         self.rig.show_until(COLLECTIONS[0], self._all_see, _START_S, lambda: self.state)
+
+    def end(self):
+        """End the collector as a user does."""
+        if self.launch is not None:
+            self.launch.end()
 
     def _keep(self, state):
         self.state = state
@@ -66,13 +74,11 @@ class Session:
         self.rig.show_until(key, lambda: self.rig.stamp_s > end_s, _STOP_WITHIN_S, lambda: "a stop")
 
     def _save(self, key):
-        answers = []
         ask = rospy.ServiceProxy(f"{NODE}/save_collection", SaveCollection)
-        asking = threading.Thread(target=lambda: answers.append(ask()))
-        asking.start()
-        self.rig.show_until(key, lambda: answers, _STOP_WITHIN_S, lambda: "the answer to a save")
-        asking.join()
-        return answers[0]
+        with ThreadPoolExecutor(1) as pool:
+            answer = pool.submit(ask)
+            self.rig.show_until(key, answer.done, _STOP_WITHIN_S, lambda: "the answer to a save")
+            return answer.result()
 
     def delete(self, names):
         """Delete collections again."""
@@ -88,7 +94,8 @@ class Session:
 
 def _pids():
     master, found = rosgraph.Master(_US), {}
-    for name in rosnode.get_node_names():
+    publishers = master.getSystemState()[0]
+    for name in {node for _, nodes in publishers for node in nodes}:
         if name not in ("/rosout", _US):
             uri = master.lookupNode(name)
             found[name] = xmlrpc.client.ServerProxy(uri).getPid(_US)[2]
@@ -103,19 +110,22 @@ def _resident_mb(pid):
 
 
 def main():
-    """Run the session, and end the collector as a user does."""
+    """Run the session."""
     folder, plays, stop_s = Path(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])
     rospy.init_node(_US.strip("/"))
-    session, saved = Session(folder, stop_s), 0
-    for _ in range(plays):
-        names = session.play()
-        saved += len(names)
-        if sys.argv[4] == "delete":
-            session.delete(names)
-        session.note_memory()
-    running = session.launch.is_running()
-    sys.stdout, out = sys.stderr, sys.stdout  # what the launch has said is no result
-    session.launch.end()
+    session, saved = Session(), 0
+    try:
+        session.start(folder, stop_s)
+        for _ in range(plays):
+            names = session.play()
+            saved += len(names)
+            if sys.argv[4] == "delete":
+                session.delete(names)
+            session.note_memory()
+        running = session.launch.is_running()
+    finally:
+        sys.stdout, out = sys.stderr, sys.stdout  # what the launch has said is no result
+        session.end()
     figures = {"saved": saved, "refused": session.refused, "ran_to_the_end": running}
     json.dump({**figures, "memory_mb": session.memory_mb}, out)
 

@@ -18,13 +18,12 @@ from playback_scene import (
     write_scene,
 )
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2, PointField
-from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import InteractiveMarkerFeedback, InteractiveMarkerInit
 from waiting import until
 
 from atom_calibration.messages.clouds import point_cloud
-from atom_calibration.msg import CollectionStates, PlaybackState
+from atom_calibration.msg import BorderStroke, CollectionStates, PlaybackState
 from atom_calibration.show.annotation import BORDER_RGB, INSIDE_RGB
 from atom_calibration.srv import DeleteLabel, SelectPattern, ShowCollection
 from atom_core.io.dataset_json import read_dataset
@@ -85,8 +84,7 @@ class PlaybackCase(unittest.TestCase):
                 ("mouse_click", PointStamped),
                 ("right_click", PointStamped),
                 ("polygon", PolygonStamped),
-                ("border_click", PointStamped),
-                ("border_key", String),
+                ("border", BorderStroke),
             ):
                 topic = f"{cls.sensors[sensor].topic}/labeled2d/{ending}"
                 cls.publishers[(sensor, ending)] = rospy.Publisher(topic, kind, queue_size=5)
@@ -195,9 +193,11 @@ class PlaybackCase(unittest.TestCase):
         message.polygon.points = [Point32(x, y, 0.0) for x, y in polygon]
         return self.after(lambda: self.publishers[(sensor, "polygon")].publish(message))
 
-    def key(self, sensor, name):
-        """Type a key over an image in which a border is drawn."""
-        return self.after(lambda: self.publishers[(sensor, "border_key")].publish(String(name)))
+    def stroke(self, sensor, key="", pixel=(0.0, 0.0), header=None):
+        """Click, or type a key, over an image in which a border is drawn."""
+        x, y = pixel
+        message = BorderStroke(header=header or self.header(sensor), key=key, x=x, y=y)
+        return self.after(lambda: self.publishers[(sensor, "border")].publish(message))
 
     def label(self, sensor, path=None, key=None):
         """Return a label of a file; of the dataset when no file is named."""

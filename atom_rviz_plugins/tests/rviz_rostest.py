@@ -15,7 +15,6 @@ import rospy
 import rosunit
 from geometry_msgs.msg import PointStamped, PolygonStamped
 from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import String
 
 FOLDER = Path(__file__).resolve().parent
 sys.path.insert(0, str(FOLDER))
@@ -38,6 +37,8 @@ from scene import (  # noqa: E402
     Scene,
 )
 from screen import Screen, end, middle, style_sheet  # noqa: E402
+
+from atom_calibration.msg import BorderStroke  # noqa: E402
 
 # Colours that nothing else has, for what the mouse has to find.
 SAVE, DELETE, AUTOMATIC, SEED, SENSORS, COLLECTIONS, CLICK, POLYGON, IS_AUTOMATIC, BORDER = (
@@ -99,8 +100,7 @@ class RvizTest(unittest.TestCase):
         cls.clicks = Inbox("/camera/labeled/mouse_click", PointStamped)
         cls.right_clicks = Inbox("/camera/labeled/right_click", PointStamped)
         cls.polygons = Inbox("/camera/labeled/polygon", PolygonStamped)
-        cls.border_clicks = Inbox("/camera/labeled/border_click", PointStamped)
-        cls.border_keys = Inbox("/camera/labeled/border_key", String)
+        cls.border = Inbox("/camera/labeled/border", BorderStroke)
         cls.scene = Scene()
         cls.screen = Screen()
         cls.addClassCleanup(cls.screen.close)
@@ -308,24 +308,26 @@ class RvizTest(unittest.TestCase):
 
     def test_34_a_border_is_drawn_by_clicks_and_the_keys_of_the_annotation_tool(self):
         self.screen.click(*middle(self.screen.wait_for(BORDER)))
-        self.assertEqual(self.border_keys.next().data, "h", "the keys are told at the begin")
+        self.assertEqual(self.border.next().key, "h", "the keys are told at the beginning")
         left, top, right, bottom = self.screen.wait_for(BLOCK)
         self.screen.click(left, top)
-        first = self.border_clicks.next()
+        first = self.border.next()
+        self.assertEqual((first.header.frame_id, first.key), ("camera", ""))
         self.screen.key("n")
+        self.assertEqual(self.border.next().key, "n")
         self.screen.click(right, bottom)
-        second = self.border_clicks.next()
+        second = self.border.next()
         block_left, block_top, width, height = BLOCK_PX
         pixel = width / (right - left + 1)  # of the screen, in px
-        found = np.array([(m.point.x, m.point.y) for m in (first, second)])
+        found = np.array([(stroke.x, stroke.y) for stroke in (first, second)])
         truth = np.array([(0, 0), (width, height)]) + [block_left, block_top] - 0.5
         self.assertLess(np.abs(found - truth).max(), 1.6 * pixel)
-        for name in ("period", "comma", "plus", "minus", "s", "w"):  # w is none
+        for name in ("s", "q", "period", "comma", "plus", "minus", "u"):  # the first two are none
             self.screen.key(name)
-        self.assertEqual([self.border_keys.next().data for _ in range(6)], list("n.,+-s"))
-        self.assertEqual(self.scene.calls, [], "s saves the border, and no collection")
+        self.assertEqual([self.border.next().key for _ in range(5)], list(".,+-u"))
+        self.assertEqual(self.scene.calls, [], "s saves no collection")
         self.screen.click(*middle(self.screen.wait_for(CLICK)))
-        self.assertEqual(self.border_keys.next().data, "q")
+        self.assertEqual(self.border.next().key, "q")
         self.assertTrue(self.clicks.is_empty())
 
     # ---- the end

@@ -2,6 +2,7 @@
 
 import json
 from argparse import Namespace
+from copy import deepcopy
 from types import SimpleNamespace
 
 import cv2
@@ -12,11 +13,12 @@ from atom_core import cli
 from atom_core.commands.annotate_pattern_borders_in_rgb_or_depth import Task, picture
 from atom_core.editing.border_annotation import BorderAnnotation
 from atom_core.errors import DatasetError
+from atom_core.geometry.camera import Camera
 from atom_core.io.annotations import read_annotations, read_lines, write_annotations
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.synthetic import Noise, scenes
 
-NO_CAMERA = SimpleNamespace(camera=None)
+CAMERAS = {"rgb_1": SimpleNamespace(camera=Camera(640, 480, np.diag([500.0, 500.0, 1.0])))}
 
 
 def typed(annotation, words):
@@ -65,10 +67,28 @@ def test_what_keys_ask_of_the_window():
     assert drawn.collection == "000"
 
 
+def test_every_change_can_be_taken_back():
+    drawn = BorderAnnotation(["000", "001"], {"000": {"top": [(1, 2), (3, 4)]}})
+    states = [deepcopy(drawn.lines)]
+    for word in ("r", (9, 9), "n", "x", "c"):
+        typed(drawn, [word])
+        states.append(deepcopy(drawn.lines))
+    assert all(one != other for one, other in zip(states, states[1:]))
+    typed(drawn, [".", "+", "h"])  # change no point
+    for state in reversed(states[:-1]):
+        typed(drawn, ["u"])
+        assert drawn.lines == state
+    typed(drawn, ["u"])
+    assert drawn.lines == states[0]
+
+
+ONE = {"patterns": ["board"], "pattern": "board"}
+
+
 def test_the_file_is_atoms(tmp_path):
     path = tmp_path / "annotation_rgb_1.json"
     write_annotations(
-        path, {"000": {"top": [(0.0, 0.0), (3.0, 4.0), (3.0, 9.0)], "left": [(1, 1)]}}
+        path, {"000": {"top": [(0.0, 0.0), (3.0, 4.0), (3.0, 9.0)], "left": [(1, 1)]}}, **ONE
     )
     document = json.loads(path.read_text())
     assert document["_metadata"]["version"] == "2.0"
@@ -77,23 +97,58 @@ def test_the_file_is_atoms(tmp_path):
     assert list(zip(top["ixs"], top["iys"]))[0] == (0, 0)
     assert list(zip(top["ixs"], top["iys"]))[-1] == (3, 9)
     assert document["000"]["left"]["ixs"] == [1] and document["000"]["right"]["xs"] == []
-    segments = read_annotations(tmp_path, {"rgb_1": NO_CAMERA}, ["board"])["000", "rgb_1", "board"]
+    segments = read_annotations(tmp_path, CAMERAS, ["board"])["000", "rgb_1", "board"]
     np.testing.assert_array_equal(segments[0], [[0, 0], [3, 4]])
     assert read_lines(path, ["board"], "board")["000"]["top"] == [(0, 0), (3, 4), (3, 9)]
-    write_annotations(path, {"000": {"top": [(0, 0), (10, 0)]}}, points_per_pixel=0.5)
+    write_annotations(path, {"000": {"top": [(0, 0), (10, 0)]}}, points_per_pixel=0.5, **ONE)
     assert len(json.loads(path.read_text())["000"]["top"]["ixs"]) == 5
 
 
-def test_of_two_patterns_each_keeps_its_sides(tmp_path):
+@pytest.mark.parametrize("names", [("a", "b"), ("left", "right")])
+def test_of_two_patterns_each_keeps_its_sides(tmp_path, names):
     path = tmp_path / "annotation_rgb_1.json"
-    for pattern, x in (("a", 1.0), ("b", 2.0)):
-        write_annotations(path, {"000": {"top": [(x, 0.0), (x, 5.0)]}}, pattern=pattern)
-    for pattern, x in (("a", 1.0), ("b", 2.0)):
-        assert read_lines(path, ["a", "b"], pattern)["000"]["top"] == [(x, 0), (x, 5)]
-    assert {key[2] for key in read_annotations(tmp_path, {"rgb_1": NO_CAMERA}, ["a", "b"])} == {
-        "a",
-        "b",
-    }
+    for pattern, x in zip(names, (1.0, 2.0)):
+        lines = {"000": {"top": [(x, 0.0), (x, 5.0)]}}
+        write_annotations(path, lines, patterns=names, pattern=pattern)
+    for pattern, x in zip(names, (1.0, 2.0)):
+        assert read_lines(path, names, pattern)["000"]["top"] == [(x, 0), (x, 5)]
+    assert {key[2] for key in read_annotations(tmp_path, CAMERAS, names)} == set(names)
+
+
+def test_what_the_file_has_of_others_stays(tmp_path):
+    path = tmp_path / "annotation_rgb_1.json"
+    side = {"xs": [1.0, 2.0], "ys": [3.0, 4.0], "ixs": [1, 2], "iys": [3, 4]}
+    entries = {"000": {"board": {"top": side}, "other": {"left": side}}, "001": {"board": {}}}
+    path.write_text(json.dumps({"_metadata": {"version": "2.0"}, **entries}))
+    write_annotations(path, {"000": {"top": [(7, 7)]}}, **ONE)
+    document = json.loads(path.read_text())
+    assert document["000"]["other"] == {"left": side} and document["001"] == {"board": {}}
+    assert document["000"]["board"]["top"]["xs"] == [7.0]
+
+
+def test_interpolated_points_serve_where_they_are_alone(tmp_path):
+    path = tmp_path / "annotation_rgb_1.json"
+    path.write_text(json.dumps({"000": {"top": {"ixs": [1, 2, 3], "iys": [5, 5, 5]}}}))
+    assert read_lines(path, ["board"], "board")["000"]["top"] == [(1, 5), (2, 5), (3, 5)]
+
+
+@pytest.mark.parametrize(
+    "text", ["[1]", "{", '{"0": 5}', '{"0": []}', '{"0": {"top": {"xs": [[1]], "ys": [[2]]}}}']
+)
+def test_no_file_of_others_is_written_over(tmp_path, text):
+    path = tmp_path / "annotation_rgb_1.json"
+    path.write_text(text)
+    with pytest.raises(DatasetError, match="move it away"):
+        write_annotations(path, {"000": {"top": [(7, 7)]}}, **ONE)
+    assert path.read_text() == text
+
+
+def test_a_user_without_a_name_draws_too(tmp_path, monkeypatch):
+    def nobody():
+        raise KeyError("getpwuid(): uid not found: 1234")
+
+    monkeypatch.setattr("getpass.getuser", nobody)
+    write_annotations(tmp_path / "annotation_rgb_1.json", {"000": {"top": [(7, 7)]}}, **ONE)
 
 
 @pytest.fixture

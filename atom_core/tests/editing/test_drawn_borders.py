@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from atom_core.editing.drawn_borders import DrawnBorders
-from atom_core.errors import DatasetError, LabelingError
+from atom_core.errors import DatasetError, LabelingError, OutputError
 from atom_core.io.annotations import annotation_path, read_lines
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.dataset_writer import write_dataset_folder
@@ -58,6 +58,7 @@ def test_keys_walk_through_sides_and_collections(dataset):
     assert file_of(dataset, RGB).read_bytes() == before, "nothing was drawn"
     press = borders.press(RGB, ".")
     assert press.collection == "001" and "collection 001: top side, 0 points" in press.words
+    assert file_of(dataset, RGB).read_bytes() == before
     borders.click(RGB._replace(collection="001"), np.array([7.0, 8.0]))
     assert {key: sides["top"] for key, sides in saved(dataset, RGB).items()} == {
         "000": [(10, 10)],
@@ -86,6 +87,45 @@ def test_what_cannot_be_drawn_on_is_refused_and_kept(dataset):
     path = file_of(dataset, RGB)
     assert not path.exists()
     path.write_text(json.dumps({"_metadata": {"image_size": [9, 7]}}))
+    borders = DrawnBorders(dataset)
     with pytest.raises(DatasetError, match="drawn in images of 9 x 7 px"):
-        DrawnBorders(dataset).press(RGB, "c")
+        borders.press(RGB, "c")
+    assert borders.press(RGB, "q").collection == "000"  # the mode can be left
     assert json.loads(path.read_text()) == {"_metadata": {"image_size": [9, 7]}}
+
+
+def test_what_others_write_meanwhile_is_kept_and_seen(dataset):
+    mine, theirs = DrawnBorders(dataset), DrawnBorders(dataset)
+    mine.click(RGB, np.array([10.0, 10.0]))
+    theirs.click(RGB._replace(collection="001"), np.array([7.0, 8.0]))
+    mine.click(RGB, np.array([20.0, 10.0]))
+    lines = saved(dataset, RGB)
+    assert lines["000"]["top"] == [(10, 10), (20, 10)] and lines["001"]["top"] == [(7, 8)]
+    file_of(dataset, RGB).unlink()  # as our own sentences advise
+    assert "top side, 0 points" in mine.press(RGB, "h").words
+    mine.press(RGB, "n")
+    assert not file_of(dataset, RGB).exists()
+
+
+def test_what_cannot_be_saved_is_not_drawn(dataset, monkeypatch):
+    borders = DrawnBorders(dataset)
+    borders.click(RGB, np.array([10.0, 10.0]))
+
+    def full(*_, **__):
+        raise OutputError("no space left")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("atom_core.editing.border_drawing.write_annotations", full)
+        for _ in range(2):
+            with pytest.raises(OutputError):
+                borders.click(RGB, np.array([20.0, 10.0]))
+    assert "top side, 1 point" in borders.press(RGB, "h").words
+
+
+def test_a_step_back_is_saved_too(dataset):
+    borders = DrawnBorders(dataset)
+    borders.click(RGB, np.array([10.0, 10.0]))
+    borders.press(RGB, "c")
+    assert saved(dataset, RGB)["000"]["top"] == []
+    borders.press(RGB, "u")
+    assert saved(dataset, RGB)["000"]["top"] == [(10, 10)]

@@ -69,6 +69,7 @@ def test_empty_sides_are_no_annotation(tmp_path):
         {"top": {"xs": ["a"], "ys": [1]}},
         {"top": {"xs": [float("nan")], "ys": [1.0]}},
         {"top": [1, 2]},
+        {"top": {"xs": [[1, 2]], "ys": [[1, 2]]}},
         [1],
     ],
 )
@@ -102,7 +103,8 @@ def test_some_points_outside_are_lines_drawn_on_beyond_the_image(tmp_path):
 
 def test_the_size_that_was_drawn_in_is_noted_and_another_one_refused(tmp_path):
     path = tmp_path / "annotation_rgb_1.json"
-    write_annotations(path, {"004": {"top": [(5, 5), (90, 5)]}}, camera=camera(320, 240))
+    lines = {"004": {"top": [(5, 5), (90, 5)]}}
+    write_annotations(path, lines, patterns=["board"], pattern="board", camera=camera(320, 240))
     with pytest.raises(DatasetError, match="images of 320 x 240 px, .* have 640 x 480"):
         read_annotations(tmp_path, cameras("rgb_1"), ["board"])
     with pytest.raises(DatasetError, match="images of 320 x 240 px"):

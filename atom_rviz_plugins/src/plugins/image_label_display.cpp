@@ -1,5 +1,6 @@
 #include "plugins/image_label_display.h"
 
+#include <atom_calibration/BorderStroke.h>
 #include <geometry_msgs/PointStamped.h>
 #include <geometry_msgs/PolygonStamped.h>
 #include <rviz/display_group.h>
@@ -8,7 +9,6 @@
 #include <rviz/properties/enum_property.h>
 #include <rviz/properties/float_property.h>
 #include <rviz/properties/ros_topic_property.h>
-#include <std_msgs/String.h>
 
 #include <QMainWindow>
 #include <map>
@@ -35,8 +35,7 @@ ImageLabelDisplay::ImageLabelDisplay() {
   topic_ = new rviz::RosTopicProperty(
       "Topic", "", "sensor_msgs/Image",
       "Image to show. Clicks go to TOPIC/mouse_click and TOPIC/right_click, polygons to "
-      "TOPIC/polygon, points and keys for a board's border to TOPIC/border_click and "
-      "TOPIC/border_key.",
+      "TOPIC/polygon, points and keys for a board's border to TOPIC/border.",
       this, SLOT(update_topic()));
   values_topic_ = new rviz::RosTopicProperty("Values from", "", "sensor_msgs/Image",
                                              "Image of the same size whose values are told under "
@@ -72,8 +71,9 @@ void ImageLabelDisplay::onInitialize() {
   connect(pane_->canvas(), &ImageCanvas::right_clicked, this,
           [this](double x_px, double y_px) { publish_click(right_clicks_, x_px, y_px); });
   connect(pane_->canvas(), &ImageCanvas::border_clicked, this,
-          [this](double x_px, double y_px) { publish_click(border_clicks_, x_px, y_px); });
-  connect(pane_->canvas(), &ImageCanvas::border_key, this, &ImageLabelDisplay::publish_key);
+          [this](double x_px, double y_px) { publish_stroke("", x_px, y_px); });
+  connect(pane_->canvas(), &ImageCanvas::border_key, this,
+          [this](const QString& key) { publish_stroke(key, 0.0, 0.0); });
   connect(pane_->canvas(), &ImageCanvas::polygon_closed, this, &ImageLabelDisplay::publish_polygon);
   connect(pane_->canvas(), &ImageCanvas::hovered, this, &ImageLabelDisplay::show_value);
   connect(pane_, &ImagePane::mode_chosen, this, [this](int mode) {
@@ -160,8 +160,8 @@ void ImageLabelDisplay::subscribe() {
     clicks_ = update_nh_.advertise<geometry_msgs::PointStamped>(topic + "/mouse_click", 5);
     right_clicks_ = update_nh_.advertise<geometry_msgs::PointStamped>(topic + "/right_click", 5);
     polygons_ = update_nh_.advertise<geometry_msgs::PolygonStamped>(topic + "/polygon", 5);
-    border_clicks_ = update_nh_.advertise<geometry_msgs::PointStamped>(topic + "/border_click", 20);
-    border_keys_ = update_nh_.advertise<std_msgs::String>(topic + "/border_key", 20);
+    border_ = update_nh_.advertise<atom_calibration::BorderStroke>(
+        topic + "/border", 20, [this](const ros::SingleSubscriberPublisher&) { begin_border(); });
     subscriber_ = threaded_nh_.subscribe(topic, 1, &ImageLabelDisplay::take, this);
     update_values();
     setStatus(rviz::StatusProperty::Ok, "Topic", "OK");
@@ -176,8 +176,7 @@ void ImageLabelDisplay::unsubscribe() {
   clicks_.shutdown();
   right_clicks_.shutdown();
   polygons_.shutdown();
-  border_clicks_.shutdown();
-  border_keys_.shutdown();
+  border_.shutdown();
 }
 
 // Runs in the thread of threaded_nh_.
@@ -224,6 +223,7 @@ void ImageLabelDisplay::show_newest() {
   }
   ++received_;
   pane_->canvas()->show_image(shown_.image, shown_.problem);
+  if (received_ == 1) begin_border();
   if (shown_.problem.isEmpty()) {
     setStatus(rviz::StatusProperty::Ok, "Image", QString("%1 images shown").arg(received_));
   } else {
@@ -252,11 +252,19 @@ void ImageLabelDisplay::publish_click(ros::Publisher& clicks, double x_px, doubl
   clicks.publish(click);
 }
 
-void ImageLabelDisplay::publish_key(const QString& key) {
-  if (!shown_.message || !border_keys_) return;
-  std_msgs::String typed;
-  typed.data = key.toStdString();
-  border_keys_.publish(typed);
+void ImageLabelDisplay::publish_stroke(const QString& key, double x_px, double y_px) {
+  if (!shown_.message || !border_) return;
+  atom_calibration::BorderStroke stroke;
+  stroke.header = shown_.message->header;
+  stroke.key = key.toStdString();
+  stroke.x = x_px;
+  stroke.y = y_px;
+  border_.publish(stroke);
+}
+
+// The mode may be older than the picture, or than the node that draws.
+void ImageLabelDisplay::begin_border() {
+  if (pane_ && pane_->canvas()->draws_border()) publish_stroke("h", 0.0, 0.0);
 }
 
 void ImageLabelDisplay::publish_polygon(const QVector<QPointF>& corners_px) {

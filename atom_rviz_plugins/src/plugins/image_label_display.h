@@ -30,8 +30,8 @@ class ImagePane;
 /// Shows TOPIC in a pane of its own; clicks go to TOPIC/mouse_click and
 /// TOPIC/right_click (geometry_msgs/PointStamped),
 /// polygons to TOPIC/polygon (geometry_msgs/PolygonStamped). While a board's border is drawn, clicks
-/// go to TOPIC/border_click and the keys of the annotation tool to TOPIC/border_key
-/// (std_msgs/String; "h" at the begin, "q" at the end).
+/// and the keys of the annotation tool go to TOPIC/border (atom_calibration/BorderStroke), with the
+/// key "h" at the beginning and "q" at the end.
 ///
 /// Places are in px of the image, (0, 0) the centre of the top-left pixel, z = 0, with the header of
 /// the image that was on the screen.
@@ -70,7 +70,8 @@ class ImageLabelDisplay : public rviz::Display {
   void show_newest();
   void show_value(int column, int row);
   void publish_click(ros::Publisher& clicks, double x_px, double y_px);
-  void publish_key(const QString& key);
+  void publish_stroke(const QString& key, double x_px, double y_px);
+  void begin_border();
   void publish_polygon(const QVector<QPointF>& corners_px);
 
   rviz::RosTopicProperty* topic_;
@@ -87,8 +88,7 @@ class ImageLabelDisplay : public rviz::Display {
   ros::Publisher clicks_;
   ros::Publisher right_clicks_;
   ros::Publisher polygons_;
-  ros::Publisher border_clicks_;
-  ros::Publisher border_keys_;
+  ros::Publisher border_;
   unsigned received_ = 0;
   Shown shown_;
 

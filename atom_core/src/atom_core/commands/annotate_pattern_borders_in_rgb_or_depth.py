@@ -11,9 +11,9 @@ import numpy as np
 
 from atom_core.commands import annotation_window, common
 from atom_core.commands.atom_options import AtomOption, add_meaningless_options
-from atom_core.editing.border_annotation import HELP, BorderAnnotation, Outcome
+from atom_core.editing.border_annotation import HELP, Outcome
+from atom_core.editing.border_drawing import BorderDrawing, keys_with_image
 from atom_core.errors import DatasetError
-from atom_core.io.annotations import annotation_path, read_lines, write_annotations
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset
 from atom_core.model.selection import select_names
@@ -68,26 +68,22 @@ class Task:
             DatasetError: the sensor or the pattern is not in it, or has no image.
         """
         self._dataset, self._sensor = read_dataset(args.dataset), args.rgb_sensor
-        several = self._check(args)
+        self._check(args)
         keys = select_names(
             list(self._dataset.collections), args.collection_selection_function, "collection"
         )
-        keys = [key for key in keys if self._dataset.data.has_data(key, self._sensor)]
+        there = keys_with_image(self._dataset, self._sensor)
+        keys = [key for key in keys if key in there]
         if not keys:
             raise DatasetError(f"{args.dataset}: '{self._sensor}' has no image in any collection")
-        self.path = annotation_path(args.dataset.parent, self._sensor)
-        self._pattern = args.pattern or next(iter(self._dataset.patterns))
-        camera = self._dataset.sensors[self._sensor].camera
-        lines = read_lines(self.path, self._dataset.patterns, self._pattern, camera)
-        self.annotation = BorderAnnotation(keys, lines, args.point_size)
-        self._options = {
-            "points_per_pixel": args.points_per_pixel,
-            "pattern": self._pattern if several else "",
-            "camera": camera,
-        }
+        pattern = args.pattern or next(iter(self._dataset.patterns))
+        self._drawing = BorderDrawing(
+            self._dataset, self._sensor, pattern, keys, args.point_size, args.points_per_pixel
+        )
+        self.annotation, self.path = self._drawing.annotation, self._drawing.path
 
-    def _check(self, args: argparse.Namespace) -> bool:
-        """Refuse names that are not there; tell whether there are several patterns."""
+    def _check(self, args: argparse.Namespace) -> None:
+        """Refuse names that are not there."""
         dataset: Dataset = self._dataset
         there = [n for n, s in dataset.sensors.items() if s.camera is not None]
         if self._sensor not in there:
@@ -100,7 +96,6 @@ class Task:
             raise DatasetError(
                 f"{args.dataset}: name the board with --pattern: {', '.join(dataset.patterns)}"
             )
-        return several
 
     def image(self, key: str) -> np.ndarray:
         """Return the picture (height, width, 3) of a collection; depths up to 5 m in grey."""
@@ -112,7 +107,7 @@ class Task:
 
     def save(self) -> None:
         """Write the file."""
-        write_annotations(self.path, self.annotation.lines, **self._options)
+        self._drawing.save()
 
 
 def picture(task: Task, width: int) -> Tuple[np.ndarray, float]:

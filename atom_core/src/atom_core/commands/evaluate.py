@@ -23,6 +23,7 @@ from atom_core.errors import SelectionError
 from atom_core.evaluation.annotation_check import misplaced_annotations
 from atom_core.evaluation.baselines.comparison import Measured
 from atom_core.evaluation.evaluate import Evaluation, evaluate
+from atom_core.evaluation.observed import Borders
 from atom_core.evaluation.pairs import pair_kinds
 from atom_core.evaluation.same_data import shared_collections
 from atom_core.io.annotations import read_annotations
@@ -105,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
     truth = read_any_truth(args.truth) if args.truth else None
     evaluation = _evaluate(args, train, test, truth)
     compared = _evaluate(args, read_dataset(args.compare[0]), test, truth) if args.compare else None
-    annotations = read_annotations(args.test.parent, test.sensors, test.patterns)
+    annotations = _annotations(args, test)
     measured = Measured(train, test, evaluation, truth, annotations)
     found = chosen_baselines(args, measured, _sensors(args, train, test))
     document = evaluation_document(evaluation, compared, found.hand_eye, found.rigs)
@@ -191,8 +192,13 @@ def _evaluate(
         truth=truth,
         sensors=_sensors(args, train, test),
         pairs=args.pairs,
-        annotations=read_annotations(args.test.parent, test.sensors, test.patterns),
+        annotations=_annotations(args, test),
     )
+
+
+def _annotations(args: argparse.Namespace, test: Dataset) -> Borders:
+    """Return the borders that were drawn in the images of the test set."""
+    return read_annotations(args.test.parent, test.sensors, test.config.calibration_patterns)
 
 
 def _selected(args: argparse.Namespace, test: Dataset) -> Dataset:

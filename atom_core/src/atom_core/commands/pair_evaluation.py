@@ -218,7 +218,11 @@ def _measured_between(tool: Evaluator, args: argparse.Namespace) -> PairResult:
 
 def _annotations(args: argparse.Namespace, test: Dataset) -> Borders:
     """Return the borders drawn in the test set's images; warn of those that are elsewhere."""
-    annotations = read_annotations(args.test_json.parent, test.sensors, test.patterns)
+    ends = {name: test.sensors[name] for name in (args.source, args.target)}
+    if not any(sensor.kind.measures_range for sensor in ends.values()):
+        return {}  # between cameras no border is needed
+    patterns = test.config.calibration_patterns
+    annotations = read_annotations(args.test_json.parent, ends, patterns)
     for sentence in misplaced_annotations(test, annotations):
         print(f"warning: {sentence}")
     return annotations

@@ -5,6 +5,7 @@ Points are pixels of the image. What a key does is ATOM's; the file's form is in
 
 from __future__ import annotations
 
+from copy import deepcopy
 from typing import Dict, List, Mapping, NamedTuple, Sequence, Tuple
 
 import cv2
@@ -15,9 +16,13 @@ from atom_core.io.annotations import SIDES
 Point = Tuple[float, float]
 Lines = Dict[str, List[Point]]  # clicked points by side
 
-HELP = (
-    "left click: adds a point    n / p: next / previous side    . / ,: next / previous collection",
+CHANGING_KEYS = (
+    "n / p: next / previous side    . / ,: next / previous collection    u: takes a step back",
     "r: removes the last point    x: clears the side    c: clears the collection    + / -: size",
+)
+HELP = (
+    "left click: adds a point",
+    *CHANGING_KEYS,
     "s: saves and ends    q: ends without saving    h: this help",
 )
 _COLOURS = dict(zip(SIDES, ((0, 0, 255), (0, 200, 0), (255, 0, 0), (0, 220, 255))))
@@ -54,10 +59,9 @@ class BorderAnnotation:
             point_size: at first.
         """
         self._keys = list(keys)
-        self.lines: Dict[str, Lines] = {
-            key: {side: list(lines.get(key, {}).get(side, [])) for side in SIDES}
-            for key in dict.fromkeys([*keys, *lines])
-        }
+        self._before: List[Dict[str, Lines]] = []  # a step back each
+        self.lines: Dict[str, Lines] = {}
+        self.replace(lines)
         self.point_size = point_size
         self._at, self._side = 0, 0
 
@@ -96,15 +100,34 @@ class BorderAnnotation:
             for at in pixels:
                 cv2.drawMarker(picture, at, _COLOURS[side], marker, self.point_size, 2)
 
+    def replace(self, lines: Mapping[str, Lines]) -> None:
+        """Draw other lines from now on, such as another program wrote; no step goes back there."""
+        self.lines = {
+            key: {side: list(lines.get(key, {}).get(side, [])) for side in SIDES}
+            for key in dict.fromkeys([*self._keys, *lines])
+        }
+        self._before = []
+
     def click(self, x: float, y: float) -> None:
         """Add a point [px] to the side."""
+        self._before.append(deepcopy(self.lines))
         self.lines[self.collection][self.side].append((float(x), float(y)))
 
     def press(self, key: str) -> Outcome:
         """Do what a key does; one that does nothing is no error."""
-        drawn = self.lines[self.collection]
         if len(key) != 1:
             return Outcome()
+        if key == "u" and self._before:
+            self.lines = self._before.pop()
+            return Outcome()
+        before = deepcopy(self.lines)
+        outcome = self._press(key)
+        if self.lines != before:
+            self._before.append(before)
+        return outcome
+
+    def _press(self, key: str) -> Outcome:
+        drawn = self.lines[self.collection]
         if key in "np":
             self._step_side(1 if key == "n" else -1)
         elif key in ".,":

@@ -41,13 +41,18 @@ def read_annotations(
 ) -> Dict[BorderKey, np.ndarray]:
     """Return the annotated borders as segments (m, 2, 2) [px]; sensors without a file have none.
 
+    Args:
+        folder: that the dataset stands in.
+        sensors: those that are asked for; only cameras have any.
+        patterns: all that the dataset describes, also where some are selected.
+
     Raises:
         DatasetError: a file is malformed, or was drawn in images of another size.
     """
     borders: Dict[BorderKey, np.ndarray] = {}
     for name, sensor in sensors.items():
         path = annotation_path(folder, name)
-        if path.is_file():
+        if sensor.camera is not None and path.is_file():  # a LiDAR's holds points in space
             for (collection, pattern), segments in _read(path, patterns, sensor.camera).items():
                 borders[(collection, name, pattern)] = segments
     return borders
@@ -63,48 +68,55 @@ def read_lines(
     """
     if not path.is_file():
         return {}
-    _read(path, patterns, camera)  # which refuses what is malformed
-    document = json.loads(path.read_text(encoding="utf-8"))
-    lines = {}
-    for collection, entry in document.items():
-        if collection != _METADATA:
-            sides = _by_pattern(entry, patterns).get(pattern) or {}
-            points = {side: sides.get(side) or {} for side in SIDES}
-            lines[collection] = {
-                side: list(zip(value.get("xs") or [], value.get("ys") or []))
-                for side, value in points.items()
-            }
-    return lines
+    document = _document(path)
+    _borders(path, document, patterns, camera)  # which refuses what is malformed
+    return {
+        collection: {
+            side: list(map(tuple, points.tolist()))
+            for side, points in _sides(_by_pattern(entry, patterns).get(pattern) or {}).items()
+        }
+        for collection, entry in _entries(document).items()
+    }
 
 
 def write_annotations(
     path: Path,
     lines: Mapping[str, Mapping[str, Sequence[Tuple[float, float]]]],
     *,
+    patterns: Collection[str],
+    pattern: str,
     points_per_pixel: float = 1.0,
-    pattern: str = "",
     camera: Optional[Camera] = None,
 ) -> None:
-    """Write the border that was drawn in the images of a sensor.
+    """Write the border that was drawn in some images of a sensor.
+
+    What the file has of other collections and patterns stays. With one pattern alone its name does
+    not stand in the file, as in ATOM's, unless it stands there already.
 
     Args:
-        path: the file; of other patterns it keeps what it has.
+        path: the file.
         lines: clicked points [px] by collection and side.
+        patterns: all that the dataset describes.
+        pattern: whose sides they are.
         points_per_pixel: how densely the lines are sampled for ATOM.
-        pattern: whose sides they are, where the dataset has several; empty: as ATOM, without.
         camera: whose images have the size that is noted down (ATOM notes none).
 
     Raises:
-        OutputError: the file cannot be written.
+        DatasetError: the file that is there holds no annotations, or those of other images.
+        OutputError: it cannot be written.
     """
-    old = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    document: Dict[str, Any] = {_METADATA: metadata()}
+    document: Dict[str, Any] = {}
+    if path.is_file():
+        document = _document(path)
+        _borders(path, document, patterns, camera)
+    document[_METADATA] = metadata()
     if camera is not None:
         document[_METADATA][_SIZE] = [camera.width, camera.height]
     for collection, sides in lines.items():
-        entry = {side: _side(sides.get(side, ()), points_per_pixel) for side in SIDES}
-        kept = old.get(collection) or {}
-        document[collection] = {**kept, pattern: entry} if pattern else entry
+        new = {side: _side(sides.get(side, ()), points_per_pixel) for side in SIDES}
+        old = document.get(collection) or {}
+        named = len(patterns) > 1 or (bool(old) and not _has_sides(old))
+        document[collection] = {**old, pattern: new} if named else new
     write_json_atomically(path, document)
 
 
@@ -113,7 +125,7 @@ def metadata() -> Dict[str, str]:
     return {
         "timestamp": str(time.time()),
         "date": time.asctime(),
-        "user": getpass.getuser(),
+        "user": _user(),
         "version": _VERSION,
     }
 
@@ -125,25 +137,64 @@ def _side(points: Sequence[Tuple[float, float]], points_per_pixel: float) -> Dic
     return {"xs": xs, "ys": ys, "ixs": ixs, "iys": iys}
 
 
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # of a number without a name, as in containers
+        return "unknown"
+
+
+def _document(path: Path) -> Dict[str, Any]:
+    """Return the content of a file.
+
+    Raises:
+        DatasetError: it cannot be read, or is no JSON mapping.
+    """
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise DatasetError(_unusable(path, error)) from None
+    if not isinstance(document, dict):
+        raise DatasetError(_unusable(path, "not a JSON mapping"))
+    return document
+
+
+def _unusable(path: Path, why: Any) -> str:
+    return (
+        f"{path}: not a file of border annotations ({why}); move it away to use the board's pose "
+        f"instead, or to draw anew"
+    )
+
+
+def _entries(document: Mapping[str, Any]) -> Dict[str, Any]:
+    entries = {key: value for key, value in document.items() if key != _METADATA}
+    return {key: value for key, value in entries.items() if PLANE not in value}
+
+
 def _read(
     path: Path, patterns: Collection[str], camera: Optional[Camera]
 ) -> Dict[Tuple[str, str], np.ndarray]:
+    return _borders(path, _document(path), patterns, camera)
+
+
+def _borders(
+    path: Path, document: Mapping[str, Any], patterns: Collection[str], camera: Optional[Camera]
+) -> Dict[Tuple[str, str], np.ndarray]:
+    """Return the borders as segments (m, 2, 2) by collection and pattern.
+
+    Raises:
+        DatasetError: the file is malformed, or was drawn in images of another size.
+    """
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-        entries = {key: value for key, value in document.items() if key != _METADATA}
-        entries = {key: value for key, value in entries.items() if PLANE not in value}
         borders = {}
-        for collection, entry in entries.items():
+        for collection, entry in _entries(document).items():
             for pattern, sides in _by_pattern(entry, patterns).items():
                 segments = _segments(sides)
                 if len(segments):
                     borders[(collection, pattern)] = segments
         noted = (document.get(_METADATA) or {}).get(_SIZE)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise DatasetError(
-            f"{path}: not a file of border annotations ({error}); annotate again, or move the "
-            f"file away to use the board's pose instead"
-        ) from None
+        raise DatasetError(_unusable(path, error)) from None
     if camera is not None:
         _check_size(path, noted, borders, camera)
     return borders
@@ -153,7 +204,7 @@ def _check_size(
     path: Path, noted: Any, borders: Mapping[Tuple[str, str], np.ndarray], camera: Camera
 ) -> None:
     """Refuse borders that were drawn in images of another size, by its note or by their places."""
-    size, remedy = [camera.width, camera.height], "draw them anew, or move the file away"
+    size, remedy = [camera.width, camera.height], "move the file away, and draw anew"
     if noted is not None and noted != size:
         raise DatasetError(
             f"{path}: drawn in images of {_by(noted)} px, those of this dataset have "
@@ -175,24 +226,38 @@ def _by(size: Any) -> str:
 
 
 def _by_pattern(entry: Mapping[str, Any], patterns: Collection[str]) -> Mapping[str, Any]:
-    if any(side in entry for side in SIDES):
+    if _has_sides(entry):
         if len(patterns) > 1:
             raise ValueError("the dataset has several patterns, the sides must name theirs")
         return {next(iter(patterns)): entry}
     return entry
 
 
-def _segments(sides: Mapping[str, Any]) -> np.ndarray:
-    """Return the segments of all sides; the clicked points, else the interpolated ones."""
-    found = [np.zeros((0, 2, 2))]
+def _has_sides(entry: Mapping[str, Any]) -> bool:
+    """Tell whether an entry holds sides; else it holds patterns, which may be called like those."""
+    return any(side in entry and not _holds_sides(entry[side]) for side in SIDES)
+
+
+def _holds_sides(value: Any) -> bool:
+    return isinstance(value, Mapping) and any(side in value for side in SIDES)
+
+
+def _sides(entry: Mapping[str, Any]) -> Dict[str, np.ndarray]:
+    """Return the points (n, 2) of each side: the clicked ones, else the interpolated ones."""
+    found = {}
     for side in SIDES:
-        entry = sides.get(side) or {}
-        xs, ys = (entry.get(name) or entry.get("i" + name) or [] for name in ("xs", "ys"))
+        values = entry.get(side) or {}
+        xs, ys = (values.get(name) or values.get("i" + name) or [] for name in ("xs", "ys"))
         if len(xs) != len(ys):
             raise ValueError(f"side {side} has {len(xs)} xs and {len(ys)} ys")
-        points = np.column_stack([np.array(xs, dtype=float), np.array(ys, dtype=float)])
-        if not np.all(np.isfinite(points)):
-            raise ValueError(f"side {side} holds a number that is not finite")
-        if len(points):
-            found.append(segments_of(points))
-    return np.concatenate(found)
+        points = np.array([xs, ys], dtype=float)
+        if points.shape != (2, len(xs)) or not np.all(np.isfinite(points)):
+            raise ValueError(f"side {side} holds a number that is not finite, or none")
+        found[side] = points.T
+    return found
+
+
+def _segments(entry: Mapping[str, Any]) -> np.ndarray:
+    """Return the segments (m, 2, 2) of all sides."""
+    sides = (points for points in _sides(entry).values() if len(points))
+    return np.concatenate([np.zeros((0, 2, 2)), *(segments_of(points) for points in sides)])

@@ -1,10 +1,10 @@
 """Go through the collections of a dataset and correct their labels in RViz.
 
 Shown are data, labels and transforms of one collection. Points chosen with the tool "Label points",
-clicks and polygons in images (TOPIC/labeled2d) correct it; each correction can be undone. In the mode
-"Border" of an image a board's border is drawn, for evaluations (annotation_SENSOR.json). Saved is
-dataset_corrected.json beside the dataset: on request, when another collection is shown, and at the
-end.
+clicks and polygons in images (TOPIC/labeled2d) correct it; each correction can be undone. In the
+mode "Border" of an image a board's border is drawn, for evaluations (annotation_SENSOR.json). Saved
+is dataset_corrected.json beside the dataset: on request, when another collection is shown, and at
+the end.
 """
 
 from __future__ import annotations
@@ -15,15 +15,16 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Callable, List, Optional, Tuple
 
+import numpy as np
 import rospy
 from geometry_msgs.msg import PointStamped, PolygonStamped
 from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import String
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
-from atom_calibration.msg import CollectionStates, LabelState, PlaybackState
+from atom_calibration.msg import BorderStroke, CollectionStates, LabelState, PlaybackState
 from atom_calibration.nodes.correcting.playback_input import (
     KeyPress,
+    check_shown,
     chosen_points,
     pixel_of,
     pixels_of,
@@ -45,7 +46,7 @@ from atom_calibration.srv import (
 from atom_core.commands.atom_options import DATASET_PLAYBACK, add_meaningless_options
 from atom_core.commands.common import add_dataset_option, add_option
 from atom_core.commands.option_parser import OptionParser, examples
-from atom_core.editing.drawn_borders import DrawnBorders
+from atom_core.editing.drawn_borders import LEAVE, DrawnBorders
 from atom_core.editing.label_corrections import LabelCorrections
 from atom_core.errors import AtomError, OutputError
 from atom_core.io.dataset_json import read_dataset
@@ -186,6 +187,11 @@ class DatasetPlayback:
             self._topics.show_all_labels()
         return words
 
+    def _select_pattern(self, name: str) -> str:
+        words = self._corrections.select_pattern(name)
+        self._topics.show_all_labels()  # with the border of this one
+        return words
+
     def _toggle_polygons(self) -> str:
         return self._set_polygons(not self._polygon_removes_border)
 
@@ -223,7 +229,7 @@ class DatasetPlayback:
             "~select_pattern",
             SelectPattern,
             lambda r: SelectPatternResponse(
-                *self._do(lambda: corrections.select_pattern(r.pattern_name))
+                *self._do(lambda: self._select_pattern(r.pattern_name))
             ),
         )
         rospy.Service(
@@ -263,8 +269,7 @@ class DatasetPlayback:
                 ("mouse_click", PointStamped, self._clicked),
                 ("right_click", PointStamped, self._right_clicked),
                 ("polygon", PolygonStamped, self._polygon),
-                ("border_click", PointStamped, self._border_clicked),
-                ("border_key", String, self._border_key),
+                ("border", BorderStroke, self._border),
             ):
                 heard = self._hear(partial(act, name))
                 rospy.Subscriber(f"{topic}/{ending}", message, heard, queue_size=20)
@@ -325,18 +330,19 @@ class DatasetPlayback:
         removes_border = self._polygon_removes_border
         return self._corrected(sensor, correct(self._corrections, sensor, polygon, removes_border))
 
-    def _border_clicked(self, sensor: str, message: Any) -> str:
-        pixel = pixel_of(message, self._topics.shown[sensor].frame)
-        return self._corrected(sensor, self._borders.click(self._place(sensor), pixel))
-
-    def _border_key(self, sensor: str, message: Any) -> str:
-        press = self._borders.press(self._place(sensor), message.data)
+    def _border(self, sensor: str, message: Any) -> str:
+        """Draw a board's border: a point, or what a key does."""
+        corrections = self._corrections
+        place = DetectionKey(corrections.collection, sensor, corrections.pattern)
+        if message.key != LEAVE:
+            check_shown(message, self._topics.shown[sensor].frame)
+        if not message.key:
+            words = self._borders.click(place, np.array([message.x, message.y]))
+            return self._corrected(sensor, words)
+        press = self._borders.press(place, message.key)
         if press.collection != self._corrections.collection:
             self._turn(lambda: self._corrections.show(press.collection))
         return self._corrected(sensor, press.words)
-
-    def _place(self, sensor: str) -> DetectionKey:
-        return DetectionKey(self._corrections.collection, sensor, self._corrections.pattern)
 
     def _corrected(self, sensor: str, words: str) -> str:
         self._topics.show_labels(sensor)

@@ -106,7 +106,7 @@ def pixel_of(message: Any, frame: Frame) -> np.ndarray:
     Raises:
         MessageError: it is of another collection's picture, or no number.
     """
-    _check_shown(message, frame)
+    check_shown(message, frame)
     pixel = np.array([message.point.x, message.point.y])
     if not np.all(np.isfinite(pixel)):
         raise MessageError(f"{frame.sensor.name}: a click is not a number")
@@ -119,11 +119,16 @@ def pixels_of(message: Any, frame: Frame) -> np.ndarray:
     Raises:
         MessageError: it is of another collection's picture.
     """
-    _check_shown(message, frame)
+    check_shown(message, frame)
     return np.array([[p.x, p.y] for p in message.polygon.points], dtype=float).reshape(-1, 2)
 
 
-def _check_shown(message: Any, frame: Frame) -> None:
+def check_shown(message: Any, frame: Frame) -> None:
+    """Refuse what was drawn into the picture of another collection than the one that is shown.
+
+    Raises:
+        MessageError: it was.
+    """
     if not _is_of(message.header, frame):
         raise MessageError(
             f"{frame.sensor.name}: this was drawn into the picture of another collection; draw it "
