@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -14,7 +15,7 @@ from atom_core.evaluation.hand_eye_baselines import METHODS, hand_eye_baselines
 from atom_core.evaluation.hand_eye_comparison import CALIBRATION, compare_hand_eye
 from atom_core.evaluation.metrics import pose_difference
 from atom_core.geometry import se3
-from atom_core.geometry.pose_solvers import has_robot_world
+from atom_core.geometry.pose_solvers import lacking
 from atom_core.model.dataset import pose
 from atom_core.synthetic import Noise, degenerate, scenes
 
@@ -118,7 +119,7 @@ def test_the_comparison_scores_the_calibration_and_every_method():
         score = compared.scores[method, CAMERA]
         assert score.error_m == pytest.approx(evaluation.ground_truth.sensors[CAMERA].translation_m)
         assert ours.reprojection_px < score.reprojection_px
-    assert len(compared.evaluations) == (7 if has_robot_world() else 5)
+    assert set(compared.evaluations) == {m for m in baselines.METHODS if not lacking(m)}
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -150,6 +151,7 @@ def with_twin(dataset, name):
     return replace(dataset, sensors=sensors, collections=collections)
 
 
+@pytest.mark.skipif(bool(lacking("tsai")), reason="this OpenCV has no calibrateHandEye")
 def test_a_camera_that_a_method_cannot_solve_costs_the_others_nothing(monkeypatch, exact):
     twins = with_twin(exact.dataset, "rgb_2")
     solve, calls = baselines.solved_by, []
@@ -170,11 +172,19 @@ def test_a_camera_that_a_method_cannot_solve_costs_the_others_nothing(monkeypatc
 
 
 def test_an_old_opencv_is_named(monkeypatch, exact):
-    monkeypatch.setattr(baselines, "has_robot_world", lambda: False)
+    monkeypatch.delattr(cv2, "calibrateRobotWorldHandEye", raising=False)
     found, _ = hand_eye_baselines(exact.dataset)
     without = {b.method: b.skipped for b in found if b.dataset is None}
     assert {"shah", "li"} <= set(without)
     assert "has no calibrateRobotWorldHandEye" in without["shah"]
+
+
+def test_without_opencvs_solvers_one_is_left(monkeypatch, exact):
+    for name in ("calibrateHandEye", "calibrateRobotWorldHandEye"):
+        monkeypatch.delattr(cv2, name, raising=False)
+    found, _ = hand_eye_baselines(exact.dataset)
+    assert [b.method for b in found if b.dataset is not None] == ["park"]
+    assert all("OpenCV" in b.skipped for b in found if b.dataset is None)
 
 
 def not_fixed(dataset):
@@ -200,6 +210,7 @@ def test_what_motion_does_not_tell_is_refused_in_one_sentence(scene, change, wor
     assert "\n" not in str(refusal.value)
 
 
+@pytest.mark.skipif(bool(lacking("tsai")), reason="this OpenCV has no calibrateHandEye")
 def test_of_several_boards_the_one_seen_most_is_taken_and_named(exact):
     dataset = exact.dataset
     other = replace(dataset.patterns[BOARD], name="other", frame="other_link")

@@ -28,7 +28,7 @@ from atom_core.evaluation.hand_eye_views import (
 from atom_core.evaluation.observed import Observed
 from atom_core.evaluation.single_camera import single_cameras
 from atom_core.geometry import se3
-from atom_core.geometry.pose_solvers import HAND_EYE_METHODS, ROBOT_WORLD_METHODS, has_robot_world
+from atom_core.geometry.pose_solvers import HAND_EYE_METHODS, ROBOT_WORLD_METHODS, lacking
 from atom_core.io.atomic import write_text_atomically
 from atom_core.io.dataset_json import read_dataset, write_dataset
 from atom_core.model.dataset import Dataset, is_complete
@@ -160,7 +160,7 @@ def _doubt(dataset: Dataset, views: HandEyeViews, args: argparse.Namespace) -> s
     OpenCV's tsai, horaud and daniilidis are at times wrong by metres, also without any noise.
     """
     left_px, observed = {}, Observed(dataset)
-    for method in METHODS if has_robot_world() else HAND_EYE_METHODS:
+    for method in [method for method in METHODS if not lacking(method)]:
         X = solved_by(method, views)
         if X is not None:
             solved = with_hand_eye(dataset, args.camera, args.pattern, views, X)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Dict, List, Mapping, Optional, Tuple
 
-import cv2
 import numpy as np
 
 from atom_core.errors import DatasetError
@@ -20,14 +19,13 @@ from atom_core.geometry.pose_solvers import (
     HAND_EYE_METHODS,
     ROBOT_WORLD_METHODS,
     hand_eye_pose,
-    has_robot_world,
+    lacking,
     robot_world_poses,
 )
 from atom_core.model.dataset import Dataset
 from atom_core.model.sensor import RGB
 
 METHODS = (*HAND_EYE_METHODS, *ROBOT_WORLD_METHODS)
-NO_ROBOT_WORLD = f"OpenCV {cv2.__version__} has no calibrateRobotWorldHandEye, which came with 4.5"
 
 
 @dataclass(frozen=True)
@@ -88,8 +86,8 @@ def hand_eye_baselines(dataset: Dataset) -> Tuple[List[Baseline], List[str]]:
 def _baseline(
     dataset: Dataset, method: str, views: Mapping[str, Tuple[str, HandEyeViews]]
 ) -> Baseline:
-    if method in ROBOT_WORLD_METHODS and not has_robot_world():
-        return Baseline(method, None, skipped=NO_ROBOT_WORLD)
+    if lacking(method):
+        return Baseline(method, None, skipped=lacking(method))
     solved, boards = dataset, {}
     for camera, (board, of_camera) in views.items():
         X = solved_by(method, of_camera)
@@ -113,9 +111,9 @@ def solved_by(method: str, views: HandEyeViews) -> Optional[np.ndarray]:
     Raises:
         DatasetError: this OpenCV does not have the method.
     """
+    if lacking(method):
+        raise DatasetError(lacking(method))
     if method in HAND_EYE_METHODS:
         return hand_eye_pose(views.G, views.H, method)
-    if not has_robot_world():
-        raise DatasetError(NO_ROBOT_WORLD)
     found = robot_world_poses(views.G, views.H, method)
     return None if found is None else found[0]

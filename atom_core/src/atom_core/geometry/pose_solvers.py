@@ -1,10 +1,12 @@
 """OpenCV's solvers of poses: the only place that calls them.
 
-OpenCV 4.2, which ROS Noetic has, differs from later versions in what it takes.
+OpenCV 4.2, which ROS Noetic has, differs from later versions in what it takes; the wheels of 5.0
+have no solver for hand and eye.
 """
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import Any, List, Optional, Sequence, Tuple
 
 import cv2
@@ -14,6 +16,7 @@ from atom_core.geometry import se3
 
 HAND_EYE_METHODS = ("tsai", "park", "horaud", "andreff", "daniilidis")
 ROBOT_WORLD_METHODS = ("shah", "li")
+_ONE_AXIS = 1e-6  # part of the motion about a second axis below which there is none
 
 
 def planar_poses(points: np.ndarray, rays: np.ndarray) -> List[np.ndarray]:
@@ -57,6 +60,8 @@ def hand_eye_pose(
         H: poses (4, 4), as many.
         method: one of ``HAND_EYE_METHODS``.
     """
+    if method == "park" and not hasattr(cv2, "calibrateHandEye"):
+        return _park_martin(G, H)
     how = getattr(cv2, f"CALIB_HAND_EYE_{method.upper()}")
     try:
         rotation, translation = cv2.calibrateHandEye(*_parts(G), *_parts(H), method=how)
@@ -65,9 +70,15 @@ def hand_eye_pose(
     return _proper(rotation, translation)
 
 
-def has_robot_world() -> bool:
-    """Tell whether this OpenCV has the methods of ``robot_world_poses``; that of Noetic has not."""
-    return hasattr(cv2, "calibrateRobotWorldHandEye")
+def lacking(method: str) -> str:
+    """Return why this OpenCV has not a method of hand and eye; nothing where it has."""
+    if method == "park":
+        return ""
+    name = "calibrateRobotWorldHandEye" if method in ROBOT_WORLD_METHODS else "calibrateHandEye"
+    first = "4.5" if method in ROBOT_WORLD_METHODS else "4.1"
+    if hasattr(cv2, name):
+        return ""
+    return f"OpenCV {cv2.__version__} has no {name}, which is in versions from {first} to 4.x"
 
 
 def robot_world_poses(
@@ -75,7 +86,7 @@ def robot_world_poses(
 ) -> Optional[Tuple[np.ndarray, np.ndarray]]:
     """Return X and F (4, 4) of ``G_i X H_i = F``, both in one; None where they are not told.
 
-    By OpenCV, where it `has_robot_world`.
+    By OpenCV, where nothing is `lacking`.
 
     Args:
         G: poses (4, 4), one for each position, at least three.
@@ -93,6 +104,29 @@ def robot_world_poses(
     if board_inverse is None or eye_inverse is None:
         return None
     return se3.inverse(eye_inverse), se3.inverse(board_inverse)
+
+
+def _park_martin(G: Sequence[np.ndarray], H: Sequence[np.ndarray]) -> Optional[np.ndarray]:
+    """Return X (4, 4) by the closed form of Park and Martin (1994), over all pairs of positions.
+
+    ``A X = X B`` with the motions A of one side and B of the other: their rotation vectors differ
+    by the rotation of X, and its translation is then linear.
+    """
+    pairs = list(combinations(range(len(G)), 2))
+    A = [se3.inverse(G[j]) @ G[i] for i, j in pairs]
+    B = [H[j] @ se3.inverse(H[i]) for i, j in pairs]
+    turns_a, turns_b = (
+        np.array([se3.rotation_vector_from_rotation(m[:3, :3]) for m in motions])
+        for motions in (A, B)
+    )
+    left, sizes, right = np.linalg.svd(turns_a.T @ turns_b)
+    if sizes[1] < _ONE_AXIS * max(sizes[0], _ONE_AXIS):
+        return None
+    rotation = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    rows = np.concatenate([a[:3, :3] - np.eye(3) for a in A])
+    values = np.concatenate([rotation @ b[:3, 3] - a[:3, 3] for a, b in zip(A, B)])
+    translation, _, rank, _ = np.linalg.lstsq(rows, values, rcond=1e-9)
+    return _proper(rotation, translation) if rank == 3 else None
 
 
 def _parts(poses: Sequence[np.ndarray]) -> Tuple[List[np.ndarray], List[np.ndarray]]:
