@@ -10,7 +10,8 @@ import numpy as np
 from atom_core.geometry.camera import Camera
 from atom_core.synthetic.depth import near_jumps
 from atom_core.synthetic.planted import DepthErrors
-from atom_examples.cell_simulator.scene import Hits, Scene
+from atom_examples.cell_simulator.rays import Hits
+from atom_examples.cell_simulator.scene import Scene
 
 _STEP_M, _STEP_SHARE = 0.03, 0.02  # a larger jump between neighbours is an edge
 

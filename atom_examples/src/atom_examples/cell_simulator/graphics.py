@@ -129,6 +129,8 @@ class Renderer:
         mujoco.mjv_updateScene(
             self._model, data, self._options, None, view, mujoco.mjtCatBit.mjCAT_ALL, self._scene
         )
+        for drawn in self._scene.camera:
+            _put_principal_point(drawn, self._model.cam_intrinsic[camera])
         viewport = mujoco.MjrRect(0, 0, width, height)
         mujoco.mjr_render(viewport, self._scene, self._context)
         return viewport
@@ -145,3 +147,19 @@ class Renderer:
         """Free what nobody closed, before MuJoCo does so in another renderer's context."""
         if getattr(self, "_context", None) is not None:
             self.close()
+
+
+def _put_principal_point(drawn: Any, intrinsics: np.ndarray) -> None:
+    """Turn a camera's picture so that its principal point is where versions from 3.4 on draw it.
+
+    Those before take its y upside down.
+
+    Args:
+        drawn: MuJoCo's camera of the graphics library; changed in place.
+        intrinsics: (4,) focal lengths and principal point, in one unit.
+    """
+    _, focal_y, _, principal_y = intrinsics
+    middle = (drawn.frustum_top + drawn.frustum_bottom) / 2.0
+    if middle * principal_y / focal_y > 0.0:
+        top, bottom = float(drawn.frustum_top), float(drawn.frustum_bottom)
+        drawn.frustum_top, drawn.frustum_bottom = -bottom, -top

@@ -13,6 +13,7 @@ from atom_core.synthetic.board import BentPattern
 from atom_examples.cell_simulator.errors import SimulatorError
 from atom_examples.cell_simulator.gloss import Gloss, shining
 from atom_examples.cell_simulator.graphics import Renderer, import_mujoco
+from atom_examples.cell_simulator.rays import Hits, cast_rays
 from atom_examples.cell_simulator.scene_model import (
     ARM,
     HOUSINGS,
@@ -42,14 +43,6 @@ class Person(NamedTuple):
     x: float
     y: float
     heading: float
-
-
-class Hits(NamedTuple):
-    """What rays meet: distances (n,) [m], infinite where nothing, and ids of shapes (n,)."""
-
-    distance: np.ndarray
-    shape: np.ndarray
-    normal: np.ndarray
 
 
 class Scene:
@@ -221,26 +214,7 @@ class Scene:
         wanted = [g for g in _FOR_RAYS if (still if g in (STILL, ARM) else moving)]
         groups = np.zeros(6, dtype=np.uint8)
         groups[wanted] = 1
-        count = len(directions)
-        shape, distance = np.empty(count, dtype=np.int32), np.empty(count)
-        normal = np.empty(3 * count)
-        rays = np.ascontiguousarray(directions, dtype=float).ravel()
-        self._mujoco.mj_multiRay(
-            self.model,
-            self.data,
-            np.asarray(origin, dtype=float),
-            rays,
-            groups,
-            1,
-            -1,
-            shape,
-            distance,
-            normal,
-            count,
-            1e3,
-        )
-        distance[shape < 0] = np.inf
-        return Hits(distance, shape, normal.reshape(-1, 3))
+        return cast_rays(self._mujoco, (self.model, self.data), origin, directions, groups)
 
     # ---- pictures
 
