@@ -114,6 +114,14 @@ def test_nothing_to_draw_with_is_one_line_and_exit_code_2(tmp_path, capsys, monk
     assert "libegl1" in line and "libosmesa6" in line
 
 
+def test_a_mujoco_that_is_too_old_is_one_line_and_exit_code_2(tmp_path, capsys, monkeypatch):
+    mujoco = pytest.importorskip("mujoco")
+    monkeypatch.delattr(mujoco, "mjtLightType")
+    assert program.main(["--bag", str(tmp_path / "a.bag")]) == 2
+    error = capsys.readouterr().err
+    assert f"MuJoCo {mujoco.__version__} is too old" in error and error.count("\n") == 1
+
+
 def test_names_that_roslaunch_adds_are_passed_over(tmp_path, capsys):
     options = ["--bag", str(tmp_path / "x.txt"), "__name:=a", "__log:=b"]
     assert program.main(options) == 2

@@ -34,6 +34,11 @@ def import_mujoco() -> ModuleType:
         ) from None
     except (AttributeError, RuntimeError) as error:  # PyOpenGL without its library
         raise SimulatorError(_nothing_draws(str(error))) from None
+    if not hasattr(mujoco, "mjtLightType"):
+        raise SimulatorError(
+            f"MuJoCo {mujoco.__version__} is too old for the simulator: it runs with 3.3.7 and "
+            f"3.17.0, which Python 3.9 and 3.10 can have (`pip install mujoco==3.17.0`)"
+        )
     return mujoco
 
 
