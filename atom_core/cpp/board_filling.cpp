@@ -12,11 +12,15 @@ namespace atom_core {
 namespace {
 
 constexpr double kLeastSpacing = 1e-5;  // of layers that continue; finer ones are not counted [rad]
+// Layers in half a turn, and beams across a board: damaged clouds seem to have millions, and those
+// that no sensor has are counted by a part of them.
+constexpr double kMostAcross = 2000.0;
+constexpr double kMostBeams = 1e9;
 constexpr double kLeastBright = 0.6;  // of what must be visible, where dark squares return nothing
 
 // Beams of some layers that meet the rectangle.
-int Beams(const BoardSearch& search, const Surface& surface, const RectanglePose& pose,
-          const Eigen::Matrix4d& sensor_T_board, const std::vector<double>& elevations) {
+double Beams(const BoardSearch& search, const Surface& surface, const RectanglePose& pose,
+             const Eigen::Matrix4d& sensor_T_board, const std::vector<double>& elevations) {
   const Scan& scan = search.scan;
   const Eigen::Vector2d half = search.HalfSize();
   double from = 0.0, to = 0.0;
@@ -30,7 +34,8 @@ int Beams(const BoardSearch& search, const Surface& surface, const RectanglePose
     }
   }
   std::vector<Eigen::Vector3d> columns;  // level directions
-  for (double azimuth = from; azimuth <= to; azimuth += scan.azimuth_step) {
+  const double step = std::max(scan.azimuth_step, (to - from) / kMostAcross);
+  for (double azimuth = from; azimuth <= to; azimuth += step) {
     columns.push_back(scan.Direction(middle + azimuth, 0.0));
   }
   const Eigen::Vector3d axis = scan.sensor_R_spin.col(2);
@@ -50,15 +55,18 @@ int Beams(const BoardSearch& search, const Surface& surface, const RectanglePose
       }
     }
   }
-  return count;
+  return std::min(count * step / scan.azimuth_step, kMostBeams);
 }
 
 // Layers that continue the scan's own ones above and below, as if it saw everything.
-std::vector<double> LayersBeyond(const Scan& scan) {
+// Where they would be more than any sensor has, some of them, each of which stands for `weight`.
+std::vector<double> LayersBeyond(const Scan& scan, double* weight) {
   const std::vector<double>& own = scan.layer_elevation;
-  const double spacing = (own.back() - own.front()) / std::max<std::size_t>(own.size() - 1, 1);
+  const double own_spacing = (own.back() - own.front()) / std::max<std::size_t>(own.size() - 1, 1);
+  const double spacing = std::max(own_spacing, M_PI / kMostAcross);
+  *weight = spacing / std::max(own_spacing, kLeastSpacing);
   std::vector<double> beyond;
-  if (spacing < kLeastSpacing) return beyond;
+  if (own_spacing < kLeastSpacing) return beyond;
   for (double e = own.back() + spacing; e < M_PI / 2.0; e += spacing) beyond.push_back(e);
   for (double e = own.front() - spacing; e > -M_PI / 2.0; e -= spacing) beyond.push_back(e);
   return beyond;
@@ -113,7 +121,7 @@ void MeasureFilling(const BoardSearch& search, const Surface& surface, const Rec
   const auto beams = [&](const std::vector<double>& elevations) {
     return Beams(search, surface, pose, segment->sensor_T_board, elevations);
   };
-  segment->expected_points = beams(search.scan.layer_elevation);
+  segment->expected_points = static_cast<int>(std::lround(beams(search.scan.layer_elevation)));
   const double expected = std::max(segment->expected_points, 1);
   segment->visible = filling.there / expected;
   segment->hidden = filling.nearer / expected;
@@ -121,7 +129,9 @@ void MeasureFilling(const BoardSearch& search, const Surface& surface, const Rec
   segment->dark = filling.dark / expected;
   segment->score = segment->border_rms / search.options.border_tolerance +
                    std::max(0.0, 1.0 - segment->visible - segment->dark) + 2.0 * segment->through;
-  segment->in_view = expected / (expected + beams(LayersBeyond(search.scan)));
+  double weight = 1.0;
+  const std::vector<double> beyond = LayersBeyond(search.scan, &weight);
+  segment->in_view = expected / (expected + weight * beams(beyond));
 }
 
 }  // namespace

@@ -12,7 +12,7 @@ namespace {
 constexpr double kClosingRadius = 10.0;  // of the first corner, in screen pixels
 constexpr double kZoomPerNotch = 1.2;
 constexpr double kEighthsPerNotch = 120.0;  // Qt's unit of a wheel
-const QString kBorderKeys("nprxcu.,+-h");  // those of the annotation tool
+const QString kBorderKeys("nprxcu.,+-h");   // those of the annotation tool
 const QColor kMark(255, 220, 0);
 const QColor kTaken(60, 220, 60);  // that of labels on the board
 constexpr double kFrame = 6.0;     // of a picture that is taken, in screen pixels

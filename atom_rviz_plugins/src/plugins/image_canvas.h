@@ -14,8 +14,8 @@ namespace atom_rviz {
 /// The wheel zooms at the mouse, the middle button moves, F shows all of the image.
 ///
 /// Clicking: the left and the right button. Border: the left button, and the keys of the annotation
-/// tool, which the node that draws the border understands. Polygons: left adds a corner, right or Enter closes (so
-/// does the first corner), Backspace takes one back, Escape forgets all.
+/// tool, which the node that draws the border understands. Polygons: left adds a corner, right or
+/// Enter closes (so does the first corner), Backspace takes one back, Escape forgets all.
 class ImageCanvas : public QWidget {
   Q_OBJECT
  public:

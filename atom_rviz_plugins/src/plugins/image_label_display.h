@@ -29,12 +29,12 @@ class ImagePane;
 
 /// Shows TOPIC in a pane of its own; clicks go to TOPIC/mouse_click and
 /// TOPIC/right_click (geometry_msgs/PointStamped),
-/// polygons to TOPIC/polygon (geometry_msgs/PolygonStamped). While a board's border is drawn, clicks
-/// and the keys of the annotation tool go to TOPIC/border (atom_calibration/BorderStroke), with the
-/// key "h" at the beginning and "q" at the end.
+/// polygons to TOPIC/polygon (geometry_msgs/PolygonStamped). While a board's border is drawn,
+/// clicks and the keys of the annotation tool go to TOPIC/border (atom_calibration/BorderStroke),
+/// with the key "h" at the beginning and "q" at the end.
 ///
-/// Places are in px of the image, (0, 0) the centre of the top-left pixel, z = 0, with the header of
-/// the image that was on the screen.
+/// Places are in px of the image, (0, 0) the centre of the top-left pixel, z = 0, with the header
+/// of the image that was on the screen.
 class ImageLabelDisplay : public rviz::Display {
   Q_OBJECT
  public:

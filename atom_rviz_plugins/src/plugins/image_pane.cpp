@@ -11,10 +11,11 @@ ImagePane::ImagePane(QWidget* parent)
       polygon_(button("Polygon",
                       "Left: a corner. Right or Enter: close. Backspace: one back. "
                       "Escape: forget")),
-      border_(button("Border",
-                     "Draws the board's border for evaluations. Left: a point. n, p: next, previous "
-                     "side. r, x, c: removes the last point, the side, all. u: a step back. Dot, "
-                     "comma: next, previous collection. h: all keys")) {
+      border_(
+          button("Border",
+                 "Draws the board's border for evaluations. Left: a point. n, p: next, previous "
+                 "side. r, x, c: removes the last point, the side, all. u: a step back. Dot, "
+                 "comma: next, previous collection. h: all keys")) {
   QToolButton* fit = button("Fit",
                             "Show all of the image (F). The wheel zooms, the middle button "
                             "moves");

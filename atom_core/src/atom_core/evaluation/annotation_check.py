@@ -34,7 +34,7 @@ def misplaced_annotations(test: Dataset, annotations: Borders) -> List[str]:
         if labeled is None:
             continue
         off_px = min(_mean_offset_px(segments, labeled), _mean_offset_px(labeled, segments))
-        size_px = np.linalg.norm(np.ptp(labeled.reshape(-1, 2), axis=0))
+        size_px = float(np.linalg.norm(np.ptp(labeled.reshape(-1, 2), axis=0)))
         if off_px > max(_LEAST_PX, _PART_OF_BOARD * size_px):
             found.append(
                 f"annotation_{key.sensor}.json: the border drawn in collection {key.collection} is "
