@@ -19,6 +19,7 @@ NAMES = ["rgb_1", "rgb_2", "lidar_1", "12"]
         (["lambda s: s.startswith('rgb') and s != 'rgb_2'"], ["rgb_1"]),
         (["lambda s: s.isdigit() and int(s) % 2 == 0"], ["12"]),
         (["lambda s: s in ['rgb_2', 'lidar_1']"], ["rgb_2", "lidar_1"]),
+        ([f"lambda s: s in {['rgb_2', *map(str, range(20, 5000))]}"], ["rgb_2"]),
     ],
 )
 def test_what_is_selected(expressions, selected):
@@ -35,6 +36,10 @@ def test_what_is_selected(expressions, selected):
         ("lambda s: " + "-" * 100_000 + "1", "lambda"),
         ("lambda s: \0", "lambda"),
         ("lambda s: " + "not " * 900 + "s", "lambda"),
+        ("lambda s: " + "- " * 9_000 + "1", "lambda"),
+        ("lambda s: " + "1 ** " * 9_000 + "1", "lambda"),
+        ("lambda s: " * 9_000 + "1", "lambda"),
+        ("lambda s: " + "1 if s else " * 9_000 + "1", "lambda"),
         ("lambda s: 9 ** 9 ** 9", "not allowed"),
         ("lambda s: 'a' * 9", "not allowed"),
         ("lambda s: '%999999999d' % 1", "not allowed"),

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import operator
+import re
 from fnmatch import fnmatchcase
 from typing import Any, Callable, Dict, Iterable, List, Optional, Sequence
 
@@ -30,6 +31,7 @@ _ARITHMETIC: Dict[type, Callable[[Any, Any], Any]] = {
 }
 _FUNCTIONS: Dict[str, Callable[..., Any]] = {"int": int, "float": float, "str": str, "len": len}
 _METHODS = ("startswith", "endswith", "lower", "upper", "isdigit", "isalpha", "find", "count")
+_DEEPEST = 50  # brackets, or operators that take what follows them
 
 
 def select_names(
@@ -67,6 +69,8 @@ def _matches(names: Sequence[str], expression: str, what: str) -> set:
 
 def _evaluate_lambda(text: str, name: str) -> bool:
     try:
+        if _is_nested_deeply(text):
+            raise RecursionError
         tree = ast.parse(text.strip(), mode="eval").body
     except SyntaxError as error:
         raise SelectionError(f"selection '{text}' is not a valid lambda: {error.msg}") from None
@@ -80,6 +84,17 @@ def _evaluate_lambda(text: str, name: str) -> bool:
         raise SelectionError(f"selection '{text}': {error}") from None
     except (TypeError, ValueError, LookupError, ArithmeticError, RecursionError) as error:
         raise SelectionError(f"selection '{text}' fails on '{name}': {error}") from None
+
+
+def _is_nested_deeply(text: str) -> bool:
+    """Tell whether Python's parser might not come back: that of 3.9 then ends the process."""
+    depth = deepest = 0
+    for letter in text:
+        depth += (letter in "([{") - (letter in ")]}")
+        deepest = max(deepest, depth)
+    nesting = sum(len(re.findall(word, text)) for word in (r"\*\*", r"\b(?:not|lambda|if)\b"))
+    prefixes = max(map(len, re.findall(r"[-+~\s]+", text)), default=0)
+    return max(deepest, nesting, prefixes) > _DEEPEST
 
 
 def _value(node: ast.AST, argument: str, name: str) -> Any:
