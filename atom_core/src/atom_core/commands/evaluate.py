@@ -104,9 +104,11 @@ def run(args: argparse.Namespace) -> int:
     common.refuse_occupied(folder, args.overwrite)
     train, test = read_dataset(args.train), _selected(args, read_dataset(args.test))
     truth = read_any_truth(args.truth) if args.truth else None
-    evaluation = _evaluate(args, train, test, truth)
-    compared = _evaluate(args, read_dataset(args.compare[0]), test, truth) if args.compare else None
-    annotations = _annotations(args, test)
+    annotations = read_annotations(args.test.parent, test.sensors, test.config.calibration_patterns)
+    evaluation = _evaluate(args, train, test, truth, annotations)
+    compared = None
+    if args.compare:
+        compared = _evaluate(args, read_dataset(args.compare[0]), test, truth, annotations)
     measured = Measured(train, test, evaluation, truth, annotations)
     found = chosen_baselines(args, measured, _sensors(args, train, test))
     document = evaluation_document(evaluation, compared, found.hand_eye, found.rigs)
@@ -184,7 +186,11 @@ def _few(names: List[str]) -> str:
 
 
 def _evaluate(
-    args: argparse.Namespace, train: Dataset, test: Dataset, truth: Optional[Truth]
+    args: argparse.Namespace,
+    train: Dataset,
+    test: Dataset,
+    truth: Optional[Truth],
+    annotations: Borders,
 ) -> Evaluation:
     return evaluate(
         train,
@@ -192,13 +198,8 @@ def _evaluate(
         truth=truth,
         sensors=_sensors(args, train, test),
         pairs=args.pairs,
-        annotations=_annotations(args, test),
+        annotations=annotations,
     )
-
-
-def _annotations(args: argparse.Namespace, test: Dataset) -> Borders:
-    """Return the borders that were drawn in the images of the test set."""
-    return read_annotations(args.test.parent, test.sensors, test.config.calibration_patterns)
 
 
 def _selected(args: argparse.Namespace, test: Dataset) -> Dataset:

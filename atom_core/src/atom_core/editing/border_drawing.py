@@ -21,6 +21,7 @@ class BorderDrawing:
     """Points, what keys do to them, and the file that they are saved to.
 
     Attributes:
+        keys: the collections that can be drawn in.
         annotation: the points.
         path: the file.
     """
@@ -47,6 +48,7 @@ class BorderDrawing:
         Raises:
             DatasetError: the file is malformed, or was drawn in images of another size.
         """
+        self.keys = frozenset(keys)
         self.path = annotation_path(dataset.source.parent, sensor)
         self._pattern, self._patterns = pattern, list(dataset.config.calibration_patterns)
         self._camera, self._points_per_pixel = dataset.sensors[sensor].camera, points_per_pixel

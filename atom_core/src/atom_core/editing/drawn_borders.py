@@ -76,22 +76,23 @@ class DrawnBorders:
     def draw(self, place: DetectionKey, picture: np.ndarray) -> None:
         """Draw a border into the picture (height, width, 3) of its image, once it is drawn on."""
         drawing = self._drawn.get((place.sensor, place.pattern))
-        if drawing is not None and place.collection in keys_with_image(self._dataset, place.sensor):
+        if drawing is not None and place.collection in drawing.keys:
             drawing.annotation.show(place.collection)
             drawing.annotation.draw(picture)
 
     def _at(self, place: DetectionKey) -> BorderDrawing:
         """Return the drawing of a camera and board, at a collection."""
-        keys = keys_with_image(self._dataset, place.sensor)
+        names = (place.sensor, place.pattern)
+        drawing = self._drawn.get(names)
+        keys = drawing.keys if drawing else keys_with_image(self._dataset, place.sensor)
         if place.collection not in keys:
             raise LabelingError(f"{place.sensor} has no image in collection {place.collection}")
-        names = (place.sensor, place.pattern)
-        if names in self._drawn:
-            self._drawn[names].refresh()
-        else:
-            self._drawn[names] = BorderDrawing(self._dataset, *names, keys, _POINT_SIZE_PX)
-        self._drawn[names].annotation.show(place.collection)
-        return self._drawn[names]
+        if drawing is None:
+            drawing = BorderDrawing(self._dataset, *names, list(keys), _POINT_SIZE_PX)
+            self._drawn[names] = drawing
+        drawing.refresh()
+        drawing.annotation.show(place.collection)
+        return drawing
 
 
 def _save(drawing: BorderDrawing) -> None:

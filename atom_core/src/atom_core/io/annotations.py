@@ -53,7 +53,8 @@ def read_annotations(
     for name, sensor in sensors.items():
         path = annotation_path(folder, name)
         if sensor.camera is not None and path.is_file():  # a LiDAR's holds points in space
-            for (collection, pattern), segments in _read(path, patterns, sensor.camera).items():
+            found = _borders(path, _document(path), patterns, sensor.camera)
+            for (collection, pattern), segments in found.items():
                 borders[(collection, name, pattern)] = segments
     return borders
 
@@ -169,12 +170,6 @@ def _unusable(path: Path, why: Any) -> str:
 def _entries(document: Mapping[str, Any]) -> Dict[str, Any]:
     entries = {key: value for key, value in document.items() if key != _METADATA}
     return {key: value for key, value in entries.items() if PLANE not in value}
-
-
-def _read(
-    path: Path, patterns: Collection[str], camera: Optional[Camera]
-) -> Dict[Tuple[str, str], np.ndarray]:
-    return _borders(path, _document(path), patterns, camera)
 
 
 def _borders(
