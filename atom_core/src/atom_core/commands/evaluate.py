@@ -104,11 +104,10 @@ def run(args: argparse.Namespace) -> int:
     common.refuse_occupied(folder, args.overwrite)
     train, test = read_dataset(args.train), _selected(args, read_dataset(args.test))
     truth = read_any_truth(args.truth) if args.truth else None
-    annotations = read_annotations(args.test.parent, test.sensors, test.config.calibration_patterns)
+    annotations = _annotations(args, test)
     evaluation = _evaluate(args, train, test, truth, annotations)
-    compared = None
-    if args.compare:
-        compared = _evaluate(args, read_dataset(args.compare[0]), test, truth, annotations)
+    other = read_dataset(args.compare[0]) if args.compare else None
+    compared = other and _evaluate(args, other, test, truth, annotations)
     measured = Measured(train, test, evaluation, truth, annotations)
     found = chosen_baselines(args, measured, _sensors(args, train, test))
     document = evaluation_document(evaluation, compared, found.hand_eye, found.rigs)
@@ -200,6 +199,11 @@ def _evaluate(
         pairs=args.pairs,
         annotations=annotations,
     )
+
+
+def _annotations(args: argparse.Namespace, test: Dataset) -> Borders:
+    """Return the borders that were drawn in the images of the test set."""
+    return read_annotations(args.test.parent, test.sensors, test.config.calibration_patterns)
 
 
 def _selected(args: argparse.Namespace, test: Dataset) -> Dataset:
