@@ -107,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
     annotations = _annotations(args, test)
     evaluation = _evaluate(args, train, test, truth, annotations)
     other = read_dataset(args.compare[0]) if args.compare else None
-    compared = other and _evaluate(args, other, test, truth, annotations)
+    compared = _evaluate(args, other, test, truth, annotations) if other else None
     measured = Measured(train, test, evaluation, truth, annotations)
     found = chosen_baselines(args, measured, _sensors(args, train, test))
     document = evaluation_document(evaluation, compared, found.hand_eye, found.rigs)
