@@ -335,17 +335,26 @@ class WorkflowTest(unittest.TestCase):
     def drag(self, view, marker, target):
         """Drag a marker along its axes by mouse until it is where it shall be."""
         world_T_sensor = self.world_T_sensor(LIDAR)
-        for _ in range(5):  # RViz may look under the mouse before the marker has come there
+        end_s = time.monotonic() + PATIENCE_S
+        while time.monotonic() < end_s:  # RViz may look under the mouse before the marker is there
             for axis in np.eye(3):
                 way_m = float((target - marker.position) @ axis)
                 if abs(way_m) < NEAR_M / 2:
                     continue
                 arrow = marker.position + np.sign(way_m) * ARROW_M * axis
                 ends = se3.apply(world_T_sensor, np.array([arrow, arrow + way_m * axis]))
+                before = marker.position
                 self.screen.drag(*view.pixel(ends))
+                self.moves_within(marker, before, 1.0)
             if np.abs(marker.position - target).max() < NEAR_M:
                 return
         raise AssertionError(f"the marker is at {marker.position}, not at {target}")
+
+    def moves_within(self, marker, before, seconds):
+        """Wait until a marker is elsewhere, but not for long: a busy RViz may miss a drag."""
+        end_s = time.monotonic() + seconds
+        while np.array_equal(marker.position, before) and time.monotonic() < end_s:
+            time.sleep(0.05)
 
     def save_collection(self, names):
         """Click the panel's button when everybody sees the board; these collections are there."""
