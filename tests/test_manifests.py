@@ -42,7 +42,7 @@ KEYS = {
     "mpl_toolkits": "python3-matplotlib",
 }
 # What no key of rosdep names stands in requirements/pip.txt.
-FROM_PYPI = {"mujoco"}
+FROM_PYPI = {"hypothesis", "mujoco"}
 # A library that RViz's own configuration links -> the key that brings it.
 LINKED = {"OpenGL": "opengl", "GLX": "opengl", "GLU": "opengl"}
 # A key -> what stands in a file of the package that needs it, where that is not the key itself.

@@ -174,6 +174,10 @@ def guarded(command: str, run: Callable[[], int]) -> int:
     except BrokenPipeError:  # the reader of a pipe has gone, e.g. `| head`
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (so that nothing is flushed at exit)
         return BROKEN_PIPE
+    except OSError as error:  # a name that is too long, a disk that went away
+        where = "" if error.filename is None else f"{error.filename}: "
+        print(f"{command}: {where}{(error.strerror or str(error)).lower()}", file=sys.stderr)
+        return BAD_INPUT
     except KeyboardInterrupt:
         print(f"{command}: interrupted, nothing more is written", file=sys.stderr)
         return INTERRUPTED

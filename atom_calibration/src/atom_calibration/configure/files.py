@@ -8,12 +8,12 @@ noted beforehand, so that a file of a run that was killed is not taken for one t
 from __future__ import annotations
 
 import hashlib
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Dict, List, Mapping, Optional
 
 from atom_core.io.atomic import write_bytes_atomically, write_json_atomically
+from atom_core.io.json_text import load_json
 
 RECORD = "generated.json"
 
@@ -105,7 +105,7 @@ def _checksum(content: bytes) -> str:
 def _read_record(path: Path, key: str) -> Dict[str, str]:
     """Return checksums; a record that cannot be read makes every file count as edited."""
     try:
-        sums = json.loads(path.read_text(encoding="utf-8")).get(key, {})
+        sums = load_json(path.read_text(encoding="utf-8")).get(key, {})
     except (OSError, ValueError, AttributeError):
         return {}
     return dict(sums) if isinstance(sums, dict) else {}

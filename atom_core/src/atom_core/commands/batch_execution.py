@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import re
 import shutil
@@ -19,6 +18,7 @@ from atom_core.io.atomic import prepare_output_folder, write_json_atomically, wr
 from atom_core.io.batch_files import Batch, Experiment, batch_of, dataset_of, read_data, rendered
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.folds import folds
+from atom_core.io.json_text import load_json
 from atom_core.io.paths import resolve_path
 
 EXAMPLE = "python3 -m atom_core batch_execution -tf template.yml.j2 -df data.yml -of results"
@@ -166,7 +166,7 @@ def _stamp(path: Path) -> Optional[int]:
 
 def _is_done(folder: Path) -> bool:
     try:
-        status = json.loads((folder / STATUS).read_text(encoding="utf-8"))
+        status = load_json((folder / STATUS).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
     return status.get("problem") == ""

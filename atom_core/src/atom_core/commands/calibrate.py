@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from contextlib import suppress
 from dataclasses import replace
@@ -36,6 +35,7 @@ from atom_core.io.atomic import (
     write_text_atomically,
 )
 from atom_core.io.dataset_json import write_dataset
+from atom_core.io.json_text import load_json
 from atom_core.io.results import write_arguments_yaml, write_parameters_yaml
 from atom_core.io.together import finish_interrupted, written_together
 from atom_core.io.urdf import Description, read_description, write_calibrated_description
@@ -181,7 +181,7 @@ def _where_nothing_good_is_lost(folder: Path, status: str) -> Tuple[Path, List[s
 def _holds_converged_results(folder: Path) -> bool:
     finish_interrupted(folder)
     try:
-        earlier = json.loads((folder / RESULT_FILE).read_text(encoding="utf-8"))
+        earlier = load_json((folder / RESULT_FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
     return isinstance(earlier, dict) and earlier.get("status") == CONVERGED

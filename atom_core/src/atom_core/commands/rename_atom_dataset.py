@@ -32,11 +32,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Rename the folder, and the dataset in each of its JSON files that are datasets."""
     folder = args.dataset_path.resolve()
-    target = folder.with_name(args.name)
+    target = folder.parent / args.name
     if not folder.is_dir():
         raise DatasetError(f"{args.dataset_path}: no such folder")
-    if "/" in args.name or target.exists():
-        raise OutputError(f"{target}: exists already or is no name; choose another one")
+    if args.name in ("", ".", "..") or "/" in args.name:
+        raise OutputError(f"'{args.name}': is no name of a folder; choose another one for --name")
+    if target.exists():
+        raise OutputError(f"{target}: exists already; choose another name")
     documents = {
         path: document for path in sorted(folder.glob("*.json")) if (document := _read(path))
     }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import signal
 import sys
@@ -15,6 +14,7 @@ from typing import Any, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple
 from atom_core.errors import AtomError, OutputError
 from atom_core.io.atomic import write_bytes_atomically
 from atom_core.io.dataset_json import read_dataset
+from atom_core.io.json_text import load_json
 from atom_core.model.dataset import Dataset
 from atom_core.report.page.given import Given
 from atom_core.report.residual_samples import ResidualSample, from_bytes
@@ -100,7 +100,7 @@ def _checked(path: Path, what: str, keys: Mapping[str, type]) -> Dict[str, Any]:
         ReportError: it is absent, or of another kind.
     """
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = load_json(path.read_text(encoding="utf-8"))
     except OSError:
         told = f"{path}: there is no such result; name what `{what}` wrote"
         raise ReportError(told) from None

@@ -8,7 +8,6 @@ pattern; where a dataset has several, ``{pattern: {side: ...}}`` is read as well
 from __future__ import annotations
 
 import getpass
-import json
 import time
 from pathlib import Path
 from typing import Any, Collection, Dict, List, Mapping, Optional, Sequence, Tuple
@@ -19,6 +18,8 @@ from atom_core.errors import DatasetError
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.polyline import evenly_spaced, segments_of
 from atom_core.io.atomic import write_json_atomically
+from atom_core.io.json_text import load_json
+from atom_core.io.structure import OTHER_KIND
 from atom_core.model.sensor import Sensor
 
 SIDES = ("top", "right", "bottom", "left")
@@ -152,7 +153,7 @@ def _document(path: Path) -> Dict[str, Any]:
         DatasetError: it cannot be read, or is no JSON mapping.
     """
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = load_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise DatasetError(_unusable(path, error)) from None
     if not isinstance(document, dict):
@@ -188,7 +189,7 @@ def _borders(
                 if len(segments):
                     borders[(collection, pattern)] = segments
         noted = (document.get(_METADATA) or {}).get(_SIZE)
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except OTHER_KIND as error:
         raise DatasetError(_unusable(path, error)) from None
     if camera is not None:
         _check_size(path, noted, borders, camera)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any, Dict, List, NamedTuple
 
@@ -10,6 +9,8 @@ import numpy as np
 
 from atom_core.errors import DatasetError
 from atom_core.geometry import se3
+from atom_core.io.json_text import load_json
+from atom_core.io.structure import OTHER_KIND
 from atom_core.model.edge_state import EdgeState
 from atom_core.model.transforms import Edge
 
@@ -49,7 +50,7 @@ def read_calibration(path: Path) -> StoredCalibration:
     """
     file = calibration_file(path)
     try:
-        document: Any = json.loads(file.read_text(encoding="utf-8"))
+        document: Any = load_json(file.read_text(encoding="utf-8"))
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise DatasetError(
@@ -61,7 +62,7 @@ def read_calibration(path: Path) -> StoredCalibration:
         sensors = document.get("sensors", {})
         edges = [_edge(entry, sensors) for entry in document["edges"].values()]
         return StoredCalibration(file, str(document["status"]), edges)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    except OTHER_KIND as error:
         said = f"lacks {error}" if isinstance(error, KeyError) else str(error)
         raise DatasetError(
             f"{file}: is no result of `calibrate` ({said}); give a folder of results"

@@ -11,6 +11,7 @@ from ruamel.yaml.error import YAMLError
 from atom_core.errors import DatasetError
 from atom_core.geometry.camera import Camera
 from atom_core.io.paths import unread
+from atom_core.io.structure import OTHER_KIND
 from atom_core.io.yaml_text import load_yaml_1_2
 
 
@@ -32,7 +33,7 @@ def read_camera_info(path: Path) -> Camera:
     except OSError as error:
         reason = unread(path, error)
         raise DatasetError(f"{path}: the intrinsics cannot be read ({reason})") from None
-    except (YAMLError, KeyError, ValueError, TypeError, AttributeError) as error:
+    except (YAMLError, *OTHER_KIND) as error:
         what = str(error).splitlines()[0] if str(error) else "it is empty"
         raise DatasetError(
             f"{path}: is no file of intrinsics as camera_calibration writes it ({what})"

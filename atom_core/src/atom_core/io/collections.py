@@ -9,7 +9,6 @@ that a new one shall replace is kept in ``previous/`` until the new one is whole
 
 from __future__ import annotations
 
-import json
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +21,7 @@ from atom_core.io import earlier_run
 from atom_core.io.atomic import prepare_output_folder, write_text_atomically
 from atom_core.io.dataset_json import CURRENT_VERSION, dumps
 from atom_core.io.dataset_writer import DATASET_FILE
+from atom_core.io.json_text import load_json
 from atom_core.model.dataset import MULTIPLE
 
 FOLDER, HEADER_FILE = "collections", "header.json"
@@ -350,7 +350,7 @@ def _edges(header: Mapping[str, Any], collections: List[StoredCollection]) -> Di
 def _read(path: Path) -> Dict[str, Any]:
     problem: Optional[str] = None
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = load_json(path.read_text(encoding="utf-8"))
         if isinstance(document, dict):
             return document
         problem = "no map"

@@ -48,7 +48,8 @@ class FileDataSource(DataSource):
             raise DatasetError(f"sensor '{sensor}', collection {collection}: {error}") from None
 
     def _entry(self, collection: str, sensor: str) -> Mapping[str, Any]:
-        return self._document["collections"][collection].get("data", {}).get(sensor) or {}
+        data = self._document["collections"][collection].get("data") or {}
+        return data.get(sensor) or {}
 
     def _path(self, entry: Mapping[str, Any], collection: str, sensor: str) -> Path:
         if "data_file" not in entry:

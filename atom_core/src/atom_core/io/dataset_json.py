@@ -29,6 +29,7 @@ from atom_core.io.dataset_entries import (
 from atom_core.io.dataset_structure import check_dataset_structure
 from atom_core.io.dataset_trees import check_trees
 from atom_core.io.earliest_layout import CURRENT_VERSION, completed, is_before_version_2
+from atom_core.io.json_text import load_json
 from atom_core.io.label_json import is_old_layout, with_label
 from atom_core.io.paths import looked_for
 from atom_core.io.together import finish_interrupted
@@ -87,7 +88,7 @@ def read_document(path: Path) -> Dict[str, Any]:
     if path.suffix in (".yml", ".yaml", ".bag", ".xacro", ".urdf"):
         raise DatasetError(f"{path}: no dataset; give the dataset.json that a collector wrote")
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = load_json(path.read_text(encoding="utf-8"))
     except UnicodeDecodeError as error:
         raise DatasetError(
             f"{path}: not UTF-8 text ({error.reason} at byte {error.start})"
@@ -97,7 +98,7 @@ def read_document(path: Path) -> Dict[str, Any]:
             f"{path}:{error.lineno}: not valid JSON ({error.msg}); the file is damaged or "
             f"truncated, restore it or collect again"
         ) from None
-    except (RecursionError, ValueError):  # hundreds of brackets in brackets, thousands of digits
+    except ValueError:  # hundreds of brackets in brackets, thousands of digits
         raise DatasetError(
             f"{path}: no ATOM dataset, its brackets are too deep or a number is too long; restore "
             f"the file or collect again"
@@ -112,7 +113,7 @@ def read_document(path: Path) -> Dict[str, Any]:
 
 def check_version(document: Mapping[str, Any], path: Path) -> None:
     """Refuse a dataset that is older than version 3, and say how to migrate it."""
-    version = str(document.get("_metadata", {}).get("version", ""))
+    version = str((document.get("_metadata") or {}).get("version", ""))
     try:
         number = float(version)
     except ValueError:
@@ -260,7 +261,7 @@ class _Reader:
             return pattern
         try:
             corners, border = corners_from_document(stored), pattern.border
-            if stored.get("frame", {}).get("corners"):
+            if (stored.get("frame") or {}).get("corners"):
                 border = border_from_document(stored)
         except (KeyError, ValueError, TypeError) as error:
             raise self.fail(f"pattern '{name}': corners or frame are malformed ({error})") from None

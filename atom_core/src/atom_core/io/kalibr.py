@@ -11,6 +11,7 @@ from ruamel.yaml.error import YAMLError
 from atom_core.errors import DatasetError
 from atom_core.geometry.camera import Camera
 from atom_core.io.paths import unread
+from atom_core.io.structure import OTHER_KIND
 from atom_core.io.yaml_text import load_yaml_1_2
 
 _ROUNDED = 1e-3  # entries of a rotation that was written with few digits
@@ -62,7 +63,7 @@ def read_camchain(path: Path) -> List[ChainCamera]:
                 camera_T_before = _pose(entry["T_cn_cnm1"])
                 first_T_camera = first_T_camera @ np.linalg.inv(camera_T_before)
             camera = _camera(entry)
-        except (KeyError, ValueError, TypeError) as error:
+        except OTHER_KIND as error:
             raise DatasetError(f"{path}: {name}: {_said(error)}") from None
         chain.append(ChainCamera(name, camera, str(entry.get("rostopic", "")), first_T_camera))
     return chain

@@ -11,6 +11,8 @@ from atom_core.model.labels import DetectionKey, Label, RangeLabel, RgbLabel
 from atom_core.model.modality import LabelFormat
 from atom_core.model.pattern import Pattern
 
+_MOST = 2**53  # and all above are not told apart
+
 
 def with_label(stored: Mapping[str, Any], dataset: Dataset, key: DetectionKey) -> Dict[str, Any]:
     """Return a collection's labels as they stand in the JSON, with one of them as it is now.
@@ -68,7 +70,7 @@ def _corner_document(label: Label) -> Dict[str, Any]:
 
 
 def _read_corner_label(value: Mapping[str, Any], pattern: Pattern) -> RgbLabel:
-    ids = np.array([int(entry["id"]) for entry in value["idxs"]], dtype=int)
+    ids = _indices([entry["id"] for entry in value["idxs"]])
     pixels = np.array([[e["x"], e["y"]] for e in value["idxs"]], dtype=float).reshape(-1, 2)
     bad = ~np.all(np.isfinite(pixels), axis=1)
     if np.any(bad):
@@ -90,8 +92,9 @@ def _read_range_label(value: Mapping[str, Any], _: Pattern) -> RangeLabel:
 
 def _indices(values: Any) -> np.ndarray:
     array = np.array(values, dtype=float).reshape(-1)
-    if not np.all(np.isfinite(array)):
-        raise ValueError("an index of the label is not a number")
+    wrong = ~((np.abs(array) < _MOST) & (array == np.floor(array)))
+    if np.any(wrong):
+        raise ValueError(f"{array[wrong][0]:g} is no index of a corner or a point")
     return array.astype(int)
 
 

@@ -7,7 +7,6 @@ sides meet. Lengths are in metres, in the LiDAR's frame.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
@@ -17,6 +16,8 @@ from atom_core.errors import DatasetError
 from atom_core.geometry import se3
 from atom_core.io.annotations import PLANE, SIDES, metadata
 from atom_core.io.atomic import write_json_atomically
+from atom_core.io.json_text import load_json
+from atom_core.io.structure import OTHER_KIND
 
 Point = Tuple[float, float]
 # Between which sides a corner is, in the order of the rectangle's corners: from the top left on.
@@ -71,9 +72,9 @@ def read_picked_sides(path: Path) -> Dict[str, PickedSides]:
     if not path.is_file():
         return {}
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = load_json(path.read_text(encoding="utf-8"))
         return {key: _picked(entry) for key, entry in document.items() if key != "_metadata"}
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except OTHER_KIND as error:
         raise DatasetError(
             f"{path}: not a file of picked borders ({error}); pick again, or move the file away"
         ) from None

@@ -13,6 +13,9 @@ import math
 from typing import Any, Callable, Tuple
 
 Place = Tuple[str, ...]
+# What reading a document raises where a value of it is of another kind: a text for a number, a list
+# that is too short, a number that is infinite.
+OTHER_KIND = (KeyError, IndexError, ValueError, TypeError, AttributeError, ArithmeticError)
 Check = Callable[[Any, Place], None]
 
 

@@ -10,13 +10,13 @@ two runs never stand there together.
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import re
 from pathlib import Path
 from typing import Dict, Iterable, Iterator, List, Sequence
 
 from atom_core.io import atomic
+from atom_core.io.json_text import load_json
 
 LIST_FILE = ".unfinished_results.json"
 _TEMPORARY = re.compile(r"\.(?P<name>[^/\0]+)\.[0-9a-f]{12}\.tmp")  # as `atomic` names them
@@ -63,7 +63,7 @@ def finish_interrupted(folder: Path) -> None:
     """
     path = Path(folder) / LIST_FILE
     try:
-        listed = json.loads(path.read_text(encoding="utf-8"))
+        listed = load_json(path.read_text(encoding="utf-8"))
         rename = {t: n for t, n in listed["rename"].items() if _is_temporary_of(t, n)}
         remove = [name for name in listed["remove"] if Path(name).name == name]
     except FileNotFoundError:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Dict, Mapping
@@ -13,6 +12,8 @@ from atom_core.errors import DatasetError
 from atom_core.geometry import se3
 from atom_core.io.dataset_entries import pose_of_entry
 from atom_core.io.dataset_json import read_dataset
+from atom_core.io.json_text import load_json
+from atom_core.io.structure import OTHER_KIND
 from atom_core.io.truth_json import read_truth
 from atom_core.io.urdf import read_description
 from atom_core.model.dataset import Dataset
@@ -47,7 +48,7 @@ def _first_sign(path: Path) -> str:
 
 def _is_dataset(path: Path) -> bool:
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = load_json(path.read_text(encoding="utf-8"))
     except ValueError:
         return False
     return isinstance(document, dict) and {"sensors", "collections"} <= set(document)
@@ -60,7 +61,7 @@ def _with_ground_truth(dataset: Dataset) -> Dataset:
     }
     try:
         return dataset.with_transforms({key: _poses(entries) for key, entries in stored.items()})
-    except (KeyError, ValueError, TypeError, AttributeError) as error:
+    except OTHER_KIND as error:
         raise DatasetError(
             f"{dataset.source}: {_GROUND_TRUTH} is malformed ({error}); restore the file"
         ) from None

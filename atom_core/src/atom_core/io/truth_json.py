@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any, Dict, Mapping, Optional
 
@@ -11,7 +10,9 @@ import numpy as np
 from atom_core.errors import DatasetError
 from atom_core.geometry import se3
 from atom_core.io.atomic import write_json_atomically
+from atom_core.io.json_text import load_json
 from atom_core.io.paths import looked_for
+from atom_core.io.structure import OTHER_KIND
 from atom_core.model.transforms import Edge
 from atom_core.model.truth import Truth
 
@@ -51,7 +52,7 @@ def read_truth(path: Path) -> Truth:
             f"{path}: no such truth file{looked_for(path)}; correct the path, or leave out --truth"
         )
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = load_json(path.read_text(encoding="utf-8"))
         edges = {
             Edge(e["parent"], e["child"]): pose_from_document(e) for e in document["edges"].values()
         }
@@ -64,7 +65,7 @@ def read_truth(path: Path) -> Truth:
             str(joint): {str(name): _finite(value) for name, value in values.items()}
             for joint, values in document.get("joints", {}).items()
         }
-    except (KeyError, ValueError, TypeError, AttributeError) as error:
+    except OTHER_KIND as error:
         raise DatasetError(f"{path}: not a truth file ({error})") from None
     return Truth(edges, boards, joints=joints)
 

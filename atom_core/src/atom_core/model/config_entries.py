@@ -32,6 +32,7 @@ from atom_core.model.pattern import CHARUCO, CHESSBOARD
 from atom_core.model.sensor import WIDEST_BEAM_RAD
 from atom_core.model.transforms import Edge
 
+_MOST_IN_A_ROW = 1000  # corners of a board; no camera sees as many
 LEAST_SIDE_M, MOST_SIDE_M, MOST_RATIO = 1e-3, 1e3, 1e3  # of a board, as in board_segmentation.cpp
 PATTERN_TYPES = (CHESSBOARD, CHARUCO)
 AUTO = "auto"
@@ -394,7 +395,10 @@ def _checked_dimension(dimension: Any) -> Tuple[int, ...]:
         raise ConfigValueError(f"is {shown(dimension)}; give (columns, rows)", "dimension")
     for axis, count in zip("xy", dimension):
         whole = isinstance(count, int) or (isinstance(count, float) and count.is_integer())
-        if isinstance(count, bool) or not whole or count < 2:
-            problem = f"is {shown(count)}; write the number of inner corners, at least 2"
+        if isinstance(count, bool) or not whole or not 2 <= count <= _MOST_IN_A_ROW:
+            problem = (
+                f"is {shown(count)}; write the number of inner corners, at least 2 and at most "
+                f"{_MOST_IN_A_ROW}"
+            )
             raise ConfigValueError(problem, ("dimension", axis))
     return tuple(int(count) for count in dimension)

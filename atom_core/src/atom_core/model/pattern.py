@@ -12,6 +12,7 @@ from atom_core.geometry.rectangle import Rectangle
 BoardKey = Tuple[str, Optional[str]]  # pattern, collection (None for a fixed pattern)
 
 CHARUCO, CHESSBOARD = "charuco", "chessboard"
+_MOST_CORNERS = 1_000_000  # of a pattern; no camera sees as many
 _BORDER_STEP_M = 0.02  # spacing of ATOM's border samples
 
 
@@ -146,11 +147,21 @@ def geometry_document(pattern: Pattern) -> Dict[str, Any]:
 
 
 def corners_from_document(document: Mapping[str, Any]) -> np.ndarray:
-    """Return corners by id (n, 2) [m] of a dataset's pattern; NaN rows where an id is absent."""
-    entries = document["corners"]
-    corners = np.full((1 + max(int(e["id"]) for e in entries), 2), np.nan)
-    for entry in entries:
-        corners[int(entry["id"])] = entry["x"], entry["y"]
+    """Return corners by id (n, 2) [m] of a dataset's pattern; NaN rows where an id is absent.
+
+    Raises:
+        ValueError: an id that no board has, or that stands twice.
+    """
+    by_id: Dict[int, Tuple[float, float]] = {}
+    for entry in document["corners"]:
+        number = int(entry["id"])
+        if not 0 <= number < _MOST_CORNERS:
+            raise ValueError(f"corner id {entry['id']} is not within 0 and {_MOST_CORNERS - 1}")
+        if number in by_id:
+            raise ValueError(f"corner id {number} stands there twice")
+        by_id[number] = entry["x"], entry["y"]
+    corners = np.full((1 + max(by_id), 2), np.nan)
+    corners[list(by_id)] = list(by_id.values())
     return corners
 
 

@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 
 from atom_core.io.atomic import write_json_atomically
+from atom_core.io.json_text import load_json
 from atom_examples.cell_simulator.graphics import import_mujoco
 from atom_examples.cell_simulator.recorder import Recording, recording_files
 from atom_examples.cell_simulator.world import DISTURBED, EXACT, World
@@ -111,7 +112,7 @@ def program_files() -> Dict[str, Path]:
 def is_current(bag: Path, inputs: str) -> bool:
     """Tell whether a bag was made of these inputs, and it and its companions are unharmed."""
     try:
-        document = json.loads(fingerprint_path(bag).read_text(encoding="utf-8"))
+        document = load_json(fingerprint_path(bag).read_text(encoding="utf-8"))
         if document["version"] != _VERSION or document["inputs"] != inputs:
             return False
         return document["files"] == _files_document(bag)

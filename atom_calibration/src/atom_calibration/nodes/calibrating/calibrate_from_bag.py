@@ -8,7 +8,6 @@ calibration is shown in RViz while it runs.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from contextlib import suppress
 from pathlib import Path
@@ -28,6 +27,7 @@ from atom_core.commands.option_parser import OptionParser, examples
 from atom_core.commands.report_option import add_report_option
 from atom_core.errors import AtomError, OutputError
 from atom_core.io.dataset_writer import DATASET_FILE
+from atom_core.io.json_text import load_json
 
 Said = Dict[str, Any]  # entries of status.json
 _BAD_INPUT = 2
@@ -102,7 +102,7 @@ def _calibrate(args: argparse.Namespace) -> Tuple[int, Said]:
     if (folder / NOT_CONVERGED_FOLDER).is_dir():  # results of before are better, and stay
         folder /= NOT_CONVERGED_FOLDER
     try:
-        result = json.loads((folder / "calibration.json").read_text(encoding="utf-8"))
+        result = load_json((folder / "calibration.json").read_text(encoding="utf-8"))
         verdict = {key: result["verdict"][key] for key in ("grade", "sentence")}
         return code, {"message": f"{result['status']}: {result['message']}", "verdict": verdict}
     except (OSError, ValueError, KeyError):

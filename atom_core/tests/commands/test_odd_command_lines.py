@@ -1,0 +1,101 @@
+"""Whatever options a command is given, it ends with its results or with a sentence.
+
+Some command lines that Hypothesis draws run in `make test`, many more in `make test-long`.
+"""
+
+import argparse
+import os
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("hypothesis")
+sys.path.insert(0, str(Path(__file__).parents[1]))  # damage
+
+from damage import NAMES, NUMBERS, for_all  # noqa: E402
+from hypothesis import strategies as st  # noqa: E402
+
+from atom_core import cli  # noqa: E402
+from atom_core.io.dataset_writer import write_dataset_folder  # noqa: E402
+from atom_core.synthetic.scenes import random_scene  # noqa: E402
+
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
+# They open a window, or start the whole job.
+OTHERS = {"demo", "annotate_pattern_borders_in_rgb_or_depth", "annotate_pattern_borders_in_lidar"}
+RENAMING = {"rename_atom_dataset"}
+DATASETS = {"dataset", "dataset_path", "json_file", "train", "test", "json_input"}
+# As they can be typed and printed; what is written stays below the test's folder.
+WORDS = [name for name in NAMES if not {"\0", "\ud800"} & set(name) and not name.startswith("/")]
+WORDS += ["rgb_1", "lidar_1", "rgb_1,depth_1", "000", "001", "pattern_1", "world", "*", "[", "all"]
+WORDS += ["lambda x: x", "lambda x: 1%0", "data", "data/dataset.json", "out", "0.1 0.2", "1e999"]
+VALUES = st.one_of(
+    st.sampled_from(WORDS), st.sampled_from(NUMBERS).map(str), st.text("a%-{", max_size=4)
+)
+FEWEST = {"+": 1, "*": 0, "?": 0, None: 1}
+DRAWS = [15, pytest.param(300, marks=pytest.mark.long)]
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    """Return a folder with a dataset of two cameras, a depth camera and a LiDAR."""
+    folder = tmp_path_factory.mktemp("made") / "data"
+    return write_dataset_folder(random_scene(0, collections=4).dataset, folder, name="four").parent
+
+
+def options_of(name):
+    """Return the options of a command, as argparse has them."""
+    commands = cli.build_parser(name)._subparsers._group_actions[0].choices
+    return [o for o in commands[name]._actions if not isinstance(o, argparse._HelpAction)]
+
+
+@st.composite
+def command_lines(draw, name):
+    """Draw a command line: mostly with a dataset and a place for results, and odd options."""
+    words, rest = [name], []
+    for option in options_of(name):
+        if option.dest in DATASETS and draw(st.integers(0, 9)):
+            dataset = "data" if option.dest == "dataset_path" else "data/dataset.json"
+            words += [*option.option_strings[:1], dataset]
+        elif option.dest.startswith("output") and draw(st.integers(0, 9)):
+            words += [*option.option_strings[:1], "out"]
+        elif option.required and draw(st.integers(0, 9)):
+            words += _with_values(draw, option)
+        else:
+            rest.append(option)
+    for option in draw(st.lists(st.sampled_from(rest), max_size=4)) if rest else []:
+        words += _with_values(draw, option)
+    return words
+
+
+def _with_values(draw, option):
+    count = option.nargs
+    if not isinstance(count, int):
+        count = draw(st.integers(FEWEST[count], 1 if count in (None, "?") else 3))
+    usual = st.sampled_from([str(choice) for choice in option.choices or ["1"]])
+    values = [draw(st.one_of(usual, VALUES)) for _ in range(count)]
+    return [*option.option_strings[:1], *values]
+
+
+@pytest.mark.parametrize("draws", DRAWS)
+@pytest.mark.parametrize("name", sorted(set(cli.COMMANDS) - OTHERS))
+def test_odd_options_are_taken_or_refused(name, data, tmp_path, monkeypatch, capsys, draws):
+    whole = (data / "dataset.json").read_bytes()
+
+    def check(words):
+        shutil.rmtree(tmp_path / "here", ignore_errors=True)
+        shutil.copytree(data, tmp_path / "here" / "work" / "data")
+        monkeypatch.chdir(tmp_path / "here" / "work")
+        try:
+            code = cli.main(words)
+        except SystemExit as end:  # argparse's own refusals, --version
+            code = end.code
+        said = capsys.readouterr().err
+        assert code in (0, 1, 2), code
+        assert code != 2 or said.strip(), "a refusal says why"
+        dataset = Path("data") / "dataset.json"
+        assert name in RENAMING or dataset.read_bytes() == whole, "the input is as it was"
+
+    for_all(command_lines(name), draws, check)
+    os.chdir("/")  # until monkeypatch takes it back, the folder may be gone
