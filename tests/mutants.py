@@ -3,8 +3,9 @@
 Faults ("mutants") are those of Cosmic Ray: another operator, comparison or number, a condition
 turned round, a loop left out. There are thousands, so places are drawn by chance, with one mutant
 at each. The committed state is cloned into mutants_output/; the tests run there once, with a note
-of the lines that each executes. For a mutant, those that execute its line then run, quick ones
-first, until one fails ("killed"). Mutants that no test kills are listed with their change.
+of the lines that each executes. For a mutant, those that execute its line then run (of a constant
+or a decorator: the lines that use it), quick ones first, until one fails ("killed"). Mutants that
+no test kills are listed with their change.
 
 Usage: mutants.py [--sample N] [--seed N] [--jobs N] [--only PART_OF_A_PATH]
 """
@@ -12,6 +13,7 @@ Usage: mutants.py [--sample N] [--seed N] [--jobs N] [--only PART_OF_A_PATH]
 from __future__ import annotations
 
 import argparse
+import ast
 import difflib
 import importlib.util
 import json
@@ -173,7 +175,10 @@ def _with_shared(contexts: List[str], seconds: Dict[str, float]) -> List[str]:
 
 def _tests_of(mutant: Mutant, tests: Tests) -> List[str]:
     """Return the tests for a mutant: those of its package first, then quick ones."""
-    found = tests.of_line.get((mutant.path, mutant.line)) or tests.of_module.get(mutant.path, [])
+    found = set(tests.of_line.get((mutant.path, mutant.line), ()))
+    for line in _users(mutant):
+        found.update(tests.of_line.get((mutant.path, line), ()))
+    found = found or set(tests.of_module.get(mutant.path, ()))
     package = Path(mutant.path).parent.name
     ordered = sorted(found, key=lambda t: (f"/{package}/" not in t, tests.seconds[t]))
     kept, total = [], 0.0
@@ -183,6 +188,28 @@ def _tests_of(mutant: Mutant, tests: Tests) -> List[str]:
             break
         kept.append(test)
     return kept
+
+
+def _users(mutant: Mutant) -> List[int]:
+    """Return the lines of a decorated function or class, or those that name a constant.
+
+    The line itself is executed when its module is imported, by whichever test comes first.
+    """
+    lines, names = set(), set()
+    tree = ast.parse((ROOT / mutant.path).read_text("utf-8"))
+    for node in ast.walk(tree):
+        for decorator in getattr(node, "decorator_list", ()):
+            if decorator.lineno == mutant.line:
+                lines.update(range(node.lineno, node.end_lineno + 1))
+        within = node.body if isinstance(node, (ast.Module, ast.ClassDef)) else ()
+        for item in within:
+            assigns = isinstance(item, (ast.Assign, ast.AnnAssign))
+            if assigns and item.lineno <= mutant.line <= item.end_lineno:
+                names |= {n.id for n in ast.walk(item) if isinstance(n, ast.Name)}
+    for node in ast.walk(tree):
+        if (getattr(node, "id", None) or getattr(node, "attr", None)) in names:
+            lines.add(node.lineno)
+    return sorted(lines)
 
 
 def _mutated(mutant: Mutant, text: str) -> str:
@@ -249,7 +276,8 @@ class _Runner:
             code = self._run(tests)
         finally:
             file.write_text(text, "utf-8")
-        if code not in (0, 1, -1) and self._run(tests) != 0:
+        # Where the mutant keeps tests from being collected; without it they must be.
+        if code not in (0, 1, -1) and self._run(["--collect-only", *tests]) != 0:
             return "tests fail without it"
         return "killed" if code else "survived"
 

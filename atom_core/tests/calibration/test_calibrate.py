@@ -212,7 +212,8 @@ def test_an_edge_that_is_not_on_the_chain_is_refused():
     dataset = paper_cell(0).dataset
     sensor = dataset.sensors["rgb_1"]
     elsewhere = replace(sensor, edge=dataset.sensors["lidar_1"].edge)
-    with pytest.raises(CalibrationError, match="'rgb_1': edge .* is not on its chain"):
+    chain = f"'rgb_1': edge .* is not on its chain {dataset.world} -> .* -> {sensor.frame};"
+    with pytest.raises(CalibrationError, match=chain):
         calibrate(replace(dataset, sensors={**dataset.sensors, "rgb_1": elsewhere}))
 
 

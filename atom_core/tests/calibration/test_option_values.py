@@ -33,3 +33,10 @@ def test_calibration_options(values, named):
 def test_iterations(iterations):
     with pytest.raises(ValueError, match="max_iterations"):
         SolverOptions(max_iterations=iterations)
+
+
+@pytest.mark.parametrize("divisor", [0.0, -1.0, np.nan, np.inf])
+def test_a_multiplier_is_a_number_above_0(divisor):
+    with pytest.raises(ValueError, match="-rnm"):
+        SolverOptions(corner_divisor=divisor)
+    assert SolverOptions(corner_divisor=0.5).corner_divisor == 0.5

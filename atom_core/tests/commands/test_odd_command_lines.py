@@ -34,7 +34,7 @@ VALUES = st.one_of(
     st.sampled_from(WORDS), st.sampled_from(NUMBERS).map(str), st.text("a%-{", max_size=4)
 )
 FEWEST = {"+": 1, "*": 0, "?": 0, None: 1}
-DRAWS = [15, pytest.param(300, marks=pytest.mark.long)]
+DRAWS = [15, pytest.param(100, marks=pytest.mark.long)]
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from atom_core.evaluation.changes import changes, held_apart, limit_of
+from atom_core.evaluation.changes import changes, held_apart, limit_of, spreads_of
 from atom_core.geometry import se3
 from atom_core.model.edge_state import EdgeState
 from atom_core.model.transforms import Edge
@@ -50,6 +50,25 @@ def test_what_is_held_or_in_one_only_is_not_compared():
     assert [edge.child for edge in found.held] == ["held"]
     assert [edge.child for edge in found.only_in_one] == ["gone", "new"]
     assert held_apart([state("a", True)], [state("a")]) == [Edge("base", "a")]
+
+
+def test_the_limit_is_that_of_six_numbers_shared_by_the_edges():
+    assert limit_of(1) == pytest.approx(16.812, abs=1e-3)  # chi-square tables, 6 degrees, 1 %
+    assert limit_of(2) == pytest.approx(18.548, abs=1e-3)  # 0.5 %
+    assert limit_of(0) == limit_of(1)
+
+
+def test_what_the_noise_alone_tells_is_the_stated_covariance_in_its_own_sigmas():
+    turned = np.diag(SIGMA) @ (np.eye(6) + 0.5 * np.eye(6, k=1) + 0.5 * np.eye(6, k=-1))
+    covariance = turned @ turned.T
+    sigma = np.sqrt(np.diagonal(covariance))
+    ratio = np.array([1.0, 0.5, 0.25, 0.2, 0.1, 0.5])
+    edge = state("a")._replace(sigma=sigma, covariance=covariance, model_sigma=ratio * sigma)
+    spreads = spreads_of([edge._replace(detections=7), state("held", anchored=True)])
+    found = spreads[edge.edge]
+    np.testing.assert_allclose(found.stated, covariance)
+    np.testing.assert_allclose(found.of_model, np.diag(ratio) @ covariance @ np.diag(ratio))
+    assert found.detections == 7 and not np.any(spreads[Edge("base", "held")].stated)
 
 
 def test_one_rig_in_a_hundred_is_called_moved_at_most():

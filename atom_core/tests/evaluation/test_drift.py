@@ -11,14 +11,15 @@ from atom_core.evaluation.drift import _as_rare, drift
 from atom_core.evaluation.edge_spread import edge_spread
 from atom_core.geometry import se3
 from atom_core.report.edge_results import selected_edges
-from atom_core.synthetic import scenes
+from atom_core.synthetic import Noise, scenes
 
 NEW = 3
 
 
-def rig(seed):
-    """Return three new boards that all cameras see, and what the other boards tell of the rig."""
-    dataset = scenes.random_scene(seed, rgb=3, depth=0, lidar3d=0, collections=20).dataset
+def rig(seed, **scene):
+    """Return three new boards that all sensors see, and what the other boards tell of the rig."""
+    scene = {"rgb": 3, "depth": 0, "lidar3d": 0, "collections": 20, **scene}
+    dataset = scenes.random_scene(seed, **scene).dataset
     whole = [k for k, c in dataset.collections.items() if len(c.labels) == len(dataset.sensors)]
     new = whole[:NEW]
     rest = dataset.selected(collections=[k for k in dataset.collections if k not in new])
@@ -80,6 +81,35 @@ def test_what_is_found_from_is_found(rigs):
     move = se3.random_move(1.5 * limit.found_m, 0.0, np.random.default_rng(2))
     moved = {**described, limit.edge: se3.moved(described[limit.edge], move)}
     assert drift(new, moved, spreads).moved
+
+
+@pytest.mark.parametrize(
+    "shift_m, turn_rad", [(0.0004, 0.0), (0.0, 0.0003), (0.0006, 0.0), (0.0, 0.0004)]
+)
+def test_a_trifle_is_no_move_however_sure(shift_m, turn_rad):
+    new, described, _ = rig(1, noise=Noise(corner_px=1e-3))
+    rng, edge = np.random.default_rng(3), new.sensors["rgb_2"].edge
+    known = dict.fromkeys(described, Spread(1e-12 * np.eye(6), 1e-12 * np.eye(6)))
+    moved = se3.moved(described[edge], se3.random_move(shift_m, turn_rad, rng))
+    found = drift(new, {**described, edge: moved}, known)
+    of_edge = next(e for e in found.edges if e.edge == edge)
+    assert of_edge.chi_square > 10.0 * found.limit
+    assert of_edge.moved == (shift_m > 0.0005 or turn_rad > np.radians(0.02))
+
+
+def test_a_range_sensors_move_is_told_later_where_few_detections_told_its_scatter():
+    new, described, spreads = rig(4, rgb=2, lidar3d=1)
+    edge, by_count = new.sensors["lidar_1"].edge, {}
+    move = se3.random_move(0.015, 0.0, np.random.default_rng(0))
+    described = {**described, edge: se3.moved(described[edge], move)}
+    for count in (3, 3000):
+        known = {edge: spread._replace(detections=count) for edge, spread in spreads.items()}
+        found = drift(new, described, known)
+        by_count[count] = {name: e for e in found.edges for name in e.sensors}
+    few, many = by_count[3], by_count[3000]
+    assert few["lidar_1"].found_m > 1.5 * many["lidar_1"].found_m
+    assert few["lidar_1"].chi_square < many["lidar_1"].chi_square
+    assert few["rgb_2"].found_m == pytest.approx(many["rgb_2"].found_m)
 
 
 def test_one_board_is_refused(rigs):

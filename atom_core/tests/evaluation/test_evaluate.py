@@ -341,7 +341,13 @@ def test_a_pair_may_be_named_in_either_order(noisy, text):
     assert (pair.source, pair.target, pair.reverse) == ("lidar_2", "rgb_1", False)
 
 
-@pytest.mark.parametrize("text", ["rgb_1", "rgb_1:", "rgb_1:rgb_9", "depth_1:depth_1"])
+@pytest.mark.parametrize("text", ["rgb_1:rgb_9", "depth_1:depth_1"])
 def test_a_pair_that_does_not_exist_is_refused(noisy, text):
-    with pytest.raises(SelectionError, match=text):
+    with pytest.raises(SelectionError, match=f"{text}: no such pair"):
+        pairs_of(noisy.dataset.sensors, [text])
+
+
+@pytest.mark.parametrize("text", ["rgb_1", "rgb_1:", ":rgb_1", ":", ""])
+def test_two_sensors_are_a_pair(noisy, text):
+    with pytest.raises(SelectionError, match=f"{text}: write two sensors as A:B"):
         pairs_of(noisy.dataset.sensors, [text])

@@ -15,11 +15,14 @@ from atom_core.problem.model_errors import (
     BorderShift,
     BorderSize,
     CameraError,
+    DepthScale,
+    JointOffset,
+    PrismaticOffset,
     RangeOffset,
     RangeScale,
     rows_of,
 )
-from atom_core.problem.range_fields import DepthWave, LayerOffset
+from atom_core.problem.range_fields import DepthWave, DepthWaves, LayerOffset, LayerOffsets
 from atom_core.solvers.choice import SOLVERS
 from atom_core.synthetic import scenes
 
@@ -110,3 +113,26 @@ def test_both_solvers_see_the_same_corrected_rows(problem, errors):
         squares.append(np.concatenate(solver.squares(x, sigmas)))
     np.testing.assert_allclose(squares[0], squares[2], rtol=1e-8, atol=1e-10)
     np.testing.assert_allclose(squares[1], squares[3], rtol=1e-8, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    "error, usual",
+    [
+        (RangeOffset, 0.020),
+        (RangeScale, 0.001),
+        (DepthScale, 0.01),
+        (BoardSize, 0.002),
+        (CameraError, 0.005),
+        (BorderShift, 0.003),
+        (BorderSize, 0.003),
+        (Bend, 0.002),
+        (JointOffset, 0.001),  # 0.06 deg
+        (PrismaticOffset, 0.001),
+        (LayerOffset, 0.005),
+        (LayerOffsets, 0.005),
+        (DepthWaves, 0.004),
+    ],
+)
+def test_what_is_usual_is_what_the_document_says(error, usual):
+    """docs/certainty.md, "Combined sigmas"."""
+    assert error.usual == pytest.approx(usual)

@@ -11,6 +11,7 @@ from typing import Optional
 from atom_core.commands.common import add_option
 from atom_core.errors import ConfigError, OutputError
 from atom_core.io.config_yaml import read_config
+from atom_core.io.paths import sibling
 from atom_core.model.config import CalibrationConfig
 
 _CORRECTED = "dataset_corrected.json"
@@ -120,7 +121,7 @@ def corrected_file(args: argparse.Namespace) -> Path:
     Raises:
         OutputError: the file is there, and may not be replaced.
     """
-    output = Path(os.path.abspath(args.output or args.dataset.with_name(_CORRECTED)))
+    output = Path(os.path.abspath(args.output or sibling(args.dataset, _CORRECTED)))
     if output.exists() and not args.overwrite:
         raise OutputError(
             f"{output}: exists already; add --overwrite to replace it, or go on with it by "

@@ -13,6 +13,7 @@ from atom_core.errors import DatasetError
 from atom_core.evaluation.baselines.stereo import stereo_baseline
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import write_dataset
+from atom_core.io.paths import sibling
 from atom_core.model.sensor import RGB
 
 EXAMPLE = "python3 -m atom_core cv_stereo_calib -json dataset.json -rc rgb_2 -lc rgb_1"
@@ -40,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Solve with the intrinsics as they are, and put the left camera where it was found."""
     left, right = args.left_camera, args.right_camera
-    target = args.output or args.dataset.with_name(_RESULT)
+    target = args.output or sibling(args.dataset, _RESULT)
     refuse_existing(args.dataset, [target], args.overwrite)
     dataset = read_pair(args, [left, right], [RGB])
     rig = stereo_baseline(dataset.selected(sensors=[left, right]))

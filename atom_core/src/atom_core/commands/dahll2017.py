@@ -22,6 +22,7 @@ from atom_core.evaluation.corner_baseline import (
 from atom_core.io.annotations import annotation_path
 from atom_core.io.dataset_json import read_dataset, write_dataset
 from atom_core.io.lidar_annotations import corners_of, read_picked_sides
+from atom_core.io.paths import sibling
 from atom_core.model.dataset import Dataset, pose
 from atom_core.model.sensor import LIDAR3D, RGB
 
@@ -57,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Solve, print and write; 1: the corners do not fit one another."""
-    usual = args.dataset.with_name(f"dahll2017_{args.lidar}_{args.camera}.json")
+    usual = sibling(args.dataset, f"dahll2017_{args.lidar}_{args.camera}.json")
     target = args.output or usual
     refuse_existing(args.dataset, [target], args.overwrite)
     dataset = _read(args)

@@ -10,6 +10,7 @@ from atom_core.commands import common
 from atom_core.errors import OutputError
 from atom_core.io.atomic import write_text_atomically
 from atom_core.io.dataset_json import dumps, relocated
+from atom_core.io.paths import sibling
 from atom_core.io.together import written_together
 
 
@@ -20,7 +21,7 @@ def add_overwrite_option(parser: argparse.ArgumentParser) -> None:
 
 def beside(dataset: Path, addition: str) -> Path:
     """Return a path beside a dataset: `train.json` and `_a` give `train_a.json`."""
-    return dataset.with_name(f"{dataset.stem}{addition}.json")
+    return sibling(dataset, f"{dataset.stem}{addition}.json")
 
 
 def add_output_option(parser: argparse.ArgumentParser, addition: str, *other_names: str) -> None:

@@ -31,6 +31,7 @@ from atom_core.geometry import se3
 from atom_core.geometry.pose_solvers import HAND_EYE_METHODS, ROBOT_WORLD_METHODS, lacking
 from atom_core.io.atomic import write_text_atomically
 from atom_core.io.dataset_json import read_dataset, write_dataset
+from atom_core.io.paths import sibling
 from atom_core.model.dataset import Dataset, is_complete
 from atom_core.model.selection import select_names
 from atom_core.model.truth import truth_of
@@ -125,7 +126,7 @@ def runner(name: str) -> Callable[[argparse.Namespace], int]:
                 f"-mn {method}: {name} has no such method; use {', '.join(tool.methods)}"
             )
         biases = joint_biases(args)
-        usual = args.dataset.with_name(f"hand_eye_{method}_{args.camera}.json")
+        usual = sibling(args.dataset, f"hand_eye_{method}_{args.camera}.json")
         target = args.output or usual
         refuse_existing(args.dataset, [target], args.overwrite)
         table = _table_file(args, name)

@@ -16,6 +16,7 @@ from atom_core.evaluation.baselines.icp import ALIGNED, AVERAGE, BEST, INITIAL, 
 from atom_core.evaluation.baselines.links import Link
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import write_dataset
+from atom_core.io.paths import sibling
 from atom_core.model.dataset import Dataset
 from atom_core.model.sensor import DEPTH, LIDAR3D
 
@@ -63,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     """Solve collection by collection; write the average, and the one with the smallest error."""
     source, target = args.sensor_source, args.sensor_target
     name = f"ICPCalibration_{source}_to_{target}"
-    files = {kind: args.dataset.with_name(f"{name}_{kind}.json") for kind in (AVERAGE, BEST)}
+    files = {kind: sibling(args.dataset, f"{name}_{kind}.json") for kind in (AVERAGE, BEST)}
     refuse_existing(args.dataset, list(files.values()), args.overwrite)
     dataset = read_pair(args, [source, target], [LIDAR3D, DEPTH])
     if [dataset.sensors[s].modality for s in (source, target)] == [DEPTH, DEPTH]:

@@ -10,6 +10,7 @@ from atom_core.commands.dataset_output import add_overwrite_option, write_docume
 from atom_core.evaluation.baselines.chain import names_of_chain, with_chain
 from atom_core.io.dataset_json import document_of, read_dataset
 from atom_core.io.kalibr import read_camchain
+from atom_core.io.paths import sibling
 
 EXAMPLE = "python3 -m atom_core kalibr_stereo_calib -json dataset.json -k camchain.yaml"
 _RESULT = "kalibr_calibration.json"
@@ -33,6 +34,6 @@ def run(args: argparse.Namespace) -> int:
     dataset, chain = read_dataset(args.dataset), read_camchain(args.kalibr_file)
     names = names_of_chain(dataset, chain, args.kalibr_file, list(args.cameras or []))
     solved = with_chain(dataset, dict(zip(names, chain)))
-    target = args.output or args.dataset.with_name(_RESULT)
+    target = args.output or sibling(args.dataset, _RESULT)
     write_documents(args.dataset, {target: document_of(solved)}, args.overwrite)
     return 0

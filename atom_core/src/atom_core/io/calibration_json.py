@@ -10,6 +10,7 @@ import numpy as np
 from atom_core.errors import DatasetError
 from atom_core.geometry import se3
 from atom_core.io.json_text import load_json
+from atom_core.io.paths import sibling
 from atom_core.io.structure import OTHER_KIND
 from atom_core.model.edge_state import EdgeState
 from atom_core.model.transforms import Edge
@@ -36,7 +37,7 @@ def calibration_file(path: Path) -> Path:
     """Return the ``calibration.json`` of a folder of results, or beside one of its files."""
     if path.is_dir():
         return path / FILE
-    return path if path.name == FILE else path.with_name(FILE)
+    return path if path.name == FILE else sibling(path, FILE)
 
 
 def read_calibration(path: Path) -> StoredCalibration:

@@ -30,6 +30,11 @@ def unread(path: PathLike, error: OSError) -> str:
     return (error.strerror or str(error)).lower() + looked_for(path)
 
 
+def sibling(path: Path, name: str) -> Path:
+    """Return where a file of this name is beside another; slashes of the name become _."""
+    return path.parent / name.replace("/", "_")
+
+
 def find_ros_package(name: str) -> Path:
     """Return the folder of a ROS package: the resolver that is used when none is passed.
 

@@ -17,7 +17,7 @@ from atom_core.commands.common import add_dataset_option, add_option
 from atom_core.commands.dataset_output import add_overwrite_option, write_documents
 from atom_core.commands.option_parser import OptionParser
 from atom_core.io.dataset_json import document_of, read_dataset
-from atom_core.io.paths import resolve_path
+from atom_core.io.paths import resolve_path, sibling
 from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import Edge
 
@@ -40,7 +40,7 @@ def _run(args: argparse.Namespace) -> int:
         there = ", ".join(str(edge) for edge in static)
         raise BagError(f"{_TOPIC} has no transform of the dataset; it has: {there}")
     solved = dataset.with_transforms(dict.fromkeys(dataset.collections, taken))
-    target = args.output or args.dataset.with_name(_RESULT)
+    target = args.output or sibling(args.dataset, _RESULT)
     write_documents(args.dataset, {target: document_of(solved)}, args.overwrite)
     sys.stdout.write(f"taken from {_TOPIC}: {', '.join(str(edge) for edge in taken)}\n")
     return 0
