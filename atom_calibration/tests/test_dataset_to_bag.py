@@ -96,7 +96,8 @@ def test_what_cannot_be_written_is_refused_in_one_line(made, tmp_path, capsys):
     for line, words in (
         (["-i", data, "-o", str(folder / "a.bag")], "exists already"),
         (["-i", str(copy), "-o", str(tmp_path / "x.bag")], "no data of any sensor"),
-        (["-i", data, "-o", str(tmp_path / "x.bag"), "--hold", "-1"], "is no time"),
+        (["-i", data, "-o", str(tmp_path / "x.bag"), "--hold", "-1"], "give seconds up to 600"),
+        (["-i", data, "-o", str(tmp_path / "x.bag"), "--hold", "1e9"], "give seconds up to 600"),
         (["-i", data, "-o", str(tmp_path / "no" / "x.bag")], "cannot be written"),
     ):
         capsys.readouterr()

@@ -26,6 +26,7 @@ from atom_core.model.selection import select_names
 from atom_core.model.sensor import Sensor
 from atom_core.model.transforms import Edge
 
+_LONGEST_S = 600.0  # that a collection may be held
 _RATE_HZ = 5.0
 _BEGIN_S = 0.01  # static transforms come before everything else
 
@@ -71,8 +72,10 @@ def parser() -> argparse.ArgumentParser:
 def _run(args: argparse.Namespace) -> int:
     if args.output.exists() and not args.overwrite:
         raise OutputError(f"{args.output}: exists already; add --overwrite, or choose another name")
-    if not 0.0 <= args.hold < np.inf:
-        raise OutputError(f"--hold {args.hold:g}: is no time; give seconds, or 0")
+    if not 0.0 <= args.hold <= _LONGEST_S:
+        raise OutputError(
+            f"--hold {args.hold:g}: give seconds up to {_LONGEST_S:g}, or 0: the data's stamps"
+        )
 
     def choose(keys: Sequence[str]) -> List[str]:
         return select_names(keys, args.collection_selection_function, "collection")
