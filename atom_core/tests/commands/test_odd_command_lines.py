@@ -27,7 +27,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
 OTHERS = {"demo", "annotate_pattern_borders_in_rgb_or_depth", "annotate_pattern_borders_in_lidar"}
 RENAMING = {"rename_atom_dataset"}
 DATASETS = {"dataset", "dataset_path", "json_file", "train", "test", "json_input"}
-DRAWS = [15, pytest.param(100, marks=pytest.mark.long)]
+DRAWS = [8, pytest.param(100, marks=pytest.mark.long)]
 
 
 @pytest.fixture(scope="module")

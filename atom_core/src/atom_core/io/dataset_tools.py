@@ -68,10 +68,10 @@ def split_keys(dataset: Dataset, percent: float, seed: int) -> Tuple[List[str], 
     Raises:
         DatasetError: a part is empty, or leaves a sensor that sees a board without any detection.
     """
-    if not math.isfinite(percent) or seed < 0:
+    if not 0.0 <= percent <= 100.0 or seed < 0:
         raise DatasetError(
             f"{dataset.source}: cannot be split into {percent:g} % with seed {seed}; give a share "
-            f"in percent and a seed of 0 or above"
+            f"from 0 to 100 and a seed of 0 or above"
         )
     keys = list(dataset.collections)
     count = math.floor(len(keys) * percent / 100.0 + 1e-9)
