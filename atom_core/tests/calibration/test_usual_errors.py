@@ -7,7 +7,7 @@ pytest.importorskip("atom_core._core", reason="thousands of points to label")
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.judge.usual_errors import usual_errors_covariance
-from atom_core.calibration.options import AUTO, CalibrationOptions
+from atom_core.calibration.options import AUTO, OFF, CalibrationOptions
 from atom_core.calibration.refine.candidates import candidates, range_fields, usual_sizes
 from atom_core.problem.model_errors import RangeOffset
 from atom_core.report.calibration_results import calibration_results
@@ -19,8 +19,8 @@ from atom_core.solvers.choice import SOLVERS, default_solver
 from atom_core.solvers.scalar_columns import scalars_of
 from atom_core.solvers.shared_equations import shared_equations
 from atom_core.synthetic import ROUGH, SLIGHT, degenerate, paper_cell, random_scene, two_cameras
-from atom_core.synthetic.mistakes import with_scaled_focal_length
-from atom_core.synthetic.scenes import board_on_arm
+from atom_core.synthetic.mistakes import with_scaled_boards, with_scaled_focal_length
+from atom_core.synthetic.scenes import board_on_arm, hand_eye, lidar_only, two_patterns
 
 LOSS = "cauchy"
 
@@ -165,3 +165,32 @@ def test_weights_of_detections_that_do_not_settle_are_no_convergence(monkeypatch
     result = stated(scene, model_errors=AUTO)[1]
     assert result.status not in ("converged", "inconsistent")
     assert "the weights of detections that are off as a whole did not settle" in result.message
+
+
+def says_that_size_is_untold(dataset, **options):
+    found = calibrate(dataset, CalibrationOptions(**options))
+    assert found.status == "converged"
+    return any("tells how large the boards are" in warning for warning in found.warnings)
+
+
+@pytest.mark.parametrize("options", [{}, {"model_errors": OFF}], ids=["default", "off"])
+def test_a_board_that_is_3_percent_too_large_is_in_no_residual_of_cameras(options):
+    """All distances are 3 % too large, and the verdict is good: what it rests on is said."""
+    dataset = random_scene(1, rgb=3, depth=0, lidar3d=0, collections=12).dataset
+    assert says_that_size_is_untold(with_scaled_boards(dataset, 1.03), **options)
+    assert says_that_size_is_untold(dataset, **options)
+
+
+@pytest.mark.parametrize("make", [hand_eye, board_on_arm, lidar_only, random_scene, paper_cell])
+def test_range_sensors_and_arms_tell_how_large_the_boards_are(make):
+    assert not says_that_size_is_untold(make(0).dataset)
+
+
+def test_two_boards_do_not_tell_each_others_size():
+    assert says_that_size_is_untold(two_patterns(0).dataset)
+
+
+def test_what_is_estimated_or_held_tells_the_size():
+    scene = random_scene(1, rgb=3, depth=0, lidar3d=0, collections=12)
+    held = {"anchor_sensors": ("rgb_1", "rgb_2"), "ignore_anchored_sensor": True}
+    assert not says_that_size_is_untold(scene.dataset, **held)

@@ -18,7 +18,7 @@ from atom_core.calibration.judge.priors import (
     prior_results,
 )
 from atom_core.calibration.judge.reasons import Solution
-from atom_core.calibration.judge.usual_errors import usual_errors_covariance
+from atom_core.calibration.judge.usual_errors import told_board_size, usual_errors_covariance
 from atom_core.calibration.judge.weak_directions import (
     WeakDirection,
     weak_directions,
@@ -54,6 +54,7 @@ from atom_core.solvers.reweighting import covariance_of
 from atom_core.solvers.robust_covariance import FEWEST, sigma_factors
 
 _STRONG = 3.0  # sigmas by which what is not estimated may move an edge, and what is be unusual
+_TOLD_SIZE = 0.005  # of the size of boards: what is told less exactly is not told
 RANK_DEFICIENT, INCONSISTENT = "rank_deficient", "inconsistent"
 
 
@@ -121,9 +122,9 @@ def judge(
         loss = options.solver.loss
         unfit = misfits(refined.solver, summary.x, summary.sigmas, loss, make_solver)
         if options.solver.weights == SIGMA:
-            covariance, checks = _checked(start.initial, refined, options, covariance)
+            covariance, checks, sizes = _checked(start.initial, refined, options, covariance)
             moving = _moving(dataset, refined, options, checks)
-            remarks = _few_collections(problem)
+            remarks = (*_few_collections(problem), *sizes)
     known = tuple(prior_results(problem.parameters, summary.x, covariance))
     out = exclusions(start.initial, start.measurements, refined.rejected)
     reasons = [suggestion(c) for c in strong(checks, covariance)] + _unusual(refined, covariance)
@@ -183,8 +184,8 @@ def _held(
 
 def _checked(
     initial: Dataset, refined: Refined, options: CalibrationOptions, covariance: Covariance
-) -> Tuple[Covariance, List[ModelCheck]]:
-    """Return the covariance, robust and combined, and the model checks."""
+) -> Tuple[Covariance, List[ModelCheck], Tuple[str, ...]]:
+    """Return the covariance, robust and combined, the model checks, and what is not told."""
     loss, estimated = refined.options.loss, tuple(refined.summary.model_errors)
     solution = checked(initial, refined.solver, refined.summary, refined.options, with_fields=True)
     equations = solution.equations
@@ -195,14 +196,26 @@ def _checked(
     left = (error for error in every.errors if error not in estimated)
     usual = usual_sizes(left, options.intrinsics_sigma)
     covariance = covariance.with_combined(usual_errors_covariance(every, usual, loss))
+    untold = _untold_size(told_board_size(every, usual))
     if options.model_errors == OFF:
-        return covariance, []
+        return covariance, [], untold
     checks = solution.checks(refined.summary, loss)
     checks += layer_checks(
         refined.solver, refined.summary, loss, equations, solution.layers, checks
     )
     checks += wave_checks(initial, refined.solver, refined.summary, refined.options, checks)
-    return covariance, sorted(checks, key=lambda check: -check.gain)
+    return covariance, sorted(checks, key=lambda check: -check.gain), untold
+
+
+def _untold_size(told: float) -> Tuple[str, ...]:
+    """Return a sentence where the boards' size, as configured, is all that tells the scale."""
+    if told <= _TOLD_SIZE:
+        return ()
+    return (
+        "nothing in the data tells how large the boards are: all distances are as right as the "
+        "configured `size`, and 1 % of it is 1 % of them; measure the print over many squares, "
+        "since printers scale pages",
+    )
 
 
 def _few_collections(problem: Problem) -> Tuple[str, ...]:

@@ -10,16 +10,33 @@ uncertainty).
 
 from __future__ import annotations
 
-from typing import Mapping
+from typing import List, Mapping, NamedTuple
 
 import numpy as np
 
 from atom_core.problem.blocks import BLOCK_SIZE
-from atom_core.problem.model_errors import ModelError, SeenBorder
+from atom_core.problem.model_errors import BoardSize, ModelError, SeenBorder
 from atom_core.solvers import losses
 from atom_core.solvers.shared_equations import SharedEquations
 
+_UNTOLD = 1.0  # information on the boards' size: a sigma of the whole size
 _SEEN = 1e-11  # eigenvalue of information with a unit diagonal; what is below is rounding
+
+
+class _LeftOpen(NamedTuple):
+    """What the data leave open of usual errors.
+
+    Attributes:
+        errors: (k) of them.
+        covariance: (k, k) in the equations' units.
+        gains: (n, k) by how much the other numbers follow them, the shared blocks' first.
+        step: (k,) to where the data have them.
+    """
+
+    errors: List[ModelError]
+    covariance: np.ndarray
+    gains: np.ndarray
+    step: np.ndarray
 
 
 def usual_errors_covariance(
@@ -32,6 +49,36 @@ def usual_errors_covariance(
         usual: standard deviations of those that the solution has not estimated, in their units.
         loss: robust loss of the equations.
     """
+    rest = _rest(equations, usual)
+    # What is far off counts less, and the step falls short.
+    step = rest.step * losses.step_length(loss)
+    gains = rest.gains[: BLOCK_SIZE * equations.blocks]
+    return gains @ (rest.covariance + np.outer(step, step)) @ gains.T
+
+
+def told_board_size(equations: SharedEquations, usual: Mapping[ModelError, float]) -> float:
+    """Return how exactly the data tell the size of all boards together, as a part of it.
+
+    What is expected of the size does not count, but what is of all other errors does. Infinity:
+    not at all, as of cameras alone. Zero where a solution has estimated it.
+
+    Args:
+        equations: at the solution, with all errors that sensors and boards may have.
+        usual: standard deviations of those that the solution has not estimated, in their units.
+    """
+    rest = _rest(equations, usual)
+    sizes = [j for j, error in enumerate(rest.errors) if isinstance(error, BoardSize)]
+    if not sizes:
+        return 0.0
+    steps = np.array([rest.errors[j].step for j in sizes])
+    expected = np.array([usual[rest.errors[j]] for j in sizes])
+    covariance = rest.covariance[np.ix_(sizes, sizes)] * steps[:, None] * steps
+    told = np.linalg.inv(covariance) - np.diag(expected**-2.0)
+    information = float(np.sum(told))  # of a size that is the same for all
+    return 1.0 / np.sqrt(information) if information > _UNTOLD else np.inf
+
+
+def _rest(equations: SharedEquations, usual: Mapping[ModelError, float]) -> _LeftOpen:
     place = dict(enumerate(equations.errors, equations.shared))
     nuisances = {e for e in equations.errors if isinstance(e, SeenBorder)}
     estimated = (j for j, e in place.items() if e not in usual and e not in nuisances)
@@ -44,9 +91,7 @@ def usual_errors_covariance(
     sizes = np.array([usual[place[j]] / place[j].step for j in rest])
     left_open = _left_open(total[np.ix_(rest, rest)] - cross.T @ gains, sizes)
     step = -left_open @ (gradient[rest] - gains.T @ gradient[base])
-    step *= losses.step_length(loss)  # what is far off counts less, and the step falls short
-    gains = gains[: BLOCK_SIZE * equations.blocks]
-    return gains @ (left_open + np.outer(step, step)) @ gains.T
+    return _LeftOpen([place[j] for j in rest], left_open, gains, step)
 
 
 def _inverse_of_seen(matrix: np.ndarray) -> np.ndarray:
