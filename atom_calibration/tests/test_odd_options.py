@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "atom_core" / "tests"))  # da
 
 from damage import for_all  # noqa: E402
 from hypothesis import strategies as st  # noqa: E402
-from odd_options import some_of, with_values  # noqa: E402
+from odd_options import command_line  # noqa: E402
 
 from atom_calibration.configure import (  # noqa: E402
     configure_package,
@@ -71,17 +71,9 @@ def made(tmp_path_factory, make):
 @st.composite
 def command_lines(draw, parser):
     """Draw a command line: mostly with the usual files, and odd options."""
-    words, rest = [], []
-    for option in parser()._actions:
-        if isinstance(option, (argparse._HelpAction, argparse._VersionAction)):
-            continue
-        if option.dest in USUAL and draw(st.integers(0, 9)):
-            words += [*option.option_strings[:1], USUAL[option.dest]]
-        elif option.required and draw(st.integers(0, 9)):
-            words += with_values(draw, option)
-        else:
-            rest.append(option)
-    return words + some_of(draw, rest)
+    told = (argparse._HelpAction, argparse._VersionAction)
+    options = [option for option in parser()._actions if not isinstance(option, told)]
+    return command_line(draw, options, lambda option: USUAL.get(option.dest))
 
 
 @pytest.mark.parametrize("draws", DRAWS)

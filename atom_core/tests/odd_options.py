@@ -13,17 +13,32 @@ VALUES = st.one_of(
 _FEWEST = {"+": 1, "*": 0, "?": 0, None: 1}
 
 
-def with_values(draw, option):
-    """Draw the words of an option of argparse: its name, and as many values as it takes."""
+def command_line(draw, options, usual):
+    """Draw words: of most options that a run needs what is usual, of up to four others anything.
+
+    Args:
+        draw: Hypothesis's function.
+        options: of argparse.
+        usual: returns the value that an option mostly has, None of those that are left out.
+    """
+    words, rest = [], []
+    for option in options:
+        value = usual(option)
+        if value is not None and draw(st.integers(0, 9)):
+            words += [*option.option_strings[:1], value]
+        elif option.required and draw(st.integers(0, 9)):
+            words += _with_values(draw, option)
+        else:
+            rest.append(option)
+    chosen = draw(st.lists(st.sampled_from(rest), max_size=4)) if rest else []
+    return words + [word for option in chosen for word in _with_values(draw, option)]
+
+
+def _with_values(draw, option):
+    """Draw the words of an option: its name, and as many values as it takes."""
     count = option.nargs
     if not isinstance(count, int):
         count = draw(st.integers(_FEWEST[count], 1 if count in (None, "?") else 3))
     usual = st.sampled_from([str(choice) for choice in option.choices or ["1"]])
     values = [draw(st.one_of(usual, VALUES)) for _ in range(count)]
     return [*option.option_strings[:1], *values]
-
-
-def some_of(draw, options):
-    """Draw the words of up to four options."""
-    chosen = draw(st.lists(st.sampled_from(options), max_size=4)) if options else []
-    return [word for option in chosen for word in with_values(draw, option)]

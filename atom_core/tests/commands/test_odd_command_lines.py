@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))  # damage, odd_options
 
 from damage import for_all  # noqa: E402
 from hypothesis import strategies as st  # noqa: E402
-from odd_options import some_of, with_values  # noqa: E402
+from odd_options import command_line  # noqa: E402
 
 from atom_core import cli  # noqa: E402
 from atom_core.io.dataset_writer import write_dataset_folder  # noqa: E402
@@ -43,21 +43,17 @@ def options_of(name):
     return [o for o in commands[name]._actions if not isinstance(o, argparse._HelpAction)]
 
 
+def usual(option):
+    """Return what an option mostly is."""
+    if option.dest in DATASETS:
+        return "data" if option.dest == "dataset_path" else "data/dataset.json"
+    return "out" if option.dest.startswith("output") else None
+
+
 @st.composite
 def command_lines(draw, name):
     """Draw a command line: mostly with a dataset and a place for results, and odd options."""
-    words, rest = [name], []
-    for option in options_of(name):
-        if option.dest in DATASETS and draw(st.integers(0, 9)):
-            dataset = "data" if option.dest == "dataset_path" else "data/dataset.json"
-            words += [*option.option_strings[:1], dataset]
-        elif option.dest.startswith("output") and draw(st.integers(0, 9)):
-            words += [*option.option_strings[:1], "out"]
-        elif option.required and draw(st.integers(0, 9)):
-            words += with_values(draw, option)
-        else:
-            rest.append(option)
-    return words + some_of(draw, rest)
+    return [name, *command_line(draw, options_of(name), usual)]
 
 
 @pytest.mark.parametrize("draws", DRAWS)
