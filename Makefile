@@ -124,7 +124,7 @@ results: build ## the paper's tables and the labels against their truth, docs/re
 	@$(ENV) python3 tests/benchmarks/results.py
 
 clean: ## remove build products and tool caches (keeps the virtual environments and results)
-	rm -rf build build_deb devel install .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf build build_deb devel install .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -not -path './.venv/*' -prune -exec rm -rf {} +
 
 pictures: build ## the pictures of the documents, docs/pictures, from the simulated cell
