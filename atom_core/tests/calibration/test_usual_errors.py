@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("atom_core._core", reason="thousands of points to label")
 
 from atom_core.calibration.calibrate import calibrate
-from atom_core.calibration.judge.usual_errors import usual_errors_covariance
+from atom_core.calibration.judge.usual_errors import left_open
 from atom_core.calibration.options import AUTO, OFF, CalibrationOptions
 from atom_core.calibration.refine.candidates import candidates, range_fields, usual_sizes
 from atom_core.problem.model_errors import RangeOffset
@@ -118,8 +118,8 @@ def test_without_them_the_equations_are_those_of_the_others(solved):
 def test_what_is_estimated_is_not_counted_twice(solved):
     errors = candidates(solved.dataset, solved.problem, solved.summary.x)
     equations = equations_of(solved, errors, [])
-    every = usual_errors_covariance(equations, usual_sizes(errors, None), LOSS)
-    none = usual_errors_covariance(equations, {}, LOSS)
+    every = left_open(equations, usual_sizes(errors, None)).of_blocks(LOSS)
+    none = left_open(equations, {}).of_blocks(LOSS)
     assert np.all(np.diagonal(none) == 0.0)
     assert np.max(np.diagonal(every)) > 0.0
     assert np.min(np.linalg.eigvalsh(every)) > -1e-9 * np.max(every)
@@ -190,7 +190,7 @@ def test_two_boards_do_not_tell_each_others_size():
     assert says_that_size_is_untold(two_patterns(0).dataset)
 
 
-def test_what_is_estimated_or_held_tells_the_size():
+def test_two_sensors_that_are_held_tell_the_size():
     scene = random_scene(1, rgb=3, depth=0, lidar3d=0, collections=12)
     held = {"anchor_sensors": ("rgb_1", "rgb_2"), "ignore_anchored_sensor": True}
     assert not says_that_size_is_untold(scene.dataset, **held)

@@ -4,7 +4,6 @@ Some command lines that Hypothesis draws run in `make test`, many more in `make 
 """
 
 import argparse
-import os
 import shutil
 import sys
 from pathlib import Path
@@ -77,4 +76,4 @@ def test_odd_options_are_taken_or_refused(name, data, tmp_path, monkeypatch, cap
         assert changes_it or dataset.read_bytes() == whole, "the input is as it was"
 
     for_all(command_lines(name), draws, check)
-    os.chdir("/")  # until monkeypatch takes it back, the folder may be gone
+    monkeypatch.chdir("/")  # until monkeypatch takes it back, the folder may be gone

@@ -18,7 +18,7 @@ from atom_core.calibration.judge.priors import (
     prior_results,
 )
 from atom_core.calibration.judge.reasons import Solution
-from atom_core.calibration.judge.usual_errors import told_board_size, usual_errors_covariance
+from atom_core.calibration.judge.usual_errors import left_open
 from atom_core.calibration.judge.weak_directions import (
     WeakDirection,
     weak_directions,
@@ -195,8 +195,9 @@ def _checked(
     every = solution.with_fields
     left = (error for error in every.errors if error not in estimated)
     usual = usual_sizes(left, options.intrinsics_sigma)
-    covariance = covariance.with_combined(usual_errors_covariance(every, usual, loss))
-    untold = _untold_size(told_board_size(every, usual))
+    rest = left_open(every, usual)
+    covariance = covariance.with_combined(rest.of_blocks(loss))
+    untold = _untold_size(rest.told_board_size)
     if options.model_errors == OFF:
         return covariance, [], untold
     checks = solution.checks(refined.summary, loss)

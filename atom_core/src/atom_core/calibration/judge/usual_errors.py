@@ -23,62 +23,57 @@ _UNTOLD = 1.0  # information on the boards' size: a sigma of the whole size
 _SEEN = 1e-11  # eigenvalue of information with a unit diagonal; what is below is rounding
 
 
-class _LeftOpen(NamedTuple):
+class LeftOpen(NamedTuple):
     """What the data leave open of usual errors.
 
     Attributes:
         errors: (k) of them.
+        expected: (k,) their standard deviations, in their units.
         covariance: (k, k) in the equations' units.
-        gains: (n, k) by how much the other numbers follow them, the shared blocks' first.
+        gains: (6 s, k) by how much the shared blocks follow them.
         step: (k,) to where the data have them.
     """
 
     errors: List[ModelError]
+    expected: np.ndarray
     covariance: np.ndarray
     gains: np.ndarray
     step: np.ndarray
 
+    def of_blocks(self, loss: str) -> np.ndarray:
+        """Return (6 s, 6 s): what the shared blocks may be off by these errors, as a covariance.
 
-def usual_errors_covariance(
-    equations: SharedEquations, usual: Mapping[ModelError, float], loss: str
-) -> np.ndarray:
-    """Return (6 s, 6 s): what the shared blocks may be off by usual errors, as a covariance.
+        Args:
+            loss: robust loss of the equations.
+        """
+        # What is far off counts less, and the step falls short.
+        step = self.step * losses.step_length(loss)
+        return self.gains @ (self.covariance + np.outer(step, step)) @ self.gains.T
+
+    @property
+    def told_board_size(self) -> float:
+        """How exactly the data tell the size of all boards together, as a part of it.
+
+        What is expected of the size does not count, but what is of all other errors does. Infinity:
+        not at all, as of cameras alone. Zero where a solution has estimated it.
+        """
+        sizes = [j for j, error in enumerate(self.errors) if isinstance(error, BoardSize)]
+        if not sizes:
+            return 0.0
+        steps = np.array([self.errors[j].step for j in sizes])
+        covariance = self.covariance[np.ix_(sizes, sizes)] * steps[:, None] * steps
+        told = np.linalg.inv(covariance) - np.diag(self.expected[sizes] ** -2.0)
+        information = float(np.sum(told))  # of a size that is the same for all
+        return 1.0 / np.sqrt(information) if information > _UNTOLD else np.inf
+
+
+def left_open(equations: SharedEquations, usual: Mapping[ModelError, float]) -> LeftOpen:
+    """Return what the data leave open of errors that are usual.
 
     Args:
         equations: at the solution, with all errors that sensors and boards may have.
         usual: standard deviations of those that the solution has not estimated, in their units.
-        loss: robust loss of the equations.
     """
-    rest = _rest(equations, usual)
-    # What is far off counts less, and the step falls short.
-    step = rest.step * losses.step_length(loss)
-    gains = rest.gains[: BLOCK_SIZE * equations.blocks]
-    return gains @ (rest.covariance + np.outer(step, step)) @ gains.T
-
-
-def told_board_size(equations: SharedEquations, usual: Mapping[ModelError, float]) -> float:
-    """Return how exactly the data tell the size of all boards together, as a part of it.
-
-    What is expected of the size does not count, but what is of all other errors does. Infinity:
-    not at all, as of cameras alone. Zero where a solution has estimated it.
-
-    Args:
-        equations: at the solution, with all errors that sensors and boards may have.
-        usual: standard deviations of those that the solution has not estimated, in their units.
-    """
-    rest = _rest(equations, usual)
-    sizes = [j for j, error in enumerate(rest.errors) if isinstance(error, BoardSize)]
-    if not sizes:
-        return 0.0
-    steps = np.array([rest.errors[j].step for j in sizes])
-    expected = np.array([usual[rest.errors[j]] for j in sizes])
-    covariance = rest.covariance[np.ix_(sizes, sizes)] * steps[:, None] * steps
-    told = np.linalg.inv(covariance) - np.diag(expected**-2.0)
-    information = float(np.sum(told))  # of a size that is the same for all
-    return 1.0 / np.sqrt(information) if information > _UNTOLD else np.inf
-
-
-def _rest(equations: SharedEquations, usual: Mapping[ModelError, float]) -> _LeftOpen:
     place = dict(enumerate(equations.errors, equations.shared))
     nuisances = {e for e in equations.errors if isinstance(e, SeenBorder)}
     estimated = (j for j, e in place.items() if e not in usual and e not in nuisances)
@@ -88,10 +83,12 @@ def _rest(equations: SharedEquations, usual: Mapping[ModelError, float]) -> _Lef
     gradient = equations.gradient.sum(axis=0) + equations.held_gradient
     cross = total[np.ix_(base, rest)]
     gains = _inverse_of_seen(total[np.ix_(base, base)]) @ cross
-    sizes = np.array([usual[place[j]] / place[j].step for j in rest])
-    left_open = _left_open(total[np.ix_(rest, rest)] - cross.T @ gains, sizes)
-    step = -left_open @ (gradient[rest] - gains.T @ gradient[base])
-    return _LeftOpen([place[j] for j in rest], left_open, gains, step)
+    errors = [place[j] for j in rest]
+    expected = np.array([usual[error] for error in errors])
+    sizes = expected / np.array([error.step for error in errors])
+    covariance = _posterior(total[np.ix_(rest, rest)] - cross.T @ gains, sizes)
+    step = -covariance @ (gradient[rest] - gains.T @ gradient[base])
+    return LeftOpen(errors, expected, covariance, gains[: BLOCK_SIZE * equations.blocks], step)
 
 
 def _inverse_of_seen(matrix: np.ndarray) -> np.ndarray:
@@ -106,7 +103,7 @@ def _inverse_of_seen(matrix: np.ndarray) -> np.ndarray:
     return (vectors * inverse) @ vectors.T * scale[:, None] * scale
 
 
-def _left_open(information: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+def _posterior(information: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     """Return the covariance (k, k) of numbers of which data tell something, and priors the rest.
 
     Args:
