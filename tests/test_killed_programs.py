@@ -8,7 +8,6 @@ import json
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -25,9 +24,8 @@ from killing import Program, contents, files_below  # noqa: E402
 from live_scene import COLLECTIONS, LiveScene  # noqa: E402
 from messages import Make  # noqa: E402
 from playback_scene import write_scene  # noqa: E402
-from ports import reserved_port  # noqa: E402
+from ports import running_master  # noqa: E402
 from small_rig import write_package  # noqa: E402
-from waiting import until  # noqa: E402
 
 from atom_core.cli import main as core_main  # noqa: E402
 from atom_core.io.dataset_json import read_dataset  # noqa: E402
@@ -270,20 +268,8 @@ def test_collect_from_bag_keeps_the_dataset_of_before(live_scene, tmp_path, coun
 @pytest.fixture
 def ros(tmp_path):
     """Return the environment of a master of its own."""
-    with reserved_port() as port:
-        env = {"ROS_MASTER_URI": f"http://localhost:{port}", "ROS_HOME": str(tmp_path / "ros")}
-        master = subprocess.Popen(
-            ["rosmaster", "--core", "-p", str(port)],
-            env={**os.environ, **env},
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        until(
-            lambda: not socket.socket().connect_ex(("localhost", port)), "the master answers", 300.0
-        )
-        yield env
-        master.kill()
-        master.wait()
+    with running_master(tmp_path / "ros") as environment:
+        yield environment
 
 
 @pytest.fixture

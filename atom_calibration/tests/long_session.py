@@ -1,7 +1,7 @@
 """A long session of the live collector: the same stops again and again, with ever rising stamps.
 
-Run below a master; writes to standard output, as JSON, what became of the saves and how much
-memory each node held after each play. A play is one stop at each place of the board.
+Run below a master; writes ``figures.json``, what became of the saves and how much memory each
+node held after each play. A play is one stop at each place of the board.
 
 Usage: long_session.py OUTPUT_FOLDER PLAYS SECONDS_OF_A_STOP {keep,delete}
 """
@@ -124,10 +124,10 @@ def main():
             session.note_memory()
         running = session.launch.is_running()
     finally:
-        sys.stdout, out = sys.stderr, sys.stdout  # what the launch has said is no result
         session.end()
     figures = {"saved": saved, "refused": session.refused, "ran_to_the_end": running}
-    json.dump({**figures, "memory_mb": session.memory_mb}, out)
+    figures["memory_mb"] = session.memory_mb
+    (folder / "figures.json").write_text(json.dumps(figures), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ports import reserved_port
+from ports import running_master
 
 from atom_core.io.dataset_json import read_dataset
 
@@ -21,26 +21,18 @@ STOPS = 4  # of a play
 
 def session(folder, plays, stop_s, what):
     """Run a session with a master of its own; return its figures."""
-    with reserved_port() as port:
-        environment = {
-            **os.environ,
-            "ROS_MASTER_URI": f"http://localhost:{port}",
-            "ROS_HOME": str(folder / "ros_home"),
-        }
-        words = ["roscore", "-p", str(port)]
-        with subprocess.Popen(words, env=environment, stdout=subprocess.DEVNULL) as master:
-            try:
-                done = subprocess.run(
-                    [sys.executable, SESSION, folder, str(plays), str(stop_s), what],
-                    env=environment,
-                    capture_output=True,
-                    text=True,
-                    timeout=6 * 3600,
-                )
-            finally:
-                master.terminate()
+    with running_master(folder / "ros_home") as environment:
+        done = subprocess.run(
+            [sys.executable, SESSION, folder, str(plays), str(stop_s), what],
+            env={**os.environ, **environment},
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=6 * 3600,
+            check=False,
+        )
     assert done.returncode == 0, done.stderr[-4000:]
-    return json.loads(done.stdout)
+    return json.loads((folder / "figures.json").read_text(encoding="utf-8"))
 
 
 def check_saves(figures, plays):

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from ports import reserved_port
+from ports import reserved_port, start_master
 
 from atom_core.io.config_yaml import write_config
 from atom_core.io.dataset_writer import write_dataset_folder
@@ -103,17 +103,6 @@ def start(name, words, port, folder):
         stderr=subprocess.PIPE,
         text=True,
     )
-
-
-def start_master(port, folder):
-    master = subprocess.Popen(
-        ["rosmaster", "--core", "-p", str(port)],
-        env={**os.environ, "ROS_HOME": str(folder)},
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    wait_until(lambda: not socket.socket().connect_ex(("localhost", port)), "the master answers")
-    return master
 
 
 def wait_until(condition, what):

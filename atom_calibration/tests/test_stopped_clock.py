@@ -5,8 +5,8 @@ import subprocess
 import sys
 
 import pytest
-from ports import reserved_port
-from test_master import start, start_master, wait_until
+from ports import reserved_port, start_master
+from test_master import start, wait_until
 
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.synthetic import scenes

@@ -18,7 +18,7 @@ from typing import Any, Callable, List, NamedTuple, Tuple
 import numpy as np
 import rospy
 from geometry_msgs.msg import PointStamped
-from seed_refresh import start_master, start_program, wait_until
+from seed_refresh import running_master, start_program, wait_until
 from sensor_msgs.msg import Image, PointCloud2, PointField
 
 from atom_calibration.msg import PlaybackState
@@ -54,22 +54,20 @@ def label_refresh(corrections: int = 50) -> List[Refresh]:
     Args:
         corrections: of each kind.
     """
-    with tempfile.TemporaryDirectory() as name:
+    with tempfile.TemporaryDirectory() as name, running_master(name) as environment:
         folder = Path(name)
+        os.environ.update(environment)
         cell = paper_cell(0, "train", sampling=Sampling(background_step=1))
         path = write_dataset_folder(cell.dataset, folder / "data", name="cell")
-        master, node = start_master(folder), None
+        words = ("--dataset", path, "--output", folder / "dataset_corrected.json")
+        node = start_program("rosrun", "atom_calibration", "dataset_playback", *words)
         try:
-            words = ("--dataset", path, "--output", folder / "dataset_corrected.json")
-            node = start_program("rosrun", "atom_calibration", "dataset_playback", *words)
             rospy.init_node("label_refresh", disable_signals=True)
             dataset = read_dataset(path)
             return [_points(dataset, corrections), _corners(dataset, corrections)]
         finally:
-            for process in (node, master):
-                if process is not None:
-                    process.terminate()
-                    process.wait(60)
+            node.terminate()
+            node.wait(60)
 
 
 def _points(dataset: Dataset, corrections: int) -> Refresh:

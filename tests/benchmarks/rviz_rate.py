@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -24,8 +23,10 @@ import numpy as np
 import yaml
 
 _HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(_HERE.parents[1] / "atom_rviz_plugins" / "tests"))
+for package in ("atom_calibration", "atom_rviz_plugins"):
+    sys.path.insert(0, str(_HERE.parents[1] / package / "tests"))
 
+from ports import running_master  # noqa: E402
 from screen import Screen, end  # noqa: E402
 
 from atom_calibration.runtime.rviz_window import X11_SYNC  # noqa: E402
@@ -48,10 +49,10 @@ class Rate(NamedTuple):
 
 def rviz_rates(turns: int = 15) -> List[Rate]:
     """Measure the three; needs RViz, Xvfb and a built workspace on the environment."""
-    with tempfile.TemporaryDirectory() as name:
+    with tempfile.TemporaryDirectory() as name, running_master(name) as environment:
+        os.environ.update(environment)
         folder = Path(name)
         counter = _compile(folder)
-        master = _start_master(folder)
         shown: List[_Shown] = []
         feed = None
         try:
@@ -68,9 +69,8 @@ def rviz_rates(turns: int = 15) -> List[Rate]:
         finally:
             for one in shown:
                 one.close()
-            for process in (feed, master):
-                if process is not None:
-                    end(process)
+            if feed is not None:
+                end(feed)
 
 
 def _compile(folder: Path) -> Path:
@@ -80,22 +80,6 @@ def _compile(folder: Path) -> Path:
         ["g++", "-O2", "-shared", "-fPIC", source, "-o", str(library), "-ldl"], check=True
     )
     return library
-
-
-def _start_master(folder: Path) -> subprocess.Popen:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    os.environ.update(ROS_MASTER_URI=f"http://127.0.0.1:{port}", ROS_HOME=str(folder / "ros"))
-    master = subprocess.Popen(
-        ["rosmaster", "--core", "-p", str(port)],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    patience_s = time.monotonic() + 30
-    while socket.socket().connect_ex(("127.0.0.1", port)) and time.monotonic() < patience_s:
-        time.sleep(0.1)
-    return master
 
 
 class _Shown:

@@ -26,7 +26,7 @@ _ROOT = Path(__file__).resolve().parents[2]
 for _folder in ("atom_rviz_plugins", "atom_calibration"):
     sys.path.insert(0, str(_ROOT / _folder / "tests"))
 
-from ports import reserved_port  # noqa: E402
+from ports import running_master  # noqa: E402
 from screen import Screen  # noqa: E402
 
 from atom_calibration.runtime.rviz_window import X11_SYNC  # noqa: E402
@@ -46,25 +46,16 @@ def main() -> int:
     args = parser.parse_args()
     preloaded = "" if args.plain else X11_SYNC
     ends: Counter = Counter()
-    with tempfile.TemporaryDirectory() as home, reserved_port() as port:
-        os.environ.update(ROS_MASTER_URI=f"http://localhost:{port}", ROS_HOME=home)
-        master = subprocess.Popen(
-            ["rosmaster", "--core", "-p", str(port)],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        try:
-            with ThreadPoolExecutor(args.parallel) as pool:
-                starts = (
-                    pool.submit(end_of_a_start, number, args.layout, preloaded)
-                    for number in range(args.starts)
-                )
-                for start in list(starts):
-                    ends[start.result()] += 1
-                    print(dict(ends), flush=True)
-        finally:
-            master.send_signal(signal.SIGINT)
-            master.wait()
+    with tempfile.TemporaryDirectory() as home, running_master(home) as environment:
+        os.environ.update(environment)
+        with ThreadPoolExecutor(args.parallel) as pool:
+            starts = (
+                pool.submit(end_of_a_start, number, args.layout, preloaded)
+                for number in range(args.starts)
+            )
+            for start in list(starts):
+                ends[start.result()] += 1
+                print(dict(ends), flush=True)
     return int(set(ends) != {"clean"})
 
 

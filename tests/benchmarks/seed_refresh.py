@@ -12,7 +12,6 @@ from __future__ import annotations
 import io
 import os
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -38,6 +37,7 @@ _HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(_HERE.parents[1] / "atom_calibration" / "tests"))
 
 from marker_hand import MarkerHand  # noqa: E402
+from ports import running_master  # noqa: E402
 
 CONFIG = Path(rospkg.RosPack().get_path("atom_examples")) / "collab_cell/config/config.yml"
 RANGE = ("lidar_1", "lidar_2", "lidar_3", "depth_1")
@@ -74,15 +74,12 @@ def seed_refresh(output: Path, steps: int = STEPS) -> List[Refresh]:
     subprocess.run(
         ["rosrun", "atom_examples", "cell_simulator", "--bag", str(bag), *words], check=True
     )
-    with tempfile.TemporaryDirectory() as name:
-        processes = [start_master(Path(name))]
+    with tempfile.TemporaryDirectory() as name, running_master(name) as environment:
+        os.environ.update(environment)
+        launch = ("roslaunch", "atom_calibration", "collect_data.launch", "rviz:=false")
+        settings = (f"config:={CONFIG}", f"output_folder:={name}/dataset")
+        processes = [start_program(*launch, *settings)]
         try:
-            processes.append(
-                start_program(
-                    *("roslaunch", "atom_calibration", "collect_data.launch", "rviz:=false"),
-                    *(f"config:={CONFIG}", f"output_folder:={name}/dataset"),
-                )
-            )
             rospy.init_node("seed_refresh", disable_signals=True)
             processes.append(start_program(sys.executable, __file__, bag))
             drags = [_Drag(sensor) for sensor in RANGE]
@@ -218,16 +215,6 @@ def _own_class(raw: Any) -> Any:
     buffer = io.BytesIO()
     raw.serialize(buffer)
     return message.deserialize(buffer.getvalue())
-
-
-def start_master(folder: Path) -> subprocess.Popen:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    os.environ.update(ROS_MASTER_URI=f"http://127.0.0.1:{port}", ROS_HOME=str(folder / "ros"))
-    master = start_program("rosmaster", "--core", "-p", port)
-    wait_until(lambda: not socket.socket().connect_ex(("127.0.0.1", port)), "the master answers")
-    return master
 
 
 def start_program(*words: Any) -> subprocess.Popen:
