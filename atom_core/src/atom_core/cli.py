@@ -17,6 +17,7 @@ import atom_core
 from atom_core.commands.option_parser import HelpFormatter, OptionParser, examples
 from atom_core.commands.substitutes import SUBSTITUTES, refuse
 from atom_core.errors import AtomError
+from atom_core.io.printing import print_any_text
 
 if TYPE_CHECKING:
     from atom_core.commands.common import Command
@@ -166,6 +167,7 @@ def as_typed(text: str) -> str:
 
 def guarded(command: str, run: Callable[[], int]) -> int:
     """Run a command; return its exit code. A refusal is one line on stderr."""
+    print_any_text()
     try:
         return run()
     except AtomError as error:

@@ -17,6 +17,7 @@ import rospy
 from atom_calibration.runtime.master_watch import GONE, MasterWatch
 from atom_core.cli import as_typed
 from atom_core.errors import AtomError, ConfigError
+from atom_core.io.printing import print_any_text
 
 Work = Callable[[argparse.Namespace], int]
 UNACCEPTABLE, BAD_INPUT = 1, 2
@@ -146,6 +147,7 @@ def run(name: str, parser: argparse.ArgumentParser, work: Work) -> int:
 
 def guarded(name: str, run: Callable[[], int]) -> int:
     """Run a node; return its exit code. A refusal is one line, and so is the loss of the master."""
+    print_any_text()
     try:
         code, text = _outcome(run)
         if text:

@@ -154,7 +154,7 @@ def write_report(given: Given, folder: Path) -> Path:
         ) from None
     try:
         page = make_page(given)
-        files = {HTML_FILE: html(page).encode("utf-8"), PDF_FILE: pdf(page)}
+        files = {HTML_FILE: html(page).encode("utf-8", "backslashreplace"), PDF_FILE: pdf(page)}
     except (TemplateError, *_DRAWING_ERRORS) as error:
         raise ReportError(
             f"the report is not made, since drawing it ended with {type(error).__name__}: {error}; "
