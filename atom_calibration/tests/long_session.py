@@ -1,7 +1,7 @@
 """A long session of the live collector: the same stops again and again, with ever rising stamps.
 
 Run below a master; writes ``figures.json``, what became of the saves and how much memory each
-node held after each play. A play is one stop at each place of the board.
+node held after each play, anew after each. A play is one stop at each place of the board.
 
 Usage: long_session.py OUTPUT_FOLDER PLAYS SECONDS_OF_A_STOP {keep,delete}
 """
@@ -113,21 +113,19 @@ def main():
     """Run the session."""
     folder, plays, stop_s = Path(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])
     rospy.init_node(_US.strip("/"))
-    session, saved = Session(), 0
+    session, names = Session(), []
+    figures = {"memory_mb": session.memory_mb, "refused": session.refused}
     try:
         session.start(folder, stop_s)
         for _ in range(plays):
-            names = session.play()
-            saved += len(names)
+            names += (saved := session.play())
             if sys.argv[4] == "delete":
-                session.delete(names)
+                session.delete(saved)
             session.note_memory()
-        running = session.launch.is_running()
+            figures.update(saved=len(names), ran_to_the_end=session.launch.is_running())
+            (folder / "figures.json").write_text(json.dumps(figures), encoding="utf-8")
     finally:
         session.end()
-    figures = {"saved": saved, "refused": session.refused, "ran_to_the_end": running}
-    figures["memory_mb"] = session.memory_mb
-    (folder / "figures.json").write_text(json.dumps(figures), encoding="utf-8")
 
 
 if __name__ == "__main__":
