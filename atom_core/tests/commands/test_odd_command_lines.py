@@ -26,6 +26,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
 OTHERS = {"demo", "annotate_pattern_borders_in_rgb_or_depth", "annotate_pattern_borders_in_lidar"}
 RENAMING = {"rename_atom_dataset"}
 DATASETS = {"dataset", "dataset_path", "json_file", "train", "test", "json_input"}
+RUNS_OTHERS = {"batch_execution"}  # ten times as long as any other
 DRAWS = [8, pytest.param(100, marks=pytest.mark.long)]
 
 
@@ -75,5 +76,5 @@ def test_odd_options_are_taken_or_refused(name, data, tmp_path, monkeypatch, cap
         changes_it = name in RENAMING or "--in_place" in words
         assert changes_it or dataset.read_bytes() == whole, "the input is as it was"
 
-    for_all(command_lines(name), draws, check)
+    for_all(command_lines(name), draws // 4 if name in RUNS_OTHERS else draws, check)
     monkeypatch.chdir("/")  # until monkeypatch takes it back, the folder may be gone

@@ -182,7 +182,7 @@ FILES = {
     "data.yml": (DATA_YML, read_data),
     "batch.yml": (BATCH, batch),
 }
-DRAWS = [100, pytest.param(1500, marks=pytest.mark.long)]
+DRAWS = [40, pytest.param(1500, marks=pytest.mark.long)]
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.filterwarnings("ignore"),  # of numbers that no rig has
