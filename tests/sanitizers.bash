@@ -1,17 +1,22 @@
 #!/usr/bin/env bash
-# The C++ parts under GCC's sanitizers; `make test-sanitizers` runs it.
+# The C++ parts under GCC's sanitizers; `make test-sanitizers` runs it, and `make test` the C++ tests.
 #
-# The committed state is cloned into sanitizer_output and built there twice: for addresses and
-# undefined behaviour, and for threads. The C++ tests run as they are, and the Python tests that call
-# the compiled module with the sanitizer's library loaded before Python. What a sanitizer finds ends
-# the program that it was found in, so the test fails.
+# They are built anew in sanitizer_output, for addresses and undefined behaviour, and for threads.
+# The C++ tests run as they are, and the Python tests that call the compiled module with the
+# sanitizer's library loaded before Python. What a sanitizer finds ends the program that it was
+# found in, so the test fails.
 #
-# Usage: sanitizers.bash PROCESSES [address|thread ...]
+# Usage: sanitizers.bash PROCESSES [--cpp_only] [address|thread ...]
 set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 processes=$1
 shift
+with_python=yes
+if [ "${1:-}" = --cpp_only ]; then
+  with_python=
+  shift
+fi
 kinds=("$@")
 [ "${#kinds[@]}" -gt 0 ] || kinds=(address thread)
 output=$PWD/sanitizer_output
@@ -36,42 +41,41 @@ declare -A calling=(
 )
 failed=()
 
-# In a folder of its own, so that the build of this checkout stays as it is.
+# In folders of its own, so that the build of this checkout stays as it is.
 built() { # KIND
-  rm -rf "${output:?}/$1" && mkdir -p "$output" && git clone --quiet --shared . "$output/$1" || return
-  ln -s "$PWD/.venv" "$output/$1/.venv"
-  (
-    cd "$output/$1" || exit
-    CXXFLAGS="${flags[$1]} -O1 -g -fno-omit-frame-pointer" \
-      make --no-print-directory BUILD_TYPE=None configure &&
-      cmake --build build -j "$processes" --target _core "${programs[@]}"
-  ) >"$output/$1.log" 2>&1
+  local targets=("${programs[@]}") folder=$output/$1
+  [ -z "$with_python" ] || targets+=(_core)
+  rm -rf "${folder:?}"
+  mkdir -p "$folder"
+  env -u CMAKE_PREFIX_PATH -u ROS_PACKAGE_PATH -u PYTHONPATH CXXFLAGS="${flags[$1]} -O1 -g1 -fno-omit-frame-pointer" \
+    cmake -S . -B "$folder/build" -G Ninja -DCMAKE_BUILD_TYPE=None -DCMAKE_PREFIX_PATH= \
+    -DPYTHON_EXECUTABLE="$PWD/.venv/bin/python3" -DCATKIN_ENABLE_TESTING=ON \
+    -DCATKIN_DEVEL_PREFIX="$folder/devel" >"$output/$1.log" 2>&1 &&
+    cmake --build "$folder/build" -j "$processes" --target "${targets[@]}" >>"$output/$1.log" 2>&1
 }
 
 for kind in "${kinds[@]}"; do
   if ! built "$kind"; then
-    echo "make test-sanitizers: the build failed; see $output/$kind.log" >&2
+    echo "sanitizers: the build failed; see $output/$kind.log" >&2
     exit 1
   fi
+  # shellcheck disable=SC1091
+  source "$output/$kind/devel/setup.bash"
   echo "---- $kind: C++"
   for program in "${programs[@]}"; do
-    ( # whose environment names the library that was built there
-      cd "$output/$kind" && source ./env.bash &&
-        LSAN_OPTIONS=suppressions=tests/leaks_of_others.txt:print_suppressions=0 \
-          "$(find devel build -name "$program" -type f -executable -print -quit)" --gtest_brief=1
-    ) || failed+=("$kind: $program")
+    LSAN_OPTIONS=suppressions=tests/leaks_of_others.txt:print_suppressions=0 \
+      "$(find "$output/$kind" -name "$program" -type f -executable -print -quit)" --gtest_brief=1 ||
+      failed+=("$kind: $program")
   done
+  [ -n "$with_python" ] || continue
   echo "---- $kind: what Python calls"
-  (
-    cd "$output/$kind" && source ./env.bash &&
-      read -ra files <<<"$(tr '\n' ' ' <<<"${calling[$kind]}")" &&
-      env "${of_python[$kind]}" OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 \
-        FUZZED_LONGEST_S=400 LD_PRELOAD="$(gcc -print-file-name="${libraries[$kind]}"):$(gcc -print-file-name=libstdc++.so)" \
-        python3 -m pytest -q -p no:cacheprovider "${files[@]}"
-  ) || failed+=("$kind: pytest")
+  read -ra files <<<"$(tr '\n' ' ' <<<"${calling[$kind]}")"
+  env "${of_python[$kind]}" OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 \
+    FUZZED_LONGEST_S=400 LD_PRELOAD="$(gcc -print-file-name="${libraries[$kind]}"):$(gcc -print-file-name=libstdc++.so)" \
+    python3 -m pytest -q -p no:cacheprovider "${files[@]}" || failed+=("$kind: pytest")
 done
 if [ "${#failed[@]}" -gt 0 ]; then
   printf -v names '%s, ' "${failed[@]}"
-  echo "make test-sanitizers: failed: ${names%, }" >&2
+  echo "sanitizers: failed: ${names%, }" >&2
   exit 1
 fi

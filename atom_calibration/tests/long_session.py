@@ -8,13 +8,12 @@ Usage: long_session.py OUTPUT_FOLDER PLAYS SECONDS_OF_A_STOP {keep,delete}
 
 import json
 import sys
-import xmlrpc.client
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import rosgraph
 import rospy
 from live_scene import COLLECTIONS, LiveRig, LiveScene, Process
+from node_memory import memory_mb
 
 from atom_calibration.msg import CollectorState
 from atom_calibration.srv import DeleteCollection, SaveCollection
@@ -89,24 +88,7 @@ class Session:
 
     def note_memory(self):
         """Note how much memory [MB] each node holds."""
-        self.memory_mb.append({name: _resident_mb(pid) for name, pid in _pids().items()})
-
-
-def _pids():
-    master, found = rosgraph.Master(_US), {}
-    publishers = master.getSystemState()[0]
-    for name in {node for _, nodes in publishers for node in nodes}:
-        if name not in ("/rosout", _US):
-            uri = master.lookupNode(name)
-            found[name] = xmlrpc.client.ServerProxy(uri).getPid(_US)[2]
-    return found
-
-
-def _resident_mb(pid):
-    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
-        if line.startswith("VmRSS:"):
-            return int(line.split()[1]) / 1024.0
-    raise RuntimeError(f"process {pid} has ended")
+        self.memory_mb.append(memory_mb(_US))
 
 
 def main():

@@ -6,7 +6,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from ports import reserved_port
+from ports import reserved_port, running_master
 
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.synthetic import scenes
@@ -26,6 +26,7 @@ def dataset(tmp_path_factory):
 
 
 CALIBRATE = ("atom_calibration", "calibrate.launch", "rviz:=false", "stay:=false")
+PLAYBACK = ("atom_calibration", "dataset_playback.launch", "rviz:=false")
 EVALUATE = (str(ROOT / "atom_examples" / "collab_cell" / "launch" / "full_evaluation.launch"),)
 FROM_BAG = ("atom_calibration", "calibrate_from_bag.launch", "report:=false")
 
@@ -33,21 +34,22 @@ FROM_BAG = ("atom_calibration", "calibrate_from_bag.launch", "report:=false")
 def launched(folder, *words, file=CALIBRATE):
     """Run a launch file, which starts its master, to its end; return exit code and prints."""
     with reserved_port() as port:
-        done = subprocess.run(
-            ["roslaunch", "-p", str(port), *file, *words],
-            cwd=folder,
-            env={
-                **os.environ,
-                "ROS_MASTER_URI": f"http://localhost:{port}",
-                "ROS_HOME": str(folder / "ros"),
-                "PWD": str(folder),
-            },
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            timeout=120,
-            check=False,
-        )
+        place = {"ROS_MASTER_URI": f"http://localhost:{port}", "ROS_HOME": str(folder / "ros")}
+        return launched_below(place, folder, ("-p", str(port), *file), *words)
+
+
+def launched_below(place, folder, file, *words):
+    """Run a launch file to its end, below the master of an environment."""
+    done = subprocess.run(
+        ["roslaunch", *file, *words],
+        cwd=folder,
+        env={**os.environ, **place, "PWD": str(folder)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=120,
+        check=False,
+    )
     return done.returncode, done.stdout
 
 
@@ -73,6 +75,16 @@ def test_an_evaluation_ends_by_itself_also_with_a_master_of_its_own(dataset, tmp
     assert (tmp_path / "tables" / "evaluation.json").is_file()
     _, printed = launched(tmp_path, *words, file=EVALUATE)  # a refusal: the folder is not empty
     assert "overwrite:=true" in printed and "REQUIRED process [evaluate" in printed
+
+
+def test_a_user_who_quits_sees_no_crash(dataset, tmp_path):
+    quits = "until rosservice call /dataset_playback/quit; do sleep 0.5; done"
+    with running_master(tmp_path) as environment:
+        asking = subprocess.Popen(["bash", "-c", quits], env={**os.environ, **environment})
+        code, printed = launched_below(environment, tmp_path, PLAYBACK, f"dataset:={dataset}")
+        assert asking.wait(60) == 0
+    assert code == 0 and "nothing was corrected" in printed, printed
+    assert "REQUIRED" not in printed and "died" not in printed and "Traceback" not in printed
 
 
 def test_a_recording_that_cannot_be_calibrated_ends_its_launch(tmp_path):

@@ -65,7 +65,7 @@ def main() -> int:
                 print(number + 1, dict(ends), flush=True)
     half_s, most_s = np.percentile(seconds, [50, 99])
     print(
-        f"{dict(ends)}; from the mouse to the message {half_s:.2f} s (median), {most_s:.2f} s (99 of 100)"
+        f"{dict(ends)}; from the mouse to the message {half_s:.2f} s (median), {most_s:.2f} s (1 %)"
     )
     return int(set(ends) != {"right"})
 

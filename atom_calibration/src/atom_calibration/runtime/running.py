@@ -22,10 +22,11 @@ from atom_core.io.printing import print_any_text
 Work = Callable[[argparse.Namespace], int]
 UNACCEPTABLE, BAD_INPUT = 1, 2
 ENDS_LAUNCH = "ATOM_ENDS_LAUNCH"  # set by launch files for the node whose work is all of theirs
-_LAUNCH_ENDS_S = 10.0
+_LAUNCH_ENDS_S = 30.0  # roslaunch gives each of its nodes fifteen seconds
 _ENDS_WITHOUT_MASTER_S = 2.0
 _HOME = re.compile(r"^(--\w+=|)~/")
 _stop = threading.Event()
+_done = threading.Event()
 _watches: List[MasterWatch] = []
 
 
@@ -55,9 +56,14 @@ def pause(seconds: float) -> None:
 
 def wait() -> int:
     """Let callbacks do the work until the node is asked to end; return the exit code 0."""
-    while not _stop.wait(0.1) and not rospy.is_shutdown():
+    while not (_stop.wait(0.1) or _done.is_set() or rospy.is_shutdown()):
         pass
     return 0
+
+
+def end_waiting() -> None:
+    """Let `wait` return, since a user has asked this node to end; its launch ends with it."""
+    _done.set()
 
 
 def start(name: str) -> None:

@@ -152,7 +152,9 @@ class DatasetPlayback:
     def quit(self) -> str:
         """Save what is not saved, and end."""
         words = self.save() if self._corrections.unsaved else "nothing was left to save"
-        threading.Timer(_LAST_WORDS_S, _end).start()  # also where ROS's clock stands still
+        threading.Timer(
+            _LAST_WORDS_S, running.end_waiting
+        ).start()  # also where ROS's clock stands still
         return words
 
     def finish(self) -> None:
@@ -386,10 +388,6 @@ class DatasetPlayback:
         )
         self._matrix.publish(view.collection_states(corrections.dataset))
         self._menu.show(corrections.place, ORANGE if corrections.unsaved else BLUE)
-
-
-def _end() -> None:
-    rospy.signal_shutdown("quit")
 
 
 def parser() -> argparse.ArgumentParser:
