@@ -136,10 +136,10 @@ RUNS = (
         "2026-11-25",
         "a7ce020",
         "statements that the tests execute: atom_core 98 % (28,977 of 29,696; 92 % wanted), "
-        "atom_calibration 92 % (7,573 of 8,272; 85 % wanted), atom_examples 96 %, the compiled core "
-        "98 % (3,225 of 3,268 lines; 85 % wanted); 5,944 tests passed beside the long session above. "
-        "**Stopped** after six of the 26 programs of ctest: the rostests run the nodes, so "
-        "atom_calibration's share is higher than that",
+        "atom_calibration 92 % (7,573 of 8,272; 85 % wanted), atom_examples 96 %, the compiled "
+        "core 98 % (3,225 of 3,268 lines; 85 % wanted); 5,944 tests passed beside the long "
+        "session above. **Stopped** after six of the 26 programs of ctest: the rostests run the "
+        "nodes, so that atom_calibration's share is higher than that",
     ),
     Run(
         "`make mutants`",
