@@ -93,6 +93,12 @@ RUNS = (
         "0.35 s at most in 99 of 100",
     ),
     Run(
+        "`python3 tests/benchmarks/rviz_starts.py --starts 300 --parallel 6`",
+        "2026-11-25",
+        "643c2b7",
+        "300 starts of 300 came up and ended well, six at a time on two processors",
+    ),
+    Run(
         "`python3 tests/benchmarks/rviz_at_random.py --minutes 12 --seed 3`",
         "2026-11-25",
         "8a0b03c",
