@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# The C++ parts under GCC's sanitizers; `make test-sanitizers` runs it, and `make test` the C++ tests.
+# The C++ parts under GCC's sanitizers; `make test-sanitizers` runs it.
 #
 # They are built anew in sanitizer_output, for addresses and undefined behaviour, and for threads.
 # The C++ tests run as they are, and the Python tests that call the compiled module with the
 # sanitizer's library loaded before Python. What a sanitizer finds ends the program that it was
-# found in, so the test fails.
+# found in, so the test fails. --cpp_only: the C++ tests alone.
 #
 # Usage: sanitizers.bash PROCESSES [--cpp_only] [address|thread ...]
 set -uo pipefail

@@ -95,16 +95,17 @@ def main():
     """Run the session."""
     folder, plays, stop_s = Path(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])
     rospy.init_node(_US.strip("/"))
-    session, names = Session(), []
-    figures = {"memory_mb": session.memory_mb, "refused": session.refused}
+    session = Session()
+    figures = {"saved": 0, "memory_mb": session.memory_mb, "refused": session.refused}
     try:
         session.start(folder, stop_s)
         for _ in range(plays):
-            names += (saved := session.play())
+            names = session.play()
+            figures["saved"] += len(names)
             if sys.argv[4] == "delete":
-                session.delete(saved)
+                session.delete(names)
             session.note_memory()
-            figures.update(saved=len(names), ran_to_the_end=session.launch.is_running())
+            figures["ran_to_the_end"] = session.launch.is_running()
             (folder / "figures.json").write_text(json.dumps(figures), encoding="utf-8")
     finally:
         session.end()

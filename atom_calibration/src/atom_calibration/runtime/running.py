@@ -26,7 +26,7 @@ _LAUNCH_ENDS_S = 30.0  # roslaunch gives each of its nodes fifteen seconds
 _ENDS_WITHOUT_MASTER_S = 2.0
 _HOME = re.compile(r"^(--\w+=|)~/")
 _stop = threading.Event()
-_done = threading.Event()
+_done = threading.Event()  # the node itself is to end, and with it its launch
 _watches: List[MasterWatch] = []
 
 

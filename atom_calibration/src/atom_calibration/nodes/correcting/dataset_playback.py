@@ -152,9 +152,8 @@ class DatasetPlayback:
     def quit(self) -> str:
         """Save what is not saved, and end."""
         words = self.save() if self._corrections.unsaved else "nothing was left to save"
-        threading.Timer(
-            _LAST_WORDS_S, running.end_waiting
-        ).start()  # also where ROS's clock stands still
+        # not rospy's timer, which waits for ever where ROS's clock stands still
+        threading.Timer(_LAST_WORDS_S, running.end_waiting).start()
         return words
 
     def finish(self) -> None:
