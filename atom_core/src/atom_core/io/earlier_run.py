@@ -1,7 +1,8 @@
 """What an earlier run left in a folder, kept there until the new run is whole.
 
 ``previous/`` holds its files. They come there by way of ``.previous.partial/``, which gets the name
-in one step, so a run that is killed amid the moving is undone by the next one.
+in one step, so a run that is killed amid the moving is undone by the next one. What is to be removed
+gets another name first, in one step too, so that no half of it is ever taken for the whole.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Iterable, Iterator
 from atom_core.io.atomic import output_error, sync_folder
 
 PREVIOUS_FOLDER = "previous"
-_PARTIAL, _OLDER = ".previous.partial", ".previous.older"
+_PARTIAL, _OLDER, _FORGOTTEN = ".previous.partial", ".previous.older", ".previous.forgotten"
 
 
 def has_earlier_run(folder: Path) -> bool:
@@ -52,6 +53,8 @@ def set_aside(folder: Path, files: Iterable[Path]) -> None:
 def undo_partial(folder: Path) -> bool:
     """Put everything where it was, if an earlier call of `set_aside` was killed amid its work.
 
+    What a killed call of `forget` left is removed.
+
     Returns:
         True if there was something to be put back.
     """
@@ -62,6 +65,7 @@ def undo_partial(folder: Path) -> bool:
             _remove(folder / _OLDER)
         else:
             os.replace(folder / _OLDER, folder / PREVIOUS_FOLDER)
+    _remove(folder / _FORGOTTEN)
     return undone
 
 
@@ -83,9 +87,10 @@ def put_back(folder: Path) -> None:
 
 def forget(folder: Path) -> None:
     """Remove ``previous/``: the new run is whole."""
+    _remove(folder / _FORGOTTEN)
     if has_earlier_run(folder):
-        os.replace(folder / PREVIOUS_FOLDER, folder / _OLDER)
-        _remove(folder / _OLDER)
+        os.replace(folder / PREVIOUS_FOLDER, folder / _FORGOTTEN)
+        _remove(folder / _FORGOTTEN)
 
 
 def _put_back_from(folder: Path, kept: Path) -> None:
