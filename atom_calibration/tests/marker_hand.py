@@ -1,5 +1,7 @@
 """A seed marker as RViz has it, and a hand that moves it by the feedback that RViz would send."""
 
+import threading
+
 import numpy as np
 import rospy
 from visualization_msgs.msg import (
@@ -13,10 +15,15 @@ from atom_core.geometry import se3
 
 
 class MarkerHand:
-    """The marker of a sensor; `position` follows the server."""
+    """The marker of a sensor; `position` follows the server.
+
+    The whole state comes on one topic and each change on another; whichever is newer counts, since
+    on a busy machine the second may be connected later than the first and miss a change.
+    """
 
     def __init__(self, sensor):
         self.name, self.shown, self.position, self.entries = sensor, None, None, {}
+        self._lock, self._newest = threading.Lock(), -1
         server = f"/{sensor}/data_labeler"
         rospy.Subscriber(f"{server}/update_full", InteractiveMarkerInit, self._init)
         rospy.Subscriber(f"{server}/update", InteractiveMarkerUpdate, self._update)
@@ -25,13 +32,19 @@ class MarkerHand:
         )
 
     def _init(self, message):
-        if self.shown is None:
-            self._show(message.markers)
+        self._take(message.seq_num, message.markers)
 
     def _update(self, message):
-        self._show(message.markers)
-        for pose in message.poses:
-            self._place(pose.pose)
+        if message.type == InteractiveMarkerUpdate.UPDATE:  # not a mere sign of life
+            self._take(message.seq_num, message.markers, message.poses)
+
+    def _take(self, number, markers, poses=()):
+        with self._lock:
+            if number > self._newest:
+                self._newest = number
+                self._show(markers)
+                for pose in poses:
+                    self._place(pose.pose)
 
     def _show(self, markers):
         for marker in markers:
