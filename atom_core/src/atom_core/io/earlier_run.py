@@ -1,8 +1,8 @@
 """What an earlier run left in a folder, kept there until the new run is whole.
 
 ``previous/`` holds its files. They come there by way of ``.previous.partial/``, which gets the name
-in one step, so a run that is killed amid the moving is undone by the next one. What is to be removed
-gets another name first, in one step too, so that no half of it is ever taken for the whole.
+in one step, so a run that is killed amid the moving is undone by the next one. What is to be
+removed gets another name first, in one step too, so that no half of it is taken for the whole.
 """
 
 from __future__ import annotations
