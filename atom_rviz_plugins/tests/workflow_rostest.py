@@ -217,10 +217,14 @@ class WorkflowTest(unittest.TestCase):
         self.finished()
 
     def press_atoms_keys(self, corner, state):
-        """The arrows turn, d says what polygons do, q ends; the mouse is in the view."""
+        """The arrows turn, d says what polygons do, q ends; the mouse is in the view.
+
+        All of them with another page in the panel, whose node does not run.
+        """
         self.screen.move(*corner[:2])
         self.screen.key("Right")
         wait_until(lambda: state.message.collection == KEYS[1], lambda: state.message.message)
+        self.screen.key("ctrl+2")
         self.screen.key("Left")
         wait_until(lambda: state.message.collection == KEYS[0], lambda: state.message.message)
         before = state.message.polygon_removes_border

@@ -48,8 +48,7 @@ bool AtomPanel::eventFilter(QObject* watched, QEvent* event) {
   if (event->type() == QEvent::KeyPress && takes_keys(watched)) {
     const auto* key = static_cast<QKeyEvent*>(event);
     const bool alone = (key->modifiers() & ~Qt::KeypadModifier) == Qt::NoModifier;
-    const auto page = static_cast<std::size_t>(pages_->currentIndex());
-    if (alone && all_pages()[page]->press(key->key())) return true;
+    if (alone && page_for_keys(watched)->press(key->key())) return true;
     const int number = key->key() - Qt::Key_1;
     if (key->modifiers() == Qt::ControlModifier && number >= 0 && number < pages_->count()) {
       pages_->setCurrentIndex(number);
@@ -57,6 +56,20 @@ bool AtomPanel::eventFilter(QObject* watched, QEvent* event) {
     }
   }
   return rviz::Panel::eventFilter(watched, event);
+}
+
+// With the mouse in the view or in a picture nobody thinks of the page that the panel shows. Keys
+// that are typed into the panel itself, as arrows into a table, are for what is there.
+Page* AtomPanel::page_for_keys(QObject* watched) const {
+  Page* shown = all_pages()[static_cast<std::size_t>(pages_->currentIndex())];
+  const auto* widget = qobject_cast<QWidget*>(watched);
+  if (shown->node_runs() || widget == this || isAncestorOf(widget)) return shown;
+  Page* running = nullptr;
+  for (Page* page : all_pages()) {
+    if (page->node_runs() && running) return shown;
+    if (page->node_runs()) running = page;
+  }
+  return running ? running : shown;
 }
 
 void AtomPanel::onInitialize() {

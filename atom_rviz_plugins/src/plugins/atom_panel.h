@@ -35,6 +35,10 @@ class AtomPanel : public rviz::Panel {
 
  private:
   bool takes_keys(QObject* watched) const;
+
+  /// The page that a key is for: the one that is shown, or, where its node does not run and the key
+  /// was typed outside the panel, that of the only node that runs.
+  Page* page_for_keys(QObject* watched) const;
   std::array<Page*, 4> all_pages() const { return {collect_, calibrate_, playback_, guess_}; }
   void forget_marks();
   void write_geometry();

@@ -31,10 +31,13 @@ class Page : public QWidget {
   /// What the master says: whether the node runs, and what is wrong.
   void show_master(const MasterStatus& status);
 
-  /// A key of ATOM's, pressed alone in the view, a picture or the panel while the page is shown.
+  /// A key of ATOM's, pressed alone in the view, a picture or the panel, that is for this page.
   ///
   /// Returns whether it has a meaning here; RViz does not see it then.
   virtual bool press(int /*key*/) { return false; }
+
+  /// Whether the node runs.
+  bool node_runs() const { return node_runs_; }
 
   /// Services the master is asked for; the node runs where the first of them is offered.
   const std::vector<std::string>& watched_services() const { return watched_services_; }
@@ -90,9 +93,6 @@ class Page : public QWidget {
 
   void show_status(const std::string& text) { status_->setText(QString::fromStdString(text)); }
   virtual void show_message(const std::string& text, bool good);
-
-  /// Whether the node runs.
-  bool node_runs() const { return node_runs_; }
 
   /// Whether a service has not answered yet.
   bool is_waiting() const { return calls_ > 0; }
