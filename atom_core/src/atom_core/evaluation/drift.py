@@ -8,19 +8,18 @@ exactly the description was known.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
-from scipy import special, stats
 
 from atom_core.calibration.calibrate import Calibration, calibrate
 from atom_core.calibration.judge.judgement import INCONSISTENT
 from atom_core.calibration.options import OFF, CalibrationOptions
 from atom_core.errors import AtomError, CalibrationError
-from atom_core.evaluation.changes import NO_SPREAD, NUMBERS, Spread, chi_square, limit_of
+from atom_core.evaluation.changes import NO_SPREAD, NUMBERS, Spread, limit_of
 from atom_core.evaluation.edge_errors import PoseError, pose_error
 from atom_core.evaluation.edge_spread import edge_spread
+from atom_core.evaluation.rarity import found_from, rarity
 from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import ROTATION, TRANSLATION
@@ -30,8 +29,6 @@ FEWEST_BOARDS = 2
 FEWEST_ALONE = 3  # sensors, for that each can be asked for while all others are held
 LEAST_M, LEAST_RAD = 0.0005, float(np.radians(0.02))  # a smaller change is none, however sure
 TOLD_M, TOLD_RAD = 0.02, float(np.radians(1.0))  # what is not found at this size is not told
-_FOUND = 0.95
-_UNKNOWN = 1e-6  # weight of what is not determined
 # By how much detections of a range sensor vary beyond their noise is estimated itself (`_scatter`).
 # A detection has six numbers, which are not independent; it counts as three. Unknown: ten of them.
 _NUMBERS_OF_A_DETECTION, _DETECTIONS = 3, 10
@@ -44,9 +41,9 @@ class EdgeDrift(NamedTuple):
         edge: parent and child.
         sensors: that stand on it.
         change: found minus described, along and about the parent's axes.
-        chi_square: of the six numbers in their joint covariance: that of the calibration, and that
-            of the new boards as its detections varied; of three sensors or more, while all others
-            are held. Of a range sensor, whose scatter few detections told, the one that is as rare.
+        chi_square: of six numbers, as rare as the change is if nothing moved (`rarity`), by the
+            joint covariance of the calibration and of the new boards as its detections varied; of
+            three sensors or more, while all others are held.
         moved: beyond the limit, and by no trifle.
         beyond_detections: beyond it even where detections of the new boards are off as a whole, as
             `calibrate` assumes of a few boards.
@@ -284,20 +281,18 @@ def _edge_drift(
     change = pose_error(standing.first_value(edge), solved.dataset.first_value(edge))
     measures_range = any(s.kind.measures_range for s in standing.sensors.values() if s.edge == edge)
     freedom = _freedom(described) if measures_range else np.inf
-    square = _as_rare(chi_square(change, covariance), freedom)
+    square = rarity(change, covariance, freedom)
     trifle = change.translation_m < LEAST_M and change.rotation_rad < LEAST_RAD
     names = tuple(s.name for s in standing.sensors.values() if s.edge == edge)
-    weight = np.linalg.inv(covariance + 1e-18 * np.eye(NUMBERS))
-    size = np.sqrt(_noncentrality(limit, freedom))
     return EdgeDrift(
         edge,
         names,
         change,
         square,
         square > limit and not trifle,
-        chi_square(change, described.stated + stated) > limit,
-        size * _largest(weight[TRANSLATION, TRANSLATION]),
-        size * _largest(weight[ROTATION, ROTATION]),
+        rarity(change, described.stated + stated) > limit,
+        found_from(covariance, limit, freedom, TRANSLATION),
+        found_from(covariance, limit, freedom, ROTATION),
     )
 
 
@@ -311,11 +306,6 @@ def _scatter(described: Spread) -> float:
         return described.scatter
     ratios = np.linalg.solve(described.of_model + 1e-18 * np.eye(NUMBERS), described.stated)
     return max(described.scatter, float(np.trace(ratios)) / NUMBERS)
-
-
-def _largest(weight: np.ndarray) -> float:
-    """Return the size of a move (3,) that counts as one, in the direction that is told worst."""
-    return float(1.0 / np.sqrt(max(np.min(np.linalg.eigvalsh(weight)), _UNKNOWN)))
 
 
 def _with_common_scatter(standing: Dataset, spreads: Mapping[Edge, Spread]) -> Dict[Edge, Spread]:
@@ -338,33 +328,3 @@ def _freedom(described: Spread) -> float:
     if not np.any(described.of_model):
         return np.inf
     return _NUMBERS_OF_A_DETECTION * float(described.detections or _DETECTIONS)
-
-
-def _as_rare(square: float, freedom: float) -> float:
-    """Return the chi-square that is as rare as one whose covariance is estimated itself.
-
-    A sixth of the latter is distributed as F.
-    """
-    if np.isinf(freedom):
-        return square
-    share = stats.f.sf(square / NUMBERS, NUMBERS, freedom)
-    return float(stats.chi2.isf(share, NUMBERS)) if share > 0.0 else square
-
-
-def _noncentrality(limit: float, freedom: float) -> float:
-    """Return how large a chi-square is on top when it is beyond the limit in 95 % of cases."""
-    if np.isinf(freedom):
-        beyond = partial(stats.ncx2.sf, limit, NUMBERS)
-    else:
-        bound = stats.f.isf(stats.chi2.sf(limit, NUMBERS), NUMBERS, freedom)
-        beyond = partial(_beyond, bound, freedom)
-    low, high = 0.0, 10.0 * limit + 200.0
-    for _ in range(60):
-        middle = (low + high) / 2.0
-        enough = beyond(max(middle, 1e-9)) >= _FOUND
-        low, high = (low, middle) if enough else (middle, high)
-    return high
-
-
-def _beyond(bound: float, freedom: float, noncentrality: float) -> float:
-    return 1.0 - float(special.ncfdtr(NUMBERS, freedom, noncentrality, bound))
