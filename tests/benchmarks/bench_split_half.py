@@ -17,7 +17,7 @@ import numpy as np
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import OFF, CalibrationOptions
 from atom_core.evaluation.edge_spread import edge_spread
-from atom_core.evaluation.trust.relative import difference
+from atom_core.evaluation.trust.two_estimates import edge_difference
 from atom_core.report.tables import text_table
 from atom_core.synthetic.cell import paper_cell
 
@@ -35,15 +35,11 @@ def differences(seed: int) -> Dict[str, List[np.ndarray]]:
     for sensor in dataset.sensors.values():
         if edge_spread(halves[0], sensor.edge) is None:
             continue
-        apart = difference(*(half.dataset.first_value(sensor.edge) for half in halves))
-        for name in found:
-            variance = np.zeros(6)
-            for half in halves:
-                covariance = half.covariance if name == STATED else half.covariance.of_model
-                spread = edge_spread(half, sensor.edge, covariance)
-                assert spread is not None
-                variance += np.diagonal(spread)
-            found[name].append(apart / np.sqrt(variance))
+        apart, covariance = edge_difference(halves[0], halves[1], sensor.edge)
+        found[STATED].append(apart / np.sqrt(np.diagonal(covariance)))
+        of_model = [edge_spread(half, sensor.edge, half.covariance.of_model) for half in halves]
+        variance = sum(np.diagonal(spread) for spread in of_model if spread is not None)
+        found[OF_MODEL].append(apart / np.sqrt(variance))
     return found
 
 

@@ -38,6 +38,7 @@ class Covariance:
         self._scale = scale
         self.error_sigmas: Dict[ModelError, float] = {}  # in their units, of those estimated
         self.of_model: Covariance = self  # as the assumed noise has it
+        self.freedom = np.inf  # degrees of freedom of Student's t by which it was made wider
         self._combined: Optional[Covariance] = None
         # What elimination leaves of an unseen direction is rounding: measure it against before.
         diagonal = np.diagonal(equations.shared)[None]
@@ -65,15 +66,18 @@ class Covariance:
         }
         return result
 
-    def robust(self, factors: np.ndarray, by_error: Mapping[ModelError, float]) -> Covariance:
+    def robust(
+        self, factors: np.ndarray, by_error: Mapping[ModelError, float], freedom: float = np.inf
+    ) -> Covariance:
         """Return the covariance with larger standard deviations, and this one as its model's.
 
         Args:
             factors: (6 s,) on those of the shared blocks' numbers.
             by_error: on those of the model errors.
+            freedom: degrees of freedom of Student's t in the factors; infinite: there is none.
         """
         result = copy.copy(self)
-        result.of_model = self
+        result.of_model, result.freedom = self, freedom
         result._shared = self._shared * factors[:, None] * factors
         result._cross = self._cross * factors
         result.error_sigmas = {e: by_error.get(e, 1.0) * s for e, s in self.error_sigmas.items()}

@@ -47,8 +47,8 @@ def sigma_factors(
     told = np.where(is_told, model - known, np.inf)  # what the collections leave open
     ratios = np.zeros(len(base))
     if count >= FEWEST:
-        # A deviation seen in few collections is itself not sure: Student's t is wider.
-        wider = special.stdtrit(max(count / 2.0, 3.0), _QUANTILE) / special.ndtri(_QUANTILE)
+        # A deviation seen in few collections is itself not sure.
+        wider = wider_by_students_t(max(count / 2.0, 3.0))
         ratios = wider**2 * _jackknife_variance(equations, base) / told
     if count < _FEW:
         careful, also_known = _model_variance(cautious, base)
@@ -59,6 +59,16 @@ def sigma_factors(
     ratios[:numbers] = np.repeat(means, BLOCK_SIZE // 2)
     share = np.maximum(model - known, 0.0) / np.maximum(model, 1e-30)
     return np.maximum(np.sqrt(1.0 + (ratios - 1.0) * share), 1.0)
+
+
+def wider_by_students_t(freedom: float) -> float:
+    """Return by how much the quantile of a 95 % interval is larger than the normal one."""
+    return float(special.stdtrit(freedom, _QUANTILE) / special.ndtri(_QUANTILE))
+
+
+def degrees_of_freedom(collections: int) -> float:
+    """Return how many independent numbers told the scatter; infinite where few told nothing."""
+    return collections / 2.0 if collections >= _FEW else np.inf
 
 
 def _model_variance(

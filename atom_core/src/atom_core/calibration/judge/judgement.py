@@ -51,7 +51,7 @@ from atom_core.solvers.base import (
 )
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.reweighting import covariance_of
-from atom_core.solvers.robust_covariance import FEWEST, sigma_factors
+from atom_core.solvers.robust_covariance import FEWEST, degrees_of_freedom, sigma_factors
 
 _STRONG = 3.0  # sigmas by which what is not estimated may move an edge, and what is be unusual
 _TOLD_SIZE = 0.005  # of the size of boards: what is told less exactly is not told
@@ -191,7 +191,9 @@ def _checked(
     equations = solution.equations
     factors = sigma_factors(equations, solution.cautious, estimated)
     of_errors = dict(zip(estimated, factors[equations.shared :]))
-    covariance = covariance.robust(factors[: BLOCK_SIZE * equations.blocks], of_errors)
+    freedom = degrees_of_freedom(len(equations.collections))
+    of_blocks = factors[: BLOCK_SIZE * equations.blocks]
+    covariance = covariance.robust(of_blocks, of_errors, freedom)
     every = solution.with_fields
     left = (error for error in every.errors if error not in estimated)
     usual = usual_sizes(left, options.intrinsics_sigma)

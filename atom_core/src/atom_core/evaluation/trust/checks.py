@@ -35,6 +35,7 @@ from atom_core.evaluation.trust.relative import (
     relative_pose,
     stepped,
 )
+from atom_core.evaluation.trust.two_estimates import edge_difference
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import DetectionKey
@@ -241,9 +242,7 @@ def _halves(dataset: Dataset, parts: _Parts) -> List[Compared]:
     found = []
     for name, sensor in dataset.sensors.items():
         if sensor.edge not in one.free.held_edges(dataset):
-            apart = difference(*(half.dataset.first_value(sensor.edge) for half in (one, other)))
-            spread = _spread(one, sensor.edge) + _spread(other, sensor.edge)
-            found.append(_compared((name,), apart, spread))
+            found.append(_compared((name,), *edge_difference(one, other, sensor.edge)))
     return found
 
 
