@@ -23,7 +23,7 @@ for folder in ("tests", "atom_calibration/tests", "atom_rviz_plugins/tests"):
 from document_blocks import blocks, typed  # noqa: E402
 from document_plan import CLONE, IN_USE, PAGES, WAYS, WORKSPACE, block_of, steps  # noqa: E402
 from document_reader import PREPARED, Reader  # noqa: E402
-from ports import reserved_port  # noqa: E402
+from masters import reserved_port  # noqa: E402
 from test_launches import registered  # noqa: E402
 from test_workspace import tracked_files  # noqa: E402
 

@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 for folder in ("atom_calibration", "atom_rviz_plugins"):
     sys.path.insert(0, str(ROOT / folder / "tests"))
 
-from ports import reserved_port  # noqa: E402
+from masters import reserved_port  # noqa: E402
 from screen import Screen  # noqa: E402
 
 VERSION = ElementTree.parse(ROOT / "package.xml").findtext("version")

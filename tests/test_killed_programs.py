@@ -22,9 +22,9 @@ sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "atom_calibration" / "tests")]
 
 from killing import Program, contents, files_below  # noqa: E402
 from live_scene import COLLECTIONS, LiveScene  # noqa: E402
+from masters import running_master  # noqa: E402
 from messages import Make  # noqa: E402
 from playback_scene import write_scene  # noqa: E402
-from ports import running_master  # noqa: E402
 from small_rig import write_package  # noqa: E402
 
 from atom_core.cli import main as core_main  # noqa: E402

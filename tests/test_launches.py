@@ -31,8 +31,8 @@ for folder in ("atom_calibration", "atom_rviz_plugins"):
     sys.path.insert(0, str(ROOT / folder / "tests"))  # what tests and rostests share
 
 from live_scene import LiveScene  # noqa: E402
+from masters import reserved_port  # noqa: E402
 from messages import Make  # noqa: E402
-from ports import reserved_port  # noqa: E402
 from screen import Screen  # noqa: E402
 from small_rig import write_package  # noqa: E402
 

@@ -6,7 +6,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from ports import reserved_port, running_master
+from masters import reserved_port, running_master
 
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.synthetic import scenes

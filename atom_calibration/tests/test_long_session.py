@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ports import running_master
+from masters import running_master
 
 from atom_core.io.dataset_json import read_dataset
 

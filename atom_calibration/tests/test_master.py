@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from ports import reserved_port, start_master
+from masters import reserved_port, start_master
 
 from atom_core.io.config_yaml import write_config
 from atom_core.io.dataset_writer import write_dataset_folder

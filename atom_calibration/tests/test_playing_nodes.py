@@ -7,7 +7,7 @@ import sys
 import cv2
 import numpy as np
 import pytest
-from ports import reserved_port
+from masters import reserved_port
 from sensor_msgs.msg import CompressedImage
 from small_rig import CONFIG, XACRO
 

@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 import pytest
-from ports import reserved_port, start_master
+from masters import reserved_port, start_master
 from test_master import start, wait_until
 
 from atom_core.io.dataset_writer import write_dataset_folder

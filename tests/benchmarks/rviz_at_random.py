@@ -28,8 +28,8 @@ for _folder in ("atom_rviz_plugins", "atom_calibration"):
     sys.path.insert(0, str(_ROOT / _folder / "tests"))
 
 from live_scene import Process  # noqa: E402
+from masters import running_master  # noqa: E402
 from node_memory import memory_mb  # noqa: E402
-from ports import running_master  # noqa: E402
 from screen import Screen, middle  # noqa: E402
 from waiting import until  # noqa: E402
 

@@ -29,7 +29,7 @@ _ROOT = Path(__file__).resolve().parents[2]
 for _folder in ("atom_rviz_plugins", "atom_calibration"):
     sys.path.insert(0, str(_ROOT / _folder / "tests"))
 
-from ports import running_master  # noqa: E402
+from masters import running_master  # noqa: E402
 from scene import BLOCK, BLOCK_PX, IMAGE_SIZE, Scene  # noqa: E402
 from screen import Screen, end, middle, style_sheet  # noqa: E402
 

@@ -26,7 +26,7 @@ _HERE = Path(__file__).resolve().parent
 for package in ("atom_calibration", "atom_rviz_plugins"):
     sys.path.insert(0, str(_HERE.parents[1] / package / "tests"))
 
-from ports import running_master  # noqa: E402
+from masters import running_master  # noqa: E402
 from screen import Screen, end  # noqa: E402
 
 from atom_calibration.runtime.rviz_window import X11_SYNC  # noqa: E402

@@ -26,7 +26,7 @@ _ROOT = Path(__file__).resolve().parents[2]
 for _folder in ("atom_rviz_plugins", "atom_calibration"):
     sys.path.insert(0, str(_ROOT / _folder / "tests"))
 
-from ports import running_master  # noqa: E402
+from masters import running_master  # noqa: E402
 from screen import Screen  # noqa: E402
 
 from atom_calibration.runtime.rviz_window import X11_SYNC  # noqa: E402

@@ -37,7 +37,7 @@ _HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(_HERE.parents[1] / "atom_calibration" / "tests"))
 
 from marker_hand import MarkerHand  # noqa: E402
-from ports import running_master  # noqa: E402
+from masters import running_master  # noqa: E402
 
 CONFIG = Path(rospkg.RosPack().get_path("atom_examples")) / "collab_cell/config/config.yml"
 RANGE = ("lidar_1", "lidar_2", "lidar_3", "depth_1")
