@@ -37,7 +37,7 @@ def edge_difference(
     stated = sum((spread for spread, _ in parts), np.zeros((BLOCK_SIZE, BLOCK_SIZE)))
     least = sum(_variance_of_model(part, edge) for part in (one, other))
     variances = np.array([np.diagonal(spread) for spread, _ in parts])
-    variance = _joint_variance(variances, np.array([freedom for _, freedom in parts]))
+    variance = joint_variance(variances, np.array([freedom for _, freedom in parts]))
     wanted = np.minimum(np.maximum(variance, least), np.diagonal(stated))
     factors = np.sqrt(wanted / np.maximum(np.diagonal(stated), 1e-30))
     return numbers, stated * np.outer(factors, factors)
@@ -53,7 +53,7 @@ def _variance_of_model(part: Calibration, edge: Edge) -> np.ndarray:
     return np.zeros(BLOCK_SIZE) if found is None else np.diagonal(found)
 
 
-def _joint_variance(variances: np.ndarray, freedoms: np.ndarray) -> np.ndarray:
+def joint_variance(variances: np.ndarray, freedoms: np.ndarray) -> np.ndarray:
     """Return (n,) those of differences, by the variances (2, n) that Student's t made wider."""
     wider = np.array([1.0 if np.isinf(f) else wider_by_students_t(f) for f in freedoms])
     scatter = variances / wider[:, None] ** 2
