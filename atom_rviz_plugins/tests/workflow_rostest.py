@@ -217,19 +217,15 @@ class WorkflowTest(unittest.TestCase):
         self.finished()
 
     def press_atoms_keys(self, corner, state):
-        """The arrows turn, d says what polygons do, q ends; the mouse is in the view.
-
-        All of them with another page in the panel, whose node does not run.
-        """
+        """The arrows turn, d says what polygons do, q ends; also with another page in the panel."""
         self.screen.move(*corner[:2])
         self.screen.key("Right")
         wait_until(lambda: state.message.collection == KEYS[1], lambda: state.message.message)
-        self.screen.key("ctrl+2")
-        self.screen.key("Left")
+        self.screen.do("key", "ctrl+2", "Left")
         wait_until(lambda: state.message.collection == KEYS[0], lambda: state.message.message)
-        before = state.message.polygon_removes_border
+        removes = state.message.polygon_removes_border
         self.screen.key("d")
-        wait_until(lambda: state.message.polygon_removes_border != before, "the key d")
+        wait_until(lambda: state.message.polygon_removes_border != removes, "the key d")
         self.screen.key("q")
         self.assertEqual(self.launch.wait(PATIENCE_S), 0)
 

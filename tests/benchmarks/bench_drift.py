@@ -27,9 +27,9 @@ import numpy as np
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import OFF, CalibrationOptions
-from atom_core.evaluation.changes import NO_SPREAD, Spread
 from atom_core.evaluation.drift import Drift, drift
-from atom_core.evaluation.edge_spread import edge_spread
+from atom_core.evaluation.spreads import Spread
+from atom_core.evaluation.trust.two_estimates import known_spread
 from atom_core.geometry import se3
 from atom_core.io.atomic import write_json_atomically
 from atom_core.io.dataset_json import read_dataset
@@ -107,15 +107,8 @@ def _least_share(dataset: Dataset, key: str) -> float:
 def calibrated(dataset: Dataset) -> Tuple[Dict[Edge, np.ndarray], Dict[Edge, Spread]]:
     """Return the edges of a calibration, and how exactly they are known."""
     solved = calibrate(dataset, CalibrationOptions(model_errors=OFF))
-    edges, spreads = selected_edges(solved), {}
-    for edge in edges:
-        stated = edge_spread(solved, edge)
-        of_model = edge_spread(solved, edge, solved.covariance.of_model)
-        known = stated is not None and of_model is not None
-        names = {name for name, sensor in dataset.sensors.items() if sensor.edge == edge}
-        count = sum(key.sensor in names for key in solved.problem.detections)
-        spreads[edge] = Spread(stated, of_model, count) if known else NO_SPREAD
-    return edges, spreads
+    edges = selected_edges(solved)
+    return edges, {edge: known_spread(solved, edge) for edge in edges}
 
 
 def _names(found: Drift) -> List[str]:

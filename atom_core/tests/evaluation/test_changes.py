@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from atom_core.evaluation.changes import changes, held_apart, limit_of, spreads_of
+from atom_core.evaluation.changes import changes, held_apart, limit_of
+from atom_core.evaluation.spreads import spreads_of
 from atom_core.geometry import se3
 from atom_core.model.edge_state import EdgeState
 from atom_core.model.transforms import Edge

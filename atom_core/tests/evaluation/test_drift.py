@@ -6,9 +6,9 @@ import pytest
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import OFF, CalibrationOptions
 from atom_core.errors import CalibrationError
-from atom_core.evaluation.changes import NO_SPREAD, Spread
 from atom_core.evaluation.drift import drift
 from atom_core.evaluation.edge_spread import edge_spread
+from atom_core.evaluation.spreads import NO_SPREAD, Spread
 from atom_core.geometry import se3
 from atom_core.report.edge_results import selected_edges
 from atom_core.synthetic import Noise, scenes

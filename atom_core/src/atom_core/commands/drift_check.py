@@ -8,8 +8,8 @@ from typing import Dict, Mapping, Optional
 import numpy as np
 
 from atom_core.errors import DescriptionError
-from atom_core.evaluation.changes import spreads_of
 from atom_core.evaluation.drift import Drift, drift
+from atom_core.evaluation.spreads import spreads_of
 from atom_core.io.calibration_json import calibration_file, read_calibration
 from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import Edge

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import List, Mapping, NamedTuple, Sequence, Tuple
+from typing import List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 from scipy import special
 
 from atom_core.evaluation.edge_errors import PoseError, pose_error
+from atom_core.evaluation.spreads import LEAST_VARIANCE, NUMBERS, joint_covariance, spread_of
 from atom_core.model.edge_state import EdgeState
 from atom_core.model.transforms import Edge
 
 FALSE_ALARMS = 0.01  # of rigs that did not move
-NUMBERS = 6
-_LEAST_VARIANCE = 1e-18  # of an edge that is held in both
 
 
 class EdgeChange(NamedTuple):
@@ -69,7 +68,7 @@ def limit_of(edges: int) -> float:
 def chi_square(change: PoseError, covariance: np.ndarray) -> float:
     """Return the square of a change's six numbers in their covariance (6, 6)."""
     numbers = np.concatenate([change.turn_rad, change.shift_m])
-    scale = np.sqrt(np.maximum(np.diagonal(covariance), _LEAST_VARIANCE))
+    scale = np.sqrt(np.maximum(np.diagonal(covariance), LEAST_VARIANCE))
     correlation = covariance / np.outer(scale, scale) + 1e-12 * np.eye(NUMBERS)
     return float(numbers / scale @ np.linalg.solve(correlation, numbers / scale))
 
@@ -93,7 +92,7 @@ def changes(before: Sequence[EdgeState], after: Sequence[EdgeState]) -> Changes:
 
 def _change(first: EdgeState, second: EdgeState, limit: float) -> EdgeChange:
     change = pose_error(first.parent_T_child, second.parent_T_child)
-    covariance = first.covariance + second.covariance
+    covariance = joint_covariance(spread_of(first), spread_of(second))
     square = chi_square(change, covariance)
     usual = chi_square(change, covariance + _of_usual_errors(first) + _of_usual_errors(second))
     names = tuple(dict.fromkeys([*first.sensors, *second.sensors]))
@@ -113,40 +112,3 @@ def held_apart(before: Sequence[EdgeState], after: Sequence[EdgeState]) -> List[
     """Return the edges that one calibration holds and the other estimates."""
     first = {state.edge: state.anchored for state in before}
     return [s.edge for s in after if s.edge in first and first[s.edge] != s.anchored]
-
-
-class Spread(NamedTuple):
-    """How exactly an edge is known.
-
-    Attributes:
-        stated, of_model: covariances (6, 6), as stated and as the assumed noise has it.
-        detections: that told it; 0: not known.
-        scatter: by which detections vary beyond their noise at least.
-    """
-
-    stated: np.ndarray
-    of_model: np.ndarray
-    detections: int = 0
-    scatter: float = 1.0
-
-    def __add__(self, other: tuple) -> Spread:
-        """Return what is known of the difference of two independent edges."""
-        counts = [count for count in (self.detections, other[2]) if count > 0]
-        scatter = max(self.scatter, other[3])
-        return Spread(
-            self.stated + other[0], self.of_model + other[1], min(counts, default=0), scatter
-        )
-
-
-NO_SPREAD = Spread(np.zeros((NUMBERS, NUMBERS)), np.zeros((NUMBERS, NUMBERS)))
-
-
-def spreads_of(states: Sequence[EdgeState]) -> Mapping[Edge, Spread]:
-    """Return how exactly each edge is known; what was held exactly."""
-    found = {}
-    for state in states:
-        smaller = state.model_sigma / np.maximum(state.sigma, np.sqrt(_LEAST_VARIANCE))
-        of_model = state.covariance * np.outer(smaller, smaller)
-        known = Spread(state.covariance, of_model, state.detections)
-        found[state.edge] = NO_SPREAD if state.anchored else known
-    return found

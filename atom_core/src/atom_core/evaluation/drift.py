@@ -16,10 +16,11 @@ from atom_core.calibration.calibrate import Calibration, calibrate
 from atom_core.calibration.judge.judgement import INCONSISTENT
 from atom_core.calibration.options import OFF, CalibrationOptions
 from atom_core.errors import AtomError, CalibrationError
-from atom_core.evaluation.changes import NO_SPREAD, NUMBERS, Spread, limit_of
+from atom_core.evaluation.changes import limit_of
 from atom_core.evaluation.edge_errors import PoseError, pose_error
 from atom_core.evaluation.edge_spread import edge_spread
 from atom_core.evaluation.rarity import found_from, rarity
+from atom_core.evaluation.spreads import NO_SPREAD, NUMBERS, Spread, joint_covariance
 from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import ROTATION, TRANSLATION
@@ -277,7 +278,8 @@ def _edge_drift(
         edge_spread(solved, edge, c) for c in (solved.covariance, solved.covariance.of_model)
     )
     assert stated is not None and of_model is not None  # it is estimated
-    covariance = described.stated + _scatter(described) * of_model
+    by_new = _scatter(described) * of_model
+    covariance = joint_covariance(described, Spread(by_new, by_new))
     change = pose_error(standing.first_value(edge), solved.dataset.first_value(edge))
     measures_range = any(s.kind.measures_range for s in standing.sensors.values() if s.edge == edge)
     freedom = _freedom(described) if measures_range else np.inf
@@ -319,7 +321,9 @@ def _with_common_scatter(standing: Dataset, spreads: Mapping[Edge, Spread]) -> D
         known = [e for e in alike if e in spreads and np.any(spreads[e].of_model)]
         if kind.measures_range and known:
             mean = float(np.mean([_scatter(spreads[edge]) for edge in known]))
-            found.update({edge: spreads[edge]._replace(scatter=mean) for edge in known})
+            # Its scatter is not taken as known here (`_freedom`), so nothing is taken back of it.
+            alike_known = {e: spreads[e]._replace(scatter=mean, freedom=np.inf) for e in known}
+            found.update(alike_known)
     return found
 
 

@@ -11,14 +11,14 @@ from functools import partial
 import numpy as np
 from scipy import special, stats
 
-from atom_core.evaluation.changes import NUMBERS, chi_square
+from atom_core.evaluation.changes import chi_square
 from atom_core.evaluation.edge_errors import PoseError
+from atom_core.evaluation.spreads import LEAST_VARIANCE, NUMBERS
 from atom_core.problem.blocks import ROTATION, TRANSLATION
 
 FOUND = 0.95
 _QUESTIONS = ((TRANSLATION, 0.45), (ROTATION, 0.45), (slice(0, NUMBERS), 0.1))
 _UNKNOWN = 1e-6  # weight of what is not determined
-_LEAST_VARIANCE = 1e-18
 
 
 def rarity(change: PoseError, covariance: np.ndarray, freedom: float = np.inf) -> float:
@@ -63,7 +63,7 @@ def found_from(covariance: np.ndarray, limit: float, freedom: float, part: slice
 
 
 def _weight(covariance: np.ndarray) -> np.ndarray:
-    return np.linalg.inv(covariance + _LEAST_VARIANCE * np.eye(NUMBERS))
+    return np.linalg.inv(covariance + LEAST_VARIANCE * np.eye(NUMBERS))
 
 
 def _beyond_by_chance(square: float, count: int, freedom: float) -> float:

@@ -61,7 +61,9 @@ def read_calibration(path: Path) -> StoredCalibration:
         raise DatasetError(f"{file}: is no JSON; give a folder of results of `calibrate`") from None
     try:
         sensors = document.get("sensors", {})
-        edges = [_edge(entry, sensors) for entry in document["edges"].values()]
+        freedom = document.get("degrees_of_freedom")
+        freedom = np.inf if freedom is None else float(freedom)
+        edges = [_edge(entry, sensors, freedom) for entry in document["edges"].values()]
         return StoredCalibration(file, str(document["status"]), edges)
     except OTHER_KIND as error:
         said = f"lacks {error}" if isinstance(error, KeyError) else str(error)
@@ -70,7 +72,7 @@ def read_calibration(path: Path) -> StoredCalibration:
         ) from None
 
 
-def _edge(entry: Dict[str, Any], by_name: Dict[str, Any]) -> EdgeState:
+def _edge(entry: Dict[str, Any], by_name: Dict[str, Any], freedom: float) -> EdgeState:
     pose = se3.from_quaternion(
         _numbers(entry["translation_m"], _AXES), _numbers(entry["quaternion_xyzw"], _AXES + 1)
     )
@@ -86,7 +88,7 @@ def _edge(entry: Dict[str, Any], by_name: Dict[str, Any]) -> EdgeState:
     anchored = bool(entry["anchored"])
     detections = sum(int(by_name[name]["detections"]) for name in sensors if name in by_name)
     return EdgeState(
-        *(edge, sensors, anchored, pose, sigma, covariance, of_model, combined, detections)
+        *(edge, sensors, anchored, pose, sigma, covariance, of_model, combined, detections, freedom)
     )
 
 

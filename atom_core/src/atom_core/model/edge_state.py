@@ -22,6 +22,7 @@ class EdgeState(NamedTuple):
         model_sigma: (6,) likewise, as the assumed noise has it.
         combined_sigma: (6,) likewise, with usual errors of sensors and boards; None: not known.
         detections: of its sensors, that were used; 0: not known.
+        freedom: degrees of freedom of Student's t by which `sigma` is wider; infinite: it is not.
     """
 
     edge: Edge
@@ -33,3 +34,4 @@ class EdgeState(NamedTuple):
     model_sigma: np.ndarray
     combined_sigma: Optional[np.ndarray] = None
     detections: int = 0
+    freedom: float = np.inf

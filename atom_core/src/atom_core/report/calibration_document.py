@@ -38,6 +38,7 @@ def calibration_document(results: CalibrationResults, options: Mapping[str, Any]
         options: the command's options, to be repeated.
     """
     calibration, outliers = results.calibration, results.outliers
+    freedom = calibration.covariance.freedom
     document = {
         "version": VERSION,
         "dataset": str(calibration.dataset.source),
@@ -47,6 +48,7 @@ def calibration_document(results: CalibrationResults, options: Mapping[str, Any]
         "message": calibration.message,
         "verdict": verdict_document(calibration_verdict(results)),
         "solver": _solver(results),
+        "degrees_of_freedom": freedom if np.isfinite(freedom) else None,
         "edges": {str(edge.edge): _edge(edge, calibration.initial) for edge in results.edges},
         "joints": {name: _joint(joint) for name, joint in results.joints.items()},
         "sensors": {name: _sensor(sensor) for name, sensor in results.sensors.items()},

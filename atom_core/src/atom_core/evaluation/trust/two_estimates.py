@@ -8,21 +8,15 @@ import numpy as np
 
 from atom_core.calibration.calibrate import Calibration
 from atom_core.evaluation.edge_spread import edge_spread
+from atom_core.evaluation.spreads import NO_SPREAD, Spread, joint_covariance
 from atom_core.evaluation.trust.relative import difference
 from atom_core.model.transforms import Edge
-from atom_core.problem.blocks import BLOCK_SIZE
-from atom_core.solvers.robust_covariance import wider_by_students_t
 
 
 def edge_difference(
     one: Calibration, other: Calibration, edge: Edge
 ) -> Tuple[np.ndarray, np.ndarray]:
     """Return (6,) the turn [rad] and shift [m] from one estimate to the other, and its covariance.
-
-    The standard deviation of an edge is wider by Student's t, since its few collections tell their
-    scatter badly. The collections of two estimates together tell it better: the quantile of their
-    difference is that of Welch and Satterthwaite's degrees of freedom (Welch 1947). The noise that
-    is assumed is the least.
 
     Args:
         one: a calibration.
@@ -33,34 +27,15 @@ def edge_difference(
         In the parent's axes, and (6, 6).
     """
     numbers = difference(*(part.dataset.first_value(edge) for part in (one, other)))
-    parts = [(_spread(part, edge), part.covariance.freedom) for part in (one, other)]
-    stated = sum((spread for spread, _ in parts), np.zeros((BLOCK_SIZE, BLOCK_SIZE)))
-    least = sum(_variance_of_model(part, edge) for part in (one, other))
-    variances = np.array([np.diagonal(spread) for spread, _ in parts])
-    variance = joint_variance(variances, np.array([freedom for _, freedom in parts]))
-    wanted = np.minimum(np.maximum(variance, least), np.diagonal(stated))
-    factors = np.sqrt(wanted / np.maximum(np.diagonal(stated), 1e-30))
-    return numbers, stated * np.outer(factors, factors)
+    return numbers, joint_covariance(known_spread(one, edge), known_spread(other, edge))
 
 
-def _spread(part: Calibration, edge: Edge) -> np.ndarray:
-    found = edge_spread(part, edge)
-    return np.zeros((BLOCK_SIZE, BLOCK_SIZE)) if found is None else found
-
-
-def _variance_of_model(part: Calibration, edge: Edge) -> np.ndarray:
-    found = edge_spread(part, edge, part.covariance.of_model)
-    return np.zeros(BLOCK_SIZE) if found is None else np.diagonal(found)
-
-
-def joint_variance(variances: np.ndarray, freedoms: np.ndarray) -> np.ndarray:
-    """Return (n,) those of differences, by the variances (2, n) that Student's t made wider."""
-    wider = np.array([1.0 if np.isinf(f) else wider_by_students_t(f) for f in freedoms])
-    scatter = variances / wider[:, None] ** 2
-    total = np.sum(scatter, axis=0)
-    unsure = np.sum(scatter**2 / freedoms[:, None], axis=0)
-    joint = [
-        wider_by_students_t(whole**2 / part) if part > 0.0 else 1.0
-        for whole, part in zip(total, unsure)
-    ]
-    return total * np.array(joint) ** 2
+def known_spread(calibration: Calibration, edge: Edge) -> Spread:
+    """Return how exactly a calibration knows an edge; one that is held exactly."""
+    stated = edge_spread(calibration, edge)
+    of_model = edge_spread(calibration, edge, calibration.covariance.of_model)
+    if stated is None or of_model is None:
+        return NO_SPREAD
+    names = {name for name, sensor in calibration.dataset.sensors.items() if sensor.edge == edge}
+    detections = sum(key.sensor in names for key in calibration.problem.detections)
+    return Spread(stated, of_model, detections, freedom=calibration.covariance.freedom)

@@ -6,7 +6,8 @@ import pytest
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import OFF, CalibrationOptions
 from atom_core.evaluation.edge_spread import edge_spread
-from atom_core.evaluation.trust.two_estimates import edge_difference, joint_variance
+from atom_core.evaluation.spreads import joint_variance
+from atom_core.evaluation.trust.two_estimates import edge_difference
 from atom_core.solvers.robust_covariance import wider_by_students_t
 from atom_core.synthetic import scenes
 
