@@ -17,7 +17,7 @@ from typing import Callable, Dict, FrozenSet, Iterator, List, Mapping, NamedTupl
 import numpy as np
 
 PATIENCE_S = 300.0
-_LOOK_EVERY_S, _SOON_S = 0.0005, 0.01
+_LOOK_EVERY_S, _SOON_S = 0.002, 0.01
 
 
 class Whole(NamedTuple):

@@ -221,10 +221,9 @@ class WorkflowTest(unittest.TestCase):
         self.screen.move(*corner[:2])
         self.screen.key("Right")
         wait_until(lambda: state.message.collection == KEYS[1], lambda: state.message.message)
-        self.screen.do("key", "ctrl+2", "Left")
-        wait_until(lambda: state.message.collection == KEYS[0], lambda: state.message.message)
         removes = state.message.polygon_removes_border
-        self.screen.key("d")
+        self.screen.do("key", "ctrl+2", "Left", "d")  # not waiting for an answer to the first
+        wait_until(lambda: state.message.collection == KEYS[0], lambda: state.message.message)
         wait_until(lambda: state.message.polygon_removes_border != removes, "the key d")
         self.screen.key("q")
         self.assertEqual(self.launch.wait(PATIENCE_S), 0)

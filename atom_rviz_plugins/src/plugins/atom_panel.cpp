@@ -48,7 +48,9 @@ bool AtomPanel::eventFilter(QObject* watched, QEvent* event) {
   if (event->type() == QEvent::KeyPress && takes_keys(watched)) {
     const auto* key = static_cast<QKeyEvent*>(event);
     const bool alone = (key->modifiers() & ~Qt::KeypadModifier) == Qt::NoModifier;
-    if (alone && page_for_keys(watched)->press(key->key())) return true;
+    if (alone && page_for_keys(watched)->press(key->key(), key->isAutoRepeat())) {
+      return true;
+    }
     const int number = key->key() - Qt::Key_1;
     if (key->modifiers() == Qt::ControlModifier && number >= 0 && number < pages_->count()) {
       pages_->setCurrentIndex(number);

@@ -153,7 +153,7 @@ void CollectPage::call_and_say(const std::string& name, const Service& service,
   });
 }
 
-bool CollectPage::press(int key) {
+bool CollectPage::press(int key, bool /*held*/) {
   if (!node_runs() || key != Qt::Key_S) return false;
   save_->click();
   return true;

@@ -22,7 +22,7 @@ class CollectPage : public Page {
   explicit CollectPage(QWidget* parent = nullptr);
 
   /// s: save a collection.
-  bool press(int key) override;
+  bool press(int key, bool held) override;
 
  protected:
   void listen() override;

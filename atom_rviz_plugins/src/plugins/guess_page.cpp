@@ -80,7 +80,7 @@ void GuessPage::show_buttons() {
   reset_->setEnabled(free && movable);
 }
 
-bool GuessPage::press(int key) {
+bool GuessPage::press(int key, bool /*held*/) {
   if (!node_runs() || key != Qt::Key_S) return false;
   save_->click();
   return true;

@@ -16,7 +16,7 @@ class GuessPage : public Page {
   explicit GuessPage(QWidget* parent = nullptr);
 
   /// s: save.
-  bool press(int key) override;
+  bool press(int key, bool held) override;
 
  protected:
   void listen() override;

@@ -33,8 +33,8 @@ class Page : public QWidget {
 
   /// A key of ATOM's, pressed alone in the view, a picture or the panel, that is for this page.
   ///
-  /// Returns whether it has a meaning here; RViz does not see it then.
-  virtual bool press(int /*key*/) { return false; }
+  /// `held`: it repeats itself. Returns whether it has a meaning here; RViz does not see it then.
+  virtual bool press(int /*key*/, bool /*held*/) { return false; }
 
   /// Whether the node runs.
   bool node_runs() const { return node_runs_; }

@@ -6,6 +6,7 @@
 
 #include <QHBoxLayout>
 #include <QVBoxLayout>
+#include <map>
 
 #include "logic/playback_tables.h"
 
@@ -14,6 +15,12 @@ namespace {
 
 const std::string kPlaybackNode = "/dataset_playback/";
 constexpr int kPlaybackRefresh_ms = 100;
+constexpr int kPolygonsKey = Qt::Key_D;
+const std::map<int, std::string> kServiceOfKey{{Qt::Key_Right, "next"},
+                                               {Qt::Key_Left, "previous"},
+                                               {Qt::Key_S, "save"},
+                                               {Qt::Key_U, "undo"},
+                                               {Qt::Key_Q, "quit"}};
 
 }  // namespace
 
@@ -109,31 +116,27 @@ void PlaybackPage::show_buttons() {
   delete_->setEnabled(can.delete_label);
   polygons_->setEnabled(state_ && node_runs() && !is_waiting());
   if (!is_waiting()) polygons_->setChecked(state_ && state_->polygon_removes_border);
+  if (!kept_keys_.empty()) QTimer::singleShot(0, this, &PlaybackPage::press_kept_keys);
 }
 
-bool PlaybackPage::press(int key) {
-  if (!node_runs()) return false;
-  switch (key) {
-    case Qt::Key_Right:
-      next_->click();
-      return true;
-    case Qt::Key_Left:
-      previous_->click();
-      return true;
-    case Qt::Key_S:
-      save_->click();
-      return true;
-    case Qt::Key_U:
-      undo_->click();
-      return true;
-    case Qt::Key_D:
-      polygons_->click();
-      return true;
-    case Qt::Key_Q:
-      if (!is_waiting()) call("quit", std_srvs::Trigger());
-      return true;
-    default:
-      return false;
+bool PlaybackPage::press(int key, bool held) {
+  const auto service = kServiceOfKey.find(key);
+  if (!node_runs() || (service == kServiceOfKey.end() && key != kPolygonsKey)) return false;
+  if (is_waiting()) {
+    if (!held) kept_keys_.push_back(key);
+  } else if (key == kPolygonsKey) {
+    polygons_->click();
+  } else {
+    call(service->second, std_srvs::Trigger());
+  }
+  return true;
+}
+
+void PlaybackPage::press_kept_keys() {
+  while (!is_waiting() && !kept_keys_.empty()) {
+    const int key = kept_keys_.front();
+    kept_keys_.pop_front();
+    press(key, false);
   }
 }
 

@@ -3,6 +3,7 @@
 
 #include <QCheckBox>
 #include <QTimer>
+#include <deque>
 #include <functional>
 
 #ifndef Q_MOC_RUN
@@ -24,8 +25,8 @@ class PlaybackPage : public Page {
   void on_other_collection(const std::function<void()>& call) { on_other_collection_ = call; }
 
   /// Right and left: next and previous collection; u: undo; s: save; q: save and end; d: what
-  /// polygons do.
-  bool press(int key) override;
+  /// polygons do. A key that comes before the answer to the last one is kept until then.
+  bool press(int key, bool held) override;
 
  protected:
   void listen() override;
@@ -38,11 +39,13 @@ class PlaybackPage : public Page {
   void delete_label();
   void set_polygons(bool remove_border);
   void show_collection();
+  void press_kept_keys();
 
   atom_calibration::PlaybackStateConstPtr state_;
   atom_calibration::CollectionStatesConstPtr collections_;
   std::function<void()> on_other_collection_;
   bool changed_ = false;  // something came since it was shown
+  std::deque<int> kept_keys_;
 
   TableView* labels_ = new TableView;
   TableView* table_ = new TableView;
