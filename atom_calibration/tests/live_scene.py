@@ -192,8 +192,18 @@ class LiveRig:
     It waits for the labels of what it has published, so that a busy machine only takes longer.
     """
 
-    def __init__(self, scene, start_s=1000.0, period_s=0.2, lidar_lag_s=0.0):
+    def __init__(self, scene, start_s=1000.0, period_s=0.2, lidar_lag_s=0.0, pace_s=None):
+        """Take a scene.
+
+        Args:
+            scene: what is seen.
+            start_s: the first stamp.
+            period_s: from one stamp to the next.
+            lidar_lag_s: by how much the stamps of LiDARs are later.
+            pace_s: of the wall's clock from one message to the next, at least; None: as the stamps.
+        """
         self.scene, self.stamp_s, self.period_s = scene, start_s, period_s
+        self._pace_s = period_s if pace_s is None else pace_s
         self._lag_s = {name: lidar_lag_s for name in scene.sensors if name.startswith("lidar")}
         self._data = {
             name: rospy.Publisher(scene.topic(name), scene.kind(name), queue_size=2)
@@ -248,7 +258,7 @@ class LiveRig:
         self._data[name].publish(message)
 
     def show_until(self, key, condition, seconds, what, names=None):
-        """Publish, at most five times a second, until a condition holds."""
+        """Publish, as often as the pace allows, until a condition holds."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             begin = time.monotonic()
@@ -259,7 +269,7 @@ class LiveRig:
                 if condition():
                     return
                 time.sleep(0.02)
-                if time.monotonic() > begin + self.period_s and self.all_labeled(names):
+                if time.monotonic() > begin + self._pace_s and self.all_labeled(names):
                     break
         raise AssertionError(f"not within {seconds} s: {what()}")
 

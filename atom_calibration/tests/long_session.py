@@ -21,6 +21,7 @@ from atom_calibration.srv import DeleteCollection, SaveCollection
 NODE = "/collect_data"
 _START_S, _STOP_WITHIN_S = 180.0, 300.0  # reached by what is broken only
 _US = "/long_session"
+_PACE_S = 0.05  # hours of data in fewer hours: as fast as the labelers are, four times at most
 
 
 class Session:
@@ -41,7 +42,7 @@ class Session:
             *("roslaunch", "atom_calibration", "collect_data.launch", f"config:={config}"),
             *(f"output_folder:={folder / 'dataset'}", "rviz:=false"),
         )
-        self.rig = LiveRig(scene)
+        self.rig = LiveRig(scene, pace_s=_PACE_S)
         self.rig.show_until(COLLECTIONS[0], self._all_see, _START_S, lambda: self.state)
 
     def end(self):
