@@ -128,6 +128,13 @@ RUNS = (
         "others by less than 1 %",
     ),
     Run(
+        "`pytest -m long atom_calibration/tests/test_long_session.py -k 500`",
+        "2026-11-26",
+        "ca62c8d",
+        "500 collections saved of 500, all whole, with the data of every sensor; 12 min, beside a "
+        "whole run of pytest and RViz",
+    ),
+    Run(
         "`pytest -m long tests/test_killed_programs.py`",
         "2026-11-25",
         "6dba039",

@@ -23,6 +23,7 @@ CALIBRATION_KEYS = {
     "verdict",
     "solver",
     "edges",
+    "degrees_of_freedom",
     "joints",
     "sensors",
     "collections",
