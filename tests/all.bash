@@ -65,6 +65,7 @@ if ! make --no-print-directory build; then
 fi
 source ./env.bash
 flock CMakeLists.txt cmake --build build -j "$processes" --target tests || failed+=("tests' build")
+built_s=$SECONDS
 set -m # pytest, whose words are to be seen as they come, is a group of its own, too
 nice -n 5 "$@" </dev/null &
 set +m
@@ -76,6 +77,7 @@ ended ctest
 ended lint
 ended "Noetic's versions"
 python3 tests/failed_cases.py build/test_results
+echo "make test: $((SECONDS / 60)) min since set-up, $((built_s / 60)) of them for the build"
 if [ "${#failed[@]}" -gt 0 ]; then
   printf -v names '%s, ' "${failed[@]}"
   echo "make test: failed: ${names%, }" >&2
