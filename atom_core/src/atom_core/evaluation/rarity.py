@@ -24,8 +24,8 @@ _UNKNOWN = 1e-6  # weight of what is not determined
 def rarity(change: PoseError, covariance: np.ndarray, freedom: float = np.inf) -> float:
     """Return the chi-square of six numbers that is as rare as what a change says if nothing moved.
 
-    The rarest answer to the three questions counts, each with its part of the false alarms. That
-    of a part is the chi-square by which the change becomes likelier where this part may move; with
+    The rarest answer to the three questions counts, each with its part of the false alarms (Sidak
+    1967). That of a part is the chi-square by which the change becomes likelier where this part may move; with
     a covariance that is estimated itself, a third or a sixth of it is distributed as F.
 
     Args:
@@ -39,7 +39,8 @@ def rarity(change: PoseError, covariance: np.ndarray, freedom: float = np.inf) -
     for part, share in _QUESTIONS:
         pull = (weight @ numbers)[part]
         square = float(pull @ np.linalg.solve(weight[part, part], pull))
-        rarest = min(rarest, _beyond_by_chance(square, len(pull), freedom) / share)
+        chance = _beyond_by_chance(square, len(pull), freedom)
+        rarest = min(rarest, -float(np.expm1(np.log1p(-chance) / share)) if chance < 1.0 else 1.0)
     rare = float(stats.chi2.isf(rarest, NUMBERS))
     return rare if np.isfinite(rare) else chi_square(change, covariance)
 
@@ -75,7 +76,7 @@ def _beyond_by_chance(square: float, count: int, freedom: float) -> float:
 
 def _noncentrality(limit: float, share: float, count: int, freedom: float) -> float:
     """Return how large a chi-square is on top when its question is beyond in 95 % of cases."""
-    rare = share * stats.chi2.sf(limit, NUMBERS)
+    rare = -np.expm1(share * np.log1p(-stats.chi2.sf(limit, NUMBERS)))
     if np.isinf(freedom):
         beyond = partial(stats.ncx2.sf, stats.chi2.isf(rare, count), count)
     else:
