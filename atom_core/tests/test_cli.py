@@ -113,10 +113,8 @@ def test_dashes_and_underscores_and_atoms_short_options_are_one(cell, tmp_path):
 def test_not_converged_is_exit_1_and_written(cell, tmp_path):
     output = tmp_path / "out"
     dataset = str(cell / "data" / "dataset.json")
-    assert (
-        main(["calibrate", "--dataset", dataset, "--output", str(output), "--max_iterations", "1"])
-        == 1
-    )
+    words = ["--dataset", dataset, "--output", str(output), "--max_iterations", "1"]
+    assert main(["calibrate", *words]) == 1
     assert json.loads((output / "calibration.json").read_text())["status"] == "not_converged"
 
 

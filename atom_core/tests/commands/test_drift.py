@@ -1,6 +1,7 @@
 """Has the rig moved? `check --against` and `evaluate --compare` on results of `calibrate`."""
 
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -109,6 +110,27 @@ def test_the_sensor_that_moved_is_named(made, tmp_path, capsys, sensor):
     assert document["moved"] and told == {sensor}
     shown = capsys.readouterr().out
     assert f"the rig has moved: {sensor} by" in shown and "it has moved by" in shown
+
+
+@pytest.mark.parametrize(
+    "change, said",
+    [
+        ({"status": "inconsistent", "message": "boards differ"}, r"inconsistent \(boards differ\)"),
+        ({"status": "rank_deficient"}, "settle that first"),
+        (
+            {"model_errors": [{"name": "range offset", "target": "rgb_2", "estimated": True}]},
+            "range offset of rgb_2 was estimated, too.*evaluate --compare",
+        ),
+    ],
+)
+def test_a_calibration_that_tells_nothing_of_a_move_is_refused(
+    made, tmp_path, capsys, change, said
+):
+    for name in ("calibration.json", "optimized.urdf.xacro"):
+        (tmp_path / name).write_bytes((made / "results" / name).read_bytes())
+    document = json.loads((tmp_path / "calibration.json").read_text())
+    (tmp_path / "calibration.json").write_text(json.dumps({**document, **change}))
+    assert re.search(said, refused(capsys, *check(made, tmp_path / "optimized.urdf.xacro")))
 
 
 def test_without_results_beside_it_the_edges_alone_are_compared(made, capsys):

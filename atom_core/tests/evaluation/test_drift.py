@@ -104,6 +104,17 @@ def test_a_range_sensors_move_is_told_later_where_few_detections_told_its_scatte
     assert few["rgb_2"].found_m == pytest.approx(many["rgb_2"].found_m)
 
 
+def test_what_usual_errors_explain_is_marked(rigs):
+    new, described, spreads = rigs[0]
+    edge = new.sensors["rgb_2"].edge
+    move = se3.random_move(0.2, 0.0, np.random.default_rng(4))
+    moved = {**described, edge: se3.moved(described[edge], move)}
+    for usual, beyond in ((1e-12, True), (1.0, False)):
+        loose = {e: spread._replace(usual=usual * np.eye(6)) for e, spread in spreads.items()}
+        (found,) = (e for e in drift(new, moved, loose).edges if e.edge == edge)
+        assert found.moved and found.beyond_usual == beyond
+
+
 def test_one_board_is_refused(rigs):
     new, described, spreads = rigs[0]
     one = new.selected(collections=list(new.collections)[:1])

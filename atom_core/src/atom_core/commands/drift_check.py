@@ -7,13 +7,18 @@ from typing import Dict, Mapping, Optional
 
 import numpy as np
 
-from atom_core.errors import DescriptionError
+from atom_core.errors import CalibrationError, DescriptionError
 from atom_core.evaluation.drift import Drift, drift
 from atom_core.evaluation.spreads import spreads_of
-from atom_core.io.calibration_json import calibration_file, read_calibration
+from atom_core.io.calibration_json import (
+    StoredCalibration,
+    calibration_file,
+    read_calibration,
+)
 from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import Edge
-from atom_core.report.verdict import angle, length
+from atom_core.report.verdict import angle, length, names_in_words
+from atom_core.solvers.base import CONVERGED
 
 
 def calibration_of(description: Path, named: Optional[Path]) -> Optional[Path]:
@@ -51,8 +56,24 @@ def drift_of(
                 f"'{sensor.edge.child}', on which sensor '{sensor.name}' stands; give the "
                 f"description that the rig was calibrated with"
             )
-    spreads = spreads_of(stored.edges)
-    return drift(dataset, described, spreads)
+    _refuse_untrusted(stored)
+    return drift(dataset, described, spreads_of(stored.edges))
+
+
+def _refuse_untrusted(stored: StoredCalibration) -> None:
+    """Refuse a calibration whose sigmas do not tell how far a sensor may seem to have moved."""
+    if stored.status != CONVERGED:
+        raise CalibrationError(
+            f"{stored.path}: this calibration is {stored.status} ({stored.message}); what it says "
+            f"of its certainty does not hold, so that whether the rig has moved cannot be told; "
+            f"settle that first"
+        )
+    if stored.corrected:
+        raise CalibrationError(
+            f"{stored.path}: here {names_in_words(stored.corrected)} was estimated, too, and "
+            f"new boards are read without that, which looks like a move; calibrate the new boards "
+            f"with the same options, and compare the results: evaluate --compare OLD NEW"
+        )
 
 
 def moved_sensors(found: Drift) -> Dict[str, str]:

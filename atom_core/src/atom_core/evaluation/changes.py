@@ -92,20 +92,14 @@ def changes(before: Sequence[EdgeState], after: Sequence[EdgeState]) -> Changes:
 
 def _change(first: EdgeState, second: EdgeState, limit: float) -> EdgeChange:
     change = pose_error(first.parent_T_child, second.parent_T_child)
-    covariance = joint_covariance(spread_of(first), spread_of(second))
+    spreads = spread_of(first), spread_of(second)
+    covariance = joint_covariance(*spreads)
     square = chi_square(change, covariance)
-    usual = chi_square(change, covariance + _of_usual_errors(first) + _of_usual_errors(second))
+    usual = chi_square(change, covariance + sum(spread.usual for spread in spreads))
     names = tuple(dict.fromkeys([*first.sensors, *second.sensors]))
     sigma = np.sqrt(np.diagonal(covariance))
     moved = square > limit
     return EdgeChange(first.edge, names, change, sigma, square, moved, moved and usual > limit)
-
-
-def _of_usual_errors(state: EdgeState) -> np.ndarray:
-    """Return (6, 6): what combined standard deviations have beyond the others."""
-    if state.combined_sigma is None:
-        return np.zeros((NUMBERS, NUMBERS))
-    return np.diag(np.maximum(state.combined_sigma**2 - state.sigma**2, 0.0))
 
 
 def held_apart(before: Sequence[EdgeState], after: Sequence[EdgeState]) -> List[Edge]:

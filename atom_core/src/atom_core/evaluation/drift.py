@@ -21,6 +21,7 @@ from atom_core.evaluation.edge_errors import PoseError, pose_error
 from atom_core.evaluation.edge_spread import edge_spread
 from atom_core.evaluation.rarity import found_from, rarity
 from atom_core.evaluation.spreads import NO_SPREAD, NUMBERS, Spread, joint_covariance
+from atom_core.evaluation.trust.two_estimates import known_spread
 from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import ROTATION, TRANSLATION
@@ -45,9 +46,12 @@ class EdgeDrift(NamedTuple):
         chi_square: of six numbers, as rare as the change is if nothing moved (`rarity`), by the
             joint covariance of the calibration and of the new boards as its detections varied; of
             three sensors or more, while all others are held.
-        moved: beyond the limit, and by no trifle.
+        moved: beyond the limit, by no trifle, and where the boards tell little by more than they
+            would notice.
         beyond_detections: beyond it even where detections of the new boards are off as a whole, as
             `calibrate` assumes of a few boards.
+        beyond_usual: beyond it even with the errors that sensors and boards usually have, which
+            move a sensor where the boards stand elsewhere than before.
         found_m, found_rad: the smallest shift without a turn, and turn without a shift, in the
             worst direction, that is noticed in 95 % of cases.
     """
@@ -60,6 +64,7 @@ class EdgeDrift(NamedTuple):
     beyond_detections: bool
     found_m: float
     found_rad: float
+    beyond_usual: bool = True
 
     @property
     def told(self) -> bool:
@@ -207,6 +212,7 @@ def _asked_alone(
                 beyond_detections=own.beyond_detections,
                 found_m=own.found_m,
                 found_rad=own.found_rad,
+                beyond_usual=own.beyond_usual,
             )
         edges.append(marked)
     untold = [name for name in found.untold if not _told(edges, name)]
@@ -284,9 +290,10 @@ def _edge_drift(
     measures_range = any(s.kind.measures_range for s in standing.sensors.values() if s.edge == edge)
     freedom = _freedom(described) if measures_range else np.inf
     square = rarity(change, covariance, freedom)
+    usual = covariance + described.usual + known_spread(solved, edge).usual
     trifle = change.translation_m < LEAST_M and change.rotation_rad < LEAST_RAD
     names = tuple(s.name for s in standing.sensors.values() if s.edge == edge)
-    return EdgeDrift(
+    found = EdgeDrift(
         edge,
         names,
         change,
@@ -295,7 +302,10 @@ def _edge_drift(
         rarity(change, described.stated + stated) > limit,
         found_from(covariance, limit, freedom, TRANSLATION),
         found_from(covariance, limit, freedom, ROTATION),
+        rarity(change, usual) > limit,
     )
+    larger = change.translation_m > found.found_m or change.rotation_rad > found.found_rad
+    return found._replace(moved=found.moved and (found.told or larger))
 
 
 def _scatter(described: Spread) -> float:

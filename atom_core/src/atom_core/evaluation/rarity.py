@@ -25,8 +25,8 @@ def rarity(change: PoseError, covariance: np.ndarray, freedom: float = np.inf) -
     """Return the chi-square of six numbers that is as rare as what a change says if nothing moved.
 
     The rarest answer to the three questions counts, each with its part of the false alarms (Sidak
-    1967). That of a part is the chi-square by which the change becomes likelier where this part may move; with
-    a covariance that is estimated itself, a third or a sixth of it is distributed as F.
+    1967). That of a part is the chi-square by which the change becomes likelier where this part may
+    move; with a covariance that is estimated itself, a third or a sixth of it is distributed as F.
 
     Args:
         change: the six numbers.

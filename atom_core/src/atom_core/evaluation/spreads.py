@@ -23,6 +23,7 @@ class Spread(NamedTuple):
         scatter: by which detections vary beyond their noise at least.
         freedom: degrees of freedom of Student's t by which the stated one is wider; infinite: it is
             not.
+        usual: what usual errors of sensors and boards have beyond the stated one.
     """
 
     stated: np.ndarray
@@ -30,13 +31,15 @@ class Spread(NamedTuple):
     detections: int = 0
     scatter: float = 1.0
     freedom: float = np.inf
+    usual: np.ndarray = np.zeros((NUMBERS, NUMBERS))
 
     def __add__(self, other: tuple) -> Spread:
         """Return what is known of the difference of two independent edges."""
         counts = [count for count in (self.detections, other[2]) if count > 0]
         scatter, freedom = max(self.scatter, other[3]), min(self.freedom, other[4])
         stated, of_model = self.stated + other[0], self.of_model + other[1]
-        return Spread(stated, of_model, min(counts, default=0), scatter, freedom)
+        usual = self.usual + other[5]
+        return Spread(stated, of_model, min(counts, default=0), scatter, freedom, usual)
 
 
 NO_SPREAD = Spread(np.zeros((NUMBERS, NUMBERS)), np.zeros((NUMBERS, NUMBERS)))
@@ -48,7 +51,14 @@ def spread_of(state: EdgeState) -> Spread:
         return NO_SPREAD
     smaller = state.model_sigma / np.maximum(state.sigma, np.sqrt(LEAST_VARIANCE))
     of_model = state.covariance * np.outer(smaller, smaller)
-    return Spread(state.covariance, of_model, state.detections, freedom=state.freedom)
+    combined = state.sigma if state.combined_sigma is None else state.combined_sigma
+    usual = beyond(combined**2, state.sigma**2)
+    return Spread(state.covariance, of_model, state.detections, freedom=state.freedom, usual=usual)
+
+
+def beyond(combined: np.ndarray, stated: np.ndarray) -> np.ndarray:
+    """Return (6, 6) what combined variances (6,) have beyond the stated ones."""
+    return np.diag(np.maximum(combined - stated, 0.0))
 
 
 def spreads_of(states: Sequence[EdgeState]) -> Mapping[Edge, Spread]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Dict, List, NamedTuple
+from typing import Any, Dict, Iterator, List, NamedTuple, Tuple
 
 import numpy as np
 
@@ -25,12 +25,17 @@ class StoredCalibration(NamedTuple):
     Attributes:
         path: of the file.
         status: converged, or why not.
+        message: the same in a sentence.
         edges: the selected ones.
+        corrected: what of sensors and boards was estimated beside the poses, as "range offset of
+            lidar_1".
     """
 
     path: Path
     status: str
+    message: str
     edges: List[EdgeState]
+    corrected: Tuple[str, ...]
 
 
 def calibration_file(path: Path) -> Path:
@@ -64,12 +69,22 @@ def read_calibration(path: Path) -> StoredCalibration:
         freedom = document.get("degrees_of_freedom")
         freedom = np.inf if freedom is None else float(freedom)
         edges = [_edge(entry, sensors, freedom) for entry in document["edges"].values()]
-        return StoredCalibration(file, str(document["status"]), edges)
+        status, message = str(document["status"]), str(document.get("message", ""))
+        return StoredCalibration(file, status, message, edges, tuple(_corrected(document)))
     except OTHER_KIND as error:
         said = f"lacks {error}" if isinstance(error, KeyError) else str(error)
         raise DatasetError(
             f"{file}: is no result of `calibrate` ({said}); give a folder of results"
         ) from None
+
+
+def _corrected(document: Dict[str, Any]) -> Iterator[str]:
+    for error in document.get("model_errors", ()):
+        if error["estimated"]:
+            yield f"{error['name']} of {error['target']}"
+    for name, sensor in document.get("sensors", {}).items():
+        if sensor.get("intrinsics"):
+            yield f"intrinsics of {name}"
 
 
 def _edge(entry: Dict[str, Any], by_name: Dict[str, Any], freedom: float) -> EdgeState:

@@ -90,7 +90,7 @@ def drift_table(found: Drift) -> str:
         figures += [MM_PER_M * edge.found_m, np.degrees(edge.found_rad)]
         what = "stands" if edge.told else "not told"
         if edge.moved:
-            what = MOVED if edge.beyond_detections else f"{MOVED}, or new labels are off"
+            what = _moved(edge)
         rows.append([", ".join(edge.sensors) or edge.edge, *map(three_digits, figures), what])
     held = names_in_words(found.reference) if found.reference else "the fixed boards"
     held_too = ", all others held," if len(found.edges) > 1 else ""
@@ -101,6 +101,12 @@ def drift_table(found: Drift) -> str:
         f"in a hundred that did not move; found from: a shift or turn of this size, in the "
         f"direction that is told worst, is noticed 95 times in a hundred"
     )
+
+
+def _moved(edge: EdgeDrift) -> str:
+    if not edge.beyond_detections:
+        return f"{MOVED}, or new labels are off"
+    return MOVED if edge.beyond_usual else f"{MOVED}, or boards stand elsewhere"
 
 
 def drift_sentence(found: Drift) -> str:
@@ -145,6 +151,7 @@ def _edge(edge: EdgeDrift) -> Dict[str, Any]:
         "chi_square": edge.chi_square,
         "verdict": MOVED if edge.moved else SAME if edge.told else "not_told",
         "beyond_detection_errors": edge.beyond_detections,
+        "beyond_usual_errors": edge.beyond_usual,
         "found_from_m": edge.found_m,
         "found_from_rad": edge.found_rad,
     }

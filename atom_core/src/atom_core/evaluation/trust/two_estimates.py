@@ -8,7 +8,7 @@ import numpy as np
 
 from atom_core.calibration.calibrate import Calibration
 from atom_core.evaluation.edge_spread import edge_spread
-from atom_core.evaluation.spreads import NO_SPREAD, Spread, joint_covariance
+from atom_core.evaluation.spreads import NO_SPREAD, Spread, beyond, joint_covariance
 from atom_core.evaluation.trust.relative import difference
 from atom_core.model.transforms import Edge
 
@@ -38,4 +38,9 @@ def known_spread(calibration: Calibration, edge: Edge) -> Spread:
         return NO_SPREAD
     names = {name for name, sensor in calibration.dataset.sensors.items() if sensor.edge == edge}
     detections = sum(key.sensor in names for key in calibration.problem.detections)
-    return Spread(stated, of_model, detections, freedom=calibration.covariance.freedom)
+    combined = edge_spread(calibration, edge, calibration.covariance.combined)
+    usual = NO_SPREAD.usual
+    if combined is not None:
+        usual = beyond(np.diagonal(combined), np.diagonal(stated))
+    freedom = calibration.covariance.freedom
+    return Spread(stated, of_model, detections, freedom=freedom, usual=usual)
