@@ -8,8 +8,19 @@ from atom_core.evaluation.spreads import spreads_of
 from atom_core.geometry import se3
 from atom_core.model.edge_state import EdgeState
 from atom_core.model.transforms import Edge
+from atom_core.report.changes_report import changes_document, changes_sentence
 
 SIGMA = np.array([1e-4] * 3 + [1e-3] * 3)
+
+
+def test_of_what_is_known_to_decimetres_nothing_is_told():
+    known, loose = state("a"), state("b")._replace(sigma=1e2 * SIGMA)
+    loose = loose._replace(covariance=np.diag(loose.sigma**2), model_sigma=loose.sigma)
+    found = changes([known, loose], [known, loose])
+    assert not found.moved and [change.edge.child for change in found.untold] == ["b"]
+    assert changes_sentence(found) == "nothing is seen to differ, but of b nothing is told"
+    document = changes_document(found, "before", "after")
+    assert [edge["verdict"] for edge in document["edges"].values()] == ["same", "not_told"]
 
 
 def state(name, anchored=False, pose=None, combined=None):

@@ -14,6 +14,8 @@ from atom_core.model.edge_state import EdgeState
 from atom_core.model.transforms import Edge
 
 FALSE_ALARMS = 0.01  # of rigs that did not move
+TOLD_M, TOLD_RAD = 0.02, float(np.radians(1.0))  # what is not noticed at this size is not told
+_NOTICED = 5.6  # standard deviations that are beyond the limit in 95 % of cases
 
 
 class EdgeChange(NamedTuple):
@@ -37,6 +39,12 @@ class EdgeChange(NamedTuple):
     moved: bool
     beyond_usual: bool
 
+    @property
+    def told(self) -> bool:
+        """Whether a change that matters would be noticed."""
+        largest = _NOTICED * np.max(self.sigma.reshape(2, -1), axis=1)  # of turns, of shifts
+        return bool(largest[0] <= TOLD_RAD and largest[1] <= TOLD_M)
+
 
 @dataclass(frozen=True)
 class Changes:
@@ -58,6 +66,11 @@ class Changes:
     def moved(self) -> Tuple[EdgeChange, ...]:
         """The edges that moved."""
         return tuple(change for change in self.edges if change.moved)
+
+    @property
+    def untold(self) -> Tuple[EdgeChange, ...]:
+        """The edges of which a change that matters would not be noticed."""
+        return tuple(change for change in self.edges if not (change.moved or change.told))
 
 
 def limit_of(edges: int) -> float:

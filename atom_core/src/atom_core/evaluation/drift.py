@@ -16,7 +16,7 @@ from atom_core.calibration.calibrate import Calibration, calibrate
 from atom_core.calibration.judge.judgement import INCONSISTENT
 from atom_core.calibration.options import OFF, CalibrationOptions
 from atom_core.errors import AtomError, CalibrationError
-from atom_core.evaluation.changes import limit_of
+from atom_core.evaluation.changes import TOLD_M, TOLD_RAD, limit_of
 from atom_core.evaluation.edge_errors import PoseError, pose_error
 from atom_core.evaluation.edge_spread import edge_spread
 from atom_core.evaluation.rarity import found_from, rarity
@@ -30,7 +30,6 @@ from atom_core.solvers.base import FAILED, NOT_CONVERGED
 FEWEST_BOARDS = 2
 FEWEST_ALONE = 3  # sensors, for that each can be asked for while all others are held
 LEAST_M, LEAST_RAD = 0.0005, float(np.radians(0.02))  # a smaller change is none, however sure
-TOLD_M, TOLD_RAD = 0.02, float(np.radians(1.0))  # what is not found at this size is not told
 # By how much detections of a range sensor vary beyond their noise is estimated itself (`_scatter`).
 # A detection has six numbers, which are not independent; it counts as three. Unknown: ten of them.
 _NUMBERS_OF_A_DETECTION, _DETECTIONS = 3, 10

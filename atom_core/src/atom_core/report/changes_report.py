@@ -15,7 +15,7 @@ from atom_core.report.verdict import angle, length, names_in_words
 
 MM_PER_M = 1000.0
 VERSION = "1.0"
-SAME, MOVED = "same", "moved"
+SAME, MOVED, NOT_TOLD = "same", "moved", "not_told"
 
 
 def changes_table(found: Changes) -> str:
@@ -40,7 +40,7 @@ def changes_table(found: Changes) -> str:
 
 def _verdict(change: EdgeChange) -> str:
     if not change.moved:
-        return SAME
+        return SAME if change.told else "not told"
     return MOVED if change.beyond_usual else f"{MOVED}, or boards stood elsewhere"
 
 
@@ -49,6 +49,9 @@ def changes_sentence(found: Changes) -> str:
     names = [", ".join(change.sensors) or str(change.edge) for change in found.moved]
     if not found.edges:
         return "nothing can be compared: no edge was estimated in both"
+    untold = [", ".join(change.sensors) or str(change.edge) for change in found.untold]
+    if not names and untold:
+        return f"nothing is seen to differ, but of {names_in_words(untold)} nothing is told"
     if not names:
         return "the two calibrations are the same, as far as they can tell"
     return f"the two calibrations differ: {names_in_words(names)} moved"
@@ -71,7 +74,7 @@ def changes_document(found: Changes, before: str, after: str) -> Dict[str, Any]:
                 "sigma_translation_m": change.sigma[TRANSLATION].tolist(),
                 "sigma_rotation_rad": change.sigma[ROTATION].tolist(),
                 "chi_square": change.chi_square,
-                "verdict": MOVED if change.moved else SAME,
+                "verdict": MOVED if change.moved else SAME if change.told else NOT_TOLD,
                 "beyond_usual_errors": change.beyond_usual,
             }
             for change in found.edges
@@ -149,7 +152,7 @@ def _edge(edge: EdgeDrift) -> Dict[str, Any]:
         "sensors": list(edge.sensors),
         **_pose(edge.change),
         "chi_square": edge.chi_square,
-        "verdict": MOVED if edge.moved else SAME if edge.told else "not_told",
+        "verdict": MOVED if edge.moved else SAME if edge.told else NOT_TOLD,
         "beyond_detection_errors": edge.beyond_detections,
         "beyond_usual_errors": edge.beyond_usual,
         "found_from_m": edge.found_m,
