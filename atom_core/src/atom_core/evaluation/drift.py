@@ -279,17 +279,14 @@ def _edge_drift(
     solved: Calibration, standing: Dataset, edge: Edge, described: Spread, limit: float
 ) -> EdgeDrift:
     """Return how far an edge is; ``described`` is how exactly its description is known."""
-    stated, of_model = (
-        edge_spread(solved, edge, c) for c in (solved.covariance, solved.covariance.of_model)
-    )
-    assert stated is not None and of_model is not None  # it is estimated
-    by_new = _scatter(described) * of_model
+    new = known_spread(solved, edge)
+    by_new = _scatter(described) * new.of_model
     covariance = joint_covariance(described, Spread(by_new, by_new))
     change = pose_error(standing.first_value(edge), solved.dataset.first_value(edge))
     measures_range = any(s.kind.measures_range for s in standing.sensors.values() if s.edge == edge)
     freedom = _freedom(described) if measures_range else np.inf
     square = rarity(change, covariance, freedom)
-    usual = covariance + described.usual + known_spread(solved, edge).usual
+    usual = covariance + described.usual + new.usual
     trifle = change.translation_m < LEAST_M and change.rotation_rad < LEAST_RAD
     names = tuple(s.name for s in standing.sensors.values() if s.edge == edge)
     found = EdgeDrift(
@@ -298,7 +295,7 @@ def _edge_drift(
         change,
         square,
         square > limit and not trifle,
-        rarity(change, described.stated + stated) > limit,
+        rarity(change, described.stated + new.stated) > limit,
         found_from(covariance, limit, freedom, TRANSLATION),
         found_from(covariance, limit, freedom, ROTATION),
         rarity(change, usual) > limit,
