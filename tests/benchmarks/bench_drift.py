@@ -28,8 +28,8 @@ import numpy as np
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import OFF, CalibrationOptions
 from atom_core.evaluation.drift import Drift, drift
+from atom_core.evaluation.edge_spread import known_spread
 from atom_core.evaluation.spreads import Spread
-from atom_core.evaluation.trust.two_estimates import known_spread
 from atom_core.geometry import se3
 from atom_core.io.atomic import write_json_atomically
 from atom_core.io.dataset_json import read_dataset

@@ -18,10 +18,9 @@ from atom_core.calibration.options import OFF, CalibrationOptions
 from atom_core.errors import AtomError, CalibrationError
 from atom_core.evaluation.changes import TOLD_M, TOLD_RAD, limit_of
 from atom_core.evaluation.edge_errors import PoseError, pose_error
-from atom_core.evaluation.edge_spread import edge_spread
+from atom_core.evaluation.edge_spread import edge_spread, known_spread
 from atom_core.evaluation.rarity import found_from, rarity
 from atom_core.evaluation.spreads import NO_SPREAD, NUMBERS, Spread, joint_covariance
-from atom_core.evaluation.trust.two_estimates import known_spread
 from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import ROTATION, TRANSLATION
