@@ -9,9 +9,17 @@ import pytest
 ROOT = Path(__file__).resolve().parent
 
 
+@pytest.hookimpl(trylast=True)  # what is not run does not count
 def pytest_collection_modifyitems(items):
-    """Begin with modules of many slow tests: what takes long in a process must not come last."""
-    slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
+    """Begin with modules of many slow tests: what takes long in a process must not come last.
+
+    A test of `make test-long` may say how long it is: `@pytest.mark.long(minutes=60)`.
+    """
+    slow = Counter()
+    for item in items:
+        mark = item.get_closest_marker("long") or item.get_closest_marker("slow")
+        if mark:
+            slow[item.path] += mark.kwargs.get("minutes", 1)
     items.sort(key=lambda item: -slow[item.path])
 
 

@@ -84,7 +84,7 @@ def clone(folder):
     return home
 
 
-@pytest.mark.long
+@pytest.mark.long(minutes=10)
 def test_in_a_fresh_clone(clone, folder):
     with reserved_port() as port:
         reader = Reader(clone, folder / "recordings", port)
@@ -93,7 +93,7 @@ def test_in_a_fresh_clone(clone, folder):
     assert_all_typed(reader, CLONE)
 
 
-@pytest.mark.long
+@pytest.mark.long(minutes=10)
 def test_with_a_master_that_was_in_use(clone, folder):
     for name in ("bags", "data", "datasets", "catkin_ws", "robot"):
         shutil.rmtree(clone / name, ignore_errors=True)
@@ -120,7 +120,7 @@ def test_with_a_master_that_was_in_use(clone, folder):
     assert_all_typed(reader, IN_USE)
 
 
-@pytest.mark.long
+@pytest.mark.long(minutes=10)
 def test_in_a_fresh_workspace(folder):
     home = folder / "workspace_home"
     checkout(home / "catkin_ws" / "src" / "atom")

@@ -41,7 +41,7 @@ SEED, _RUN_EVERY = 16, 10
 
 def kills(few, many):
     """Return the parameters of a test: few kills each day, many in `make test-long`."""
-    marks = pytest.mark.long
+    marks = pytest.mark.long(minutes=many / 2)
     return pytest.mark.parametrize("count", [few, pytest.param(many, marks=marks)])
 
 

@@ -129,7 +129,7 @@ def record(line, home, robot, variables):
     whole.unlink()
 
 
-@pytest.mark.long
+@pytest.mark.long(minutes=15)
 def test_from_an_empty_package_to_figures(home):
     folder, variables = home
     robot, printed = write_robot(folder), {}

@@ -60,7 +60,7 @@ def test_two_plays_drop_no_save(tmp_path):
     assert "/collect_data" in nodes and min(nodes.values()) > 10.0
 
 
-@pytest.mark.long
+@pytest.mark.long(minutes=60)
 def test_memory_stays_flat_over_120_plays_of_a_minute(tmp_path):
     figures = session(tmp_path, 120, 15.0, "delete")
     print(json.dumps(figures["memory_mb"][::10]))
@@ -69,7 +69,7 @@ def test_memory_stays_flat_over_120_plays_of_a_minute(tmp_path):
     assert max(grown.values()) <= 0.05, grown
 
 
-@pytest.mark.long
+@pytest.mark.long(minutes=10)
 def test_500_collections_are_whole(tmp_path):
     figures = session(tmp_path, 125, 0.8, "keep")
     check_saves(figures, 125)

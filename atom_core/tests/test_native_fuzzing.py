@@ -19,7 +19,9 @@ pytestmark = [
 FUZZER = Path(__file__).with_name("native_fuzzer.py")
 
 
-@pytest.mark.parametrize("seed, seconds", [(0, 15), pytest.param(1, 600, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "seed, seconds", [(0, 15), pytest.param(1, 600, marks=pytest.mark.long(minutes=11))]
+)
 def test_any_input_is_answered_or_refused(tmp_path, seed, seconds):
     noted = tmp_path / "input"
     done = subprocess.run(
