@@ -25,7 +25,7 @@ from atom_core.model.dataset import Dataset
 from atom_core.model.labels import DetectionKey
 from atom_core.problem.builder import FreeEdges
 from atom_core.problem.measurements import Measured
-from atom_core.problem.model_errors import ModelError
+from atom_core.problem.model_errors import ErrorPriors
 from atom_core.problem.problem import Problem
 from atom_core.solvers.base import SolverSetup, SolverSummary
 from atom_core.solvers.choice import solver_factory
@@ -51,8 +51,7 @@ class Calibration:
         exclusions: sensors of which too much was left out, or all of one sort.
         checks: errors of the model that the data show, and that were not estimated.
         moving: transforms of moving parts that do not fit.
-        error_priors: of estimated errors of the model, the standard deviation about zero that was
-            assumed, in their units; the others were free.
+        error_priors: what was assumed of estimated errors of the model; the others were free.
         unused: why a collection was not used, by key.
         rejected: detections that were left out since they contradict the others.
         relabeled: detections whose corners were renumbered; ``dataset`` has them so.
@@ -76,7 +75,7 @@ class Calibration:
     exclusions: Tuple[Exclusion, ...]
     checks: Tuple[ModelCheck, ...]
     moving: Tuple[MovingEdge, ...]
-    error_priors: Mapping[ModelError, float]
+    error_priors: ErrorPriors
     unused: Mapping[str, str]
     rejected: Tuple[Rejected, ...]
     relabeled: Tuple[DetectionKey, ...]

@@ -16,6 +16,7 @@ from atom_core.problem.model_errors import (
     BorderShift,
     BorderSize,
     DepthScale,
+    ErrorPriors,
     ModelError,
     RangeOffset,
     RangeScale,
@@ -64,6 +65,8 @@ class CalibrationOptions:
             [m or rad]; priors are about the values without it.
         model_errors: whether errors of the model are looked for (``suggest``), estimated until
             none is left (``auto``), or left alone (``off``).
+        known_errors: errors of sensors and boards that are known beforehand, and estimated about
+            that.
         keep_collections: keys of collections that are used even if they contradict the others.
         keep_detections: (collection, sensor) of detections that are.
         undetermined_limit: metres and radians; a larger predicted sigma is undetermined.
@@ -94,16 +97,18 @@ class CalibrationOptions:
     priors: Mapping[str, Tuple[float, float]] = field(default_factory=dict)
     joint_biases: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     model_errors: str = SUGGEST
+    known_errors: ErrorPriors = field(default_factory=dict)
     keep_collections: Tuple[str, ...] = ()
     keep_detections: Tuple[Tuple[str, str], ...] = ()
     undetermined_limit: Tuple[float, float] = (0.05, 0.05)
 
     def solver_options(self, dataset: Dataset) -> SolverOptions:
         """Return the solver's, with the model errors of a dataset that are to be estimated."""
-        return replace(self.solver, model_errors=self.estimated_errors(dataset))
+        errors = self.estimated_errors(dataset)
+        return replace(self.solver, model_errors=errors, error_priors=self.known_errors)
 
     def estimated_errors(self, dataset: Dataset) -> Tuple[ModelError, ...]:
-        """Return the model errors that the user wants to have estimated."""
+        """Return the model errors that the user wants to have estimated, and those known."""
         errors: List[ModelError] = [RangeOffset(name) for name in self.range_offset]
         errors += [RangeScale(name) for name in self.range_scale]
         errors += [DepthScale(name) for name in self.depth_scale]
@@ -112,7 +117,7 @@ class CalibrationOptions:
             errors += [kind(name, axis) for name in self.board_border for axis in range(len(AXES))]
         for name in self.board_bend:
             errors += Bend.of_board(name, dataset.patterns[name].border)
-        return tuple(errors)
+        return tuple(dict.fromkeys([*errors, *self.known_errors]))
 
     def __post_init__(self) -> None:
         if self.initial_guess not in (DESCRIPTION, NO_GUESS):

@@ -8,6 +8,7 @@ exactly the description was known.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
@@ -24,6 +25,7 @@ from atom_core.evaluation.spreads import NO_SPREAD, NUMBERS, Spread, joint_covar
 from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import ROTATION, TRANSLATION
+from atom_core.problem.model_errors import ErrorPriors
 from atom_core.solvers.base import FAILED, NOT_CONVERGED
 
 FEWEST_BOARDS = 2
@@ -96,10 +98,32 @@ class Drift:
         return tuple(edge for edge in self.edges if edge.moved)
 
 
+class _Asked(NamedTuple):
+    """What is asked whether it has moved.
+
+    Attributes:
+        standing: new boards, the sensors where they are described.
+        spreads: how exactly that is known.
+        known_errors: of sensors and boards.
+    """
+
+    standing: Dataset
+    spreads: Mapping[Edge, Spread]
+    known_errors: ErrorPriors
+
+    def options(self, held: Sequence[str]) -> CalibrationOptions:
+        """Return how the new boards are solved while some sensors are held; none: what must be."""
+        options = CalibrationOptions(model_errors=OFF, known_errors=self.known_errors)
+        if not held:
+            return options
+        return replace(options, anchor_sensors=tuple(held), ignore_anchored_sensor=True)
+
+
 def drift(
     dataset: Dataset,
     described: Mapping[Edge, np.ndarray],
     spreads: Mapping[Edge, Spread],
+    known_errors: ErrorPriors = MappingProxyType({}),
 ) -> Drift:
     """Tell which sensors moved since a rig was calibrated.
 
@@ -111,6 +135,7 @@ def drift(
         dataset: new boards; its own values of the sensors' edges do not count.
         described: ``parent_T_child`` (4, 4) of the sensors' edges.
         spreads: how exactly they are known, turns [rad] and shifts [m] in the parent's axes.
+        known_errors: of sensors and boards, as the rig's calibration found them.
 
     Raises:
         CalibrationError: fewer than two collections, or the new boards tie nothing.
@@ -123,51 +148,49 @@ def drift(
         )
     edges = {edge: described[edge] for edge in _edges(dataset) if edge in described}
     standing = dataset.with_transforms(dict.fromkeys(dataset.collections, edges))
-    spreads = _with_common_scatter(standing, spreads)
-    first = _drift(standing, spreads, ())
-    alone = _each_alone(standing, spreads)
+    asked = _Asked(standing, _with_common_scatter(standing, spreads), known_errors)
+    first = _drift(asked, ())
+    alone = _each_alone(asked)
     if not alone:  # two sensors: holding one is all that can be done
-        return _blamed(standing, spreads, first)
+        return _blamed(asked, first)
     limit = limit_of(len(alone))
     suspects = [edge for edge, found in alone.items() if found.moved]
     if not suspects:
         return _asked_alone(first, alone, limit, ())
-    blamed = _blamed(standing, spreads, first)
+    blamed = _blamed(asked, first)
     if blamed.moved:
         return _asked_alone(blamed, alone, limit, [edge.edge for edge in blamed.moved])
     most = max(suspects, key=lambda edge: alone[edge].chi_square)
     if most not in [edge.edge for edge in first.edges]:  # the one that is held
         free = next(n for n, s in standing.sensors.items() if s.edge != most)
-        first = _drift(standing, spreads, (free,))
+        first = _drift(asked, (free,))
     return _asked_alone(first, alone, limit, (most,))
 
 
-def _blamed(standing: Dataset, spreads: Mapping[Edge, Spread], first: Drift) -> Drift:
+def _blamed(asked: _Asked, first: Drift) -> Drift:
     """Return what the fewest moved sensors explain, whoever is held."""
     if len(first.moved) < 2:
         return first
-    others = [name for name in standing.sensors if name not in first.reference]
-    rivals = [found for found in (_or_none(standing, spreads, name) for name in others) if found]
+    others = [name for name in asked.standing.sensors if name not in first.reference]
+    rivals = [found for found in (_or_none(asked, name) for name in others) if found]
     fewer = [found for found in rivals if found.moved and len(found.moved) < len(first.moved)]
     return min(fewer, key=lambda found: (len(found.moved), _worst_left(found)), default=first)
 
 
-def _each_alone(standing: Dataset, spreads: Mapping[Edge, Spread]) -> Dict[Edge, EdgeDrift]:
+def _each_alone(asked: _Asked) -> Dict[Edge, EdgeDrift]:
     """Return how far each sensor is while all others are held; nothing where there are only two.
 
     Then the others place the boards, and a small move shows that would be lost among many numbers.
     """
+    standing, spreads = asked.standing, asked.spreads
     edges = list(dict.fromkeys(sensor.edge for sensor in standing.sensors.values()))
     if len(edges) < FEWEST_ALONE:
         return {}
     limit, found = limit_of(len(edges)), {}
     for edge in edges:
         held = [name for name, sensor in standing.sensors.items() if sensor.edge != edge]
-        options = CalibrationOptions(
-            model_errors=OFF, anchor_sensors=tuple(held), ignore_anchored_sensor=True
-        )
         try:
-            solved = calibrate(standing, options)
+            solved = calibrate(standing, asked.options(held))
         except AtomError:
             continue
         if solved.status not in (FAILED, NOT_CONVERGED) and edge_spread(solved, edge) is not None:
@@ -225,9 +248,9 @@ def _worst_left(found: Drift) -> float:
     return max((edge.chi_square for edge in found.edges if not edge.moved), default=0.0)
 
 
-def _or_none(dataset: Dataset, spreads: Mapping[Edge, Spread], held: str) -> Optional[Drift]:
+def _or_none(asked: _Asked, held: str) -> Optional[Drift]:
     try:
-        return _drift(dataset, spreads, (held,))
+        return _drift(asked, (held,))
     except AtomError:
         return None
 
@@ -238,11 +261,9 @@ def _edges(dataset: Dataset) -> List[Edge]:
     return list(dict.fromkeys(edges))
 
 
-def _drift(standing: Dataset, spreads: Mapping[Edge, Spread], held: Sequence[str]) -> Drift:
-    options = CalibrationOptions(model_errors=OFF)
-    if held:
-        options = replace(options, anchor_sensors=tuple(held), ignore_anchored_sensor=True)
-    solved = calibrate(standing, options)
+def _drift(asked: _Asked, held: Sequence[str]) -> Drift:
+    standing, spreads = asked.standing, asked.spreads
+    solved = calibrate(standing, asked.options(held))
     anchored = solved.free.anchored_sensors
     if solved.status in (FAILED, NOT_CONVERGED):
         raise CalibrationError(

@@ -11,7 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar, Dict, Optional, Tuple
+from typing import ClassVar, Dict, Mapping, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -133,6 +133,21 @@ class ModelError(ABC):
     def option(self) -> str:
         """What estimates it, on the command line."""
         return f"--{self.kind} {self.target}"
+
+
+class ErrorPrior(NamedTuple):
+    """What is known of a model error beforehand, in its unit.
+
+    Attributes:
+        sigma: standard deviation.
+        mean: what is expected.
+    """
+
+    sigma: float
+    mean: float = 0.0
+
+
+ErrorPriors = Mapping[ModelError, ErrorPrior]
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from atom_core.evaluation.ground_truth import GroundTruth, ground_truth_errors
 from atom_core.evaluation.trust.checks import Trust
 from atom_core.geometry.intrinsics import intrinsics_names, intrinsics_values
 from atom_core.model.truth import Truth
-from atom_core.problem.model_errors import ModelError, RangeOffset
+from atom_core.problem.model_errors import ErrorPriors, ModelError, RangeOffset
 from atom_core.problem.residuals import UNITS
 from atom_core.report.edge_results import (
     EdgeResult,
@@ -275,13 +275,17 @@ def _range_offset(calibration: Calibration, sensor: str) -> Optional[RangeOffset
 def _model_errors(calibration: Calibration) -> Tuple[ModelErrorResult, ...]:
     sigmas, priors = calibration.covariance.error_sigmas, calibration.error_priors
     found = [
-        _model_error(error, value, sigmas.get(error, 0.0), True, priors.get(error))
+        _model_error(error, value, sigmas.get(error, 0.0), True, _prior_sigma(priors, error))
         for error, value in calibration.summary.model_errors.items()
     ]
     for check in calibration.checks:
         result = _model_error(check.error, check.value, check.sigma, False, None)
         found.append(replace(result, rivals=tuple(rival.title for rival in check.rivals)))
     return tuple(found)
+
+
+def _prior_sigma(priors: ErrorPriors, error: ModelError) -> Optional[float]:
+    return priors[error].sigma if error in priors else None
 
 
 def _model_error(

@@ -19,7 +19,7 @@ from typing import (
 import numpy as np
 
 from atom_core.model.transforms import Edge
-from atom_core.problem.model_errors import ModelError
+from atom_core.problem.model_errors import ErrorPriors, ModelError
 from atom_core.problem.problem import Problem
 from atom_core.solvers.assessment import Assessment
 from atom_core.solvers.criteria import EXACT, Tolerance
@@ -70,8 +70,7 @@ class SolverOptions:
         max_iterations: over all rounds of reweighting.
         reweighting_rounds: at most so many estimates of the sigmas.
         model_errors: those that are estimated.
-        error_priors: of some of them, the standard deviation about zero that is assumed, in their
-            units; the others are free.
+        error_priors: what is known of some of them beforehand; the others are free.
         progress: told of every iteration.
         corner_divisor: with ATOM's weights, corners are divided by so many times more; below 1
             they weigh more.
@@ -82,7 +81,7 @@ class SolverOptions:
     max_iterations: int = 200
     reweighting_rounds: int = 10
     model_errors: Tuple[ModelError, ...] = ()
-    error_priors: Mapping[ModelError, float] = field(default_factory=dict)
+    error_priors: ErrorPriors = field(default_factory=dict)
     progress: Optional[Progress] = field(default=None, compare=False, repr=False)
     corner_divisor: float = 1.0
 

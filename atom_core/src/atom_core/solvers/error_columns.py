@@ -8,12 +8,13 @@ way, a range offset and a shift of the sensor can hardly be told apart.
 
 from __future__ import annotations
 
-from typing import Dict, List, Mapping, NamedTuple, Sequence
+from types import MappingProxyType
+from typing import Dict, List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
 from atom_core.problem.corrections import corrected
-from atom_core.problem.model_errors import ModelError, rows_of
+from atom_core.problem.model_errors import ErrorPriors, ModelError, rows_of
 from atom_core.problem.problem import Linearisation, Problem
 from atom_core.problem.residuals import squared_norms
 from atom_core.solvers import losses
@@ -48,14 +49,18 @@ def error_columns(
     sigmas: Sequence[np.ndarray],
     loss: str,
     errors: Sequence[ModelError],
+    known: ErrorPriors = MappingProxyType({}),
 ) -> List[ErrorColumn]:
-    """Return the columns of some model errors at the vector x; of those that have rows."""
+    """Return the columns of some model errors at the vector x.
+
+    Of those that have rows or, among ``known``, a prior.
+    """
     if not errors:
         return []
     linearisation, poses = problem.linearise(x), problem.poses(x)
     weights = [row_weight(r, s, loss) for r, s in zip(linearisation.residuals, sigmas)]
     columns = [_column(problem, e, linearisation, poses, weights) for e in errors]
-    return [column for column in columns if column.curvature > 0]
+    return [column for column in columns if column.curvature > 0 or column.error in known]
 
 
 def row_weight(residual: np.ndarray, sigma: np.ndarray, loss: str) -> np.ndarray:
@@ -116,6 +121,19 @@ def within_reason(errors: Sequence[ModelError], steps: np.ndarray) -> np.ndarray
     return np.clip(steps, -most, most)
 
 
-def prior_information(error: ModelError, priors: Mapping[ModelError, float]) -> float:
-    """Return one over the variance of an error's prior, in units of its step; zero for none."""
-    return (error.step / priors[error]) ** 2 if error in priors else 0.0
+def prior_row(error: ModelError, priors: ErrorPriors, value: float) -> Tuple[float, float]:
+    """Return what a prior adds to an error's equation, in units of its step; zeros for none.
+
+    Args:
+        error: which.
+        priors: of some errors.
+        value: of the error at present, in its unit.
+
+    Returns:
+        curvature and slope.
+    """
+    if error not in priors:
+        return 0.0, 0.0
+    sigma, mean = priors[error]
+    information = (error.step / sigma) ** 2
+    return information, information * (value - mean) / error.step

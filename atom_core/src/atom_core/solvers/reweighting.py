@@ -112,8 +112,11 @@ def solve(
             end = _minimise(solver, rough.x, sigmas, options, rough.iterations, EXACT)
         return _summary(solver, options, end, sigmas, np.zeros(len(sigmas)))
     count = len(solver.problem.residual_blocks)
-    none = np.zeros(len(options.model_errors))
-    return _reweighted(solver, options, rough, np.ones(count), np.zeros(count), none)
+    means = {error: prior.mean for error, prior in options.error_priors.items()}
+    expected = in_steps(options.model_errors, means)
+    if np.any(expected):
+        apply_errors(solver, rough.x, options.model_errors, expected)
+    return _reweighted(solver, options, rough, np.ones(count), np.zeros(count), expected)
 
 
 def solve_again(
@@ -184,7 +187,8 @@ def _reweighted(
     end, tolerance = rough, ROUGH
     initial = _initial_sigmas(solver.problem)
     sigmas = tuple(s * scale for s, scale in zip(initial, scales))
-    count, settled, errors = len(sigmas), False, options.model_errors
+    count, settled = len(sigmas), False
+    errors, priors = options.model_errors, options.error_priors
     change = np.full(2 * count + len(values), np.inf)
     state = AndersonAcceleration(np.concatenate([np.log(scales), insets, values]))
     rounds = 0
@@ -192,9 +196,9 @@ def _reweighted(
         rounds += 1
         assessment = solver.assess(end.x, sigmas, options.loss)
         _, insets, values = np.split(state.value, [count, 2 * count])
-        columns = error_columns(solver.problem, end.x, sigmas, options.loss, errors)
+        columns = error_columns(solver.problem, end.x, sigmas, options.loss, errors, priors)
         now, values_now = better_scalars(
-            solver.problem, assessment, columns, options.loss, insets, values, options.error_priors
+            solver.problem, assessment, columns, options.loss, insets, values, priors
         )
         apply_insets(solver, assessment.columns, now)
         apply_errors(solver, end.x, errors, values_now)
@@ -314,9 +318,7 @@ def covariance_of(solver: Solver, summary: SolverSummary, options: SolverOptions
     if not summary.model_errors:
         return covariance
     assessment = solver.assess(summary.x, summary.sigmas, options.loss)
-    errors = list(summary.model_errors)
-    columns = error_columns(solver.problem, summary.x, summary.sigmas, options.loss, errors)
-    joint = joint_scalars(
-        solver.problem, equations, assessment.columns, columns, options.error_priors
-    )
+    errors, priors = list(summary.model_errors), options.error_priors
+    columns = error_columns(solver.problem, summary.x, summary.sigmas, options.loss, errors, priors)
+    joint = joint_scalars(solver.problem, equations, assessment.columns, columns, priors)
     return covariance.bordered(joint)

@@ -7,15 +7,15 @@ bordered by one column for each scalar; the poses are eliminated from them (Schu
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Mapping, Optional, Sequence, Tuple, Union
+from typing import Optional, Sequence, Tuple, Union
 
 import numpy as np
 
-from atom_core.problem.model_errors import ModelError
+from atom_core.problem.model_errors import ErrorPriors, ModelError
 from atom_core.problem.problem import Problem
 from atom_core.solvers import losses
 from atom_core.solvers.assessment import Assessment, InsetColumn
-from atom_core.solvers.error_columns import ErrorColumn, prior_information, within_reason
+from atom_core.solvers.error_columns import ErrorColumn, prior_row, within_reason
 from atom_core.solvers.insets import MOST_STEPS
 from atom_core.solvers.normal_equations import Factor, NormalEquations, pulled_back
 from atom_core.solvers.scalar_columns import Scalars
@@ -71,7 +71,7 @@ def joint_scalars(
     equations: NormalEquations,
     insets: Sequence[InsetColumn],
     errors: Sequence[ErrorColumn],
-    priors: Mapping[ModelError, float],
+    priors: ErrorPriors,
 ) -> JointScalars:
     """Return the reduced equations of all scalars, insets first.
 
@@ -80,7 +80,7 @@ def joint_scalars(
         equations: of the poses.
         insets: the columns of the insets.
         errors: those of the model errors.
-        priors: standard deviations of some errors about zero, in their units.
+        priors: of some errors.
     """
     columns: Tuple[Column, ...] = (*insets, *errors)
     join = equations.layout.join
@@ -105,9 +105,10 @@ def joint_scalars(
             alone[i, j] = alone[j, i] = _common(column, error)
     slope = np.array([c.slope for c in columns]) - gains @ gradient
     for j, error in enumerate(errors, len(insets)):
-        information = prior_information(error.error, priors)
-        alone[j, j] += information
-        slope[j] += information * problem.model_errors.get(error.error, 0.0) / error.error.step
+        value = problem.model_errors.get(error.error, 0.0)
+        curvature, by_prior = prior_row(error.error, priors, value)
+        alone[j, j] += curvature
+        slope[j] += by_prior
     scale = np.sqrt(np.diagonal(alone))
     which = (*(None for _ in insets), *(column.error for column in errors))
     return JointScalars(which, alone - flat @ gains.T, slope, gains, scale)
@@ -118,7 +119,7 @@ def joint_of(
     equations: NormalEquations,
     scalars: Scalars,
     shares: Sequence[np.ndarray],
-    priors: Mapping[ModelError, float],
+    priors: ErrorPriors,
 ) -> JointScalars:
     """Return the reduced equations of scalars that are at hand detection by detection.
 
@@ -127,7 +128,7 @@ def joint_of(
         equations: of the poses, weighted by the shares.
         scalars: the columns.
         shares: for each residual block, (m,) the part of its weight that a detection has.
-        priors: standard deviations of some errors about zero, in their units.
+        priors: of some errors.
     """
     every, join = np.arange(len(problem.detections)), equations.layout.join
     columns = summed_columns(problem, scalars, shares, np.zeros_like(every))
@@ -143,9 +144,9 @@ def joint_of(
     gradient = join(equations.gradient_shared, equations.gradient_local)
     alone, slope = columns.information.sum(axis=0), columns.gradient.sum(axis=0) - gains @ gradient
     for j, error in enumerate(scalars.errors, scalars.insets):
-        information = prior_information(error, priors)
-        alone[j, j] += information
-        slope[j] += information * problem.model_errors.get(error, 0.0) / error.step
+        curvature, by_prior = prior_row(error, priors, problem.model_errors.get(error, 0.0))
+        alone[j, j] += curvature
+        slope[j] += by_prior
     scale = np.sqrt(np.maximum(np.diagonal(alone), 1e-30))
     which = (*(None for _ in range(scalars.insets)), *scalars.errors)
     return JointScalars(which, alone - flat @ gains.T, slope, gains, scale)
@@ -167,7 +168,7 @@ def better_scalars(
     loss: str,
     insets: np.ndarray,
     errors: np.ndarray,
-    priors: Mapping[ModelError, float],
+    priors: ErrorPriors,
 ) -> Tuple[np.ndarray, np.ndarray]:
     """Return insets and model errors after one Newton step of the joint problem.
 
@@ -178,7 +179,7 @@ def better_scalars(
         loss: of the rounds.
         insets: (b,) by residual block, in steps of the sampling; 0 for blocks of other kinds.
         errors: (e,) of the columns' errors, in units of their steps.
-        priors: standard deviations of some errors about zero, in their units.
+        priors: of some errors.
     """
     inset_columns = assessment.columns
     if not inset_columns and not error_columns:

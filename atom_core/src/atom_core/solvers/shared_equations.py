@@ -9,15 +9,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Iterable, Iterator, List, Mapping, NamedTuple, Sequence, Tuple
+from typing import Iterable, Iterator, List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
 from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.camera_blocks import STATE_SIZE, TWIST_SIZE
-from atom_core.problem.model_errors import ModelError
+from atom_core.problem.model_errors import ErrorPriors, ModelError
 from atom_core.problem.problem import Problem
-from atom_core.solvers.error_columns import prior_information
+from atom_core.solvers.error_columns import prior_row
 from atom_core.solvers.normal_equations import (
     DetectionParts,
     NormalEquations,
@@ -116,7 +116,7 @@ def shared_equations(
     equations: NormalEquations,
     scalars: Scalars,
     sigmas: Sequence[np.ndarray],
-    priors: Mapping[ModelError, float],
+    priors: ErrorPriors,
     common: Sequence[float],
     with_parts: bool = True,
 ) -> SharedEquations:
@@ -127,7 +127,7 @@ def shared_equations(
         equations: of the problem at the scalars' vector, with the same weights.
         scalars: beside the poses.
         sigmas: for each residual block, (n,).
-        priors: standard deviations of some model errors about zero, in their units.
+        priors: of some model errors.
         common: by residual block, standard deviation of what all rows of a detection have in
             common, in its unit; for it a detection counts less than the number of its rows.
         with_parts: keep what each collection says, not only the sum.
@@ -164,23 +164,22 @@ def shared_equations(
 
 
 def _of_no_collection(
-    problem: Problem, scalars: Scalars, priors: Mapping[ModelError, float], size: int
+    problem: Problem, scalars: Scalars, priors: ErrorPriors, size: int
 ) -> Tuple[np.ndarray, np.ndarray]:
     """Return what priors say of the model errors (m, m), and the priors' gradient (m,).
 
     Args:
         problem: whose model errors have their values.
         scalars: beside the poses.
-        priors: standard deviations of some model errors about zero, in their units.
+        priors: of some model errors.
         size: how many numbers the shared blocks have.
     """
     m = size + scalars.count
     information, gradient = np.zeros((m, m)), np.zeros(m)
     gradient[:size] = problem.parameters.prior_gradient(scalars.x)[:size]
     for j, error in enumerate(scalars.errors, m - len(scalars.errors)):
-        information[j, j] = prior_information(error, priors)
-        value = problem.model_errors.get(error, 0.0) / error.step
-        gradient[j] = information[j, j] * value
+        value = problem.model_errors.get(error, 0.0)
+        information[j, j], gradient[j] = prior_row(error, priors, value)
     return information, gradient
 
 

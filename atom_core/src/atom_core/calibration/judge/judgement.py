@@ -265,9 +265,10 @@ def _unusual(refined: Refined, covariance: Covariance) -> List[str]:
     Then what was expected decided how it is shared with others, and not the data.
     """
     values, sigmas = refined.summary.model_errors, covariance.error_sigmas
-    priors = {e: sigma for e, sigma in refined.options.error_priors.items() if e in values}
-    far = [e for e, u in priors.items() if e.stands_alone and abs(values[e]) > _STRONG * u]
-    far.sort(key=lambda e: -abs(values[e]) / priors[e])
+    priors = {e: prior for e, prior in refined.options.error_priors.items() if e in values}
+    off = {e: abs(values[e] - prior.mean) / prior.sigma for e, prior in priors.items()}
+    far = [e for e in off if e.stands_alone and off[e] > _STRONG]
+    far.sort(key=lambda e: -off[e])
     return [unusual(e, values[e], sigmas.get(e, 0.0), priors[e]) for e in far]
 
 

@@ -14,6 +14,7 @@ from atom_core.problem.model_errors import (
     BorderSize,
     CameraError,
     DepthScale,
+    ErrorPrior,
     JointOffset,
     ModelError,
     PrismaticOffset,
@@ -34,17 +35,20 @@ def described(error: ModelError, value: float, sigma: float) -> str:
     return _WORDS[type(error)](error, value, sigma)
 
 
-def unusual(error: ModelError, value: float, sigma: float, usual: float) -> str:
-    """Return the sentence for an error that was expected to be usual, and is far more.
+def unusual(error: ModelError, value: float, sigma: float, prior: ErrorPrior) -> str:
+    """Return the sentence for an error that is far from what was expected.
 
     Args:
         error: which.
         value: as estimated.
         sigma: its standard deviation.
-        usual: the standard deviation that was expected.
+        prior: what was expected: what is usual, or what was known.
     """
+    found = described(error, value, sigma)
+    if prior.mean != 0.0:
+        return f"{found}; what was known before is: {described(error, prior.mean, prior.sigma)}"
     return (
-        f"{described(error, value, sigma)}; that is {abs(value) / usual:.2g} times what is usual, "
+        f"{found}; that is {abs(value) / prior.sigma:.2g} times what is usual, "
         f"and the data hardly tell it from other errors: measure it, or estimate it without "
         f"expecting anything ({error.option})"
     )

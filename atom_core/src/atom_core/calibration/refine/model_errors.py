@@ -15,7 +15,7 @@ from atom_core.calibration.refine.error_words import described
 from atom_core.calibration.refine.layer_checks import LayerSums, layer_sums
 from atom_core.calibration.refine.model_checks import ModelCheck, model_checks
 from atom_core.model.dataset import Dataset
-from atom_core.problem.model_errors import ModelError
+from atom_core.problem.model_errors import ErrorPrior, ModelError
 from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION
 from atom_core.solvers.base import (
     CONVERGED,
@@ -144,13 +144,14 @@ def with_usual_errors(
     small = [error for field in range_fields(dataset, problem) for error in field.errors]
     rest += [e for e in small if e not in known]
     rest = list(scalars_of(solver, summary.x, summary.sigmas, setup.options.loss, rest).errors)
-    options = setup.options
+    options, sizes = setup.options, usual_sizes(rest, intrinsics_sigma)
+    usual = {error: ErrorPrior(size) for error, size in sizes.items()}
     setup = replace(
         setup,
         options=replace(
             options,
             model_errors=(*options.model_errors, *rest),
-            error_priors={**options.error_priors, **usual_sizes(rest, intrinsics_sigma)},
+            error_priors={**options.error_priors, **usual},
         ),
     )
     return weighted_by_detections(solver, summary, setup.options), setup

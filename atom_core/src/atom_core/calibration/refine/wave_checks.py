@@ -14,7 +14,7 @@ import numpy as np
 
 from atom_core.calibration.refine.model_checks import ModelCheck
 from atom_core.model.dataset import Dataset
-from atom_core.problem.model_errors import Bend, ModelError
+from atom_core.problem.model_errors import Bend, ErrorPrior, ModelError
 from atom_core.problem.problem import Problem
 from atom_core.problem.range_fields import DepthWave, DepthWaves, depth_waves
 from atom_core.problem.residuals import OrthogonalBlock
@@ -144,8 +144,8 @@ def _check(
     problem, x, sigmas, loss = solver.problem, summary.x, summary.sigmas, options.loss
     errors: List[ModelError] = [*summary.model_errors, *waves]
     scalars = scalars_of(solver, x, sigmas, loss, errors)
-    priors: Dict[ModelError, float] = dict(options.error_priors)
-    priors.update({wave: wave.usual for wave in waves})
+    priors: Dict[ModelError, ErrorPrior] = dict(options.error_priors)
+    priors.update({wave: ErrorPrior(wave.usual) for wave in waves})
     common = summary.common or [0.0] * len(problem.residual_blocks)
     equations = shared_equations(
         problem, solver.equations(x, sigmas, loss), scalars, sigmas, priors, common, False
