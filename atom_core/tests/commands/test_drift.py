@@ -11,29 +11,13 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))  # command_line, which the tests share
 
 from command_line import refused, run  # noqa: E402
+from described_rigs import described_elsewhere, document_with_moved_edge, urdf_of  # noqa: E402
 
 from atom_core.geometry import se3  # noqa: E402
 from atom_core.io.dataset_writer import write_dataset_folder  # noqa: E402
-from atom_core.io.urdf import read_description, write_calibrated_description  # noqa: E402
-from atom_core.model.transforms import Edge  # noqa: E402
 from atom_core.synthetic import scenes  # noqa: E402
 
 NEW = 3
-
-
-def urdf_of(dataset):
-    transforms = next(iter(dataset.collections.values())).transforms
-    links = dict.fromkeys(f for edge in transforms for f in edge)
-    lines = ['<robot name="rig">', *(f'<link name="{name}"/>' for name in links)]
-    for edge, matrix in transforms.items():
-        xyz = " ".join(repr(float(v)) for v in matrix[:3, 3])
-        rpy = " ".join(repr(float(v)) for v in se3.rpy_from_rotation(matrix[:3, :3]))
-        lines.append(
-            f'<joint name="{edge.parent}_to_{edge.child}" type="fixed"><parent '
-            f'link="{edge.parent}"/><child link="{edge.child}"/><origin xyz="{xyz}" rpy="{rpy}"/>'
-            f"</joint>"
-        )
-    return "\n".join([*lines, "</robot>"])
 
 
 @pytest.fixture(scope="module")
@@ -56,33 +40,6 @@ def made(tmp_path_factory):
     return folder
 
 
-def document_with_moved_edge(made, child, move):
-    """Return ``calibration.json`` of the results with an edge elsewhere, and the description."""
-    text = (made / "results" / "calibration.json").read_text()
-    document = json.loads(text)
-    entry = next(e for e in document["edges"].values() if child in e["sensors"])
-    pose = se3.from_quaternion(np.array(entry["translation_m"]), np.array(entry["quaternion_xyzw"]))
-    pose = se3.moved(pose, move)
-    entry["translation_m"] = pose[:3, 3].tolist()
-    entry["quaternion_xyzw"] = se3.quaternion_from_rotation(pose[:3, :3]).tolist()
-    return document, entry
-
-
-def described_elsewhere(made, tmp_path, child, move):
-    """Write a description in which a sensor is elsewhere, beside the results; return it."""
-    folder = tmp_path / "elsewhere"
-    folder.mkdir()
-    document, entry = document_with_moved_edge(made, child, move)
-    (folder / "calibration.json").write_text(json.dumps(document))
-    text = (made / "results" / "optimized.urdf.xacro").read_text()
-    (tmp_path / "plain.urdf.xacro").write_text(text)
-    description = read_description(tmp_path / "plain.urdf.xacro")
-    pose = se3.from_quaternion(np.array(entry["translation_m"]), np.array(entry["quaternion_xyzw"]))
-    edges = {Edge(entry["parent"], entry["child"]): pose}
-    write_calibrated_description(description, edges, folder / "optimized.urdf.xacro", {}, {})
-    return folder / "optimized.urdf.xacro"
-
-
 def check(made, against, *more):
     return ["check", "--dataset", made / "new" / "dataset.json", "--against", against, *more]
 
@@ -94,7 +51,9 @@ def test_a_rig_that_did_not_move_stands(made, tmp_path, capsys):
     assert not document["moved"] and document["boards"] == NEW
     assert document["reference"] == ["rgb_1"] and document["false_alarm_rate"] == 0.01
     assert {e["verdict"] for e in document["edges"].values()} == {"same"}
-    assert "the rig stands as described" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "verdict: GOOD. The rig stands as described, as 3 new boards tell" in shown
+    assert "rgb_1  good   the others are told in relation to it" in shown
     assert "exists already" in refused(capsys, *check(made, against, "--output", output))
 
 
@@ -109,7 +68,8 @@ def test_the_sensor_that_moved_is_named(made, tmp_path, capsys, sensor):
     told = {n for e in document["edges"].values() if e["verdict"] == "moved" for n in e["sensors"]}
     assert document["moved"] and told == {sensor}
     shown = capsys.readouterr().out
-    assert f"the rig has moved: {sensor} by" in shown and "it has moved by" in shown
+    assert f"verdict: WRONG. The rig has moved: {sensor} by" in shown
+    assert re.search(rf"  {sensor}  wrong  it has moved by .* mm and .* deg.* -> calibrate", shown)
 
 
 @pytest.mark.parametrize(
@@ -117,10 +77,6 @@ def test_the_sensor_that_moved_is_named(made, tmp_path, capsys, sensor):
     [
         ({"status": "inconsistent", "message": "boards differ"}, r"inconsistent \(boards differ\)"),
         ({"status": "rank_deficient"}, "settle that first"),
-        (
-            {"model_errors": [{"name": "range offset", "target": "rgb_2", "estimated": True}]},
-            "range offset of rgb_2 was estimated, too.*evaluate --compare",
-        ),
     ],
 )
 def test_a_calibration_that_tells_nothing_of_a_move_is_refused(
@@ -177,3 +133,23 @@ def test_bad_input_is_refused(made, tmp_path, capsys):
     entry["anchored"] = True
     (tmp_path / "calibration.json").write_text(json.dumps(document))
     assert "is held in one of the two" in refused(capsys, *compare, made / "results", tmp_path)
+
+
+def with_a_label_elsewhere(made, tmp_path, shift_px):
+    """Write the new boards with the corners of one label elsewhere; return the file and its key."""
+    document, key = json.loads((made / "new" / "dataset.json").read_text()), first_key(made)
+    for pair in document["collections"][key]["labels"]["pattern_1"]["rgb_2"]["idxs"]:
+        pair["x"] += shift_px
+    (tmp_path / "dataset.json").write_text(json.dumps(document))
+    return tmp_path / "dataset.json", key
+
+
+def test_a_label_that_contradicts_the_others_is_left_out_and_named(made, tmp_path, capsys):
+    dataset, key = with_a_label_elsewhere(made, tmp_path, 40.0)
+    line = ["check", "--dataset", dataset, "--against", made / "results" / "optimized.urdf.xacro"]
+    run(*line, "--output", tmp_path / "drift.json")
+    shown = capsys.readouterr().out
+    assert f"left out: rgb_2 in collection {key}, since it disagrees" in shown
+    assert "verdict: GOOD. The rig stands as described" in shown
+    (left_out,) = json.loads((tmp_path / "drift.json").read_text())["left_out"]
+    assert (left_out["collection"], left_out["sensor"]) == (key, "rgb_2")

@@ -1,5 +1,7 @@
 """Has the rig moved? In short; over 200 rigs: tests/benchmarks/bench_drift.py."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from atom_core.evaluation.drift import drift
 from atom_core.evaluation.edge_spread import edge_spread
 from atom_core.evaluation.spreads import NO_SPREAD, Spread
 from atom_core.geometry import se3
+from atom_core.report.drift_report import drift_verdict
 from atom_core.report.edge_results import selected_edges
 from atom_core.synthetic import Noise, scenes
 
@@ -120,3 +123,40 @@ def test_one_board_is_refused(rigs):
     one = new.selected(collections=list(new.collections)[:1])
     with pytest.raises(CalibrationError, match="takes 2 or more"):
         drift(one, described, spreads)
+
+
+@pytest.mark.parametrize("shift_px, least", [(3.0, 3), (8.0, 0)])
+def test_a_wrong_label_is_not_told_as_a_move_alone(rigs, shift_px, least):
+    """A board that moved between two pictures, say: the others do not say so."""
+    named = 0
+    for new, described, spreads in rigs:
+        key = list(new.collections)[1]
+        label = new.collections[key].labels["rgb_2", "pattern_1"]
+        wrong = replace(label, pixels=label.pixels + [shift_px, 0.0])
+        bad = new.with_labels(key, {("rgb_2", "pattern_1"): wrong})
+        try:
+            found = drift(bad, described, spreads)
+        except CalibrationError as refused:
+            assert "detections contradict the others" in str(refused)
+            continue
+        said = drift_verdict(found).sentence
+        if found.disagreement is not None:
+            assert not found.moved and "the new boards disagree on" in said
+            named += found.disagreement.odd.collection == key
+        elif found.moved:
+            assert found.rests_on == key or found.contradiction is not None
+            assert f"collection {key}" in said or "contradict themselves" in said
+            named += found.rests_on == key
+        else:
+            assert found.left_out or found.contested
+            named += [r.key.collection for r in found.left_out] == [key]
+    assert named >= least
+
+
+def test_boards_agree_on_what_moved(rigs):
+    move = se3.random_move(0.01, np.radians(0.3), np.random.default_rng(4))
+    for new, described, spreads in rigs:
+        edge = new.sensors["rgb_2"].edge
+        found = drift(new, {**described, edge: se3.moved(described[edge], move)}, spreads)
+        assert found.moved and found.disagreement is None and found.rests_on is None
+        assert drift_verdict(found).sentence.startswith("the rig has moved: rgb_2 by")

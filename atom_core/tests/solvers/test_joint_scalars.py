@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from problems import problem_of, rows, sigmas_of  # noqa: E402
 
 from atom_core.problem.corrections import corrected  # noqa: E402
-from atom_core.problem.model_errors import BoardSize, RangeOffset  # noqa: E402
+from atom_core.problem.model_errors import BoardSize, ErrorPrior, RangeOffset  # noqa: E402
 from atom_core.problem.residuals import BorderBlock  # noqa: E402
 from atom_core.solvers import losses  # noqa: E402
 from atom_core.solvers.assessment import assess  # noqa: E402
@@ -30,7 +30,7 @@ from atom_core.solvers.variance_components import (  # noqa: E402
 from atom_core.synthetic import scenes  # noqa: E402
 
 ERRORS = (RangeOffset("lidar_1"), RangeOffset("depth_1"), BoardSize("pattern_1"))
-PRIORS = {ERRORS[0]: 0.02}
+PRIORS = {ERRORS[0]: ErrorPrior(0.02, -0.01)}
 NO_SENSOR = RangeOffset("nobody")
 
 
@@ -97,6 +97,9 @@ def test_a_column_is_the_derivative_of_the_rows(dense):
         assert column.slope == pytest.approx(expected @ dense.residual, rel=1e-4, abs=1e-3)
     none = error_columns(dense.problem, dense.x, dense.sigmas, losses.NONE, [NO_SENSOR])
     assert none == []
+    known = {NO_SENSOR: ErrorPrior(0.02)}
+    (only,) = error_columns(dense.problem, dense.x, dense.sigmas, losses.NONE, [NO_SENSOR], known)
+    assert only.curvature == 0.0  # its prior alone tells it
 
 
 @pytest.mark.parametrize("priors", [{}, PRIORS], ids=["without priors", "with a prior"])
@@ -105,9 +108,9 @@ def test_scalars_are_reduced_as_the_dense_problem_is(dense, priors):
     joint = joint_scalars(dense.problem, equations, [], dense.found, priors)
     curvature, slope, gains = dense.reduced(dense.columns)
     if priors:
-        information = (ERRORS[0].step / PRIORS[ERRORS[0]]) ** 2
+        information = (ERRORS[0].step / PRIORS[ERRORS[0]].sigma) ** 2
         curvature[0, 0] += information
-        slope[0] += information * dense.values[ERRORS[0]] / ERRORS[0].step
+        slope[0] += information * (dense.values[ERRORS[0]] + 0.01) / ERRORS[0].step
     size = np.sqrt(np.diagonal(curvature))
     close(joint.curvature, curvature, np.outer(size, size))
     close(joint.slope, slope, size, limit=2e-3)
@@ -155,9 +158,9 @@ def test_insets_and_errors_together_by_either_way(dense):
     columns = np.hstack([dense.inset_columns(), dense.columns])
     curvature, slope, _ = dense.reduced(columns)
     place = len(insets)
-    information = (ERRORS[0].step / PRIORS[ERRORS[0]]) ** 2
+    information = (ERRORS[0].step / PRIORS[ERRORS[0]].sigma) ** 2
     curvature[place, place] += information
-    slope[place] += information * dense.values[ERRORS[0]] / ERRORS[0].step
+    slope[place] += information * (dense.values[ERRORS[0]] + 0.01) / ERRORS[0].step
     size = np.sqrt(np.diagonal(curvature))
     close(joint.curvature, curvature, np.outer(size, size))
     close(joint.slope, slope, size, limit=2e-3)

@@ -11,7 +11,7 @@ import numpy as np
 
 from atom_core.calibration.preflight import preflight
 from atom_core.commands import common
-from atom_core.commands.drift_check import calibration_of, drift_of, moved_sensors
+from atom_core.commands.drift_check import calibration_of, drift_of
 from atom_core.commands.verdict_output import print_next, print_verdict
 from atom_core.errors import DescriptionError, OutputError
 from atom_core.geometry import se3
@@ -20,8 +20,8 @@ from atom_core.io.urdf import read_description
 from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import Edge
 from atom_core.report.calibration_tables import MovedEdge, moved_report, preflight_report
-from atom_core.report.changes_report import drift_document, drift_sentence, drift_table
 from atom_core.report.check_verdict import check_verdict
+from atom_core.report.drift_report import drift_document, drift_table, drift_verdict
 from atom_core.report.verdict import WRONG, length
 
 EXAMPLE = """
@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
     result = preflight(dataset)
     result = replace(result, warnings=(*result.warnings, *_of_description(dataset)))
     print(preflight_report(dataset, result))
-    moved: Dict[str, str] = {}
+    verdict = check_verdict(dataset, result)
     if args.against:
         calibration = calibration_of(args.against, args.calibration)
         described = _described(args.against)
@@ -80,14 +80,14 @@ def run(args: argparse.Namespace) -> int:
         if calibration is None:
             moved = _moved(edges)
             print("\nthe rig has moved" if moved else "\nthe rig stands as described")
+            verdict = check_verdict(dataset, result, moved)
         else:
             found = drift_of(dataset, described, calibration, args.against)
-            moved = moved_sensors(found)
-            print(f"\n{drift_table(found)}\n\n{drift_sentence(found)}")
+            verdict = verdict if result.problems and not found.moved else drift_verdict(found)
+            print(f"\n{drift_table(found)}")
             if args.output:
                 document = drift_document(found, str(dataset.source), str(args.against))
                 write_json_atomically(args.output, document, sort_keys=False)
-    verdict = check_verdict(dataset, result, moved)
     print()
     print_verdict(verdict)
     if verdict.grade == WRONG:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Dict, Mapping, Optional
+from typing import Mapping, Optional
 
 import numpy as np
 
 from atom_core.errors import CalibrationError, DescriptionError
 from atom_core.evaluation.drift import Drift, drift
+from atom_core.evaluation.known_errors import known_of
 from atom_core.evaluation.spreads import spreads_of
 from atom_core.io.calibration_json import (
     StoredCalibration,
@@ -17,7 +18,7 @@ from atom_core.io.calibration_json import (
 )
 from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import Edge
-from atom_core.report.verdict import angle, length, names_in_words
+from atom_core.report.verdict import names_in_words
 from atom_core.solvers.base import CONVERGED
 
 
@@ -57,7 +58,8 @@ def drift_of(
                 f"description that the rig was calibrated with"
             )
     _refuse_untrusted(stored)
-    return drift(dataset, described, spreads_of(stored.edges))
+    known = known_of(stored, dataset)
+    return drift(known.dataset, described, spreads_of(stored.edges), known.errors, known.moving)
 
 
 def _refuse_untrusted(stored: StoredCalibration) -> None:
@@ -68,21 +70,9 @@ def _refuse_untrusted(stored: StoredCalibration) -> None:
             f"of its certainty does not hold, so that whether the rig has moved cannot be told; "
             f"settle that first"
         )
-    if stored.corrected:
+    if stored.joints:
         raise CalibrationError(
-            f"{stored.path}: here {names_in_words(stored.corrected)} was estimated, too, and "
-            f"new boards are read without that, which looks like a move; calibrate the new boards "
-            f"with the same options, and compare the results: evaluate --compare OLD NEW"
+            f"{stored.path}: here joints were estimated, too ({names_in_words(stored.joints)}), "
+            f"and new boards are read without that, which looks like a move; calibrate the new "
+            f"boards with the same options, and compare the results: evaluate --compare OLD NEW"
         )
-
-
-def moved_sensors(found: Drift) -> Dict[str, str]:
-    """Return what to say of each sensor that moved."""
-    return {
-        name: (
-            f"it has moved by {length(edge.change.translation_m)} and "
-            f"{angle(edge.change.rotation_rad)}"
-        )
-        for edge in found.moved
-        for name in edge.sensors
-    }

@@ -15,9 +15,11 @@ import numpy as np
 
 from atom_core.calibration.calibrate import Calibration, calibrate
 from atom_core.calibration.judge.judgement import INCONSISTENT
-from atom_core.calibration.options import OFF, CalibrationOptions
+from atom_core.calibration.refine.rejection import Rejected
 from atom_core.errors import AtomError, CalibrationError
+from atom_core.evaluation.board_agreement import Disagreement, disagreement
 from atom_core.evaluation.changes import TOLD_M, TOLD_RAD, limit_of
+from atom_core.evaluation.drift_question import Question, scatter_of, with_common_scatter
 from atom_core.evaluation.edge_errors import PoseError, pose_error
 from atom_core.evaluation.edge_spread import edge_spread, known_spread
 from atom_core.evaluation.rarity import found_from, rarity
@@ -83,6 +85,11 @@ class Drift:
         boards: how many collections were used.
         untold: sensors of which the new boards say nothing.
         contradiction: what contradicts itself among the new boards; None: nothing does.
+        left_out: new labels that contradict the others, wherever the sensors stand.
+        disagreement: of the new boards on a sensor that seems to have moved; then none is called
+            so.
+        rests_on: the only collection without which nothing is seen to have moved; None: there is
+            none, or several.
     """
 
     reference: Tuple[str, ...]
@@ -91,32 +98,24 @@ class Drift:
     boards: int
     untold: Tuple[str, ...]
     contradiction: Optional[str] = None
+    left_out: Tuple[Rejected, ...] = ()
+    disagreement: Optional[Disagreement] = None
+    rests_on: Optional[str] = None
 
     @property
     def moved(self) -> Tuple[EdgeDrift, ...]:
         """The edges that moved."""
         return tuple(edge for edge in self.edges if edge.moved)
 
+    @property
+    def contested(self) -> bool:
+        """Whether the new boards say different things, so that nothing is told."""
+        return self.disagreement is not None or (self.contradiction is not None and not self.moved)
 
-class _Asked(NamedTuple):
-    """What is asked whether it has moved.
-
-    Attributes:
-        standing: new boards, the sensors where they are described.
-        spreads: how exactly that is known.
-        known_errors: of sensors and boards.
-    """
-
-    standing: Dataset
-    spreads: Mapping[Edge, Spread]
-    known_errors: ErrorPriors
-
-    def options(self, held: Sequence[str]) -> CalibrationOptions:
-        """Return how the new boards are solved while some sensors are held; none: what must be."""
-        options = CalibrationOptions(model_errors=OFF, known_errors=self.known_errors)
-        if not held:
-            return options
-        return replace(options, anchor_sensors=tuple(held), ignore_anchored_sensor=True)
+    def without_moved(self, contested: Disagreement) -> Drift:
+        """Return the same, where boards disagree on what seems to have moved."""
+        edges = tuple(edge._replace(moved=False) for edge in self.edges)
+        return replace(self, edges=edges, disagreement=contested)
 
 
 def drift(
@@ -124,6 +123,7 @@ def drift(
     described: Mapping[Edge, np.ndarray],
     spreads: Mapping[Edge, Spread],
     known_errors: ErrorPriors = MappingProxyType({}),
+    moving: Mapping[str, Tuple[float, float]] = MappingProxyType({}),
 ) -> Drift:
     """Tell which sensors moved since a rig was calibrated.
 
@@ -136,6 +136,7 @@ def drift(
         described: ``parent_T_child`` (4, 4) of the sensors' edges.
         spreads: how exactly they are known, turns [rad] and shifts [m] in the parent's axes.
         known_errors: of sensors and boards, as the rig's calibration found them.
+        moving: by the frame of a moving part, how far its poses are off [m, rad], likewise.
 
     Raises:
         CalibrationError: fewer than two collections, or the new boards tie nothing.
@@ -148,26 +149,53 @@ def drift(
         )
     edges = {edge: described[edge] for edge in _edges(dataset) if edge in described}
     standing = dataset.with_transforms(dict.fromkeys(dataset.collections, edges))
-    asked = _Asked(standing, _with_common_scatter(standing, spreads), known_errors)
+    asked = Question(standing, with_common_scatter(standing, spreads), known_errors, moving)
     first = _drift(asked, ())
-    alone = _each_alone(asked)
-    if not alone:  # two sensors: holding one is all that can be done
+    asked = asked.without(first.left_out)
+    found = replace(_told_apart(asked, first), left_out=first.left_out)
+    contested = disagreement(asked, [edge.edge for edge in found.moved])
+    if contested is not None:
+        return found.without_moved(contested)
+    return replace(found, rests_on=_rests_on(asked) if found.moved else None)
+
+
+def _rests_on(asked: Question) -> Optional[str]:
+    """Return the only collection without which nothing is seen to have moved, if there is one."""
+    keys = list(asked.standing.collections)
+    if len(keys) <= FEWEST_BOARDS:
+        return None
+    needed = []
+    for key in keys:
+        fewer = asked.without_collection(key)
+        try:
+            still = _told_apart(fewer, _drift(fewer, ())).moved
+        except AtomError:
+            continue
+        needed += [] if still else [key]
+    return needed[0] if len(needed) == 1 else None
+
+
+def _told_apart(asked: Question, first: Drift) -> Drift:
+    """Return who moved, by what each sensor alone and all together tell."""
+    edges = list(dict.fromkeys(sensor.edge for sensor in asked.standing.sensors.values()))
+    if len(edges) < FEWEST_ALONE:  # two sensors: holding one is all that can be done
         return _blamed(asked, first)
-    limit = limit_of(len(alone))
+    limit = limit_of(len(edges))
+    alone, contested = _each_alone(asked, edges, limit)
     suspects = [edge for edge, found in alone.items() if found.moved]
-    if not suspects:
+    if not suspects and not contested:
         return _asked_alone(first, alone, limit, ())
     blamed = _blamed(asked, first)
-    if blamed.moved:
+    if blamed.moved or not suspects:
         return _asked_alone(blamed, alone, limit, [edge.edge for edge in blamed.moved])
     most = max(suspects, key=lambda edge: alone[edge].chi_square)
     if most not in [edge.edge for edge in first.edges]:  # the one that is held
-        free = next(n for n, s in standing.sensors.items() if s.edge != most)
+        free = next(n for n, s in asked.standing.sensors.items() if s.edge != most)
         first = _drift(asked, (free,))
     return _asked_alone(first, alone, limit, (most,))
 
 
-def _blamed(asked: _Asked, first: Drift) -> Drift:
+def _blamed(asked: Question, first: Drift) -> Drift:
     """Return what the fewest moved sensors explain, whoever is held."""
     if len(first.moved) < 2:
         return first
@@ -177,28 +205,32 @@ def _blamed(asked: _Asked, first: Drift) -> Drift:
     return min(fewer, key=lambda found: (len(found.moved), _worst_left(found)), default=first)
 
 
-def _each_alone(asked: _Asked) -> Dict[Edge, EdgeDrift]:
-    """Return how far each sensor is while all others are held; nothing where there are only two.
+def _each_alone(
+    asked: Question, edges: Sequence[Edge], limit: float
+) -> Tuple[Dict[Edge, EdgeDrift], bool]:
+    """Return how far each sensor is while all others are held, and whether any others disagree.
 
     Then the others place the boards, and a small move shows that would be lost among many numbers.
+    Where they disagree on the boards, as with one of them that moved, nothing is told of the one.
     """
-    standing, spreads = asked.standing, asked.spreads
-    edges = list(dict.fromkeys(sensor.edge for sensor in standing.sensors.values()))
-    if len(edges) < FEWEST_ALONE:
-        return {}
-    limit, found = limit_of(len(edges)), {}
+    standing, spreads, found = asked.standing, asked.spreads, {}
+    contested = False
     for edge in edges:
         held = [name for name, sensor in standing.sensors.items() if sensor.edge != edge]
         try:
             solved = calibrate(standing, asked.options(held))
         except AtomError:
             continue
-        if solved.status not in (FAILED, NOT_CONVERGED) and edge_spread(solved, edge) is not None:
+        if solved.status in (FAILED, NOT_CONVERGED):
+            continue
+        if solved.status == INCONSISTENT:
+            contested = True
+        elif edge_spread(solved, edge) is not None:
             known = spreads.get(edge, NO_SPREAD)
             if not np.any(known.of_model):
                 known = _of_the_held(spreads)
             found[edge] = _edge_drift(solved, standing, edge, known, limit)
-    return found
+    return found, contested
 
 
 def _of_the_held(spreads: Mapping[Edge, Spread]) -> Spread:
@@ -248,7 +280,7 @@ def _worst_left(found: Drift) -> float:
     return max((edge.chi_square for edge in found.edges if not edge.moved), default=0.0)
 
 
-def _or_none(asked: _Asked, held: str) -> Optional[Drift]:
+def _or_none(asked: Question, held: str) -> Optional[Drift]:
     try:
         return _drift(asked, (held,))
     except AtomError:
@@ -261,7 +293,7 @@ def _edges(dataset: Dataset) -> List[Edge]:
     return list(dict.fromkeys(edges))
 
 
-def _drift(asked: _Asked, held: Sequence[str]) -> Drift:
+def _drift(asked: Question, held: Sequence[str]) -> Drift:
     standing, spreads = asked.standing, asked.spreads
     solved = calibrate(standing, asked.options(held))
     anchored = solved.free.anchored_sensors
@@ -282,7 +314,8 @@ def _drift(asked: _Asked, held: Sequence[str]) -> Drift:
     untold += [name for edge in edges if not edge.told for name in edge.sensors]
     boards = len({key.collection for key in solved.problem.detections})
     remark = solved.message if solved.status == INCONSISTENT else None
-    return Drift(tuple(anchored), edges, limit, boards, tuple(untold), remark)
+    left_out = tuple(solved.rejected)
+    return Drift(tuple(anchored), edges, limit, boards, tuple(untold), remark, left_out)
 
 
 def _reference_spread(
@@ -300,7 +333,7 @@ def _edge_drift(
 ) -> EdgeDrift:
     """Return how far an edge is; ``described`` is how exactly its description is known."""
     new = known_spread(solved, edge)
-    by_new = _scatter(described) * new.of_model
+    by_new = scatter_of(described) * new.of_model
     covariance = joint_covariance(described, Spread(by_new, by_new))
     change = pose_error(standing.first_value(edge), solved.dataset.first_value(edge))
     measures_range = any(s.kind.measures_range for s in standing.sensors.values() if s.edge == edge)
@@ -322,35 +355,6 @@ def _edge_drift(
     )
     larger = change.translation_m > found.found_m or change.rotation_rad > found.found_rad
     return found._replace(moved=found.moved and (found.told or larger))
-
-
-def _scatter(described: Spread) -> float:
-    """Return by how much detections vary more than their noise, as the rig's calibration had it.
-
-    All limit points of a board's side are off together, for one, where a LiDAR's steps happen to
-    end. Two or three new boards do not tell that themselves.
-    """
-    if not np.any(described.of_model):
-        return described.scatter
-    ratios = np.linalg.solve(described.of_model + 1e-18 * np.eye(NUMBERS), described.stated)
-    return max(described.scatter, float(np.trace(ratios)) / NUMBERS)
-
-
-def _with_common_scatter(standing: Dataset, spreads: Mapping[Edge, Spread]) -> Dict[Edge, Spread]:
-    """Return the spreads; range sensors of a modality scatter as much as they do in the mean.
-
-    What a dozen detections of one tell of its own is little.
-    """
-    found = dict(spreads)
-    for kind in {s.modality: s.kind for s in standing.sensors.values()}.values():
-        alike = {s.edge for s in standing.sensors.values() if s.kind is kind}
-        known = [e for e in alike if e in spreads and np.any(spreads[e].of_model)]
-        if kind.measures_range and known:
-            mean = float(np.mean([_scatter(spreads[edge]) for edge in known]))
-            # Its scatter is not taken as known here (`_freedom`), so nothing is taken back of it.
-            alike_known = {e: spreads[e]._replace(scatter=mean, freedom=np.inf) for e in known}
-            found.update(alike_known)
-    return found
 
 
 def _freedom(described: Spread) -> float:

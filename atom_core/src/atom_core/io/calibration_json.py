@@ -1,9 +1,9 @@
-"""Edges of a calibration, read back from its ``calibration.json``."""
+"""What a calibration found, read back from its ``calibration.json``."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Dict, Iterator, List, NamedTuple, Tuple
+from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -19,6 +19,37 @@ FILE = "calibration.json"
 _AXES = 3
 
 
+class StoredError(NamedTuple):
+    """An error of a sensor or a board that was estimated.
+
+    Attributes:
+        name, target: what it is, and of which sensor or board.
+        value, sigma: in its unit.
+        type: which kind; None: an earlier version wrote it, and does not tell.
+        parameters: what else tells it from others.
+    """
+
+    name: str
+    target: str
+    value: float
+    sigma: float
+    type: Optional[str]
+    parameters: Mapping[str, Any]
+
+
+class StoredCamera(NamedTuple):
+    """A camera whose intrinsics were estimated.
+
+    Attributes:
+        given, found: fx, fy, cx, cy [px] and its coefficients by name, before and after.
+        sigma: standard deviations of those that were estimated one by one.
+    """
+
+    given: Mapping[str, float]
+    found: Mapping[str, float]
+    sigma: Mapping[str, float]
+
+
 class StoredCalibration(NamedTuple):
     """What a calibration wrote of itself.
 
@@ -27,15 +58,20 @@ class StoredCalibration(NamedTuple):
         status: converged, or why not.
         message: the same in a sentence.
         edges: the selected ones.
-        corrected: what of sensors and boards was estimated beside the poses, as "range offset of
-            lidar_1".
+        model_errors: of sensors and boards that were estimated beside the poses.
+        cameras: by sensor, those whose intrinsics were.
+        moving: by the frame of a moving part, how far its poses were taken to be off [m, rad].
+        joints: names of those that were estimated.
     """
 
     path: Path
     status: str
     message: str
     edges: List[EdgeState]
-    corrected: Tuple[str, ...]
+    model_errors: Tuple[StoredError, ...]
+    cameras: Mapping[str, StoredCamera]
+    moving: Mapping[str, Tuple[float, float]]
+    joints: Tuple[str, ...]
 
 
 def calibration_file(path: Path) -> Path:
@@ -69,8 +105,17 @@ def read_calibration(path: Path) -> StoredCalibration:
         freedom = document.get("degrees_of_freedom")
         freedom = np.inf if freedom is None else float(freedom)
         edges = [_edge(entry, sensors, freedom) for entry in document["edges"].values()]
-        status, message = str(document["status"]), str(document.get("message", ""))
-        return StoredCalibration(file, status, message, edges, tuple(_corrected(document)))
+        moving = document.get("moving_parts", ())
+        return StoredCalibration(
+            file,
+            str(document["status"]),
+            str(document.get("message", "")),
+            edges,
+            tuple(_model_errors(document)),
+            {name: _camera(s) for name, s in sensors.items() if "camera" in s},
+            {str(part["child"]): _sigmas_of_part(part) for part in moving},
+            tuple(document.get("joints", {})),
+        )
     except OTHER_KIND as error:
         said = f"lacks {error}" if isinstance(error, KeyError) else str(error)
         raise DatasetError(
@@ -78,13 +123,31 @@ def read_calibration(path: Path) -> StoredCalibration:
         ) from None
 
 
-def _corrected(document: Dict[str, Any]) -> Iterator[str]:
+def _model_errors(document: Dict[str, Any]) -> Iterator[StoredError]:
     for error in document.get("model_errors", ()):
         if error["estimated"]:
-            yield f"{error['name']} of {error['target']}"
+            value, sigma = _numbers([error["value"], error["sigma"]], 2)
+            type_, parameters = error.get("type"), error.get("parameters", {})
+            names = str(error["name"]), str(error["target"])
+            yield StoredError(*names, float(value), float(sigma), type_, dict(parameters))
     for name, sensor in document.get("sensors", {}).items():
-        if sensor.get("intrinsics"):
-            yield f"intrinsics of {name}"
+        if sensor.get("intrinsics") and "camera" not in sensor:
+            yield StoredError("intrinsics", name, 0.0, 0.0, None, {})
+
+
+def _camera(sensor: Dict[str, Any]) -> StoredCamera:
+    given, found = (_named(sensor["camera"][which]) for which in ("given", "found"))
+    estimated = sensor.get("intrinsics", {})
+    return StoredCamera(given, found, _named({k: v["sigma"] for k, v in estimated.items()}))
+
+
+def _named(values: Mapping[str, Any]) -> Dict[str, float]:
+    return dict(zip(values, _numbers(list(values.values()), len(values)).tolist()))
+
+
+def _sigmas_of_part(part: Mapping[str, Any]) -> Tuple[float, float]:
+    shift_m, turn_rad = _numbers([part["sigma_m"], part["sigma_rad"]], 2)
+    return float(shift_m), float(turn_rad)
 
 
 def _edge(entry: Dict[str, Any], by_name: Dict[str, Any], freedom: float) -> EdgeState:

@@ -11,6 +11,7 @@ from atom_core.calibration.calibrate import Calibration
 from atom_core.calibration.judge.outliers import OUTLIER_SIGMAS
 from atom_core.calibration.judge.propagation import PropagatedPoint
 from atom_core.geometry import se3
+from atom_core.geometry.intrinsics import intrinsics_names, intrinsics_values
 from atom_core.model.dataset import Dataset
 from atom_core.problem.blocks import ROTATION, TRANSLATION
 from atom_core.report.calibration_results import (
@@ -213,6 +214,12 @@ def _sensor(sensor: SensorResult) -> Dict[str, Any]:
         document["sigma_range_offset_m"] = sensor.range_offset.sigma_m
     if sensor.intrinsics:
         document["intrinsics"] = _parameters(sensor.intrinsics)
+    if sensor.cameras is not None:
+        pair = zip(("given", "found"), sensor.cameras)
+        document["camera"] = {
+            which: dict(zip(intrinsics_names(camera), intrinsics_values(camera).tolist()))
+            for which, camera in pair
+        }
     return {**document, "sigma": dict(sensor.sigma)}
 
 

@@ -25,7 +25,9 @@ from atom_core.calibration.prepare.preparation import camera_of
 from atom_core.calibration.refine.error_words import described
 from atom_core.evaluation.edge_errors import EdgeError, JointError, edge_errors, joint_errors
 from atom_core.evaluation.ground_truth import GroundTruth, ground_truth_errors
+from atom_core.evaluation.known_errors import parameters_of
 from atom_core.evaluation.trust.checks import Trust
+from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics import intrinsics_names, intrinsics_values
 from atom_core.model.truth import Truth
 from atom_core.problem.model_errors import ErrorPriors, ModelError, RangeOffset
@@ -67,6 +69,7 @@ class ModelErrorResult:
         sentence: what it means.
         rivals: what the data cannot tell it from.
         family: what it is one of many of, such as "layer offset"; None: it stands alone.
+        type, parameters: with the target, all that tells it from other errors.
     """
 
     name: str
@@ -80,6 +83,8 @@ class ModelErrorResult:
     sentence: str
     rivals: Tuple[str, ...]
     family: Optional[str]
+    type: str
+    parameters: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -94,6 +99,7 @@ class SensorResult:
         border_inset_steps: how far inside the border its limit points are, in steps of sampling.
         range_offset: None where it was not estimated.
         intrinsics: those estimated.
+        cameras: its intrinsics before and after; None where they are the same.
         sigma: median standard deviation of a measurement by kind and unit, as ``border_m``.
     """
 
@@ -105,6 +111,7 @@ class SensorResult:
     border_inset_steps: float
     range_offset: Optional[RangeOffsetResult]
     intrinsics: Tuple[ParameterResult, ...]
+    cameras: Optional[Tuple[Camera, Camera]]
     sigma: Mapping[str, float]
 
 
@@ -264,6 +271,13 @@ def _intrinsics(calibration: Calibration, sensor: str) -> Tuple[ParameterResult,
     return tuple(found)
 
 
+def _cameras(calibration: Calibration, sensor: str) -> Optional[Tuple[Camera, Camera]]:
+    before, after = (d.sensors[sensor].camera for d in (calibration.initial, calibration.dataset))
+    if before is None or after is None or before is after:
+        return None
+    return before, after
+
+
 def _range_offset(calibration: Calibration, sensor: str) -> Optional[RangeOffsetResult]:
     error, values = RangeOffset(sensor), calibration.summary.model_errors
     if error not in values:
@@ -304,6 +318,8 @@ def _model_error(
         sentence=described(error, value, sigma),
         rivals=(),
         family=None if error.stands_alone else error.kind.replace("_", " "),
+        type=type(error).__name__,
+        parameters=parameters_of(error),
     )
 
 
@@ -319,6 +335,7 @@ def _sensor(calibration: Calibration, name: str, table: Table, outliers: Outlier
         border_inset_steps=sum(summary.inset_steps[i] for i in mine),
         range_offset=_range_offset(calibration, name),
         intrinsics=_intrinsics(calibration, name),
+        cameras=_cameras(calibration, name),
         sigma={
             f"{kind}_{UNITS[kind]}": float(np.median(summary.sigmas[i]))
             for i, kind in ((i, problem.residual_blocks[i].kind) for i in mine)

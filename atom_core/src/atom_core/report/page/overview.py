@@ -32,10 +32,7 @@ def sentences(given: Given) -> Tuple[str, str, str]:
         for document, word in ((given.calibration, "calibration"), (given.evaluation, "evaluation"))
         if document is not None and verdict_of(document)
     ]
-    found += [
-        ({"grade": WRONG if d["moved"] else GOOD, "sentence": d["sentence"]}, "changes")
-        for d in given.changes
-    ]
+    found += [(_of_changes(document), "changes") for document in given.changes]
     if not found:
         return UNKNOWN, _NO_VERDICT, ""
     found.sort(key=lambda pair: -_rank(str(pair[0]["grade"])))
@@ -46,6 +43,11 @@ def sentences(given: Given) -> Tuple[str, str, str]:
         for (verdict, word), sentence in zip(others, told[1:])
     ]
     return str(first[0]["grade"]), told[0], " ".join(also)
+
+
+def _of_changes(document: Document) -> Mapping[str, Any]:
+    grade = WRONG if document["moved"] else GOOD
+    return verdict_of(document) or {"grade": grade, "sentence": document["sentence"]}
 
 
 def sensor_lines(given: Given, guidance: Mapping[str, Guidance]) -> List[SensorLine]:
