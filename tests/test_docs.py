@@ -163,7 +163,7 @@ def run(tmp_path_factory):
     data, truth = str(folder / "data" / "dataset.json"), str(folder / "truth.json")
     result = folder / "result"
     strict = ["--undetermined_limit", "1e-6", "1e-6"]  # for an entry in weak_directions
-    strict += ["--range_offset"]
+    strict += ["--range_offset", "--board_border"]
     assert (
         cli.main(
             ["calibrate", "--dataset", data, "--output", str(result), "--truth", truth, *strict]

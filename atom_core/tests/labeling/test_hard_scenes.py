@@ -20,7 +20,7 @@ ONLY = {"sun": IMAGES}
 PAIRS = [(d, k) for d in DIFFICULTIES for k in KINDS if k in ONLY.get(d, KINDS)]
 LEAST_FOUND = 0.9
 FEW, MANY = 1, 40  # frames of each pair; five kinds of LiDARs make 200 of a difficulty
-# A larger board that the view cuts: as large as beams of unknown width make the configured one look.
+# A larger board that the view cuts: beams of unknown width make the configured one look as large.
 KNOWN_FALSE = {("another one, cut", "64 layers"): (30,)}
 SIZES = "the configuration says 0.80 x 0.60"
 
