@@ -9,12 +9,13 @@ from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import OFF, CalibrationOptions
 from atom_core.errors import CalibrationError
 from atom_core.evaluation.drift import drift
-from atom_core.evaluation.edge_spread import edge_spread
-from atom_core.evaluation.spreads import NO_SPREAD, Spread
+from atom_core.evaluation.edge_spread import known_spread
+from atom_core.evaluation.spreads import Spread
 from atom_core.geometry import se3
 from atom_core.report.drift_report import drift_verdict
 from atom_core.report.edge_results import selected_edges
 from atom_core.synthetic import Noise, scenes
+from atom_core.synthetic.realism import PLAIN
 
 NEW = 3
 
@@ -27,11 +28,8 @@ def rig(seed, **scene):
     new = whole[:NEW]
     rest = dataset.selected(collections=[k for k in dataset.collections if k not in new])
     solved = calibrate(rest, CalibrationOptions(model_errors=OFF))
-    edges, spreads = selected_edges(solved), {}
-    for edge in edges:
-        stated = edge_spread(solved, edge)
-        of_model = edge_spread(solved, edge, solved.covariance.of_model)
-        spreads[edge] = NO_SPREAD if stated is None else Spread(stated, of_model)
+    edges = selected_edges(solved)
+    spreads = {edge: known_spread(solved, edge) for edge in edges}
     return dataset.selected(collections=new), edges, spreads
 
 
@@ -160,3 +158,23 @@ def test_boards_agree_on_what_moved(rigs):
         found = drift(new, {**described, edge: se3.moved(described[edge], move)}, spreads)
         assert found.moved and found.disagreement is None and found.rests_on is None
         assert drift_verdict(found).sentence.startswith("the rig has moved: rgb_2 by")
+
+
+@pytest.mark.parametrize("kind", ["hand_eye", "board_on_arm"])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_an_arm_that_repeats_to_half_a_millimetre_is_no_move(kind, seed):
+    realism = replace(PLAIN, moving_edge_sigma_m=0.0005, moving_edge_sigma_rad=0.0009)
+    dataset = getattr(scenes, kind)(seed, collections=24, realism=realism).dataset
+    keys = list(dataset.collections)
+    new, rest = (dataset.selected(collections=part) for part in (keys[:4], keys[4:]))
+    solved = calibrate(rest)
+    edges = selected_edges(solved)
+    spreads = {edge: known_spread(solved, edge) for edge in edges}
+    moving = {edge.child: (p.sigma_m, p.sigma_rad) for edge, p in solved.free.moving.items()}
+    assert list(moving) == ["flange"]
+    found = drift(new, edges, spreads, moving=moving)
+    assert not found.moved and not found.contested
+    (edge,) = edges
+    move = se3.random_move(2.0 * found.edges[0].found_m, 0.0, np.random.default_rng(seed))
+    moved = {edge: se3.moved(edges[edge], move)}
+    assert drift(new, moved, spreads, moving=moving).moved
