@@ -8,6 +8,12 @@ alone is.
 
     nice -n 10 python3 tests/benchmarks/bench_drift.py --rigs 200
 
+With ``--known``, rigs of whose sensors and boards the calibration finds errors as well, or how far
+an arm is off: the new boards are read with them. There a sensor is shifted by 20 mm or turned by
+1 deg.
+
+    nice -n 10 python3 tests/benchmarks/bench_drift.py --known --rigs 20
+
 With ``--cell FOLDER``, the simulated cell as `make results` left it there: calibrated with the
 train set of each seed, and asked with threes of the test set's boards that all sensors see. Every
 sensor is moved in turn.
@@ -19,24 +25,34 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import replace
+from functools import partial
 from itertools import combinations
 from pathlib import Path
-from typing import Any, Dict, Iterator, List, Mapping, Optional, Tuple
+from tempfile import TemporaryDirectory
+from typing import Any, Callable, Dict, Iterator, List, Mapping, Optional, Tuple
 
 import numpy as np
 
 from atom_core.calibration.calibrate import calibrate
-from atom_core.calibration.options import OFF, CalibrationOptions
+from atom_core.calibration.options import AUTO, OFF, CalibrationOptions
 from atom_core.evaluation.drift import Drift, drift
 from atom_core.evaluation.edge_spread import known_spread
-from atom_core.evaluation.spreads import Spread
+from atom_core.evaluation.known_errors import known_of
+from atom_core.evaluation.spreads import Spread, spreads_of
 from atom_core.geometry import se3
 from atom_core.io.atomic import write_json_atomically
+from atom_core.io.calibration_json import read_calibration
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import Edge
+from atom_core.report.calibration_document import calibration_document
+from atom_core.report.calibration_results import calibration_results
 from atom_core.report.edge_results import selected_edges
 from atom_core.report.tables import text_table
+from atom_core.solvers.base import CONVERGED
+from atom_core.synthetic import paper_cell, scenes
+from atom_core.synthetic.realism import PLAIN, ROUGH
 from atom_core.synthetic.scenes import random_scene
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -48,6 +64,13 @@ KINDS = {
     "two cameras, LiDAR": {"rgb": 2, "depth": 0, "lidar3d": 1},
 }
 MOVES = {"none": (0.0, 0.0), "2 mm": (0.002, 0.0), "0.1 deg": (0.0, float(np.radians(0.1)))}
+LARGER = {"none": (0.0, 0.0), "20 mm": (0.02, 0.0), "1 deg": (0.0, float(np.radians(1.0)))}
+AN_ARM = replace(PLAIN, moving_edge_sigma_m=0.0005, moving_edge_sigma_rad=0.0009)
+KNOWN = {
+    "seven rough sensors": lambda seed: paper_cell(seed, realism=ROUGH, disturbance=(0.02, 0.02)),
+    "camera on an arm": lambda seed: scenes.hand_eye(seed, collections=24, realism=AN_ARM),
+    "board on an arm": lambda seed: scenes.board_on_arm(seed, collections=24, realism=AN_ARM),
+}
 Answers = Dict[str, Tuple[bool, bool]]  # by move: anything moved, that sensor alone
 
 
@@ -60,14 +83,50 @@ def asked(seed: int, sensors: Mapping[str, int]) -> Optional[Answers]:
     new = sorted(whole, key=lambda key: -_least_share(dataset, key))[:NEW]
     rest = [key for key in dataset.collections if key not in new]
     described, spreads = calibrated(dataset.selected(collections=rest))
-    rng = np.random.default_rng([seed, 1])
-    answers = {}
-    for name, move in MOVES.items():
+    new_boards = dataset.selected(collections=new)
+    return answers_to(
+        MOVES, lambda moved: drift(new_boards, moved, spreads), described, dataset, seed
+    )
+
+
+def asked_of_known(seed: int, scene: Callable[[int], Any]) -> Optional[Answers]:
+    """Return likewise what is said of a rig whose calibration finds errors, too."""
+    dataset = scene(seed).dataset
+    whole = [k for k, c in dataset.collections.items() if len(c.labels) == len(dataset.sensors)]
+    new, rest = whole[:NEW], [key for key in dataset.collections if key not in whole[:NEW]]
+    solved = calibrate(dataset.selected(collections=rest), CalibrationOptions(model_errors=AUTO))
+    if len(whole) < NEW or solved.status != CONVERGED:
+        return None
+    with TemporaryDirectory() as folder:
+        document = calibration_document(calibration_results(solved, "ceres"), {})
+        write_json_atomically(Path(folder) / "calibration.json", document)
+        stored = read_calibration(Path(folder))
+    known = known_of(stored, dataset.selected(collections=new))
+    spreads = spreads_of(stored.edges)
+    return answers_to(
+        LARGER,
+        lambda moved: drift(known.dataset, moved, spreads, known.errors, known.moving),
+        {state.edge: state.parent_T_child for state in stored.edges},
+        dataset,
+        seed,
+    )
+
+
+def answers_to(
+    moves: Mapping[str, Tuple[float, float]],
+    ask: Callable[[Dict[Edge, np.ndarray]], Drift],
+    described: Mapping[Edge, np.ndarray],
+    dataset: Dataset,
+    seed: int,
+) -> Answers:
+    """Return what is said of each move, of a sensor that chance takes."""
+    rng, answers = np.random.default_rng([seed, 1]), {}
+    for name, move in moves.items():
         sensor = list(dataset.sensors.values())[rng.integers(len(dataset.sensors))]
         moved = {**described}
         if name != "none":
             moved[sensor.edge] = se3.moved(described[sensor.edge], se3.random_move(*move, rng))
-        found = drift(dataset.selected(collections=new), moved, spreads)
+        found = ask(moved)
         answers[name] = bool(found.moved), _names(found) == [sensor.name]
     return answers
 
@@ -115,12 +174,12 @@ def _names(found: Drift) -> List[str]:
     return [name for edge in found.moved for name in edge.sensors]
 
 
-def figures(rigs: int, sensors: Mapping[str, int]) -> Dict[str, Any]:
+def figures(rigs: int, ask: Callable[[int], Optional[Answers]]) -> Dict[str, Any]:
     """Return the shares over some rigs; after every twentieth they are printed."""
     answers: List[Answers] = []
     seed = 0
     while len(answers) < rigs:
-        found = asked(seed, sensors)
+        found = ask(seed)
         answers += [] if found is None else [found]
         seed += 1
         if found is not None and len(answers) % 20 == 0:
@@ -130,7 +189,7 @@ def figures(rigs: int, sensors: Mapping[str, int]) -> Dict[str, Any]:
 
 def _shares(answers: List[Answers]) -> Dict[str, Any]:
     row: Dict[str, Any] = {"rigs": len(answers)}
-    for name in MOVES:
+    for name in answers[0]:
         moved, named = np.mean([a[name] for a in answers], axis=0)
         row[name] = {"moved": float(moved), "named": float(named)}
     return row
@@ -155,16 +214,22 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rigs", type=int, default=200)
     parser.add_argument("--kinds", nargs="+", choices=list(KINDS), default=list(KINDS))
+    parser.add_argument("--known", action="store_true", help="where errors are known")
     parser.add_argument("--cell", type=Path, metavar="FOLDER", help="of `make results`")
     parser.add_argument("--output", type=Path, default=ROOT / "bench_output")
     args = parser.parse_args()
-    document = figures_of_cell(args.cell) if args.cell else figures_of_kinds(args.rigs, args.kinds)
+    if args.cell:
+        document = figures_of_cell(args.cell)
+    else:
+        document = figures_of_kinds(args.rigs, list(KNOWN) if args.known else args.kinds)
+    moves = [name for name in (LARGER if args.known else MOVES) if name != "none"]
     args.output.mkdir(parents=True, exist_ok=True)
     write_json_atomically(args.output / "drift.json", document, indent=1)
-    headers = ["rig", "asked", "false alarms", "2 mm found", "named", "0.1 deg found", "named"]
+    headers = ["rig", "asked", "false alarms"]
+    headers += [word for name in moves for word in (f"{name} found", "named")]
     rows = [
         [kind, row["rigs"], f"{100 * row['none']['moved']:.1f} %"]
-        + [f"{100 * row[m][s]:.1f} %" for m in ("2 mm", "0.1 deg") for s in ("moved", "named")]
+        + [f"{100 * row[m][s]:.1f} %" for m in moves for s in ("moved", "named")]
         for kind, row in document.items()
     ]
     print(text_table(headers, rows, f"Has the rig moved? {NEW} new boards"))
@@ -175,7 +240,10 @@ def figures_of_kinds(rigs: int, kinds: List[str]) -> Dict[str, Any]:
     document = {}
     for kind in kinds:
         print(kind, flush=True)
-        document[kind] = figures(rigs, KINDS[kind])
+        if kind in KNOWN:
+            document[kind] = figures(rigs, partial(asked_of_known, scene=KNOWN[kind]))
+        else:
+            document[kind] = figures(rigs, partial(asked, sensors=KINDS[kind]))
     return document
 
 
