@@ -4,9 +4,12 @@
 #include <urdf_model/model.h>
 #include <urdf_parser/urdf_parser.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <exception>
 #include <mutex>
+#include <string>
 
 namespace atom_core {
 namespace {
@@ -102,6 +105,55 @@ UrdfJoint ToPlain(const urdf::Joint& source) {
   return joint;
 }
 
+/// Beyond it urdfdom's parser takes time that grows with the square of the text, or overflows its
+/// stack.
+constexpr int kDeepest = 250;
+
+/// Moves past what begins at `place` with `begin`, to the end of its `end` or of the text.
+bool Skip(const std::string& xml, const char* begin, const char* end, size_t* place) {
+  if (xml.compare(*place, std::strlen(begin), begin) != 0) return false;
+  const size_t found = xml.find(end, *place + std::strlen(begin));
+  *place = found == std::string::npos ? xml.size() : found + std::strlen(end);
+  return true;
+}
+
+/// Returns where the tag that begins at `place` ends: at its '>', or, without one, where the next
+/// tag begins. A '>' within quotes, where no '<' may stand, is none.
+size_t EndOfTag(const std::string& xml, size_t place) {
+  char quote = 0;
+  for (size_t i = place + 1; i < xml.size(); ++i) {
+    const char c = xml[i];
+    if (c == '<' || (c == '>' && quote == 0)) return i;
+    if (c == quote) {
+      quote = 0;
+    } else if (quote == 0 && (c == '"' || c == '\'')) {
+      quote = c;
+    }
+  }
+  return xml.size();
+}
+
+/// Tells whether more tags are open at a place than any description has, also in what is no XML.
+bool IsTooDeep(const std::string& xml) {
+  int depth = 0;
+  for (size_t place = xml.find('<'); place < xml.size(); place = xml.find('<', place)) {
+    if (Skip(xml, "<!--", "-->", &place) || Skip(xml, "<![CDATA[", "]]>", &place) ||
+        Skip(xml, "<?", "?>", &place)) {
+      continue;
+    }
+    if (Skip(xml, "</", ">", &place)) {
+      depth = std::max(depth - 1, 0);
+      continue;
+    }
+    const size_t end = EndOfTag(xml, place);
+    if (end == xml.size()) break;
+    if (xml[end - 1] != '/' && xml[place + 1] != '!') ++depth;
+    if (depth > kDeepest) return true;
+    place = end;
+  }
+  return false;
+}
+
 UrdfModel ToPlain(const urdf::ModelInterface& source) {
   UrdfModel model;
   model.name = source.getName();
@@ -139,6 +191,9 @@ UrdfModel ParseUrdf(const std::string& xml) {
   const std::lock_guard<std::mutex> lock(console_mutex);
   ConsoleCapture console;
 
+  if (IsTooDeep(xml)) {
+    throw UrdfError("more than " + std::to_string(kDeepest) + " tags stand within one another");
+  }
   urdf::ModelInterfaceSharedPtr parsed;
   try {
     parsed = urdf::parseURDF(xml);

@@ -122,6 +122,31 @@ TEST(Urdf, RefusesWhatIsNoDescriptionOnOneLine) {
   }
 }
 
+std::string Repeated(const std::string& text, int times) {
+  std::string all;
+  for (int i = 0; i < times; ++i) all += text;
+  return all;
+}
+
+TEST(Urdf, RefusesTagsThatStandTooDeepWithinOneAnother) {
+  const std::string deep = "tags stand within one another";
+  EXPECT_NE(Refusal(Repeated("<robot name='r'>", 100000)).find(deep), std::string::npos);
+  // What is no XML in its middle made urdfdom take minutes.
+  const std::string open = "<?xml version=\"1.0\"?><robot name='r'><link name='a'/>< name=\"k\"&";
+  EXPECT_NE(Refusal(Repeated(open, 50000)).find(deep), std::string::npos);
+}
+
+TEST(Urdf, TakesManyTagsAfterOneAnother) {
+  std::string parts = Link("a");
+  for (int i = 0; i < 2000; ++i) {
+    const std::string name = "l" + std::to_string(i);
+    parts += Link(name) + Joint("j" + std::to_string(i), "a", name);
+  }
+  parts +=
+      "<!-- " + Repeated("<a> ", 1000) + "-->" + Repeated("<gazebo><b c='1>0'/></gazebo>", 500);
+  EXPECT_EQ(ParseUrdf(Robot(parts)).joints.size(), 2000u);
+}
+
 TEST(Urdf, KeepsRemarksOnAcceptedText) {
   const UrdfModel model =
       ParseUrdf(Robot("<link name=\"a\"><visual><geometry><box size=\"1 1\"/></geometry></visual>"
