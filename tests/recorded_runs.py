@@ -40,7 +40,8 @@ RUNS = (
         "empty package. 1,500 damaged files of each kind, 100 command lines of each command, the "
         "report in Chromium at 1280 and 390 px, every robot from its recording. **Failed**: ten "
         "minutes of fuzzing the compiled module found a description whose tags are never closed, "
-        "which was read for 20 s (time as the square of its size; mended in 070372d, where ten minutes are clean); and "
+        "which was read for 20 s (time as the square of its size; mended in 070372d, where "
+        "ten minutes are clean); and "
         "one frame of a larger board that the view cuts has a false label, as before: one cloud "
         "does not tell it from wide beams ([labels](labels.md)); it has a test of its own now, "
         "which says so",
