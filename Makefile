@@ -72,7 +72,7 @@ test-rviz: build ## RViz by mouse and keys on a screen of its own (Xvfb); REPEAT
 	@$(ENV) $(COMPILE) --target tests; cd build && ROS_HOME="$$PWD/ros_home" \
 	ctest --output-on-failure -R atom_rviz_plugins_rostest --repeat until-fail:$(REPEAT)
 
-test-quick: build ## unit tests, at most two minutes
+test-quick: build ## the tests that are not marked slow
 	@$(ENV) $(PYTEST) -m "not slow and not long"
 
 test-sanitizers: setup ## C++ with the address, undefined and thread sanitizers, in sanitizer_output/; half an hour

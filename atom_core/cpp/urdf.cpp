@@ -106,7 +106,7 @@ UrdfJoint ToPlain(const urdf::Joint& source) {
 }
 
 /// Beyond it urdfdom's parser takes time that grows with the square of the text, or overflows its
-/// stack.
+/// stack. The same as in io/xml_text.py, which looks no farther than the first flaw.
 constexpr int kDeepest = 250;
 
 /// Moves past what begins at `place` with `begin`, to the end of its `end` or of the text.

@@ -33,7 +33,7 @@ from atom_core.solvers.base import FAILED, NOT_CONVERGED
 FEWEST_BOARDS = 2
 FEWEST_ALONE = 3  # sensors, for that each can be asked for while all others are held
 LEAST_M, LEAST_RAD = 0.0005, float(np.radians(0.02))  # a smaller change is none, however sure
-# By how much detections of a range sensor vary beyond their noise is estimated itself (`_scatter`).
+# By how much detections of a range sensor vary beyond noise is estimated itself (`scatter_of`).
 # A detection has six numbers, which are not independent; it counts as three. Unknown: ten of them.
 _NUMBERS_OF_A_DETECTION, _DETECTIONS = 3, 10
 
@@ -112,10 +112,10 @@ class Drift:
         """Whether the new boards say different things, so that nothing is told."""
         return self.disagreement is not None or (self.contradiction is not None and not self.moved)
 
-    def without_moved(self, contested: Disagreement) -> Drift:
+    def without_moved(self, of_boards: Disagreement) -> Drift:
         """Return the same, where boards disagree on what seems to have moved."""
         edges = tuple(edge._replace(moved=False) for edge in self.edges)
-        return replace(self, edges=edges, disagreement=contested)
+        return replace(self, edges=edges, disagreement=of_boards)
 
 
 def drift(
@@ -153,9 +153,9 @@ def drift(
     first = _drift(asked, ())
     asked = asked.without(first.left_out)
     found = replace(_told_apart(asked, first), left_out=first.left_out)
-    contested = disagreement(asked, [edge.edge for edge in found.moved])
-    if contested is not None:
-        return found.without_moved(contested)
+    of_boards = disagreement(asked, [edge.edge for edge in found.moved])
+    if of_boards is not None:
+        return found.without_moved(of_boards)
     return replace(found, rests_on=_rests_on(asked) if found.moved else None)
 
 
@@ -181,9 +181,9 @@ def _told_apart(asked: Question, first: Drift) -> Drift:
     if len(edges) < FEWEST_ALONE:  # two sensors: holding one is all that can be done
         return _blamed(asked, first)
     limit = limit_of(len(edges))
-    alone, contested = _each_alone(asked, edges, limit)
+    alone, others_disagree = _each_alone(asked, edges, limit)
     suspects = [edge for edge, found in alone.items() if found.moved]
-    if not suspects and not contested:
+    if not suspects and not others_disagree:
         return _asked_alone(first, alone, limit, ())
     blamed = _blamed(asked, first)
     if blamed.moved or not suspects:
@@ -214,7 +214,7 @@ def _each_alone(
     Where they disagree on the boards, as with one of them that moved, nothing is told of the one.
     """
     standing, spreads, found = asked.standing, asked.spreads, {}
-    contested = False
+    others_disagree = False
     for edge in edges:
         held = [name for name, sensor in standing.sensors.items() if sensor.edge != edge]
         try:
@@ -224,13 +224,13 @@ def _each_alone(
         if solved.status in (FAILED, NOT_CONVERGED):
             continue
         if solved.status == INCONSISTENT:
-            contested = True
+            others_disagree = True
         elif edge_spread(solved, edge) is not None:
             known = spreads.get(edge, NO_SPREAD)
             if not np.any(known.of_model):
                 known = _of_the_held(spreads)
             found[edge] = _edge_drift(solved, standing, edge, known, limit)
-    return found, contested
+    return found, others_disagree
 
 
 def _of_the_held(spreads: Mapping[Edge, Spread]) -> Spread:

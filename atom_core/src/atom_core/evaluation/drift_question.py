@@ -79,7 +79,7 @@ def with_common_scatter(standing: Dataset, spreads: Mapping[Edge, Spread]) -> Di
         known = [e for e in alike if e in spreads and np.any(spreads[e].of_model)]
         if kind.measures_range and known:
             mean = float(np.mean([scatter_of(spreads[edge]) for edge in known]))
-            # Its scatter is not taken as known here (`drift.py`), so nothing is taken back of it.
+            # Its scatter is not taken as known (`_freedom` in drift.py): nothing is taken back.
             alike_known = {e: spreads[e]._replace(scatter=mean, freedom=np.inf) for e in known}
             found.update(alike_known)
     return found
