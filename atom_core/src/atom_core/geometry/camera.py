@@ -110,7 +110,7 @@ class Camera:
         if self.model == "equidistant":
             normalised = _project_equidistant(points, self.D)[0]
         else:
-            normalised = self._distort(_ideal(points))[0]
+            normalised = self._distorted(_ideal(points))
         return normalised * self.focal_px + self.centre_px
 
     def project_with_jacobian(self, points: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
@@ -193,25 +193,44 @@ class Camera:
         distorted, by_ideal = self._distort(ideal)
         return distorted, by_ideal @ by_point
 
+    def _distorted(self, ideal: np.ndarray) -> np.ndarray:
+        """Return distorted normalised coordinates (n, 2)."""
+        if self.model == "none":
+            return ideal
+        square = _square(ideal)
+        outside = square > self._limit_square
+        if not outside.any():
+            return _distort_inside(self.model, self.D, ideal, square)[0]
+        shrink = self._shrink(square, outside)
+        near = ideal * shrink[:, None]
+        return _distort_inside(self.model, self.D, near, _square(near))[0] / shrink[:, None]
+
     def _distort(self, ideal: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
         """Return distorted normalised coordinates (n, 2) and derivatives (n, 2, 2)."""
-        square = np.sum(ideal**2, axis=1)
         if self.model == "none":
             return ideal, np.broadcast_to(np.eye(2), (len(ideal), 2, 2))
-        # Outside the field of view the point is distorted as its neighbour on the limit.
-        limit = self._limit_square
-        outside = square > limit
-        shrink = np.where(outside, np.sqrt(limit / np.where(outside, square, 1.0)), 1.0)
-        near = ideal * shrink[:, None]
-        value, jacobian = _distort_inside(self.model, self.D, near)
-        if not np.any(outside):
-            return value, jacobian
-        value = np.where(outside[:, None], value / shrink[:, None], value)
+        square = _square(ideal)
+        outside = square > self._limit_square
+        if not outside.any():
+            value, radial = _distort_inside(self.model, self.D, ideal, square)
+            return value, _distortion_jacobian(self.D, ideal, *radial)
+        shrink = self._shrink(square, outside)[:, None]
+        near = ideal * shrink
+        value, radial = _distort_inside(self.model, self.D, near, _square(near))
+        jacobian = _distortion_jacobian(self.D, near, *radial)
+        value = value / shrink
         # value = D(s p) / s with s = L/|p|; ds/dp = -s p/|p|^2
         direction = ideal / np.maximum(square, 1e-300)[:, None]
-        radial = value - np.einsum("nij,nj->ni", jacobian, ideal)
-        extended = jacobian + radial[:, :, None] * direction[:, None, :]
+        along = value - np.einsum("nij,nj->ni", jacobian, ideal)
+        extended = jacobian + along[:, :, None] * direction[:, None, :]
         return value, np.where(outside[:, None, None], extended, jacobian)
+
+    def _shrink(self, square: np.ndarray, outside: np.ndarray) -> np.ndarray:
+        """Return factors (n,) to the limit of the field of view for what is outside it, else 1.
+
+        There a point is distorted as its neighbour on the limit.
+        """
+        return np.where(outside, np.sqrt(self._limit_square / np.where(outside, square, 1.0)), 1.0)
 
 
 def _check_form(K: np.ndarray, height: int) -> None:
@@ -278,24 +297,37 @@ def radial_factor(model: str, D: np.ndarray, square: np.ndarray) -> Tuple[np.nda
     return above / below, (above_slope * below - above * below_slope) / below**2
 
 
-def _distort_inside(model: str, D: np.ndarray, ideal: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+def _square(points: np.ndarray) -> np.ndarray:
+    """Return the squared lengths (n,) of points (n, 2)."""
+    x, y = points[:, 0], points[:, 1]
+    return x * x + y * y
+
+
+def _distort_inside(
+    model: str, D: np.ndarray, ideal: np.ndarray, square: np.ndarray
+) -> Tuple[np.ndarray, Tuple[np.ndarray, np.ndarray]]:
+    """Return distorted coordinates (n, 2), and the radial factor (n,) with its slope by r^2."""
     x, y = ideal[:, 0], ideal[:, 1]
     p1, p2 = D[2], D[3]
-    square = x * x + y * y
     factor, slope = radial_factor(model, D, square)
-    value = np.stack(
-        [
-            x * factor + 2 * p1 * x * y + p2 * (square + 2 * x * x),
-            y * factor + p1 * (square + 2 * y * y) + 2 * p2 * x * y,
-        ],
-        axis=1,
-    )
+    twice_xy = 2 * x * y
+    value = np.empty((len(ideal), 2))
+    value[:, 0] = x * factor + p1 * twice_xy + p2 * (square + 2 * x * x)
+    value[:, 1] = y * factor + p1 * (square + 2 * y * y) + p2 * twice_xy
+    return value, (factor, slope)
+
+
+def _distortion_jacobian(
+    D: np.ndarray, ideal: np.ndarray, factor: np.ndarray, slope: np.ndarray
+) -> np.ndarray:
+    """Return the derivatives (n, 2, 2) of what `_distort_inside` returns by the ideal points."""
+    x, y = ideal[:, 0], ideal[:, 1]
+    p1, p2 = D[2], D[3]
     jacobian = np.empty((len(ideal), 2, 2))
     jacobian[:, 0, 0] = factor + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x
-    jacobian[:, 0, 1] = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
-    jacobian[:, 1, 0] = jacobian[:, 0, 1]
+    jacobian[:, 0, 1] = jacobian[:, 1, 0] = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
     jacobian[:, 1, 1] = factor + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x
-    return value, jacobian
+    return jacobian
 
 
 def _equidistant_angle(angle: np.ndarray, D: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:

@@ -10,10 +10,9 @@ Formulas: Sola, Deray, Atchuthan, "A micro Lie theory for state estimation in ro
 
 from __future__ import annotations
 
-from typing import Tuple
-
 import numpy as np
 
+_IDENTITY = np.eye(3)
 _SMALL_ANGLE = 1e-4  # below it the series of sin(a)/a and its kin are exact to the last digit
 
 
@@ -28,35 +27,42 @@ def skew(vector: np.ndarray) -> np.ndarray:
     return matrix
 
 
-def _angle_coefficients(
-    rotation_vector: np.ndarray,
-) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return sin(a)/a, (1-cos(a))/a^2, (a-sin(a))/a^3 for the angles a, each (..., 1, 1)."""
-    angle = np.linalg.norm(rotation_vector, axis=-1)[..., None, None]
-    small = angle < _SMALL_ANGLE
-    safe = np.where(small, 1.0, angle)
-    square = angle * angle
-    first = np.where(small, 1.0 - square / 6.0, np.sin(safe) / safe)
-    half_sine = np.sin(0.5 * safe) / safe
-    second = np.where(small, 0.5 - square / 24.0, 2.0 * half_sine * half_sine)
-    third = np.where(small, 1.0 / 6.0 - square / 120.0, (safe - np.sin(safe)) / safe**3)
-    return first, second, third
+class _Angles:
+    """The functions of the angles a of rotation vectors that exp and its kin need, (..., 1, 1)."""
+
+    def __init__(self, rotation_vector: np.ndarray):
+        self.square = np.sum(rotation_vector * rotation_vector, axis=-1)[..., None, None]
+        angle = np.sqrt(self.square)
+        self.small = angle < _SMALL_ANGLE
+        self.safe = np.where(self.small, 1.0, angle)
+
+    def sine(self) -> np.ndarray:
+        """Return sin(a)/a."""
+        return np.where(self.small, 1.0 - self.square / 6.0, np.sin(self.safe) / self.safe)
+
+    def versine(self) -> np.ndarray:
+        """Return (1-cos(a))/a^2."""
+        half_sine = np.sin(0.5 * self.safe) / self.safe
+        return np.where(self.small, 0.5 - self.square / 24.0, 2.0 * half_sine * half_sine)
+
+    def rest(self) -> np.ndarray:
+        """Return (a-sin(a))/a^3."""
+        exact = (self.safe - np.sin(self.safe)) / self.safe**3
+        return np.where(self.small, 1.0 / 6.0 - self.square / 120.0, exact)
 
 
 def rotation_from_rotation_vector(rotation_vector: np.ndarray) -> np.ndarray:
     """Return exp of the rotation vectors (..., 3) [rad] as matrices (..., 3, 3)."""
     rotation_vector = np.asarray(rotation_vector, dtype=float)
-    first, second, _ = _angle_coefficients(rotation_vector)
-    cross = skew(rotation_vector)
-    return np.eye(3) + first * cross + second * (cross @ cross)
+    angles, cross = _Angles(rotation_vector), skew(rotation_vector)
+    return _IDENTITY + angles.sine() * cross + angles.versine() * (cross @ cross)
 
 
 def right_jacobian(rotation_vector: np.ndarray) -> np.ndarray:
     """Return J (..., 3, 3) with ``exp(r + dr) == exp(r) exp(J dr)`` to first order."""
     rotation_vector = np.asarray(rotation_vector, dtype=float)
-    _, second, third = _angle_coefficients(rotation_vector)
-    cross = skew(rotation_vector)
-    return np.eye(3) - second * cross + third * (cross @ cross)
+    angles, cross = _Angles(rotation_vector), skew(rotation_vector)
+    return _IDENTITY - angles.versine() * cross + angles.rest() * (cross @ cross)
 
 
 def quaternion_from_rotation(rotation: np.ndarray) -> np.ndarray:
@@ -106,9 +112,15 @@ def rotation_vector_from_rotation(rotation: np.ndarray) -> np.ndarray:
 def rotation_from_rpy(rpy: np.ndarray) -> np.ndarray:
     """Return ``Rz(yaw) Ry(pitch) Rx(roll)`` (..., 3, 3) of roll, pitch, yaw (..., 3) [rad]."""
     rpy = np.asarray(rpy, dtype=float)
-    axes = np.eye(3)
-    x, y, z = (rotation_from_rotation_vector(rpy[..., i : i + 1] * axes[i]) for i in range(3))
-    return z @ y @ x
+    cosine, sine = np.cos(rpy), np.sin(rpy)
+    cr, cp, cy = cosine[..., 0], cosine[..., 1], cosine[..., 2]
+    sr, sp, sy = sine[..., 0], sine[..., 1], sine[..., 2]
+    rotation = np.empty(rpy.shape + (3,))
+    rotation[..., 0, 0], rotation[..., 1, 0], rotation[..., 2, 0] = cy * cp, sy * cp, -sp
+    rotation[..., 0, 1], rotation[..., 0, 2] = cy * sp * sr - sy * cr, cy * sp * cr + sy * sr
+    rotation[..., 1, 1], rotation[..., 1, 2] = sy * sp * sr + cy * cr, sy * sp * cr - cy * sr
+    rotation[..., 2, 1], rotation[..., 2, 2] = cp * sr, cp * cr
+    return rotation
 
 
 def rpy_from_rotation(rotation: np.ndarray) -> np.ndarray:

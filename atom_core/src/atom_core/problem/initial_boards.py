@@ -28,6 +28,9 @@ _CANDIDATE_SENSORS, _JUDGING_SENSORS = 8, 12
 _GOOD_ENOUGH = 0.05  # mean misfit of a detection that needs no second look
 
 
+View = Tuple[Measurement, np.ndarray]  # a detection and sensor_T_parent (4, 4) of its board
+
+
 def misfit(measurement: Measurement, sensor_T_pattern: np.ndarray, expected_m: float) -> float:
     """Return how badly a pose explains a detection: 0 is perfect, 1 hopeless.
 
@@ -76,16 +79,15 @@ def estimate_boards(
     estimates = {}
     for key, seen in _by_board(measurements, fixed_patterns).items():
         if key in known:
-            now = _total_misfit(seen, known[key], placement, SOLVED_M)
+            now = _total_misfit(_views(seen, placement), known[key], SOLVED_M)
             if now < _GOOD_ENOUGH * len(seen):
                 estimates[key] = known[key]
                 continue
         proposals = _proposals(seen, placement)
         if proposals:
             judges = sorted(seen, key=lambda m: m.information, reverse=True)[:_JUDGING_SENSORS]
-            estimates[key] = min(
-                proposals, key=lambda pose: _total_misfit(judges, pose, placement, GUESSED_M)
-            )
+            best, _ = _best_explaining(_views(judges, placement), proposals, GUESSED_M)
+            estimates[key] = proposals[best]
     return estimates
 
 
@@ -131,13 +133,14 @@ def better_boards(
     """
     better = {}
     for key, seen in _by_board(measurements, fixed_patterns).items():
-        now = _total_misfit(seen, boards[key], placement, SOLVED_M)
+        views = _views(seen, placement)
+        now = _total_misfit(views, boards[key], SOLVED_M)
         if now < _GOOD_ENOUGH * len(seen):
             continue
         proposals = _proposals(seen, placement)
-        costs = [_total_misfit(seen, pose, placement, SOLVED_M) for pose in proposals]
-        if costs and min(costs) < 0.5 * now:
-            better[key] = proposals[int(np.argmin(costs))]
+        best, least = _best_explaining(views, proposals, SOLVED_M)
+        if least < 0.5 * now:
+            better[key] = proposals[best]
     return better
 
 
@@ -151,13 +154,32 @@ def _by_board(
     return boards
 
 
+def _views(seen: Sequence[Measurement], placement: Placement) -> List[View]:
+    return [(m, placement.sensor_T_parent(m)) for m in seen]
+
+
 def _total_misfit(
-    seen: Sequence[Measurement],
-    parent_T_pattern: np.ndarray,
-    placement: Placement,
-    expected_m: float,
+    views: Sequence[View], parent_T_pattern: np.ndarray, expected_m: float, enough: float = np.inf
 ) -> float:
-    return sum(misfit(m, placement.sensor_T_parent(m) @ parent_T_pattern, expected_m) for m in seen)
+    """Return the sum of misfits; of the first of them, where these are ``enough`` already."""
+    total = 0.0
+    for m, sensor_T_parent in views:
+        total += misfit(m, sensor_T_parent @ parent_T_pattern, expected_m)
+        if total >= enough:
+            break
+    return total
+
+
+def _best_explaining(
+    views: Sequence[View], proposals: Sequence[np.ndarray], expected_m: float
+) -> Tuple[int, float]:
+    """Return which pose has the least total misfit, and that; infinity if there is no pose."""
+    best, least = 0, np.inf
+    for index, pose in enumerate(proposals):
+        total = _total_misfit(views, pose, expected_m, enough=least)
+        if total < least:
+            best, least = index, total
+    return best, least
 
 
 def _proposals(seen: Sequence[Measurement], placement: Placement) -> List[np.ndarray]:
