@@ -27,7 +27,7 @@ git clone --quiet --shared . "$source" || exit 1
 ln -s "$PWD/.venv" "$source/.venv"
 cd "$source" || exit 1
 CXXFLAGS="--coverage -O1 -fprofile-update=atomic" LDFLAGS=--coverage \
-  make --no-print-directory BUILD_TYPE=None build >"$output/build.log" 2>&1 &&
+  make --no-print-directory BUILD_TYPE=None SANITIZED= build >"$output/build.log" 2>&1 &&
   cmake --build build -j "$processes" --target tests >>"$output/build.log" 2>&1 || {
   echo "make coverage: the build failed; see $output/build.log" >&2
   exit 1
