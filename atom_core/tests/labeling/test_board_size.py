@@ -17,6 +17,7 @@ from atom_core.labeling.board_size import (
     SeenBoard,
     few_boards_remark,
     find_size,
+    is_surely_smaller,
     seen_boards,
     size_remark,
 )
@@ -27,12 +28,16 @@ from atom_core.synthetic import charuco
 NOISE_M = 0.004
 
 
-def seen(share=0.0, width_rad=0.0, near_m=1.5, far_m=3.5, count=10, seed=0):
-    """Return labels of a board that is larger by a share, seen by beams of a width."""
+def seen(share=0.0, width_rad=0.0, near_m=1.5, far_m=3.5, count=10, seed=0, offset_m=0.0):
+    """Return labels of a board that is larger by a share, seen by beams of a width.
+
+    Ranges are too long by an offset, which enlarges all that is seen by its share of them.
+    """
     rng, boards = np.random.default_rng(seed), []
     for away in np.linspace(near_m, far_m, count):
-        sides = 2.0 * BORDER.half_size * (1.0 + share) + width_rad * away
-        boards.append(SeenBoard(away, tuple(sides + NOISE_M * rng.standard_normal(2))))
+        sides = 2.0 * BORDER.half_size * (1.0 + share) * (1.0 + offset_m / away) + width_rad * away
+        noise = NOISE_M * rng.standard_normal(2)
+        boards.append(SeenBoard(away + offset_m, tuple(sides + noise)))
     return boards
 
 
@@ -53,6 +58,34 @@ def test_distance_tells_a_larger_board_from_wide_beams(seed):
     assert (wide.by_size, wide.by_beams) == (False, True)
     both = find_size(seen(0.06, 0.02, 1.0, 5.0, 20, seed=seed), BORDER)
     assert (both.by_size, both.by_beams) == (True, True)
+
+
+@pytest.mark.parametrize("offset_m", [0.1, -0.1])
+@pytest.mark.parametrize("seed", range(10))
+def test_distance_tells_ranges_that_are_off_from_both(seed, offset_m):
+    finding = find_size(seen(offset_m=offset_m, seed=seed), BORDER)
+    assert finding.range_offset_m == pytest.approx(offset_m, abs=0.02)
+    assert (finding.by_size, finding.by_beams) == (False, False)
+    assert not is_surely_smaller(BORDER, finding)
+    for other in (seen(0.05, seed=seed), seen(0.0, 0.012, seed=seed), seen(-0.05, seed=seed)):
+        assert find_size(other, BORDER).range_offset_m is None
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_ranges_that_are_off_are_never_surely_another_board(seed):
+    for offset_m in (-0.1, -0.06, -0.03, 0.03, 0.06, 0.1):
+        assert not find_size(seen(offset_m=offset_m, seed=seed), BORDER).by_size
+
+
+def test_the_remark_says_how_far_off_ranges_are():
+    for offset_m, said in ((0.1, "larger it looks, as"), (-0.1, "smaller it looks, as")):
+        told = remark(seen(offset_m=offset_m))
+        assert said in told and "calibrate with --range_offset lidar_1" in told
+        assert "measure the board" not in told
+    assert "mm too long" in remark(seen(offset_m=0.1))
+    assert "mm too short" in remark(seen(offset_m=-0.1))
+    alike = seen(-0.05, near_m=2.0, far_m=2.5)
+    assert "do not tell a smaller board from ranges that are too short" in remark(alike)
 
 
 def test_the_remark_names_both_sizes_and_what_distance_says():

@@ -1,8 +1,8 @@
 """Whether a board has the configured size, told by what a 3D LiDAR saw of it several times.
 
 A single label leaves a few per cent open. Over several boards their median tells; and since wide
-beams enlarge a board by their width times its distance, and a board of another size is that at any
-distance, boards from near and far tell the two apart.
+beams enlarge a board by their width times its distance, ranges that are too long by their share of
+it, and a board of another size is that at any distance, boards from near and far tell these apart.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ _SIGMAS = 3.0
 _ROUNDS = 10
 _LEAST_RATIO = 1.6  # of the farthest board's range to the nearest, to tell another size from beams
 _LEAST_SIGMA_M = 0.002  # of a side that is measured once
+_LEAST_SIGMA_SHARE = 0.002  # the same, as a share of the side
 
 
 class SeenBoard(NamedTuple):
@@ -46,8 +47,10 @@ class SizeFinding(NamedTuple):
         sigma_m: of these.
         counts: labels that tell.
         nearest_m, farthest_m: ranges of the boards.
-        by_size: wide beams alone do not explain it.
+        by_size: neither wide beams alone explain it, nor ranges that are too long or short.
         by_beams: another size alone does not explain it: the farther, the larger.
+        range_offset_m: by which ranges are too long, or too short (negative), where that explains
+            it and neither of the others does: the nearer, the more. None where it does not.
     """
 
     sides_m: Tuple[float, float]
@@ -57,6 +60,7 @@ class SizeFinding(NamedTuple):
     farthest_m: float
     by_size: bool
     by_beams: bool
+    range_offset_m: Optional[float] = None
 
 
 def seen_boards(
@@ -95,15 +99,17 @@ def find_size(seen: Sequence[SeenBoard], border: Rectangle) -> Optional[SizeFind
     for axis in told:
         medians[axis], sigmas[axis] = _median(sides[np.isfinite(sides[:, axis]), axis])
     away = np.array([one.away_m for one in seen])
-    by_size, by_beams = _causes(away, sides - configured, told)
+    beyond_beams, by_beams = _causes(away, sides - configured, told)
+    larger, smaller, offset_m = _beside_ranges(away, sides / configured - 1.0, told)
     return SizeFinding(
         (float(medians[0]), float(medians[1])),
         (float(sigmas[0]), float(sigmas[1])),
         (int(known[0]), int(known[1])),
         float(away.min()),
         float(away.max()),
-        by_size,
-        by_beams,
+        smaller or (larger and beyond_beams),
+        by_beams and offset_m is None,
+        offset_m,
     )
 
 
@@ -116,9 +122,10 @@ def is_off(side_m: float, configured_m: float, sigma_m: float) -> bool:
 def is_surely_smaller(border: Rectangle, finding: Optional[SizeFinding]) -> bool:
     """Tell whether several labels are of a board that is smaller than configured.
 
-    Nothing makes a board look smaller. What looks larger may be seen by wide beams.
+    What looks larger may be seen by wide beams, and what looks so the nearer it is, by ranges that
+    are off.
     """
-    if finding is None:
+    if finding is None or finding.range_offset_m is not None:
         return False
     configured = 2.0 * border.half_size
     smaller = configured * (1.0 - SURELY_SMALLER_SHARE)
@@ -149,11 +156,13 @@ def size_remark(
         for lengths in (finding.sides_m, configured)
     )
     remark = (
-        f"pattern '{pattern}' looks {looks} to sensor '{sensor}'; the configuration says {says}: "
-        f"measure the board, and correct its size and border"
+        f"pattern '{pattern}' looks {looks} to sensor '{sensor}'; the configuration says {says}"
     )
+    if finding.range_offset_m is not None:
+        return remark + _by_ranges(sensor, finding, finding.range_offset_m)
+    remark += ": measure the board, and correct its size and border"
     larger = all(finding.sides_m[axis] > configured[axis] for axis in off)
-    return remark + (_cause(finding) if larger else "")
+    return remark + (_cause(finding) if larger else _cause_of_smaller(finding))
 
 
 def few_boards_remark(
@@ -183,8 +192,30 @@ def few_boards_remark(
     )
 
 
+def _by_ranges(sensor: str, finding: SizeFinding, offset_m: float) -> str:
+    looks, reads = ("larger", "long") if offset_m > 0 else ("smaller", "short")
+    return (
+        f". The nearer it is ({_spread(finding)}), the {looks} it looks, as ranges that are some "
+        f"{abs(1000.0 * offset_m):.0f} mm too {reads} make it, and no board does: calibrate with "
+        f"--range_offset {sensor}"
+    )
+
+
+def _spread(finding: SizeFinding) -> str:
+    return f"{finding.nearest_m:.1f} to {finding.farthest_m:.1f} m"
+
+
+def _cause_of_smaller(finding: SizeFinding) -> str:
+    if finding.by_size:
+        return ""
+    return (
+        f". These boards ({_spread(finding)} away) do not tell a smaller board from ranges that "
+        f"are too short; boards nearer and farther away would"
+    )
+
+
 def _cause(finding: SizeFinding) -> str:
-    spread = f"{finding.nearest_m:.1f} to {finding.farthest_m:.1f} m"
+    spread = _spread(finding)
     if finding.by_size and not finding.by_beams:
         return (
             f". It looks so at any distance ({spread}); wide beams would enlarge it with distance"
@@ -194,34 +225,65 @@ def _cause(finding: SizeFinding) -> str:
     if finding.by_size:
         return f". It looks so near by, and still larger far away ({spread}): wide beams add to it"
     return (
-        f". These boards ({spread} away) do not tell a larger board from wide beams; boards nearer "
-        f"and farther away would"
+        f". These boards ({spread} away) do not tell a larger board from wide beams, and from "
+        f"ranges that are too long; boards nearer and farther away would"
     )
 
 
 def _causes(away_m: np.ndarray, beyond_m: np.ndarray, told: List[int]) -> Tuple[bool, bool]:
     """Fit beyond = own of the side + width * range, robustly; return which of the two is sure."""
-    rows, values = [], []
-    for axis in told:
-        for away, beyond in zip(away_m, beyond_m[:, axis]):
-            if np.isfinite(beyond):
-                rows.append([*(float(axis == a) for a in told), away])
-                values.append(beyond)
-    A, b = np.array(rows), np.array(values)
-    if len(b) <= A.shape[1] + 1 or A[:, -1].max() < _LEAST_RATIO * A[:, -1].min():
-        return False, False
-    weight, x = np.ones(len(b)), np.zeros(A.shape[1])
-    sigma = _LEAST_SIGMA_M
+    rows = [
+        ([*(float(axis == a) for a in told), away], beyond)
+        for axis in told
+        for away, beyond in zip(away_m, beyond_m[:, axis])
+    ]
+    x, sigmas = _fitted(rows, _LEAST_SIGMA_M)
+    by_size = bool(np.any(x[:-1] > _SIGMAS * sigmas[:-1]))
+    return by_size, bool(x[-1] > _SIGMAS * sigmas[-1])
+
+
+def _beside_ranges(
+    away_m: np.ndarray, beyond_share: np.ndarray, told: List[int]
+) -> Tuple[bool, bool, Optional[float]]:
+    """Fit beyond = share + offset / range, robustly; tell whether boards are larger, or smaller.
+
+    What is beyond the configured side is a share of it here: ranges that are too long by a share of
+    themselves enlarge all that the sensor sees by that. The offset is returned if it alone is sure.
+    """
+    rows = [
+        ([1.0, 1.0 / away], beyond)
+        for axis in told
+        for away, beyond in zip(away_m, beyond_share[:, axis])
+    ]
+    (share, offset_m), (sigma_share, sigma_m) = _fitted(rows, _LEAST_SIGMA_SHARE)
+    larger, smaller = share > _SIGMAS * sigma_share, share < -_SIGMAS * sigma_share
+    if larger or smaller or not abs(offset_m) > _SIGMAS * sigma_m:
+        return bool(larger), bool(smaller), None
+    alone, _ = _fitted([([row[1]], beyond) for row, beyond in rows], _LEAST_SIGMA_SHARE)
+    return False, False, float(alone[0])
+
+
+def _fitted(
+    rows: Sequence[Tuple[List[float], float]], least_sigma: float
+) -> Tuple[np.ndarray, np.ndarray]:
+    """Return x and its sigmas of ``row @ x = value``, robustly; infinite sigmas if too little told.
+
+    The last number of a row says how far away its board is, or one over that.
+    """
+    known = [(row, value) for row, value in rows if np.isfinite(value)]
+    A, b = np.array([row for row, _ in known]), np.array([value for _, value in known])
+    count = len(rows[0][0])
+    if len(b) <= count + 1 or A[:, -1].max() < _LEAST_RATIO * A[:, -1].min():
+        return np.zeros(count), np.full(count, np.inf)
+    weight, x, sigma = np.ones(len(b)), np.zeros(count), least_sigma
     for _ in range(_ROUNDS):
         x = np.linalg.lstsq(A * weight[:, None], b * weight, rcond=None)[0]
         off = np.abs(b - A @ x)
-        sigma = max(1.4826 * float(np.median(off)), _LEAST_SIGMA_M)
+        sigma = max(1.4826 * float(np.median(off)), least_sigma)
         weight = 1.0 / np.sqrt(1.0 + (off / (2.0 * sigma)) ** 2)
     # Two sides of one label have their plane and distance in common.
     covariance = 2.0 * sigma**2 * np.linalg.pinv((A * weight[:, None] ** 2).T @ A)
-    sigmas = np.sqrt(np.diag(covariance))
-    by_size = bool(np.any(x[:-1] > _SIGMAS * sigmas[:-1]))
-    return by_size, bool(x[-1] > _SIGMAS * sigmas[-1])
+    return x, np.sqrt(np.diag(covariance))
 
 
 def _median(values: np.ndarray) -> Tuple[float, float]:
