@@ -192,5 +192,8 @@ def _comment(text: str) -> bytes:
 
 
 def _numbers(values: np.ndarray) -> bytes:
-    """Return the shortest text that gives the same doubles back; without negative zeros."""
-    return " ".join(repr(float(value) + 0.0) for value in values).encode()
+    """Return numbers to the 15 digits that a double keeps, as short as can be; zero has no sign.
+
+    An angle of 0.5 that comes back from its matrix is no 0.5000000000000001 so.
+    """
+    return " ".join(repr(float(f"{value:.15g}") + 0.0) for value in values).encode()
