@@ -10,6 +10,7 @@ import pytest
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.geometry import se3
+from atom_core.labeling.guidance import Guidance
 from atom_core.model.transforms import Edge
 from atom_core.report.calibration_document import calibration_document
 from atom_core.report.calibration_results import calibration_results
@@ -220,6 +221,31 @@ def test_of_two_results_the_worse_speaks_first():
     assert sensor_lines(both, {}) == [
         SensorLine("a", "rgb", "wrong", "wrong", why.capitalize(), "Look at it.")
     ]
+
+
+def test_a_sensor_that_moved_is_not_called_good():
+    """Neither by new boards nor by another calibration; the one that stands stays good."""
+    entry = {"grade": "good", "sentence": "known to 1 mm", "advice": None}
+    solved = {
+        "verdict": verdict("good", "all is well", a=entry, b=entry),
+        "sensors": {"a": {"modality": "rgb"}, "b": {"modality": "rgb"}},
+    }
+    gone = {"grade": "wrong", "sentence": "it has moved by 5 mm", "advice": "calibrate again"}
+    stands = {"grade": "good", "sentence": "stands", "advice": None}
+    by_boards = {"moved": True, "verdict": verdict("wrong", "a has moved", a=gone, b=stands)}
+    size = {"translation_m": 0.005, "rotation_rad": np.radians(0.25)}
+    edges = {"base-a": {"sensors": ["a"], "verdict": "moved", **size}}
+    edges["base-b"] = {"sensors": ["b"], "verdict": "same", **size}
+    compared = {"moved": True, "sentence": "they differ", "edges": edges}
+    few_boards = {"a": Guidance((), ("tilt",))}
+    for changes, why in (
+        (by_boards, "It has moved by 5 mm; known to 1 mm."),
+        (compared, "The two calibrations differ by 5.0 mm and 0.25 deg; known to 1 mm."),
+    ):
+        moved_one, other = sensor_lines(Given(solved, None, changes=(changes,)), few_boards)
+        assert (moved_one.word, moved_one.why) == ("wrong", why)
+        assert moved_one.advice and "ollect" not in moved_one.advice
+        assert (other.word, other.why) == ("good", "Known to 1 mm.")
 
 
 def test_what_the_data_leave_open_is_called_not_determined():

@@ -6,9 +6,10 @@ from typing import Any, Dict, List, Mapping, Tuple
 
 from atom_core.labeling.guidance import Guidance
 from atom_core.report.calibration_verdict import MORE_BOARDS
+from atom_core.report.changes_report import MOVED
 from atom_core.report.page.blocks import SensorLine
 from atom_core.report.page.given import Document, Given, verdict_of
-from atom_core.report.verdict import GOOD, GRADES, WEAK, WRONG, is_named
+from atom_core.report.verdict import GOOD, GRADES, WEAK, WRONG, angle, is_named, length
 
 UNKNOWN = "unknown"
 NOT_DETERMINED = "not determined"
@@ -62,11 +63,13 @@ def sensor_lines(given: Given, guidance: Mapping[str, Guidance]) -> List[SensorL
 
 def _line(given: Given, name: str, guidance: Mapping[str, Guidance]) -> SensorLine:
     modality = _modality(given, name)
-    verdicts = []
-    for document in (given.calibration, given.evaluation):
-        entry = verdict_of(document).get("sensors", {}).get(name)
-        if entry is not None:
-            verdicts.append(entry)
+    measured = [
+        verdict_of(document).get("sensors", {}).get(name)
+        for document in (given.calibration, given.evaluation)
+    ]
+    verdicts = [entry for entry in measured if entry is not None]
+    as_measured = max((str(entry["grade"]) for entry in verdicts), key=_rank, default=GOOD)
+    verdicts += [entry for d in given.changes for entry in _changes_of(d, name)]
     if not verdicts:
         return SensorLine(name, modality, UNKNOWN, "no verdict", "nothing is said of it")
     verdicts.sort(key=lambda entry: -_rank(str(entry["grade"])))
@@ -77,9 +80,28 @@ def _line(given: Given, name: str, guidance: Mapping[str, Guidance]) -> SensorLi
     why = _sentence("; ".join(dict.fromkeys(str(entry["sentence"]) for entry in verdicts)))
     advice = [entry["advice"] for entry in verdicts if entry.get("advice")]
     lacks = guidance.get(name)
-    if grade != GOOD and lacks is not None and not lacks.enough:
+    if as_measured != GOOD and lacks is not None and not lacks.enough:
         advice = [lacks.advice, *(text for text in advice if text != MORE_BOARDS)]
     return SensorLine(name, modality, grade, word, why, _sentence("; ".join(advice)))
+
+
+def _changes_of(document: Document, name: str) -> List[Mapping[str, Any]]:
+    """Return what is said of a sensor where it was asked whether the rig moved."""
+    by_new_boards = verdict_of(document).get("sensors", {}).get(name)
+    if by_new_boards is not None:
+        return [by_new_boards]
+    moved = [
+        e for e in document["edges"].values() if e["verdict"] == MOVED and name in e["sensors"]
+    ]
+    return [
+        {
+            "grade": WRONG,
+            "sentence": f"the two calibrations differ by {length(edge['translation_m'])} and "
+            f"{angle(edge['rotation_rad'])}",
+            "advice": "find out which of them holds",
+        }
+        for edge in moved
+    ]
 
 
 def _is_open(calibration: Any, name: str) -> bool:
