@@ -277,14 +277,6 @@ def started_and_stopped(case: Case, inputs: Inputs) -> Outcome:
 def _run(case, inputs, folder, variables, screen: Optional[Screen], port: int) -> Outcome:
     variables["ROS_MASTER_URI"] = f"http://localhost:{port}"
     words = [str(inputs.path(case)), *inputs.arguments(case)]
-    nodes = subprocess.run(
-        ["roslaunch", "--nodes", *words],
-        env=variables,
-        stdout=subprocess.PIPE,
-        text=True,
-        timeout=PATIENCE_S,
-        check=True,
-    ).stdout.split()
     printed = folder / "printed.txt"
     with printed.open("w", encoding="utf-8") as stream:
         launch = subprocess.Popen(
@@ -293,12 +285,15 @@ def _run(case, inputs, folder, variables, screen: Optional[Screen], port: int) -
             stdout=stream,
             stderr=subprocess.STDOUT,
         )
-    missing = nodes
+    missing = ["the list of its nodes"]
     try:
         end_s = time.monotonic() + PATIENCE_S
         while missing and time.monotonic() < end_s:
             ended = launch.poll() is not None
-            missing = not_there(nodes, port, printed.read_text("utf-8"), screen)
+            so_far = printed.read_text("utf-8")
+            nodes = nodes_in(so_far)
+            if nodes and "started core service" in so_far:  # the list is printed before
+                missing = not_there(nodes, port, so_far, screen)
             if ended:
                 break
             time.sleep(0.2)
@@ -313,6 +308,17 @@ def _run(case, inputs, folder, variables, screen: Optional[Screen], port: int) -
             launch.wait()
     said = [printed, *sorted((folder / "log").rglob("rosout.log"))]
     return Outcome(missing, code, "\n".join(path.read_text("utf-8") for path in said))
+
+
+def nodes_in(printed) -> List[str]:
+    """Return the nodes, with their namespaces, that roslaunch lists when it begins."""
+    namespace, nodes = "/", []
+    for line in printed.partition("\nNODES\n")[2].partition("\n\n")[0].splitlines():
+        if line.startswith("    "):
+            nodes.append(namespace + line.split()[0])
+        else:
+            namespace = line.strip()
+    return nodes
 
 
 def not_there(nodes, port, printed, screen) -> List[str]:
