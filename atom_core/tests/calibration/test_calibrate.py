@@ -404,7 +404,7 @@ def test_the_steps_one_by_one_are_the_calibration():
     setup = SolverSetup(options.solver, solver_factory(options.solver_name))
     chosen = choose_start(starts, prepared, options, setup)
     refined = refine(chosen.solution, prepared.free, prepared.moving, options, setup)
-    judgement = judge(chosen, refined, options, setup.make)
+    judgement = judge(dataset, chosen, refined, options, setup.make)
     np.testing.assert_array_equal(refined.summary.x, whole.summary.x)
     np.testing.assert_array_equal(judgement.covariance.shared, whole.covariance.shared)
     assert (judgement.status, judgement.message) == (whole.status, whole.message)

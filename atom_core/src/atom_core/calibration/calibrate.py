@@ -11,6 +11,7 @@ from typing import Dict, Mapping, Optional, Tuple
 from atom_core.calibration.judge.exclusion import Exclusion
 from atom_core.calibration.judge.judgement import answer, judge
 from atom_core.calibration.judge.misfit import Misfit
+from atom_core.calibration.judge.places import Displaced
 from atom_core.calibration.judge.priors import HeldDirection, PriorResult
 from atom_core.calibration.judge.weak_directions import WeakDirection
 from atom_core.calibration.options import CalibrationOptions
@@ -51,6 +52,7 @@ class Calibration:
         exclusions: sensors of which too much was left out, or all of one sort.
         checks: errors of the model that the data show, and that were not estimated.
         moving: transforms of moving parts that do not fit.
+        displaced: edges that end far from where the description has them.
         error_priors: what was assumed of estimated errors of the model; the others were free.
         unused: why a collection was not used, by key.
         rejected: detections that were left out since they contradict the others.
@@ -75,6 +77,7 @@ class Calibration:
     exclusions: Tuple[Exclusion, ...]
     checks: Tuple[ModelCheck, ...]
     moving: Tuple[MovingEdge, ...]
+    displaced: Tuple[Displaced, ...]
     error_priors: ErrorPriors
     unused: Mapping[str, str]
     rejected: Tuple[Rejected, ...]
@@ -159,7 +162,7 @@ def judged(solution: Solved) -> Calibration:
     """Return the calibration with all that tells what it is worth."""
     clock = _Clock()
     chosen, refined, prepared = solution.chosen, solution.refined, solution.prepared
-    judgement = judge(chosen, refined, solution.options, solution.setup.make)
+    judgement = judge(solution.given, chosen, refined, solution.options, solution.setup.make)
     clock.lap("covariance")
     steps = (prepared, solution.starts, chosen, refined, judgement)
     return Calibration(
@@ -178,6 +181,7 @@ def judged(solution: Solved) -> Calibration:
         exclusions=judgement.exclusions,
         checks=judgement.checks,
         moving=judgement.moving,
+        displaced=judgement.displaced,
         error_priors=refined.options.error_priors,
         unused=refined.unused,
         rejected=refined.rejected,

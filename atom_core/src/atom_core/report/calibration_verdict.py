@@ -153,6 +153,7 @@ def _sensor(
         *_contradictions(results, sensor.name),
         *_of_the_data(sensor),
         *_of_the_place(results, edge),
+        *_far_from_described(results, edge),
     ]
     return sensor_verdict(findings, "; ".join(_facts(results, sensor, edge)))
 
@@ -239,6 +240,23 @@ def _of_the_place(results: CalibrationResults, edge: Optional[EdgeResult]) -> Li
         return []
     told = f"known to {length(metres)} and {angle(radians)} only"
     return [Finding(WEAK, told, MORE_BOARDS)]
+
+
+def _far_from_described(results: CalibrationResults, edge: Optional[EdgeResult]) -> List[Finding]:
+    """Return where a sensor ends far from the description: data of another one put it there."""
+    if edge is None:
+        return []
+    return [
+        Finding(
+            WEAK,
+            f"it ends {length(far.translation_m)} and {angle(far.rotation_rad)} from where the "
+            f"description has it",
+            "look whether it stands there; if not, its topic, frame or labels are another "
+            "sensor's, and if so, let the description say that",
+        )
+        for far in results.calibration.displaced
+        if far.edge == edge.edge
+    ]
 
 
 def _facts(

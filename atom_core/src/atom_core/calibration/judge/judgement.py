@@ -10,6 +10,7 @@ import numpy as np
 from atom_core.calibration.judge.ambiguity import ambiguity
 from atom_core.calibration.judge.exclusion import Exclusion, exclusions
 from atom_core.calibration.judge.misfit import Misfit, misfits
+from atom_core.calibration.judge.places import Displaced, displaced, exchanged
 from atom_core.calibration.judge.priors import (
     HeldDirection,
     PriorResult,
@@ -24,7 +25,7 @@ from atom_core.calibration.judge.weak_directions import (
     weak_directions,
     weak_model_errors,
 )
-from atom_core.calibration.options import OFF, CalibrationOptions
+from atom_core.calibration.options import DESCRIPTION, OFF, CalibrationOptions
 from atom_core.calibration.refine.candidates import usual_sizes
 from atom_core.calibration.refine.error_words import unusual
 from atom_core.calibration.refine.layer_checks import layer_checks
@@ -72,6 +73,8 @@ class Judgement:
         exclusions: sensors of which too much was left out, or all of one sort.
         checks: errors of the model that the data show.
         moving: transforms of moving parts that do not fit.
+        displaced: edges that end far from where the description has them, where that was to be
+            the start.
         status: converged, not_converged, rank_deficient, inconsistent or failed.
         message: one sentence.
         remarks: what the user should know of the sigmas.
@@ -86,6 +89,7 @@ class Judgement:
     exclusions: Tuple[Exclusion, ...]
     checks: Tuple[ModelCheck, ...]
     moving: Tuple[MovingEdge, ...]
+    displaced: Tuple[Displaced, ...]
     status: str
     message: str
     remarks: Tuple[str, ...]
@@ -99,11 +103,16 @@ def answer(chosen: ChosenStart, refined: Refined) -> Dataset:
 
 
 def judge(
-    chosen: ChosenStart, refined: Refined, options: CalibrationOptions, make_solver: SolverFactory
+    described: Dataset,
+    chosen: ChosenStart,
+    refined: Refined,
+    options: CalibrationOptions,
+    make_solver: SolverFactory,
 ) -> Judgement:
     """Judge a solution.
 
     Args:
+        described: the dataset as it was given.
         chosen: the start that it goes back to, with its rivals.
         refined: the solution.
         options: what counts as undetermined.
@@ -132,6 +141,8 @@ def judge(
     if unfit:  # else it is noise that the sigmas know of
         reasons = [*_of_held_boards(refined), *(edge.why for edge in moving), *reasons]
     reasons += [m.why for m in unfit] + [e.why for e in out]
+    places = described if options.initial_guess == DESCRIPTION else dataset
+    reasons = exchanged(places, dataset) + reasons
     also = _if_a_fixed_board_moved(dataset, problem) if unfit or moving or out else ""
     status, message = _verdict(summary, weak, [why + also for why in reasons], refined.failure)
     return Judgement(
@@ -144,6 +155,7 @@ def judge(
         exclusions=tuple(out),
         checks=tuple(checks),
         moving=tuple(moving),
+        displaced=tuple(displaced(places, dataset)),
         status=status,
         message=message,
         remarks=remarks,

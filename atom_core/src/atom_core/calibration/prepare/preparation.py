@@ -23,6 +23,7 @@ from atom_core.calibration.prepare.joints import (
 from atom_core.calibration.prepare.memory import check_memory
 from atom_core.calibration.prepare.moving_parts import Sigmas, check_told, moving_parts
 from atom_core.calibration.prepare.priors import priors
+from atom_core.calibration.prepare.same_labels import check_same_labels
 from atom_core.errors import CalibrationError
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics import intrinsics_names
@@ -88,6 +89,7 @@ def prepare(
     check_memory(dataset, options.solver_name or default_solver())
     measurements, remarks = read_measurements(dataset, read_before)
     check_units(measurements)
+    check_same_labels(measurements)
     remarks += [*joint_remarks, *prior_remarks]
     if options.solver.weights == ATOM:
         measurements = [m.with_atom_residuals() for m in measurements]
