@@ -261,6 +261,52 @@ def test_a_layout_that_is_demanded_and_wrong_is_named():
     assert not found.detected and "legacy: false fits" in found.reason
 
 
+# (squares, printed before 4.6), (inner corners, legacy) as configured, and what is to be told.
+OTHER_PRINTS = [
+    (((7, 6), True), ((6, 5), False), "legacy: true fits"),
+    (((7, 6), False), ((6, 5), True), "legacy: false fits"),
+    (((7, 4), True), ((6, 4), "auto"), "{x: 6, y: 3} fits"),
+    (((7, 6), False), ((6, 4), "auto"), "{x: 6, y: 5} fits"),
+    (((7, 7), False), ((6, 5), "auto"), "{x: 6, y: 6} fits"),
+]
+
+
+@pytest.mark.parametrize("printed, configured, told", OTHER_PRINTS)
+def test_a_print_whose_markers_mostly_stand_as_configured_is_named(printed, configured, told):
+    """Most of them do one square beside: the labels were off by a square, without a word."""
+    squares, legacy = printed
+    image = cv2.copyMakeBorder(
+        aruco.charuco_print(squares, 0.75, "DICT_5X5_100", 60, legacy), 60, 60, 60, 60, 0, value=255
+    )
+    dimension, wanted = configured
+    config = replace(charuco(dimension=dimension, size=0.06, inner_size=0.045), legacy=wanted)
+    found = without_intrinsics(labeler(config)).label(image)
+    assert not found.detected and told in found.reason
+    right = charuco(dimension=(squares[0] - 1, squares[1] - 1), size=0.06, inner_size=0.045)
+    for said in ("auto", legacy):
+        found = without_intrinsics(labeler(replace(right, legacy=said))).label(image)
+        assert len(found.label.ids) == (squares[0] - 1) * (squares[1] - 1)
+
+
+@pytest.mark.parametrize("count", [4, 10])
+def test_markers_of_something_else_do_not_hide_the_board(count):
+    """Their numbers are none of the board's; they count as none of its."""
+    config = charuco(dimension=(6, 4), size=0.06, inner_size=0.045)
+    printed = aruco.charuco_print((7, 5), 0.75, "DICT_5X5_100", 60)
+    image = cv2.copyMakeBorder(printed, 60, 260, 60, 60, cv2.BORDER_CONSTANT, value=255)
+    others = aruco.charuco_print((20, 5), 0.75, "DICT_5X5_100", 60)
+    places = aruco.marker_squares(20, 5, False)[20 : 20 + count]
+    for index, (column, row) in enumerate(places):
+        marker = others[60 * row : 60 * (row + 1), 60 * column : 60 * (column + 1)]
+        x, y = 10 + 90 * (index % 5), 400 + 80 * (index // 5)
+        image[y : y + 60, x : x + 60] = marker
+    found = without_intrinsics(labeler(config)).label(image)
+    row, column = np.divmod(found.label.ids, 6)
+    expected = np.column_stack([column + 1, row + 1]) * 60 + 60 - 0.5
+    assert len(found.label.ids) == 24
+    np.testing.assert_allclose(found.label.pixels, expected, atol=0.1)
+
+
 def test_a_covered_corner_is_dropped_and_the_others_stay():
     config, pose = charuco(), held(1.3, (0.2, 0.3, 0.1))
     image = picture(config, pose)

@@ -31,6 +31,7 @@ from atom_core.labeling.view_quality import over_exposed_share
 
 LEAST_MARKERS = 3
 _LEAST_FITTING = 0.75  # of the markers, for a layout to be right
+_LEAST_OWN = 0.5  # of the markers, that the board has at all
 _LEAST_TELLING = 8  # markers that tell of another board: fewer, read wrongly, fit one by chance
 _FEWEST_CORNERS = 2  # of a board, along a side
 _LEAST_QUALITY, _LEAST_CONTRAST = 0.75, 5.0
@@ -134,7 +135,21 @@ class CharucoFinder:
                 grey, ids, outlines, camera
             )
             return _none(len(ids), why)
+        views += self._fitting(ids, outlines, self._rivals(ids), camera)
         return self._of_the_right_layout(grey, views, len(ids), camera)
+
+    def _rivals(self, ids: np.ndarray) -> List[Layout]:
+        """Return other boards on which most markers may stand as on this one.
+
+        That is the layout that was not asked for, one square farther left, also of a row less,
+        since an odd number of rows has one alone; and boards that have more rows, where markers
+        are seen that only these have.
+        """
+        columns, rows, _ = self.layouts[0]
+        needed = _rows_needed(ids, columns)
+        others = [*_layouts(columns, rows), *_layouts(columns, rows - 1)[1:]]
+        others += _layouts(columns, needed) if needed > rows else []
+        return [one for one in others if one not in self.layouts and one.rows >= _FEWEST_CORNERS]
 
     def _measured(
         self, ids: np.ndarray, outlines: np.ndarray, camera: Optional[Camera]
@@ -170,15 +185,24 @@ class CharucoFinder:
 
         Where the number of columns of squares is odd, most markers stand in one layout as in the
         other, one square farther left. The others stand elsewhere, and a column of corners is
-        expected where there is none.
+        expected where there is none. A board that was not asked for is named where it is clearly
+        the right one.
         """
         if len(views) == 1:
             return self._corners(grey, *views[0][:2], markers, camera)
-        tried = []
+        asked, others = [], [(-np.inf, self.layouts[0])]
         for layout, view, displaced in views:
             found = self._corners(grey, layout, view, markers, camera)
-            tried.append((len(found.ids) - _DISPLACED_WORTH * displaced, found))
-        (second, _), (first, found) = sorted(tried, key=lambda one: one[0])[-2:]
+            worth = float(len(found.ids) - _DISPLACED_WORTH * displaced)
+            if layout in self.layouts:
+                asked.append((worth, found))
+            else:
+                others.append((worth, layout))
+        asked.sort(key=lambda one: one[0])
+        (second, _), (first, found) = ([(-np.inf, asked[0][1])] + asked)[-2:]
+        most, right = max(others, key=lambda one: one[0])
+        if most - first >= _LEAST_LEAD:
+            return _none(markers, self._named(right, markers))
         if first - second < _LEAST_LEAD:
             return _none(
                 markers,
@@ -216,27 +240,18 @@ class CharucoFinder:
         """Return the layouts that most markers fit, with the number of those that do not."""
         fits = []
         for layout in layouts:
-            view, share = _fit(ids, outlines, layout, self.marker_share, camera)
-            if view is not None and share >= _LEAST_FITTING:
-                fits.append((layout, view, int(round((1.0 - share) * len(ids)))))
+            view, fitting = _fit(ids, outlines, layout, self.marker_share, camera)
+            if view is not None and np.mean(fitting) >= _LEAST_FITTING:
+                fits.append((layout, view, int(np.sum(~fitting))))
         return fits
 
     def _why_nothing_fits(
         self, grey: np.ndarray, ids: np.ndarray, outlines: np.ndarray, camera: Optional[Camera]
     ) -> str:
         """Try what is often mistaken in a configuration; name what would fit, or the exposure."""
-        columns, rows, _ = self.layouts[0]
         right = self._another_board(ids, outlines, camera)
         if right is not None:
-            guess = (right.columns, right.rows)
-            swapped = "rows and columns are swapped; " if guess == (rows, columns) else ""
-            wrong = f"dimension is {{x: {columns}, y: {rows}}}"
-            fits = f"{{x: {right.columns}, y: {right.rows}}} fits the markers"
-            if guess == (columns, rows):
-                wrong, fits = "the layout is", f"legacy: {str(right.legacy).lower()} fits"
-            return (
-                f"{len(ids)} markers are seen, but the board is another: {swapped}{wrong}, {fits}"
-            )
+            return self._named(right, len(ids))
         seen = f"{len(ids)} markers of {self.dictionary} are seen, but they do not stand as on this"
         white = over_exposed_share(grey, outlines.reshape(-1, 2))
         if white > 0.0:
@@ -249,6 +264,18 @@ class CharucoFinder:
             f"{seen} board; check dimension (inner corners), size and inner_size, or if there are "
             f"two"
         )
+
+    def _named(self, right: Layout, markers: int) -> str:
+        """Say that the markers stand as on another board."""
+        columns, rows, _ = self.layouts[0]
+        guess = (right.columns, right.rows)
+        swapped = "rows and columns are swapped; " if guess == (rows, columns) else ""
+        wrong = f"dimension is {{x: {columns}, y: {rows}}}"
+        fits = f"{{x: {right.columns}, y: {right.rows}}} fits the markers"
+        if guess == (columns, rows):
+            layout = str(right.legacy).lower()
+            wrong, fits = "its even number of rows is laid out otherwise", f"legacy: {layout} fits"
+        return f"{markers} markers are seen, but the board is another: {swapped}{wrong}, {fits}"
 
     def _another_board(
         self, ids: np.ndarray, outlines: np.ndarray, camera: Optional[Camera]
@@ -266,9 +293,7 @@ class CharucoFinder:
         near = (n + i for i in (-1, 1, -2, 2) for n in (columns, rows))
         stated = {rows: columns, columns: rows}
         for right in (n for n in dict.fromkeys((rows, columns, *near)) if n >= _FEWEST_CORNERS):
-            squares = 2 * (int(np.max(ids)) + 1)  # every other one has a marker
-            needed = -(-squares // (right + 1)) - 1
-            right_rows = max(needed, stated.get(right, 0), _FEWEST_CORNERS)
+            right_rows = max(_rows_needed(ids, right), stated.get(right, 0), _FEWEST_CORNERS)
             layouts = [Layout(right, right_rows, option) for option in (CURRENT, LEGACY)]
             found += self._fitting(ids, outlines, layouts, camera)
         return min(found, key=lambda fit: fit[2])[0] if found else None
@@ -304,6 +329,18 @@ class CharucoFinder:
         return FoundCorners(ids[good], kept, markers, int(np.sum(~good)), in_view)
 
 
+def _layouts(columns: int, rows: int) -> List[Layout]:
+    """Return the layouts of a board: two where its rows of squares are even in number."""
+    even = (rows + 1) % 2 == 0
+    return [Layout(columns, rows, option) for option in (CURRENT, LEGACY) if even or not option]
+
+
+def _rows_needed(ids: np.ndarray, columns: int) -> int:
+    """Return how many rows of corners a board has at least that has all these markers."""
+    squares = 2 * (int(np.max(ids)) + 1)  # every other one has a marker
+    return -(-squares // (columns + 1)) - 1
+
+
 def _corner_grid(layout: Layout) -> np.ndarray:
     """Return the inner corners (n, 2) in squares from the outer corner of the print."""
     row, column = np.mgrid[1 : layout.rows + 1, 1 : layout.columns + 1]
@@ -316,20 +353,22 @@ def _fit(
     layout: Layout,
     marker_share: float,
     camera: Optional[Camera],
-) -> Tuple[Optional[BoardView], float]:
-    """Return the board's view if the markers stand as the layout says, and how many do (share)."""
+) -> Tuple[Optional[BoardView], np.ndarray]:
+    """Return the board's view, and which of its markers stand as the layout says.
+
+    Markers that the board has not are of something else; where they are many, so are the others.
+    """
     squares = marker_squares(layout.columns + 1, layout.rows + 1, layout.legacy)
     known = ids < len(squares)
-    if np.sum(known) < LEAST_MARKERS:
-        return None, 0.0
+    if np.sum(known) < max(LEAST_MARKERS, _LEAST_OWN * len(ids)):
+        return None, np.zeros(0, dtype=bool)
     corner = 0.5 + 0.5 * marker_share * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     board = (squares[ids[known]][:, None, :] + corner).reshape(-1, 2)
     try:
         view = BoardView(board, outlines[known].reshape(-1, 2), camera)
     except ValueError:
-        return None, 0.0
-    whole = view.inliers.reshape(-1, 4).all(axis=1)
-    return view, float(np.sum(whole)) / len(ids)
+        return None, np.zeros(0, dtype=bool)
+    return view, view.inliers.reshape(-1, 4).all(axis=1)
 
 
 def _refined(
