@@ -171,6 +171,17 @@ def test_cameras_that_see_a_board_mirrored_to_each_other_are_named(cell):
     assert "black to near and white to far" in line
 
 
+def test_a_sensor_that_chose_among_planes_is_named_at_once(cell):
+    frames = cell.frames()
+    label = frames["near"].labels["board"]
+    frames["near"].set_label("board", replace(label, quality={"planes_alike": 2.0}))
+    for key in ("000", "001"):
+        cell.log.add(key, {"near": frames["near"]}, {}, cell.tree)
+    (line,) = cell.said
+    assert line.startswith("near: 2 planes of the board's size are in view") and "(1 coll" in line
+    assert "(2 collections)" in cell.log.advice()[0]
+
+
 def sizes_of(cell, share):
     """Return what is said of a board whose size is a share of the configured one, and by whom."""
     lidar = Sensor("lidar", LIDAR3D, "lidar_link", Edge("world", "lidar_link"))

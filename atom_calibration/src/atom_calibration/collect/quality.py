@@ -23,6 +23,7 @@ from atom_core.labeling.board_size import (
     size_remark,
 )
 from atom_core.labeling.guidance import BoardView, Guidance, board_view, guidance
+from atom_core.labeling.lidar3d import ALIKE
 from atom_core.labeling.rgb import STARTS_BLACK
 from atom_core.labeling.view_quality import (
     ForeseenView,
@@ -98,8 +99,8 @@ class QualityLog:
                     continue
                 speed = speeds.get((sensor, name))
                 seen = board_figures(frame, pattern, config)
-                if STARTS_BLACK in labeled.quality:
-                    seen[STARTS_BLACK] = labeled.quality[STARTS_BLACK]
+                kept = (STARTS_BLACK, ALIKE)
+                seen.update({k: labeled.quality[k] for k in kept if k in labeled.quality})
                 if speed is not None and np.isfinite(speed):
                     seen.update(speed_figure(frame.sightings.get(name), speed))
                 figures[(sensor, name)] = seen
@@ -131,7 +132,21 @@ class QualityLog:
             config = self._config.calibration_patterns[name]
             text = advice(failures, found, self._patterns[name], config)
             lines.append(f"{self._named(sensor, name)}: {text} ({len(failures)} collections)")
-        return [*lines, *self.moved()]
+        return [*lines, *self.moved(), *self.alike()]
+
+    def alike(self) -> List[str]:
+        """Return a line for each sensor that had to choose among planes of the board's size."""
+        counts: Dict[Key, List[int]] = defaultdict(list)
+        for of_one in self._figures.values():
+            for key, figures in of_one.items():
+                if ALIKE in figures:
+                    counts[key].append(int(figures[ALIKE]))
+        return [
+            f"{self._named(*key)}: {max(found)} planes of the board's size are in view, and the "
+            f"one that fits best was labeled: see that it is the board (dataset_playback), take "
+            f"the others away, or set the seed ({len(found)} collections)"
+            for key, found in counts.items()
+        ]
 
     def moved(self) -> List[str]:
         """Return a line for each sensor that took data of a board in motion."""

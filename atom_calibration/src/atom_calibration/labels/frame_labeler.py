@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.errors import LabelingError
 from atom_core.io.seeds import Seed
 from atom_core.labeling.base import Labeled, Labeler, labeler_for, nothing, prepared
+from atom_core.labeling.lidar3d import ALIKE
 from atom_core.labeling.stillness import SurfaceSighting
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.pattern import Pattern
@@ -38,6 +40,19 @@ class _Attempt(NamedTuple):
 
     seed: Optional[np.ndarray]
     reach_m: Optional[float] = None
+
+
+class _Tracked(NamedTuple):
+    """Where the board was last.
+
+    Attributes:
+        stamp_s, seed: when, and what finds it again.
+        alike: planes of the board's size from which it was chosen; 1 where it was alone.
+    """
+
+    stamp_s: float
+    seed: np.ndarray
+    alike: float
 
 
 class FrameLabeler:
@@ -71,7 +86,7 @@ class FrameLabeler:
         self._patterns = patterns
         self._automatic = automatic_seeds
         self._manual = ManualSeeds(seeds)
-        self._tracked: Dict[Key, Tuple[float, np.ndarray]] = {}
+        self._tracked: Dict[Key, _Tracked] = {}
         self._searched_s: Dict[Key, float] = {}
         self._world = config.world_link
         self._boards = BoardPredictor(self._world)
@@ -165,6 +180,7 @@ class FrameLabeler:
                     frame.sensor, self._patterns[pattern], frame.stamp_s, sighting, tree
                 )
             if labeled.detected and by_hand is None:
+                labeled = self._with_choice(key, labeled, attempt, prediction)
                 labeled = self._judged(frame, pattern, labeled, prediction)
             if labeled.detected:
                 break
@@ -173,7 +189,8 @@ class FrameLabeler:
             begun = by_hand if by_hand is not None and not outside_data(by_hand, frame) else None
             self._tracked.pop(key, None)
         elif labeled.next_seed is not None:
-            self._tracked[key] = (frame.stamp_s, labeled.next_seed)
+            alike = labeled.quality.get(ALIKE, 1.0)
+            self._tracked[key] = _Tracked(frame.stamp_s, labeled.next_seed, alike)
         frame.set_seed(pattern, begun)
 
     def _begun(
@@ -184,7 +201,23 @@ class FrameLabeler:
         if attempt.seed is not None or labeled.next_seed is None:
             return labeled, attempt.seed
         again = self._label(frame, pattern, labeled.next_seed)
+        if again.detected and ALIKE in labeled.quality:
+            again = replace(again, quality={**again.quality, ALIKE: labeled.quality[ALIKE]})
         return again if again.detected else labeled, labeled.next_seed
+
+    def _with_choice(
+        self, key: Key, labeled: Labeled, attempt: _Attempt, prediction: Optional[Guess]
+    ) -> Labeled:
+        """Return the label with the number of planes that it was chosen from, now or when found.
+
+        Where a camera tells which of them is the board nothing was chosen.
+        """
+        quality = {k: v for k, v in labeled.quality.items() if k != ALIKE or prediction is None}
+        tracked = self._tracked.get(key)
+        is_tracked = tracked is not None and attempt.seed is tracked.seed
+        if prediction is None and tracked is not None and is_tracked and tracked.alike > 1.0:
+            quality[ALIKE] = tracked.alike
+        return replace(labeled, quality=quality)
 
     def _judged(
         self, frame: Frame, pattern: str, labeled: Labeled, prediction: Optional[Guess]
@@ -210,9 +243,9 @@ class FrameLabeler:
         if of_this is not None:
             return [_Attempt(of_this)]
         key = (frame.sensor.name, pattern)
-        stamp, tracked = self._tracked.get(key, (-np.inf, np.zeros(0)))
-        if frame.stamp_s - stamp <= FRESH_S:
-            attempts.append(_Attempt(tracked))
+        tracked = self._tracked.get(key)
+        if tracked is not None and frame.stamp_s - tracked.stamp_s <= FRESH_S:
+            attempts.append(_Attempt(tracked.seed))
         for_all = self._manual.for_all(frame.sensor.name)
         if for_all is not None:
             return attempts if _is_useless(for_all, frame) else [*attempts, _Attempt(for_all)]

@@ -57,6 +57,7 @@ _WHOLE_ELSEWHERE = (
     "known, and a whole board of the configured size stands elsewhere; put the seed there, or "
     "bring all of this one into view"
 )
+ALIKE = "planes_alike"  # in the quality: planes of the board's size, where there are several
 _NO_BOARD = "no plane of the board's size and outline is in the cloud"
 
 CloudLike = Union[Cloud, np.ndarray]
@@ -318,22 +319,22 @@ def _searched(cloud: Cloud, border: Rectangle, options: Lidar3dOptions) -> List[
         *(scan, width, height),
         *(options.least_layers, options.beam_width_rad, options.dark_square_m),
     )
-    several = f"{len(segments)} planes have the board's size; the one that fits best is taken"
-    warnings = (several,) if len(segments) > 1 else ()
+    alike = sum(bool(segment["detected"]) for segment in segments)
     for segment in segments:
         if not segment["detected"]:
             place = ", ".join(f"{x:.2f}" for x in segment["sensor_T_board"][:3, 3])
             segment["reason"] = f"{_NO_BOARD}; nearest to one is what is at ({place}) m: " + str(
                 segment["reason"]
             )
-    return [_found(cloud, segment, scan.has_layers, warnings) for segment in segments]
+    return [_found(cloud, segment, scan.has_layers, alike) for segment in segments]
 
 
-def _found(
-    cloud: Cloud, segment: Mapping[str, Any], by_layers: bool, warnings: Any = ()
-) -> FoundBoard:
+def _found(cloud: Cloud, segment: Mapping[str, Any], by_layers: bool, alike: int = 1) -> FoundBoard:
     sensor_T_centre = segment["sensor_T_board"]
     quality = _quality(segment, _FIGURES_OF_LAYERS if by_layers else _FIGURES_OF_OUTLINES)
+    several = f"{alike} planes have the board's size; the one that fits best is taken"
+    if alike > 1:
+        quality[ALIKE] = float(alike)
     if not segment["detected"] and not segment["unsure"]:
         return FoundBoard(nothing(LIDAR3D, segment["reason"], quality), sensor_T_centre)
     label = RangeLabel(segment["indices"], segment["limit_indices"])
@@ -345,7 +346,7 @@ def _found(
         quality=quality,
         item_quality=np.clip(worth, 0.0, 1.0),
         next_seed=points.mean(axis=0),
-        warnings=tuple(warnings),
+        warnings=(several,) if alike > 1 else (),
     )
     if segment["unsure"]:
         labeled = nothing(LIDAR3D, segment["reason"], quality, labeled)
