@@ -165,6 +165,20 @@ def test_sensors_whose_clocks_all_count_from_boot_are_refused_with_the_option(pl
     assert len(read_dataset(place.folder / "dataset.json").collections) == STOPS
 
 
+def test_stamps_that_no_driver_set_are_refused_with_the_option(place, make, capsys):
+    content = list(messages(make))
+    for topic, message, _ in content:
+        if topic in ("/cam/image_raw", "/lidar/points"):
+            message.header.stamp = type(message.header.stamp)()
+    arguments = place(content)
+    line = refusal(arguments, capsys)
+    assert "the stamps of cam, lidar are all zero" in line
+    line = refusal([*arguments, "--use_receive_time", "lidar", "--overwrite"], capsys)
+    assert "the stamps of cam are all zero" in line and "--use_receive_time lidar cam" in line
+    assert main([*arguments, "--use_receive_time", "cam", "lidar", "--overwrite"]) == 0
+    assert len(read_dataset(place.folder / "dataset.json").collections) == STOPS
+
+
 def test_receipt_of_an_unknown_sensor_is_refused(place, capsys):
     line = refusal([*place(), "--use_receive_time", "radar"], capsys)
     assert "there is no sensor 'radar'; there are cam, lidar" in line

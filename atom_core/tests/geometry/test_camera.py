@@ -142,3 +142,18 @@ def test_wrong_length_of_K_is_refused():
 def test_integer_K_and_D_are_numbers_like_others():
     camera = Camera(640, 480, [[600, 0, 320], [0, 600, 240], [0, 0, 1]], [0, 0, 0, 0, 0])
     np.testing.assert_allclose(camera.project(np.array([[0.5, 0.0, 1.0]])), [[620, 240]])
+
+
+@pytest.mark.parametrize(
+    "model, count, told",
+    [
+        ("", 8, "plumb_bob needs 4 or 5; they would be of rational_polynomial"),
+        ("plumb_bob", 8, "they would be of rational_polynomial: correct distortion_model"),
+        ("equidistant", 5, "they would be of plumb_bob"),
+        ("plumb_bob", 7, "the model plumb_bob needs 4 or 5$"),
+    ],
+)
+def test_coefficients_of_another_model_name_it(model, count, told):
+    K = np.array([[500.0, 0, 320], [0, 500, 240], [0, 0, 1]])
+    with pytest.raises(ValueError, match=told):
+        Camera(640, 480, K, np.full(count, 0.01), model)

@@ -307,6 +307,15 @@ def test_markers_of_something_else_do_not_hide_the_board(count):
     np.testing.assert_allclose(found.label.pixels, expected, atol=0.1)
 
 
+def test_two_boards_with_the_same_markers_are_named():
+    printed = aruco.charuco_print((7, 5), 0.75, "DICT_5X5_100", 60)
+    one = cv2.copyMakeBorder(printed, 60, 60, 60, 60, cv2.BORDER_CONSTANT, value=255)
+    config = charuco(dimension=(6, 4), size=0.06, inner_size=0.045)
+    found = without_intrinsics(labeler(config)).label(np.hstack([one, one]))
+    assert not found.detected
+    assert "17 markers of DICT_5X5_100 are seen twice" in found.reason
+
+
 def test_a_covered_corner_is_dropped_and_the_others_stay():
     config, pose = charuco(), held(1.3, (0.2, 0.3, 0.1))
     image = picture(config, pose)

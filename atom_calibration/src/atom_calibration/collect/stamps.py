@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from typing import Collection, Dict, List, Mapping, Optional
 
 from atom_calibration.errors import CollectionError
@@ -11,6 +12,7 @@ from atom_core.model.sensor import Sensor
 
 _OTHER_CLOCK_S = 10.0
 _NOTEWORTHY_S = 0.15  # exposure, a turn of a LiDAR and the way to the recorder take less
+_FIRST = 3  # messages that tell whether there are stamps
 _AHEAD_S = 0.02  # a stamp after its receipt cannot be right; clocks of two computers may differ
 
 
@@ -23,6 +25,33 @@ def receipt_lags_s(bag: BagReader, topics: Mapping[str, Sensor]) -> Dict[str, fl
     """
     lags = {s.name: bag.receipt_lag_s([topic], stamp_s) for topic, s in topics.items()}
     return {name: lag for name, lag in lags.items() if lag is not None}
+
+
+def check_stamped(
+    bag: BagReader, topics: Mapping[str, Sensor], received: Collection[str] = ()
+) -> None:
+    """Refuse data whose driver sets no stamps.
+
+    Args:
+        bag: the recording.
+        topics: sensors by the topic of their data.
+        received: sensors whose stamps are not used.
+
+    Raises:
+        CollectionError: naming the sensors.
+    """
+    unset = []
+    for topic, sensor in topics.items():
+        first = islice(bag.messages([topic]), _FIRST)
+        stamps_s = [stamp_s(found.message) for found in first]
+        if len(stamps_s) > 1 and not any(stamps_s) and sensor.name not in received:
+            unset.append(sensor.name)
+    if unset:
+        raise CollectionError(
+            f"{bag.path}: the stamps of {', '.join(unset)} are all zero (header.stamp is not set "
+            f"by the driver); --use_receive_time {' '.join([*received, *unset])} takes the times "
+            f"of receipt instead"
+        )
 
 
 def check_received(received: Collection[str], sensors: Collection[str]) -> None:

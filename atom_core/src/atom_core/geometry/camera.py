@@ -19,7 +19,7 @@ out of the image, and the residual pulls it back to the front.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Tuple
+from typing import Sequence, Tuple
 
 import numpy as np
 
@@ -280,7 +280,15 @@ def _trim_coefficients(model: str, D: np.ndarray) -> np.ndarray:
     if D.size > longest and not np.any(D[longest:]):
         return D[:longest]
     wanted = " or ".join(str(n) for n in lengths)
-    raise ValueError(f"D has {D.size} numbers, the model {model} needs {wanted}")
+    fitting = [other for other, n in _COEFFICIENTS.items() if other != model and _has(D, n)]
+    hint = f"; they would be of {' or '.join(fitting)}: correct distortion_model" if fitting else ""
+    raise ValueError(f"D has {D.size} numbers, the model {model} needs {wanted}{hint}")
+
+
+def _has(D: np.ndarray, lengths: Sequence[int]) -> bool:
+    """Tell whether a model with coefficients of these lengths has all of D that is not zero."""
+    longest = lengths[-1]
+    return D.size in lengths or (D.size > longest > 0 and not np.any(D[longest:]))
 
 
 def radial_factor(model: str, D: np.ndarray, square: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:

@@ -101,14 +101,14 @@ class CharucoFinder:
         named; where blur may make them look so, both sizes are tried.
         """
         smooth = smoothed_where_flat(grey)
-        ids, outlines, alike = search_markers(smooth, self.dictionary)
+        ids, outlines, alike, twice = search_markers(smooth, self.dictionary)
         if len(ids) < LEAST_MARKERS and alike.negative >= LEAST_MARKERS:
             negative = cv2.bitwise_not(smooth)
             if len(detect_markers(negative, self.dictionary)[0]) > len(ids):
                 grey, smooth = cv2.bitwise_not(grey), negative
-                ids, outlines, alike = search_markers(negative, self.dictionary)
+                ids, outlines, alike, twice = search_markers(negative, self.dictionary)
         if len(ids) < LEAST_MARKERS:
-            why = self._mirrored(smooth, alike) or _few(len(ids), self.dictionary)
+            why = self._mirrored(smooth, alike) or _few(len(ids), twice, self.dictionary)
             return _none(len(ids), why)
         measured = self._measured(ids, outlines, camera)
         if measured is not None and measured.contradicts(self.marker_share):
@@ -420,7 +420,13 @@ def _off_their_neighbours(
     return off
 
 
-def _few(count: int, dictionary: str) -> str:
+def _few(count: int, twice: int, dictionary: str) -> str:
+    if count + twice >= LEAST_MARKERS:
+        return (
+            f"{twice} markers of {dictionary} are seen twice or more, so that none of them tells "
+            f"which board it is on: there is another board with these markers, or a picture of "
+            f"one; take it out of view"
+        )
     if count == 0:
         return f"no marker of {dictionary} is seen"
     return f"{count} marker(s) of {dictionary} are seen, {LEAST_MARKERS} are needed"

@@ -44,11 +44,13 @@ class FoundSquares(NamedTuple):
         ids: (n,) of the markers.
         outlines: (n, 4, 2) of the markers [px].
         alike: what other squares look like; none where there are many markers.
+        twice: how many markers are seen more than once, and so are not among them.
     """
 
     ids: np.ndarray
     outlines: np.ndarray
     alike: Likenesses
+    twice: int
 
 
 def smoothed_where_flat(grey: np.ndarray) -> np.ndarray:
@@ -79,14 +81,19 @@ def search_markers(smooth: np.ndarray, dictionary: str) -> FoundSquares:
     """
     ids, outlines, unread = find_squares(smooth, dictionary)
     if len(ids) >= _UPSCALE_BELOW:
-        return FoundSquares(*once(ids, outlines), Likenesses(0, 0, 0, 0))
+        return _found(ids, outlines, Likenesses(0, 0, 0, 0))
     alike = likenesses(smooth, unread, dictionary)
     if len(ids) > 0 or alike.plain > 0:
         larger = cv2.resize(smooth, None, fx=_UPSCALE, fy=_UPSCALE, interpolation=cv2.INTER_LINEAR)
         more, larger_outlines, _ = find_squares(larger, dictionary)
         if len(more) > len(ids):
             ids, outlines = more, (larger_outlines + 0.5) / _UPSCALE - 0.5
-    return FoundSquares(*once(ids, outlines), alike)
+    return _found(ids, outlines, alike)
+
+
+def _found(ids: np.ndarray, outlines: np.ndarray, alike: Likenesses) -> FoundSquares:
+    single = once(ids, outlines)
+    return FoundSquares(*single, alike, len(np.unique(ids)) - len(single[0]))
 
 
 def once(ids: np.ndarray, outlines: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:

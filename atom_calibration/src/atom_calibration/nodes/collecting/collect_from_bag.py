@@ -34,6 +34,7 @@ from atom_calibration.collect.selection import StopMoments, TimedMoments
 from atom_calibration.collect.stamps import (
     check_clocks,
     check_received,
+    check_stamped,
     receipt_lags_s,
     start_lag_s,
 )
@@ -185,6 +186,7 @@ def _collected(
 def _lags_s(bag: BagReader, rig: Rig, received: Collection[str]) -> Dict[str, float]:
     """Return by sensor how long after their stamps data came [s]; 0 where these are not used."""
     check_received(received, rig.sensors)
+    check_stamped(bag, rig.topics, received)
     lags_s = receipt_lags_s(bag, rig.topics)
     return {name: 0.0 if name in received else lag for name, lag in lags_s.items()}
 
