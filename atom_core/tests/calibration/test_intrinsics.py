@@ -342,12 +342,14 @@ def with_twin(dataset):
     edge = sensor.edge._replace(child="twin_link")
     twin = replace(sensor, name="rgb_2", edge=edge, frame="twin_link")
     first = sensor.edge
-    collections = {}
+    collections, rng = {}, np.random.default_rng(1)
     for key, collection in dataset.collections.items():
         below = {e.parent: m for e, m in collection.transforms.items()}
         optical = collection.transforms[first] @ below["rgb_1_link"] @ below["rgb_1_frame"]
         labels = dict(collection.labels)
-        labels[("rgb_2", "pattern_1")] = labels[("rgb_1", "pattern_1")]
+        label = labels[("rgb_1", "pattern_1")]
+        pixels = label.pixels + rng.normal(0.0, 0.01, label.pixels.shape)
+        labels[("rgb_2", "pattern_1")] = replace(label, pixels=pixels)
         collections[key] = replace(
             collection, labels=labels, transforms={**collection.transforms, edge: optical}
         )
