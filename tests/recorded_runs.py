@@ -53,9 +53,9 @@ RUNS = (
         "whole: built without a change in the sources (Ceres 1.14.0, PCL 1.11.1, RViz 1.14.4, "
         "CMake 3.18.4, Python 3.9.2, OpenCV 4.5.1), 5,738 quick tests passed (67 skipped), the "
         "four C++ tests under the address and undefined sanitizers, `calibrate.test` and the three "
-        "tests in RViz. Runs before had found a simulator that could not run with the MuJoCo of Python 3.9 (3.3.7), pictures with their "
-        "principal point upside down there, and a selection nested 100,000 deep that ended the "
-        "process; all mended",
+        "tests in RViz. Runs before had found a simulator that could not run with the MuJoCo of "
+        "Python 3.9 (3.3.7), pictures with their principal point upside down there, and a "
+        "selection nested 100,000 deep that ended the process; all mended",
     ),
     Run(
         "`make test-opencv-versions`",
