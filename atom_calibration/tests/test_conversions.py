@@ -62,6 +62,16 @@ def test_fewer_bits_in_16_are_not_black_and_said_once(make, caplog, bits):
     ]
 
 
+@pytest.mark.parametrize("bits", [8, 12, 16])
+def test_so_they_are_in_a_compressed_picture(bits):
+    images._say_depth.cache_clear()
+    grey = PICTURE[..., 0].copy()
+    grey[0, 0] = 255
+    _, data = cv2.imencode(".png", grey.astype("<u2") << (bits - 8))
+    message = CompressedImage(format="mono16; png compressed ", data=data.tobytes())
+    np.testing.assert_array_equal(colour_image(message), np.dstack([grey] * 3))
+
+
 def test_a_bayer_image_keeps_its_colours(make):
     mosaic = np.zeros((8, 8), np.uint8)
     mosaic[0::2, 0::2] = 200  # red where rggb has it

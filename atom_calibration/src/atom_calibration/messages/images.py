@@ -48,6 +48,8 @@ _COLOURS: Dict[str, Tuple[str, int, Optional[int]]] = {
 }
 _DEPTHS = (8, 10, 12, 16)  # bits in which cameras measure
 _MILLIMETRE = 0.001  # REP 118: depths of whole numbers are millimetres
+# With all bits, since OpenCV takes the upper eight of 16, where a camera of 12 bits has four.
+_AS_STORED = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 _COMPRESSED_DEPTH_HEADER = 12  # bytes of compressed_depth_image_transport before the PNG
 
 
@@ -58,7 +60,7 @@ def colour_image(message: Any) -> np.ndarray:
         MessageError: the image is empty, cut off, or in an encoding that is not known.
     """
     if message._type == COMPRESSED_IMAGE:
-        image = _decompressed(message, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+        image = _decompressed(message, _AS_STORED)
         return _eight_bits(image)
     if message.encoding not in _COLOURS:
         raise MessageError(
