@@ -49,6 +49,37 @@ def test_a_grid_that_a_detector_puts_beside_the_board_is_put_right():
     assert ordered and np.max(np.abs(error)) < 0.5
 
 
+@pytest.mark.parametrize("size", [(9, 6), (7, 5)])
+def test_the_edge_of_the_plate_is_no_row_of_corners(size):
+    """As in left01.jpg of OpenCV, configured with a row too many: nine points along the edge."""
+    image, corners = flat_board(*size, starts_white=False, side=30, background=90)
+    columns, rows = size
+    image[: 50 - 14], image[rows * 30 + 30 + 50 + 14 :] = 90, 90
+    image[50 - 14 : 50, 50 - 14 : -36] = (
+        225  # a white margin, half a square wide, before a grey room
+    )
+    image = cv2.GaussianBlur(image, (0, 0), 1.0)
+    edge = corners[:1] - [0.0, 45.0]
+    edge[0, ::2, 1] += 8.0  # the points zigzag there
+    grid = np.concatenate([edge, corners])
+    finder = ChessboardFinder(columns, rows + 1)
+    found = finder._labeled(image, grid)
+    assert found.corners is None
+    assert f"a chessboard of {columns} x {rows} inner corners is seen" in found.reason
+
+
+def test_an_outer_row_must_be_nearly_as_clear_as_the_others():
+    """The edge of OpenCV's left01.jpg has 0.55, true outer rows of its pictures 0.97 and more."""
+    for outer in (0, -1):
+        for axis in (0, 1):
+            quality = np.ones((7, 9))
+            np.moveaxis(quality, axis, 0)[outer] = 0.55
+            assert not chessboard._clear(quality)
+    quality = np.ones((7, 9))
+    quality[3] = 0.55  # a reflection
+    assert chessboard._clear(quality)
+
+
 def flat_board(columns, rows, starts_white, side=24, background=255):
     """Return a board seen straight from the front, and the grid of its corners."""
     row, column = np.mgrid[0 : rows + 1, 0 : columns + 1]

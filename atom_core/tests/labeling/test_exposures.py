@@ -79,7 +79,7 @@ def over_exposed(config, configured):
 def test_markers_that_are_read_wrongly_are_of_no_other_board():
     config = charuco()
     finder, picture = over_exposed(config, config)
-    ids, outlines, _ = search_markers(picture, config.dictionary)
+    ids, outlines, *_ = search_markers(picture, config.dictionary)
     few = np.random.default_rng(1).permutation(len(ids))[:6]
     reason = finder._why_nothing_fits(picture, ids[few][::-1], outlines[few], None)
     assert "the picture is over-exposed" in reason and "another" not in reason
@@ -91,6 +91,6 @@ def test_markers_that_are_read_wrongly_are_of_no_other_board():
 def test_another_board_is_named_however_it_is_exposed():
     config = charuco()
     finder, picture = over_exposed(config, replace(config, dimension=(10, 8)))
-    ids, outlines, _ = search_markers(picture, config.dictionary)
+    ids, outlines, *_ = search_markers(picture, config.dictionary)
     reason = finder._why_nothing_fits(picture, ids, outlines, None)
     assert "{x: 11, y: 8} fits the markers" in reason

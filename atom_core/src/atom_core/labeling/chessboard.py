@@ -15,6 +15,7 @@ from atom_core.labeling.saddle import Corners, refine
 
 _LEAST_QUALITY = 0.8
 _LEAST_LINE_QUALITY = 0.5  # median of a row or column of corners
+_LEAST_OUTER_SHARE = 0.75  # of all corners' median: the print's edge is no line of corners
 _ITERATIONS = 6
 _LARGEST_MOVE_PX = 2.5
 _FARTHEST_SQUARES = 0.15  # of an unclear corner from where its neighbours say it is
@@ -79,28 +80,47 @@ class ChessboardFinder:
         grid = self._oriented(grey, grid)
         black = _starts_black(grey, grid)
         corners, wrong = _refine(grey, grid, black)
-        if not _clear(corners.quality.reshape(self.rows, self.columns)):
-            return FoundBoard(
-                None, f"no chessboard of {self._size()} inner corners is seen clearly"
-            )
+        exact = corners.pixels.reshape(grid.shape)
+        if not _clear(corners.quality.reshape(grid.shape[:2])):
+            return self._of_another_size(grey, exact, is_sure)
         if wrong.any():
             return FoundBoard(
                 None, f"corner {np.flatnonzero(wrong)[0]} of the chessboard is hidden or blurred"
             )
-        exact = corners.pixels.reshape(grid.shape)
         whole = _whole_grid(grey, exact, black)
         if whole != (self.columns, self.rows):
-            again = _regridded(grey, exact)
-            if again.shape[:2] == (self.columns, self.rows) != (self.rows, self.columns):
-                again = again.swapaxes(0, 1)
+            again = self._regridded(grey, exact)
             if again.shape == grid.shape and not is_sure:
                 return self._labeled(grey, again, is_sure=True)
-            return FoundBoard(
-                None,
-                f"a chessboard of {whole[0]} x {whole[1]} inner corners is seen, not of "
-                f"{self._size()}; correct dimension, or take the other board out of view",
-            )
+            return self._another(*whole)
         return FoundBoard(corners, starts_black=black)
+
+    def _of_another_size(self, grey: np.ndarray, grid: np.ndarray, is_sure: bool) -> FoundBoard:
+        """Return the board of which a grid has lines that are none; mostly it is another one."""
+        again = self._regridded(grey, grid)
+        rows, columns = again.shape[:2]
+        if again.shape == grid.shape:
+            if not is_sure and not np.array_equal(again, grid):
+                return self._labeled(grey, again, is_sure=True)
+        elif min(rows, columns) >= _LEAST_CORNERS:
+            corners, wrong = _refine(grey, again, _starts_black(grey, again))
+            if _clear(corners.quality.reshape(rows, columns)) and not wrong.any():
+                return self._another(columns, rows)
+        return FoundBoard(None, f"no chessboard of {self._size()} inner corners is seen clearly")
+
+    def _regridded(self, grey: np.ndarray, grid: np.ndarray) -> np.ndarray:
+        """Return the lines of corners that there are, as rows and columns of this board if so."""
+        again = _regridded(grey, grid)
+        if again.shape[:2] == (self.columns, self.rows) != (self.rows, self.columns):
+            return again.swapaxes(0, 1)
+        return again
+
+    def _another(self, columns: int, rows: int) -> FoundBoard:
+        return FoundBoard(
+            None,
+            f"a chessboard of {columns} x {rows} inner corners is seen, not of {self._size()}; "
+            f"correct dimension, or take the other board out of view",
+        )
 
     def _size(self) -> str:
         return f"{self.columns} x {self.rows}"
@@ -197,8 +217,11 @@ def _clear(quality: np.ndarray) -> bool:
 
     A detector may leave out a line: from there on white and black change places.
     """
-    lines = [np.median(quality, axis=axis).min() for axis in (0, 1)]
-    return bool(np.median(quality) >= _LEAST_QUALITY and min(lines) >= _LEAST_LINE_QUALITY)
+    lines = [np.median(quality, axis=axis) for axis in (0, 1)]
+    outer = min(float(of_axis[[0, -1]].min()) for of_axis in lines)
+    middle = float(np.median(quality))
+    every = min(float(of_axis.min()) for of_axis in lines) >= _LEAST_LINE_QUALITY
+    return middle >= _LEAST_QUALITY and every and outer >= _LEAST_OUTER_SHARE * middle
 
 
 def _refit(grey: np.ndarray, grid: np.ndarray, starts_black: bool) -> Corners:
