@@ -59,6 +59,10 @@ _TOLD_SIZE = 0.005  # of the size of boards: what is told less exactly is not to
 RANK_DEFICIENT, INCONSISTENT = "rank_deficient", "inconsistent"
 
 
+# The covariance, robust and combined; misfits, model checks, moving parts, remarks.
+Examined = Tuple[Covariance, List[Misfit], List[ModelCheck], List[MovingEdge], Tuple[str, ...]]
+
+
 @dataclass(frozen=True)
 class Judgement:
     """What a solution is worth.
@@ -123,26 +127,17 @@ def judge(
     dataset = answer(chosen, refined)
     solution = Solution(dataset, problem, summary.x)
     weak = _weak(chosen, refined, solution, covariance, options)
-    unfit: List[Misfit] = []
-    checks: List[ModelCheck] = []
-    moving: List[MovingEdge] = []
-    remarks: Tuple[str, ...] = ()
+    examined: Examined = (covariance, [], [], [], ())
     if summary.status == CONVERGED:
-        loss = options.solver.loss
-        unfit = misfits(refined.solver, summary.x, summary.sigmas, loss, make_solver)
-        if options.solver.weights == SIGMA:
-            covariance, checks, sizes = _checked(start.initial, refined, options, covariance)
-            moving = _moving(dataset, refined, options, checks)
-            remarks = (*_few_collections(problem), *sizes)
+        given = (dataset, start.initial, refined, options, covariance, make_solver)
+        examined = _examined(*given)
+    covariance, unfit, checks, moving, remarks = examined
     known = tuple(prior_results(problem.parameters, summary.x, covariance))
     out = exclusions(start.initial, start.measurements, refined.rejected)
-    reasons = [suggestion(c) for c in strong(checks, covariance)] + _unusual(refined, covariance)
-    reasons += unusual_parts(refined.free, options) + contradictions(known)
-    if unfit:  # else it is noise that the sigmas know of
-        reasons = [*_of_held_boards(refined), *(edge.why for edge in moving), *reasons]
-    reasons += [m.why for m in unfit] + [e.why for e in out]
     places = described if options.initial_guess == DESCRIPTION else dataset
-    reasons = exchanged(places, dataset) + reasons
+    reasons = exchanged(places, dataset)
+    reasons += _contradictions(refined, options, covariance, unfit, checks, moving)
+    reasons += contradictions(known) + [m.why for m in unfit] + [e.why for e in out]
     also = _if_a_fixed_board_moved(dataset, problem) if unfit or moving or out else ""
     status, message = _verdict(summary, weak, [why + also for why in reasons], refined.failure)
     return Judgement(
@@ -160,6 +155,41 @@ def judge(
         message=message,
         remarks=remarks,
     )
+
+
+def _examined(
+    dataset: Dataset,
+    initial: Dataset,
+    refined: Refined,
+    options: CalibrationOptions,
+    covariance: Covariance,
+    make_solver: SolverFactory,
+) -> Examined:
+    """Return what the data say of the model, where the solver has converged."""
+    summary, loss = refined.summary, options.solver.loss
+    unfit = misfits(refined.solver, summary.x, summary.sigmas, loss, make_solver)
+    if options.solver.weights != SIGMA:
+        return covariance, unfit, [], [], ()
+    covariance, checks, sizes = _checked(initial, refined, options, covariance)
+    moving = _moving(dataset, refined, options, checks)
+    remarks = (*_few_collections(refined.solver.problem), *sizes)
+    return covariance, unfit, checks, moving, remarks
+
+
+def _contradictions(
+    refined: Refined,
+    options: CalibrationOptions,
+    covariance: Covariance,
+    unfit: Sequence[Misfit],
+    checks: Sequence[ModelCheck],
+    moving: Sequence[MovingEdge],
+) -> List[str]:
+    """Return what of the model the data contradict, the likeliest cause first."""
+    reasons = [suggestion(c) for c in strong(checks, covariance)] + _unusual(refined, covariance)
+    reasons += unusual_parts(refined.free, options)
+    if unfit:  # else it is noise that the sigmas know of
+        reasons = [*_of_held_boards(refined), *(edge.why for edge in moving), *reasons]
+    return reasons
 
 
 def _weak(
