@@ -66,8 +66,8 @@ FAILURE_MODES = (
         "both are tried, and the one that fits is taken; the same pictures are labeled with every "
         "version of OpenCV that is tested",
         (
-            f"{_LABELING}/test_rgb.py::test_the_layout_of_an_even_number_of_rows_is_recognised",
-            f"{_LABELING}/test_rgb.py::test_the_layout_of_an_odd_number_of_columns_is_not_mistaken",
+            f"{_LABELING}/test_charuco_layouts.py::test_the_layout_of_an_even_number_of_rows_is_recognised",
+            f"{_LABELING}/test_charuco_layouts.py::test_the_layout_of_an_odd_number_of_columns_is_not_mistaken",
         ),
     ),
     FailureMode(
