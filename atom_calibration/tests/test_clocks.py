@@ -2,21 +2,10 @@
 
 import numpy as np
 import pytest
-from stand_in_rig import STOPS, Place, messages, refusal, use_stand_ins
+from stand_in_rig import STOPS, messages, refusal
 
 from atom_calibration.nodes.collecting.collect_from_bag import main
 from atom_core.io.dataset_json import read_dataset
-
-
-@pytest.fixture(autouse=True)
-def stand_in(monkeypatch):
-    use_stand_ins(monkeypatch)
-
-
-@pytest.fixture
-def place(make, tmp_path):
-    """Return a function: messages -> arguments of the command for a bag of them."""
-    return Place(make, tmp_path)
 
 
 def with_clock(make, ahead_s, stops=STOPS):

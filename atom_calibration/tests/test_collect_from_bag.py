@@ -9,13 +9,11 @@ from stand_in_rig import (
     CONFIG,
     GRID,
     STOPS,
-    Place,
     StandIn,
     cloud,
     messages,
     position,
     refusal,
-    use_stand_ins,
 )
 
 from atom_calibration.nodes.collecting.collect_from_bag import main
@@ -25,17 +23,6 @@ from atom_core.labeling.base import nothing
 from atom_core.model.dataset import range_points
 from atom_core.model.labels import DetectionKey
 from atom_core.model.transforms import Edge
-
-
-@pytest.fixture(autouse=True)
-def stand_in(monkeypatch):
-    use_stand_ins(monkeypatch)
-
-
-@pytest.fixture
-def place(make, tmp_path):
-    """Return a function: messages -> arguments of the command for a bag of them."""
-    return Place(make, tmp_path)
 
 
 def test_each_stop_becomes_a_collection_with_its_data_labels_and_transforms(place):

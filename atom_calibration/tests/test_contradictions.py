@@ -7,19 +7,13 @@ import pytest
 pytest.importorskip("rospy")
 
 from sensor_msgs.msg import CompressedImage
-from stand_in_rig import Place, messages, refusal, use_stand_ins
+from stand_in_rig import messages, refusal
 
 from atom_calibration.errors import MessageError, TransformError
 from atom_calibration.messages.images import colour_image
 from atom_calibration.nodes.collecting.collect_from_bag import main
 from atom_calibration.sources.contradictions import EdgeWatch
 from atom_core.geometry import se3
-
-
-@pytest.fixture
-def place(tmp_path, make, monkeypatch):
-    use_stand_ins(monkeypatch)
-    return Place(make, tmp_path)
 
 
 def changed(make, topic, from_s, change):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
-from stand_in_rig import CONFIG, STOPS, Place, messages, refusal, use_stand_ins
+from stand_in_rig import CONFIG, STOPS, messages, refusal
 
 from atom_calibration.errors import MessageError
 from atom_calibration.nodes.collecting.collect_from_bag import main
@@ -35,16 +35,6 @@ URDF = """<?xml version="1.0"?>
 </robot>
 """
 STILL = URDF.replace('name="slide" type="prismatic"', 'name="slide" type="fixed"')
-
-
-@pytest.fixture(autouse=True)
-def stand_in(monkeypatch):
-    use_stand_ins(monkeypatch)
-
-
-@pytest.fixture
-def place(make, tmp_path):
-    return Place(make, tmp_path)
 
 
 def joints(make, name="slide"):

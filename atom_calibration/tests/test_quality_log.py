@@ -6,7 +6,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from stand_in_rig import Place, messages, position, use_stand_ins
+from stand_in_rig import messages, position
 
 from atom_calibration.collect.quality import QualityLog
 from atom_calibration.labels.board_figures import add_figures
@@ -213,12 +213,6 @@ def test_boards_of_another_size_are_named_and_smaller_ones_are_no_boards(cell):
 
 
 # ------------------------------------------------------------------------------ from a bag
-
-
-@pytest.fixture
-def place(make, tmp_path, monkeypatch):
-    use_stand_ins(monkeypatch)
-    return Place(make, tmp_path)
 
 
 def test_the_summary_and_a_file_tell_how_well_each_sensor_sees_the_board(place, capsys):

@@ -212,11 +212,12 @@ class FrameLabeler:
 
         Where a camera tells which of them is the board nothing was chosen.
         """
-        quality = {k: v for k, v in labeled.quality.items() if k != ALIKE or prediction is None}
-        tracked = self._tracked.get(key)
-        is_tracked = tracked is not None and attempt.seed is tracked.seed
-        if prediction is None and tracked is not None and is_tracked and tracked.alike > 1.0:
-            quality[ALIKE] = tracked.alike
+        alike, tracked = labeled.quality.get(ALIKE, 1.0), self._tracked.get(key)
+        if tracked is not None and attempt.seed is tracked.seed:
+            alike = tracked.alike
+        quality = {name: value for name, value in labeled.quality.items() if name != ALIKE}
+        if alike > 1.0 and prediction is None:
+            quality[ALIKE] = alike
         return replace(labeled, quality=quality)
 
     def _judged(

@@ -82,9 +82,8 @@ def _or_wide_beams(
     """Return what else may enlarge a board to a sensor, if that is possible; empty if not."""
     border, estimate = dataset.patterns[pattern].border, dataset.sensors[name].kind.beam_width
     longer = np.array(finding.sides_m) - 2.0 * border.half_size
-    surely_size = finding.by_size and not finding.by_beams
-    surely_size |= finding.range_offset_m is not None
-    if estimate is None or np.nanmin(longer) < 0.0 or surely_size:
+    no_beams = (finding.by_size and not finding.by_beams) or finding.range_offset_m is not None
+    if estimate is None or np.nanmin(longer) < 0.0 or no_beams:
         return ""
     width = estimate(boards, border)
     if width is None:

@@ -127,11 +127,9 @@ def judge(
     dataset = answer(chosen, refined)
     solution = Solution(dataset, problem, summary.x)
     weak = _weak(chosen, refined, solution, covariance, options)
-    examined: Examined = (covariance, [], [], [], ())
-    if summary.status == CONVERGED:
-        given = (dataset, start.initial, refined, options, covariance, make_solver)
-        examined = _examined(*given)
-    covariance, unfit, checks, moving, remarks = examined
+    covariance, unfit, checks, moving, remarks = _examined(
+        dataset, start.initial, refined, options, covariance, make_solver
+    )
     known = tuple(prior_results(problem.parameters, summary.x, covariance))
     out = exclusions(start.initial, start.measurements, refined.rejected)
     places = described if options.initial_guess == DESCRIPTION else dataset
@@ -165,8 +163,10 @@ def _examined(
     covariance: Covariance,
     make_solver: SolverFactory,
 ) -> Examined:
-    """Return what the data say of the model, where the solver has converged."""
+    """Return what the data say of the model; nothing unless the solver has converged."""
     summary, loss = refined.summary, options.solver.loss
+    if summary.status != CONVERGED:
+        return covariance, [], [], [], ()
     unfit = misfits(refined.solver, summary.x, summary.sigmas, loss, make_solver)
     if options.solver.weights != SIGMA:
         return covariance, unfit, [], [], ()

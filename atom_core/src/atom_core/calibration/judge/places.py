@@ -7,7 +7,7 @@ was known of the rig beforehand tells.
 from __future__ import annotations
 
 from itertools import combinations
-from typing import Dict, List, Mapping, NamedTuple, Tuple
+from typing import Dict, List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
@@ -20,8 +20,6 @@ from atom_core.model.transforms import Edge
 FAR_M, FAR_RAD = 0.5, np.radians(30.0)
 # Exchanged sensors are so much nearer to each other's places than to their own.
 _NEARER, _LEAST_OFF_M = 0.25, 0.2
-
-Poses = Mapping[str, np.ndarray]
 
 
 class Displaced(NamedTuple):
@@ -68,15 +66,19 @@ def exchanged(described: Dataset, dataset: Dataset) -> List[str]:
         described: the dataset as it was given.
         dataset: the answer.
     """
-    before, after = _world_T_sensors(described), _world_T_sensors(dataset)
+    keys = list(dataset.collections)
+    before, after = _sensor_T_others(described, keys), _sensor_T_others(dataset, keys)
+    if len(before) != len(after):
+        return []
     own = _largest_difference(before, after)
     if own < _LEAST_OFF_M:
         return []
     rivals = []
-    for a, b in combinations(after, 2):
+    for (i, a), (j, b) in combinations(enumerate(dataset.sensors), 2):
         if dataset.sensors[a].modality == dataset.sensors[b].modality:
-            swapped = {**before, a: before[b], b: before[a]}
-            rivals.append((_largest_difference(swapped, after), a, b))
+            order = np.arange(len(before))
+            order[[i, j]] = j, i
+            rivals.append((_largest_difference(before[np.ix_(order, order)], after), a, b))
     least, a, b = min(rivals, default=(np.inf, "", ""))
     if not least < _NEARER * own:
         return []
@@ -87,27 +89,31 @@ def exchanged(described: Dataset, dataset: Dataset) -> List[str]:
     ]
 
 
-def _world_T_sensors(dataset: Dataset) -> Dict[str, np.ndarray]:
-    """Return the sensors' poses (4, 4) in the first collection that has all of them; or none."""
-    for collection in dataset.collections.values():
+def _sensor_T_others(dataset: Dataset, keys: Sequence[str]) -> np.ndarray:
+    """Return how the sensors stand to each other, (n, n, 4, 4) in the order of the dataset.
+
+    In the first of the collections that has all of them; (0, 0, 4, 4) where none has.
+    """
+    for collection in (dataset.collections[key] for key in keys):
         try:
-            return {
-                name: pose(collection, dataset.graph, dataset.world, sensor.frame)
-                for name, sensor in dataset.sensors.items()
-            }
+            world_T_sensors = np.stack(
+                [
+                    pose(collection, dataset.graph, dataset.world, sensor.frame)
+                    for sensor in dataset.sensors.values()
+                ]
+            )
         except DatasetError:
             continue
-    return {}
+        return se3.inverse(world_T_sensors)[:, None] @ world_T_sensors
+    return np.zeros((0, 0, 4, 4))
 
 
-def _largest_difference(some: Poses, others: Poses) -> float:
+def _largest_difference(some: np.ndarray, others: np.ndarray) -> float:
     """Return by how much two sensors stand otherwise to each other at most [m].
 
     A turn counts with the length of its arc one metre away. What moves all of them is nothing.
     """
-    largest = 0.0
-    for a, b in combinations(others, 2):
-        change = se3.inverse(se3.inverse(some[a]) @ some[b]) @ se3.inverse(others[a]) @ others[b]
-        turned = float(se3.rotation_angle(change[:3, :3]))
-        largest = max(largest, float(np.linalg.norm(change[:3, 3])), turned)
-    return largest
+    changes = se3.inverse(some) @ others
+    shifts_m = np.linalg.norm(changes[..., :3, 3], axis=-1)
+    turns_rad = se3.rotation_angle(changes[..., :3, :3])
+    return float(np.max(np.maximum(shifts_m, turns_rad), initial=0.0))
