@@ -12,12 +12,16 @@ from atom_core.calibration.options import OFF, CalibrationOptions
 from atom_core.evaluation.known_errors import known_of, parameters_of
 from atom_core.geometry.intrinsics import intrinsics_names, intrinsics_values, moved_camera
 from atom_core.io.calibration_json import StoredCalibration, StoredCamera, StoredError
+from atom_core.problem.board_errors import Bend, BoardAspect, BoardSize, BorderShift, BorderSize
+from atom_core.problem.direction_errors import (
+    AzimuthWave,
+    DepthCentre,
+    DepthFocalLength,
+    ElevationOffset,
+)
 from atom_core.problem.model_errors import (
-    Bend,
-    BoardSize,
-    BorderShift,
-    BorderSize,
     CameraError,
+    DepthOffset,
     DepthScale,
     ErrorPrior,
     RangeOffset,
@@ -42,7 +46,13 @@ def errors_of(dataset):
         DepthScale("depth_1"),
         LayerOffset("lidar_1", -0.1, 0.02),
         DepthWave("depth_1", (2, 3), depth),
+        DepthOffset("depth_1"),
+        AzimuthWave("lidar_1", 1),
+        ElevationOffset("lidar_1"),
+        DepthFocalLength("depth_1", depth),
+        DepthCentre("depth_1", depth, 0),
         BoardSize("pattern_1"),
+        BoardAspect("pattern_1"),
         BorderShift("pattern_1", 0),
         BorderSize("pattern_1", 1),
         *Bend.of_board("pattern_1", dataset.patterns["pattern_1"].border),

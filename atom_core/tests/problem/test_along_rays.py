@@ -9,7 +9,8 @@ from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.geometry import se3
 from atom_core.geometry.rectangle import Rectangle
-from atom_core.problem.model_errors import Bend, RangeOffset, rows_of
+from atom_core.problem.board_errors import Bend
+from atom_core.problem.model_errors import RangeOffset, rows_of
 from atom_core.problem.residuals import OrthogonalBlock
 from atom_core.solvers.base import SolverOptions
 from atom_core.synthetic import scenes
@@ -41,6 +42,7 @@ def heights(pose, noise_m, rng, along_rays=True):
         points=points,
         range_offset_m=np.zeros(COUNT),
         range_scale=np.zeros(COUNT),
+        unturned=None,
         along_rays=along_rays,
     )
 

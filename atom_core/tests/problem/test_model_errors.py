@@ -6,15 +6,22 @@ import pytest
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.preparation import free_edges
 from atom_core.calibration.start.boards import initial_boards
+from atom_core.problem.board_errors import Bend, BoardAspect, BoardSize, BorderShift, BorderSize
 from atom_core.problem.builder import build_problem
 from atom_core.problem.corrections import corrected
+from atom_core.problem.direction_errors import (
+    AzimuthScale,
+    AzimuthWave,
+    DepthCentre,
+    DepthFocalLength,
+    DirectionError,
+    ElevationOffset,
+    ElevationScale,
+)
 from atom_core.problem.measurements import read_measurements
 from atom_core.problem.model_errors import (
-    Bend,
-    BoardSize,
-    BorderShift,
-    BorderSize,
     CameraError,
+    DepthOffset,
     DepthScale,
     JointOffset,
     PrismaticOffset,
@@ -23,6 +30,7 @@ from atom_core.problem.model_errors import (
     rows_of,
 )
 from atom_core.problem.range_fields import DepthWave, DepthWaves, LayerOffset, LayerOffsets
+from atom_core.problem.residuals import OrthogonalBlock
 from atom_core.solvers.choice import SOLVERS
 from atom_core.synthetic import scenes
 
@@ -43,7 +51,7 @@ def problem(dataset):
 @pytest.fixture(scope="module")
 def errors(dataset):
     (pattern,) = dataset.patterns.values()
-    camera = dataset.sensors["rgb_1"].camera
+    camera, depth = (dataset.sensors[name].camera for name in ("rgb_1", "depth_1"))
     middle, half = pattern.border.centre, pattern.border.half_size
     return {
         "range offset": RangeOffset("lidar_1"),
@@ -56,13 +64,23 @@ def errors(dataset):
         "focal length": CameraError("rgb_1", "focal_length", (0, 1), camera),
         "first coefficient": CameraError("rgb_1", "k1", (4,), camera),
         "some layers": LayerOffset("lidar_1", -1.5, 0.0),
-        "depth wave": DepthWave("depth_1", (3, 2), dataset.sensors["depth_1"].camera),
+        "depth wave": DepthWave("depth_1", (3, 2), depth),
+        "depth offset": DepthOffset("depth_1"),
+        "depth focal length": DepthFocalLength("depth_1", depth),
+        "depth centre": DepthCentre("depth_1", depth, 1),
+        "azimuth scale": AzimuthScale("lidar_1"),
+        "azimuth wave": AzimuthWave("lidar_1", 0),
+        "elevation offset": ElevationOffset("lidar_1"),
+        "elevation scale": ElevationScale("lidar_1"),
+        "board aspect": BoardAspect(pattern.name),
     }
 
 
 NAMES = [
     *("range offset", "range scale", "board size", "shift in x", "shift in y", "size in x"),
     *("bend over y", "focal length", "first coefficient", "some layers", "depth wave"),
+    *("depth offset", "depth focal length", "depth centre", "azimuth scale", "azimuth wave"),
+    *("elevation offset", "elevation scale", "board aspect"),
 ]
 
 
@@ -72,6 +90,8 @@ def test_derivatives_against_central_differences(problem, errors, name):
     x = 0.02 * np.random.default_rng(0).standard_normal(problem.parameters.size)
     poses, now = problem.poses(x), problem.linearise(x)
     ahead, behind = (corrected(problem, {error: s * h}, x).residuals(x) for s in (1, -1))
+    farther = corrected(problem, {RangeScale(error.target): h}, x).residuals(x)
+    by_distance = [(far - here) / h for far, here in zip(farther, now.residuals)]
     checked = 0
     in_units_of_noise = isinstance(error, RangeScale) and not isinstance(error, DepthWave)
     for i, (block, more, less) in enumerate(zip(problem.residual_blocks, ahead, behind)):
@@ -82,7 +102,10 @@ def test_derivatives_against_central_differences(problem, errors, name):
             continue
         if in_units_of_noise:  # it grows with the ranges
             more, less = more / (1.0 + h), less / (1.0 - h)
-        np.testing.assert_allclose(found, (more - less) / (2 * h), rtol=1e-5, atol=1e-5)
+        expected = (more - less) / (2 * h)
+        if isinstance(error, DirectionError) and isinstance(block, OrthogonalBlock):
+            expected = expected * (1.0 - now.residuals[i] / by_distance[i])  # on the board
+        np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5)
         checked += np.count_nonzero(found)
     assert checked > 20
 
@@ -120,7 +143,15 @@ def test_both_solvers_see_the_same_corrected_rows(problem, errors):
     [
         (RangeOffset, 0.020),
         (RangeScale, 0.001),
+        (DepthOffset, 0.005),
         (DepthScale, 0.01),
+        (AzimuthScale, 0.0005),
+        (AzimuthWave, 0.0005),
+        (ElevationOffset, 0.0005),
+        (ElevationScale, 0.002),
+        (DepthFocalLength, 0.002),
+        (DepthCentre, 0.002),
+        (BoardAspect, 0.001),
         (BoardSize, 0.002),
         (CameraError, 0.005),
         (BorderShift, 0.003),

@@ -11,8 +11,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from problems import problem_of, rows, sigmas_of  # noqa: E402
 
+from atom_core.problem.board_errors import BoardSize
 from atom_core.problem.corrections import corrected  # noqa: E402
-from atom_core.problem.model_errors import BoardSize, ErrorPrior, RangeOffset  # noqa: E402
+from atom_core.problem.model_errors import ErrorPrior, RangeOffset  # noqa: E402
 from atom_core.problem.residuals import BorderBlock  # noqa: E402
 from atom_core.solvers import losses  # noqa: E402
 from atom_core.solvers.assessment import assess  # noqa: E402

@@ -5,7 +5,8 @@ import pytest
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
-from atom_core.problem.model_errors import BoardSize, RangeOffset
+from atom_core.problem.board_errors import BoardSize
+from atom_core.problem.model_errors import RangeOffset
 from atom_core.problem.residuals import BorderBlock
 from atom_core.solvers.choice import SOLVERS
 from atom_core.solvers.covariance import Covariance

@@ -9,12 +9,10 @@ import numpy as np
 
 from atom_core.model.dataset import Dataset
 from atom_core.model.joints import JointSelection
+from atom_core.problem.board_errors import Bend, BoardSize, BorderShift, BorderSize
 from atom_core.problem.model_errors import (
     AXES,
-    Bend,
-    BoardSize,
-    BorderShift,
-    BorderSize,
+    DepthOffset,
     DepthScale,
     ErrorPriors,
     ModelError,
@@ -53,6 +51,7 @@ class CalibrationOptions:
         seed: of that disturbance.
         range_offset: LiDARs whose range offset is estimated.
         range_scale: LiDARs whose range scale is estimated.
+        depth_offset: depth cameras whose offset is estimated.
         depth_scale: depth cameras whose scale is estimated.
         board_size: patterns whose size is estimated.
         board_border: patterns of which shift and size of the border are estimated.
@@ -89,6 +88,7 @@ class CalibrationOptions:
     seed: int = 0
     range_offset: Tuple[str, ...] = ()
     range_scale: Tuple[str, ...] = ()
+    depth_offset: Tuple[str, ...] = ()
     depth_scale: Tuple[str, ...] = ()
     board_size: Tuple[str, ...] = ()
     board_border: Tuple[str, ...] = ()
@@ -111,6 +111,7 @@ class CalibrationOptions:
         """Return the model errors that the user wants to have estimated, and those known."""
         errors: List[ModelError] = [RangeOffset(name) for name in self.range_offset]
         errors += [RangeScale(name) for name in self.range_scale]
+        errors += [DepthOffset(name) for name in self.depth_offset]
         errors += [DepthScale(name) for name in self.depth_scale]
         errors += [BoardSize(name) for name in self.board_size]
         for kind in (BorderShift, BorderSize):

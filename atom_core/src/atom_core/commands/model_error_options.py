@@ -23,6 +23,10 @@ _OF_SENSORS: Dict[str, Tuple[Callable[[Modality], bool], str]] = {
         lambda kind: kind.can_estimate_range_offset,
         "by which part all distances of these LiDARs must grow",
     ),
+    "depth_offset": (
+        lambda kind: kind.measures_range and not kind.can_estimate_range_offset,
+        "what must be added to all depths of these cameras",
+    ),
     "depth_scale": (
         lambda kind: kind.measures_range and not kind.can_estimate_range_offset,
         "by which part all depths of these cameras must grow",

@@ -22,12 +22,19 @@ from atom_core.geometry.intrinsics import (
 from atom_core.io.calibration_json import StoredCalibration, StoredCamera, StoredError
 from atom_core.io.structure import OTHER_KIND
 from atom_core.model.dataset import Dataset
+from atom_core.problem.board_errors import Bend, BoardAspect, BoardSize, BorderShift, BorderSize
+from atom_core.problem.direction_errors import (
+    AzimuthScale,
+    AzimuthWave,
+    DepthCentre,
+    DepthFocalLength,
+    DepthIntrinsics,
+    ElevationOffset,
+    ElevationScale,
+)
 from atom_core.problem.model_errors import (
-    Bend,
-    BoardSize,
-    BorderShift,
-    BorderSize,
     CameraError,
+    DepthOffset,
     DepthScale,
     ErrorPrior,
     ErrorPriors,
@@ -40,8 +47,10 @@ from atom_core.problem.range_fields import DepthWave, LayerOffset
 _TYPES: Mapping[str, Type[ModelError]] = {
     type_.__name__: type_
     for type_ in (
-        *(RangeOffset, RangeScale, DepthScale, LayerOffset, DepthWave),
-        *(BoardSize, BorderShift, BorderSize, Bend, CameraError),
+        *(RangeOffset, RangeScale, DepthOffset, DepthScale, LayerOffset, DepthWave),
+        *(AzimuthScale, AzimuthWave, ElevationOffset, ElevationScale),
+        *(DepthFocalLength, DepthCentre),
+        *(BoardSize, BoardAspect, BorderShift, BorderSize, Bend, CameraError),
     )
 }
 _LEAST_STEPS = 1e-3  # no error is known better than this part of its step
@@ -164,7 +173,7 @@ def _built(stored: StoredCalibration, error: StoredError, dataset: Dataset) -> M
 
 def _is_one(error: ModelError) -> bool:
     """Tell whether an error that a file describes is one that there can be."""
-    if isinstance(error, (CameraError, DepthWave)) and error.camera is None:
+    if isinstance(error, (CameraError, DepthWave, DepthIntrinsics)) and error.camera is None:
         return False
     if isinstance(error, CameraError):
         return all(0 <= number < COUNT for number in error.numbers)

@@ -6,25 +6,23 @@ What a block was corrected by before is taken back first, so that any values can
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Dict, List, Mapping, Type, TypeVar
+from typing import Dict, List, Mapping, Optional, Type, TypeVar
 
 import numpy as np
 
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics import COUNT, moved_camera
-from atom_core.problem.model_errors import (
+from atom_core.problem.board_errors import (
     AlongAxis,
     Bend,
+    BoardAspect,
     BoardError,
     BoardSize,
     BorderShift,
     BorderSize,
-    CameraError,
-    ModelError,
-    RangeOffset,
-    RangeScale,
-    rows_of,
 )
+from atom_core.problem.direction_errors import DirectionError
+from atom_core.problem.model_errors import CameraError, ModelError, RangeOffset, RangeScale, rows_of
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import (
     BorderBlock,
@@ -57,8 +55,9 @@ def corrected(problem: Problem, values: Values, x: np.ndarray) -> Problem:
         if isinstance(block, ReprojectionBlock):
             block = _corrected_corners(block, before, after)
         elif isinstance(block, RangeBlock):
-            offset_m = after.of_points(RangeOffset, block.points)
-            block = block.with_range_errors(offset_m, after.of_points(RangeScale, block.points))
+            seen, turned = block.on_own_rays, after.turned(block)
+            offset_m, scale = after.of_points(RangeOffset, seen), after.of_points(RangeScale, seen)
+            block = block.with_range_errors(offset_m, scale, turned)
         if isinstance(block, BorderBlock):
             block = _corrected_border(block, before, after)
         elif isinstance(block, OrthogonalBlock):
@@ -96,6 +95,16 @@ class _Correction:
                 result += value * error.share(points)
         return result
 
+    def turned(self, block: RangeBlock) -> Optional[np.ndarray]:
+        """Return (n, 3) measured points in their right directions [m]; None: no error has them."""
+        errors = {e: v for e, v in self._values.items() if isinstance(e, DirectionError)}
+        if not any(errors.values()):
+            return None
+        points = block.measured_points.astype(float)
+        for error, value in errors.items():
+            points = error.directed(points, value)
+        return points
+
     def of_kind(self, kind: Type[_Error]) -> Dict[_Error, float]:
         """Return the values of a kind."""
         return {e: v for e, v in self._values.items() if isinstance(e, kind)}
@@ -119,6 +128,14 @@ class _Correction:
             result[:, error.axis] += self.per_item(error, value)
         return result
 
+    @property
+    def print_size(self) -> np.ndarray:
+        """(n, 2) factors on what is printed, along x and y."""
+        longer = np.zeros(len(self._patterns))
+        for error, value in self.of_kind(BoardAspect).items():
+            longer += self.per_item(error, value)
+        return self.size * np.column_stack([1.0 + longer, 1.0 - longer])
+
     def surface_m(self, in_pattern: np.ndarray) -> np.ndarray:
         """Return (n,): how high the bent boards are at points (n, 2 or 3) [m]."""
         height = np.zeros(len(self._patterns))
@@ -138,9 +155,11 @@ class _Correction:
 def _corrected_corners(
     block: ReprojectionBlock, before: _Correction, after: _Correction
 ) -> ReprojectionBlock:
-    flat = block.corners_in_pattern[:, :2] / before.size
+    flat = block.corners_in_pattern[:, :2] / before.print_size
     level = block.corners_in_pattern[:, 2] - before.surface_m(flat)
-    corners = np.concatenate([after.size * flat, (level + after.surface_m(flat))[:, None]], axis=1)
+    corners = np.concatenate(
+        [after.print_size * flat, (level + after.surface_m(flat))[:, None]], axis=1
+    )
     errors: List[CameraError] = [*before.of_kind(CameraError), *after.of_kind(CameraError)]
     camera = moved_camera(errors[0].camera, after.numbers) if errors else block.camera
     return replace(block, corners_in_pattern=corners, camera=camera)

@@ -17,11 +17,8 @@ import numpy as np
 
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics import pixels_by_numbers
-from atom_core.geometry.rectangle import Rectangle
 from atom_core.problem.camera_blocks import TWIST_SIZE
 from atom_core.problem.residuals import (
-    BorderBlock,
-    OrthogonalBlock,
     RangeBlock,
     ReprojectionBlock,
     ResidualBlock,
@@ -160,7 +157,7 @@ class RangeOffset(ModelError):
         """Return the rows' change as points move along their rays."""
         if not isinstance(rows.block, RangeBlock) or rows.block.sensor != self.target:
             return None
-        return self.share(rows.block.points)[:, None] * self.along_rays(rows)
+        return self.share(rows.block.on_own_rays)[:, None] * self.along_rays(rows)
 
     def along_rays(self, rows: Rows) -> np.ndarray:
         """Return (n, dimension): the rows' change by the error of each point's ray."""
@@ -203,137 +200,15 @@ class DepthScale(RangeScale):
 
 
 @dataclass(frozen=True)
-class BoardError(ModelError):
-    """An error of a board, seen by all sensors."""
+class DepthOffset(RangeOffset):
+    """What must be added to all depths of a camera [m]."""
 
-    def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
-        """Return the rows' change; zero for those of other patterns."""
-        mine = rows.patterns == self.target
-        change = self._of_block(rows) if np.any(mine) else None
-        if change is None or np.all(mine):
-            return change
-        return change * mine[rows.block.detection, None]
+    kind = "depth_offset"
+    usual = 0.005
 
-    @abstractmethod
-    def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
-        """Return (n, dimension), as if all rows were of this board."""
-
-
-@dataclass(frozen=True)
-class BoardSize(BoardError):
-    """By which part a board, its squares and its border, is larger than described."""
-
-    kind = "board_size"
-    unit = RATIO
-    usual = 0.002
-
-    def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
-        block = rows.block
-        if isinstance(block, ReprojectionBlock):
-            return rows.by_pattern_point(block.corners_in_pattern)
-        if isinstance(block, BorderBlock):
-            return rows.by_pattern_point(_flat(block.centre)) + _grown(rows, block.half_size)
-        return None
-
-
-@dataclass(frozen=True)
-class AlongAxis(BoardError):
-    """An error of a board along one of its axes.
-
-    Attributes:
-        axis: 0 for x, 1 for y.
-    """
-
-    axis: int
-
-    kind = "board_border"
-    usual = 0.003
-    what: ClassVar[str] = ""
-
-    @property
-    def name(self) -> str:
-        """What it is, without whose."""
-        return f"{self.what}_{AXES[self.axis]}"
-
-
-@dataclass(frozen=True)
-class BorderShift(AlongAxis):
-    """How far a board's border lies beside where it is described, seen from its print [m]."""
-
-    what = "border_shift"
-
-    def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
-        if not isinstance(rows.block, BorderBlock):
-            return None
-        return -rows.outward[:, self.axis, None]
-
-
-@dataclass(frozen=True)
-class BorderSize(AlongAxis):
-    """How much half the border is longer than described, while the print is right [m]."""
-
-    what = "border_half_size"
-
-    def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
-        return _longer_border(rows, self.axis)
-
-
-@dataclass(frozen=True)
-class SeenBorder(ModelError):
-    """How much longer half the border is for one sensor: what its labels add or leave out [m].
-
-    It is free in tests of other errors, and never estimated.
-
-    Attributes:
-        axis: 0 for x, 1 for y.
-    """
-
-    axis: int
-
-    kind = "seen_border"
-    is_scalar = False
-
-    def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
-        """Return the rows' change; None of other sensors."""
-        return _longer_border(rows, self.axis) if rows.block.sensor == self.target else None
-
-
-@dataclass(frozen=True)
-class Bend(AlongAxis):
-    """By how much a board's two edges across an axis lie above its middle, in the pattern's z [m].
-
-    The surface is a parabola over the axis, from the middle of the border to its edges.
-    """
-
-    middle: float
-    half_m: float
-
-    kind = "board_bend"
-    what = "bend"
-    step = 0.001
-    usual = 0.002
-
-    @classmethod
-    def of_board(cls, target: str, border: Rectangle) -> Tuple[Bend, ...]:
-        """Return the bends of a board along its two axes."""
-        ends = zip(range(len(AXES)), border.centre, border.half_size)
-        return tuple(cls(target, axis, float(middle), float(half)) for axis, middle, half in ends)
-
-    def height(self, in_pattern: np.ndarray) -> np.ndarray:
-        """Return (n,): the height of the surface at points (n, 2 or 3), at a bend of one."""
-        return ((in_pattern[:, self.axis] - self.middle) / self.half_m) ** 2
-
-    def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
-        block = rows.block
-        if isinstance(block, ReprojectionBlock):
-            above = np.zeros((block.count, 3))
-            above[:, 2] = self.height(block.corners_in_pattern)
-            return rows.by_pattern_point(above)
-        if isinstance(block, OrthogonalBlock):
-            above = np.zeros((block.count, 3))
-            above[:, 2] = self.height(rows.in_plane)
-            return rows.by_pattern_point(above)
-        return None
+    def share(self, points: np.ndarray) -> np.ndarray:
+        """Return (n,): how far points (n, 3) in the sensor's frame move for each metre of depth."""
+        return np.sqrt(np.einsum("ni,ni->n", points, points)) / points[:, 2]
 
 
 @dataclass(frozen=True)
@@ -406,22 +281,6 @@ class PrismaticOffset(JointOffset):
 
     unit = METRE
     usual = 0.001
-
-
-def _flat(points: np.ndarray) -> np.ndarray:
-    return np.concatenate([points, np.zeros((len(points), 1))], axis=1)
-
-
-def _longer_border(rows: Rows, axis: int) -> Optional[np.ndarray]:
-    """Return (n, 1): the change of distances as half the border grows along an axis."""
-    if not isinstance(rows.block, BorderBlock):
-        return None
-    return -np.abs(rows.outward[:, axis, None])
-
-
-def _grown(rows: Rows, half_size: np.ndarray) -> np.ndarray:
-    """Return (n, 1): the change of distances as half sides grow by (n, 2)."""
-    return -np.sum(np.abs(rows.outward) * half_size, axis=1, keepdims=True)
 
 
 def rows_of(

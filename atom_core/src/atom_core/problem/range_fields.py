@@ -80,7 +80,7 @@ class DepthWave(DepthScale):
         """Return the rows' change as points move away in proportion to distance and height."""
         if not isinstance(rows.block, RangeBlock) or rows.block.sensor != self.target:
             return None
-        return self.share(rows.block.points)[:, None] * self.along_rays(rows)
+        return self.share(rows.block.on_own_rays)[:, None] * self.along_rays(rows)
 
     def along_rays(self, rows: Rows) -> np.ndarray:
         """Return (n, dimension): the rows' change by the error of each point's ray."""
@@ -201,7 +201,7 @@ class WaveField(RangeField):
 def layer_offsets(problem: Problem, sensor: str) -> List[LayerOffset]:
     """Return the offsets of a LiDAR's layers; none where its points are not in layers."""
     points = [
-        block.points
+        block.on_own_rays
         for block in problem.residual_blocks
         if isinstance(block, RangeBlock) and block.sensor == sensor
     ]

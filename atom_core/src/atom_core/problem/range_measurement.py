@@ -222,6 +222,7 @@ def _orthogonal(sensor: Sensor, items: Sequence[Tuple[int, RangeMeasurement]]) -
         points=np.concatenate([m.inside for _, m in items]),
         range_offset_m=np.zeros(count),
         range_scale=np.zeros(count),
+        unturned=None,
         along_rays=all(m.along_rays for _, m in items),
     )
 
@@ -237,6 +238,7 @@ def _border(sensor: Sensor, items: Sequence[Tuple[int, RangeMeasurement]]) -> Bo
         points=np.concatenate([m.limit for _, m in items]),
         range_offset_m=np.zeros(sum(counts)),
         range_scale=np.zeros(sum(counts)),
+        unturned=None,
         centre=np.repeat([m.border.centre for _, m in items], counts, axis=0),
         half_size=np.repeat([m.border.half_size for _, m in items], counts, axis=0),
         steps=np.concatenate([m.limit_steps for _, m in items]),

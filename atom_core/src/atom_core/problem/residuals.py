@@ -164,28 +164,36 @@ class RangeBlock(ResidualBlock):
     """Points of one range sensor.
 
     Attributes:
-        points: (n, 3) in its frame [m], already corrected by range scale and range offset.
+        points: (n, 3) in its frame [m], already corrected: turned, by range scale, by range offset.
         range_offset_m: (n,) by how much they are moved away from the sensor, along their rays.
         range_scale: (n,) by which part of its distance each was moved before.
+        unturned: (n, 3) as the sensor has them [m], where they are turned; None: they are not.
     """
 
     points: np.ndarray
     range_offset_m: np.ndarray
     range_scale: np.ndarray
+    unturned: Optional[np.ndarray]
 
     @property
     def rays(self) -> np.ndarray:
         """(n, 3) unit vectors from the sensor to the points."""
-        points = self.points.astype(float)  # clouds have single precision
-        return points / np.sqrt(np.einsum("ni,ni->n", points, points))[:, None]
+        return _unit(self.points)
 
     @property
     def measured_points(self) -> np.ndarray:
         """(n, 3) as the sensor has them [m]."""
+        if self.unturned is not None:
+            return self.unturned
         if not (np.any(self.range_offset_m) or np.any(self.range_scale)):
             return self.points
         moved = self.points - self.range_offset_m[:, None] * self.rays
         return moved / (1.0 + self.range_scale[:, None])
+
+    @property
+    def on_own_rays(self) -> np.ndarray:
+        """(n, 3) on the rays that the sensor has for them, at any distance [m]."""
+        return self.points if self.unturned is None else self.unturned
 
     def in_plane(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
         """Return the points (n, 2) in the boards' planes, along x and y of the patterns [m]."""
@@ -193,13 +201,27 @@ class RangeBlock(ResidualBlock):
         origin = np.einsum("di,dij->dj", sensor_T_pattern[:, :3, 3], axes)
         return self.turned(self.points, axes) - origin[self.detection]
 
-    def with_range_errors(self, offset_m: np.ndarray, scale: np.ndarray) -> RangeBlock:
-        """Return the block with its points corrected by other offsets (n,) and scales (n,)."""
+    def with_range_errors(
+        self, offset_m: np.ndarray, scale: np.ndarray, turned: Optional[np.ndarray] = None
+    ) -> RangeBlock:
+        """Return the block with its points corrected otherwise.
+
+        Args:
+            offset_m: (n,) how far they are moved along their rays.
+            scale: (n,) by which part of its distance each is moved before.
+            turned: (n, 3) what the sensor has, in the right directions [m]; None: as it has them.
+        """
         same = np.array_equal(offset_m, self.range_offset_m)
-        if same and np.array_equal(scale, self.range_scale):
+        same = same and np.array_equal(scale, self.range_scale)
+        if same and turned is None and self.unturned is None:
             return self
-        points = (1.0 + scale[:, None]) * self.measured_points + offset_m[:, None] * self.rays
-        return replace(self, points=points, range_offset_m=offset_m, range_scale=scale)
+        measured = self.measured_points
+        seen = measured if turned is None else turned
+        points = (1.0 + scale[:, None]) * seen + offset_m[:, None] * _unit(seen)
+        unturned = None if turned is None else measured
+        return replace(
+            self, points=points, range_offset_m=offset_m, range_scale=scale, unturned=unturned
+        )
 
 
 @dataclass(frozen=True)
@@ -226,7 +248,7 @@ class OrthogonalBlock(RangeBlock):
 
         The product with the normal of another plane is 1 or -1 where the rays meet that as steeply.
         """
-        found, rays, points = [], self.rays, self.measured_points
+        found, rays, points = [], _unit(self.on_own_rays), self.measured_points
         for _, items in self.segments:
             mean_ray, mine = rays[items].mean(axis=0), points[items].astype(float)
             beside = mine - mine.mean(axis=0)
@@ -334,6 +356,11 @@ class BorderBlock(RangeBlock):
         """Return signed distances (n,) and their gradients (n, 2) in the board's plane."""
         in_plane = self.in_plane(sensor_T_pattern)
         return blended_distance_to_rectangles(in_plane, self.centre, self.expected_half_size)
+
+
+def _unit(points: np.ndarray) -> np.ndarray:
+    points = points.astype(float)  # clouds have single precision
+    return points / np.sqrt(np.einsum("ni,ni->n", points, points))[:, None]
 
 
 def squared_norms(residuals: np.ndarray, sigma: np.ndarray) -> np.ndarray:

@@ -152,7 +152,7 @@ def _columns_of_field(rows: Rows, field: RangeField, first: int) -> _FieldColumn
     assert isinstance(rows.block, RangeBlock)
     along = field.errors[0].along_rays(rows)[:, 0]
     steps = np.array([error.step for error in field.errors])
-    return _FieldColumns(first, field.cells(rows.block.points), along, field.shares * steps)
+    return _FieldColumns(first, field.cells(rows.block.on_own_rays), along, field.shares * steps)
 
 
 def _part(

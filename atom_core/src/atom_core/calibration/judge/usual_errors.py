@@ -15,7 +15,8 @@ from typing import List, Mapping, NamedTuple
 import numpy as np
 
 from atom_core.problem.blocks import BLOCK_SIZE
-from atom_core.problem.model_errors import BoardSize, ModelError, SeenBorder
+from atom_core.problem.board_errors import BoardSize, SeenBorder
+from atom_core.problem.model_errors import ModelError
 from atom_core.solvers import losses
 from atom_core.solvers.shared_equations import SharedEquations
 

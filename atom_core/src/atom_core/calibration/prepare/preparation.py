@@ -147,6 +147,7 @@ def check_model_errors(dataset: Dataset, options: CalibrationOptions) -> None:
     suited = {
         "range_offset": (lidars, "LiDAR"),
         "range_scale": (lidars, "LiDAR"),
+        "depth_offset": (others, "depth camera"),
         "depth_scale": (others, "depth camera"),
         "board_size": (list(dataset.patterns), "pattern"),
         "board_border": (list(dataset.patterns), "pattern"),

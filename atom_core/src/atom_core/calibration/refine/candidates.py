@@ -8,19 +8,26 @@ import numpy as np
 
 from atom_core.calibration.refine.joint_offsets import joint_offsets
 from atom_core.calibration.start.boards import solved_dataset
+from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics import intrinsics_names
 from atom_core.model.dataset import Dataset
+from atom_core.problem.board_errors import Bend, BoardAspect, BoardSize, BorderShift, SeenBorder
+from atom_core.problem.direction_errors import (
+    AzimuthScale,
+    AzimuthWave,
+    DepthCentre,
+    DepthFocalLength,
+    ElevationOffset,
+    ElevationScale,
+)
 from atom_core.problem.model_errors import (
     AXES,
-    Bend,
-    BoardSize,
-    BorderShift,
     CameraError,
+    DepthOffset,
     DepthScale,
     ModelError,
     RangeOffset,
     RangeScale,
-    SeenBorder,
 )
 from atom_core.problem.problem import Problem
 from atom_core.problem.range_fields import (
@@ -54,9 +61,9 @@ def candidates(dataset: Dataset, problem: Problem, x: np.ndarray) -> List[ModelE
     for name in dict.fromkeys(block.sensor for block in problem.residual_blocks):
         sensor = dataset.sensors[name]
         if sensor.kind.can_estimate_range_offset:
-            found += [RangeOffset(name), RangeScale(name)]
+            found += _of_lidar(name)
         elif sensor.kind.measures_range:
-            found.append(DepthScale(name))
+            found += _of_depth_camera(name, sensor.camera)
         camera = sensor.camera if sensor.kind.can_estimate_intrinsics else None
         if camera is not None and name not in problem.parameters.cameras:
             found += [
@@ -65,12 +72,27 @@ def candidates(dataset: Dataset, problem: Problem, x: np.ndarray) -> List[ModelE
                 if max(numbers) < len(intrinsics_names(camera))
             ]
     for name in dict.fromkeys(key.pattern for key in problem.detections):
-        found.append(BoardSize(name))
+        found += [BoardSize(name), BoardAspect(name)]
         bends = Bend.of_board(name, dataset.patterns[name].border)
         for axis, bend in enumerate(bends):
             found += [BorderShift(name, axis), bend]
     if any(collection.joints for collection in dataset.collections.values()):
         found += joint_offsets(solved_dataset(dataset, problem, x, {}), problem)
+    return found
+
+
+def _of_lidar(name: str) -> List[ModelError]:
+    """Return the errors of a LiDAR; a scan in one plane has no elevations, and no row of theirs."""
+    waves = [AzimuthWave(name, axis) for axis in range(len(AXES))]
+    elevations = [ElevationOffset(name), ElevationScale(name)]
+    return [RangeOffset(name), RangeScale(name), AzimuthScale(name), *waves, *elevations]
+
+
+def _of_depth_camera(name: str, camera: Optional[Camera]) -> List[ModelError]:
+    found: List[ModelError] = [DepthOffset(name), DepthScale(name)]
+    if camera is not None:
+        found.append(DepthFocalLength(name, camera))
+        found += [DepthCentre(name, camera, axis) for axis in range(len(AXES))]
     return found
 
 

@@ -5,14 +5,20 @@ from __future__ import annotations
 import math
 from typing import Callable, Dict, Type
 
+from atom_core.problem.board_errors import Bend, BoardAspect, BoardSize, BorderShift, BorderSize
+from atom_core.problem.direction_errors import (
+    AzimuthScale,
+    AzimuthWave,
+    DepthCentre,
+    DepthFocalLength,
+    ElevationOffset,
+    ElevationScale,
+)
 from atom_core.problem.model_errors import (
     AXES,
     METRE,
-    Bend,
-    BoardSize,
-    BorderShift,
-    BorderSize,
     CameraError,
+    DepthOffset,
     DepthScale,
     ErrorPrior,
     JointOffset,
@@ -73,6 +79,14 @@ def _board_size(error: ModelError, value: float, sigma: float) -> str:
     return f"board {error.target} is {_about(value, sigma, 100.0, '%')} {size} than described"
 
 
+def _board_aspect(error: ModelError, value: float, sigma: float) -> str:
+    longer, shorter = AXES if value > 0 else reversed(AXES)
+    return (
+        f"the print of {error.target} is {_about(2.0 * value, 2.0 * sigma, 100.0, '%')} longer in "
+        f"{longer} beside {shorter} than described: measure its squares along both"
+    )
+
+
 def _border_shift(error: ModelError, value: float, sigma: float) -> str:
     assert isinstance(error, BorderShift)
     sign = "+" if value > 0 else "-"
@@ -125,6 +139,50 @@ def _camera(error: ModelError, value: float, sigma: float) -> str:
     )
 
 
+def _azimuth_scale(error: ModelError, value: float, sigma: float) -> str:
+    size = "small" if value > 0 else "large"
+    return (
+        f"the azimuths of {error.target} are {_about(value, sigma, 100.0, '%')} too {size} (its "
+        f"angular step, or it turned while it scanned)"
+    )
+
+
+def _azimuth_wave(error: ModelError, value: float, sigma: float) -> str:
+    factor = math.degrees(1.0)
+    return (
+        f"the azimuths of {error.target} have a wave of {_about(value, sigma, factor, 'deg')} over "
+        f"a turn"
+    )
+
+
+def _elevation_offset(error: ModelError, value: float, sigma: float) -> str:
+    size = "low" if value > 0 else "high"
+    found = _about(value, sigma, math.degrees(1.0), "deg")
+    return f"the elevations of {error.target} are {found} too {size}, all around"
+
+
+def _elevation_scale(error: ModelError, value: float, sigma: float) -> str:
+    size = "small" if value > 0 else "large"
+    return f"the elevations of {error.target} are {_about(value, sigma, 100.0, '%')} too {size}"
+
+
+def _depth_focal_length(error: ModelError, value: float, sigma: float) -> str:
+    length = "long" if value < 0 else "short"
+    return (
+        f"the focal length of {error.target} is given {_about(value, sigma, 100.0, '%')} too "
+        f"{length}"
+    )
+
+
+def _depth_centre(error: ModelError, value: float, sigma: float) -> str:
+    assert isinstance(error, DepthCentre)
+    focal_px = float(error.camera.focal_px[error.axis])
+    return (
+        f"the image centre of {error.target} is given {_about(value, sigma, focal_px, 'px')} off "
+        f"in {AXES[error.axis]}"
+    )
+
+
 def _layer_offsets(error: ModelError, value: float, sigma: float) -> str:
     return (
         f"the layers of {error.target} read long and short by {_about(value, sigma, 1e3, 'mm')} "
@@ -168,8 +226,16 @@ def _depth_waves(error: ModelError, value: float, sigma: float) -> str:
 _WORDS: Dict[Type[ModelError], Callable[[ModelError, float, float], str]] = {
     RangeOffset: _range_offset,
     RangeScale: _range_scale,
+    DepthOffset: _range_offset,
     DepthScale: _range_scale,
+    AzimuthScale: _azimuth_scale,
+    AzimuthWave: _azimuth_wave,
+    ElevationOffset: _elevation_offset,
+    ElevationScale: _elevation_scale,
+    DepthFocalLength: _depth_focal_length,
+    DepthCentre: _depth_centre,
     BoardSize: _board_size,
+    BoardAspect: _board_aspect,
     BorderShift: _border_shift,
     BorderSize: _border_size,
     Bend: _bend,

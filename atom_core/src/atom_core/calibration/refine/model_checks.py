@@ -16,7 +16,8 @@ from typing import List, NamedTuple, Optional, Sequence, Tuple
 import numpy as np
 from scipy import special
 
-from atom_core.problem.model_errors import ModelError, SeenBorder
+from atom_core.problem.board_errors import SeenBorder
+from atom_core.problem.model_errors import ModelError
 from atom_core.solvers import losses
 from atom_core.solvers.shared_equations import SharedEquations, inverse
 
@@ -25,6 +26,7 @@ _LEVERAGE = 0.9  # no collection counts as deciding more than this of a number
 _DETERMINED = 1e-6  # part of its information that other numbers must leave a candidate
 _SAME = 0.9  # two candidates whose effects are so much alike cannot be told apart ...
 _RIVAL = 0.8  # ... where the second one explains this part of what the first one does
+_UNUSUAL = 10.0  # times as unusual, a rival is none
 _TIE = 1e-3  # part of the gain by which errors that explain the same differ by rounding and noise
 _CAUTIOUS = 16.0  # gain that is left when a detection counts for little more than one row
 _MOST = 12
@@ -89,9 +91,11 @@ def _best(step: _Step, cautious: _Step) -> Optional[ModelCheck]:
         return None
     # Of those that explain the same, what is least unusual is the likeliest.
     usual = np.array([error.usual / error.step for error in step.candidates])
+    unusual = np.abs(tested.value) / usual
     tied = gains >= (1.0 - _TIE) * np.max(gains)
-    i = int(np.argmin(np.where(tied, np.abs(tested.value) / usual, np.inf)))
+    i = int(np.argmin(np.where(tied, unusual, np.inf)))
     rivals = tested.determined & (np.abs(step.alike[i]) > _SAME)
+    rivals &= unusual < _UNUSUAL * np.maximum(unusual[i], 1.0)
     rivals &= tested.gain > _RIVAL * tested.gain[i]
     rivals[i] = False
     error = step.candidates[i]

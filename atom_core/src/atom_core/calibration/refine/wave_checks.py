@@ -14,7 +14,8 @@ import numpy as np
 
 from atom_core.calibration.refine.model_checks import ModelCheck
 from atom_core.model.dataset import Dataset
-from atom_core.problem.model_errors import Bend, ErrorPrior, ModelError
+from atom_core.problem.board_errors import Bend
+from atom_core.problem.model_errors import ErrorPrior, ModelError
 from atom_core.problem.problem import Problem
 from atom_core.problem.range_fields import DepthWave, DepthWaves, depth_waves
 from atom_core.problem.residuals import OrthogonalBlock
@@ -100,7 +101,7 @@ def seen_waves(
     group = block.segment_of_items
     height = _beside_planes(residual[:, 0], block.in_plane(poses), weight, group)
     x_cell, y_cell = (
-        np.clip((wave.across(block.points, axis) * count).astype(int), 0, count - 1)
+        np.clip((wave.across(block.on_own_rays, axis) * count).astype(int), 0, count - 1)
         for axis, count in enumerate(_CELLS)
     )
     count, cells = int(group[-1]) + 1, _CELLS[0] * _CELLS[1]
@@ -155,7 +156,7 @@ def _check(
     step = -covariance @ gradient
     place = {e: equations.shared + i for i, e in enumerate(equations.errors)}
     mine = [place[wave] for wave in waves if wave in place]
-    heights = np.array([w.step * w.share(block.points) for w in waves if w in place])
+    heights = np.array([w.step * w.share(block.on_own_rays) for w in waves if w in place])
     second = heights @ heights.T / heights.shape[1]  # (k, k) mean products over the points
     share = np.sqrt(step[mine] @ second @ step[mine])
     sigma = np.sqrt(np.trace(second @ covariance[np.ix_(mine, mine)]))

@@ -207,6 +207,7 @@ def _of_sensors(options: CalibrationOptions, dataset: Dataset) -> CalibrationOpt
         intrinsics=there(options.intrinsics),
         range_offset=there(options.range_offset),
         range_scale=there(options.range_scale),
+        depth_offset=there(options.depth_offset),
         depth_scale=there(options.depth_scale),
         priors={name: prior for name, prior in options.priors.items() if name not in gone},
     )
