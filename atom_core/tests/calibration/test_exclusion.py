@@ -7,7 +7,7 @@ import pytest
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.judge import exclusion
-from atom_core.calibration.judge.exclusion import DISTANCE, chance_of_ranks, exclusions
+from atom_core.calibration.judge.exclusion import DISTANCE, WHEN, chance_of_ranks, exclusions
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.preparation import prepare
 from atom_core.calibration.refine.rejection import DISAGREES, GARBAGE, Rejected
@@ -117,3 +117,12 @@ def test_where_the_exchanged_ones_win_the_labels_are_named():
     assert result.status == "inconsistent"
     assert "lidar_1" in result.message
     assert "labels and data belong to these collections" in result.message
+
+
+def test_those_of_later_collections_alone_are_of_a_sensor_that_was_moved(prepared):
+    judged = of(prepared, "rgb_2")
+    mine = judged([])[1]
+    later = [i for i, m in enumerate(mine) if m.key.collection >= "060"]
+    (found,), _ = judged(later)
+    assert found.shared.feature == WHEN and "most of them collected later" in found.why
+    assert found.likely[0].startswith("whether it was moved meanwhile")

@@ -262,6 +262,30 @@ def with_moved_board(
     return with_detections_from(scene.dataset, origins)
 
 
+def with_moved_sensor(
+    scene: SyntheticDataset,
+    rig: Rig,
+    sensor: str,
+    first: str,
+    move: np.ndarray,
+    rng: np.random.Generator,
+) -> Dataset:
+    """Return the dataset in which a sensor was moved before some collection, and stayed there.
+
+    Args:
+        scene: a dataset of the rig with one pattern.
+        rig: its sensors at their true poses.
+        sensor: which.
+        first: key of the first collection after it.
+        move: (4, 4) of the world, about the world's origin.
+        rng: of the noise.
+    """
+    keys = list(scene.dataset.collections)
+    later = keys[keys.index(first) :]
+    back = se3.inverse(move)  # to the sensor, the board moved the other way
+    return with_moved_board(scene, rig, {(key, sensor): back for key in later}, rng)
+
+
 def move_about(centre: np.ndarray, turn: np.ndarray, shift: np.ndarray) -> np.ndarray:
     """Return the motion (4, 4) that turns by a vector [rad] about a centre and then shifts [m]."""
     rotation = se3.rotation_from_rotation_vector(turn)

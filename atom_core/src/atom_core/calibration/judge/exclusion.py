@@ -23,14 +23,16 @@ _FEWEST_OF_A_SORT = 3
 _CHANCE = 1e-3  # of a sensor's rejections being of one sort, all features together
 _WORTH_SAYING = 0.02  # where too many were left out anyway
 _EXACT = 12  # up to so many left out their ranks are counted, beyond a normal distribution serves
-TILT, SIDE, HEIGHT, DISTANCE = "tilt", "side", "height", "distance"
+TILT, SIDE, HEIGHT, DISTANCE, WHEN = "tilt", "side", "height", "distance", "when"
 _SORTS = {  # what the larger and the smaller values are
     TILT: ("tilted more", "seen more squarely", "deg"),
     SIDE: ("farther left", "farther right", "deg"),
     HEIGHT: ("higher", "lower", "deg"),
     DISTANCE: ("farther away", "nearer", "m"),
+    WHEN: ("collected later", "collected earlier", ""),
 }
 _BOARD = "the board's squares, layout and border"
+_MOVED = "whether it was moved meanwhile (-csf calibrates the collections of one side alone)"
 _LABELS = "whether its labels and data belong to these collections and boards"
 
 
@@ -38,8 +40,9 @@ class Sort(NamedTuple):
     """What the detections that were left out share.
 
     Attributes:
-        feature: tilt, side, height or distance.
-        rejected, kept: its median of those left out and of the others [deg or m].
+        feature: tilt, side, height, distance, or when it was collected.
+        rejected, kept: its median of those left out and of the others [deg, m, or place in the
+            order of collections].
         chance: that as many detections taken at random are as far apart from the others.
     """
 
@@ -53,6 +56,8 @@ class Sort(NamedTuple):
         """What they are, and the figures."""
         more, less, unit = _SORTS[self.feature]
         what = more if self.rejected > self.kept else less
+        if self.feature == WHEN:
+            return what
         return f"{what} ({self.rejected:.3g} {unit} in the middle, the others {self.kept:.3g})"
 
 
@@ -124,6 +129,8 @@ def _likely(
         return ("the labels themselves, which fit no board", _BOARD, own)
     if shared is None:
         return (_LABELS, own, _BOARD)
+    if shared.feature == WHEN:
+        return (_MOVED, _LABELS, own)
     if shared.feature == TILT:
         return (_BOARD, own, _LABELS)
     if shared.feature == DISTANCE:
@@ -161,7 +168,7 @@ def _shared(
 
 
 def _features(dataset: Dataset, m: Measurement) -> Optional[Dict[str, float]]:
-    """Return how a detection by itself has its board in the sensor [deg, deg, deg, m]."""
+    """Return how a detection by itself has its board in the sensor [deg, m], and its place."""
     candidates = m.likely_candidates()
     if not candidates:
         return None
@@ -177,6 +184,7 @@ def _features(dataset: Dataset, m: Measurement) -> Optional[Dict[str, float]]:
         SIDE: math.degrees(math.atan2(left, forwards)),
         HEIGHT: math.degrees(math.atan2(up, math.hypot(forwards, left))),
         DISTANCE: distance,
+        WHEN: float(list(dataset.collections).index(m.key.collection)),
     }
 
 

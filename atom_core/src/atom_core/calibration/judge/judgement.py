@@ -31,6 +31,7 @@ from atom_core.calibration.refine.error_words import unusual
 from atom_core.calibration.refine.layer_checks import layer_checks
 from atom_core.calibration.refine.model_checks import ModelCheck
 from atom_core.calibration.refine.model_errors import COMMON, checked, suggestion
+from atom_core.calibration.refine.moved_sensors import Moved, moved_sensors
 from atom_core.calibration.refine.moving_edges import MovingEdge, moving_edges
 from atom_core.calibration.refine.moving_parts import unusual_parts
 from atom_core.calibration.refine.refinement import Refined
@@ -60,7 +61,9 @@ RANK_DEFICIENT, INCONSISTENT = "rank_deficient", "inconsistent"
 
 
 # The covariance, robust and combined; misfits, model checks, moving parts, remarks.
-Examined = Tuple[Covariance, List[Misfit], List[ModelCheck], List[MovingEdge], Tuple[str, ...]]
+Examined = Tuple[
+    Covariance, List[Misfit], List[ModelCheck], List[MovingEdge], Optional[Moved], Tuple[str, ...]
+]
 
 
 @dataclass(frozen=True)
@@ -127,13 +130,13 @@ def judge(
     dataset = answer(chosen, refined)
     solution = Solution(dataset, problem, summary.x)
     weak = _weak(chosen, refined, solution, covariance, options)
-    covariance, unfit, checks, moving, remarks = _examined(
+    covariance, unfit, checks, moving, moved, remarks = _examined(
         dataset, start.initial, refined, options, covariance, make_solver
     )
     known = tuple(prior_results(problem.parameters, summary.x, covariance))
     out = exclusions(start.initial, start.measurements, refined.rejected)
     places = described if options.initial_guess == DESCRIPTION else dataset
-    reasons = exchanged(places, dataset)
+    reasons = exchanged(places, dataset) + ([] if moved is None else [moved.why])
     reasons += _contradictions(refined, options, covariance, unfit, checks, moving)
     reasons += contradictions(known) + [m.why for m in unfit] + [e.why for e in out]
     also = _if_a_fixed_board_moved(dataset, problem) if unfit or moving or out else ""
@@ -166,14 +169,14 @@ def _examined(
     """Return what the data say of the model; nothing unless the solver has converged."""
     summary, loss = refined.summary, options.solver.loss
     if summary.status != CONVERGED:
-        return covariance, [], [], [], ()
+        return covariance, [], [], [], None, ()
     unfit = misfits(refined.solver, summary.x, summary.sigmas, loss, make_solver)
     if options.solver.weights != SIGMA:
-        return covariance, unfit, [], [], ()
-    covariance, checks, sizes = _checked(initial, refined, options, covariance)
-    moving = _moving(dataset, refined, options, checks)
+        return covariance, unfit, [], [], None, ()
+    covariance, checks, moved, sizes = _checked(initial, refined, options, covariance)
+    moving = [] if moved is not None else _moving(dataset, refined, options, checks)
     remarks = (*_few_collections(refined.solver.problem), *sizes)
-    return covariance, unfit, checks, moving, remarks
+    return covariance, unfit, checks, moving, moved, remarks
 
 
 def _contradictions(
@@ -226,8 +229,11 @@ def _held(
 
 def _checked(
     initial: Dataset, refined: Refined, options: CalibrationOptions, covariance: Covariance
-) -> Tuple[Covariance, List[ModelCheck], Tuple[str, ...]]:
-    """Return the covariance, robust and combined, the model checks, and what is not told."""
+) -> Tuple[Covariance, List[ModelCheck], Optional[Moved], Tuple[str, ...]]:
+    """Return the covariance, robust and combined, the model checks, what moved, what is not told.
+
+    Where something moved, single errors that seem to be there as well may be its trace only.
+    """
     loss, estimated = refined.options.loss, tuple(refined.summary.model_errors)
     solution = checked(initial, refined.solver, refined.summary, refined.options, with_fields=True)
     equations = solution.equations
@@ -243,13 +249,16 @@ def _checked(
     covariance = covariance.with_combined(rest.of_blocks(loss))
     untold = _untold_size(rest.told_board_size)
     if options.model_errors == OFF:
-        return covariance, [], untold
+        return covariance, [], None, untold
     checks = solution.checks(refined.summary, loss)
     checks += layer_checks(
         refined.solver, refined.summary, loss, equations, solution.layers, checks
     )
     checks += wave_checks(initial, refined.solver, refined.summary, refined.options, checks)
-    return covariance, sorted(checks, key=lambda check: -check.gain), untold
+    moved = moved_sensors(initial, refined.solver, refined.summary, loss, solution, checks)
+    if moved is not None:
+        return covariance, [], moved, untold
+    return covariance, sorted(checks, key=lambda check: -check.gain), None, untold
 
 
 def _untold_size(told: float) -> Tuple[str, ...]:

@@ -20,6 +20,7 @@ from atom_core.problem.range_fields import LayerOffset, LayerOffsets
 from atom_core.problem.residuals import OrthogonalBlock
 from atom_core.solvers import losses
 from atom_core.solvers.base import Solver, SolverSummary
+from atom_core.solvers.detection_columns import DetectionColumns, collection_columns
 from atom_core.solvers.normal_equations import NormalEquations
 from atom_core.solvers.scalar_columns import ScalarPart, Scalars
 from atom_core.solvers.shared_equations import SharedEquations, inverse, shares_of, tempered
@@ -154,34 +155,9 @@ class _Layers:
 def _layers(
     problem: Problem, equations: NormalEquations, shared: SharedEquations, sums: LayerSums
 ) -> _Layers:
-    size, layout = BLOCK_SIZE * shared.blocks, equations.layout
-    names = np.array([key.collection for key in problem.detections])
-    count, crosses, informations, slopes = sums.slope.shape[1], [], [], []
-    width = BLOCK_SIZE * layout.width
-    for name in shared.collections:
-        cross, group = np.zeros((size + width, count)), -1
-        mine = np.flatnonzero((names == name) & np.any(sums.curvature > 0, axis=1))
-        for d in mine:
-            for k, block in enumerate(problem.dependencies[d]):
-                if block < 0:
-                    continue
-                local = layout.group[block] >= 0
-                group = int(layout.group[block]) if local else group
-                start = BLOCK_SIZE * int(layout.position[block]) + (size if local else 0)
-                jacobian = equations.state_jacobians[d, k][:BLOCK_SIZE]
-                cross[start : start + BLOCK_SIZE] += jacobian.T @ sums.by_twist[d].T
-        own, slope = np.diag(sums.curvature[mine].sum(axis=0)), sums.slope[mine].sum(axis=0)
-        with_shared = cross[:size]
-        if group >= 0:
-            right = np.column_stack([cross[size:], equations.gradient_local[group]])
-            solved = np.linalg.lstsq(equations.local[group], right, rcond=None)[0]
-            own = own - cross[size:].T @ solved[:, :-1]
-            slope = slope - cross[size:].T @ solved[:, -1]
-            with_shared = with_shared - equations.cross[group].T @ solved[:, :-1]
-        crosses.append(with_shared)
-        informations.append(own)
-        slopes.append(slope)
-    return _without_others(shared, size, *(np.array(v) for v in (crosses, informations, slopes)))
+    columns = DetectionColumns(sums.curvature, sums.slope, sums.by_twist)
+    found = collection_columns(problem, equations, shared.collections, columns)
+    return _without_others(shared, BLOCK_SIZE * shared.blocks, *found)
 
 
 def _without_others(

@@ -42,13 +42,15 @@ class CheckedSolution:
 
     Attributes:
         equations: as it was weighted.
-        cautious: with what the rows of a detection may have in common.
+        common: by residual block, what the rows of a detection may have in common.
+        cautious: with that.
         with_fields: as it was weighted, with the errors that differ from ray to ray as well, where
             they were asked for.
         layers: what the data say of LiDARs' layers, likewise.
     """
 
     equations: SharedEquations
+    common: Tuple[float, ...]
     cautious: SharedEquations
     with_fields: SharedEquations
     layers: Tuple[LayerSums, ...]
@@ -91,7 +93,8 @@ def checked(
     few = scalars.without_fields()
     return CheckedSolution(
         whole.without_fields(),
-        shared_equations(problem, equations, few, sigmas, priors, at_least, with_parts=False),
+        tuple(at_least),
+        shared_equations(problem, equations, few, sigmas, priors, at_least, of_poses_only=True),
         whole,
         layer_sums(problem, scalars, shares_of(problem, sigmas, common)),
     )

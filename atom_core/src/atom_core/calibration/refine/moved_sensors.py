@@ -1,0 +1,247 @@
+"""Whether a sensor, or a fixed board, was moved while the collections were made.
+
+Then two poses fit what was seen before and after, and the solution has neither. For every sensor
+and every place between two collections, one Gauss-Newton step is taken with six more numbers: by
+how much it is elsewhere in the later collections (a structural change at an unknown time: Andrews
+1993). What that explains is compared with how much the collections differ anyway.
+"""
+
+from __future__ import annotations
+
+from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
+from scipy import special
+
+from atom_core.calibration.refine.model_checks import ModelCheck
+from atom_core.calibration.refine.model_errors import CheckedSolution
+from atom_core.geometry import se3
+from atom_core.model.dataset import Dataset
+from atom_core.problem.blocks import BLOCK_SIZE, ROTATION, TRANSLATION
+from atom_core.problem.problem import Problem
+from atom_core.solvers.base import Solver, SolverSummary
+from atom_core.solvers.detection_columns import (
+    CollectionColumns,
+    DetectionColumns,
+    collection_columns,
+)
+from atom_core.solvers.normal_equations import NormalEquations, summed
+from atom_core.solvers.shared_equations import SharedEquations, inverse, shares_of, tempered
+
+_CHANCE = 0.01  # of telling a move where there is none, all of a calibration together
+_FEWEST = 3  # collections before and after
+_LEAST_M, _LEAST_RAD = 0.002, float(np.radians(0.1))  # less is nobody's concern
+_MORE = 1.2  # times what the best single error explains, beside _OF_SIX
+_OF_SIX = 30.0  # gain that six numbers and the choice of the place have by chance
+_ALIKE = 0.9  # part of the gain with which another one explains it as well
+_SEEN = 1e-6  # part of its information that other numbers must leave a direction
+
+
+class Moved(NamedTuple):
+    """A sensor or a fixed board that stood elsewhere in the later collections.
+
+    Attributes:
+        names: it, and others that explain it as well.
+        last, first: the collections before and after.
+        translation_m, rotation_rad: by how much.
+        gain: by how much the cost (twice the negative logarithm of the likelihood) would fall.
+    """
+
+    names: Tuple[str, ...]
+    last: str
+    first: str
+    translation_m: float
+    rotation_rad: float
+    gain: float
+
+    @property
+    def why(self) -> str:
+        """One sentence for the user."""
+        one = " or ".join(self.names)
+        unsure = "; which one, these data do not tell" if len(self.names) > 1 else ""
+        return (
+            f"{one} was moved between collections {self.last} and {self.first}, by "
+            f"{1e3 * self.translation_m:.2g} mm and {np.degrees(self.rotation_rad):.2g} deg"
+            f"{unsure}: fasten it, and calibrate the collections of one side alone (-csf)"
+        )
+
+
+def moved_sensors(
+    dataset: Dataset,
+    solver: Solver,
+    summary: SolverSummary,
+    loss: str,
+    solution: CheckedSolution,
+    others: Sequence[ModelCheck],
+) -> Optional[Moved]:
+    """Return what was moved, where no single error explains as much; None: nothing.
+
+    Args:
+        dataset: the order of its collections is that in which they were made.
+        solver: of the problem.
+        summary: its solution.
+        loss: robust loss.
+        solution: its equations.
+        others: the checks of single errors.
+    """
+    if len(solution.cautious.collections) < 2 * _FEWEST:
+        return None
+    equations = solver.equations(summary.x, summary.sigmas, loss)
+    shares = shares_of(solver.problem, summary.sigmas, solution.common)
+    with_common = tempered(solver.problem, equations, shares, summary.x)
+    cautious = _motions(dataset, solver.problem, summary.x, with_common, solution.cautious)
+    best = _clearest({name: _steps(cautious, name) for name in cautious.columns})
+    if not best:
+        return None
+    name = max(best, key=lambda n: best[n].gain)
+    step = best[name]
+    shares = shares_of(solver.problem, summary.sigmas, summary.common or [0.0] * len(shares))
+    as_weighted = tempered(solver.problem, equations, shares, summary.x)
+    again = _motions(dataset, solver.problem, summary.x, as_weighted, solution.equations)
+    found = _step(again, name, step.last, step.first)
+    explained = max((check.gain for check in others), default=0.0)
+    if found is None or found.gain < _MORE * explained + _OF_SIX:
+        return None
+    alike = [n for n, s in best.items() if n != name and s.gain > _ALIKE * step.gain]
+    shift, turn = (float(np.linalg.norm(found.value[part])) for part in (TRANSLATION, ROTATION))
+    keys = cautious.keys
+    return Moved((name, *alike), keys[step.last], keys[step.first], shift, turn, found.gain)
+
+
+class _Motions(NamedTuple):
+    """What sensors and fixed boards may have been moved by, in the order of g collections.
+
+    Attributes:
+        keys: of the collections.
+        columns: a turn and a shift of each, by its name.
+        shared: what each collection says of the shared numbers.
+        order: (g,) index there of each collection.
+    """
+
+    keys: Tuple[str, ...]
+    columns: Dict[str, CollectionColumns]
+    shared: SharedEquations
+    order: np.ndarray
+
+
+def _motions(
+    dataset: Dataset,
+    problem: Problem,
+    x: np.ndarray,
+    equations: NormalEquations,
+    shared: SharedEquations,
+) -> _Motions:
+    """Return the motions, at the vector x."""
+    place = {name: i for i, name in enumerate(dataset.collections)}
+    order = np.argsort([place[name] for name in shared.collections])
+    keys = tuple(shared.collections[i] for i in order)
+    sums = summed(equations.parts, len(problem.detections), equations.state_jacobians.shape[2])
+    columns = {
+        name: collection_columns(problem, equations, keys, own)
+        for name, own in _turns_and_shifts(dataset, problem, x, *sums).items()
+    }
+    return _Motions(keys, columns, shared, order)
+
+
+def _turns_and_shifts(
+    dataset: Dataset,
+    problem: Problem,
+    x: np.ndarray,
+    information: np.ndarray,
+    gradient: np.ndarray,
+) -> Dict[str, DetectionColumns]:
+    """Return six columns for each sensor and each fixed board.
+
+    Args:
+        dataset: with the boards.
+        problem: whose detections.
+        x: its vector.
+        information: (d, s, s) of the detections' states.
+        gradient: (d, s) likewise.
+    """
+    by_twist, gradient = information[:, :BLOCK_SIZE], gradient[:, :BLOCK_SIZE]
+    information = by_twist[:, :, :BLOCK_SIZE]
+    sensors = np.array([key.sensor for key in problem.detections])
+    patterns = np.array([key.pattern for key in problem.detections])
+    found = {}
+    for name in dict.fromkeys(sensors.tolist()):
+        one = (sensors == name)[:, None]
+        other = one[:, :, None]
+        found[name] = DetectionColumns(information * other, gradient * one, by_twist * other)
+    fixed = [name for name in dict.fromkeys(patterns.tolist()) if dataset.patterns[name].fixed]
+    by_board = se3.adjoint(problem.poses(x)) if fixed else np.zeros(0)  # left twists by right ones
+    for name in fixed:
+        own = by_board * (patterns == name)[:, None, None]
+        turned, slope = np.swapaxes(own, 1, 2), np.einsum("dij,di->dj", own, gradient)
+        found[f"board {name}"] = DetectionColumns(
+            turned @ information @ own, slope, turned @ by_twist
+        )
+    return found
+
+
+class _Step(NamedTuple):
+    """A move between two collections.
+
+    Attributes:
+        last, first: indices of the collections before and after it that tell of it.
+        value: (6,) turn and shift.
+        gain: what it explains.
+        chance: that there is none.
+    """
+
+    last: int
+    first: int
+    value: np.ndarray
+    gain: float
+    chance: float
+
+
+def _steps(motions: _Motions, name: str) -> List[_Step]:
+    """Return the step of a sensor or a board at each place between two collections."""
+    told = np.flatnonzero(np.trace(motions.columns[name].information, axis1=1, axis2=2) > 0)
+    places = zip(told[_FEWEST - 1 :], told[_FEWEST : len(told) - _FEWEST + 1])
+    steps = (_step(motions, name, int(last), int(first)) for last, first in places)
+    return [step for step in steps if step is not None]
+
+
+def _step(motions: _Motions, name: str, last: int, first: int) -> Optional[_Step]:
+    """Return the step between two collections; None: the data do not tell it."""
+    columns, shared = motions.columns[name], motions.shared
+    size, later = columns.cross.shape[1], np.arange(len(motions.keys)) >= first
+    cross = columns.cross * later[:, None, None]
+    follow = inverse(shared.total[:size, :size]) @ cross.sum(axis=0)
+    slope = columns.gradient * later[:, None] - shared.gradient[motions.order, :size] @ follow
+    crossed = np.einsum("gsk,sj->gkj", cross, follow)
+    own = columns.information * later[:, None, None] - crossed - np.swapaxes(crossed, 1, 2)
+    for i, which in enumerate(motions.order):
+        part = shared.parts[which]
+        kept = part.numbers < size
+        mine = follow[part.numbers[kept]]
+        own[i] += mine.T @ part.information[np.ix_(kept, kept)] @ mine
+    total, alone = own.sum(axis=0), columns.information.sum(axis=0)
+    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(alone), 1e-30))
+    if np.linalg.eigvalsh(total * scale[:, None] * scale)[0] < _SEEN:
+        return None
+    value = -np.linalg.solve(total, slope.sum(axis=0))
+    gain, left = float(value @ total @ value), slope + own @ value
+    spread = sum(float(v @ np.linalg.pinv(o, rcond=1e-8) @ v) for v, o in zip(left, own))
+    count = int(np.sum(np.trace(columns.information, axis1=1, axis2=2) > 0))
+    freedom = BLOCK_SIZE * (count - 2)
+    ratio = gain / BLOCK_SIZE / max(spread / freedom, 1.0)
+    return _Step(last, first, value, gain, float(special.fdtrc(BLOCK_SIZE, freedom, ratio)))
+
+
+def _clearest(found: Mapping[str, Sequence[_Step]]) -> Dict[str, _Step]:
+    """Return the step of each sensor and board that explains most, of those that are clear."""
+    count = sum(len(steps) for steps in found.values())
+    best = {}
+    for name, steps in found.items():
+        clear = [s for s in steps if s.chance * count < _CHANCE and _is_concern(s.value)]
+        if clear:
+            best[name] = max(clear, key=lambda step: step.gain)
+    return best
+
+
+def _is_concern(value: np.ndarray) -> bool:
+    shift, turn = np.linalg.norm(value[TRANSLATION]), np.linalg.norm(value[ROTATION])
+    return bool(shift > _LEAST_M or turn > _LEAST_RAD)

@@ -1,0 +1,91 @@
+"""A sensor, or a fixed board, that was moved while the collections were made."""
+
+import re
+
+import numpy as np
+import pytest
+
+from atom_core.calibration.calibrate import calibrate
+from atom_core.calibration.options import CalibrationOptions
+from atom_core.geometry import se3
+from atom_core.solvers.choice import SOLVERS
+from atom_core.synthetic import paper_cell, scenes
+from atom_core.synthetic.cell import cell_rig
+from atom_core.synthetic.mistakes import (
+    Origin,
+    move_about,
+    with_detections_from,
+    with_long_ranges,
+    with_moved_sensor,
+)
+from atom_core.synthetic.realism import PLAIN, SLIGHT
+
+DISTURBED = (0.05, 0.05)
+SEED, FIRST, TURN_RAD, SHIFT_M = 0, "011", np.radians(0.6), 0.012
+
+
+@pytest.fixture(scope="module")
+def cell():
+    return paper_cell(SEED, disturbance=DISTURBED)
+
+
+def knocked(scene, sensor, first=FIRST, turn_rad=TURN_RAD, shift_m=SHIFT_M):
+    """Return the cell in which a sensor was turned about itself and shifted, before `first`."""
+    rng, dataset = np.random.default_rng(5), scene.dataset
+    eye = cell_rig(SEED).pose(dataset.sensors[sensor].frame)[:3, 3]
+    turn = turn_rad * se3.random_direction(rng)
+    move = move_about(eye, turn, shift_m * se3.random_direction(rng))
+    return with_moved_sensor(scene, cell_rig(SEED), sensor, first, move, rng)
+
+
+@pytest.mark.parametrize("sensor", ["lidar_1", "depth_1"])
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_sensor_that_was_knocked_is_named_with_when_and_how_far(cell, sensor, solver):
+    result = calibrate(knocked(cell, sensor), CalibrationOptions(solver_name=solver))
+    assert result.status == "inconsistent" and not result.checks
+    found = re.match(
+        rf"{sensor} was moved between collections (\d+) and (\d+), by (.*) mm and (.*) deg: ",
+        result.message,
+    )
+    last, first, shift_mm, turn_deg = (float(number) for number in found.groups())
+    assert last < int(FIRST) <= first  # some collections do not have the sensor
+    assert shift_mm == pytest.approx(1e3 * SHIFT_M, rel=0.3)
+    assert np.radians(turn_deg) == pytest.approx(TURN_RAD, rel=0.3)
+    assert "-csf" in result.message
+
+
+def test_the_anchored_sensor_is_named_if_it_was_moved(cell):
+    anchored = cell.dataset.config.anchored_sensor
+    result = calibrate(knocked(cell, anchored, turn_rad=0.002, shift_m=0.003))
+    assert f"{anchored} was moved between" in result.message
+
+
+def test_a_fixed_board_that_was_moved_is_named(monkeypatch):
+    scene, place = scenes.hand_eye(0, collections=20), scenes._before
+    aside = se3.transform(np.eye(3), np.array([0.004, 0.003, 0.0]))
+    monkeypatch.setattr(scenes, "_before", lambda *args, **words: place(*args, **words) @ aside)
+    other = scenes.hand_eye(0, collections=20).dataset
+    later = {(key, "rgb_1"): Origin(other, key) for key in list(other.collections)[12:]}
+    result = calibrate(with_detections_from(scene.dataset, later))
+    assert result.status == "inconsistent"
+    assert result.message.startswith("board pattern_1 was moved between collections 011 and 012")
+    assert "by 4.9 mm" in result.message  # 5 in truth
+
+
+def test_a_long_range_is_no_move(cell):
+    result = calibrate(with_long_ranges(cell.dataset, "lidar_1", 0.03))
+    assert result.message.startswith("lidar_1 reads")
+
+
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(s, marks=pytest.mark.long) for s in range(1, 25))]
+)
+@pytest.mark.parametrize("realism", [PLAIN, SLIGHT], ids=["plain", "slight"])
+def test_what_stood_still_is_not_named(seed, realism):
+    scene = scenes.random_scene(seed, collections=16, realism=realism, disturbance=DISTURBED)
+    assert "was moved" not in calibrate(scene.dataset).message
+
+
+def test_few_collections_tell_nothing(cell):
+    few = knocked(cell, "lidar_1", first="003").selected(collections=["000", "001", "002", "003"])
+    assert "was moved" not in calibrate(few).message
