@@ -31,6 +31,7 @@ from atom_core.solvers.shared_equations import SharedEquations, inverse, shares_
 _CHANCE = 0.01  # of telling a move where there is none, all of a calibration together
 _FEWEST = 3  # collections before and after
 _LEAST_M, _LEAST_RAD = 0.002, float(np.radians(0.1))  # less is nobody's concern
+_MOST_M, _MOST_RAD = 0.3, float(np.radians(20.0))  # what looks like more is something else
 _MORE = 1.2  # times what the best single error explains, beside _OF_SIX
 _OF_SIX = 30.0  # gain that six numbers and the choice of the place have by chance
 _ALIKE = 0.9  # part of the gain with which another one explains it as well
@@ -236,12 +237,13 @@ def _clearest(found: Mapping[str, Sequence[_Step]]) -> Dict[str, _Step]:
     count = sum(len(steps) for steps in found.values())
     best = {}
     for name, steps in found.items():
-        clear = [s for s in steps if s.chance * count < _CHANCE and _is_concern(s.value)]
+        clear = [s for s in steps if s.chance * count < _CHANCE and _is_likely(s.value)]
         if clear:
             best[name] = max(clear, key=lambda step: step.gain)
     return best
 
 
-def _is_concern(value: np.ndarray) -> bool:
+def _is_likely(value: np.ndarray) -> bool:
     shift, turn = np.linalg.norm(value[TRANSLATION]), np.linalg.norm(value[ROTATION])
-    return bool(shift > _LEAST_M or turn > _LEAST_RAD)
+    is_much = shift > _LEAST_M or turn > _LEAST_RAD
+    return bool(is_much and shift < _MOST_M and turn < _MOST_RAD)
