@@ -13,6 +13,7 @@ from atom_core.evaluation import hand_eye_baselines as baselines
 from atom_core.evaluation.evaluate import evaluate
 from atom_core.evaluation.hand_eye_baselines import METHODS, hand_eye_baselines
 from atom_core.evaluation.hand_eye_comparison import CALIBRATION, compare_hand_eye
+from atom_core.evaluation.hand_eye_views import hand_eye_views
 from atom_core.evaluation.metrics import pose_difference
 from atom_core.geometry import se3
 from atom_core.geometry.pose_solvers import lacking
@@ -244,3 +245,8 @@ def test_the_calibration_names_one_camera_s_planar_robot():
     scene = degenerate.planar_motion(0, disturbance=(0.05, 0.05))
     (weak,) = calibrate(scene.dataset.selected(sensors=["rgb_1"])).weak_directions
     assert "turns about this axis only, as in planar motion" in weak.why
+
+
+def test_the_cameras_that_there_are_are_named(exact):
+    with pytest.raises(DatasetError, match="no rgb camera 'rgb_9'; there are: rgb_1"):
+        hand_eye_views(exact.dataset, "rgb_9", BOARD)

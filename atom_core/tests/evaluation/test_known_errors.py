@@ -9,6 +9,7 @@ import pytest
 from atom_core import native
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import OFF, CalibrationOptions
+from atom_core.errors import DatasetError
 from atom_core.evaluation.known_errors import known_of, parameters_of
 from atom_core.geometry.intrinsics import intrinsics_names, intrinsics_values, moved_camera
 from atom_core.io.calibration_json import StoredCalibration, StoredCamera, StoredError
@@ -127,3 +128,10 @@ def test_what_contradicts_what_is_known_is_said():
     result = calibrate(dataset, CalibrationOptions(known_errors=known))
     assert result.status == "inconsistent"
     assert "what was known before is: lidar_1 reads 100 +- 2 mm long" in result.message
+
+
+@pytest.mark.parametrize("number", [-1, 12])
+def test_a_number_that_no_camera_has_is_refused(dataset, number):
+    error = CameraError("rgb_1", "fx", (number,), dataset.sensors["rgb_1"].camera)
+    with pytest.raises(DatasetError, match="tell no CameraError of rgb_1"):
+        known_of(stored([written(error)]), dataset)

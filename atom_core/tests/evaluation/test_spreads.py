@@ -5,8 +5,9 @@ import pytest
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import OFF, CalibrationOptions
+from atom_core.evaluation.drift_question import with_common_scatter
 from atom_core.evaluation.edge_spread import edge_spread
-from atom_core.evaluation.spreads import joint_variance
+from atom_core.evaluation.spreads import Spread, joint_variance
 from atom_core.evaluation.trust.two_estimates import edge_difference
 from atom_core.solvers.robust_covariance import wider_by_students_t
 from atom_core.synthetic import scenes
@@ -48,3 +49,17 @@ def test_of_an_edge_it_lies_between_the_assumed_noise_and_the_sum():
     assert np.all(np.diagonal(covariance) <= stated * (1.0 + 1e-9))
     assert np.all(np.diagonal(covariance) >= least * (1.0 - 1e-9))
     assert np.any(np.diagonal(covariance) < 0.99 * stated)
+
+
+def test_range_sensors_of_a_kind_share_their_scatter_but_those_of_which_nothing_is_known():
+    dataset = scenes.random_scene(0, rgb=1, depth=0, lidar3d=3, collections=2).dataset
+    one, two, three = (dataset.sensors[f"lidar_{i}"].edge for i in (1, 2, 3))
+    none = np.zeros((6, 6))
+    spreads = {
+        one: Spread(np.eye(6), np.eye(6), 12, 2.0, 9.0),
+        two: Spread(np.eye(6), np.eye(6), 12, 4.0, 9.0),
+        three: Spread(none, none, 0, 7.0, 9.0),
+    }
+    found = with_common_scatter(dataset, spreads)
+    assert [found[edge].scatter for edge in (one, two, three)] == [3.0, 3.0, 7.0]
+    assert found[one].freedom == np.inf and found[three] is spreads[three]

@@ -9,7 +9,13 @@ import pytest
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import OFF, CalibrationOptions
 from atom_core.evaluation.trust.checks import limit_of, trust_checks
-from atom_core.evaluation.trust.relative import difference, jacobian, relative_pose, stepped
+from atom_core.evaluation.trust.relative import (
+    difference,
+    jacobian,
+    largest_in_sigmas,
+    relative_pose,
+    stepped,
+)
 from atom_core.geometry import se3
 from atom_core.model.dataset import pose
 from atom_core.report.calibration_document import calibration_document
@@ -113,3 +119,20 @@ def test_planted_errors_are_named(name):
         calibration_results(calibrate(paper_cell(0, realism=realism).dataset), "any")
     )
     assert verdict.grade != "good" and words in verdict.sentence
+
+
+@pytest.mark.parametrize("pair", [([1.0, 3.0], 1.5), ([-9.0, 3.0], 9.0)])
+def test_the_largest_is_told_in_its_own_sigma(pair):
+    numbers, largest = pair
+    assert largest_in_sigmas(np.array(numbers), np.diag([1.0, 4.0])) == pytest.approx(largest)
+
+
+def test_parts_begin_where_the_whole_ended():
+    """However far from the description the user let the whole begin."""
+    dataset = scenes.two_cameras(1, collections=12).dataset
+    plain, far = (
+        trust_checks(calibrate(dataset, asked), asked)
+        for asked in (QUIET, replace(QUIET, noisy_initial_guess=(0.05, 0.05)))
+    )
+    assert far.halves[0].sigmas == pytest.approx(plain.halves[0].sigmas, rel=1e-3)
+    assert not any("loops" in why for why in plain.untold)  # two sensors have none

@@ -157,3 +157,18 @@ def test_coefficients_of_another_model_name_it(model, count, told):
     K = np.array([[500.0, 0, 320], [0, 500, 240], [0, 0, 1]])
     with pytest.raises(ValueError, match=told):
         Camera(640, 480, K, np.full(count, 0.01), model)
+
+
+@pytest.mark.parametrize("model", ["equidistant", "plumb_bob"])
+def test_a_point_on_the_optical_axis_is_in_the_middle_of_the_image(model):
+    K = np.array([[500.0, 0, 320], [0, 490, 240], [0, 0, 1]])
+    camera = Camera(640, 480, K, np.array([0.1, -0.05, 0.01, 0.002]), model)
+    pixel, by_point = camera.project_with_jacobian(np.array([[0.0, 0.0, 2.0]]))
+    np.testing.assert_allclose(pixel, [[320.0, 240.0]])
+    np.testing.assert_allclose(by_point[0], [[250.0, 0, 0], [0, 245.0, 0]], atol=1e-9)
+
+
+def test_coefficients_padded_with_zeros_are_those_of_the_shorter_model():
+    K, padded = np.array([[500.0, 0, 320], [0, 500, 240], [0, 0, 1]]), [*(5 * [0.01]), 0, 0]
+    with pytest.raises(ValueError, match="equidistant needs 4; they would be of plumb_bob:"):
+        Camera(640, 480, K, np.array(padded), "equidistant")

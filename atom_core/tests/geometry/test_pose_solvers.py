@@ -84,3 +84,13 @@ def test_robot_world_returns_both_poses_that_close_the_loop(seed, method):
     eye, board = robot_world_poses(G, H, method)
     np.testing.assert_allclose(eye, X, atol=1e-6)
     np.testing.assert_allclose(board, fixed, atol=1e-6)
+
+
+@pytest.mark.skipif(not hasattr(cv2, "calibrateRobotWorldHandEye"), reason="an older OpenCV")
+@pytest.mark.parametrize("wrong", [0, 1])
+def test_one_pose_that_is_none_is_no_answer(wrong, monkeypatch):
+    G, H, _, _ = loop(0)
+    found = [[np.eye(3), np.zeros(3)], [np.eye(3), np.zeros(3)]]
+    found[wrong][0] = np.full((3, 3), np.nan)
+    monkeypatch.setattr(cv2, "calibrateRobotWorldHandEye", lambda *_, **__: sum(found, []))
+    assert robot_world_poses(G, H, "shah") is None

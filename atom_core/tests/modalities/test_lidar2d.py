@@ -21,6 +21,7 @@ from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.model.dataset import pose
 from atom_core.model.pattern import pattern_from_config
 from atom_core.problem.measurements import read_measurements
+from atom_core.problem.range_measurement import LIDAR_SIGMA_M
 from atom_core.problem.residuals import OrthogonalBlock
 from atom_core.report.calibration_results import calibration_results
 from atom_core.solvers.choice import SOLVERS
@@ -350,3 +351,13 @@ def test_a_modality_that_is_not_that_of_the_messages_is_refused(
         assert len(told) == 1, told
         assert f"sensor '{sensor}': its modality is {modality}" in told[0] and message in told[0]
         assert str(copy) in told[0]
+
+
+def test_an_end_lies_anywhere_within_a_step_and_noise_moves_it_along_a_slanted_cut(scene):
+    ends = [m for m in read_measurements(scene.dataset)[0] if m.key.sensor in SCANNERS]
+    for m in ends:
+        step = np.linalg.norm(m.limit_steps[:, 0], axis=1)
+        by_noise = m.limit_sigma_m**2 - step**2 / 12.0  # variance of what is evenly spread
+        assert np.all(by_noise > -1e-12) and np.all(by_noise < LIDAR_SIGMA_M**2)
+        sine = m.inside_sigma_m.mean() / LIDAR_SIGMA_M
+        np.testing.assert_allclose(by_noise / LIDAR_SIGMA_M**2, 1.0 - sine**2, atol=0.2)

@@ -12,7 +12,7 @@ from atom_core.model.dataset import board_edge
 from atom_core.model.truth import with_truth
 from atom_core.problem.builder import build_problem
 from atom_core.problem.measurements import read_measurements
-from atom_core.synthetic import Noise, arm, paper_cell, scenes
+from atom_core.synthetic import Noise, arm, degenerate, paper_cell, scenes
 
 K = np.array([[900.0, 0, 640.0], [0, 890.0, 400.0], [0, 0, 1]])
 MODELS = {
@@ -150,3 +150,13 @@ def test_disturbance_has_the_asked_size_and_spares_the_anchor_and_the_boards():
         expected = (0.0, 0.0) if sensor.name == anchored else (0.1, 0.2)
         np.testing.assert_allclose((shift, angle), expected, atol=1e-7)
     assert board_edge(dataset.patterns["pattern_1"]) not in after
+
+
+def test_one_collection_is_enough_for_an_additional_tf():
+    scene = degenerate.redundant_edge(0, collections=4)
+    dataset = scene.dataset.selected(collections=["000"])
+    measurements, _ = read_measurements(dataset)
+    free = free_edges(dataset, CalibrationOptions())
+    boards = initial_boards(dataset, measurements, free)
+    problem = build_problem(dataset, measurements, boards, free)
+    assert "post" in [name for block in problem.parameters.blocks for name in block.names]

@@ -7,7 +7,7 @@ pytest.importorskip("atom_core._core", reason="the problem is made by a calibrat
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.problem.corrections import corrected
-from atom_core.problem.range_fields import depth_waves, elevations, layer_offsets
+from atom_core.problem.range_fields import DepthWave, depth_waves, elevations, layer_offsets
 from atom_core.problem.residuals import RangeBlock
 from atom_core.synthetic import paper_cell
 
@@ -67,3 +67,7 @@ def test_corrections_are_taken_back_to_rounding(solved, sensor):
         assert np.max(np.abs(there.points - before.points)) > 1e-3
         assert np.allclose(after.points, before.points, atol=1e-6)
         assert np.allclose(elevations(there.points), elevations(before.points), atol=1e-6)
+
+
+def test_a_wave_has_the_name_of_both_its_directions():
+    assert DepthWave("depth_1", (3, 2), None).name == "depth_wave_3_2"
