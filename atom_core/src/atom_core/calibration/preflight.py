@@ -24,6 +24,7 @@ from atom_core.calibration.prepare.preparation import (
     prepare,
 )
 from atom_core.calibration.prepare.priors import priors
+from atom_core.calibration.prepare.same_labels import copies
 from atom_core.calibration.start.boards import carried_boards
 from atom_core.errors import AtomError
 from atom_core.model.dataset import Dataset, is_complete
@@ -83,6 +84,11 @@ def preflight(dataset: Dataset) -> Preflight:
     _collect(lambda: check_joints(dataset, free), problems)
     _collect(lambda: check_connected(present, measurements, free), problems)
     warnings += remarks + _implausible(present, measurements)
+    warnings += [
+        f"collection {key} is a copy of {other}, all labels are the same to the last digit: "
+        f"calibrate leaves it out"
+        for key, other in copies(present, measurements).items()
+    ]
     if floats_freely(present, measurements, free):
         _collect(lambda: check_not_alone(present, free), problems)
         warnings.append(

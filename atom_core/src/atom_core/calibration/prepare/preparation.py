@@ -23,7 +23,7 @@ from atom_core.calibration.prepare.joints import (
 from atom_core.calibration.prepare.memory import check_memory
 from atom_core.calibration.prepare.moving_parts import Sigmas, check_told, moving_parts
 from atom_core.calibration.prepare.priors import priors
-from atom_core.calibration.prepare.same_labels import check_same_labels
+from atom_core.calibration.prepare.same_labels import check_same_labels, copies
 from atom_core.errors import CalibrationError
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics import intrinsics_names
@@ -233,7 +233,10 @@ def _usable(
 ) -> Tuple[List[Measurement], Dict[str, str]]:
     """Return the measurements that can tie something, and why collections were left out."""
     alone = options.anchor_patterns or options.only_anchored_sensor
-    unused: Dict[str, str] = {}
+    unused = {
+        key: f"it is a copy of collection {other}, all labels are the same to the last digit"
+        for key, other in copies(dataset, measurements).items()
+    }
     seen_by: Dict[Tuple[str, str], Set[Edge]] = {}
     for m in measurements:
         edge = dataset.sensors[m.key.sensor].edge

@@ -1,14 +1,18 @@
-"""One sensor under two names: their labels are the same, and no residual ever tells."""
+"""The same labels twice: one sensor under two names, or one collection under two keys.
+
+No residual ever tells either.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
 from itertools import combinations
-from typing import Dict, List, Sequence, Tuple
+from typing import Dict, List, Mapping, Sequence, Tuple
 
 import numpy as np
 
 from atom_core.errors import CalibrationError
+from atom_core.model.dataset import Dataset
 from atom_core.problem.corner_measurement import CornerMeasurement
 from atom_core.problem.measurements import Measurement
 from atom_core.problem.range_measurement import RangeMeasurement
@@ -37,6 +41,46 @@ def check_same_labels(measurements: Sequence[Measurement]) -> None:
                 f"names; correct the topic_name of one of them in the configuration, or what "
                 f"remaps it, and collect again"
             )
+
+
+def copies(dataset: Dataset, measurements: Sequence[Measurement]) -> Dict[str, str]:
+    """Return collections that are copies of earlier ones, and of which.
+
+    All their labels and transforms are the same to the last digit, as where datasets that overlap
+    were merged; counted twice, they would make the sigmas too small.
+    """
+    seen: Dict[str, Dict[Tuple[str, str], np.ndarray]] = {}
+    for m in measurements:
+        seen.setdefault(m.key.collection, {})[m.key.sensor, m.key.pattern] = _numbers(m)
+    first: Dict[Tuple[int, float], List[str]] = {}
+    found: Dict[str, str] = {}
+    for key, labels in seen.items():
+        size = sum(numbers.size for numbers in labels.values())
+        total = float(sum(np.sum(numbers, dtype=float) for numbers in labels.values()))
+        alike = first.setdefault((size, total), [])
+        for other in alike:
+            if size >= _LEAST_NUMBERS and _same_collection(dataset, key, other, seen):
+                found[key] = other
+                break
+        else:
+            alike.append(key)
+    return found
+
+
+def _same_collection(
+    dataset: Dataset,
+    one: str,
+    other: str,
+    labels: Mapping[str, Mapping[Tuple[str, str], np.ndarray]],
+) -> bool:
+    mine, others = labels[one], labels[other]
+    before, after = (dataset.collections[key].transforms for key in (one, other))
+    return (
+        mine.keys() == others.keys()
+        and all(np.array_equal(numbers, others[place]) for place, numbers in mine.items())
+        and before.keys() == after.keys()
+        and all(np.array_equal(matrix, after[edge]) for edge, matrix in before.items())
+    )
 
 
 def _names(one: Measurement, other: Measurement) -> Tuple[str, str]:
