@@ -106,6 +106,40 @@ def with_mirrored_points(dataset: Dataset, sensor: str) -> Dataset:
     return with_changed_data(dataset, {sensor: lambda points: points * [1.0, -1.0, 1.0]})
 
 
+def with_turned_rays(
+    dataset: Dataset,
+    sensor: str,
+    *,
+    azimuth_scale: float = 0.0,
+    elevation_scale: float = 0.0,
+    elevation_offset_rad: float = 0.0,
+) -> Dataset:
+    """Return the dataset in which a LiDAR has all azimuths or elevations too large.
+
+    Args:
+        dataset: any.
+        sensor: the LiDAR.
+        azimuth_scale: by which part, from its x axis.
+        elevation_scale: likewise, above the plane across its z axis.
+        elevation_offset_rad: and by how much.
+    """
+
+    def turned(points: np.ndarray) -> np.ndarray:
+        x, y, z = points.T
+        azimuth = (1.0 + azimuth_scale) * np.arctan2(y, x)
+        elevation = np.arctan2(z, np.hypot(x, y)) * (1.0 + elevation_scale) + elevation_offset_rad
+        flat = np.linalg.norm(points, axis=1) * np.cos(elevation)
+        sine = np.linalg.norm(points, axis=1) * np.sin(elevation)
+        return np.column_stack([flat * np.cos(azimuth), flat * np.sin(azimuth), sine])
+
+    return with_changed_data(dataset, {sensor: turned})
+
+
+def with_longer_depths(dataset: Dataset, sensor: str, offset_m: float) -> Dataset:
+    """Return the dataset in which the depths of a camera are too far by an offset."""
+    return with_changed_data(dataset, {sensor: lambda image: image + offset_m})
+
+
 def with_scaled_depths(dataset: Dataset, sensor: str, factor: float) -> Dataset:
     """Return the dataset in which the depths of a camera are too far by a factor."""
     return with_changed_data(dataset, {sensor: lambda image: factor * image})
@@ -134,6 +168,15 @@ def with_scaled_boards(dataset: Dataset, factor: float) -> Dataset:
             corners_by_id=factor * pattern.corners_by_id,
             border=Rectangle(*(centre - half), *(centre + half)),
         )
+    return replace(dataset, patterns=patterns)
+
+
+def with_longer_prints(dataset: Dataset, share: float) -> Dataset:
+    """Return the dataset whose boards' prints are longer in x than its configuration has them."""
+    patterns = {
+        name: replace(p, corners_by_id=p.corners_by_id / [1.0 + share, 1.0])
+        for name, p in dataset.patterns.items()
+    }
     return replace(dataset, patterns=patterns)
 
 

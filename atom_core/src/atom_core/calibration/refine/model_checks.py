@@ -43,6 +43,7 @@ class ModelCheck:
         gain: by how much the cost (twice the negative logarithm of the likelihood) would fall.
         moves: (m,) by how much the shared numbers would change.
         rivals: other errors that would explain it nearly as well.
+        rival_values: theirs, each alone, in their units.
     """
 
     error: ModelError
@@ -51,6 +52,7 @@ class ModelCheck:
     gain: float
     moves: np.ndarray
     rivals: Tuple[ModelError, ...]
+    rival_values: Tuple[float, ...] = ()
 
 
 def model_checks(
@@ -106,6 +108,7 @@ def _best(step: _Step, cautious: _Step) -> Optional[ModelCheck]:
         float(gains[i]),
         step.moves(i, tested.value[i]),
         tuple(step.candidates[j] for j in np.flatnonzero(rivals)),
+        tuple(step.candidates[j].step * tested.value[j] for j in np.flatnonzero(rivals)),
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import List, Optional, Sequence, Tuple
+from typing import Dict, List, Optional, Sequence, Tuple
 
 from atom_core.calibration.refine.candidates import (
     candidates,
@@ -137,7 +137,8 @@ def with_usual_errors(
     """Estimate what the data do not show, too, and what detections have in common.
 
     It may be there all the same: it is held to what is usual by a prior, so that the sigmas know
-    of it. The arguments are those of `with_shown_errors`, and how far cameras' numbers are expected
+    of it. Errors that the data show and cannot tell from one another have as much room as any of
+    them needs. The arguments are those of `with_shown_errors`, and how far cameras' numbers are expected
     from those given, in parts of the focal length (None: as far as is usual).
     """
     if summary.status != CONVERGED or setup.options.weights != SIGMA:
@@ -148,6 +149,9 @@ def with_usual_errors(
     rest += [e for e in small if e not in known]
     rest = list(scalars_of(solver, summary.x, summary.sigmas, setup.options.loss, rest).errors)
     options, sizes = setup.options, usual_sizes(rest, intrinsics_sigma)
+    for error, value in _not_told_apart(dataset, solver, summary, options).items():
+        if error in sizes:
+            sizes[error] = max(sizes[error], abs(value))
     usual = {error: ErrorPrior(size) for error, size in sizes.items()}
     setup = replace(
         setup,
@@ -158,6 +162,18 @@ def with_usual_errors(
         ),
     )
     return weighted_by_detections(solver, summary, setup.options), setup
+
+
+def _not_told_apart(
+    dataset: Dataset, solver: Solver, summary: SolverSummary, options: SolverOptions
+) -> Dict[ModelError, float]:
+    """Return what each error would be alone, of those that the data show but do not tell apart."""
+    found: Dict[ModelError, float] = {}
+    for check in checked(dataset, solver, summary, options).checks(summary, options.loss):
+        if check.rivals:
+            found[check.error] = check.value
+            found.update(zip(check.rivals, check.rival_values))
+    return found
 
 
 def _with_more(
