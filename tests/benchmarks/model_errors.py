@@ -20,12 +20,13 @@ import numpy as np
 
 from atom_core.calibration.calibrate import Calibration, calibrate
 from atom_core.calibration.options import AUTO, SUGGEST, CalibrationOptions
+from atom_core.model.dataset import Dataset
 from atom_core.report.calibration_results import calibration_results
 from atom_core.report.stated_errors import stated_errors
 from atom_core.report.tables import text_table
 from atom_core.solvers.base import CONVERGED
 from atom_core.solvers.choice import default_solver
-from atom_core.synthetic import paper_cell, random_scene
+from atom_core.synthetic import mistakes, paper_cell, random_scene
 from atom_core.synthetic.dataset import SyntheticDataset
 from atom_core.synthetic.realism import PLAIN, ROUGH, SLIGHT, Realism
 
@@ -44,6 +45,7 @@ class Planted(NamedTuple):
         name: of the model error that is to be found.
         target: which sensor or board.
         value: what must be estimated, in its unit.
+        change: what else is done to the dataset.
     """
 
     title: str
@@ -51,6 +53,7 @@ class Planted(NamedTuple):
     name: str
     target: str
     value: float
+    change: Callable[[Dataset], Dataset] = lambda dataset: dataset
 
 
 def _one(target: str, **sizes: float) -> Realism:
@@ -70,6 +73,42 @@ PLANTED = (
     ),
     Planted("focal length 0.5 %", _one(CAMERA, focal_scale=0.005), "focal_length", CAMERA, 0.005),
     Planted("board bent by 2 mm", replace(PLAIN, bend_m=0.002), "bend_x", BOARD, 0.002),
+    Planted(
+        "azimuths 1 % large",
+        PLAIN,
+        *("azimuth_scale", LIDAR, -0.01),
+        lambda d: mistakes.with_turned_rays(d, LIDAR, azimuth_scale=0.01),
+    ),
+    Planted(
+        "elevations 3 % large",
+        PLAIN,
+        *("elevation_scale", LIDAR, -0.03),
+        lambda d: mistakes.with_turned_rays(d, LIDAR, elevation_scale=0.03),
+    ),
+    Planted(
+        "depth 15 mm far",
+        PLAIN,
+        *("depth_offset", DEPTH, -0.015),
+        lambda d: mistakes.with_longer_depths(d, DEPTH, 0.015),
+    ),
+    Planted(
+        "depth focal length 2 % long",
+        PLAIN,
+        *("depth_focal_length", DEPTH, -0.02),
+        lambda d: mistakes.with_scaled_focal_length(d, DEPTH, 1.02),
+    ),
+    Planted(
+        "depth centre 10 px right",
+        PLAIN,
+        *("depth_centre_x", DEPTH, -10.0 / 554.26),
+        lambda d: mistakes.with_shifted_centre(d, DEPTH, 10.0),
+    ),
+    Planted(
+        "print 1 % longer in x",
+        PLAIN,
+        *("board_aspect", BOARD, 0.005),
+        lambda d: mistakes.with_longer_prints(d, 0.01),
+    ),
 )
 
 
@@ -101,10 +140,11 @@ def planted_table(rigs: int) -> List[Dict[str, object]]:
 
 def _outcome(planted: Planted, seed: int) -> Dict[str, int]:
     scene = paper_cell(seed, realism=planted.realism, disturbance=DISTURBANCE)
-    checks = calibrate(scene.dataset).checks
+    dataset = planted.change(scene.dataset)
+    checks = calibrate(dataset).checks
     names = [(check.error.name, check.error.target) for check in checks]
     true = (planted.name, planted.target)
-    auto = calibrate(scene.dataset, CalibrationOptions(model_errors=AUTO))
+    auto = calibrate(dataset, CalibrationOptions(model_errors=AUTO))
     found = {(e.name, e.target): value for e, value in auto.summary.model_errors.items()}
     return {
         "named": int(true in names),
