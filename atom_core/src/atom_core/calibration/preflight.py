@@ -83,12 +83,7 @@ def preflight(dataset: Dataset) -> Preflight:
     _collect(lambda: check_edges(dataset, free), problems)
     _collect(lambda: check_joints(dataset, free), problems)
     _collect(lambda: check_connected(present, measurements, free), problems)
-    warnings += remarks + _implausible(present, measurements)
-    warnings += [
-        f"collection {key} is a copy of {other}, all labels are the same to the last digit: "
-        f"calibrate leaves it out"
-        for key, other in copies(present, measurements).items()
-    ]
+    warnings += remarks + _implausible(present, measurements) + _copied(present, measurements)
     if floats_freely(present, measurements, free):
         _collect(lambda: check_not_alone(present, free), problems)
         warnings.append(
@@ -171,6 +166,14 @@ def _parameter_count(dataset: Dataset, measurements: Sequence[Measurement], free
     boards = {dataset.patterns[m.key.pattern].board_key(m.key.collection) for m in measurements}
     poses = 6 * (len(edges) + len(free.additional_tfs) + len(boards))
     return poses + sum(len(parameters) for parameters in free.joints.values())
+
+
+def _copied(dataset: Dataset, measurements: Sequence[Measurement]) -> List[str]:
+    return [
+        f"collection {key} is a copy of {other}, all labels are the same to the last digit: "
+        f"calibrate leaves it out"
+        for key, other in copies(dataset, measurements).items()
+    ]
 
 
 def _implausible(dataset: Dataset, measurements: Sequence[Measurement]) -> List[str]:
