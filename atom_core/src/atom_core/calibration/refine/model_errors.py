@@ -138,8 +138,8 @@ def with_usual_errors(
 
     It may be there all the same: it is held to what is usual by a prior, so that the sigmas know
     of it. Errors that the data show and cannot tell from one another have as much room as any of
-    them needs. The arguments are those of `with_shown_errors`, and how far cameras' numbers are expected
-    from those given, in parts of the focal length (None: as far as is usual).
+    them needs. The arguments are those of `with_shown_errors`, and how far cameras' numbers are
+    expected from those given, in parts of the focal length (None: as far as is usual).
     """
     if summary.status != CONVERGED or setup.options.weights != SIGMA:
         return summary, setup
