@@ -179,7 +179,7 @@ class DepthIntrinsics(DirectionError):
     camera: Camera = field(compare=False)
 
     unit = RATIO
-    usual = 0.002  # a pixel of the centre
+    usual = 0.001  # half a pixel of the centre
 
 
 @dataclass(frozen=True)
