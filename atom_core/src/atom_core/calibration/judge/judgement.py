@@ -55,6 +55,7 @@ from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.reweighting import covariance_of
 from atom_core.solvers.robust_covariance import FEWEST, degrees_of_freedom, sigma_factors
 
+_OF_SCATTER = 0.7  # part of what an arm that is off explains, each collection by itself
 _STRONG = 3.0  # sigmas by which what is not estimated may move an edge, and what is be unusual
 _TOLD_SIZE = 0.005  # of the size of boards: what is told less exactly is not told
 RANK_DEFICIENT, INCONSISTENT = "rank_deficient", "inconsistent"
@@ -174,7 +175,12 @@ def _examined(
     if options.solver.weights != SIGMA:
         return covariance, unfit, [], [], None, ()
     covariance, checks, moved, sizes = _checked(initial, refined, options, covariance)
-    moving = [] if moved is not None else _moving(dataset, refined, options, checks)
+    moving = _moving(dataset, refined, options, checks)
+    scatter = max((edge.gain for edge in moving), default=0.0)
+    if moved is not None and moved.gain < _OF_SCATTER * scatter:
+        moved = None
+    if moved is not None:  # what else seems to be wrong may be its trace only
+        checks, moving = [], []
     remarks = (*_few_collections(refined.solver.problem), *sizes)
     return covariance, unfit, checks, moving, moved, remarks
 
@@ -188,7 +194,9 @@ def _contradictions(
     moving: Sequence[MovingEdge],
 ) -> List[str]:
     """Return what of the model the data contradict, the likeliest cause first."""
-    reasons = [suggestion(c) for c in strong(checks, covariance)] + _unusual(refined, covariance)
+    reasons = [suggestion(c) for c in strong(checks, covariance)] + _unusual(
+        refined, options, covariance
+    )
     reasons += unusual_parts(refined.free, options)
     if unfit:  # else it is noise that the sigmas know of
         reasons = [*_of_held_boards(refined), *(edge.why for edge in moving), *reasons]
@@ -230,10 +238,7 @@ def _held(
 def _checked(
     initial: Dataset, refined: Refined, options: CalibrationOptions, covariance: Covariance
 ) -> Tuple[Covariance, List[ModelCheck], Optional[Moved], Tuple[str, ...]]:
-    """Return the covariance, robust and combined, the model checks, what moved, what is not told.
-
-    Where something moved, single errors that seem to be there as well may be its trace only.
-    """
+    """Return the covariance, robust and combined, the model checks, what moved, what is untold."""
     loss, estimated = refined.options.loss, tuple(refined.summary.model_errors)
     solution = checked(initial, refined.solver, refined.summary, refined.options, with_fields=True)
     equations = solution.equations
@@ -255,10 +260,11 @@ def _checked(
         refined.solver, refined.summary, loss, equations, solution.layers, checks
     )
     checks += wave_checks(initial, refined.solver, refined.summary, refined.options, checks)
+    checks = sorted(checks, key=lambda check: -check.gain)
+    if refined.free.anchor_patterns:  # boards in a wrong place look like anything
+        return covariance, checks, None, untold
     moved = moved_sensors(initial, refined.solver, refined.summary, loss, solution, checks)
-    if moved is not None:
-        return covariance, [], moved, untold
-    return covariance, sorted(checks, key=lambda check: -check.gain), None, untold
+    return covariance, checks, moved, untold
 
 
 def _untold_size(told: float) -> Tuple[str, ...]:
@@ -310,13 +316,16 @@ def strong(checks: Sequence[ModelCheck], covariance: Covariance) -> List[ModelCh
     return list(checks) if np.any(np.abs(np.sum(moves, axis=0)) > limits) else []
 
 
-def _unusual(refined: Refined, covariance: Covariance) -> List[str]:
+def _unusual(refined: Refined, options: CalibrationOptions, covariance: Covariance) -> List[str]:
     """Return why, where an error that was expected to be usual had to be far more.
 
     Then what was expected decided how it is shared with others, and not the data.
     """
     values, sigmas = refined.summary.model_errors, covariance.error_sigmas
     priors = {e: prior for e, prior in refined.options.error_priors.items() if e in values}
+    # What was given more room, since it is not told from another, is unusual all the same.
+    room = usual_sizes([e for e, p in priors.items() if p.mean == 0.0], options.intrinsics_sigma)
+    priors = {e: p._replace(sigma=min(p.sigma, room.get(e, p.sigma))) for e, p in priors.items()}
     off = {e: abs(values[e] - prior.mean) / prior.sigma for e, prior in priors.items()}
     far = [e for e in off if e.stands_alone and off[e] > _STRONG]
     far.sort(key=lambda e: -off[e])

@@ -137,9 +137,10 @@ def with_usual_errors(
     """Estimate what the data do not show, too, and what detections have in common.
 
     It may be there all the same: it is held to what is usual by a prior, so that the sigmas know
-    of it. Errors that the data show and cannot tell from one another have as much room as any of
-    them needs. The arguments are those of `with_shown_errors`, and how far cameras' numbers are
-    expected from those given, in parts of the focal length (None: as far as is usual).
+    of it. Errors that the data show and cannot tell from one another have so much more room that
+    the least unusual of them has what it would need alone. The arguments are those of
+    `with_shown_errors`, and how far cameras' numbers are expected from those given, in parts of
+    the focal length (None: as far as is usual).
     """
     if summary.status != CONVERGED or setup.options.weights != SIGMA:
         return summary, setup
@@ -149,9 +150,10 @@ def with_usual_errors(
     rest += [e for e in small if e not in known]
     rest = list(scalars_of(solver, summary.x, summary.sigmas, setup.options.loss, rest).errors)
     options, sizes = setup.options, usual_sizes(rest, intrinsics_sigma)
-    for error, value in _not_told_apart(dataset, solver, summary, options).items():
-        if error in sizes:
-            sizes[error] = max(sizes[error], abs(value))
+    for alike in _not_told_apart(dataset, solver, summary, options):
+        alike = {error: value for error, value in alike.items() if error in sizes}
+        room = min((abs(value) / sizes[error] for error, value in alike.items()), default=1.0)
+        sizes.update({error: max(room, 1.0) * sizes[error] for error in alike})
     usual = {error: ErrorPrior(size) for error, size in sizes.items()}
     setup = replace(
         setup,
@@ -166,14 +168,13 @@ def with_usual_errors(
 
 def _not_told_apart(
     dataset: Dataset, solver: Solver, summary: SolverSummary, options: SolverOptions
-) -> Dict[ModelError, float]:
-    """Return what each error would be alone, of those that the data show but do not tell apart."""
-    found: Dict[ModelError, float] = {}
-    for check in checked(dataset, solver, summary, options).checks(summary, options.loss):
-        if check.rivals:
-            found[check.error] = check.value
-            found.update(zip(check.rivals, check.rival_values))
-    return found
+) -> List[Dict[ModelError, float]]:
+    """Return errors that the data show but do not tell apart, and what each would be alone."""
+    return [
+        {check.error: check.value, **dict(zip(check.rivals, check.rival_values))}
+        for check in checked(dataset, solver, summary, options).checks(summary, options.loss)
+        if check.rivals
+    ]
 
 
 def _with_more(
