@@ -115,14 +115,16 @@ class _Motions(NamedTuple):
     Attributes:
         keys: of the collections.
         columns: a turn and a shift of each, by its name.
-        shared: what each collection says of the shared numbers.
-        order: (g,) index there of each collection.
+        inverse_of_all: (s, s) inverse of all information of the shared blocks.
+        of_shared: (g, s, s) what each collection says of these.
+        gradient: (g, s) likewise.
     """
 
     keys: Tuple[str, ...]
     columns: Dict[str, CollectionColumns]
-    shared: SharedEquations
-    order: np.ndarray
+    inverse_of_all: np.ndarray
+    of_shared: np.ndarray
+    gradient: np.ndarray
 
 
 def _motions(
@@ -141,7 +143,15 @@ def _motions(
         name: collection_columns(problem, equations, keys, own)
         for name, own in _turns_and_shifts(dataset, problem, x, *sums).items()
     }
-    return _Motions(keys, columns, shared, order)
+    size = BLOCK_SIZE * shared.blocks
+    of_shared = np.zeros((len(order), size, size))
+    for own, which in zip(of_shared, order):
+        part = shared.parts[which]
+        kept = part.numbers < size
+        mine = part.numbers[kept]
+        own[mine[:, None], mine] = part.information[np.ix_(kept, kept)]
+    of_all = inverse(shared.total[:size, :size])
+    return _Motions(keys, columns, of_all, of_shared, shared.gradient[order, :size])
 
 
 def _turns_and_shifts(
@@ -206,30 +216,49 @@ def _steps(motions: _Motions, name: str) -> List[_Step]:
 
 
 def _step(motions: _Motions, name: str, last: int, first: int) -> Optional[_Step]:
-    """Return the step between two collections; None: the data do not tell it."""
-    columns, shared = motions.columns[name], motions.shared
-    size, later = columns.cross.shape[1], np.arange(len(motions.keys)) >= first
-    cross = columns.cross * later[:, None, None]
-    follow = inverse(shared.total[:size, :size]) @ cross.sum(axis=0)
-    slope = columns.gradient * later[:, None] - shared.gradient[motions.order, :size] @ follow
-    crossed = np.einsum("gsk,sj->gkj", cross, follow)
-    own = columns.information * later[:, None, None] - crossed - np.swapaxes(crossed, 1, 2)
-    for i, which in enumerate(motions.order):
-        part = shared.parts[which]
-        kept = part.numbers < size
-        mine = follow[part.numbers[kept]]
-        own[i] += mine.T @ part.information[np.ix_(kept, kept)] @ mine
-    total, alone = own.sum(axis=0), columns.information.sum(axis=0)
-    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(alone), 1e-30))
+    """Return the step between two collections; None: the data do not tell it, or it is chance."""
+    columns = motions.columns[name]
+    crossed = columns.cross[first:].sum(axis=0)
+    follow = motions.inverse_of_all @ crossed
+    total = columns.information[first:].sum(axis=0) - crossed.T @ follow
+    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(columns.information.sum(axis=0)), 1e-30))
     if np.linalg.eigvalsh(total * scale[:, None] * scale)[0] < _SEEN:
         return None
-    value = -np.linalg.solve(total, slope.sum(axis=0))
-    gain, left = float(value @ total @ value), slope + own @ value
-    spread = sum(float(v @ np.linalg.pinv(o, rcond=1e-8) @ v) for v, o in zip(left, own))
+    slope = columns.gradient[first:].sum(axis=0) - motions.gradient.sum(axis=0) @ follow
+    value = -np.linalg.solve(total, slope)
+    gain = float(value @ total @ value)
     count = int(np.sum(np.trace(columns.information, axis1=1, axis2=2) > 0))
     freedom = BLOCK_SIZE * (count - 2)
+    if special.fdtrc(BLOCK_SIZE, freedom, gain / BLOCK_SIZE) > _CHANCE:
+        return None  # even if collections differed by no more than noise
+    spread = _spread(motions, columns, follow, first, value)
     ratio = gain / BLOCK_SIZE / max(spread / freedom, 1.0)
     return _Step(last, first, value, gain, float(special.fdtrc(BLOCK_SIZE, freedom, ratio)))
+
+
+def _spread(
+    motions: _Motions,
+    columns: CollectionColumns,
+    follow: np.ndarray,
+    first: int,
+    value: np.ndarray,
+) -> float:
+    """Return by how much collections differ beside a step, as a chi-square.
+
+    Args:
+        motions: with what each collection says of the shared numbers.
+        columns: of the motion.
+        follow: (s, 6) by how much the shared numbers follow it, with the other sign.
+        first: index of the first collection after the step.
+        value: (6,) of the step.
+    """
+    later = (np.arange(len(motions.keys)) >= first)[:, None]
+    slope = columns.gradient * later - motions.gradient @ follow
+    crossed = np.swapaxes(columns.cross * later[:, :, None], 1, 2) @ follow
+    own = columns.information * later[:, :, None] - crossed - np.swapaxes(crossed, 1, 2)
+    own += follow.T @ motions.of_shared @ follow
+    left = slope + own @ value
+    return float(np.einsum("gi,gij,gj->", left, np.linalg.pinv(own, rcond=1e-8), left))
 
 
 def _clearest(found: Mapping[str, Sequence[_Step]]) -> Dict[str, _Step]:
