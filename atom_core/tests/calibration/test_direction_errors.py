@@ -73,6 +73,7 @@ def test_auto_estimates_it_and_every_sensor_is_where_its_sigmas_say(scene, kind,
     shared = "azimuth" in title
     assert result.status == ("inconsistent" if shared else "converged"), result.message
     assert not shared or "the azimuths of lidar_1" in result.message
+    assert "(--model_errors auto)" not in result.message  # it was asked for
     values = {error.title: number for error, number in result.summary.model_errors.items()}
     values[title] += values["azimuth wave y of lidar_1"] if shared else 0.0
     assert values[title] == pytest.approx(value, rel=0.25)

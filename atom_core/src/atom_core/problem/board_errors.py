@@ -9,7 +9,7 @@ from typing import ClassVar, Optional, Tuple
 import numpy as np
 
 from atom_core.geometry.rectangle import Rectangle
-from atom_core.problem.model_errors import AXES, RATIO, ModelError, Rows
+from atom_core.problem.model_errors import AXES, RATIO, WITH_ALL, ModelError, Rows
 from atom_core.problem.residuals import BorderBlock, OrthogonalBlock, ReprojectionBlock
 
 
@@ -54,7 +54,7 @@ class BoardAspect(BoardError):
     kind = "board_aspect"
     unit = RATIO
     usual = 0.001
-    option = "--model_errors auto"
+    option = WITH_ALL
 
     def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
         if not isinstance(rows.block, ReprojectionBlock):

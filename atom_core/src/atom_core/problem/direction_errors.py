@@ -14,7 +14,7 @@ from typing import ClassVar, Optional
 import numpy as np
 
 from atom_core.geometry.camera import Camera
-from atom_core.problem.model_errors import AXES, RADIAN, RATIO, ModelError, Rows
+from atom_core.problem.model_errors import AXES, RADIAN, RATIO, WITH_ALL, ModelError, Rows
 from atom_core.problem.residuals import OrthogonalBlock, RangeBlock
 
 _LEAST_M = 1e-3  # from the sensor to a board's plane: what is nearer is seen from the side
@@ -25,7 +25,7 @@ class DirectionError(ModelError):
     """One number that turns the rays of a range sensor."""
 
     most = 0.1
-    option: ClassVar[str] = "--model_errors auto"
+    option: ClassVar[str] = WITH_ALL
 
     def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
         """Return the rows' change as points move across their rays.

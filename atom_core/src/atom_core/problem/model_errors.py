@@ -26,6 +26,7 @@ from atom_core.problem.residuals import (
 
 METRE, RADIAN, RATIO = "m", "rad", "1"
 AXES = ("x", "y")
+WITH_ALL = "--model_errors auto"  # estimates what no option of its own does
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,14 @@ from typing import ClassVar, List, Optional, Sequence, Tuple, Union
 import numpy as np
 
 from atom_core.geometry.camera import Camera
-from atom_core.problem.model_errors import RATIO, DepthScale, ModelError, RangeOffset, Rows
+from atom_core.problem.model_errors import (
+    RATIO,
+    WITH_ALL,
+    DepthScale,
+    ModelError,
+    RangeOffset,
+    Rows,
+)
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import RangeBlock
 
@@ -117,7 +124,7 @@ class DepthWaves(ModelError):
     is_scalar = False
     unit = RATIO
     usual = 0.004
-    option = "--model_errors auto"
+    option = WITH_ALL
 
     def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
         """Return None: what rows depend on are the single waves."""
@@ -131,7 +138,7 @@ class LayerOffsets(ModelError):
     kind: ClassVar[str] = "layer_offsets"
     is_scalar = False
     usual = 0.005
-    option = "--model_errors auto"
+    option = WITH_ALL
 
     def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
         """Return None: what rows depend on are the single layers."""

@@ -17,6 +17,7 @@ from atom_core.problem.direction_errors import (
 from atom_core.problem.model_errors import (
     AXES,
     METRE,
+    WITH_ALL,
     CameraError,
     DepthOffset,
     DepthScale,
@@ -53,10 +54,11 @@ def unusual(error: ModelError, value: float, sigma: float, prior: ErrorPrior) ->
     found = described(error, value, sigma)
     if prior.mean != 0.0:
         return f"{found}; what was known before is: {described(error, prior.mean, prior.sigma)}"
+    other = f", or estimate it without expecting anything ({error.option})"
     return (
         f"{found}; that is {abs(value) / prior.sigma:.2g} times what is usual, "
-        f"and the data hardly tell it from other errors: measure it, or estimate it without "
-        f"expecting anything ({error.option})"
+        f"and the data hardly tell it from other errors: measure it"
+        f"{'' if error.option == WITH_ALL else other}"
     )
 
 
