@@ -16,6 +16,7 @@ from atom_core.synthetic.mistakes import (
     move_about,
     with_detections_from,
     with_long_ranges,
+    with_moved_board,
     with_moved_sensor,
 )
 from atom_core.synthetic.realism import PLAIN, SLIGHT
@@ -70,6 +71,18 @@ def test_a_fixed_board_that_was_moved_is_named(monkeypatch):
     assert result.status == "inconsistent"
     assert result.message.startswith("board pattern_1 was moved between collections 011 and 012")
     assert "by 4.9 mm" in result.message  # 5 in truth
+
+
+@pytest.mark.parametrize("sensor", ["rgb_2", pytest.param("depth_1", marks=pytest.mark.long)])
+def test_a_sensor_that_shakes_did_not_stand_still(cell, sensor):
+    rng, moves = np.random.default_rng(1), {}
+    eye = cell_rig(SEED).pose(cell.dataset.sensors[sensor].frame)[:3, 3]
+    for key in cell.dataset.collections:
+        turn, shift = np.radians(0.3) * rng.normal(size=3), 0.009 * rng.normal(size=3)
+        moves[key, sensor] = move_about(eye, turn, shift)
+    result = calibrate(with_moved_board(cell, cell_rig(SEED), moves, rng))
+    assert result.status == "inconsistent"
+    assert result.message.startswith(f"{sensor} did not stand still")
 
 
 def test_a_long_range_is_no_move(cell):

@@ -35,6 +35,7 @@ _MOST_M, _MOST_RAD = 0.3, float(np.radians(20.0))  # what looks like more is som
 _MORE = 1.2  # times what the best single error explains, beside _OF_SIX
 _OF_SIX = 30.0  # gain that six numbers and the choice of the place have by chance
 _ALIKE = 0.9  # part of the gain with which another one explains it as well
+_LOOSE = 5.0  # so much more than noise, or so little beside the step, differ the collections
 _SEEN = 1e-6  # part of its information that other numbers must leave a direction
 
 
@@ -46,6 +47,7 @@ class Moved(NamedTuple):
         last, first: the collections before and after.
         translation_m, rotation_rad: by how much.
         gain: by how much the cost (twice the negative logarithm of the likelihood) would fall.
+        stood_still: before and after that; else this is only the largest of many steps.
     """
 
     names: Tuple[str, ...]
@@ -54,12 +56,18 @@ class Moved(NamedTuple):
     translation_m: float
     rotation_rad: float
     gain: float
+    stood_still: bool
 
     @property
     def why(self) -> str:
         """One sentence for the user."""
         one = " or ".join(self.names)
         unsure = "; which one, these data do not tell" if len(self.names) > 1 else ""
+        if not self.stood_still:
+            return (
+                f"{one} did not stand still, its place differs from collection to collection"
+                f"{unsure}: fasten it, and collect again"
+            )
         return (
             f"{one} was moved between collections {self.last} and {self.first}, by "
             f"{1e3 * self.translation_m:.2g} mm and {np.degrees(self.rotation_rad):.2g} deg"
@@ -106,7 +114,9 @@ def moved_sensors(
     alike = [n for n, s in best.items() if n != name and s.gain > _ALIKE * step.gain]
     shift, turn = (float(np.linalg.norm(found.value[part])) for part in (TRANSLATION, ROTATION))
     keys = cautious.keys
-    return Moved((name, *alike), keys[step.last], keys[step.first], shift, turn, found.gain)
+    stood_still = step.spread < max(_LOOSE * step.freedom, step.gain / _LOOSE)
+    places = keys[step.last], keys[step.first]
+    return Moved((name, *alike), *places, shift, turn, found.gain, stood_still)
 
 
 class _Motions(NamedTuple):
@@ -197,6 +207,8 @@ class _Step(NamedTuple):
         last, first: indices of the collections before and after it that tell of it.
         value: (6,) turn and shift.
         gain: what it explains.
+        spread: by how much collections differ beside it, as a chi-square.
+        freedom: of that.
         chance: that there is none.
     """
 
@@ -204,6 +216,8 @@ class _Step(NamedTuple):
     first: int
     value: np.ndarray
     gain: float
+    spread: float
+    freedom: int
     chance: float
 
 
@@ -233,7 +247,8 @@ def _step(motions: _Motions, name: str, last: int, first: int) -> Optional[_Step
         return None  # even if collections differed by no more than noise
     spread = _spread(motions, columns, follow, first, value)
     ratio = gain / BLOCK_SIZE / max(spread / freedom, 1.0)
-    return _Step(last, first, value, gain, float(special.fdtrc(BLOCK_SIZE, freedom, ratio)))
+    chance = float(special.fdtrc(BLOCK_SIZE, freedom, ratio))
+    return _Step(last, first, value, gain, spread, freedom, chance)
 
 
 def _spread(
