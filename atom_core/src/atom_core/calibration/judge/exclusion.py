@@ -147,12 +147,13 @@ def _shared(
 ) -> Optional[Sort]:
     """Return by what the rejections of a sensor are set apart most, its chance corrected."""
     keys = {r.key for r in out}
+    order = {name: i for i, name in enumerate(dataset.collections)}
     seen: List[Dict[str, float]] = []
     chosen: List[bool] = []
     for m in mine:
         features = _features(dataset, m)
         if features is not None:
-            seen.append(features)
+            seen.append({**features, WHEN: float(order[m.key.collection])})
             chosen.append(m.key in keys)
     is_out = np.array(chosen, dtype=bool)
     if np.sum(is_out) < _FEWEST_OF_A_SORT or np.sum(~is_out) < _FEWEST_OF_A_SORT:
@@ -168,7 +169,7 @@ def _shared(
 
 
 def _features(dataset: Dataset, m: Measurement) -> Optional[Dict[str, float]]:
-    """Return how a detection by itself has its board in the sensor [deg, m], and its place."""
+    """Return how a detection by itself has its board in the sensor [deg, deg, deg, m]."""
     candidates = m.likely_candidates()
     if not candidates:
         return None
@@ -184,7 +185,6 @@ def _features(dataset: Dataset, m: Measurement) -> Optional[Dict[str, float]]:
         SIDE: math.degrees(math.atan2(left, forwards)),
         HEIGHT: math.degrees(math.atan2(up, math.hypot(forwards, left))),
         DISTANCE: distance,
-        WHEN: float(list(dataset.collections).index(m.key.collection)),
     }
 
 

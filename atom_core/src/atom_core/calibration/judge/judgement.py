@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -61,10 +61,24 @@ _TOLD_SIZE = 0.005  # of the size of boards: what is told less exactly is not to
 RANK_DEFICIENT, INCONSISTENT = "rank_deficient", "inconsistent"
 
 
-# The covariance, robust and combined; misfits, model checks, moving parts, remarks.
-Examined = Tuple[
-    Covariance, List[Misfit], List[ModelCheck], List[MovingEdge], Optional[Moved], Tuple[str, ...]
-]
+class Examined(NamedTuple):
+    """What the data say of the model.
+
+    Attributes:
+        covariance: robust and combined.
+        unfit: sensors that fit far worse than by themselves.
+        checks: errors of the model that show.
+        moving: transforms of moving parts that do not fit.
+        moved: a sensor or a board that was moved meanwhile.
+        remarks: what the user should know of the sigmas.
+    """
+
+    covariance: Covariance
+    unfit: Sequence[Misfit] = ()
+    checks: Sequence[ModelCheck] = ()
+    moving: Sequence[MovingEdge] = ()
+    moved: Optional[Moved] = None
+    remarks: Tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -170,10 +184,10 @@ def _examined(
     """Return what the data say of the model; nothing unless the solver has converged."""
     summary, loss = refined.summary, options.solver.loss
     if summary.status != CONVERGED:
-        return covariance, [], [], [], None, ()
+        return Examined(covariance)
     unfit = misfits(refined.solver, summary.x, summary.sigmas, loss, make_solver)
     if options.solver.weights != SIGMA:
-        return covariance, unfit, [], [], None, ()
+        return Examined(covariance, unfit)
     covariance, checks, moved, sizes = _checked(initial, refined, options, covariance)
     moving = _moving(dataset, refined, options, checks)
     scatter = max((edge.gain for edge in moving), default=0.0)
@@ -182,7 +196,7 @@ def _examined(
     if moved is not None:  # what else seems to be wrong may be its trace only
         checks, moving = [], []
     remarks = (*_few_collections(refined.solver.problem), *sizes)
-    return covariance, unfit, checks, moving, moved, remarks
+    return Examined(covariance, unfit, checks, moving, moved, remarks)
 
 
 def _contradictions(
@@ -194,10 +208,8 @@ def _contradictions(
     moving: Sequence[MovingEdge],
 ) -> List[str]:
     """Return what of the model the data contradict, the likeliest cause first."""
-    reasons = [suggestion(c) for c in strong(checks, covariance)] + _unusual(
-        refined, options, covariance
-    )
-    reasons += unusual_parts(refined.free, options)
+    reasons = [suggestion(check) for check in strong(checks, covariance)]
+    reasons += _unusual(refined, options, covariance) + unusual_parts(refined.free, options)
     if unfit:  # else it is noise that the sigmas know of
         reasons = [*_of_held_boards(refined), *(edge.why for edge in moving), *reasons]
     return reasons

@@ -151,9 +151,9 @@ def with_usual_errors(
     rest = list(scalars_of(solver, summary.x, summary.sigmas, setup.options.loss, rest).errors)
     options, sizes = setup.options, usual_sizes(rest, intrinsics_sigma)
     for alike in _not_told_apart(dataset, solver, summary, options):
-        alike = {error: value for error, value in alike.items() if error in sizes}
-        room = min((abs(value) / sizes[error] for error, value in alike.items()), default=1.0)
-        sizes.update({error: max(room, 1.0) * sizes[error] for error in alike})
+        unusual = {e: abs(value) / sizes[e] for e, value in alike.items() if e in sizes}
+        room = max(min(unusual.values(), default=1.0), 1.0)
+        sizes.update({error: room * sizes[error] for error in unusual})
     usual = {error: ErrorPrior(size) for error, size in sizes.items()}
     setup = replace(
         setup,

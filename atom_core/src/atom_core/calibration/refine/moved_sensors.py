@@ -8,7 +8,7 @@ how much it is elsewhere in the later collections (a structural change at an unk
 
 from __future__ import annotations
 
-from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 from scipy import special
@@ -99,7 +99,7 @@ def moved_sensors(
     shares = shares_of(solver.problem, summary.sigmas, solution.common)
     with_common = tempered(solver.problem, equations, shares, summary.x)
     cautious = _motions(dataset, solver.problem, summary.x, with_common, solution.cautious)
-    best = _clearest({name: _steps(cautious, name) for name in cautious.columns})
+    best = _clearest(cautious)
     if not best:
         return None
     name = max(best, key=lambda n: best[n].gain)
@@ -221,12 +221,15 @@ class _Step(NamedTuple):
     chance: float
 
 
-def _steps(motions: _Motions, name: str) -> List[_Step]:
-    """Return the step of a sensor or a board at each place between two collections."""
-    told = np.flatnonzero(np.trace(motions.columns[name].information, axis1=1, axis2=2) > 0)
-    places = zip(told[_FEWEST - 1 :], told[_FEWEST : len(told) - _FEWEST + 1])
-    steps = (_step(motions, name, int(last), int(first)) for last, first in places)
-    return [step for step in steps if step is not None]
+def _places(columns: CollectionColumns) -> List[Tuple[int, int]]:
+    """Return between which two collections, by their indices, a step may be."""
+    told = _telling(columns).tolist()
+    return list(zip(told[_FEWEST - 1 :], told[_FEWEST : len(told) - _FEWEST + 1]))
+
+
+def _telling(columns: CollectionColumns) -> np.ndarray:
+    """Return the indices of the collections that say something of a motion."""
+    return np.flatnonzero(np.trace(columns.information, axis1=1, axis2=2) > 0)
 
 
 def _step(motions: _Motions, name: str, last: int, first: int) -> Optional[_Step]:
@@ -241,8 +244,7 @@ def _step(motions: _Motions, name: str, last: int, first: int) -> Optional[_Step
     slope = columns.gradient[first:].sum(axis=0) - motions.gradient.sum(axis=0) @ follow
     value = -np.linalg.solve(total, slope)
     gain = float(value @ total @ value)
-    count = int(np.sum(np.trace(columns.information, axis1=1, axis2=2) > 0))
-    freedom = BLOCK_SIZE * (count - 2)
+    freedom = BLOCK_SIZE * (len(_telling(columns)) - 2)
     if special.fdtrc(BLOCK_SIZE, freedom, gain / BLOCK_SIZE) > _CHANCE:
         return None  # even if collections differed by no more than noise
     spread = _spread(motions, columns, follow, first, value)
@@ -276,12 +278,14 @@ def _spread(
     return float(np.einsum("gi,gij,gj->", left, np.linalg.pinv(own, rcond=1e-8), left))
 
 
-def _clearest(found: Mapping[str, Sequence[_Step]]) -> Dict[str, _Step]:
+def _clearest(motions: _Motions) -> Dict[str, _Step]:
     """Return the step of each sensor and board that explains most, of those that are clear."""
-    count = sum(len(steps) for steps in found.values())
+    places = {name: _places(columns) for name, columns in motions.columns.items()}
+    limit = _CHANCE / max(sum(map(len, places.values())), 1)  # of one of all that are looked at
     best = {}
-    for name, steps in found.items():
-        clear = [s for s in steps if s.chance * count < _CHANCE and _is_likely(s.value)]
+    for name in places:
+        steps = (_step(motions, name, last, first) for last, first in places[name])
+        clear = [s for s in steps if s is not None and s.chance < limit and _is_likely(s.value)]
         if clear:
             best[name] = max(clear, key=lambda step: step.gain)
     return best
