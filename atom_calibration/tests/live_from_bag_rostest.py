@@ -1,27 +1,40 @@
 #!/usr/bin/env python3
 """collect_data.launch with a bag: the dataset of the offline command, without anybody's help."""
 
+import glob
 import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
+import xmlrpc.client
 from pathlib import Path
 
 import numpy as np
 import rospy
 import rosunit
 from live_scene import COLLECTIONS, LiveScene, Process, turntable
+from waiting import until
 
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.seeds import SEEDS_FILE, read_seeds
 
+BAG_RATE, STOPPED_S = 2, 4.0  # without waiting, whole stops of the board would be passed over
 TURNTABLE_EDGE = "world-turntable"
 
 
 def stamp(entry):
     return entry["header"]["stamp"]["secs"] + 1e-9 * entry["header"]["stamp"]["nsecs"]
+
+
+def pid_of_node(name):
+    """Return the process of a node, which it tells itself."""
+    _, _, address = rospy.get_master().lookupNode(name)
+    _, _, pid = xmlrpc.client.ServerProxy(address).getPid(rospy.get_name())
+    return pid
 
 
 def matrix_difference(a, b):
@@ -50,12 +63,23 @@ class LiveFromBagTest(unittest.TestCase):
             "pictures:=true",
             "end_when_quiet:=8",
             "patience:=120",
-            "bag_rate:=0.3",
+            f"bag_rate:={BAG_RATE}",
         )
         cls.addClassCleanup(cls.launch.end)
+        cls.stop_labelers_once(STOPPED_S)
         cls.launch.wait(300)
         cls.command = cls.collect(config, bag, cls.offline)
         cls.repeated = cls.collect(config, bag, cls.again, "--seeds", f"{cls.live}/{SEEDS_FILE}")
+
+    @classmethod
+    def stop_labelers_once(cls, seconds):
+        """After the first collection, let the labelers do nothing, as a busy machine does."""
+        until(lambda: glob.glob(f"{cls.live}/collections/*"), "no collection came", 120)
+        pids = [pid_of_node(f"/{name}_labeler") for name in cls.scene.sensors]
+        for number in (signal.SIGSTOP, signal.SIGCONT):
+            for pid in pids:
+                os.kill(pid, number)
+            time.sleep(seconds if number == signal.SIGSTOP else 0.0)
 
     @staticmethod
     def collect(config, bag, output, *options):

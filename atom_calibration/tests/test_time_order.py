@@ -80,3 +80,11 @@ def test_a_repeated_bag_is_noticed_and_nothing_of_the_first_time_stays():
     order.clear()
     assert stamps(order.add(frame("a", 10.0))) == [10.0]
     assert not order.late
+
+
+def test_a_frame_is_late_once_later_ones_were_given_out():
+    order = TimeOrder()
+    order.add(frame("fast", 1.0))
+    order.add(frame("fast", 4.0))
+    assert order.is_late(frame("slow", 3.9)) and not order.is_late(frame("slow", 4.0))
+    assert order.add(frame("slow", 3.9)) == [] and order.late == {"slow": 1}

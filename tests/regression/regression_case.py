@@ -51,12 +51,12 @@ class RegressionCase(unittest.TestCase):
         if count != stops:
             self.faults.append(f"{dataset_file}: {count} collections of {stops} stops")
 
-    def check_labels(self, dataset_file, bag, found=LIMITS["labels"]["found"]):  # noqa: B008
+    def check_labels(self, dataset_file, bag):
         """Boards were found where they can be, nowhere else, and labeled exactly."""
         limits = LIMITS["labels"]
         for modality, score in scores(dataset_file, bag).items():
             missed = f"{modality}: share of boards found (not in {', '.join(score.missed)})"
-            self.hold(missed, score.share, found, at_least=True)
+            self.hold(missed, score.share, limits["found"], at_least=True)
             for place in score.false:
                 self.faults.append(f"{modality}: {place}: what is labeled is not the board")
             if modality == RGB:

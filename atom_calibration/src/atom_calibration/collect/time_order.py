@@ -47,12 +47,16 @@ class TimeOrder:
         """Tell whether a frame's sensor began anew; then `clear` before it is added."""
         return frame.stamp_s < self._last_s.get(frame.sensor.name, -np.inf) - _BACK_S
 
+    def is_late(self, frame: Frame) -> bool:
+        """Tell whether later data were given out already; then `add` drops the frame."""
+        return frame.stamp_s < self.released_s
+
     def add(self, frame: Frame) -> List[Frame]:
         """Take a frame; return those whose turn it is, in the order of their stamps."""
         name, stamp = frame.sensor.name, frame.stamp_s
         self._last_s[name] = max(stamp, self._last_s.get(name, -np.inf))
         self.newest_s, self._begin_s = max(self.newest_s, stamp), min(self._begin_s, stamp)
-        if stamp < self.released_s:
+        if self.is_late(frame):
             self.late[name] = self.late.get(name, 0) + 1
             return []
         heapq.heappush(self._held, (stamp, next(self._number), frame))

@@ -58,6 +58,18 @@ def add_labeling_options(parser: argparse.ArgumentParser) -> None:
         help="most labels a second and sensor (default: 5)",
     )
     add_receive_time_option(parser)
+    add_all_messages_option(parser)
+
+
+def add_all_messages_option(parser: argparse.ArgumentParser) -> None:
+    """Add that nothing is passed over; collectors and labelers must be told the same."""
+    add_option(
+        parser,
+        "all_messages",
+        action="store_true",
+        help="pass over no data when labels take longer than the next data need to come: for a "
+        "recording, which start_bag makes wait (default: the newest data count)",
+    )
 
 
 def add_receive_time_option(parser: argparse.ArgumentParser) -> None:

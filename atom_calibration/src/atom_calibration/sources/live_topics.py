@@ -18,7 +18,7 @@ from atom_core.model.config import CalibrationConfig
 from atom_core.model.modality import modalities
 
 _POLL_S = 0.1
-_KEPT = 10  # messages of a topic
+_KEPT = 30  # messages of a topic
 _TELL_EVERY_S = 5.0
 Result = TypeVar("Result")
 
@@ -61,7 +61,7 @@ class LiveTopics:
             kind = message_class(self.types.get(topic, ""))
             if kind is not None and topic not in self._subscribers:
                 self._subscribers[topic] = rospy.Subscriber(
-                    topic, kind, self._keep, topic, queue_size=1, buff_size=2**24
+                    topic, kind, self._keep, topic, queue_size=_KEPT, buff_size=2**24
                 )
 
     def first(self, topic: str) -> Any:

@@ -1,15 +1,23 @@
-"""Lets a bag that `rosbag play --pause` holds run once the labelers and the collector listen."""
+"""Lets a bag that `rosbag play --pause` holds run once the labelers and the collector listen.
+
+While labels are behind, it is held again, so that a slow machine passes over no data.
+"""
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import time
+from typing import Any, Callable, List
 
 import rospy
 from std_srvs.srv import SetBool
 
 from atom_calibration.errors import CollectionError
+from atom_calibration.messages.headers import stamp_s
+from atom_calibration.msg import SensorLabels
 from atom_calibration.runtime import options, running
+from atom_calibration.runtime.pace import Pace
 from atom_calibration.sources.live_topics import NotYetError, wait_for
 from atom_calibration.sources.rig import candidate_topics
 from atom_core.commands.common import add_option
@@ -20,6 +28,7 @@ from atom_core.model.config import CalibrationConfig
 _PLAYER_WITHIN_S = 10.0
 COLLECTOR = "/collect_data"
 _SETTLE_S = 0.5  # who has subscribed is not yet connected
+_LOOK_EVERY_S, _HELD_FOR_S = 0.05, 2.0  # by the wall's clock
 
 
 def main() -> int:
@@ -30,18 +39,24 @@ def main() -> int:
 def _run(args: argparse.Namespace) -> int:
     config = read_config(args.config)
     running.start("start_bag")
+    pace = Pace(config.sensors)
+    for name in config.sensors:
+        rospy.Subscriber(f"/{name}/labels", SensorLabels, _note_in(pace, name), queue_size=20)
     if wait_for(lambda: _everybody_listens(config), running.stopped, rospy.loginfo) is None:
         return 0
     time.sleep(_SETTLE_S)
     pause = f"{args.player}/pause_playback"
+    hold = rospy.ServiceProxy(pause, SetBool)
     try:
         rospy.wait_for_service(pause, timeout=_PLAYER_WITHIN_S)
-        rospy.ServiceProxy(pause, SetBool)(False)
+        hold(False)
     except (rospy.ROSException, rospy.ServiceException):
         raise CollectionError(
             f"{args.player} does not play: it has no service {pause} that answers; start it with "
             f"`rosbag play --pause`"
         ) from None
+    with contextlib.suppress(rospy.ServiceException):  # at the end of the recording
+        _keep(pace, hold)
     return 0
 
 
@@ -59,6 +74,38 @@ def _everybody_listens(config: CalibrationConfig) -> bool:
             if node not in nodes:
                 raise NotYetError(f"node {node} does not listen to sensor '{name}' yet")
     return True
+
+
+def _note_in(pace: Pace, sensor: str) -> Callable[[SensorLabels], None]:
+    return lambda labels: pace.note(sensor, stamp_s(labels), rospy.Time.now().to_sec())
+
+
+def _keep(pace: Pace, hold: Callable[[bool], Any]) -> None:
+    """Hold the recording whenever labels are late, until the node is asked to end.
+
+    Raises:
+        rospy.ServiceException: the player has gone.
+    """
+    while not running.stopped():
+        running.pause(_LOOK_EVERY_S)
+        late = _late(pace)
+        if not late or not hold(True).success:  # a user has paused it: it is theirs
+            continue
+        rospy.loginfo_once(
+            f"the recording waits now and then, until its data are labeled: "
+            f"{', '.join(late)} took longer than it plays"
+        )
+        end_s = time.monotonic() + _HELD_FOR_S
+        while _late(pace) and time.monotonic() < end_s and not running.stopped():
+            running.pause(_LOOK_EVERY_S)
+        pace.wait_no_more(rospy.Time.now().to_sec())
+        hold(False)
+
+
+def _late(pace: Pace) -> List[str]:
+    """Return the sensors that are late; nobody is before the clock runs."""
+    now_s = rospy.Time.now().to_sec()
+    return pace.late(now_s) if now_s > 0.0 else []
 
 
 def _parser() -> argparse.ArgumentParser:

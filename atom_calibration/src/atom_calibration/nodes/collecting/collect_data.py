@@ -23,7 +23,11 @@ from atom_calibration.errors import CollectionError
 from atom_calibration.nodes.collecting.collector_state import StateBoard
 from atom_calibration.nodes.collecting.live_collector import LabelSubscribers, LiveCollector
 from atom_calibration.runtime import running
-from atom_calibration.runtime.options import add_marker_size_option, add_receive_time_option
+from atom_calibration.runtime.options import (
+    add_all_messages_option,
+    add_marker_size_option,
+    add_receive_time_option,
+)
 from atom_calibration.runtime.status import STATUS_FILE, write_begun, write_status
 from atom_calibration.sources.live_topics import LiveTopics, wait_for
 from atom_calibration.sources.live_transforms import LiveTransforms
@@ -97,7 +101,7 @@ def _collect(args: argparse.Namespace, config: CalibrationConfig, store: Collect
         )
         check_received(args.use_receive_time, rig.sensors)
         receipts = ReceiptTimes(args.use_receive_time)
-        live = LiveCollector(setup, transforms, board, args.automatic, receipts)
+        live = LiveCollector(setup, transforms, board, args.automatic, receipts, args.all_messages)
         live.listen(rig, topics, labels)
     live.serve(args.marker_size)
     _spin(live, args)
@@ -199,6 +203,7 @@ def parser() -> argparse.ArgumentParser:
         made, "pictures", action="store_true", help="write pictures of the labels to look at"
     )
     add_receive_time_option(made)
+    add_all_messages_option(made)
     add_marker_size_option(made, 0.5)
     _add_limits(made)
     add_meaningless_options(made, COLLECT_DATA)

@@ -81,7 +81,7 @@ def _node(
     mine = [seed for seed in seeds if seed.sensor == sensor.name]
     receipts = ReceiptTimes(args.use_receive_time)
     automatic = args.automatic_seeds == "on"
-    return LabelerNode(config, rig, links, mine, automatic, args.rate, receipts)
+    return LabelerNode(config, rig, links, mine, automatic, args.rate, receipts, args.all_messages)
 
 
 def _parser(name: str) -> argparse.ArgumentParser:

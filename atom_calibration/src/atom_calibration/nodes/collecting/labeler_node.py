@@ -1,4 +1,4 @@
-"""The node of one sensor: newest data in, labels and annotated data out, seeds heard at once."""
+"""The node of one sensor: data in, labels and annotated data out, seeds heard at once."""
 
 from __future__ import annotations
 
@@ -33,6 +33,7 @@ from atom_core.model.config import CalibrationConfig
 from atom_core.model.pattern import pattern_from_config
 
 _BUFFER_BYTES = 2**25  # of a connection: less than a message makes old messages wait
+MOST_WAITING = 100  # data of a sensor that wait where none may be passed over
 _BACK_S = 1.0  # data that are older by more begin anew, as when a bag is repeated
 _SOONER = 0.8  # of a period: stamps jitter
 
@@ -52,7 +53,7 @@ class LabelLinks:
             sensor: its name.
             cameras: name to frame, of those whose sight of the board tells seeds.
         """
-        self.out = rospy.Publisher(f"/{sensor}/labels", SensorLabels, queue_size=5)
+        self.out = rospy.Publisher(f"/{sensor}/labels", SensorLabels, queue_size=20)
         self.sights: Deque[Tuple[str, SensorLabels, float]] = deque(maxlen=100)
         for camera, frame in cameras.items():
             if camera != sensor:
@@ -64,14 +65,14 @@ class LabelLinks:
 
 
 class _Waiting(NamedTuple):
-    """What is to be done: the newest data, the user's newest seed."""
+    """What is to be done next: data, the user's newest seed."""
 
     message: Any = None
     seed: Optional[Tuple[Optional[np.ndarray]]] = None  # (None,): automatic again
 
 
 class LabelerNode:
-    """Labels the newest data whenever it is done with those before.
+    """Labels the newest data whenever it is done with those before; of recordings, all.
 
     A seed is heard between two messages: the last data are then labeled again at once.
     """
@@ -85,6 +86,7 @@ class LabelerNode:
         automatic_seeds: bool,
         rate_hz: float,
         receipts: ReceiptTimes,
+        all_messages: bool = False,
     ):
         """Advertise labels and annotated data.
 
@@ -96,6 +98,7 @@ class LabelerNode:
             automatic_seeds: predict seeds from cameras, and search.
             rate_hz: labels a second at most, by the stamps of the data.
             receipts: of sensors whose stamps are not used; their labels carry them all the same.
+            all_messages: let data wait, instead of passing over all but the newest.
         """
         ((self._topic, sensor),) = rig.topics.items()
         self._config, self._receipts = config, receipts
@@ -108,7 +111,9 @@ class LabelerNode:
             config, {sensor.name: sensor}, self._patterns, seeds, automatic_seeds
         )
         self._transforms = LiveTransforms()
-        self._waiting, self._there = _Waiting(), threading.Condition()
+        self._messages: Deque[Any] = deque(maxlen=MOST_WAITING if all_messages else 1)
+        self._seed: Optional[Tuple[Optional[np.ndarray]]] = None
+        self._there = threading.Condition()
         self._last: Optional[Frame] = None
         self._stamp_s = -np.inf
         self._seeds: Optional[SeedListener] = None
@@ -122,7 +127,8 @@ class LabelerNode:
     def listen(self, topics: LiveTopics) -> None:
         """Subscribe to the data and to seeds; take up data that came already."""
         kind = message_class(topics.types[self._topic])
-        rospy.Subscriber(self._topic, kind, self._take, queue_size=1, buff_size=_BUFFER_BYTES)
+        most = self._messages.maxlen
+        rospy.Subscriber(self._topic, kind, self._take, queue_size=most, buff_size=_BUFFER_BYTES)
         for message in topics.early(self._topic):
             self._take(message)
         seeds = ros_modality(self._sensor.modality).seeds
@@ -132,10 +138,7 @@ class LabelerNode:
     def spin(self) -> None:
         """Label until the node ends."""
         while not running.stopped():
-            with self._there:
-                if self._waiting.message is None and self._waiting.seed is None:
-                    self._there.wait(0.2)
-                waiting, self._waiting = self._waiting, _Waiting()
+            waiting = self._next()
             if waiting.seed is not None:
                 self._begin_from(*waiting.seed)
             if waiting.message is not None and self._is_due(waiting.message):
@@ -143,15 +146,23 @@ class LabelerNode:
 
     # --- messages in ------------------------------------------------------------------------
 
+    def _next(self) -> _Waiting:
+        with self._there:
+            if not self._messages and self._seed is None:
+                self._there.wait(0.2)
+            message = self._messages.popleft() if self._messages else None
+            waiting, self._seed = _Waiting(message, self._seed), None
+        return waiting
+
     def _take(self, message: Any) -> None:
         self._receipts.note(message, self._sensor.name)
         with self._there:
-            self._waiting = self._waiting._replace(message=message)
+            self._messages.append(message)
             self._there.notify()
 
     def _take_seed(self, position: Optional[np.ndarray]) -> None:
         with self._there:
-            self._waiting = self._waiting._replace(seed=(position,))
+            self._seed = (position,)
             self._there.notify()
 
     def _is_due(self, message: Any) -> bool:

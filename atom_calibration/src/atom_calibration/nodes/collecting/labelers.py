@@ -99,6 +99,7 @@ def _words(name: str, args: argparse.Namespace) -> List[str]:
     words = ["--config", str(args.config), "--sensor", name, "--rate", str(args.rate)]
     words += ["--automatic_seeds", args.automatic_seeds]
     words += ["--seeds", str(args.seeds)] if args.seeds else []
+    words += ["--all_messages"] if args.all_messages else []
     received = list(args.use_receive_time)
     return words + (["--use_receive_time", *received] if received else [])
 

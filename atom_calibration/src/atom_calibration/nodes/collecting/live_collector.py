@@ -24,6 +24,7 @@ from atom_calibration.modalities.frames import Frame, decode
 from atom_calibration.msg import SensorLabels
 from atom_calibration.nodes.collecting.collector_menu import CollectorMenu
 from atom_calibration.nodes.collecting.collector_state import StateBoard
+from atom_calibration.nodes.collecting.labeler_node import MOST_WAITING
 from atom_calibration.runtime.inbox import Inbox
 from atom_calibration.sources.live_topics import LiveTopics, message_class
 from atom_calibration.sources.live_transforms import LiveTransforms
@@ -45,6 +46,7 @@ from atom_core.model.sensor import Sensor
 _BUFFER_BYTES = 2**25
 _WAITING_FOR_LABELS = 30  # data of a sensor, until their labels come
 _MOST_DATA = 60  # labeled data of all sensors, until there is time for them
+_MOST_DATA_OF_ALL, _HOLD_ALL_S = 500, 10.0  # where none may be passed over
 _SAVE_WITHIN_S = 2.0  # a request waits so long for the labels of the time it was made
 _SAVE_WINDOW_S = 1.0  # it takes what was seen in the last second
 _STALE_S = 5.0
@@ -72,7 +74,7 @@ class LabelSubscribers:
         """Subscribe; the state of the sensors is shown on the board."""
         self.filters = {
             name: message_filters.Subscriber(
-                f"/{name}/labels", SensorLabels, queue_size=_WAITING_FOR_LABELS
+                f"/{name}/labels", SensorLabels, queue_size=MOST_WAITING
             )
             for name in config.sensors
         }
@@ -98,6 +100,7 @@ class LiveCollector:
         board: StateBoard,
         automatic: bool,
         receipts: ReceiptTimes,
+        all_messages: bool = False,
     ):
         """Prepare.
 
@@ -107,6 +110,7 @@ class LiveCollector:
             board: where the state is shown.
             automatic: begin with collecting wherever the board stands still.
             receipts: of sensors whose stamps are not used.
+            all_messages: let data wait, instead of passing over the oldest.
         """
         self._setup, self._transforms, self._board = setup, transforms, board
         self._receipts = receipts
@@ -118,7 +122,10 @@ class LiveCollector:
         self._labeled: Dict[str, rospy.Time] = {}  # stamp of the newest labels by sensor
         self._newest: Dict[str, Frame] = {}  # by sensor
         self._expectation = PointExpectation(setup)
-        self._order, self._inbox = TimeOrder(setup.config.sensors), Inbox(_MOST_DATA)
+        self._most_waiting = MOST_WAITING if all_messages else _WAITING_FOR_LABELS
+        self._inbox = Inbox(_MOST_DATA_OF_ALL if all_messages else _MOST_DATA)
+        patience = {"hold_s": _HOLD_ALL_S} if all_messages else {}
+        self._order = TimeOrder(setup.config.sensors, **patience)
         self._saves: List[_Save] = []
         self._menu: Optional[CollectorMenu] = None
         self._pairs: List[message_filters.TimeSynchronizer] = []
@@ -134,11 +141,11 @@ class LiveCollector:
         for topic, sensor in rig.topics.items():
             kind = message_class(topics.types[topic])
             data = message_filters.Subscriber(
-                topic, kind, queue_size=_WAITING_FOR_LABELS, buff_size=_BUFFER_BYTES
+                topic, kind, queue_size=self._most_waiting, buff_size=_BUFFER_BYTES
             )
             data.registerCallback(self._receipts.note, sensor.name)
             pair = message_filters.TimeSynchronizer(
-                [data, labels.filters[sensor.name]], _WAITING_FOR_LABELS
+                [data, labels.filters[sensor.name]], self._most_waiting
             )
             pair.registerCallback(self._receive, sensor)
             self._pairs.append(pair)
@@ -215,6 +222,13 @@ class LiveCollector:
         if self._order.goes_back(frame):
             self._begin_anew()
         self._newest[sensor.name] = frame
+        if self._order.is_late(frame):
+            behind_s = self._order.newest_s - frame.stamp_s
+            rospy.logwarn_throttle(
+                5.0,
+                f"data of '{sensor.name}' are left out: their labels came {behind_s:.1f} s after "
+                f"those of other sensors; this machine is too slow for the labelers' rate: lower it",
+            )
         self._add(self._order.add(frame))
 
     def _label_again(self, sensor: Sensor, labels: SensorLabels) -> None:

@@ -1,0 +1,44 @@
+"""Whether a recording that is played has to wait for those who work on it."""
+
+from __future__ import annotations
+
+import math
+from typing import Dict, Iterable, List
+
+LATE_S = 1.0
+_OTHER_CLOCK_S = 10.0  # stamps this far away are of another clock, and say nothing
+
+
+class Pace:
+    """How far the labels of each sensor are behind the recording, and how far they may be.
+
+    A sensor may be slow by itself, or end before the recording does: whoever was waited for in vain
+    may be twice as late from then on. All times are of the recording, in seconds.
+    """
+
+    def __init__(self, sensors: Iterable[str]):
+        """Expect labels of these sensors from the beginning on."""
+        self._allowed_s = dict.fromkeys(sensors, LATE_S)
+        self._labeled_s: Dict[str, float] = {}
+        self._begin_s, self._now_s = math.nan, math.inf
+
+    def note(self, sensor: str, stamp_s: float, now_s: float) -> None:
+        """Take in that labels of a sensor came, with the stamp of their data."""
+        of_this_clock = abs(now_s - stamp_s) < _OTHER_CLOCK_S
+        self._labeled_s[sensor] = stamp_s if of_this_clock else now_s
+
+    def late(self, now_s: float) -> List[str]:
+        """Return the sensors whose labels are later than they may be."""
+        if now_s < self._now_s:  # the first look, or the recording begins again
+            self._labeled_s.clear()
+            self._begin_s = now_s
+        self._now_s = now_s
+        return [name for name, most_s in self._allowed_s.items() if self._lag_s(name) > most_s]
+
+    def wait_no_more(self, now_s: float) -> None:
+        """Let those that are late now be as late again, and later."""
+        for name in self.late(now_s):
+            self._allowed_s[name] = 2.0 * self._lag_s(name)
+
+    def _lag_s(self, name: str) -> float:
+        return self._now_s - self._labeled_s.get(name, self._begin_s)
