@@ -227,7 +227,7 @@ class LiveCollector:
             rospy.logwarn_throttle(
                 5.0,
                 f"data of '{sensor.name}' are left out: their labels came {behind_s:.1f} s after "
-                f"those of other sensors; this machine is too slow for the labelers' rate: lower it",
+                f"those of other sensors; this machine is too slow: lower the labelers' rate",
             )
         self._add(self._order.add(frame))
 
