@@ -72,7 +72,7 @@ class _Waiting(NamedTuple):
 
 
 class LabelerNode:
-    """Labels the newest data whenever it is done with those before; of recordings, all that are due.
+    """Labels the newest data whenever it is done with those before; of recordings, all.
 
     A seed is heard between two messages: the last data are then labeled again at once.
     """
