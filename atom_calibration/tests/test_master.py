@@ -168,7 +168,14 @@ def test_a_node_whose_master_is_gone_or_another_says_so_and_ends(inputs, port, a
 
 @pytest.mark.parametrize(
     "last",
-    ["/rosout", "/collect_data/get_loggers", "/collect_data/set_logger_level", "/tf", "/tf_static"],
+    [
+        "/rosout",
+        "/tf_static",
+        *(
+            pytest.param(name, marks=pytest.mark.long)
+            for name in ("/collect_data/get_loggers", "/collect_data/set_logger_level", "/tf")
+        ),
+    ],
 )
 def test_a_node_whose_master_dies_while_it_registers_ends(inputs, port, last):
     """rospy tries to register for ever; the node has to end nevertheless."""

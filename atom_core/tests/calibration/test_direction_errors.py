@@ -61,7 +61,7 @@ def test_what_is_planted_is_named_first_with_its_size(scene, kind):
 
 
 @pytest.mark.parametrize("kind", SURE)
-@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("solver", ["ceres", pytest.param("scipy", marks=pytest.mark.long)])
 def test_auto_estimates_it_and_every_sensor_is_where_its_sigmas_say(scene, kind, solver):
     """Also where it cannot be told from another, as the scale of azimuths from a wave of them.
 

@@ -28,7 +28,7 @@ from atom_core.synthetic.lidar2d import Lidar2dModel
 from atom_examples.cell_simulator.depth import millimetres
 from atom_examples.cell_simulator.lidar import Scan
 
-_JPEG_QUALITY, _PNG_LEVEL = 95, 1
+_JPEG_QUALITY = 95
 # As velodyne_pointcloud lays them out: offset, numpy's and the message's type of each field. A scan
 # is one instant here, so `time` is 0.
 _LAYOUT = {
@@ -88,8 +88,7 @@ def jpeg_image(picture: np.ndarray, head: Header) -> CompressedImage:
 
 def png_depth_image(depth_m: np.ndarray, head: Header) -> CompressedImage:
     """Return depths as a PNG of 16 bits [mm], without loss."""
-    options = [cv2.IMWRITE_PNG_COMPRESSION, _PNG_LEVEL]
-    _, data = cv2.imencode(".png", millimetres(depth_m), options)
+    _, data = cv2.imencode(".png", millimetres(depth_m))  # unasked it is fastest, and smallest
     return CompressedImage(head, "16UC1; png compressed ", data.tobytes())
 
 

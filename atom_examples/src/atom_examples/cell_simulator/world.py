@@ -117,6 +117,7 @@ class World:
         self.seed, self.scanners, self._resolve = seed, scanners, resolve_package
         self.lidar, self.gloss = lidar, gloss
         self._files = files or cell_files(resolve_package)
+        self._descriptions: Dict[str, Description] = {}  # by the mounts: reading takes a while
         self.settings = read_settings(self._files.sensors, scanners, lidar)
         rig = cell_with_scanners_rig(seed) if scanners else cell_rig(seed)
         self.rig = _aimed(_as_set(rig, self.settings))
@@ -182,8 +183,14 @@ class World:
 
     def description(self, estimate: str) -> Description:
         """Return the robot description with the true mounts or the disturbed ones."""
+        mounts = yaml.safe_dump(self._mounts(self.edges(estimate)))
+        if mounts not in self._descriptions:
+            self._descriptions[mounts] = self._read(mounts)
+        return self._descriptions[mounts]
+
+    def _read(self, mounts: str) -> Description:
         with tempfile.NamedTemporaryFile("w", suffix=".yaml", encoding="utf-8") as file:
-            yaml.safe_dump(self._mounts(self.edges(estimate)), file)
+            file.write(mounts)
             file.flush()
             arguments = {"mounts": file.name, "scanners": str(self.scanners).lower()}
             return read_description(self._files.cell, self._resolve, arguments)
