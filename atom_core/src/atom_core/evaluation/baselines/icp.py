@@ -124,9 +124,11 @@ def _of_pair(
         found[f"icp_{name}_{BEST}"] = Link(source, target, best.target_T_source, 1)
         if name == ALIGNED:
             whole = registered(clouds, start)
-            assert whole is not None  # one collection had counterparts
-            link = Link(source, target, whole.target_T_source, len(clouds))
-            found[f"icp_{name}_{ALL}"] = link
+            found[f"icp_{name}_{ALL}"] = (
+                f"too few counterparts within {REACH_M:g} m"
+                if whole is None
+                else Link(source, target, whole.target_T_source, len(clouds))
+            )
     return found
 
 

@@ -60,7 +60,8 @@ def stereo_baseline(dataset: Dataset) -> LinkedRig:
         try:
             found = _solved(dataset, source, target, views)
         except cv2.error as error:
-            unsolved[source, target] = f"OpenCV gives up: {str(error).strip().splitlines()[-1]}"
+            reason = str(error).strip() or "it does not say why"
+            unsolved[source, target] = f"OpenCV gives up: {reason.splitlines()[-1]}"
             continue
         links.append(Link(source, target, found, views.collections))
     return linked_rig(OPENCV, dataset, links, unsolved)
