@@ -93,7 +93,7 @@ class LevenbergMarquardt:
             if step is not None and self._is_short(step):
                 trial = x + step
                 trial_cost = self._cost(trial, sigmas, loss)
-                gain = (cost - trial_cost) / predicted
+                gain = (cost - trial_cost) / max(predicted, ROUNDING * cost)
             if not trial_cost < cost:
                 damping, growth = damping * growth, growth * 2.0
                 if damping > _MOST_DAMPING:
