@@ -193,6 +193,16 @@ def test_a_sensor_that_sees_nothing_of_a_board_says_nothing_by_it(monkeypatch, r
     assert [one.collection for one in boards[edge]] == [k for k in keys if k != keys[place]]
 
 
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_a_sensor_that_sees_nothing_of_a_board_hides_no_other_one(monkeypatch, rig, place):
+    dataset, edge, _ = rig
+    keys, other = list(dataset.collections), dataset.sensors["rgb_3"].edge
+    fewer = dataset.with_labels(keys[place], {("rgb_2", "pattern_1"): None})
+    _, boards = boards_of(monkeypatch, question(fewer), [edge, other])
+    assert [one.collection for one in boards[other]] == keys
+    assert len(boards[edge]) == 2
+
+
 def test_an_edge_of_which_a_board_tells_nothing_does_not_hide_the_next_one(monkeypatch, rig):
     dataset, edge, _ = rig
     other, model = dataset.sensors["rgb_3"].edge, np.diag(SIGMAS**2)

@@ -79,26 +79,34 @@ def disagreement(question: Question, edges: Sequence[Edge]) -> Optional[Disagree
 
 
 def _by_board(question: Question, edges: Sequence[Edge]) -> Dict[Edge, List[OneBoard]]:
-    sensors = question.standing.sensors
-    held = [name for name, sensor in sensors.items() if sensor.edge not in edges]
     found: Dict[Edge, List[OneBoard]] = {edge: [] for edge in edges}
     for key in question.standing.collections:
-        one = question.of_collection(key)
+        one = _of_those_who_see(question.of_collection(key))
+        sensors = one.standing.sensors
+        held = [name for name, sensor in sensors.items() if sensor.edge not in edges]
+        seeing = {sensor.edge for sensor in sensors.values()}
         try:
             solved = calibrate(one.standing, one.options(held))
         except AtomError:
             continue
         if solved.status in (FAILED, NOT_CONVERGED):
             continue
-        for edge in edges:
+        for edge in (edge for edge in edges if edge in seeing):
             new = known_spread(solved, edge)
-            if new is NO_SPREAD:  # it sees nothing of this board
+            if new is NO_SPREAD:
                 continue
             scatter = scatter_of(question.spreads.get(edge, NO_SPREAD))
             covariance = new.stated + (scatter - 1.0) * new.of_model
             described, now = one.standing.first_value(edge), solved.dataset.first_value(edge)
             found[edge].append(OneBoard(key, pose_error(described, now), covariance))
     return found
+
+
+def _of_those_who_see(question: Question) -> Question:
+    """Return a question without sensors that see no board: else all would be refused."""
+    seeing = {key.sensor for key, _ in question.standing.detections()}
+    sensors = [name for name in question.standing.sensors if name in seeing]
+    return question._replace(standing=question.standing.selected(sensors=sensors))
 
 
 def _chance(boards: Sequence[OneBoard]) -> float:
