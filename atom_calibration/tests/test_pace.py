@@ -97,3 +97,4 @@ def test_what_a_user_has_paused_stays_paused(monkeypatch):
     played.pace.late(100.0)
     start_bag._keep(played.pace, played.hold)
     assert played.held and all(held for _, held in played.asked)
+    assert len(played.asked) <= 3  # nor is the player asked all the time

@@ -337,6 +337,12 @@ def test_where_no_other_tells_which_way_round_it_is_said(monkeypatch, dataset):
     ]
 
 
+def test_that_one_of_two_is_not_calibrated_alone_goes_without_saying():
+    calibration = calibrate(scenes.two_cameras(0, collections=8).dataset, QUIET)
+    trust = trust_checks(calibration, QUIET)
+    assert not trust.left_out and not [text for text in trust.untold if "without" in text]
+
+
 def test_a_sensor_that_is_alone_is_not_left_out(monkeypatch, dataset):
     alone = dataset.selected(sensors=["rgb_1"])
     assert left_out(monkeypatch, alone, "rgb_1") == (None, [], [])

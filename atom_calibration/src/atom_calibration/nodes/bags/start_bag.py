@@ -89,7 +89,10 @@ def _keep(pace: Pace, hold: Callable[[bool], Any]) -> None:
     while not running.stopped():
         running.pause(_LOOK_EVERY_S)
         late = _late(pace)
-        if not late or not hold(True).success:  # a user has paused it: it is theirs
+        if not late:
+            continue
+        if not hold(True).success:  # a user has paused it, who lets it go on
+            running.pause(_HELD_FOR_S)
             continue
         rospy.loginfo_once(
             f"the recording waits now and then, until its data are labeled: "

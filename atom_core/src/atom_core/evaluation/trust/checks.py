@@ -275,7 +275,9 @@ def _left_out(
     if not held:  # the gauge: one of the others stays where the joint solution has it
         held = (others[0],)
     rest = whole.selected(sensors=others)
-    by_others = _solved(rest, parts, what, anchor_sensors=held, ignore_anchored_sensor=True)
+    # That a sensor alone is not calibrated, as the other one of two is not, goes without saying.
+    asked = parts if len(others) > 1 else parts._replace(untold=[])
+    by_others = _solved(rest, asked, what, anchor_sensors=held, ignore_anchored_sensor=True)
     if by_others is None:
         return None
     boards = by_others.dataset
