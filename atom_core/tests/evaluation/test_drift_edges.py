@@ -1,58 +1,22 @@
 """One edge before and now: what counts as a move, and by what it is judged."""
 
+import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy import stats
 
+sys.path.insert(0, str(Path(__file__).parent))  # drift_results, which tests share
+
+from drift_results import LIMIT, edge_drift, edge_of, replaced
+
 from atom_core.evaluation import drift as module
 from atom_core.evaluation.changes import TOLD_M
-from atom_core.evaluation.drift import Drift, EdgeDrift
 from atom_core.evaluation.edge_errors import PoseError
 from atom_core.evaluation.spreads import NO_SPREAD, Spread
-from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import ROTATION, TRANSLATION
-
-LIMIT = 20.0
-ZERO = PoseError(np.zeros(3), np.zeros(3))
-
-
-def edge_of(name):
-    return Edge("base", name)
-
-
-def edge_drift(name, moved=False, chi_square=1.0, **changes):
-    figures = {"beyond_detections": False, "found_m": 0.001, "found_rad": 0.001, **changes}
-    return EdgeDrift(edge_of(name), (name,), ZERO, chi_square, moved, **figures)
-
-
-def result(reference, moved=(), still=(), **changes):
-    edges = [edge_drift(name, True, 100.0) for name in moved]
-    edges += [edge_drift(name, chi_square=square) for name, square in still]
-    figures = {"limit": LIMIT, "boards": 3, "untold": (), **changes}
-    return Drift((reference,), tuple(edges), **figures)
-
-
-def question(*names, collections=("0", "1", "2"), spreads=None):
-    sensors = {name: SimpleNamespace(name=name, edge=edge_of(name)) for name in names}
-    standing = SimpleNamespace(sensors=sensors, collections=dict.fromkeys(collections))
-    return SimpleNamespace(
-        standing=standing,
-        spreads=spreads or {},
-        options=lambda held: tuple(held),
-        without_collection=lambda key: key,
-    )
-
-
-def moved_names(found):
-    return [name for edge in found.moved for name in edge.sensors]
-
-
-def replaced(monkeypatch, **functions):
-    for name, function in functions.items():
-        monkeypatch.setattr(module, name, function)
-
 
 # ---- one edge
 

@@ -1,45 +1,26 @@
 """Loops of three sensors: which are asked, and what is left where three poses meet."""
 
+import sys
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from atom_core.calibration.options import OFF, CalibrationOptions
+sys.path.insert(0, str(Path(__file__).parent))  # trust_parts, which tests share
+
+from trust_parts import BOARD, parts_of, quiet_dataset, replaced
+
 from atom_core.evaluation.trust import checks as module
 from atom_core.evaluation.trust.relative import RelativePose, largest_in_sigmas
 from atom_core.geometry import se3
 from atom_core.model.transforms import Edge
-from atom_core.solvers.base import CONVERGED
-from atom_core.synthetic import Noise, scenes
-
-BOARD = "pattern_1"
-QUIET = CalibrationOptions(model_errors=OFF)
 
 
 @pytest.fixture(scope="module")
 def dataset():
-    """Return two cameras, the first one anchored, a depth camera and a LiDAR."""
-    return scenes.random_scene(
-        1, rgb=2, depth=1, lidar3d=1, collections=8, noise=Noise.none()
-    ).dataset
-
-
-def parts_of(whole, options=QUIET, known=None):
-    return module._Parts(whole, options, known or {}, [])
-
-
-def replaced(monkeypatch, **functions):
-    for name, function in functions.items():
-        monkeypatch.setattr(module, name, function)
-
-
-def calibration_of(anchored=("rgb_1",), additional=(), dataset=None, unused=(), status=CONVERGED):
-    free = SimpleNamespace(anchored_sensors=anchored, additional_tfs=dict.fromkeys(additional))
-    return SimpleNamespace(
-        free=free, dataset=dataset, unused=dict.fromkeys(unused, "why"), status=status
-    )
+    return quiet_dataset()
 
 
 # ---- loops

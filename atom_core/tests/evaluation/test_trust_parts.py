@@ -1,11 +1,17 @@
 """How a calibration is asked in parts: which parts, with what options, and what is not asked."""
 
+import sys
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy import stats
+
+sys.path.insert(0, str(Path(__file__).parent))  # trust_parts, which tests share
+
+from trust_parts import BOARD, QUIET, calibration_of, parts_of, quiet_dataset, replaced
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.judge.judgement import INCONSISTENT
@@ -15,27 +21,12 @@ from atom_core.evaluation.trust import checks as module
 from atom_core.evaluation.trust.checks import Compared, Predicted, limit_of, trust_checks
 from atom_core.report.trust_report import contradictions
 from atom_core.solvers.base import CONVERGED, FAILED, NOT_CONVERGED
-from atom_core.synthetic import Noise, scenes
-
-BOARD = "pattern_1"
-QUIET = CalibrationOptions(model_errors=OFF)
+from atom_core.synthetic import scenes
 
 
 @pytest.fixture(scope="module")
 def dataset():
-    """Return two cameras, the first one anchored, a depth camera and a LiDAR."""
-    return scenes.random_scene(
-        1, rgb=2, depth=1, lidar3d=1, collections=8, noise=Noise.none()
-    ).dataset
-
-
-def parts_of(whole, options=QUIET, known=None):
-    return module._Parts(whole, options, known or {}, [])
-
-
-def replaced(monkeypatch, **functions):
-    for name, function in functions.items():
-        monkeypatch.setattr(module, name, function)
+    return quiet_dataset()
 
 
 # ---- limits and figures
@@ -73,13 +64,6 @@ def test_a_difference_is_told_in_sigmas_metres_and_radians():
 
 
 # ---- options of parts
-
-
-def calibration_of(anchored=("rgb_1",), additional=(), dataset=None, unused=(), status=CONVERGED):
-    free = SimpleNamespace(anchored_sensors=anchored, additional_tfs=dict.fromkeys(additional))
-    return SimpleNamespace(
-        free=free, dataset=dataset, unused=dict.fromkeys(unused, "why"), status=status
-    )
 
 
 @pytest.mark.parametrize("asked, of_parts", [(SUGGEST, OFF), (AUTO, AUTO), (OFF, OFF)])
