@@ -82,6 +82,16 @@ class LabelSubscribers:
             labels.registerCallback(board.see)
 
 
+def forget_before(data: Any, _labels: SensorLabels, waiting: Dict[rospy.Time, Any]) -> None:
+    """Forget the data that wait and are older than what was just labeled.
+
+    Labels come in the order of their data, and not of all of them: else as many as the queue holds
+    would be kept for ever, a gigabyte of large pictures.
+    """
+    for stamp in [stamp for stamp in waiting if stamp < data.header.stamp]:
+        del waiting[stamp]
+
+
 class LiveCollector:
     """Takes collections out of labeled data as they come.
 
@@ -148,6 +158,7 @@ class LiveCollector:
                 [data, labels.filters[sensor.name]], self._most_waiting
             )
             pair.registerCallback(self._receive, sensor)
+            pair.registerCallback(forget_before, pair.queues[0])
             self._pairs.append(pair)
             labels.filters[sensor.name].registerCallback(self._receive_labels, sensor)
             if sensor.name not in self._receipts:  # nobody knows when these came
