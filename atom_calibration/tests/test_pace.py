@@ -78,7 +78,7 @@ class Played:
 
 def test_it_is_held_until_the_labels_have_come(monkeypatch):
     played = Played(monkeypatch, lambda wall_s: not 1.0 < wall_s < 3.0, ends_s=5.0)
-    start_bag._keep(played.pace, played.hold)
+    start_bag._hold_while_late(played.pace, played.hold)
     (begin_s, held), (end_s, free) = played.asked
     assert held and not free
     assert begin_s == pytest.approx(1.0 + LATE_S, abs=0.2) and end_s == pytest.approx(3.0, abs=0.2)
@@ -87,7 +87,7 @@ def test_it_is_held_until_the_labels_have_come(monkeypatch):
 
 def test_it_runs_on_where_labels_never_come(monkeypatch):
     played = Played(monkeypatch, lambda wall_s: wall_s < 1.0, ends_s=60.0)
-    start_bag._keep(played.pace, played.hold)
+    start_bag._hold_while_late(played.pace, played.hold)
     assert not played.held and 4 <= len(played.asked) <= 12 and played.now_s > 145.0
 
 
@@ -95,6 +95,6 @@ def test_what_a_user_has_paused_stays_paused(monkeypatch):
     played = Played(monkeypatch, lambda wall_s: False, ends_s=5.0, paused_by_user=True)
     played.now_s, played.pace = 105.0, Pace(["cam"])
     played.pace.late(100.0)
-    start_bag._keep(played.pace, played.hold)
+    start_bag._hold_while_late(played.pace, played.hold)
     assert played.held and all(held for _, held in played.asked)
     assert len(played.asked) <= 3  # nor is the player asked all the time

@@ -81,32 +81,24 @@ def disagreement(question: Question, edges: Sequence[Edge]) -> Optional[Disagree
 def _by_board(question: Question, edges: Sequence[Edge]) -> Dict[Edge, List[OneBoard]]:
     found: Dict[Edge, List[OneBoard]] = {edge: [] for edge in edges}
     for key in question.standing.collections:
-        one = _of_those_who_see(question.of_collection(key))
+        one = question.of_collection(key).of_those_who_see()
         sensors = one.standing.sensors
         held = [name for name, sensor in sensors.items() if sensor.edge not in edges]
-        seeing = {sensor.edge for sensor in sensors.values()}
         try:
             solved = calibrate(one.standing, one.options(held))
         except AtomError:
             continue
         if solved.status in (FAILED, NOT_CONVERGED):
             continue
-        for edge in (edge for edge in edges if edge in seeing):
+        for edge in edges:
             new = known_spread(solved, edge)
-            if new is NO_SPREAD:
+            if new is NO_SPREAD:  # it sees nothing of this board
                 continue
             scatter = scatter_of(question.spreads.get(edge, NO_SPREAD))
             covariance = new.stated + (scatter - 1.0) * new.of_model
             described, now = one.standing.first_value(edge), solved.dataset.first_value(edge)
             found[edge].append(OneBoard(key, pose_error(described, now), covariance))
     return found
-
-
-def _of_those_who_see(question: Question) -> Question:
-    """Return a question without sensors that see no board: else all would be refused."""
-    seeing = {key.sensor for key, _ in question.standing.detections()}
-    sensors = [name for name in question.standing.sensors if name in seeing]
-    return question._replace(standing=question.standing.selected(sensors=sensors))
 
 
 def _chance(boards: Sequence[OneBoard]) -> float:

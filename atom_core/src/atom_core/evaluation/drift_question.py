@@ -43,6 +43,12 @@ class Question(NamedTuple):
         """Return the question to one of the boards."""
         return self._replace(standing=self.standing.selected(collections=[key]))
 
+    def of_those_who_see(self) -> Question:
+        """Return the question to the sensors that see a board: with others all would be refused."""
+        seeing = {key.sensor for key, _ in self.standing.detections()}
+        sensors = [name for name in self.standing.sensors if name in seeing]
+        return self._replace(standing=self.standing.selected(sensors=sensors))
+
     def without_collection(self, key: str) -> Question:
         """Return the question to all boards but one."""
         others = [other for other in self.standing.collections if other != key]

@@ -55,8 +55,9 @@ def _run(args: argparse.Namespace) -> int:
             f"{args.player} does not play: it has no service {pause} that answers; start it with "
             f"`rosbag play --pause`"
         ) from None
-    with contextlib.suppress(rospy.ServiceException):  # at the end of the recording
-        _keep(pace, hold)
+    # The player goes at the end of the recording, the node's calls when it is asked to end.
+    with contextlib.suppress(rospy.ServiceException, rospy.ROSInterruptException):
+        _hold_while_late(pace, hold)
     return 0
 
 
@@ -80,11 +81,12 @@ def _note_in(pace: Pace, sensor: str) -> Callable[[SensorLabels], None]:
     return lambda labels: pace.note(sensor, stamp_s(labels), rospy.Time.now().to_sec())
 
 
-def _keep(pace: Pace, hold: Callable[[bool], Any]) -> None:
+def _hold_while_late(pace: Pace, hold: Callable[[bool], Any]) -> None:
     """Hold the recording whenever labels are late, until the node is asked to end.
 
     Raises:
         rospy.ServiceException: the player has gone.
+        rospy.ROSInterruptException: the node ends amid a call.
     """
     while not running.stopped():
         running.pause(_LOOK_EVERY_S)

@@ -7,7 +7,7 @@ from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError  # the builtin from 3.11 on
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Callable, Dict, List, Optional
+from typing import Any, Callable, Dict, List, NamedTuple, Optional
 
 import message_filters
 import numpy as np
@@ -44,14 +44,28 @@ from atom_core.model.config import CalibrationConfig
 from atom_core.model.sensor import Sensor
 
 _BUFFER_BYTES = 2**25
-_WAITING_FOR_LABELS = 30  # data of a sensor, until their labels come
-_MOST_DATA = 60  # labeled data of all sensors, until there is time for them
-_MOST_DATA_OF_ALL, _HOLD_ALL_S = 500, 10.0  # where none may be passed over
 _SAVE_WITHIN_S = 2.0  # a request waits so long for the labels of the time it was made
 _SAVE_WINDOW_S = 1.0  # it takes what was seen in the last second
 _STALE_S = 5.0
 _TF_PATIENCE_S = 0.5
 _ANSWER_WITHIN_S = 30.0
+
+
+class _Room(NamedTuple):
+    """How much waits until there is time for it.
+
+    Attributes:
+        unlabeled: data of a sensor, until their labels come.
+        labeled: data of all sensors with their labels.
+        hold_s: by so much a sensor's labels may be later than those of others [s].
+    """
+
+    unlabeled: int
+    labeled: int
+    hold_s: float
+
+
+_FOR_THE_NEWEST, _FOR_ALL = _Room(30, 60, 1.5), _Room(MOST_WAITING, 500, 10.0)
 
 
 @dataclass
@@ -132,10 +146,9 @@ class LiveCollector:
         self._labeled: Dict[str, rospy.Time] = {}  # stamp of the newest labels by sensor
         self._newest: Dict[str, Frame] = {}  # by sensor
         self._expectation = PointExpectation(setup)
-        self._most_waiting = MOST_WAITING if all_messages else _WAITING_FOR_LABELS
-        self._inbox = Inbox(_MOST_DATA_OF_ALL if all_messages else _MOST_DATA)
-        patience = {"hold_s": _HOLD_ALL_S} if all_messages else {}
-        self._order = TimeOrder(setup.config.sensors, **patience)
+        room = _FOR_ALL if all_messages else _FOR_THE_NEWEST
+        self._most_unlabeled, self._inbox = room.unlabeled, Inbox(room.labeled)
+        self._order = TimeOrder(setup.config.sensors, room.hold_s)
         self._saves: List[_Save] = []
         self._menu: Optional[CollectorMenu] = None
         self._pairs: List[message_filters.TimeSynchronizer] = []
@@ -151,11 +164,11 @@ class LiveCollector:
         for topic, sensor in rig.topics.items():
             kind = message_class(topics.types[topic])
             data = message_filters.Subscriber(
-                topic, kind, queue_size=self._most_waiting, buff_size=_BUFFER_BYTES
+                topic, kind, queue_size=self._most_unlabeled, buff_size=_BUFFER_BYTES
             )
             data.registerCallback(self._receipts.note, sensor.name)
             pair = message_filters.TimeSynchronizer(
-                [data, labels.filters[sensor.name]], self._most_waiting
+                [data, labels.filters[sensor.name]], self._most_unlabeled
             )
             pair.registerCallback(self._receive, sensor)
             pair.registerCallback(forget_before, pair.queues[0])
