@@ -7,6 +7,7 @@ from atom_core.synthetic.lidar import beams_on_board
 from atom_core.synthetic.lidar_models import LIDAR_MODELS
 from atom_examples.cell_simulator.devices import Packing, devices_of
 from atom_examples.cell_simulator.errors import SimulatorError
+from atom_examples.cell_simulator.still import WhileStill
 from atom_examples.cell_simulator.world import World
 
 
@@ -44,7 +45,7 @@ def test_ranges_on_the_board_are_exact_without_noise(world, view):
 def test_a_board_that_moves_is_seen_as_if_all_were_cast_anew(world, view):
     device, scene, _ = view
     kept = device.capture(scene)
-    device._still = None
+    device._still, device._walls = WhileStill(), None
     anew = device.capture(scene)
     assert np.array_equal(kept.points, anew.points)
     pose = scene.pose(device.frame)

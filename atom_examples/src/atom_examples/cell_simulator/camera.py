@@ -14,6 +14,7 @@ from atom_core.synthetic.planted import CameraErrors
 from atom_examples.cell_simulator.errors import SimulatorError
 from atom_examples.cell_simulator.scene import Scene
 from atom_examples.cell_simulator.scene_model import View
+from atom_examples.cell_simulator.still import WhileStill
 
 FINER = 2  # pictures are drawn finer and averaged, so that edges keep their place
 _WIDEST = 3.0  # pinhole picture to image, in either direction
@@ -68,6 +69,7 @@ class ColourCamera:
         """
         self.name, self.camera, self.noise_grey = name, camera, noise_grey
         self.errors, self._shade = errors, _shade(camera, errors.vignetting)
+        self._still: WhileStill[np.ndarray] = WhileStill()
 
     @cached_property
     def _maps(self) -> Tuple[np.ndarray, np.ndarray]:
@@ -85,7 +87,9 @@ class ColourCamera:
 
     def capture(self, scene: Scene, rng: Optional[np.random.Generator] = None) -> np.ndarray:
         """Return the picture (height, width, 3) uint8, red green blue; without rng, no noise."""
-        return self.developed(self.drawn(scene), rng)
+        arrangement = (scene.arrangement, scene.gloss)
+        picture = self._still.seen(arrangement, lambda: self.drawn(scene))
+        return self.developed(picture, rng)
 
     def drawn(self, scene: Scene) -> np.ndarray:
         """Return the picture (height, width, 3) uint8 of one instant as it arrives at the chip."""
@@ -119,7 +123,7 @@ class ColourCamera:
 
 def _rounded(picture: np.ndarray) -> np.ndarray:
     if picture.dtype == np.uint8:
-        return picture
+        return picture.copy()
     return np.clip(np.rint(picture, out=picture), 0, 255, out=picture).astype(np.uint8)
 
 

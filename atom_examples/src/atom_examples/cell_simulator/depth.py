@@ -12,6 +12,7 @@ from atom_core.synthetic.depth import near_jumps
 from atom_core.synthetic.planted import DepthErrors
 from atom_examples.cell_simulator.rays import Hits
 from atom_examples.cell_simulator.scene import Scene
+from atom_examples.cell_simulator.still import WhileStill
 
 _STEP_M, _STEP_SHARE = 0.03, 0.02  # a larger jump between neighbours is an edge
 
@@ -57,6 +58,7 @@ class DepthCamera:
         self.errors = errors
         self.name, self.frame, self.camera = name, frame, camera
         self.range_m, self.noise = range_m, noise
+        self._still: WhileStill[np.ndarray] = WhileStill()
         row, column = np.mgrid[0 : camera.height, 0 : camera.width]
         xy = camera.normalise(np.column_stack([column.ravel(), row.ravel()]))
         rays = np.column_stack([xy, np.ones(len(xy))])
@@ -82,7 +84,7 @@ class DepthCamera:
 
         Without rng there is no noise.
         """
-        z = self.exact(scene)
+        z = self._still.seen(scene.arrangement, lambda: self.exact(scene)).copy()
         halo, error_m = self._spoiled(z)
         if rng is not None:
             noise = self.noise

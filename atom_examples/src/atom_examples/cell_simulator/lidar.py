@@ -12,6 +12,7 @@ from atom_core.synthetic.lidar2d import Lidar2dModel
 from atom_core.synthetic.lidar_models import AnyLidarModel, LidarModel
 from atom_core.synthetic.planted import RangeErrors
 from atom_examples.cell_simulator.scene import Scene
+from atom_examples.cell_simulator.still import WhileStill
 
 _EDGE_M = 0.03  # a beam whose parts differ more has hit an edge
 _SWEEP_MARGIN_RAD = 0.02
@@ -80,7 +81,8 @@ class Lidar:
         self._beams = np.stack(
             [model.directions, *_around(model.directions, noise.mixed_within_rad)]
         )
-        self._still: Optional[Tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = None
+        self._walls: Optional[Tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = None
+        self._still: WhileStill[Returns] = WhileStill()
 
     def ring(self, beam: np.ndarray) -> Optional[np.ndarray]:
         """Return the scan layer of beams of a 3D LiDAR, 0 the lowest; None: it has no layers."""
@@ -108,7 +110,8 @@ class Lidar:
 
     def capture(self, scene: Scene, rng: Optional[np.random.Generator] = None) -> Scan:
         """Return a scan; without rng, complete and without noise."""
-        returns = self.exact(scene)
+        seen = self._still.seen(scene.arrangement, lambda: self.exact(scene))
+        returns = Returns(*(array.copy() for array in seen))
         error_m = np.zeros(0)
         if self.errors != RangeErrors():
             error_m, lost = self._spoiled(scene, returns, rng)
@@ -151,10 +154,10 @@ class Lidar:
     ) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return ranges (5, n) of beams and lines around, intensities (n,), on the plate (n,)."""
         origin, rotation = world_T_lidar[:3, 3], world_T_lidar[:3, :3]
-        if self._still is None or not np.array_equal(self._still[0], world_T_lidar):
+        if self._walls is None or not np.array_equal(self._walls[0], world_T_lidar):
             distance, reflected = self._cast(scene, slice(None), origin, rotation, still=True)[:2]
-            self._still = (world_T_lidar, distance, reflected, np.zeros(len(reflected), dtype=bool))
-        distance, reflected, on_plate = (array.copy() for array in self._still[1:])
+            self._walls = (world_T_lidar, distance, reflected, np.zeros(len(reflected), dtype=bool))
+        distance, reflected, on_plate = (array.copy() for array in self._walls[1:])
         near = self._near_moving(scene, origin, rotation)
         new, new_reflected, plate = self._cast(scene, near, origin, rotation, still=False)
         before = new < distance[:, near]

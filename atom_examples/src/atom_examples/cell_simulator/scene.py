@@ -53,6 +53,7 @@ class Scene:
         plates: ids (n,) of the boards' plates among the shapes that rays meet; ``plate`` likewise.
         world_T_patterns: where the boards are (4, 4); ``world_T_pattern`` likewise.
         gloss: of the boards in pictures of colours; None: they are matt.
+        arrangement: how all stands; another object as soon as something has moved.
     """
 
     def __init__(
@@ -85,7 +86,7 @@ class Scene:
         self._mujoco = mujoco = import_mujoco()
         self.robot, self.boards, self._views = robot, tuple(boards), {v.name: v for v in views}
         self._frames = FrameGraph(joint.edge for joint in robot.joints.values())
-        self._transforms = robot.transforms(positions)
+        self._transforms, self.arrangement = robot.transforms(positions), object()
         spec = mujoco.MjSpec()
         builder = ModelBuilder(mujoco, spec, moving)
         builder.build(robot, self.pose, visuals, housings, boards, views, around)
@@ -160,7 +161,7 @@ class Scene:
     def place_joints(self, positions: Mapping[str, float]) -> None:
         """Move the robot's joints, by name [rad, m]; those not named stand at zero."""
         if self._moved:
-            self._transforms = self.robot.transforms(positions)
+            self._transforms, self.arrangement = self.robot.transforms(positions), object()
             for link in self._moved:
                 self._move(f"moved/{link}", self.pose(link))
             self._update()
@@ -175,8 +176,10 @@ class Scene:
 
     def _move(self, body: str, world_T_body: np.ndarray) -> None:
         number = self.model.body(body).mocapid[0]
-        self.data.mocap_pos[number] = world_T_body[:3, 3]
-        self.data.mocap_quat[number] = wxyz(world_T_body[:3, :3])
+        pose = np.concatenate([world_T_body[:3, 3], wxyz(world_T_body[:3, :3])])
+        position, turn = self.data.mocap_pos[number], self.data.mocap_quat[number]
+        if not np.array_equal(np.concatenate([position, turn]), pose):
+            position[:], turn[:], self.arrangement = pose[:3], pose[3:], object()
 
     def _update(self) -> None:
         self._mujoco.mj_kinematics(self.model, self.data)
