@@ -4,6 +4,8 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := help
 # The build belongs to this checkout alone, whatever workspace or Python the calling shell uses.
 unexport CMAKE_PREFIX_PATH ROS_PACKAGE_PATH PYTHONPATH PYTHONHOME VIRTUAL_ENV PYENV_VERSION
+# Programs start again and again: without compiled modules each start compiles them anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 JOBS := $(shell nproc)
 REPEAT := 1

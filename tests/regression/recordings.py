@@ -113,6 +113,7 @@ def evaluate(folder):
         "--output",
         folder / "evaluation",
         "--overwrite",
+        "--no_report",
     )
 
 

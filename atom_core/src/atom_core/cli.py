@@ -120,7 +120,7 @@ def build_parser(only: Optional[str] = None) -> argparse.ArgumentParser:
     """Return the parser of all commands.
 
     Args:
-        only: a command; the modules of the others are not loaded, and their options unknown.
+        only: a command; the others are not there, and their modules are not loaded.
     """
     parser = OptionParser(
         prog="python3 -m atom_core",
@@ -130,10 +130,7 @@ def build_parser(only: Optional[str] = None) -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=atom_core.__version__)
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name in COMMANDS:
-        if only in COMMANDS and name != only:
-            commands.add_parser(name)
-            continue
+    for name in [only] if only in COMMANDS else COMMANDS:
         module = cast("Command", importlib.import_module(f"atom_core.commands.{name}"))
         summary = str(module.__doc__).splitlines()[0]
         sub = commands.add_parser(

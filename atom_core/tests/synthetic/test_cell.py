@@ -27,8 +27,8 @@ def cell_of(seed, scenario="train", **options):
 
 def drawn_anew(seed, **options):
     """Return a cell of which nothing is remembered."""
-    cell._poses_of.cache_clear()
-    depth._rays.cache_clear()
+    for remembered in (cell._exact_cell, cell._poses_of, depth._rays):
+        remembered.cache_clear()
     return paper_cell(seed, **options)
 
 

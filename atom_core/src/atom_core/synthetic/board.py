@@ -103,8 +103,15 @@ def hits(
     with np.errstate(divide="ignore", invalid="ignore"):
         t = -origin[2] / turned[:, 2]
         in_plane = origin[:2] + t[:, None] * turned[:, :2]
-    on_board = np.all(np.abs(in_plane - border.centre) <= border.half_size, axis=1) & (t > 0)
+    on_board = _within(border, in_plane) & (t > 0)
     return np.where(on_board, t, np.inf), in_plane
+
+
+def _within(border: Rectangle, in_plane: np.ndarray) -> np.ndarray:
+    """Tell which points (n, 2) of the plane lie on the board (n,)."""
+    (x, y), (x_m, y_m) = in_plane.T, border.centre
+    half_x_m, half_y_m = border.half_size
+    return (np.abs(x - x_m) <= half_x_m) & (np.abs(y - y_m) <= half_y_m)
 
 
 def board_hits(
@@ -123,7 +130,7 @@ def board_hits(
             in_plane = origin[:2] + t[:, None] * turned[:, :2]
             near = np.clip(in_plane, border.centre - reach, border.centre + reach)
             height = pattern.height_m(near)
-    on_board = np.all(np.abs(in_plane - border.centre) <= border.half_size, axis=1) & (t > 0)
+    on_board = _within(border, in_plane) & (t > 0)
     return np.where(on_board, t, np.inf), in_plane
 
 

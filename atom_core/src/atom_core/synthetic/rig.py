@@ -33,13 +33,13 @@ class Room:
             origin: (3,) in world [m].
             directions: (n, 3) in world; t is a length when they have unit length.
         """
+        nearest = np.full(len(directions), np.inf)
         with np.errstate(divide="ignore", invalid="ignore"):
-            by_axis = np.where(
-                directions > 0,
-                (np.array(self.high) - origin) / directions,
-                (np.array(self.low) - origin) / directions,
-            )
-        return np.nanmin(np.where(by_axis > 0, by_axis, np.inf), axis=1)
+            for axis, along in enumerate(directions.T):
+                wall = np.where(along > 0, self.high[axis], self.low[axis])
+                t = (wall - origin[axis]) / along
+                nearest = np.where(t > 0, np.minimum(nearest, t), nearest)
+        return nearest
 
 
 class Mount(NamedTuple):

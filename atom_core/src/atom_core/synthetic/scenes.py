@@ -7,6 +7,7 @@ of the free edges (metres, radians), the density of labels and the systematic er
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
@@ -48,6 +49,7 @@ from atom_core.synthetic.sensing import planted_in
 _BASE, _ROOM = "rig_base", Room((-7.0, -7.0, 0.0), (7.0, 7.0, 3.5))
 _FLANGE = "flange"
 _ERRORS = 110  # stream of random numbers of one seed
+_KEPT = 8  # scenes, some MB each
 
 
 @dataclass(frozen=True)
@@ -138,10 +140,14 @@ def _mounted(
 # -------------------------------------------------------------------------------- scenes
 
 
+@lru_cache(maxsize=_KEPT)
 def random_scene(
     seed: int = 0, *, rgb: int = 2, depth: int = 1, lidar3d: int = 1, **options: Any
 ) -> SyntheticDataset:
-    """Simulate a random rig of the given sensors, one ChArUco, the first sensor anchored."""
+    """Simulate a random rig of the given sensors, one ChArUco, the first sensor anchored.
+
+    Datasets are never changed, so the last ones are kept.
+    """
     rng = np.random.default_rng([seed, 100])
     rig = random_rig(rng, rgb, depth, lidar3d)
     return _simulate("random_scene", rig, rng, SceneOptions(seed=seed, **options))
