@@ -1,11 +1,15 @@
 """A bag is read as it was recorded, and a broken one is told from a whole one."""
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 import rosbag
 import rospy
 
 from atom_calibration.errors import BagError
+from atom_calibration.sources.bag_parts import bag_files, name_of, named_together, other_parts
 from atom_calibration.sources.bag_reader import BagReader
 
 
@@ -78,3 +82,77 @@ def test_an_absent_topic_lists_those_of_its_type(make, messages, tmp_path):
     with BagReader(make.bag(tmp_path / "a.bag", messages)) as bag:
         error = bag.absent("/lidar", ["sensor_msgs/PointCloud2"], "sensor 'lidar_1'")
     assert "/lidar (sensor 'lidar_1')" in str(error) and "PointCloud2: /points" in str(error)
+
+
+# ---- recordings in parts
+
+
+@pytest.fixture
+def parts(make, messages, tmp_path):
+    """Return the files of a recording in three parts, the second one of which is written last."""
+    ends = {0: messages[:15], 2: messages[28:], 1: messages[15:28]}
+    return [make.bag(tmp_path / f"rig_{n}.bag", ends[n]) for n in sorted(ends)]
+
+
+def contents(bag, *limits):
+    return [(m.topic, m.recorded_s) for m in bag.messages(["/points"], *limits)]
+
+
+def test_parts_are_read_as_the_whole_recording(make, messages, tmp_path, parts):
+    with BagReader(make.bag(tmp_path / "whole.bag", messages)) as whole, BagReader(parts) as bag:
+        assert contents(bag) == contents(whole) and len(contents(bag)) == 40
+        assert contents(bag, 11.0, 12.5) == contents(whole, 11.0, 12.5)
+        assert (bag.types, bag.counts) == (whole.types, whole.counts)
+        assert (bag.start_s, bag.end_s) == (whole.start_s, whole.end_s)
+        assert bag.first("/points").header.stamp == whole.first("/points").header.stamp
+        assert bag.size_bytes == sum(part.stat().st_size for part in parts)
+        assert str(bag.path) == str(tmp_path / "rig_0.bag ... rig_2.bag")
+
+
+def test_parts_are_merged_by_time_whatever_their_order(messages, make, tmp_path, parts):
+    with BagReader(parts[::-1]) as bag, BagReader(tmp_path / "rig_*.bag") as by_pattern:
+        assert contents(bag) == contents(by_pattern)
+        assert bag.files == parts[::-1] and by_pattern.files == parts
+
+
+def test_a_part_that_is_absent_damaged_or_of_another_recording_is_named(make, parts, tmp_path):
+    with pytest.raises(BagError, match=r"rig_7\.bag: the bag cannot be read"):
+        BagReader([*parts, tmp_path / "rig_7.bag"])
+    with pytest.raises(BagError, match=r"other\.bag: /points carries .*Image, in .*rig_0\.bag"):
+        image = make.image(np.zeros((4, 4), dtype=np.uint8), "mono8")
+        BagReader([*parts, make.bag(tmp_path / "other.bag", [("/points", image, 11.0)])])
+    parts[1].write_bytes(parts[1].read_bytes()[:-400])
+    with pytest.raises(BagError, match=r"rig_1\.bag.*(reindex|damaged)"), BagReader(parts) as bag:
+        contents(bag)
+
+
+def test_a_pattern_names_files_in_the_order_of_their_numbers_once_each(tmp_path):
+    for name in ("a_10.bag", "a_9.bag", "a_0.bag", "b.bag", "c[1].bag"):
+        (tmp_path / name).touch()
+    names = lambda *given: [f.name for f in bag_files([tmp_path / name for name in given])]  # noqa: E731
+    assert names("a_*.bag") == ["a_0.bag", "a_9.bag", "a_10.bag"]
+    assert names("a_9.bag", "a_*.bag") == ["a_9.bag", "a_0.bag", "a_10.bag"]
+    assert names("a_?.bag") == ["a_0.bag", "a_9.bag"]
+    assert names("c[1].bag") == ["c[1].bag"]  # a file of that name is itself
+    assert names("none_*.bag") == ["none_*.bag"]
+
+
+def test_a_pattern_without_files_is_refused_by_its_name(tmp_path):
+    with pytest.raises(BagError, match=r"none_\*\.bag: the bag cannot be read"):
+        BagReader(tmp_path / "none_*.bag")
+
+
+def test_a_recording_has_the_name_that_its_parts_share():
+    assert name_of([Path("/a/train.bag")]) == "train"
+    assert name_of([Path("/a/train_0.bag"), Path("/a/train_1.bag")]) == "train"
+    assert name_of([Path("/a/x.bag"), Path("/a/y.bag")]) == "x"
+    assert named_together([Path("/a/x.bag")]) == Path("/a/x.bag")
+
+
+def test_other_parts_of_a_recording_are_noticed(tmp_path, parts):
+    assert other_parts([parts[1]]) == [parts[0], parts[2]]
+    assert other_parts(parts) == []
+    shutil.copy(parts[0], tmp_path / "whole.bag")
+    assert other_parts([tmp_path / "whole.bag"]) == []
+    parts[1].unlink()  # a recording in parts leaves no number out
+    assert other_parts([parts[0]]) == []

@@ -33,6 +33,13 @@ def test_it_becomes_rosbag_play_with_the_options_in_order_and_the_remappings(
     assert passed[1:] == ["--clock", "--loop", "--rate=2", bag, *remapped]
 
 
+def test_a_recording_in_parts_is_played_whole(standing_in):
+    for number in (10, 2, 0):
+        (standing_in / f"rig_{number}.bag").write_bytes(b"#ROSBAG V2.0\n")
+    files = [standing_in / f"rig_{number}.bag" for number in (0, 2, 10)]
+    assert play_bag.readable_bags("rig_*.bag") == files
+
+
 @pytest.mark.parametrize(
     ("bag", "said"),
     [
@@ -43,7 +50,7 @@ def test_it_becomes_rosbag_play_with_the_options_in_order_and_the_remappings(
 )
 def test_what_cannot_be_played_is_refused_with_where_it_was_looked_for(standing_in, bag, said):
     with pytest.raises(ConfigError) as refused:
-        play_bag.readable_bag(bag)
+        play_bag.readable_bags(bag)
     assert str(refused.value) == said.format(standing_in)
 
 

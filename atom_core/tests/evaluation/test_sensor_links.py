@@ -155,6 +155,11 @@ def test_transforms_that_differ_by_a_micrometre_are_different(dataset, move_m, o
     assert move_against_each_other(level, "rgb_1", "rgb_3") is False
 
 
+def test_without_collections_nothing_moves(dataset):
+    nothing = dataset.selected(collections=[])
+    assert move_against_each_other(nothing, "rgb_1", "rgb_2") is False
+
+
 @pytest.mark.parametrize("move_m, refused", [(0.9e-6, False), (1.1e-6, True)])
 def test_one_pose_places_a_sensor_if_its_parent_moves_by_less_than_a_micrometre(
     dataset, move_m, refused

@@ -215,6 +215,17 @@ def test_it_goes_on_until_another_step_moves_nothing():
         assert np.allclose(step, start, atol=1e-6) == settled
 
 
+@pytest.mark.parametrize("most", [1, 2, 3])
+def test_the_rms_is_that_of_its_pose_also_where_it_did_not_settle(monkeypatch, most):
+    monkeypatch.setattr(module, "_ITERATIONS", most)
+    rng = np.random.default_rng(1)
+    source = rng.uniform(-0.15, 0.15, (200, 3))
+    target = se3.apply(se3.random_move(0.05, 0.1, rng), source)
+    result = registered([clouds(source, target)], np.eye(4))
+    distance, _ = cKDTree(target).query(se3.apply(result.target_T_source, source))
+    assert result.rms_m == pytest.approx(np.sqrt(np.mean(distance**2)), rel=1e-9)
+
+
 # ---- pairs and variants
 
 

@@ -30,6 +30,7 @@ from atom_calibration.configure.package import (
 from atom_calibration.configure.render import needed_packages, rendered_files
 from atom_calibration.configure.summary import FORMATS, dot_text, draw
 from atom_calibration.configure.tree import TransformGraph, graph_document, networkx_graph
+from atom_calibration.sources.bag_parts import bag_files
 from atom_calibration.sources.bag_reader import BagReader
 from atom_core.cli import BAD_INPUT, guarded
 from atom_core.commands.atom_options import (
@@ -181,7 +182,8 @@ def _existing(
     except ConfigError as error:
         note(key, f"is '{text}': {error}")
         return None
-    if not path.exists():
+    files = bag_files([path]) if key == ("bag_file",) else [path]
+    if not files[0].exists():
         note(key, f"is '{text}', but {path} does not exist{looked_for(path)}; correct the path")
         return None
     return path

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
+from heapq import merge
 from itertools import islice
 from pathlib import Path
-from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence
+from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
 import rosbag
 import rospy
 
 from atom_calibration.errors import BagError
+from atom_calibration.sources.bag_parts import bag_files, named_together
 from atom_core.io.paths import unread
 
 _LISTED = 12  # topics that a message lists at most
@@ -26,41 +29,64 @@ class BagMessage(NamedTuple):
 
 
 class BagReader:
-    """A bag that is open for reading; a context manager.
+    """A recording that is open for reading, in one file or in parts; a context manager.
 
     Attributes:
-        path: the file.
+        files: of the recording.
+        path: how messages name it: its file, or the first and the last one.
         types: type of messages by topic.
         counts: number of messages by topic.
         start_s, end_s: times of the first and the last message [s].
     """
 
-    def __init__(self, path: Path):
-        """Open a bag.
+    def __init__(self, paths: Union[Path, Sequence[Path]]):
+        """Open a bag, or all files of a recording.
+
+        Args:
+            paths: the file, or files, or patterns of files (`bag_files`).
 
         Raises:
-            BagError: the file is absent, no bag, cut off, not indexed, or empty.
+            BagError: a file is absent, no bag, cut off, not indexed, or empty; or they have
+                messages of different types on a topic.
         """
-        self.path = Path(path)
-        self._bag = open_bag(self.path)
-        try:
-            topics = self._bag.get_type_and_topic_info().topics
-            self.types: Dict[str, str] = {name: t.msg_type for name, t in topics.items()}
-            self.counts: Dict[str, int] = {name: t.message_count for name, t in topics.items()}
-            if not topics:
-                raise BagError(f"{path}: the bag is empty; record it again")
-            self.start_s, self.end_s = self._bag.get_start_time(), self._bag.get_end_time()
-        except BaseException:
-            self._bag.close()
-            raise
+        self.files = bag_files([paths] if isinstance(paths, (str, Path)) else paths)
+        self.path = named_together(self.files)
+        self.types: Dict[str, str] = {}
+        self.counts: Dict[str, int] = {}
+        self.start_s, self.end_s = np.inf, -np.inf
+        with ExitStack() as opened:
+            self._bags = [opened.enter_context(open_bag(file)) for file in self.files]
+            for file, bag in zip(self.files, self._bags):
+                self._add(file, bag)
+            self._opened = opened.pop_all()
+
+    def _add(self, file: Path, bag: rosbag.Bag) -> None:
+        """Count what is in a file."""
+        topics = bag.get_type_and_topic_info().topics
+        if not topics:
+            raise BagError(f"{file}: the bag is empty; record it again")
+        for name, info in topics.items():
+            if self.types.setdefault(name, info.msg_type) != info.msg_type:
+                raise BagError(
+                    f"{file}: {name} carries {info.msg_type}, in {self.files[0]} it carries "
+                    f"{self.types[name]}; give the files of one recording"
+                )
+            self.counts[name] = self.counts.get(name, 0) + info.message_count
+        self.start_s = min(self.start_s, bag.get_start_time())
+        self.end_s = max(self.end_s, bag.get_end_time())
 
     def __enter__(self) -> BagReader:
         """Return the reader itself."""
         return self
 
     def __exit__(self, *_: Any) -> None:
-        """Close the file."""
-        self._bag.close()
+        """Close the files."""
+        self._opened.close()
+
+    @property
+    def size_bytes(self) -> int:
+        """How large the files are together."""
+        return sum(file.stat().st_size for file in self.files)
 
     def messages(
         self,
@@ -82,21 +108,11 @@ class BagReader:
             "start_time": None if start_s is None else _time(start_s),
             "end_time": None if end_s is None else _time(end_s),
         }
-        last_s = self.start_s
-        recorded = self._bag.read_messages(topics=list(topics), **limits)
-        while True:
-            try:
-                found = next(recorded, None)
-            except Exception as error:  # noqa: BLE001 (rosbag and genpy pass on what damage does)
-                raise BagError(
-                    f"{self.path}: the bag is damaged after {last_s - self.start_s:.2f} s (time "
-                    f"{last_s:.3f}; {str(error) or type(error).__name__}); repair it with `rosbag "
-                    f"reindex`, or record it again"
-                ) from error
-            if found is None:
-                return
-            last_s = found.timestamp.to_sec()
-            yield BagMessage(found.topic, found.message, last_s)
+        parts = [
+            _messages_of(file, bag, list(topics), limits)
+            for file, bag in zip(self.files, self._bags)
+        ]
+        yield from merge(*parts, key=lambda found: found.recorded_s)
 
     def first(self, topic: str) -> Any:
         """Return the first message of a topic."""
@@ -133,6 +149,27 @@ class BagReader:
             f"{self.path}: topic {topic} ({whose}) is not in the bag; topics of {kinds}: "
             f"{listed or 'none'}; correct topic_name in the configuration or record it"
         )
+
+
+def _messages_of(
+    file: Path, bag: rosbag.Bag, topics: List[str], limits: Dict[str, Optional[rospy.Time]]
+) -> Iterator[BagMessage]:
+    """Yield the messages of one file, as `BagReader.messages` does."""
+    first_s = last_s = bag.get_start_time()
+    recorded = bag.read_messages(topics=topics, **limits)
+    while True:
+        try:
+            found = next(recorded, None)
+        except Exception as error:  # noqa: BLE001 (rosbag and genpy pass on what damage does)
+            raise BagError(
+                f"{file}: the bag is damaged after {last_s - first_s:.2f} s (time "
+                f"{last_s:.3f}; {str(error) or type(error).__name__}); repair it with `rosbag "
+                f"reindex`, or record it again"
+            ) from error
+        if found is None:
+            return
+        last_s = found.timestamp.to_sec()
+        yield BagMessage(found.topic, found.message, last_s)
 
 
 def open_bag(path: Path) -> rosbag.Bag:

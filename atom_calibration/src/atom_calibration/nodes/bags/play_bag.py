@@ -16,6 +16,7 @@ from typing import List, NoReturn, Sequence
 import roslib.packages
 
 from atom_calibration.runtime import running
+from atom_calibration.sources.bag_parts import bag_files
 from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import ConfigError
@@ -36,32 +37,35 @@ def play(bag: str, others: Sequence[str]) -> NoReturn:
     """Become `rosbag play`.
 
     Args:
-        bag: the recording; empty where none is given.
+        bag: the recording, or a pattern of its files; empty where none is given.
         others: further options of `rosbag play`.
 
     Raises:
         ConfigError: there is no such file, or no `rosbag play`.
     """
-    path = readable_bag(bag)
+    paths = readable_bags(bag)
     players = roslib.packages.find_node("rosbag", "play")
     if not players:
         raise ConfigError("`rosbag play` is not found; install the ROS package rosbag")
     remapped = [word for word in sys.argv[1:] if ":=" in word]
-    words: List[str] = [str(players[0]), *others, str(path), *remapped]
+    words: List[str] = [str(players[0]), *others, *map(str, paths), *remapped]
     os.execv(words[0], words)
 
 
-def readable_bag(bag: str) -> Path:
-    """Return the path of a recording that can be opened.
+def readable_bags(bag: str) -> List[Path]:
+    """Return the files of a recording, which can be opened.
 
     Raises:
-        ConfigError: none is given, or it is not there.
+        ConfigError: none is given, or one is not there.
     """
     if not bag:
         raise ConfigError(
             "no recording: bag_file of the configuration is empty; give bag_file:=FILE"
         )
-    path = Path(bag)
+    return [_readable(path) for path in bag_files([Path(bag)])]
+
+
+def _readable(path: Path) -> Path:
     if not path.exists():
         raise ConfigError(f"{path}: no such recording{looked_for(path)}; correct the path")
     if path.is_dir():

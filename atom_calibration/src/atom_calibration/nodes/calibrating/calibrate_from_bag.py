@@ -80,7 +80,7 @@ def _outcome(
 
 
 def _collect(args: argparse.Namespace) -> Tuple[int, Said]:
-    options = ["--config", args.config, "--bag", args.bag, "--output", args.output / "dataset"]
+    options = ["--config", args.config, "--bag", *args.bag, "--output", args.output / "dataset"]
     options += ["--seeds", args.seeds] if args.seeds else []
     options += ["--description", args.description] if args.description else []
     parsed = collect_from_bag.parser().parse_args(_texts(options, args))
@@ -121,8 +121,8 @@ def _optional_path(text: str) -> Optional[Path]:
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     made = OptionParser(prog="calibrate_from_bag", description=__doc__, epilog=examples(EXAMPLE))
-    for name, help_text in (("config", "config.yml"), ("bag", "the recording")):
-        add_option(made, name, required=True, type=Path, metavar="FILE", help=help_text)
+    add_option(made, "config", required=True, type=Path, metavar="FILE", help="config.yml")
+    collect_from_bag.add_bag_option(made)
     add_option(made, "output", "-o", required=True, type=Path, metavar="DIR", help="results")
     add_option(made, "seeds", type=_optional_path, metavar="FILE", help="seeds given by hand")
     add_option(

@@ -42,6 +42,7 @@ from atom_calibration.errors import CollectionError, MessageError
 from atom_calibration.labels.frame_labeler import FrameLabeler
 from atom_calibration.modalities.frames import Frame, decode
 from atom_calibration.runtime.options import add_receive_time_option
+from atom_calibration.sources.bag_parts import name_of, other_parts
 from atom_calibration.sources.bag_reader import BagReader
 from atom_calibration.sources.contradictions import MessageWatch
 from atom_calibration.sources.described_bag import SAVED, check_described, transforms_of_bag
@@ -92,6 +93,7 @@ def collect_from_bag(args: argparse.Namespace) -> int:
     """
     config = read_config(args.config)
     with BagReader(args.bag) as bag:
+        _hint_at_parts(bag)
         rig = rig_from_bag(config, bag)
         transforms, described, remarks = transforms_of_bag(
             bag, args.description, config, args.config
@@ -131,12 +133,24 @@ def collect_from_bag(args: argparse.Namespace) -> int:
 def _announce(bag: BagReader, rig: Rig) -> None:
     """Say how much is to be read before it is."""
     messages = sum(bag.counts[topic] for topic in rig.topics)
-    size_gb, seconds = bag.path.stat().st_size / 1e9, bag.end_s - bag.start_s
+    size_gb, seconds = bag.size_bytes / 1e9, bag.end_s - bag.start_s
     print(
         f"reading {bag.path}: {size_gb:.2g} GB, {seconds:.0f} s, "
         f"{messages} messages of {len(rig.sensors)} sensors",
         flush=True,
     )
+
+
+def _hint_at_parts(bag: BagReader) -> None:
+    """Say that a bag looks like one part of a recording."""
+    others = other_parts(bag.files)
+    if others:
+        pattern = bag.path.with_name(f"{name_of([bag.path, *others])}_*.bag")
+        _warn(
+            f"{bag.path}: {others[0].name}{' ...' if len(others) > 1 else ''} beside it may be "
+            f"parts of the same recording (`rosbag record --split`), of which only the first one "
+            f"has /tf_static; then give all of them: --bag '{pattern}'"
+        )
 
 
 class Recording(NamedTuple):
@@ -159,7 +173,7 @@ def _setup(args: argparse.Namespace, recording: Recording, store: CollectionStor
         patterns,
         recording.transforms.at,
         store,
-        args.bag.stem,
+        name_of(recording.bag.files),
         args.pictures,
         not (args.times or args.interval),
         _warn,
@@ -296,7 +310,7 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_option(made, "config", "-c", required=True, type=Path, metavar="FILE", help="config.yml")
-    add_option(made, "bag", "-b", required=True, type=Path, metavar="FILE", help="the recording")
+    add_bag_option(made, "-b")
     add_output_options(made)
     add_option(
         made,
@@ -319,6 +333,21 @@ def parser() -> argparse.ArgumentParser:
         made, "pictures", action="store_true", help="write pictures of the labels to look at"
     )
     return made
+
+
+def add_bag_option(made: argparse.ArgumentParser, *short: str) -> None:
+    """Add the recording, in one file or in several."""
+    add_option(
+        made,
+        "bag",
+        *short,
+        required=True,
+        nargs="+",
+        type=Path,
+        metavar="FILE",
+        help="the recording; of one in parts (`rosbag record --split`) all files, or a pattern "
+        "like 'train_*.bag'",
+    )
 
 
 def add_description_option(made: argparse.ArgumentParser) -> None:

@@ -182,10 +182,11 @@ def registered(clouds: Sequence[Clouds], start: np.ndarray) -> Optional[Register
     Returns:
         None where fewer than three points have a counterpart within ``REACH_M``.
     """
-    now, before = start, (np.inf, np.inf)
+    now, following, before = start, start, (np.inf, np.inf)
     total = sum(len(pair.source) for pair in clouds)
     rms = np.inf
     for _ in range(_ITERATIONS):
+        now = following
         sources, targets, squares = [], [], 0.0
         for pair in clouds:
             distance, index = pair.target.query(
@@ -202,5 +203,5 @@ def registered(clouds: Sequence[Clouds], start: np.ndarray) -> Optional[Register
         rms, share = float(np.sqrt(squares / count)), count / total
         if abs(before[0] - rms) < _SETTLED * rms and abs(before[1] - share) < _SETTLED:
             break
-        now, before = moved, (rms, share)
+        following, before = moved, (rms, share)
     return Registered(now, rms)

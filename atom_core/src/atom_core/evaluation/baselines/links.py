@@ -159,7 +159,7 @@ def move_against_each_other(dataset: Dataset, one: str, other: str) -> bool:
     """Tell whether two sensors are in different places to each other as parts of the rig move."""
     graph, frames = dataset.graph, [dataset.sensors[name].frame for name in (one, other)]
     poses = [pose(c, graph, *frames) for c in dataset.collections.values()]
-    return bool(np.max(np.ptp(np.array(poses), axis=0)) > SAME)
+    return bool(poses) and bool(np.max(np.ptp(np.array(poses), axis=0)) > SAME)
 
 
 def sensors_of(dataset: Dataset, *kinds: str) -> List[str]:
