@@ -30,6 +30,7 @@ STYLE = {
     "svg.fonttype": "path",
 }
 SIZE_IN, SOLID_SIZE_IN, DOTS_PER_INCH = (3.7, 2.75), (6.6, 4.6), 170
+_PAD = 0.4  # around a chart, in heights of its letters
 
 
 def html(page: Page) -> str:
@@ -72,9 +73,11 @@ def chart_file(chart: Chart, form: str) -> bytes:
     """Return a chart as a file of a form that matplotlib knows: png or svg."""
     with rc_context(STYLE):
         size = SOLID_SIZE_IN if chart.solid else SIZE_IN
-        figure = Figure(figsize=size, dpi=DOTS_PER_INCH, constrained_layout=not chart.solid)
+        figure = Figure(figsize=size, dpi=DOTS_PER_INCH)
         FigureCanvasAgg(figure)
         chart.draw(axes_of(figure, chart))
+        if not chart.solid:  # once: with constrained_layout each chart is drawn twice
+            figure.tight_layout(pad=_PAD)
         stream = io.BytesIO()
         metadata = {"Software": None} if form == "png" else {"Date": None}
         figure.savefig(stream, format=form, metadata=metadata)
