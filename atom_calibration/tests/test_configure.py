@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -312,6 +313,20 @@ def test_every_problem_is_told_at_once(package, capsys):
 def test_a_configuration_that_was_named_and_is_absent_is_not_replaced_by_another(package, capsys):
     assert configure(package, "-cfg", "other.yml") == 2
     assert "other.yml" in capsys.readouterr().err
+
+
+def test_a_recording_in_parts_is_named_by_a_pattern(package, capsys):
+    calibration = package / "calibration"
+    (calibration / "rig.bag").rename(calibration / "rig_0.bag")
+    shutil.copy(calibration / "rig_0.bag", calibration / "rig_1.bag")
+    edit_config(package, '"rig.bag"', '"rig_*.bag"')
+    assert configure(package) == 0, capsys.readouterr().err
+    launch = ElementTree.parse(package / "launch" / "playbag.launch").getroot()
+    (bag,) = [arg.get("default") for arg in launch.iter("arg") if arg.get("name") == "bag_file"]
+    assert bag.endswith("/calibration/rig_*.bag")
+    edit_config(package, '"rig_*.bag"', '"rag_*.bag"')
+    assert configure(package) == 2
+    assert "rag_*.bag does not exist" in capsys.readouterr().err
 
 
 # --- what the user edited -----------------------------------------------------------------------
