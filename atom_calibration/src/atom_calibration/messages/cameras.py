@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
+from typing import Any, Optional, Tuple
 
 import numpy as np
 from sensor_msgs.msg import CameraInfo
@@ -34,6 +35,39 @@ def camera_from_info(message: Any) -> Camera:
         )
     except ValueError as error:
         raise MessageError(f"camera_info: {error}") from None
+
+
+def is_cut_or_binned(message: Any) -> bool:
+    """Tell whether a CameraInfo says that images are a region of the sensor, or coarser."""
+    return max(message.binning_x, message.binning_y) > 1 or bool(message.roi.width)
+
+
+def camera_of_images(message: Any, image_size: Optional[Tuple[int, int]]) -> Camera:
+    """Return the intrinsics of images that a driver cuts to a region, or bins.
+
+    A CameraInfo tells those of the whole sensor, the region in its pixels, and how many of them
+    make a pixel of the image (sensor_msgs/CameraInfo). Drivers differ: some tell those of the
+    images already. Hence this is done only where it explains their size, and nothing else does.
+
+    Args:
+        message: the CameraInfo.
+        image_size: width and height of the images [px]; None: not known.
+
+    Raises:
+        MessageError: as of `camera_from_info`.
+    """
+    camera = camera_from_info(message)
+    if image_size in (None, (camera.width, camera.height)):
+        return camera
+    region, binning = message.roi, np.maximum([message.binning_x, message.binning_y], 1)
+    whole = np.array([region.width or camera.width, region.height or camera.height])
+    if tuple(whole // binning) != image_size:
+        return camera
+    K = camera.K.copy()
+    K[:2, :2] /= binning[:, None]
+    # Pixels are where their centres are: one of the image lies amid those that it is made of.
+    K[:2, 2] = (camera.centre_px - [region.x_offset, region.y_offset] + 0.5) / binning - 0.5
+    return replace(camera, width=image_size[0], height=image_size[1], K=K)
 
 
 def camera_info_message(camera: Camera) -> CameraInfo:

@@ -15,7 +15,7 @@ import numpy as np
 from sensor_msgs.msg import Image
 
 from atom_calibration.errors import MessageError
-from atom_core.io.encoded_images import decode_image
+from atom_core.io.encoded_images import decode_image, encoded_image_size
 
 IMAGE, COMPRESSED_IMAGE = "sensor_msgs/Image", "sensor_msgs/CompressedImage"
 _CHANNEL_TYPES = {
@@ -101,6 +101,14 @@ def depth_image(message: Any) -> np.ndarray:
         depth_m = (stored * np.float32(scale)).astype(np.float32)
         depth_m[~(np.isfinite(depth_m) & (depth_m > 0))] = np.nan
     return depth_m
+
+
+def image_size(message: Any) -> Optional[Tuple[int, int]]:
+    """Return width and height of an Image or CompressedImage [px], None where it does not tell."""
+    if hasattr(message, "width"):
+        return int(message.width), int(message.height)
+    start = _COMPRESSED_DEPTH_HEADER if "compressedDepth" in message.format else 0
+    return encoded_image_size(bytes(message.data[start:]))
 
 
 def _pixels(message: Any, kind: str, channels: int) -> np.ndarray:

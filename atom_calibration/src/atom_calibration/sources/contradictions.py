@@ -43,7 +43,10 @@ class MessageWatch:
         Raises:
             BagError: naming the camera, when, and what changed.
         """
-        said = (message.width, message.height, tuple(message.K), tuple(message.D))
+        region = message.roi
+        part = (message.binning_x, message.binning_y, region.x_offset, region.y_offset)
+        part += (region.width, region.height)
+        said = (message.width, message.height, tuple(message.K), tuple(message.D), part)
         known = self._known.setdefault(topic, said)
         if _same_camera(known, said):
             return
@@ -75,7 +78,7 @@ class MessageWatch:
 def _same_camera(a: Tuple[Any, ...], b: Tuple[Any, ...]) -> bool:
     if a == b:
         return True
-    if a[:2] != b[:2] or len(a[3]) != len(b[3]):
+    if a[:2] != b[:2] or a[4] != b[4] or len(a[3]) != len(b[3]):
         return False
     k_apart = np.abs(np.subtract(a[2], b[2])) / max(a[2][0], 1.0)
     d_apart = np.abs(np.subtract(a[3], b[3]))
@@ -83,7 +86,10 @@ def _same_camera(a: Tuple[Any, ...], b: Tuple[Any, ...]) -> bool:
 
 
 def _camera(said: Tuple[Any, ...]) -> str:
-    return f"{said[0]} x {said[1]} pixels, f = {said[2][0]:.1f} px"
+    text = f"{said[0]} x {said[1]} pixels, f = {said[2][0]:.1f} px"
+    binning_x, binning_y, x, y, width, height = said[4]
+    text += f", binning {binning_x} x {binning_y}" if max(binning_x, binning_y) > 1 else ""
+    return text + (f", region of {width} x {height} from ({x}, {y})" if width else "")
 
 
 PoseTuple = Tuple[float, ...]  # x, y, z [m] and the quaternion x, y, z, w of a transform

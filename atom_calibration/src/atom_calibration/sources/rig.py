@@ -6,8 +6,14 @@ from dataclasses import dataclass
 from typing import Any, Dict, List, Mapping, Optional, Protocol, Sequence, Tuple
 
 from atom_calibration.errors import BagError, MessageError, TransformError
-from atom_calibration.messages.cameras import CAMERA_INFO, camera_from_info
+from atom_calibration.messages.cameras import (
+    CAMERA_INFO,
+    camera_from_info,
+    camera_of_images,
+    is_cut_or_binned,
+)
 from atom_calibration.messages.headers import frame_name
+from atom_calibration.messages.images import image_size
 from atom_calibration.modalities.table import is_labeled, modality_of
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.geometry.camera import Camera
@@ -104,7 +110,8 @@ def sensor_from_bag(
     modality = modality_of(entry, bag.types[topic])
     if modality is None or not is_labeled(modality):
         return topic, None
-    camera = _camera(name, entry, bag) if modality_named(modality).has_camera_info else None
+    has_lens = modality_named(modality).has_camera_info
+    camera = _camera(name, entry, bag, topic) if has_lens else None
     width_rad = float(entry.beam_width or 0.0)
     if width_rad and modality_named(modality).beam_width is None:
         raise BagError(
@@ -155,12 +162,15 @@ def _data_topic(name: str, entry: SensorConfig, bag: TopicSource) -> str:
     raise bag.absent(entry.topic_name, known, f"sensor '{name}'")
 
 
-def _camera(name: str, entry: SensorConfig, bag: TopicSource) -> Camera:
+def _camera(name: str, entry: SensorConfig, bag: TopicSource, of_images: str) -> Camera:
     topic = _info_topic(entry)
     if topic not in bag.types:
         raise bag.absent(topic, [CAMERA_INFO], f"intrinsics of sensor '{name}'")
     try:
-        return camera_from_info(bag.first(topic))
+        info = bag.first(topic)
+        if is_cut_or_binned(info):
+            return camera_of_images(info, image_size(bag.first(of_images)))
+        return camera_from_info(info)
     except MessageError as error:
         raise MessageError(f"{bag.path}: sensor '{name}', topic {topic}: {error}") from None
 
