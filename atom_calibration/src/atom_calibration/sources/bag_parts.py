@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from os.path import commonprefix
 from pathlib import Path
-from typing import List, Sequence
+from typing import List, Sequence, Tuple
 
 _PART = re.compile(r"(.*_)(\d+)\.bag")
 _OF_PATTERNS = re.compile(r"[*?\[]")
@@ -30,7 +30,7 @@ def bag_files(paths: Sequence[Path]) -> List[Path]:
     return found
 
 
-def _number(path: Path) -> tuple:
+def _number(path: Path) -> Tuple[str, int]:
     part = _PART.fullmatch(path.name)
     return (part.group(1), int(part.group(2))) if part else (path.name, 0)
 

@@ -44,8 +44,8 @@ class MessageWatch:
             BagError: naming the camera, when, and what changed.
         """
         region = message.roi
-        part = (message.binning_x, message.binning_y, region.x_offset, region.y_offset)
-        part += (region.width, region.height)
+        place = region.x_offset, region.y_offset, region.width, region.height
+        part = (message.binning_x, message.binning_y, *place)
         said = (message.width, message.height, tuple(message.K), tuple(message.D), part)
         known = self._known.setdefault(topic, said)
         if _same_camera(known, said):
