@@ -1,5 +1,7 @@
 """Residuals and their Jacobians through every kind of chain, and what they are at the truth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -160,3 +162,20 @@ def test_one_collection_is_enough_for_an_additional_tf():
     boards = initial_boards(dataset, measurements, free)
     problem = build_problem(dataset, measurements, boards, free)
     assert "post" in [name for block in problem.parameters.blocks for name in block.names]
+
+
+def test_an_additional_tf_that_is_a_sensors_edge_has_one_block_and_keeps_no_other_from_its_own():
+    scene = degenerate.redundant_edge(0, collections=4)
+    measurements, _ = read_measurements(scene.dataset)
+    free = free_edges(scene.dataset, CalibrationOptions())
+    (post,) = free.additional_tfs.values()
+    of_sensor = next(
+        s.edge
+        for s in scene.dataset.sensors.values()
+        if s.edge not in free.held_edges(scene.dataset)
+    )
+    both = replace(free, additional_tfs={"mount": of_sensor, "post": post})
+    boards = initial_boards(scene.dataset, measurements, both)
+    blocks = build_problem(scene.dataset, measurements, boards, both).parameters.blocks
+    edges = [getattr(block, "edge", None) for block in blocks]
+    assert edges.count(of_sensor) == 1 and edges.count(post) == 1
