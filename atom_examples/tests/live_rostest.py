@@ -120,8 +120,12 @@ class Live(unittest.TestCase):
             return np.linalg.norm(board_position() - begin - [0.3, 0.0, 0.0]) < 1e-6
 
         wait_until(there, 60, "the board follows the marker")
-        self.assertTrue(call("/cell_simulator/reset", Trigger).success)
-        wait_until(lambda: np.linalg.norm(board_position() - begin) < 1e-9, 60, "reset")
+
+        def back():  # on a busy machine the last drags may come after a reset
+            self.assertTrue(call("/cell_simulator/reset", Trigger).success)
+            return np.linalg.norm(board_position() - begin) < 1e-9
+
+        wait_until(back, 60, "reset")
 
     def test_4_step_advances_the_paused_clock_by_one_tick(self):
         call("/cell_simulator/pause", SetBool, True)
