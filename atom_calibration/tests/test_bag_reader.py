@@ -89,9 +89,9 @@ def test_an_absent_topic_lists_those_of_its_type(make, messages, tmp_path):
 
 @pytest.fixture
 def parts(make, messages, tmp_path):
-    """Return the files of a recording in three parts, the second one of which is written last."""
-    ends = {0: messages[:15], 2: messages[28:], 1: messages[15:28]}
-    return [make.bag(tmp_path / f"rig_{n}.bag", ends[n]) for n in sorted(ends)]
+    """Return the files of a recording in three parts."""
+    contents = messages[:15], messages[15:28], messages[28:]
+    return [make.bag(tmp_path / f"rig_{n}.bag", some) for n, some in enumerate(contents)]
 
 
 def contents(bag, *limits):

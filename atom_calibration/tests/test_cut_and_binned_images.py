@@ -38,20 +38,20 @@ def info_of(binning=(0, 0), region=(0, 0, 0, 0)):
     return message
 
 
-def pictures(binning, region):
-    """Return the whole picture of a board, and the part of it that such a driver sends."""
+def picture_of(binning, region):
+    """Return the part of the picture of a board that such a driver sends."""
     config = charuco()
     whole = render(WHOLE, [((pattern_from_config("b", config), config), CAMERA_T_BOARD)])
     x, y, width, height = region if region[2] else (0, 0, WHOLE.width, WHOLE.height)
     bx, by = (max(b, 1) for b in binning)
     part = whole[y : y + height // by * by, x : x + width // bx * bx]
-    return whole, cv2.resize(part, (width // bx, height // by), interpolation=cv2.INTER_AREA)
+    return cv2.resize(part, (width // bx, height // by), interpolation=cv2.INTER_AREA)
 
 
 @pytest.mark.parametrize("binning", [(0, 0), (2, 2), (2, 1)])
 @pytest.mark.parametrize("region", [(0, 0, 0, 0), (301, 140, 1001, 903)])
 def test_corners_are_where_its_camera_has_them(binning, region):
-    _, picture = pictures(binning, region)
+    picture = picture_of(binning, region)
     camera = camera_of_images(info_of(binning, region), picture.shape[1::-1])
     assert (camera.height, camera.width) == picture.shape[:2]
     pattern = pattern_from_config("b", charuco())
@@ -98,7 +98,7 @@ def test_images_tell_their_size_packed_or_not():
 @pytest.mark.parametrize("packed", [False, True])
 def test_a_recording_of_such_a_camera_has_the_camera_of_its_images(make, tmp_path, packed):
     region = (300, 140, 1000, 900)
-    _, picture = pictures((2, 2), region)
+    picture = picture_of((2, 2), region)
     message = image_message(picture, "mono8")
     if packed:
         message = CompressedImage(format="png", data=cv2.imencode(".png", picture)[1].tobytes())

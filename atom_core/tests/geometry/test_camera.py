@@ -47,6 +47,15 @@ def test_a_fisheye_without_coefficients_is_no_pinhole():
         Camera(1280, 800, K, [], "equidistant")
 
 
+@pytest.mark.parametrize("name", CAMERAS)
+def test_a_binned_part_sees_a_point_amid_the_pixels_that_saw_it(name):
+    camera, points = CAMERAS[name], points_in_view()
+    part = camera.part((100, 40), (2, 4), (500, 150))
+    assert (part.width, part.height, part.model) == (500, 150, camera.model)
+    expected = (camera.project(points) - [100, 40] - [0.5, 1.5]) / [2, 4]
+    np.testing.assert_allclose(part.project(points), expected, atol=1e-9)
+
+
 @pytest.mark.parametrize("name", [n for n in CAMERAS if n != "equidistant"])
 def test_projection_is_opencvs(name):
     camera, points = CAMERAS[name], points_in_view()

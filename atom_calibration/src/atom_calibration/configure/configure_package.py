@@ -9,7 +9,7 @@ import shutil
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Dict, List, Optional, Sequence, Tuple
+from typing import Callable, Dict, List, Optional, Sequence, Tuple
 
 from atom_calibration.configure.check import (
     BagFacts,
@@ -30,7 +30,7 @@ from atom_calibration.configure.package import (
 from atom_calibration.configure.render import needed_packages, rendered_files
 from atom_calibration.configure.summary import FORMATS, dot_text, draw
 from atom_calibration.configure.tree import TransformGraph, graph_document, networkx_graph
-from atom_calibration.sources.bag_parts import bag_files
+from atom_calibration.sources.bag_parts import is_there
 from atom_calibration.sources.bag_reader import BagReader
 from atom_core.cli import BAD_INPUT, guarded
 from atom_core.commands.atom_options import (
@@ -129,10 +129,11 @@ def _facts(
     description: Optional[Description],
     findings: Findings,
 ) -> Optional[BagFacts]:
+    key = ("bag_file",)
     if bag is None and config.bag_file is None:
-        findings.problem(("bag_file",), "is absent; give a recording, there or with --bag")
+        findings.problem(key, "is absent; give a recording, there or with --bag")
         return None
-    path = bag or _existing(config.bag_file or "", ("bag_file",), package, findings)
+    path = bag or _existing(config.bag_file or "", key, package, findings, there=is_there)
     if path is None:
         return None
     if path.is_dir():
@@ -174,6 +175,7 @@ def _existing(
     package: CalibrationPackage,
     findings: Findings,
     needed: bool = True,
+    there: Callable[[Path], bool] = Path.exists,
 ) -> Optional[Path]:
     """Return the file that a text of the configuration names, or None with a finding."""
     note = findings.problem if needed else findings.warn
@@ -182,8 +184,7 @@ def _existing(
     except ConfigError as error:
         note(key, f"is '{text}': {error}")
         return None
-    files = bag_files([path]) if key == ("bag_file",) else [path]
-    if not files[0].exists():
+    if not there(path):
         note(key, f"is '{text}', but {path} does not exist{looked_for(path)}; correct the path")
         return None
     return path

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any, Optional, Tuple
 
 import numpy as np
@@ -38,14 +37,14 @@ def camera_from_info(message: Any) -> Camera:
 
 
 def is_cut_or_binned(message: Any) -> bool:
-    """Tell whether a CameraInfo says that images are a region of the sensor, or coarser."""
+    """Tell whether a CameraInfo says that images are a region of the full resolution, or binned."""
     return max(message.binning_x, message.binning_y) > 1 or bool(message.roi.width)
 
 
 def camera_of_images(message: Any, image_size: Optional[Tuple[int, int]]) -> Camera:
     """Return the intrinsics of images that a driver cuts to a region, or bins.
 
-    A CameraInfo tells those of the whole sensor, the region in its pixels, and how many of them
+    A CameraInfo tells those of the full resolution, the region in its pixels, and how many of them
     make a pixel of the image (sensor_msgs/CameraInfo). Drivers differ: some tell those of the
     images already. Hence this is done only where it explains their size, and nothing else does.
 
@@ -59,15 +58,11 @@ def camera_of_images(message: Any, image_size: Optional[Tuple[int, int]]) -> Cam
     camera = camera_from_info(message)
     if image_size in (None, (camera.width, camera.height)):
         return camera
-    region, binning = message.roi, np.maximum([message.binning_x, message.binning_y], 1)
-    whole = np.array([region.width or camera.width, region.height or camera.height])
-    if tuple(whole // binning) != image_size:
+    region, binning = message.roi, (max(message.binning_x, 1), max(message.binning_y, 1))
+    width, height = region.width or camera.width, region.height or camera.height
+    if (width // binning[0], height // binning[1]) != image_size:
         return camera
-    K = camera.K.copy()
-    K[:2, :2] /= binning[:, None]
-    # Pixels are where their centres are: one of the image lies amid those that it is made of.
-    K[:2, 2] = (camera.centre_px - [region.x_offset, region.y_offset] + 0.5) / binning - 0.5
-    return replace(camera, width=image_size[0], height=image_size[1], K=K)
+    return camera.part((region.x_offset, region.y_offset), binning, image_size)
 
 
 def camera_info_message(camera: Camera) -> CameraInfo:

@@ -30,6 +30,11 @@ def bag_files(paths: Sequence[Path]) -> List[Path]:
     return found
 
 
+def is_there(path: Path) -> bool:
+    """Tell whether there is a file that a path or a pattern names."""
+    return bag_files([path])[0].exists()
+
+
 def _number(path: Path) -> Tuple[str, int]:
     part = _PART.fullmatch(path.name)
     return (part.group(1), int(part.group(2))) if part else (path.name, 0)
@@ -64,3 +69,16 @@ def other_parts(files: Sequence[Path]) -> List[Path]:
     if numbers != list(range(len(alike))):
         return []
     return sorted((path for path in alike if path.name != files[0].name), key=_number)
+
+
+def remark_on_parts(files: Sequence[Path]) -> str:
+    """Return that a file looks like one part of a recording; nothing where it does not."""
+    others = other_parts(files)
+    if not others:
+        return ""
+    pattern = files[0].with_name(f"{_number(files[0])[0]}*.bag")
+    return (
+        f"{files[0]}: {others[0].name}{' ...' if len(others) > 1 else ''} beside it may be "
+        f"parts of the same recording (`rosbag record --split`), of which only the first one "
+        f"has /tf_static; then give all of them: --bag '{pattern}'"
+    )

@@ -22,6 +22,16 @@ _SAME_M, _SAME_RAD = 1e-3, 1e-3  # poses that say the same of an edge
 _SWITCHES = 20  # poses that leave for another place, and are back with the next message
 
 
+class _Intrinsics(NamedTuple):
+    """What a CameraInfo says: ``region`` is x, y, width and height in the full resolution."""
+
+    size: Tuple[int, int]
+    K: Tuple[float, ...]
+    D: Tuple[float, ...]
+    binning: Tuple[int, int]
+    region: Tuple[int, int, int, int]
+
+
 class MessageWatch:
     """Looks at the messages of a recording as they come, in the order of their recording."""
 
@@ -34,7 +44,7 @@ class MessageWatch:
             start_s: when the recording begins [s].
         """
         self._path, self._infos, self._start_s = path, infos, start_s
-        self._known: Dict[str, Tuple[Any, ...]] = {}
+        self._known: Dict[str, _Intrinsics] = {}
         self._last_s: Dict[str, float] = {}
 
     def see_info(self, topic: str, message: Any, recorded_s: float) -> None:
@@ -43,10 +53,14 @@ class MessageWatch:
         Raises:
             BagError: naming the camera, when, and what changed.
         """
-        region = message.roi
-        place = region.x_offset, region.y_offset, region.width, region.height
-        part = (message.binning_x, message.binning_y, *place)
-        said = (message.width, message.height, tuple(message.K), tuple(message.D), part)
+        roi = message.roi
+        said = _Intrinsics(
+            (message.width, message.height),
+            tuple(message.K),
+            tuple(message.D),
+            (message.binning_x, message.binning_y),
+            (roi.x_offset, roi.y_offset, roi.width, roi.height),
+        )
         known = self._known.setdefault(topic, said)
         if _same_camera(known, said):
             return
@@ -75,20 +89,20 @@ class MessageWatch:
         self._last_s[sensor.name] = max(stamp, last_s)
 
 
-def _same_camera(a: Tuple[Any, ...], b: Tuple[Any, ...]) -> bool:
+def _same_camera(a: _Intrinsics, b: _Intrinsics) -> bool:
     if a == b:
         return True
-    if a[:2] != b[:2] or a[4] != b[4] or len(a[3]) != len(b[3]):
+    if a._replace(K=b.K, D=b.D) != b or len(a.D) != len(b.D):
         return False
-    k_apart = np.abs(np.subtract(a[2], b[2])) / max(a[2][0], 1.0)
-    d_apart = np.abs(np.subtract(a[3], b[3]))
+    k_apart = np.abs(np.subtract(a.K, b.K)) / max(a.K[0], 1.0)
+    d_apart = np.abs(np.subtract(a.D, b.D))
     return bool(np.all(np.append(k_apart, d_apart) <= _SAME_INTRINSICS))
 
 
-def _camera(said: Tuple[Any, ...]) -> str:
-    text = f"{said[0]} x {said[1]} pixels, f = {said[2][0]:.1f} px"
-    binning_x, binning_y, x, y, width, height = said[4]
-    text += f", binning {binning_x} x {binning_y}" if max(binning_x, binning_y) > 1 else ""
+def _camera(said: _Intrinsics) -> str:
+    text = f"{said.size[0]} x {said.size[1]} pixels, f = {said.K[0]:.1f} px"
+    text += f", binning {said.binning[0]} x {said.binning[1]}" if max(said.binning) > 1 else ""
+    x, y, width, height = said.region
     return text + (f", region of {width} x {height} from ({x}, {y})" if width else "")
 
 

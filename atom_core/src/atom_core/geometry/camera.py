@@ -18,7 +18,7 @@ out of the image, and the residual pulls it back to the front.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Sequence, Tuple
 
 import numpy as np
@@ -103,6 +103,22 @@ class Camera:
     def centre_px(self) -> np.ndarray:
         """(2,) cx, cy."""
         return np.array([self.K[0, 2], self.K[1, 2]])
+
+    def part(
+        self, offset_px: Tuple[int, int], binning: Tuple[int, int], size_px: Tuple[int, int]
+    ) -> Camera:
+        """Return the camera of a part of its image whose pixels are each made of several.
+
+        Args:
+            offset_px: first pixel (x, y) of the part.
+            binning: how many columns and rows make a pixel.
+            size_px: width and height of the result, in its own pixels.
+        """
+        K, coarser = self.K.copy(), np.array(binning)
+        K[:2, :2] /= coarser[:, None]
+        # Pixels are where their centres are: one of the part lies amid those that it is made of.
+        K[:2, 2] = (self.centre_px - offset_px + 0.5) / coarser - 0.5
+        return replace(self, width=size_px[0], height=size_px[1], K=K)
 
     def project(self, points: np.ndarray) -> np.ndarray:
         """Return distorted pixels (n, 2) of points (n, 3) [m] in the optical frame."""

@@ -42,7 +42,7 @@ from atom_calibration.errors import CollectionError, MessageError
 from atom_calibration.labels.frame_labeler import FrameLabeler
 from atom_calibration.modalities.frames import Frame, decode
 from atom_calibration.runtime.options import add_receive_time_option
-from atom_calibration.sources.bag_parts import name_of, other_parts
+from atom_calibration.sources.bag_parts import name_of, remark_on_parts
 from atom_calibration.sources.bag_reader import BagReader
 from atom_calibration.sources.contradictions import MessageWatch
 from atom_calibration.sources.described_bag import SAVED, check_described, transforms_of_bag
@@ -93,7 +93,9 @@ def collect_from_bag(args: argparse.Namespace) -> int:
     """
     config = read_config(args.config)
     with BagReader(args.bag) as bag:
-        _hint_at_parts(bag)
+        remark = remark_on_parts(bag.files)  # before what may be refused for want of the others
+        if remark:
+            _warn(remark)
         rig = rig_from_bag(config, bag)
         transforms, described, remarks = transforms_of_bag(
             bag, args.description, config, args.config
@@ -139,18 +141,6 @@ def _announce(bag: BagReader, rig: Rig) -> None:
         f"{messages} messages of {len(rig.sensors)} sensors",
         flush=True,
     )
-
-
-def _hint_at_parts(bag: BagReader) -> None:
-    """Say that a bag looks like one part of a recording."""
-    others = other_parts(bag.files)
-    if others:
-        pattern = bag.path.with_name(f"{name_of([bag.path, *others])}_*.bag")
-        _warn(
-            f"{bag.path}: {others[0].name}{' ...' if len(others) > 1 else ''} beside it may be "
-            f"parts of the same recording (`rosbag record --split`), of which only the first one "
-            f"has /tf_static; then give all of them: --bag '{pattern}'"
-        )
 
 
 class Recording(NamedTuple):
