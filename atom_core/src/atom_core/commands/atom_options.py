@@ -113,6 +113,10 @@ CALIBRATE = (
     _same("max_nfev", "optimization_max_nfev", "100", ours="max_iterations"),
     _same("sfr", "save_file_results", remark="in the current folder, as there"),
     _same("sfrn", "save_file_results_name", "errors.csv"),
+    AtomOption(
+        *("oj", "output_json", "calibrated.json"),
+        remark="the calibrated dataset is always atom_calibration.json, in the folder of --output",
+    ),
 )
 _DRAWN = "RViz shows the labels of all sensors, each in a display of its own"
 _ALL_SHOWN = "the clouds of all sensors of the reference collection are shown"
@@ -179,6 +183,11 @@ CONFIGURE_CALIBRATION_PKG = (
     AtomOption(
         *("cgt", "compare_ground_truth"),
         remark="a truth is compared with when it is calibrated: calibrate --truth, or -ctgt",
+    ),
+    AtomOption(
+        *("utf", "use_tfs"),
+        remark="data are collected with the bag's own /tf, and --first_guess bag takes the first "
+        "guess from it",
     ),
 )
 CREATE_CALIBRATION_PKG = (_same("n", "name", "my_robot_calibration", remark="or its folder"),)
