@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from atom_core.errors import ConfigError, OutputError
-from atom_core.io.config_yaml import read_config, write_config
+from atom_core.io.config_yaml import read_config, read_config_with_places, write_config
 
 TEXT = """\
 # A configuration as a user writes it.
@@ -222,6 +222,17 @@ def test_version_2_layout_has_lines_too(tmp_path):
     assert "config.yml:21: calibration_pattern is the layout of version 2" in note
     message = refusal(tmp_path, text.replace("size: 0.06", "size: 0"))
     assert message.startswith(":30: calibration_pattern.size is 0")
+
+
+@pytest.mark.parametrize("version_2", [False, True])
+def test_a_key_of_a_board_is_found_in_both_layouts(tmp_path, version_2):
+    new, old = "calibration_patterns:\n  pattern_1:\n", "calibration_pattern:\n"
+    text = TEXT.replace(new, old) if version_2 else TEXT
+    path = tmp_path / "config.yml"
+    path.write_text(text, encoding="utf-8")
+    _, locate = read_config_with_places(path)
+    line = text[: text.index("mesh_file")].count("\n") + 1
+    assert locate(("calibration_patterns", "pattern_1", "mesh_file")) == f"{path}:{line}"
 
 
 def test_failed_write_keeps_the_old_file(tmp_path):

@@ -21,7 +21,7 @@ from atom_core.errors import ConfigError
 from atom_core.io.atomic import PathLike, write_text_atomically
 from atom_core.io.paths import unread
 from atom_core.io.yaml_text import check_yaml_size
-from atom_core.model.config import CalibrationConfig
+from atom_core.model.config import CalibrationConfig, key_path_as_written
 from atom_core.model.config_section import KeyPath
 
 
@@ -107,7 +107,7 @@ def read_config_with_places(path: PathLike) -> Tuple[CalibrationConfig, Callable
         raise ConfigError(f"{path}: the file is empty; a configuration is expected")
 
     def locate(key_path: KeyPath) -> str:
-        return f"{path}:{_line_of(root, key_path)}"
+        return f"{path}:{_line_of(root, key_path_as_written(root, key_path))}"
 
     config = CalibrationConfig.from_document(_plain(root), str(path), locate)
     return replace(config, warnings=(*repeated, *config.warnings)), locate

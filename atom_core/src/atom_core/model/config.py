@@ -268,6 +268,14 @@ def _read_patterns(root: Section) -> Tuple[Dict[str, PatternConfig], bool]:
     return {_NAME_OF_MIGRATED_PATTERN: PatternConfig.from_section(entry)}, True
 
 
+def key_path_as_written(document: Any, key_path: KeyPath) -> KeyPath:
+    """Return where a key stands in a document, which may have the layout of version 2."""
+    migrated = ("calibration_patterns", _NAME_OF_MIGRATED_PATTERN)
+    if key_path[:2] == migrated and _PATTERN_OF_VERSION_2 in document:
+        return (_PATTERN_OF_VERSION_2, *key_path[2:])
+    return key_path
+
+
 def _check_names(entries: Any, key: str) -> None:
     if not isinstance(entries, Mapping):
         raise ConfigValueError(f"is {shown(entries)}; write a map, 'name: ...' lines", key)
