@@ -204,6 +204,17 @@ def test_a_flat_file_called_xacro_needs_no_xacro(tmp_path, monkeypatch):
     assert not read_description(tmp_path / "flat.urdf.xacro").is_xacro
 
 
+def test_what_xacro_made_is_a_plain_urdf_whatever_its_comments_hold(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "xacro", None)
+    named = PLAIN.replace('<robot name="rig">', f'<robot name="rig" {XMLNS}>')
+    comment = "<!-- <xacro:camera parent='${base}'/> made\n the links <!-- below -->"
+    description = describe(tmp_path, named.replace("<link", f"{comment}<link", 1))
+    assert not description.is_xacro and description.urdf == description.text
+    used = named.replace("<link", f"{comment}<xacro:camera/><link", 1)
+    with pytest.raises(DescriptionError, match="xacro is absent"):
+        describe(tmp_path, used)
+
+
 def test_the_absence_of_xacro_is_said_with_the_remedy(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "xacro", None)
     (tmp_path / "rig.urdf.xacro").write_text(MACROS)

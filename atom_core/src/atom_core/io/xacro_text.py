@@ -27,9 +27,17 @@ LONGEST_S, MOST_BYTES = 60.0, 2 << 30  # of an expansion; a robot with all its m
 
 
 def needs_xacro(text: str, path: Path) -> bool:
-    """Tell whether a description must be expanded before it is a URDF."""
+    """Tell whether a description must be expanded before it is a URDF.
+
+    A URDF that xacro made names xacro still, and its comments may hold what they did before.
+    """
     is_xacro = path.suffix == ".xacro" or "xmlns:xacro" in text
-    return is_xacro and _XACRO_SYNTAX.search(text) is not None
+    return is_xacro and _XACRO_SYNTAX.search(_without_comments(text)) is not None
+
+
+def _without_comments(text: str) -> str:
+    before, *others = text.split("<!--")
+    return before + "".join(part.partition("-->")[2] for part in others)
 
 
 def expand_xacro(
