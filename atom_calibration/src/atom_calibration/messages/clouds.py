@@ -1,4 +1,4 @@
-"""Clouds: PointCloud2 of any layout to arrays and back."""
+"""Clouds: PointCloud2 of any layout, and Livox's own messages, to arrays and back."""
 
 from __future__ import annotations
 
@@ -13,17 +13,24 @@ POINT_CLOUD = "sensor_msgs/PointCloud2"
 _POINT_FIELD_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 _DATATYPES = {kind: number for number, kind in _POINT_FIELD_TYPES.items()}
 _XYZ = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
+# As Livox's driver lays out its PointCloud2.
+_LIVOX = np.dtype([*_XYZ.descr, ("intensity", "<f4"), ("tag", "u1"), ("line", "u1")])
 
 
 def point_cloud(message: Any) -> np.ndarray:
     """Return a PointCloud2 as a structured array (n,), row after row, any layout of the fields.
 
     Fields keep their names and types; one with a count above 1 has that many columns. Invalid
-    points stay, so that indices are those of the message.
+    points stay, so that indices are those of the message. A CustomMsg of Livox's drivers becomes
+    what these would have made of the same points.
 
     Raises:
         MessageError: x, y or z is absent, the message is cut off, or a field is unknown.
     """
+    if not hasattr(message, "fields"):
+        return np.array(
+            [(p.x, p.y, p.z, p.reflectivity, p.tag, p.line) for p in message.points], _LIVOX
+        )
     dtype = _point_dtype(message)
     _check_positions(dtype)
     height, width, step = message.height, message.width, message.point_step

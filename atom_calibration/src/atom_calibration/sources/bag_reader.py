@@ -14,6 +14,7 @@ import rospy
 
 from atom_calibration.errors import BagError
 from atom_calibration.sources.bag_parts import bag_files, named_together
+from atom_calibration.sources.driver_messages import undecoded
 from atom_core.io.paths import unread
 
 _LISTED = 12  # topics that a message lists at most
@@ -148,6 +149,7 @@ class BagReader:
         return BagError(
             f"{self.path}: topic {topic} ({whose}) is not in the bag; topics of {kinds}: "
             f"{listed or 'none'}; correct topic_name in the configuration or record it"
+            f"{undecoded(self.types, types)}"
         )
 
 

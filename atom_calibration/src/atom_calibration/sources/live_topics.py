@@ -108,10 +108,22 @@ def published_types() -> Dict[str, str]:
 
 
 def message_class(name: str) -> Optional[type]:
-    """Return the class of a type of messages; None if it is not one of sensors' data."""
+    """Return the class of a type of messages; None if it is not one of sensors' data.
+
+    Raises:
+        BagError: the package that defines them is not there.
+    """
     known = {t for modality in modalities() for t in modality.message_types}
     known.add(CAMERA_INFO)
-    return roslib.message.get_message_class(name) if name in known else None
+    if name not in known:
+        return None
+    kind = roslib.message.get_message_class(name)
+    if kind is None:
+        raise BagError(
+            f"messages of type {name} cannot be received: package '{name.partition('/')[0]}' is "
+            f"not found; build and source its workspace, or label the bag with collect_from_bag"
+        )
+    return kind
 
 
 def wait_for(

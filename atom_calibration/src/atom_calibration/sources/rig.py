@@ -15,6 +15,7 @@ from atom_calibration.messages.cameras import (
 from atom_calibration.messages.headers import frame_name
 from atom_calibration.messages.images import image_size
 from atom_calibration.modalities.table import is_labeled, modality_of
+from atom_calibration.sources.driver_messages import undecoded
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.geometry.camera import Camera
 from atom_core.model.config import CalibrationConfig, SensorConfig
@@ -157,6 +158,7 @@ def _data_topic(name: str, entry: SensorConfig, bag: TopicSource) -> str:
                     f"{bag.path}: topic {topic} (sensor '{name}') carries {bag.types[topic]}, for "
                     f"modality {entry.modality} it has to be {' or '.join(known)}; correct "
                     f"topic_name or modality in the configuration"
+                    f"{undecoded({topic: bag.types[topic]}, known)}"
                 )
             return topic
     raise bag.absent(entry.topic_name, known, f"sensor '{name}'")

@@ -28,6 +28,11 @@ from atom_core.synthetic import lidar as simulated
 from atom_core.synthetic.rig import lidar_mount
 from atom_core.synthetic.sensing import SyntheticSensor
 
+_CLOUDS = (
+    "sensor_msgs/PointCloud2",
+    "livox_ros_driver/CustomMsg",
+    "livox_ros_driver2/CustomMsg",
+)
 _ELEVATIONS_DEG = (-10.0, 0.0, 10.0)
 _AMONG_THEMSELVES = "lidar3d-lidar3d"
 _PLANE, _COMMON = f"{_AMONG_THEMSELVES}_plane", f"{_AMONG_THEMSELVES}_common"
@@ -85,8 +90,8 @@ _PAIRS = (
 LIDAR_3D = Modality(
     name=LIDAR3D,
     noun="lidar3d sensor",
-    message_types=("sensor_msgs/PointCloud2",),
-    is_default_of=("sensor_msgs/PointCloud2",),
+    message_types=_CLOUDS,
+    is_default_of=_CLOUDS,
     measures_range=True,
     can_estimate_range_offset=True,
     beam_width=estimate_beam_width,
