@@ -2,7 +2,10 @@
 
 import pytest
 import rosbag
+from livox_messages import livox_message
 from small_rig import configure, edit_config, write_package
+
+from atom_calibration.messages.clouds import cloud_xyz, point_cloud
 
 
 @pytest.fixture
@@ -82,3 +85,18 @@ def test_a_joint_that_is_told_long_after_others_is_seen(package, make, tmp_path)
     shifted = [(t, m, s + 25.0 * (t == "/joint_states")) for t, m, s in told]
     make.bag(bag, [*shifted, ("/joint_states", other, told[0][2])])
     assert configure(package, "--bag", str(bag)) == 0
+
+
+def test_livox_messages_that_rviz_cannot_show_are_told(package, capsys, make, tmp_path):
+    def of_livox(message):
+        if message._type != "sensor_msgs/PointCloud2":
+            return message
+        sent = livox_message("livox_ros_driver", cloud_xyz(point_cloud(message)).tolist())
+        sent.header = message.header
+        return sent
+
+    bag = tmp_path / "livox.bag"
+    make.bag(bag, [(topic, of_livox(m), time_s) for topic, m, time_s in _messages(package)])
+    assert configure(package, "--bag", str(bag)) == 0
+    told = [line for line in capsys.readouterr().err.splitlines() if "RViz cannot show" in line]
+    assert len(told) == 1 and "sensors.lidar.topic_name carries livox_ros_driver/Cust" in told[0]

@@ -21,6 +21,7 @@ from typing import (
 import numpy as np
 
 from atom_calibration.configure.tree import MULTIPLE, TransformGraph
+from atom_calibration.messages.clouds import LIVOX_CLOUDS
 from atom_calibration.messages.headers import frame_name
 from atom_calibration.messages.poses import TF_MESSAGE, edge_of, transform_matrix
 from atom_calibration.modalities.table import modality_of
@@ -107,6 +108,12 @@ def bag_facts(
             findings.warn(path, f"({bag.types[topic]}) is shown but not calibrated: no labels")
         else:
             sensors[name] = sensor
+        if bag.types[topic] in LIVOX_CLOUDS:
+            findings.warn(
+                (*path, "topic_name"),
+                f"carries {bag.types[topic]}, which is labeled, and which RViz cannot show; the "
+                f"driver's PointCloud2 (xfer_format 0) it can",
+            )
         if frame_id != entry.link:
             findings.problem(
                 (*path, "link"),
