@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Dict, List, NamedTuple, Optional, Sequence
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtrc  # scipy.stats has it as chi2.sf, and takes long to load
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.errors import AtomError
@@ -110,4 +110,4 @@ def _chance(boards: Sequence[OneBoard]) -> float:
     mean = np.linalg.solve(sum(weights), pull)
     off = [board.numbers - mean for board in boards]
     square = float(sum(o @ weight @ o for o, weight in zip(off, weights)))
-    return float(stats.chi2.sf(square, NUMBERS * (len(boards) - 1)))
+    return float(chdtrc(NUMBERS * (len(boards) - 1), square))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from scipy import special, stats
+from scipy import special  # scipy.stats has the distributions by name, and takes long to load
 
 from atom_core.evaluation.changes import chi_square
 from atom_core.evaluation.edge_errors import PoseError
@@ -41,7 +41,7 @@ def rarity(change: PoseError, covariance: np.ndarray, freedom: float = np.inf) -
         square = float(pull @ np.linalg.solve(weight[part, part], pull))
         chance = _beyond_by_chance(square, len(pull), freedom)
         rarest = min(rarest, -float(np.expm1(np.log1p(-chance) / share)) if chance < 1.0 else 1.0)
-    rare = float(stats.chi2.isf(rarest, NUMBERS))
+    rare = float(special.chdtri(NUMBERS, rarest))
     return rare if np.isfinite(rare) else chi_square(change, covariance)
 
 
@@ -70,17 +70,17 @@ def _weight(covariance: np.ndarray) -> np.ndarray:
 def _beyond_by_chance(square: float, count: int, freedom: float) -> float:
     """Return how often a chi-square of so many numbers is larger."""
     if np.isinf(freedom):
-        return float(stats.chi2.sf(square, count))
-    return float(stats.f.sf(square / count, count, freedom))
+        return float(special.chdtrc(count, square))
+    return float(special.fdtrc(count, freedom, square / count))
 
 
 def _noncentrality(limit: float, share: float, count: int, freedom: float) -> float:
     """Return how large a chi-square is on top when its question is beyond in 95 % of cases."""
-    rare = -np.expm1(share * np.log1p(-stats.chi2.sf(limit, NUMBERS)))
+    rare = -np.expm1(share * np.log1p(-special.chdtrc(NUMBERS, limit)))
     if np.isinf(freedom):
-        beyond = partial(stats.ncx2.sf, stats.chi2.isf(rare, count), count)
+        beyond = partial(_beyond_chi_square, special.chdtri(count, rare), count)
     else:
-        beyond = partial(_beyond_limit, stats.f.isf(rare, count, freedom), count, freedom)
+        beyond = partial(_beyond_f, special.fdtri(count, freedom, 1.0 - rare), count, freedom)
     low, high = 0.0, 10.0 * limit + 200.0
     for _ in range(60):
         middle = (low + high) / 2.0
@@ -89,5 +89,9 @@ def _noncentrality(limit: float, share: float, count: int, freedom: float) -> fl
     return high
 
 
-def _beyond_limit(bound: float, count: int, freedom: float, noncentrality: float) -> float:
+def _beyond_chi_square(bound: float, count: int, noncentrality: float) -> float:
+    return 1.0 - float(special.chndtr(bound, count, noncentrality))
+
+
+def _beyond_f(bound: float, count: int, freedom: float, noncentrality: float) -> float:
     return 1.0 - float(special.ncfdtr(count, freedom, noncentrality, bound))

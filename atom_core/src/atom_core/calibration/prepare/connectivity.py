@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Dict, Hashable, Iterable, List, Sequence, Set
+from typing import Dict, Hashable, Iterable, List, Sequence, Set, Tuple
 
-import networkx
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from atom_core.errors import CalibrationError
 from atom_core.model.dataset import Dataset, board_edge
@@ -16,22 +18,26 @@ from atom_core.problem.measurements import Measurement
 
 def components(dataset: Dataset, measurements: Sequence[Measurement]) -> List[List[str]]:
     """Return the groups of sensors that shared boards connect, largest first."""
-    graph = networkx.Graph()
-    for m in measurements:
-        graph.add_edge(_sensor_node(dataset, m.key.sensor), _board_node(dataset, m))
-    groups = []
-    for nodes in networkx.connected_components(graph):
-        edges = {node[1] for node in nodes if node[0] == "edge"}
-        groups.append([s.name for s in dataset.sensors.values() if s.edge in edges])
-    return sorted(groups, key=lambda group: (-len(group), group))
+    if not measurements:
+        return []
+    number: Dict[Hashable, int] = {}  # of each edge of sensors and each board
+    ends = [
+        [number.setdefault(node, len(number)) for node in _nodes(dataset, m)] for m in measurements
+    ]
+    links = coo_matrix((np.ones(len(ends)), np.transpose(ends)), shape=2 * (len(number),))
+    _, group_of = connected_components(links, directed=False)
+    groups: Dict[int, List[str]] = {}
+    for sensor in dataset.sensors.values():
+        node = ("edge", sensor.edge)
+        if node in number:
+            groups.setdefault(group_of[number[node]], []).append(sensor.name)
+    return sorted(groups.values(), key=lambda group: (-len(group), group))
 
 
-def _sensor_node(dataset: Dataset, sensor: str) -> Hashable:
-    return ("edge", dataset.sensors[sensor].edge)
-
-
-def _board_node(dataset: Dataset, m: Measurement) -> Hashable:
-    return ("board", dataset.patterns[m.key.pattern].board_key(m.key.collection))
+def _nodes(dataset: Dataset, m: Measurement) -> Tuple[Hashable, Hashable]:
+    """Return what a measurement connects: an edge of sensors, and a board."""
+    board = dataset.patterns[m.key.pattern].board_key(m.key.collection)
+    return ("edge", dataset.sensors[m.key.sensor].edge), ("board", board)
 
 
 def check_connected(dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges) -> None:
