@@ -58,7 +58,7 @@ run_ctest() {
 }
 
 beside lint nice -n 19 make --no-print-directory lint-only
-beside "Noetic's versions" nice -n 19 bash tests/noetic_versions.bash
+beside "Noetic's versions" nice -n 5 bash tests/noetic_versions.bash
 if ! make --no-print-directory build; then
   echo "make test: the build failed; no test was run" >&2
   exit 1

@@ -384,14 +384,23 @@ def test_configure_is_done_by_the_next_call(tmp_path, count):
     survive(program, count, after_kill, after_run)
 
 
-@kills(1, 8)
-def test_a_recording_is_whole_or_that_of_before(tmp_path, count):
+@pytest.mark.parametrize(
+    ("simulator", "files", "count"),
+    [
+        (["robot_simulator", "--robot", "rlbot", "--stops", "1"], 2, 1),
+        pytest.param(
+            *(["cell_simulator", "--collections", "1"], 4, 8), marks=pytest.mark.long(minutes=4)
+        ),
+    ],
+    ids=["robot", "cell"],
+)
+def test_a_recording_is_whole_or_that_of_before(tmp_path, simulator, files, count):
     if importlib.util.find_spec("mujoco") is None:
         pytest.skip("MuJoCo is not installed")
-    bag = tmp_path / "a.bag"
-    simulator = ROOT / "atom_examples" / "scripts" / "cell_simulator"
-    words = [sys.executable, simulator, "--bag", bag, "--overwrite", "--scenario", "test"]
-    program = Program(lambda number: [*words, "--collections", "1", "--seed", number % 2], tmp_path)
+    name, *words = simulator
+    words = [sys.executable, ROOT / "atom_examples" / "scripts" / name, *words]
+    words += ["--bag", tmp_path / "a.bag", "--overwrite", "--scenario", "test"]
+    program = Program(lambda number: [*words, "--seed", number % 2], tmp_path)
     runs = {}
 
     def recording():
@@ -402,7 +411,7 @@ def test_a_recording_is_whole_or_that_of_before(tmp_path, count):
     def after_run(whole):
         assert whole.code == 0, whole.said
         made = recording()
-        assert len(made) == 4
+        assert len(made) == files
         assert made == runs.setdefault(program.runs % 2, made)
 
     def after_kill():

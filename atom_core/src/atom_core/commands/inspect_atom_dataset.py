@@ -72,7 +72,7 @@ def _joints(dataset: Dataset) -> List[str]:
     if not positions:
         return []
     rows: List[List[Any]] = [
-        [name, unit, *(float(f(v)) for f in (np.mean, np.std, np.min, np.max, np.ptp))]
+        [name, unit, np.mean(v), np.std(v), np.min(v), np.max(v), np.ptp(v)]
         for (name, unit), v in positions.items()
     ]
     headers = ["Joint", "in", "Mean", "Std", "Min", "Max", "Range"]

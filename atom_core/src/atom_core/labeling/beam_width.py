@@ -65,7 +65,9 @@ def estimate_beam_width(
         if abs(change) < _SETTLED_RAD:
             break
     count = len(np.unique(sides[:, 0]))
-    scatter = 1.4826 * float(np.median(np.abs(sides[:, 1] - np.median(sides[:, 1]))))
+    widths = sides[:, 1]
+    off = np.abs(widths - np.median(widths))
+    scatter = 1.4826 * float(np.median(off))
     sigma = 1.25 * scatter / np.sqrt(count)  # of a median; sides of one board count once
     return BeamWidth(width, sigma, count) if width > _SIGMAS * sigma else None
 

@@ -353,7 +353,9 @@ def _thinned(mask: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
 def _extent(points: np.ndarray) -> float:
     """Return the largest extent of points (n, 2) in any direction, to 1 % [m]."""
     angles = np.radians(np.arange(0.0, 180.0, 15.0))
-    return float(np.max(np.ptp(points @ np.stack([np.cos(angles), np.sin(angles)]), axis=0)))
+    directions = np.stack([np.cos(angles), np.sin(angles)])
+    extents = np.ptp(points @ directions, axis=0)
+    return float(np.max(extents))
 
 
 def _too(what: str, value: float, unit: str) -> str:

@@ -145,7 +145,8 @@ def plane_sighting(points: np.ndarray, noise: PointNoise) -> Optional[PlaneSight
         centre, normal, _ = fit_plane(points)
     except ValueError:
         return None
-    extent = float(np.sqrt(np.mean(np.sum((points - centre) ** 2, axis=1))))
+    squares = np.sum((points - centre) ** 2, axis=1)
+    extent = float(np.sqrt(np.mean(squares)))
     sigma = noise.sigma_m(centre)
     return PlaneSighting(centre, normal, extent, sigma, len(points), noise.beside_sigmas)
 

@@ -96,7 +96,8 @@ class CornerMeasurement(Measurement):
 
     def _rms_px(self, camera_T_pattern: np.ndarray) -> float:
         pixels = self.camera.project(se3.apply(camera_T_pattern, self.corners_in_pattern))
-        return float(np.sqrt(np.mean(np.sum((pixels - self.pixels) ** 2, axis=1))))
+        squares = np.sum((pixels - self.pixels) ** 2, axis=1)
+        return float(np.sqrt(np.mean(squares)))
 
 
 def measured_corners(dataset: Dataset, key: DetectionKey) -> Tuple[Measurement, List[str]]:

@@ -65,7 +65,8 @@ def first_and_last(model: AnyLidarModel, beams: np.ndarray, centre: np.ndarray) 
     sorted_ring = ring[order]
     first = np.flatnonzero(np.diff(sorted_ring, prepend=-1))
     last = np.append(first[1:], len(order)) - 1
-    return np.unique(beams[order[np.concatenate([first, last])]])
+    ends = np.concatenate([first, last])
+    return np.unique(beams[order[ends]])
 
 
 def outermost(

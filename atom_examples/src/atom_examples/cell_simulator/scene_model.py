@@ -357,7 +357,8 @@ def print_of(board: Board) -> Print:
     start = 0.0 if pattern.kind == CHARUCO else -pattern.square_m
     squares = np.array([pattern.columns + 1, pattern.rows + 1]) * pattern.square_m
     outside = np.abs(pattern.border.centre - (start + squares / 2))  # 0 where it is in the middle
-    margin = int(np.ceil(scale * np.max(pattern.border.half_size - squares / 2 + outside))) + 2
+    beyond = pattern.border.half_size - squares / 2 + outside
+    margin = int(np.ceil(scale * np.max(beyond))) + 2
     texture = np.pad(printed(pattern, board.config, _TEXTURE_PX), margin, constant_values=255)
     return Print(texture, scale, np.array([[margin - start * scale]]))
 

@@ -315,7 +315,9 @@ def intrinsics_reason(solution: Solution, block: int) -> Optional[str]:
     (name,) = problem.parameters.blocks[block].names
     mine = [i for i, key in enumerate(problem.detections) if key.sensor == name]
     squarely = problem.poses(solution.x)[mine][:, 2, 2]
-    tilt = np.degrees(np.sqrt(np.mean(np.arccos(np.clip(np.abs(squarely), 0.0, 1.0)) ** 2)))
+    cosines = np.minimum(np.abs(squarely), 1.0)
+    tilts_deg = np.degrees(np.arccos(cosines))
+    tilt = np.sqrt(np.mean(tilts_deg**2))
     if tilt < _SQUARELY_DEG:
         return (
             f"{name} looks squarely at all boards (tilted by {tilt:.0f} deg), so that a longer "

@@ -62,4 +62,5 @@ def _apart_m(dataset: Dataset, detections: Sequence[Measurement]) -> float:
     elsewhere = np.linalg.norm(places - np.median(places, axis=0), axis=1) > np.array(limits)
     if np.sum(elsewhere) < max(_LEAST, _LEAST_SHARE * len(places)):
         return 0.0
-    return float(np.max(np.linalg.norm(places[:, None] - places[None], axis=2)))
+    apart = np.linalg.norm(places[:, None] - places[None], axis=2)
+    return float(np.max(apart))
