@@ -1,6 +1,5 @@
 """What drivers of LiDARs record besides PointCloud2: Livox's own clouds, and undecoded packets."""
 
-
 import genpy.dynamic
 import numpy as np
 import pytest
