@@ -38,7 +38,7 @@ DEBIAN = {
     },
     **{
         name: [f"python3-{name.replace('_', '-')}"]
-        for name in ("message_filters", "rosbag", "rosgraph", "rosgraph_msgs", "roslaunch")
+        for name in ("genpy", "message_filters", "rosbag", "rosgraph", "rosgraph_msgs", "roslaunch")
     },
     **{
         name: [f"python3-{name.replace('_', '-')}"]
