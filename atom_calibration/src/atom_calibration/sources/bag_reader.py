@@ -144,7 +144,8 @@ class BagReader:
     def absent(self, topic: str, types: Sequence[str], whose: str) -> BagError:
         """Return the error that a topic is not in the bag, with those that might be meant."""
         similar = self.topics_of(types) if types else sorted(self.types)
-        kinds = " or ".join(types) or "any type"
+        there = [kind for kind in types if kind in self.types.values()]
+        kinds = " or ".join(there or types) or "any type"
         listed = ", ".join(similar[:_LISTED]) + (" ..." if len(similar) > _LISTED else "")
         return BagError(
             f"{self.path}: topic {topic} ({whose}) is not in the bag; topics of {kinds}: "
