@@ -58,6 +58,15 @@ def test_comments_that_xml_forbids_and_urdfdom_reads_stay_as_they_are(tmp_path, 
     np.testing.assert_allclose(origin_of(written, CAMERA), pose, atol=1e-14)
 
 
+def test_a_declaration_behind_blank_lines_is_read_as_ros_does_and_stays(tmp_path):
+    text = "\n \r\n" + PLAIN
+    pose = se3.from_rpy(np.array([1.5, -2.25, 3.0]), np.array([0.5, 0.0, 0.0]))
+    write_calibrated_description(describe(tmp_path, text), {CAMERA: pose}, tmp_path / "out.urdf")
+    assert (tmp_path / "out.urdf").read_bytes().startswith(b"\n \r\n<?xml version")
+    written = read_description(tmp_path / "out.urdf")
+    np.testing.assert_allclose(origin_of(written, CAMERA), pose, atol=1e-14)
+
+
 def test_what_is_written_reads_back_exactly(tmp_path):
     description = describe(tmp_path, PLAIN)
     for seed in range(20):

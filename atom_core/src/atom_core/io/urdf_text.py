@@ -13,7 +13,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from atom_core.io.xml_text import with_plain_comments
+from atom_core.io.xml_text import as_strict_xml
 from atom_core.model.transforms import Edge
 
 #: Comments that begin so are ours: the next edit replaces or removes them.
@@ -103,7 +103,7 @@ class _Locator:
         self._parser.StartElementHandler = self._start
         self._parser.EndElementHandler = self._end
         self._parser.CommentHandler = self._see_comment
-        self._parser.Parse(with_plain_comments(self.data), True)
+        self._parser.Parse(as_strict_xml(self.data), True)
 
     def _start(self, tag: str, attributes: Dict[str, str]) -> None:
         if self._joint is not None:

@@ -7,6 +7,7 @@ from typing import Match, NamedTuple, Optional
 from xml.parsers import expat
 
 _COMMENT = re.compile(rb"<!--(.*?)-->", re.DOTALL)
+_LATE_DECLARATION = re.compile(rb"\s+<\?xml\s[^>]*\?>")
 _NOT_SPACE = re.compile(rb"[^\r\n]")
 _DEEPEST = 250  # tags within tags; parsers that call themselves for each overflow their stack
 
@@ -22,12 +23,15 @@ class _TooDeepError(Exception):
     """Tags stand in one another beyond all measure."""
 
 
-def with_plain_comments(data: bytes) -> bytes:
-    """Return the same text with blanks in those comments that XML forbids but urdfdom accepts.
+def as_strict_xml(data: bytes) -> bytes:
+    """Return the same text with blanks for what XML forbids but urdfdom accepts.
 
-    These are the ones with a double hyphen inside, as ``<!-- ---- sensors ---- -->``. All else is
-    where it was.
+    These are comments with a double hyphen inside, as ``<!-- ---- sensors ---- -->``, and a
+    declaration ``<?xml ...?>`` behind blank lines. All else is where it was.
     """
+    late = _LATE_DECLARATION.match(data)
+    if late is not None:
+        data = _NOT_SPACE.sub(b" ", late[0]) + data[late.end() :]
     return _COMMENT.sub(_blanked, data)
 
 
@@ -55,7 +59,7 @@ def xml_flaw(text: str) -> Optional[XmlFlaw]:
 
     parser.StartElementHandler, parser.EndElementHandler = enter, leave
     try:
-        parser.Parse(with_plain_comments(text.encode("utf-8")), True)
+        parser.Parse(as_strict_xml(text.encode("utf-8")), True)
     except expat.ExpatError as error:
         return XmlFlaw(f"not well-formed XML: {error}", False)
     except _TooDeepError:
