@@ -2,7 +2,7 @@
 # Lint, the build and every test, so that no processor is idle while there is work; `make test`
 # runs it.
 #
-# Lint and the tests with Noetic's versions need no build and take what the others leave over.
+# Lint and the tests with Noetic's versions need no build; lint takes what the others leave over.
 # Rostests wait for much of their time, so pytest runs beside them, and yields to them (nice): they
 # play data by the clock. What plays a whole recording (label "real_time") comes last, one after the
 # other, and then pytest takes no more than what is left over, too. What runs beside pytest writes to

@@ -21,7 +21,7 @@ from typing import (
 import numpy as np
 
 from atom_calibration.configure.tree import MULTIPLE, TransformGraph
-from atom_calibration.messages.clouds import LIVOX_CLOUDS
+from atom_calibration.messages.clouds import POINT_CLOUD
 from atom_calibration.messages.headers import frame_name
 from atom_calibration.messages.poses import TF_MESSAGE, edge_of, transform_matrix
 from atom_calibration.modalities.table import modality_of
@@ -33,7 +33,7 @@ from atom_core.io.urdf import Description
 from atom_core.model.config import CalibrationConfig, EdgeConfig, SensorConfig
 from atom_core.model.config_section import KeyPath
 from atom_core.model.robot import CONTINUOUS, FIXED, PRISMATIC, REVOLUTE
-from atom_core.model.sensor import Sensor
+from atom_core.model.sensor import LIDAR3D, Sensor
 from atom_core.model.transforms import Edge
 
 Locate = Callable[[KeyPath], str]
@@ -108,7 +108,7 @@ def bag_facts(
             findings.warn(path, f"({bag.types[topic]}) is shown but not calibrated: no labels")
         else:
             sensors[name] = sensor
-        if bag.types[topic] in LIVOX_CLOUDS:
+        if modalities[name] == LIDAR3D and bag.types[topic] != POINT_CLOUD:
             findings.warn(
                 (*path, "topic_name"),
                 f"carries {bag.types[topic]}, which is labeled, and which RViz cannot show; the "

@@ -10,7 +10,6 @@ from sensor_msgs.msg import PointCloud2, PointField
 from atom_calibration.errors import MessageError
 
 POINT_CLOUD = "sensor_msgs/PointCloud2"
-LIVOX_CLOUDS = ("livox_ros_driver/CustomMsg", "livox_ros_driver2/CustomMsg")
 _POINT_FIELD_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 _DATATYPES = {kind: number for number, kind in _POINT_FIELD_TYPES.items()}
 _XYZ = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
