@@ -86,8 +86,8 @@ BoardOptions AsOptions(double width, double height, int least_layers, double bea
   return options;
 }
 
-py::dict Segment(const Scan& scan, const DoubleArray& seed, double width, double height,
-                 int least_layers, double beam_width, double dark) {
+py::dict SegmentAt(const Scan& scan, const DoubleArray& seed, double width, double height,
+                   int least_layers, double beam_width, double dark) {
   if (seed.ndim() != 1 || seed.shape(0) != 3) {
     throw std::invalid_argument("seed must have the shape (3,)");
   }
@@ -145,7 +145,7 @@ Returns:
 Raises:
     ValueError: wrong shapes or lengths.
 )");
-  m.def("segment_board", &Segment, py::arg("scan"), py::arg("seed"), py::arg("width"),
+  m.def("segment_board", &SegmentAt, py::arg("scan"), py::arg("seed"), py::arg("width"),
         py::arg("height"), py::arg("least_layers"), py::arg("beam_width") = 0.0,
         py::arg("dark") = 0.0,
         R"(Finds a board of known size near a seed (3,) [m] in the sensor's frame.

@@ -9,14 +9,10 @@
 namespace atom_core {
 namespace {
 
-constexpr double kSizeTolerance = 0.03;  // of a side, and
-constexpr double kSizeSigmas = 3.0;      // of what is measured, and
-constexpr double kSizeSteps = 0.5;       // beam steps
-constexpr double kMostSizeError = 0.07;  // of a side, however uncertain; what looks smaller, by
-constexpr double kMostSmaller = 0.035;   // of it: nothing makes a board look smaller
-constexpr double kMostCutError = 0.035;  // where the view cuts the board: one size is all there is
-constexpr int kLeastEnds = 2;            // of layers, on each of two opposite sides of it
-constexpr double kWideBeamSteps = 2.0;   // by which beams of unknown width may enlarge a board
+constexpr double kSizeSteps = 0.5;      // beam steps that a size may be off beside its tolerance
+constexpr double kMostSmaller = 0.035;  // of a side: nothing makes a board look smaller
+constexpr int kLeastEnds = 2;           // of layers, on each of two opposite sides of it
+constexpr double kWideBeamSteps = 2.0;  // by which beams of unknown width may enlarge a board
 
 // By how much [m] beams of unknown width may enlarge a board.
 double Widening(const BoardSearch& search, const Surface& surface) {

@@ -12,6 +12,13 @@
 
 namespace atom_core {
 
+// How far from the configured size [of a side] a measured one may be: the tolerance and some sigmas
+// of what is measured, but no more than the largest error, however uncertain it is.
+constexpr double kSizeTolerance = 0.03;
+constexpr double kSizeSigmas = 3.0;
+constexpr double kMostSizeError = 0.07;
+constexpr double kMostCutError = 0.035;  // where the view cuts the board: one size is all there is
+
 /// Returns what all reasons say of the size of a plane: width and height [m] beside the board's.
 std::string SizeText(const Eigen::Vector2d& measured, const Eigen::Vector2d& configured);
 

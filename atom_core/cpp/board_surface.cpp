@@ -3,6 +3,9 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <utility>
+
+#include "median.h"
 
 namespace atom_core {
 namespace {
@@ -28,8 +31,7 @@ std::vector<std::pair<int, int>> LayerEnds(const Window& window, const std::vect
 
 // Second differences have six variances, whatever the slope.
 double ScatterOfBends(std::vector<double> bends) {
-  std::nth_element(bends.begin(), bends.begin() + bends.size() / 2, bends.end());
-  return 1.4826 * bends[bends.size() / 2] / std::sqrt(6.0);
+  return 1.4826 * Median(std::move(bends)) / std::sqrt(6.0);
 }
 
 }  // namespace

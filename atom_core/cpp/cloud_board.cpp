@@ -31,10 +31,6 @@ constexpr double kLargestCore = 1.0;        // of the board's area are its core:
 constexpr double kMuchLarger = 1.7;         // the same, however long it is
 constexpr double kSmallest = 0.6;           // of that diagonal: so is a smaller one
 constexpr double kNarrowest = 0.5;          // of its shorter side: strips where surfaces meet
-constexpr double kSizeTolerance = 0.03;     // of a side, and
-constexpr double kSizeSigmas = 3.0;         // of what is measured
-constexpr double kMostSizeError = 0.07;     // of a side, however uncertain, and
-constexpr double kMostCutError = 0.035;     // where it is the only one that is seen, or a cut one
 constexpr double kFlattest = 75.0 * M_PI / 180.0;  // incidence
 constexpr double kSlack = 6.0;                     // insets: the points fill less than the board
 constexpr double kGoodSide = 0.5;                  // of its bins in view are on the border, and
@@ -45,7 +41,6 @@ constexpr double kOnShare = 0.7;        // of the bins that are not hidden or to
 constexpr double kBorderRms = 0.6;      // of the spacing, and
 constexpr double kBorderNoise = 0.012;  // [m] about the border, of large boards; of small ones
 constexpr double kBorderOfSide = 0.04;  // of the shorter side
-constexpr double kMostInset = 0.9;      // spacings that a limit point may lie inside
 
 std::nullopt_t Refuse(int progress, const std::string& reason, BoardSegment* segment) {
   segment->progress = progress;

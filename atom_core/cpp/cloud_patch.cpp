@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "median.h"
+
 namespace atom_core {
 namespace {
 
@@ -55,8 +57,7 @@ double ScatterAmongNeighbours(const BoardSearch& search, const Patch& patch) {
     scatters.push_back(std::sqrt(std::max(left, 0.0) / (count - 3)));
   }
   if (scatters.empty()) return patch.axes.plane.sigma;
-  std::nth_element(scatters.begin(), scatters.begin() + scatters.size() / 2, scatters.end());
-  return scatters[scatters.size() / 2];
+  return Median(std::move(scatters));
 }
 
 Eigen::Vector2d RoughSize(const BoardSearch& search, const std::vector<int>& piece) {

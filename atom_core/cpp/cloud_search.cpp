@@ -30,7 +30,6 @@ constexpr int kSectors = 24;                  // of a ring that no board reaches
 constexpr double kRingFrom = 1.05, kRingTo = 1.6;  // its radii in diagonals
 constexpr double kRingShare = 0.4;                 // of the sectors: the plane is larger
 constexpr double kRingDensity = 0.2;               // of the points, against those inside
-constexpr double kRightBehind = 0.05;              // [m] behind such a margin
 constexpr double kLeastMargin = 0.008;             // [m] about a plane that is known
 constexpr double kSamePiece = 0.95;  // of the points of two pieces: what is said of one holds
 // Cells from the sensor to the farthest, of which a key has room for; what is beyond counts as

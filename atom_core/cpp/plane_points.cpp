@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "disjoint_sets.h"
+#include "median.h"
 
 namespace atom_core {
 namespace {
@@ -22,7 +23,6 @@ constexpr double kPixelShare = 0.02;        // of the board's diagonal
 constexpr double kLinkSpacings = 2.0;       // points as near hang together
 constexpr double kLinkCell = 0.25;          // of the longest link
 constexpr double kLinkShare = 0.05;         // of the board's shorter side: so do these
-constexpr double kRightBehind = 0.05;       // [m] beyond the threshold
 constexpr double kTrimmed = 0.01;           // of the points at each end of a box
 constexpr std::size_t kMostMeasured = 500;  // points of a box
 constexpr std::size_t kBoxAngles = 45;
@@ -142,11 +142,6 @@ double GapAt(const PlaneGrid& grid, const Eigen::Vector2d& at, double reach) {
     if (std::sqrt(sorted[3]) <= ring * grid.cell()) break;
   }
   return std::sqrt(sorted[3]);
-}
-
-double Median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-  return values[values.size() / 2];
 }
 
 // The slope of log gaps over the plane, from samples that are not far from the median.

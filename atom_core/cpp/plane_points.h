@@ -13,6 +13,8 @@
 
 namespace atom_core {
 
+constexpr double kRightBehind = 0.05;  // [m] beyond a plane's threshold: what tells how dense it is
+
 /// Axes in a plane; the third one is its normal.
 struct PlaneAxes {
   Plane plane;

@@ -9,6 +9,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "median.h"
+
 namespace atom_core {
 namespace {
 
@@ -104,11 +106,6 @@ std::vector<double> Elevations(const std::vector<ScanPoint>& points, const Eigen
     return std::asin(std::max(-1.0, std::min(1.0, axis.dot(point.position) / point.range)));
   });
   return elevation;
-}
-
-double Median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-  return values[values.size() / 2];
 }
 
 // A run of elevations without a gap.

@@ -7,6 +7,9 @@
 #include <pcl/sample_consensus/sac_model_plane.h>
 
 #include <Eigen/Eigenvalues>
+#include <utility>
+
+#include "median.h"
 
 namespace atom_core {
 namespace {
@@ -21,8 +24,7 @@ double RobustSigma(const Window& window, const std::vector<int>& chosen, const P
   for (const int i : chosen) {
     sizes.push_back(std::abs(plane.Residual(window.At(i).position)));
   }
-  std::nth_element(sizes.begin(), sizes.begin() + sizes.size() / 2, sizes.end());
-  return std::max(1.4826 * sizes[sizes.size() / 2], kLeastSigma);
+  return std::max(1.4826 * Median(std::move(sizes)), kLeastSigma);
 }
 
 // PCL's plane, without those that pass near the sensor: every single layer is nearly such a plane.

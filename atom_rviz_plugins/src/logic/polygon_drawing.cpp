@@ -5,7 +5,7 @@
 namespace atom_rviz {
 namespace {
 
-constexpr double kSamePlace_px = 1e-6;
+constexpr double kSameCorner_px = 1e-6;
 constexpr double kLeastArea_px2 = 1e-3;
 
 double distance_px(Point2 a, Point2 b) { return std::hypot(a.x - b.x, a.y - b.y); }
@@ -26,7 +26,7 @@ PolygonDrawing::Outcome PolygonDrawing::add(Point2 corner, double closing_radius
   if (corners_.size() >= 3 && distance_px(corner, corners_.front()) <= closing_radius_px) {
     return close();
   }
-  if (!corners_.empty() && distance_px(corner, corners_.back()) <= kSamePlace_px) {
+  if (!corners_.empty() && distance_px(corner, corners_.back()) <= kSameCorner_px) {
     return Outcome::kNothing;
   }
   corners_.push_back(corner);

@@ -257,8 +257,9 @@ class CharucoFinder:
         if white > 0.0:
             return (
                 f"{seen} board: the picture is over-exposed ({white:.0%} of it about them is as "
-                f"white as can be), so that markers are read wrongly; give the camera less light, "
-                f"or a shorter exposure"
+                f"white as can be), so that markers may be read wrongly; give the camera less "
+                f"light, or a shorter exposure, and if they stay where they are, check dimension "
+                f"(inner corners), size and inner_size"
             )
         return (
             f"{seen} board; check dimension (inner corners), size and inner_size, or if there are "
