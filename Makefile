@@ -6,6 +6,8 @@ SHELL := /bin/bash
 unexport CMAKE_PREFIX_PATH ROS_PACKAGE_PATH PYTHONPATH PYTHONHOME VIRTUAL_ENV PYENV_VERSION
 # Programs start again and again: without compiled modules each start compiles them anew.
 unexport PYTHONDONTWRITEBYTECODE
+# Messages are made for C++ and Python; `make deb` makes them for all languages, as others expect.
+export ROS_LANG_DISABLE := geneus:genlisp:gennodejs
 
 JOBS := $(shell nproc)
 REPEAT := 1
@@ -50,10 +52,10 @@ build: configure ## compile into build/ and devel/
 # In a build space of its own: the programs run Debian's Python and stand below /opt/atom. What was
 # compiled before comes out of ccache, where that is installed.
 deb: setup ## a Debian package of the install space, below /opt/atom, in build_deb/
-	@cmake -S . -B build_deb -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH= \
+	@env -u ROS_LANG_DISABLE cmake -S . -B build_deb -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH= \
 		-DPYTHON_EXECUTABLE=/usr/bin/python3 -DCATKIN_ENABLE_TESTING=OFF \
 		-DCATKIN_DEVEL_PREFIX="$$PWD/build_deb/devel" -DCMAKE_INSTALL_PREFIX=/opt/atom
-	@cmake --build build_deb -j $(JOBS)
+	@env -u ROS_LANG_DISABLE cmake --build build_deb -j $(JOBS)
 	@cd build_deb && rm -f *.deb && PYTHONDONTWRITEBYTECODE=1 ATOM_WITHOUT_COMPILED_PYTHON=1 cpack --config CPackConfig.cmake && ls -l *.deb
 
 demo: build ## the main job on the simulated cell, from bags to evaluation, in demo_output/; EXAMPLE=rihbot: on that robot
@@ -92,7 +94,7 @@ mutants: build ## small faults in the core, drawn by chance: do the tests notice
 		-r requirements/mutants.txt
 	@$(ENV) python3 tests/mutants.py $(ARGS)
 
-test-long: build ## statistics over many simulated rigs, fuzzing, kills: what `make test` does small
+test-long: build ## statistics over many simulated rigs, fuzzing, kills, all variants: what `make test` does small
 	@$(ENV) $(PYTEST) -m long
 
 lint: setup lint-only ## ruff, mypy, import-linter, clang-format, catkin_lint

@@ -1,5 +1,6 @@
 """What the tests of all packages share, and how they are spread over the processors."""
 
+import gc
 import os
 from collections import Counter
 from pathlib import Path
@@ -9,18 +10,42 @@ import pytest
 ROOT = Path(__file__).resolve().parent
 
 
-@pytest.hookimpl(trylast=True)  # what is not run does not count
+@pytest.hookimpl(hookwrapper=True)
 def pytest_collection_modifyitems(items):
-    """Begin with modules of many slow tests: what takes long in a process must not come last.
+    """Take some of many variants, and begin with modules of many slow tests.
 
-    A test of `make test-long` may say how long it is: `@pytest.mark.long(minutes=60)`.
+    `@pytest.mark.sampled(5)` leaves five of a test's variants to `make test`, evenly spaced, and
+    the others to `make test-long`. A test of `make test-long` may say how long it is:
+    `@pytest.mark.long(minutes=60)`. What takes long in a process must not come last.
     """
+    _leave_out_variants(items)
+    yield  # now what is not run has been taken out
     slow = Counter()
     for item in items:
         mark = item.get_closest_marker("long") or item.get_closest_marker("slow")
         if mark:
             slow[item.path] += mark.kwargs.get("minutes", 1)
     items.sort(key=lambda item: -slow[item.path])
+
+
+def _leave_out_variants(items):
+    variants = {}
+    for item in items:
+        if item.get_closest_marker("sampled") and not item.get_closest_marker("long"):
+            variants.setdefault(item.nodeid.split("[")[0], []).append(item)
+    for alike in variants.values():
+        (count,) = alike[0].get_closest_marker("sampled").args
+        last = len(alike) - 1
+        kept = {round(i * last / max(count - 1, 1)) for i in range(count)}
+        for place, item in enumerate(alike):
+            if place not in kept:
+                item.add_marker(pytest.mark.long)
+
+
+def pytest_collection_finish():
+    """Spare the garbage collector thousands of tests that live to the end: 3 % of the time."""
+    gc.collect()
+    gc.freeze()
 
 
 _LEFT_OUT = "atom_core.commands.report_option.LEFT_OUT"

@@ -90,6 +90,7 @@ def collect(disk, _dataset):
     return lambda: collect_from_bag.main(line)
 
 
+@pytest.mark.sampled(7)
 @pytest.mark.parametrize("how", HOW)
 @pytest.mark.parametrize("program", [calibrate, merge, configure, collect])
 def test_nothing_is_lost_and_the_remedy_is_told(

@@ -53,6 +53,7 @@ def test_launch_files_are_made_and_well_formed(made_once):
         assert ElementTree.parse(str(made_once / "launch" / name)).getroot().tag == "launch"
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("name", "arguments"),
     [

@@ -127,6 +127,7 @@ def test_without_a_master_each_node_says_so_and_ends(inputs, port):
         ends(process, name, 2, ("no ROS master answers; start one with roscore, or use roslaunch",))
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("again", [False, True], ids=["gone", "restarted"])
 def test_a_node_whose_master_is_gone_or_another_says_so_and_ends(inputs, port, again):
     import rosgraph

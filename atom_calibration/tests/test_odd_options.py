@@ -76,6 +76,7 @@ def command_lines(draw, parser):
     return command_line(draw, options, lambda option: USUAL.get(option.dest))
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("draws", DRAWS)
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_odd_options_are_taken_or_refused(name, made, tmp_path, monkeypatch, capsys, draws):

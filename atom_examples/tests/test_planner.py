@@ -62,6 +62,7 @@ def assert_like_the_paper(world, scenario, plans):
     assert min(by_sensor.values()) >= 4, by_sensor
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("scenario", ["train", "test"])
 def test_the_statistics_are_those_of_the_paper(world, scenario, plans):
     assert_like_the_paper(world, scenario, plans)
@@ -85,6 +86,7 @@ def test_plans_follow_from_seed_and_scenario(world, plans):
     assert not np.array_equal(first[0].world_T_pattern, other[0].world_T_pattern)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("collections", [1, 40])
 def test_any_number_of_stops_can_be_planned(world, collections, plans):
     assert len(plans(world, "train", collections)) == collections

@@ -80,6 +80,7 @@ class Changed:
         return getattr(self.source, name)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("loss", ["none", "huber", "cauchy"])
 @pytest.mark.parametrize("name", NAMES)
 def test_an_absurd_but_finite_pixel_does_not_crash(dataset, name, loss):

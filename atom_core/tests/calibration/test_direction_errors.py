@@ -60,6 +60,7 @@ def test_what_is_planted_is_named_first_with_its_size(scene, kind):
     assert result.checks[0].value == pytest.approx(value, rel=0.25)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("kind", SURE)
 @pytest.mark.parametrize("solver", ["ceres", pytest.param("scipy", marks=pytest.mark.long)])
 def test_auto_estimates_it_and_every_sensor_is_where_its_sigmas_say(scene, kind, solver):

@@ -143,6 +143,7 @@ def test_boards_that_are_held_place_every_sensor():
     assert np.max(edge_errors(estimate_sensors(dataset, options), scene.truth)[:, 0]) < 0.25
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("disturbance", [(0.0, 0.0), FAR])
 def test_no_guess_and_a_good_guess_give_the_same_answer(disturbance):
     scene = paper_cell(3, "train", Noise(), disturbance)
@@ -225,6 +226,7 @@ def test_an_additional_tf_starts_from_the_description():
     assert any("additional tf 'base'" in w and "description" in w for w in result.warnings)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.long) for seed in range(2, 20))]

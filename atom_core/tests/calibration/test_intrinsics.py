@@ -108,6 +108,7 @@ def test_a_number_is_a_displacement_of_the_images_corner(model):
 # ------------------------------------------------------------------------------- planted
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("model", MODELS)
 def test_planted_errors_are_found_and_the_extrinsics_are_right_again(model):
     normalised = []
@@ -193,6 +194,7 @@ def test_range_sensors_stay_beside_cameras_that_move():
     assert np.array_equal(result.dataset.sensors["depth_1"].camera.K, depth.K)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "options",
     [

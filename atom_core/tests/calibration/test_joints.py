@@ -47,6 +47,7 @@ def found_and_planted(scene, result):
     return np.array(errors), np.array(sigmas)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("make", MAKERS)
 def test_planted_errors_are_found_within_their_sigmas(make):
     normalised = []

@@ -40,6 +40,7 @@ def test_what_is_planted_is_named_alone_with_its_size(kind):
     assert check.value == pytest.approx(value, rel=0.35)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("kind", "solver"),
     [

@@ -39,6 +39,7 @@ def knocked(scene, sensor, first=FIRST, turn_rad=TURN_RAD, shift_m=SHIFT_M):
     return with_moved_sensor(scene, cell_rig(SEED), sensor, first, move, rng)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("sensor", ["lidar_1", "depth_1"])
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_sensor_that_was_knocked_is_named_with_when_and_how_far(cell, sensor, solver):

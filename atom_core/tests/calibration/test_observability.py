@@ -42,6 +42,7 @@ def test_planar_motion_leaves_the_height_open(seed, solver_name):
     assert "turns about this axis only, as in planar motion" in weak.why
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("solver_name", sorted(SOLVERS))
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("one_plane", [False, True])
@@ -85,6 +86,7 @@ def test_a_single_board_is_called_so():
     assert "lidar_1 saw the inside of a single board" in result.weak_directions[0].why
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("solver_name", sorted(SOLVERS))
 @pytest.mark.parametrize("seed", SEEDS)
 def test_of_two_edges_in_series_only_the_product_is_seen(seed, solver_name):
@@ -98,6 +100,7 @@ def test_of_two_edges_in_series_only_the_product_is_seen(seed, solver_name):
         assert "only their product is seen" in weak.why
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("solver_name", sorted(SOLVERS))
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize(
@@ -214,6 +217,7 @@ HEALTHY = [
 ]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("scene, options", HEALTHY)
 def test_a_healthy_rig_raises_no_alarm(scene, options):
     result = calibrate(scene(7, disturbance=DISTURBED, **options).dataset)

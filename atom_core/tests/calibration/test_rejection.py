@@ -110,6 +110,7 @@ def test_nothing_is_left_out_of_small_rigs(scene):
     assert calibrate(getattr(scenes, scene)(0, collections=12).dataset).rejected == ()
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("sensor", ["rgb_1", "lidar_2"])
 def test_the_label_of_another_collection_is_left_out(healthy, sensor):
     key = "021"
@@ -123,6 +124,7 @@ def test_the_label_of_another_collection_is_left_out(healthy, sensor):
     assert mean_error_m(result, healthy) < 0.001
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("how", [TURNED, MIRRORED])
 def test_corners_numbered_from_another_side_are_left_out(healthy, how):
     assert "rgb_2" in sensors_in(healthy.dataset, "019")
@@ -159,6 +161,7 @@ def test_a_wrong_detection_is_named_in_every_rig(seeds):
         assert rejected(calibrate(dataset)) == {(key, sensor)}, seed
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("how", ["moved", "others"])
 def test_a_wholly_wrong_collection_is_named_and_left_out(healthy, how):
     dataset = wholly_wrong(healthy, 0, "019", how, np.random.default_rng(0))

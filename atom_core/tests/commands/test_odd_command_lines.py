@@ -56,6 +56,7 @@ def command_lines(draw, name):
     return [name, *command_line(draw, options_of(name), usual)]
 
 
+@pytest.mark.sampled(24)
 @pytest.mark.parametrize("draws", DRAWS)
 @pytest.mark.parametrize("name", sorted(set(cli.COMMANDS) - OTHERS))
 def test_odd_options_are_taken_or_refused(name, data, tmp_path, monkeypatch, capsys, draws):

@@ -46,6 +46,7 @@ def test_rigs_that_did_not_move_stand(rigs):
         assert len(squares) == 2 and np.mean(squares) < found.limit
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("sensor", ["rgb_1", "rgb_3"])
 def test_what_moved_by_5_mm_is_named_also_where_it_is_the_reference(rigs, sensor):
     rng = np.random.default_rng(0)
@@ -123,6 +124,7 @@ def test_one_board_is_refused(rigs):
         drift(one, described, spreads)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("shift_px, least", [(3.0, 3), (8.0, 0)])
 def test_a_wrong_label_is_not_told_as_a_move_alone(rigs, shift_px, least):
     """A board that moved between two pictures, say: the others do not say so."""

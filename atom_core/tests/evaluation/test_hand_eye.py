@@ -152,6 +152,7 @@ def with_twin(dataset, name):
     return replace(dataset, sensors=sensors, collections=collections)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.skipif(bool(lacking("tsai")), reason="this OpenCV has no calibrateHandEye")
 def test_a_camera_that_a_method_cannot_solve_costs_the_others_nothing(monkeypatch, exact):
     twins = with_twin(exact.dataset, "rgb_2")

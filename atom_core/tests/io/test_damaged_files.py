@@ -203,6 +203,7 @@ def text_of(name, document):
     return yaml.safe_dump(document, allow_unicode=True)
 
 
+@pytest.mark.sampled(7)
 @pytest.mark.parametrize("draws", DRAWS)
 @pytest.mark.parametrize("name", FILES)
 def test_wrong_values_are_read_or_refused(tmp_path, name, draws):
@@ -219,6 +220,7 @@ def test_wrong_values_are_read_or_refused(tmp_path, name, draws):
     for_all(damaged(document), draws, check_file)
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("draws", DRAWS)
 @pytest.mark.parametrize("name", sorted(FILES.keys() - {"solved.json", "migrated.json"}))
 def test_damaged_text_is_read_or_refused(tmp_path, name, draws):

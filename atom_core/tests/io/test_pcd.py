@@ -289,6 +289,7 @@ def test_unwritable_place_is_an_output_error(tmp_path):
         write_pcd(tmp_path / "absent" / "a.pcd", np.zeros((1, 3)))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("number", [0, 7, 15, 22])
 def test_real_ouster_clouds(real_data, tmp_path, number):
     cloud = read_pcd(real_data("ouster_board") / f"pointcloud{number}.pcd")

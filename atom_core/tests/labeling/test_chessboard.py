@@ -30,6 +30,7 @@ def label_all(pictures):
     return {blur: np.concatenate(parts) for blur, parts in errors.items()}, count, found
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("count", [12, pytest.param(400, marks=pytest.mark.long)])
 def test_any_board_is_found_in_its_order_and_without_bias(count):
     errors, count, found = label_all(chessboard_pictures(CAMERA, count, 3))
@@ -90,6 +91,7 @@ def flat_board(columns, rows, starts_white, side=24, background=255):
     return image, np.stack([column, row], axis=-1) * float(side) + 49.5
 
 
+@pytest.mark.sampled(16)
 @pytest.mark.parametrize("turns", range(4))
 @pytest.mark.parametrize("starts_white", [False, True], ids=["black", "white"])
 @pytest.mark.parametrize("size", [(7, 5), (8, 6), (6, 6), (5, 5), (9, 6)])

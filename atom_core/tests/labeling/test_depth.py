@@ -112,6 +112,7 @@ LITTLE_IN_VIEW = 5  # 43 %: another board may have one side as long
 CORNER_ONLY = 6  # cut off in the corner above: nothing tells how large the thing is
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("camera", [PLAIN, BENT], ids=["plain", "distorted"])
 @pytest.mark.parametrize("number", range(len(POSES)))
 def test_the_label_is_the_board(camera, number):

@@ -45,6 +45,7 @@ def pose_of(pattern, rng):
     return pose
 
 
+@pytest.mark.sampled(9)
 @pytest.mark.parametrize("board", list(BOARDS))
 @pytest.mark.parametrize("case", list(CASES))
 def test_corners_are_right_or_refused(case, board):

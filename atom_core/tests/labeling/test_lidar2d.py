@@ -85,6 +85,7 @@ def assert_on_board(labeled, made, model=QUARTER):
     assert len(labeled.label.indices) - len(common) <= 2
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", list(MODELS))
 def test_with_a_seed_nearly_every_cut_is_found(name):
     cuts, found, extra, limits = 0, 0, 0, 0
@@ -123,6 +124,7 @@ def test_before_a_known_background_nearly_every_cut_is_found_and_nothing_else(na
     assert cuts > 25 and found >= 0.9 * cuts
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", list(MODELS))
 def test_in_rooms_without_boxes_nearly_every_cut_is_found_and_nothing_else(name):
     cuts, found = 0, 0

@@ -89,6 +89,7 @@ def sigmas_of(problem):
     return tuple(block.sigma for block in problem.residual_blocks)
 
 
+@pytest.mark.sampled(20)
 @pytest.mark.parametrize("loss", losses.LOSSES)
 @pytest.mark.parametrize("scene", SCENES)
 def test_normal_equations_are_those_of_the_specification(scene, loss):
@@ -158,6 +159,7 @@ def test_points_behind_and_beside_the_camera_too():
     np.testing.assert_allclose(ours.local / scale, theirs.local / scale, atol=1e-9)
 
 
+@pytest.mark.sampled(20)
 @pytest.mark.parametrize("loss", losses.LOSSES)
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_minimum_is_that_of_the_specification(scene, loss):

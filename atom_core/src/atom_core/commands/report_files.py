@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import signal
 import sys
 import threading
 import zlib
 from pathlib import Path
-from typing import Any, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 
 from atom_core.errors import AtomError, OutputError
 from atom_core.io.atomic import write_bytes_atomically
@@ -179,41 +178,56 @@ def report_beside(
         evaluation: folder of an evaluation, likewise.
         dataset: the calibrated one, likewise.
     """
+
+    def draw() -> None:
+        path = write_report(read_given(calibration, evaluation, dataset), folder)
+        print(f"\nreport: {path}")
+
     try:
-        with _interruptible():
-            path = write_report(read_given(calibration, evaluation, dataset), folder)
-            print(f"\nreport: {path}")
+        _unless_interrupted(draw)
     except (ReportError, OutputError) as error:
         print(f"report: {error}", file=sys.stderr)
 
 
-@contextlib.contextmanager
-def _interruptible() -> Iterator[None]:
-    """Let a signal end the drawing at once, also where ROS has taken it for itself.
+def _unless_interrupted(draw: Callable[[], None]) -> None:
+    """Draw; a signal ends that at once, also where ROS has taken it for itself.
 
-    Whoever had the signal before gets it then.
+    Whoever had the signal before gets it then. Only the first one breaks off, and only what is
+    drawn: it may come at any moment, also between two lines of this function.
     """
     if threading.current_thread() is not threading.main_thread():
-        yield
+        draw()
         return
     heard: List[int] = []
+    drawing = made = False
 
     def note(number: int, _: object) -> None:
         heard.append(number)
-        raise KeyboardInterrupt
+        if drawing and len(heard) == 1:
+            raise KeyboardInterrupt
 
     signals = (signal.SIGINT, signal.SIGTERM)
-    before = {n: signal.signal(n, note) or signal.SIG_DFL for n in signals}
+    before = {number: signal.getsignal(number) or signal.SIG_DFL for number in signals}
     try:
-        yield
+        for number in signals:
+            signal.signal(number, note)
+        try:
+            drawing = True
+            if not heard:
+                draw()
+                made = True
+        finally:
+            drawing = False
     except KeyboardInterrupt:
+        drawing = False  # it came before the line above was through
         if not heard:
             raise
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-    if heard:
+    if heard and not made:
         print("report: interrupted, it is not made; the results are complete", file=sys.stderr)
+    if heard:
         os.kill(os.getpid(), heard[0])
 
 
