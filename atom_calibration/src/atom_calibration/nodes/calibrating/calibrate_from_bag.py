@@ -30,7 +30,7 @@ from atom_core.io.dataset_writer import DATASET_FILE
 from atom_core.io.json_text import load_json
 
 Said = Dict[str, Any]  # entries of status.json
-_BAD_INPUT = 2
+_BAD_INPUT, _INTERRUPTED = 2, 130
 EXAMPLE = """
 roslaunch atom_calibration calibrate_from_bag.launch config:=config.yml bag:=train.bag output:=all
 rosrun atom_calibration calibrate_from_bag --config config.yml --bag train.bag --output all
@@ -57,12 +57,12 @@ def main(argv: Optional[Sequence[str]] = None) -> int:
     for step, run in steps:
         try:
             write_begun(args.output, step)
-            code, said = _outcome(run, args)
+            code, said = _outcome(step, run, args)
             write_status(args.output, step, exit_code=code, **said)
         except OutputError as error:
             print(f"calibrate_from_bag: {error}", file=sys.stderr)
             return _BAD_INPUT
-        if code == _BAD_INPUT:
+        if code in (_BAD_INPUT, _INTERRUPTED):
             print(f"calibrate_from_bag: {step}: {said['message']}", file=sys.stderr)
             return code
     if args.view and stay:
@@ -71,12 +71,17 @@ def main(argv: Optional[Sequence[str]] = None) -> int:
 
 
 def _outcome(
-    run: Callable[[argparse.Namespace], Tuple[int, Said]], args: argparse.Namespace
+    step: str, run: Callable[[argparse.Namespace], Tuple[int, Said]], args: argparse.Namespace
 ) -> Tuple[int, Said]:
     try:
         return run(args)
     except AtomError as error:
         return _BAD_INPUT, {"message": str(error)}
+    except KeyboardInterrupt:
+        rest = "interrupted, nothing more is written"
+        if step == "collect":
+            rest = collect_from_bag.interrupted(args.output / "dataset")
+        return _INTERRUPTED, {"message": rest}
 
 
 def _collect(args: argparse.Namespace) -> Tuple[int, Said]:

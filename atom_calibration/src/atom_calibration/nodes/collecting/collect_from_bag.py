@@ -78,12 +78,16 @@ def main(argv: Optional[Sequence[str]] = None) -> int:
         print(f"collect_from_bag: {error}", file=sys.stderr)
         return _BAD_INPUT
     except KeyboardInterrupt:
-        print(
-            f"collect_from_bag: interrupted; what was collected so far is assembled by "
-            f"`python3 -m atom_core recover {args.output}`",
-            file=sys.stderr,
-        )
+        print(f"collect_from_bag: {interrupted(args.output)}", file=sys.stderr)
         return _INTERRUPTED
+
+
+def interrupted(output: object) -> str:
+    """Return what is said after Ctrl-C: how to get what was collected so far."""
+    return (
+        f"interrupted; what was collected so far is assembled by "
+        f"`python3 -m atom_core recover {output}`"
+    )
 
 
 def collect_from_bag(args: argparse.Namespace) -> int:

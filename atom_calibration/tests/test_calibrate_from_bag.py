@@ -1,0 +1,27 @@
+"""From a bag to a calibration in one go, where no ROS master is needed."""
+
+import json
+
+import pytest
+
+from atom_calibration.nodes.calibrating import calibrate_from_bag
+from atom_calibration.nodes.collecting import collect_from_bag
+
+
+@pytest.mark.parametrize("step", ["collect", "calibrate"])
+def test_ctrl_c_is_one_line_and_stands_in_the_status(place, capsys, monkeypatch, step):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    arguments = place()
+    if step == "collect":
+        monkeypatch.setattr(collect_from_bag, "collect_from_bag", interrupted)
+    else:
+        monkeypatch.setattr(calibrate_from_bag.calibrate, "run", interrupted)
+    assert calibrate_from_bag.main(arguments) == 130
+    line = capsys.readouterr().err.splitlines()[-1]
+    assert line.startswith(f"calibrate_from_bag: {step}: interrupted")
+    assert ("recover" in line) == (step == "collect")
+    status = json.loads((place.folder / "status.json").read_text())
+    assert (status["step"], status["exit_code"]) == (step, 130)
+    assert line.endswith(status["message"])
