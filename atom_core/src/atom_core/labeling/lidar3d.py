@@ -18,6 +18,7 @@ from atom_core.geometry import se3
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.labeling.base import Labeled, nothing
 from atom_core.labeling.image_cloud import ImageCloud, as_image, label_in_image
+from atom_core.labeling.scan_gaps import scan_gaps
 from atom_core.model.config import PatternConfig
 from atom_core.model.labels import Label, RangeLabel
 from atom_core.model.pattern import Pattern
@@ -140,11 +141,10 @@ class Lidar3dLabeler:
             if seed is not None:
                 return self._at_seed(cloud, seed)
             found = _searched(cloud, self._border, self._options)
+            labeled = found[0].labeled if found else nothing(LIDAR3D, _NO_BOARD)
+            return labeled if labeled.detected else self._behind_gap(cloud) or labeled
         except LabelingError as error:
             raise LabelingError(f"{self._place}: {error}") from None
-        if not found:
-            return nothing(LIDAR3D, _NO_BOARD)
-        return found[0].labeled
 
     def _at_seed(self, cloud: Cloud, seed: np.ndarray) -> Labeled:
         """Label at a seed; unsure where one side alone is measured, and a whole board is seen.
@@ -155,6 +155,8 @@ class Lidar3dLabeler:
         in_view = found.quality.get("in_view", 1.0)
         is_measured = {"measured_width_m", "measured_height_m"} <= set(found.quality)
         by_layers = "layers" in found.quality
+        if by_layers and not found.detected:
+            return self._behind_gap(cloud, seed) or found
         if by_layers or not found.detected or in_view >= _WHOLE or is_measured:
             return found
         for other in find_boards(cloud, self._border, self._options):
@@ -163,6 +165,27 @@ class Lidar3dLabeler:
                 reason = _WHOLE_ELSEWHERE.format(in_view)
                 return nothing(LIDAR3D, reason, found.quality, found)
         return found
+
+    def _behind_gap(self, cloud: Cloud, seed: Optional[np.ndarray] = None) -> Optional[Labeled]:
+        """Return the label of a board through which a gap of the scan runs, if there is one.
+
+        Args:
+            cloud: what was measured.
+            seed: (3,) [m] near the board; None: it may be anywhere.
+        """
+        scan = _scan(cloud, self._options)
+        if not scan.has_layers:
+            return None
+        width, height = 2.0 * self._border.half_size
+        for gap in scan_gaps(cloud.points, min(width, height)):
+            if seed is not None and np.linalg.norm(gap.seed - seed) > np.hypot(width, height):
+                continue
+            hole_m = max(self._options.dark_square_m, gap.width_m)
+            options = replace(self._options, dark_square_m=hole_m)
+            labeled = board_at(replace(cloud, scan=scan), self._border, gap.seed, options).labeled
+            if labeled.detected:
+                return labeled
+        return None
 
     def prepare(self, data: Any) -> Cloud:
         """Return a cloud with its layers found, unless it is a depth image.
