@@ -18,6 +18,7 @@ _SAME_LAYER_RAD = np.radians(0.3)
 _SAME_RANGE_M, _SAME_RANGE_SHARE = 0.05, 0.05
 _SLANT = 1.3  # a surface that is seen slantwise is longer than the arc that it hides
 _MOST_SEEDS = 4  # of a gap: what stands nearest
+_MOST_PLACES = 8  # of all gaps: a sparse cloud has many, and each is looked at
 
 
 class ScanGap(NamedTuple):
@@ -33,7 +34,9 @@ class ScanGap(NamedTuple):
 
 
 def scan_gaps(points: np.ndarray, apart_m: float) -> List[ScanGap]:
-    """Return where something is seen at the same range on both sides of a gap, the nearest first.
+    """Return where something is seen at the same range on both sides of a gap, eight at most.
+
+    The nearest stands first.
 
     Args:
         points: (n, 3) [m] in the sensor's frame, which turns about z; NaN and zeros are invalid.
@@ -52,7 +55,7 @@ def scan_gaps(points: np.ndarray, apart_m: float) -> List[ScanGap]:
         width = (end - begin) % (2.0 * np.pi) * _SLANT
         for place in _apart(places, apart_m):
             found.append(ScanGap(place, float(width * np.hypot(place[0], place[1]))))
-    return sorted(found, key=lambda gap: float(np.linalg.norm(gap.seed)))
+    return sorted(found, key=lambda gap: float(np.linalg.norm(gap.seed)))[:_MOST_PLACES]
 
 
 def _gaps(azimuth: np.ndarray) -> List[Tuple[float, float]]:
