@@ -45,7 +45,7 @@ def scan_gaps(points: np.ndarray, apart_m: float) -> List[ScanGap]:
     points = np.asarray(points, dtype=float)
     across = np.hypot(points[:, 0], points[:, 1])
     valid = np.isfinite(points).all(axis=1) & (across > 1e-6)
-    points, across = points[valid], across[valid]
+    points = points[valid]
     azimuth = np.arctan2(points[:, 1], points[:, 0])
     found: List[ScanGap] = []
     for begin, end in _gaps(azimuth):
