@@ -9,6 +9,11 @@ unexport PYTHONDONTWRITEBYTECODE
 # Messages are made for C++ and Python; `make deb` makes them for all languages, as others expect.
 export ROS_LANG_DISABLE := geneus:genlisp:gennodejs
 
+# What was compiled before, in whatever clone, comes out of ccache. Its paths are those in this one.
+export CCACHE_BASEDIR := $(CURDIR)
+export CCACHE_NOHASHDIR := 1
+CCACHE = $(if $(shell command -v ccache),-DCMAKE_C_COMPILER_LAUNCHER=ccache -DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
+
 JOBS := $(shell nproc)
 REPEAT := 1
 BUILD_TYPE := Release
@@ -39,7 +44,7 @@ SANITIZED = -fsanitize=address,undefined;-fno-sanitize-recover=undefined;-O0;-g1
 CONFIGURE = cmake -S . -B build -G Ninja -DCMAKE_BUILD_TYPE=$(BUILD_TYPE) -DCMAKE_PREFIX_PATH= \
 	-DPYTHON_EXECUTABLE="$$PWD/.venv/bin/python3" -DCATKIN_ENABLE_TESTING=ON \
 	-DCATKIN_DEVEL_PREFIX="$$PWD/devel" -DCMAKE_INSTALL_PREFIX="$$PWD/install" \
-	-DATOM_TEST_FLAGS="$(SANITIZED)"
+	-DATOM_TEST_FLAGS="$(SANITIZED)" $(CCACHE)
 COMPILE = flock CMakeLists.txt cmake --build build -j $(JOBS)
 
 .PHONY: configure
@@ -49,12 +54,11 @@ configure: setup
 build: configure ## compile into build/ and devel/
 	@$(COMPILE)
 
-# In a build space of its own: the programs run Debian's Python and stand below /opt/atom. What was
-# compiled before comes out of ccache, where that is installed.
+# In a build space of its own: the programs run Debian's Python and stand below /opt/atom.
 deb: setup ## a Debian package of the install space, below /opt/atom, in build_deb/
 	@env -u ROS_LANG_DISABLE cmake -S . -B build_deb -G Ninja -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH= \
 		-DPYTHON_EXECUTABLE=/usr/bin/python3 -DCATKIN_ENABLE_TESTING=OFF \
-		-DCATKIN_DEVEL_PREFIX="$$PWD/build_deb/devel" -DCMAKE_INSTALL_PREFIX=/opt/atom
+		-DCATKIN_DEVEL_PREFIX="$$PWD/build_deb/devel" -DCMAKE_INSTALL_PREFIX=/opt/atom $(CCACHE)
 	@env -u ROS_LANG_DISABLE cmake --build build_deb -j $(JOBS)
 	@cd build_deb && rm -f *.deb && PYTHONDONTWRITEBYTECODE=1 ATOM_WITHOUT_COMPILED_PYTHON=1 cpack --config CPackConfig.cmake && ls -l *.deb
 

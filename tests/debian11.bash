@@ -24,7 +24,7 @@ say() { printf 'Debian 11: %s\n' "$*"; }
 in_root() { # COMMAND...: in the folder of the suite, with nothing of the caller's environment
   mapfile -t pip_settings < <(env | grep '^PIP_' || true)
   chroot "$root" /usr/bin/env -i HOME=/tmp LANG=C.UTF-8 CCACHE_DIR=/var/cache/ccache \
-    PATH=/usr/lib/ccache:/usr/sbin:/usr/bin:/sbin:/bin "${pip_settings[@]}" \
+    PATH=/usr/sbin:/usr/bin:/sbin:/bin "${pip_settings[@]}" \
     bash -c 'cd /suite 2>/dev/null || cd /; exec "$@"' in_root "$@"
 }
 
@@ -92,8 +92,8 @@ inside() {
   mount --rbind /dev "$root/dev"
   connect_root
   copy_suite
-  in_root bash -c 'command -v ccache >/dev/null || { apt-get -q update &&
-    DEBIAN_FRONTEND=noninteractive apt-get -q install --yes --no-install-recommends make ccache; }' >"$root.log" 2>&1 ||
+  in_root bash -c 'command -v make >/dev/null || { apt-get -q update &&
+    DEBIAN_FRONTEND=noninteractive apt-get -q install --yes --no-install-recommends make; }' >"$root.log" 2>&1 ||
     stop "apt-get failed in the root; its last words (all of them: $root.log): $(tail -n 2 "$root.log")"
   step "set-up" make setup
   [ "${#failed[@]}" -eq 0 ] || stop "the set-up failed; no test was run"

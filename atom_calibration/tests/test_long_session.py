@@ -51,6 +51,7 @@ def growth(memory_mb, warm):
     }
 
 
+@pytest.mark.long(minutes=1)
 def test_two_plays_drop_no_save(tmp_path):
     figures = session(tmp_path, 2, 0.8, "keep")
     check_saves(figures, 2)

@@ -126,7 +126,8 @@ def test_in_rough_rigs_the_default_never_says_that_all_is_well(seed):
     assert result.status == "inconsistent" and result.checks
 
 
-@pytest.mark.parametrize("seed", [1, pytest.param(4, marks=pytest.mark.long)])
+@pytest.mark.long(minutes=1)
+@pytest.mark.parametrize("seed", [1, 4])
 def test_in_rough_rigs_auto_is_better_and_its_sigmas_true(seed):
     scene = paper_cell(seed, realism=ROUGH, disturbance=(0.05, 0.05))
     errors = {}

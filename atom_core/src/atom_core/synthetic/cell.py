@@ -47,7 +47,7 @@ BIG, SMALL_1, SMALL_2 = (
 _RECTANGULAR = "rectangularbeam{}_gantry"
 _PLACED_M, _PLACED_RAD = 0.02, 0.02  # how far a real mount is from the drawing
 _RIG, _DISTURBANCE, _NOISE, _ERRORS = 1, 2, 3, 4  # streams of random numbers of one seed
-_CANDIDATES = 240
+_CANDIDATES, _CANDIDATES_EACH = 240, 48  # poses to choose from; so many for each that is wanted
 _KEPT = 8  # cells, some MB each
 
 
@@ -260,7 +260,7 @@ def plan_board_poses(
     Raises:
         ValueError: hardly any pose is accepted.
     """
-    complete, others = _candidates(rig, wanted.complete, rng, accept)
+    complete, others = _candidates(rig, wanted, rng, accept)
     # Partial views are rarer in a free draw than in the paper's hands: prefer them.
     weight = np.exp([0.8 * c.partial for c in others])
     best, lowest = [], np.inf
@@ -278,9 +278,10 @@ def plan_board_poses(
 
 
 def _candidates(
-    rig: Rig, least_complete: int, rng: np.random.Generator, accept: Optional[Accept]
+    rig: Rig, wanted: Scenario, rng: np.random.Generator, accept: Optional[Accept]
 ) -> Tuple[List[_Candidate], List[_Candidate]]:
     """Return poses that all sensors detect, and others that at least two detect."""
+    enough = min(_CANDIDATES, _CANDIDATES_EACH * wanted.collections)
     pattern = pattern_from_config("pattern_1", charuco())
     sensor_T_world = {s: se3.inverse(rig.pose(x.frame)) for s, x in rig.sensors.items()}
     names = np.array(list(rig.sensors))
@@ -297,7 +298,11 @@ def _candidates(
         judged += 1
         if count >= 2:
             (complete if np.all(candidate.seen) else others).append(candidate)
-        if judged >= _CANDIDATES and len(complete) >= least_complete:
+        if (
+            judged >= enough
+            and len(complete) >= wanted.complete
+            and len(others) >= wanted.collections - wanted.complete
+        ):
             return complete, others
     raise ValueError("hardly any board pose is accepted; is the view of the sensors obstructed?")
 
