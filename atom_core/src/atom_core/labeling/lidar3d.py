@@ -138,6 +138,7 @@ class Lidar3dLabeler:
             in_image = self._in_image(cloud, seed)
             if in_image is not None:
                 return in_image
+            cloud = replace(cloud, scan=_scan(cloud, self._options))  # once for all that follows
             if seed is not None:
                 return self._at_seed(cloud, seed)
             found = _searched(cloud, self._border, self._options)
@@ -170,11 +171,10 @@ class Lidar3dLabeler:
         """Return the label of a board through which a gap of the scan runs, if there is one.
 
         Args:
-            cloud: what was measured.
+            cloud: what was measured, with its layers.
             seed: (3,) [m] near the board; None: it may be anywhere.
         """
-        scan = _scan(cloud, self._options)
-        if not scan.has_layers:
+        if not cloud.scan.has_layers:
             return None
         width, height = 2.0 * self._border.half_size
         for gap in scan_gaps(cloud.points, min(width, height)):
@@ -182,7 +182,7 @@ class Lidar3dLabeler:
                 continue
             hole_m = max(self._options.dark_square_m, gap.width_m)
             options = replace(self._options, dark_square_m=hole_m)
-            labeled = board_at(replace(cloud, scan=scan), self._border, gap.seed, options).labeled
+            labeled = board_at(cloud, self._border, gap.seed, options).labeled
             if labeled.detected:
                 return labeled
         return None
@@ -272,7 +272,7 @@ def find_layers(cloud: Cloud) -> Any:
 
 
 def _scan(cloud: Cloud, options: Lidar3dOptions) -> Any:
-    if cloud.scan is not None and options.use_layers:
+    if cloud.scan is not None and (options.use_layers or not cloud.scan.has_layers):
         return cloud.scan
     scan = find_layers(cloud)
     scan.has_layers = scan.has_layers and options.use_layers

@@ -30,7 +30,6 @@ from atom_core.io.dataset_writer import DATASET_FILE
 from atom_core.io.json_text import load_json
 
 Said = Dict[str, Any]  # entries of status.json
-_BAD_INPUT, _INTERRUPTED = 2, 130
 EXAMPLE = """
 roslaunch atom_calibration calibrate_from_bag.launch config:=config.yml bag:=train.bag output:=all
 rosrun atom_calibration calibrate_from_bag --config config.yml --bag train.bag --output all
@@ -49,10 +48,10 @@ def main(argv: Optional[Sequence[str]] = None) -> int:
             running.check_master()  # and not only when the collections are there
     except OSError as error:
         print(f"calibrate_from_bag: {args.output}: {error.strerror}", file=sys.stderr)
-        return _BAD_INPUT
+        return cli.BAD_INPUT
     except AtomError as error:
         print(f"calibrate_from_bag: {error}", file=sys.stderr)
-        return _BAD_INPUT
+        return cli.BAD_INPUT
     code, steps = 0, (("collect", _collect), ("calibrate", _calibrate))
     for step, run in steps:
         try:
@@ -61,8 +60,8 @@ def main(argv: Optional[Sequence[str]] = None) -> int:
             write_status(args.output, step, exit_code=code, **said)
         except OutputError as error:
             print(f"calibrate_from_bag: {error}", file=sys.stderr)
-            return _BAD_INPUT
-        if code in (_BAD_INPUT, _INTERRUPTED):
+            return cli.BAD_INPUT
+        if code in (cli.BAD_INPUT, cli.INTERRUPTED):
             print(f"calibrate_from_bag: {step}: {said['message']}", file=sys.stderr)
             return code
     if args.view and stay:
@@ -76,12 +75,12 @@ def _outcome(
     try:
         return run(args)
     except AtomError as error:
-        return _BAD_INPUT, {"message": str(error)}
+        return cli.BAD_INPUT, {"message": str(error)}
     except KeyboardInterrupt:
         rest = "interrupted, nothing more is written"
         if step == "collect":
             rest = collect_from_bag.interrupted(args.output / "dataset")
-        return _INTERRUPTED, {"message": rest}
+        return cli.INTERRUPTED, {"message": rest}
 
 
 def _collect(args: argparse.Namespace) -> Tuple[int, Said]:

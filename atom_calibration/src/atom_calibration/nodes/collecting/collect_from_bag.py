@@ -48,6 +48,7 @@ from atom_calibration.sources.contradictions import MessageWatch
 from atom_calibration.sources.described_bag import SAVED, check_described, transforms_of_bag
 from atom_calibration.sources.rig import Rig, check_frames, rig_from_bag
 from atom_calibration.sources.transform_tree import BagTransforms
+from atom_core.cli import BAD_INPUT, INTERRUPTED
 from atom_core.commands.common import add_option, add_output_options
 from atom_core.commands.option_parser import OptionParser, examples
 from atom_core.commands.progress import progress
@@ -62,7 +63,6 @@ EXAMPLE = """
 rosrun atom_calibration collect_from_bag --config config.yml --bag train.bag --output dataset
 rosrun atom_calibration collect_from_bag -c config.yml -b train.bag -o dataset --seeds seeds.yaml
 """
-_BAD_INPUT, _INTERRUPTED = 2, 130
 _LOOK_AHEAD = 12  # messages that are decoded and, if images, labeled beforehand
 _WORKERS = 2
 _BEYOND_S = 1.0  # clocks and delays may put data so far beyond what was recorded
@@ -76,10 +76,10 @@ def main(argv: Optional[Sequence[str]] = None) -> int:
         return collect_from_bag(args)
     except AtomError as error:
         print(f"collect_from_bag: {error}", file=sys.stderr)
-        return _BAD_INPUT
+        return BAD_INPUT
     except KeyboardInterrupt:
         print(f"collect_from_bag: {interrupted(args.output)}", file=sys.stderr)
-        return _INTERRUPTED
+        return INTERRUPTED
 
 
 def interrupted(output: object) -> str:
