@@ -192,3 +192,21 @@ def test_a_corner_that_the_detector_puts_elsewhere_is_put_right(monkeypatch):
     cv2.circle(image, tuple(int(v) for v in grid[0, 0]), 9, 130, -1)
     found = ChessboardFinder(7, 5).find(image)
     assert found.corners is None and "corner 0 of the chessboard is hidden" in found.reason
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_of_two_boards_none_is_taken(mirrored):
+    """Beside the second, or a mirror: which of them is the board is not for a guess."""
+    for picture in chessboard_pictures(CAMERA, 6, 5):
+        other = picture.image[:, ::-1] if mirrored else picture.image
+        found = ChessboardFinder(*picture.config.dimension).find(np.hstack([picture.image, other]))
+        assert found.corners is None and "two chessboards of" in found.reason
+
+
+def test_half_a_second_board_does_no_harm():
+    for picture in chessboard_pictures(CAMERA, 4, 5):
+        middle = int(picture.corners_px[:, 0].mean())
+        found = ChessboardFinder(*picture.config.dimension).find(
+            np.hstack([picture.image, picture.image[:, :middle]])
+        )
+        assert found.corners is not None, found.reason

@@ -357,6 +357,14 @@ def test_two_boards_with_the_same_markers_are_warned_about():
     assert "calibration_patterns.twin.dictionary has the same markers as 'board'" in warning
 
 
+def test_two_chessboards_of_one_dimension_are_warned_about():
+    document = full_document()
+    patterns = document["calibration_patterns"]
+    patterns["twin"] = {**patterns["small"], "dimension": dict(patterns["small"]["dimension"])}
+    (warning,) = read(document).warnings
+    assert "calibration_patterns.twin.dimension is that of 'small'" in warning
+
+
 def test_all_dictionaries_of_the_format():
     assert len(DICTIONARIES) == 16 and len(set(DICTIONARIES)) == 16
     for name in DICTIONARIES[1:4]:

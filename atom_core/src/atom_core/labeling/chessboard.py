@@ -10,7 +10,7 @@ from typing import List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from atom_core.labeling.chessboard_detection import detect
+from atom_core.labeling.chessboard_detection import detect, detect_another
 from atom_core.labeling.saddle import Corners, refine
 
 _LEAST_QUALITY = 0.8
@@ -70,7 +70,18 @@ class ChessboardFinder:
         found = detect(grey, (self.columns, self.rows))
         if found is None:
             return FoundBoard(None, f"no chessboard of {self._size()} inner corners is seen")
-        return self._labeled(grey, found.reshape(self.rows, self.columns, 2))
+        shape = (self.rows, self.columns, 2)
+        labeled = self._labeled(grey, found.reshape(shape))
+        if labeled.corners is None:
+            return labeled
+        rest, other = detect_another(grey, labeled.corners.pixels.reshape(shape))
+        if other is not None and self._labeled(rest, other.reshape(shape)).corners is not None:
+            return FoundBoard(
+                None,
+                f"two chessboards of {self._size()} inner corners are seen, and nothing tells "
+                f"which is the board; take the other one, or its mirror image, out of view",
+            )
+        return labeled
 
     def _labeled(self, grey: np.ndarray, grid: np.ndarray, is_sure: bool = False) -> FoundBoard:
         """Return the exact corners of a grid (rows, columns, 2) that a detector has found.

@@ -20,6 +20,8 @@ _STEEP, _SHARE_OF_STEEPEST = 60.0, 0.04  # steepness goes with the square of the
 _LARGE_PX = 1_500_000  # of an image that is looked at in half its size first
 _LARGEST_FOR_OUTLINES_PX = 600_000
 _SMOOTH_PX = 1.0
+_MARGIN_SQUARES = 0.3  # around the outer squares
+_LIKE_THE_FIRST = 0.05  # steepness of a second board's saddles: a quarter of the contrast
 
 Size = Tuple[int, int]
 Detector = Callable[[np.ndarray, Size], Tuple[bool, np.ndarray]]
@@ -80,10 +82,45 @@ def detect(grey: np.ndarray, size: Size) -> Optional[np.ndarray]:
     return None
 
 
-def _part_with_saddles(grey: np.ndarray, size: Size) -> Tuple[Optional[np.ndarray], np.ndarray]:
+def detect_another(grey: np.ndarray, grid: np.ndarray) -> Tuple[np.ndarray, Optional[np.ndarray]]:
+    """Look for a second board of the same size, in one attempt where saddles are enough for one.
+
+    Args:
+        grey: (height, width) uint8.
+        grid: (rows, columns, 2) corners [px] of the first board.
+
+    Returns:
+        The image without the first board, and what `detect` returns for it.
+    """
+    rows, columns = grid.shape[:2]
+    rest = _without_board(grey, grid)
+    column, row = np.rint(grid.reshape(-1, 2)).astype(int).T
+    usual = float(np.median(_steepness(grey)[row, column]))
+    part, corner = _part_with_saddles(rest, (columns, rows), _LIKE_THE_FIRST * usual)
+    if part is None:
+        return rest, None
+    scale = 0.5 if part.size > _LARGE_PX else 1.0
+    found = _try(part, (columns, rows), _Attempt(_FIRST, scale))
+    return rest, None if found is None else found + corner
+
+
+def _without_board(grey: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """Return the image with grey in the place of a board's squares."""
+    rows, columns = grid.shape[:2]
+    places = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
+    image_H_board, _ = cv2.findHomography(places.astype(float), grid.reshape(-1, 2))
+    low, right, bottom = -1.0 - _MARGIN_SQUARES, columns + _MARGIN_SQUARES, rows + _MARGIN_SQUARES
+    outline = np.array([[[low, low], [right, low], [right, bottom], [low, bottom]]])
+    polygon = np.rint(cv2.perspectiveTransform(outline, image_H_board)).astype(np.int32)
+    return cv2.fillConvexPoly(grey.copy(), polygon, int(np.mean(grey)))
+
+
+def _part_with_saddles(
+    grey: np.ndarray, size: Size, steep: float = _STEEP
+) -> Tuple[Optional[np.ndarray], np.ndarray]:
     """Return the part of the image with saddles in it, None if they are too few, and its corner."""
     least = int(np.ceil(_LEAST_SADDLES * size[0] * size[1]))
-    saddles = _saddles(grey, least)
+    saddles = _saddles(grey, least, steep)
     if len(saddles) < least:
         return None, np.zeros(2)
     low = np.maximum(saddles.min(axis=0) - _AROUND_PX, 0)
@@ -91,22 +128,27 @@ def _part_with_saddles(grey: np.ndarray, size: Size) -> Tuple[Optional[np.ndarra
     return np.ascontiguousarray(grey[low[1] : high[1], low[0] : high[0]]), low
 
 
-def _saddles(grey: np.ndarray, count: int) -> np.ndarray:
+def _saddles(grey: np.ndarray, count: int, steep: float) -> np.ndarray:
     """Return pixels (n, 2) where the grey values form a steep saddle, as squares' corners do.
 
     Left out is what has less than a fifth of the contrast of the ``count`` clearest ones.
     """
-    smooth = cv2.GaussianBlur(grey, (0, 0), 1.5).astype(np.float32)
-    xx, yy = (cv2.Sobel(smooth, cv2.CV_32F, *order, ksize=3) for order in ((2, 0), (0, 2)))
-    xy = cv2.Sobel(smooth, cv2.CV_32F, 1, 1, ksize=3)
-    steepness = xy * xy - xx * yy  # minus the determinant of the Hessian
+    steepness = _steepness(grey)
     highest = cv2.dilate(steepness, np.ones((7, 7), np.uint8))
-    rows, columns = np.nonzero((steepness == highest) & (steepness > _STEEP))
+    rows, columns = np.nonzero((steepness == highest) & (steepness > steep))
     values = steepness[rows, columns]
     if len(values) > count:  # noise has many weak ones
         clear = values > _SHARE_OF_STEEPEST * np.partition(values, -count)[-count]
         rows, columns = rows[clear], columns[clear]
     return np.column_stack([columns, rows])
+
+
+def _steepness(grey: np.ndarray) -> np.ndarray:
+    """Return for each pixel minus the determinant of the Hessian: high where there is a saddle."""
+    smooth = cv2.GaussianBlur(grey, (0, 0), 1.5).astype(np.float32)
+    xx, yy = (cv2.Sobel(smooth, cv2.CV_32F, *order, ksize=3) for order in ((2, 0), (0, 2)))
+    xy = cv2.Sobel(smooth, cv2.CV_32F, 1, 1, ksize=3)
+    return xy * xy - xx * yy
 
 
 def _try(grey: np.ndarray, size: Size, attempt: _Attempt) -> Optional[np.ndarray]:

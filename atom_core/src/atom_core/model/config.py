@@ -320,7 +320,8 @@ def _advice(config: CalibrationConfig) -> List[Tuple[KeyPath, str]]:
                 "use an odd and an even number of corners, or a charuco"
             )
             advice.append(((*path, "dimension"), text))
-    return [*advice, *_advice_on_dictionaries(config), *_advice_on_shared_edges(config)]
+    alike = (*_advice_on_dictionaries(config), *_advice_on_chessboards(config))
+    return [*advice, *alike, *_advice_on_shared_edges(config)]
 
 
 def _advice_on_dictionaries(config: CalibrationConfig) -> Iterator[Tuple[KeyPath, str]]:
@@ -335,6 +336,19 @@ def _advice_on_dictionaries(config: CalibrationConfig) -> Iterator[Tuple[KeyPath
                     ("calibration_patterns", name, "dictionary"),
                     f"has the same markers as '{other}': where a camera sees both boards they "
                     f"cannot be told apart; use a dictionary with another number of bits",
+                )
+
+
+def _advice_on_chessboards(config: CalibrationConfig) -> Iterator[Tuple[KeyPath, str]]:
+    first: Dict[Tuple[int, ...], str] = {}
+    for name, pattern in config.calibration_patterns.items():
+        if pattern.pattern_type == CHESSBOARD:
+            other = first.setdefault(tuple(sorted(pattern.dimension)), name)
+            if other != name:
+                yield (
+                    ("calibration_patterns", name, "dimension"),
+                    f"is that of '{other}': where a camera sees one of the two boards it cannot "
+                    f"tell which; use one with another number of corners, or a charuco",
                 )
 
 
