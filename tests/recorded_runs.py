@@ -50,9 +50,9 @@ RUNS = (
         "`make test-debian11`",
         "2026-11-27",
         "42d4c0a",
-        "whole, in 40 min beside other work: built without a change in the sources (GCC 10.2, Ceres "
-        "1.14.0, PCL 1.11.1, RViz 1.14.4, CMake 3.18.4, Python 3.9.2, OpenCV 4.5.1), several of them "
-        "compiled as one; 6,854 quick tests passed (65 skipped), the "
+        "whole, in 40 min beside other work: built without a change in the sources, several of "
+        "them compiled as one (GCC 10.2, Ceres 1.14.0, PCL 1.11.1, RViz 1.14.4, CMake 3.18.4, "
+        "Python 3.9.2, OpenCV 4.5.1), 6,854 quick tests passed (65 skipped), the "
         "four C++ tests under the address and undefined sanitizers, `calibrate.test` and the three "
         "tests in RViz. Runs before had found a simulator that could not run with the MuJoCo of "
         "Python 3.9 (3.3.7), pictures with their principal point upside down there, and a "

@@ -108,10 +108,10 @@ def _without_board(grey: np.ndarray, grid: np.ndarray) -> np.ndarray:
     """Return the image with grey in the place of a board's squares."""
     rows, columns = grid.shape[:2]
     places = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
-    image_H_board, _ = cv2.findHomography(places.astype(float), grid.reshape(-1, 2))
+    homography, _ = cv2.findHomography(places.astype(float), grid.reshape(-1, 2))
     low, right, bottom = -1.0 - _MARGIN_SQUARES, columns + _MARGIN_SQUARES, rows + _MARGIN_SQUARES
     outline = np.array([[[low, low], [right, low], [right, bottom], [low, bottom]]])
-    polygon = np.rint(cv2.perspectiveTransform(outline, image_H_board)).astype(np.int32)
+    polygon = np.rint(cv2.perspectiveTransform(outline, homography)).astype(np.int32)
     return cv2.fillConvexPoly(grey.copy(), polygon, int(np.mean(grey)))
 
 
