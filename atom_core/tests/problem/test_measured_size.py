@@ -7,6 +7,8 @@ import pytest
 from atom_core.calibration.preflight import preflight
 from atom_core.problem.measured_size import measured_sides
 from atom_core.problem.measurements import read_measurements
+from atom_core.report.check_verdict import check_verdict
+from atom_core.report.verdict import WEAK
 from atom_core.synthetic import PLAIN, Noise, Sampling, paper_cell, scenes
 
 
@@ -41,8 +43,11 @@ def test_a_board_as_configured_is_nothing_to_tell(seed):
 @pytest.mark.parametrize("scale", [0.05, -0.1])
 def test_a_board_of_another_size_is_told_for_each_sensor_with_both_sizes(scale):
     scene = paper_cell(0, realism=replace(PLAIN, board_scale=scale))
-    told = [w for w in preflight(scene.dataset).warnings if "looks" in w]
+    result = preflight(scene.dataset)
+    told = [w for w in result.warnings if "looks" in w]
     assert {w.split("'")[3] for w in told} >= {"depth_1", "lidar_2", "lidar_3"}
     for warning in told:
         assert "pattern 'pattern_1' looks 0." in warning and "the configuration says" in warning
         assert "0.600 m high" in warning
+        sensor = check_verdict(scene.dataset, result).sensors[warning.split("'")[3]]
+        assert sensor.grade == WEAK and "measure the board" in sensor.advice

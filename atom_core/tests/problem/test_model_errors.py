@@ -6,7 +6,14 @@ import pytest
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.preparation import free_edges
 from atom_core.calibration.start.boards import initial_boards
-from atom_core.problem.board_errors import Bend, BoardAspect, BoardSize, BorderShift, BorderSize
+from atom_core.problem.board_errors import (
+    Bend,
+    BoardAspect,
+    BoardSize,
+    BorderShift,
+    BorderSize,
+    PrintTurn,
+)
 from atom_core.problem.builder import build_problem
 from atom_core.problem.corrections import corrected
 from atom_core.problem.direction_errors import (
@@ -73,6 +80,7 @@ def errors(dataset):
         "elevation offset": ElevationOffset("lidar_1"),
         "elevation scale": ElevationScale("lidar_1"),
         "board aspect": BoardAspect(pattern.name),
+        "print turn": PrintTurn(pattern.name, *middle),
     }
 
 
@@ -80,7 +88,7 @@ NAMES = [
     *("range offset", "range scale", "board size", "shift in x", "shift in y", "size in x"),
     *("bend over y", "focal length", "first coefficient", "some layers", "depth wave"),
     *("depth offset", "depth focal length", "depth centre", "azimuth scale", "azimuth wave"),
-    *("elevation offset", "elevation scale", "board aspect"),
+    *("elevation offset", "elevation scale", "board aspect", "print turn"),
 ]
 
 
@@ -152,6 +160,7 @@ def test_both_solvers_see_the_same_corrected_rows(problem, errors):
         (DepthFocalLength, 0.001),
         (DepthCentre, 0.001),
         (BoardAspect, 0.001),
+        (PrintTurn, 0.003),
         (BoardSize, 0.002),
         (CameraError, 0.005),
         (BorderShift, 0.003),

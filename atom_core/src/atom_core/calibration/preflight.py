@@ -27,6 +27,7 @@ from atom_core.calibration.prepare.priors import priors
 from atom_core.calibration.prepare.same_labels import copies
 from atom_core.calibration.start.boards import carried_boards
 from atom_core.errors import AtomError
+from atom_core.labeling.board_size import OTHER_SIZE
 from atom_core.model.dataset import Dataset, is_complete
 from atom_core.model.labels import DetectionKey, place
 from atom_core.problem.builder import FreeEdges, build_problem, check_edges
@@ -124,7 +125,7 @@ def _of_another_size(sides: Sequence[MeasuredSide]) -> List[str]:
             for length in ("measured_m", "configured_m")
         )
         remarks.append(
-            f"pattern '{pattern}' looks {looks} to sensor '{sensor}'; the configuration says "
+            f"pattern '{pattern}' looks {looks} to sensor '{sensor}'{OTHER_SIZE}"
             f"{configured}: measure the board, and correct its size and border"
         )
     return remarks

@@ -22,7 +22,14 @@ from atom_core.geometry.intrinsics import (
 from atom_core.io.calibration_json import StoredCalibration, StoredCamera, StoredError
 from atom_core.io.structure import OTHER_KIND
 from atom_core.model.dataset import Dataset
-from atom_core.problem.board_errors import Bend, BoardAspect, BoardSize, BorderShift, BorderSize
+from atom_core.problem.board_errors import (
+    Bend,
+    BoardAspect,
+    BoardSize,
+    BorderShift,
+    BorderSize,
+    PrintTurn,
+)
 from atom_core.problem.direction_errors import (
     AzimuthScale,
     AzimuthWave,
@@ -50,7 +57,7 @@ _TYPES: Mapping[str, Type[ModelError]] = {
         *(RangeOffset, RangeScale, DepthOffset, DepthScale, LayerOffset, DepthWave),
         *(AzimuthScale, AzimuthWave, ElevationOffset, ElevationScale),
         *(DepthFocalLength, DepthCentre),
-        *(BoardSize, BoardAspect, BorderShift, BorderSize, Bend, CameraError),
+        *(BoardSize, BoardAspect, PrintTurn, BorderShift, BorderSize, Bend, CameraError),
     )
 }
 _LEAST_STEPS = 1e-3  # no error is known better than this part of its step

@@ -15,6 +15,8 @@ from atom_core.errors import LabelingError
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.labeling.lidar3d import CloudLike, Lidar3dOptions, as_cloud, board_at
 
+OTHER_SIZE = "; the configuration says "  # in each remark about a board of another size
+
 LEAST_SIDES = 3  # of a kind, to say anything
 OFF_SHARE = 0.02  # of a side: so much the outline of a right board may leave open
 SURELY_SMALLER_SHARE = 0.03  # of a side, over several labels: no right board looks so
@@ -155,9 +157,7 @@ def size_remark(
         " and ".join(f"{lengths[axis]:.3f} m {('wide', 'high')[axis]}" for axis in told)
         for lengths in (finding.sides_m, configured)
     )
-    remark = (
-        f"pattern '{pattern}' looks {looks} to sensor '{sensor}'; the configuration says {says}"
-    )
+    remark = f"pattern '{pattern}' looks {looks} to sensor '{sensor}'{OTHER_SIZE}{says}"
     if finding.range_offset_m is not None:
         return remark + _by_ranges(sensor, finding, finding.range_offset_m)
     remark += ": measure the board, and correct its size and border"
@@ -186,7 +186,7 @@ def few_boards_remark(
     labels = "the only label" if len(seen) == 1 else f"all {len(seen)} labels"
     return (
         f"pattern '{pattern}' looks {looks} to sensor '{sensor}', in {labels} there "
-        f"{'is' if len(seen) == 1 else 'are'}; the configuration says {says}: measure the board, "
+        f"{'is' if len(seen) == 1 else 'are'}{OTHER_SIZE}{says}: measure the board, "
         f"and correct its size and border. A board of another size is refused mostly, which may be "
         f"why there are so few labels"
     )
@@ -218,7 +218,8 @@ def _cause(finding: SizeFinding) -> str:
     spread = _spread(finding)
     if finding.by_size and not finding.by_beams:
         return (
-            f". It looks so at any distance ({spread}); wide beams would enlarge it with distance"
+            f". It looks so at any distance ({spread}), as it does where ranges are too long by as "
+            f"many percent; wide beams would enlarge it with distance"
         )
     if finding.by_beams and not finding.by_size:
         return f". It looks the larger the farther it is ({spread}), as wide beams make it"

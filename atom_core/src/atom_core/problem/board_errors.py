@@ -9,7 +9,7 @@ from typing import ClassVar, Optional, Tuple
 import numpy as np
 
 from atom_core.geometry.rectangle import Rectangle
-from atom_core.problem.model_errors import AXES, RATIO, WITH_ALL, ModelError, Rows
+from atom_core.problem.model_errors import AXES, RADIAN, RATIO, WITH_ALL, ModelError, Rows
 from atom_core.problem.residuals import BorderBlock, OrthogonalBlock, ReprojectionBlock
 
 
@@ -60,6 +60,41 @@ class BoardAspect(BoardError):
         if not isinstance(rows.block, ReprojectionBlock):
             return None
         return rows.by_pattern_point(rows.block.corners_in_pattern * [1.0, -1.0, 0.0])
+
+
+@dataclass(frozen=True)
+class PrintTurn(BoardError):
+    """By which angle a board's print is turned on its plate, about the middle of its border [rad].
+
+    Attributes:
+        middle_x, middle_y: that middle, in the pattern's plane [m].
+    """
+
+    middle_x: float
+    middle_y: float
+
+    kind = "print_turn"
+    unit = RADIAN
+    usual = 0.003  # 2 mm along the side of a plate of 0.7 m
+    option = WITH_ALL
+
+    @classmethod
+    def of_board(cls, target: str, border: Rectangle) -> PrintTurn:
+        """Return that of a board."""
+        return cls(target, *(float(value) for value in border.centre))
+
+    def turned(self, in_plane: np.ndarray, angle: np.ndarray) -> np.ndarray:
+        """Return points (n, 2) of the pattern's plane, turned by angles (n,) about the middle."""
+        middle = np.array([self.middle_x, self.middle_y])
+        x, y = (in_plane - middle).T
+        cosine, sine = np.cos(angle), np.sin(angle)
+        return np.column_stack([cosine * x - sine * y, sine * x + cosine * y]) + middle
+
+    def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
+        if not isinstance(rows.block, ReprojectionBlock):
+            return None
+        x, y = (rows.block.corners_in_pattern[:, :2] - [self.middle_x, self.middle_y]).T
+        return rows.by_pattern_point(np.column_stack([-y, x, np.zeros(len(x))]))
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from atom_core.problem.board_errors import (
     BoardSize,
     BorderShift,
     BorderSize,
+    PrintTurn,
 )
 from atom_core.problem.direction_errors import DirectionError
 from atom_core.problem.model_errors import CameraError, ModelError, RangeOffset, RangeScale, rows_of
@@ -136,6 +137,12 @@ class _Correction:
             longer += self.per_item(error, value)
         return self.size * np.column_stack([1.0 + longer, 1.0 - longer])
 
+    def print_turned(self, in_plane: np.ndarray, way: float = 1.0) -> np.ndarray:
+        """Return points (n, 2) of the print as it stands on its plate; with -1 the way back."""
+        for error, value in self.of_kind(PrintTurn).items():
+            in_plane = error.turned(in_plane, way * self.per_item(error, value))
+        return in_plane
+
     def surface_m(self, in_pattern: np.ndarray) -> np.ndarray:
         """Return (n,): how high the bent boards are at points (n, 2 or 3) [m]."""
         height = np.zeros(len(self._patterns))
@@ -155,10 +162,11 @@ class _Correction:
 def _corrected_corners(
     block: ReprojectionBlock, before: _Correction, after: _Correction
 ) -> ReprojectionBlock:
-    flat = block.corners_in_pattern[:, :2] / before.print_size
+    flat = before.print_turned(block.corners_in_pattern[:, :2], -1.0) / before.print_size
     level = block.corners_in_pattern[:, 2] - before.surface_m(flat)
     corners = np.concatenate(
-        [after.print_size * flat, (level + after.surface_m(flat))[:, None]], axis=1
+        [after.print_turned(after.print_size * flat), (level + after.surface_m(flat))[:, None]],
+        axis=1,
     )
     errors: List[CameraError] = [*before.of_kind(CameraError), *after.of_kind(CameraError)]
     camera = moved_camera(errors[0].camera, after.numbers) if errors else block.camera

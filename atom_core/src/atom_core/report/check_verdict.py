@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import List, Mapping, Optional
 
 from atom_core.calibration.preflight import Preflight
+from atom_core.labeling.board_size import OTHER_SIZE
 from atom_core.model.config import GREATEST_SQUARE_M
 from atom_core.model.dataset import Dataset
 from atom_core.problem.corner_measurement import NO_PLACE, NO_POSE
@@ -89,4 +90,9 @@ def _sensor(result: Preflight, name: str, moved: Optional[str]) -> SensorVerdict
     elif len(remarks) > _MANY_REMARKS * boards and boards >= FEWEST_BOARDS:
         told = f"warnings above that are about it: {len(remarks)}"
         findings.append(Finding(WEAK, told, "read them before you trust its labels"))
+    findings += [
+        Finding(WEAK, remark.partition(":")[0], "measure the board before you trust this sensor")
+        for remark in remarks
+        if OTHER_SIZE in remark
+    ]
     return sensor_verdict(findings, f"detected {counted(boards, 'board')}")

@@ -11,7 +11,14 @@ from atom_core.calibration.start.boards import solved_dataset
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics import intrinsics_names
 from atom_core.model.dataset import Dataset
-from atom_core.problem.board_errors import Bend, BoardAspect, BoardSize, BorderShift, SeenBorder
+from atom_core.problem.board_errors import (
+    Bend,
+    BoardAspect,
+    BoardSize,
+    BorderShift,
+    PrintTurn,
+    SeenBorder,
+)
 from atom_core.problem.direction_errors import (
     AzimuthScale,
     AzimuthWave,
@@ -72,8 +79,9 @@ def candidates(dataset: Dataset, problem: Problem, x: np.ndarray) -> List[ModelE
                 if max(numbers) < len(intrinsics_names(camera))
             ]
     for name in dict.fromkeys(key.pattern for key in problem.detections):
-        found += [BoardSize(name), BoardAspect(name)]
-        bends = Bend.of_board(name, dataset.patterns[name].border)
+        border = dataset.patterns[name].border
+        found += [BoardSize(name), BoardAspect(name), PrintTurn.of_board(name, border)]
+        bends = Bend.of_board(name, border)
         for axis, bend in enumerate(bends):
             found += [BorderShift(name, axis), bend]
     if any(collection.joints for collection in dataset.collections.values()):

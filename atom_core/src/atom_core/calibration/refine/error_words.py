@@ -5,7 +5,14 @@ from __future__ import annotations
 import math
 from typing import Callable, Dict, Type
 
-from atom_core.problem.board_errors import Bend, BoardAspect, BoardSize, BorderShift, BorderSize
+from atom_core.problem.board_errors import (
+    Bend,
+    BoardAspect,
+    BoardSize,
+    BorderShift,
+    BorderSize,
+    PrintTurn,
+)
 from atom_core.problem.direction_errors import (
     AzimuthScale,
     AzimuthWave,
@@ -86,6 +93,15 @@ def _board_aspect(error: ModelError, value: float, sigma: float) -> str:
     return (
         f"the print of {error.target} is {_about(2.0 * value, 2.0 * sigma, 100.0, '%')} longer in "
         f"{longer} beside {shorter} than described: measure its squares along both"
+    )
+
+
+def _print_turn(error: ModelError, value: float, sigma: float) -> str:
+    sign = "+" if value > 0 else "-"
+    return (
+        f"the print of {error.target} is turned on its plate by "
+        f"{_about(value, sigma, math.degrees(1.0), 'deg')} about {sign}z, seen from the border: "
+        f"measure whether its lines run along the plate's edges"
     )
 
 
@@ -238,6 +254,7 @@ _WORDS: Dict[Type[ModelError], Callable[[ModelError, float, float], str]] = {
     DepthCentre: _depth_centre,
     BoardSize: _board_size,
     BoardAspect: _board_aspect,
+    PrintTurn: _print_turn,
     BorderShift: _border_shift,
     BorderSize: _border_size,
     Bend: _bend,
