@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Dict, Iterable, List, Optional
+from typing import Dict, Iterable, List, Optional, Set
 
 import numpy as np
 
@@ -80,13 +80,21 @@ def candidates(dataset: Dataset, problem: Problem, x: np.ndarray) -> List[ModelE
             ]
     for name in dict.fromkeys(key.pattern for key in problem.detections):
         border = dataset.patterns[name].border
-        found += [BoardSize(name), BoardAspect(name), PrintTurn.of_board(name, border)]
+        found += [BoardSize(name), BoardAspect(name)]
+        if name in _with_border(problem):  # else nothing is there beside which it is turned
+            found.append(PrintTurn.of_board(name, border))
         bends = Bend.of_board(name, border)
         for axis, bend in enumerate(bends):
             found += [BorderShift(name, axis), bend]
     if any(collection.joints for collection in dataset.collections.values()):
         found += joint_offsets(solved_dataset(dataset, problem, x, {}), problem)
     return found
+
+
+def _with_border(problem: Problem) -> Set[str]:
+    """Return the patterns of which some sensor sees the border."""
+    borders = [b.detection for b in problem.residual_blocks if isinstance(b, BorderBlock)]
+    return {str(problem.patterns[d]) for block in borders for d in np.unique(block)}
 
 
 def _of_lidar(name: str) -> List[ModelError]:
