@@ -9,7 +9,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # Messages are made for C++ and Python; `make deb` makes them for all languages, as others expect.
 export ROS_LANG_DISABLE := geneus:genlisp:gennodejs
 
-# What was compiled before, in whatever clone, comes out of ccache. Its paths are those in this one.
+# What was compiled before, in whatever clone, comes out of ccache: paths count from the clone's root.
 export CCACHE_BASEDIR := $(CURDIR)
 export CCACHE_NOHASHDIR := 1
 CCACHE = $(if $(shell command -v ccache),-DCMAKE_C_COMPILER_LAUNCHER=ccache -DCMAKE_CXX_COMPILER_LAUNCHER=ccache)

@@ -78,10 +78,11 @@ def candidates(dataset: Dataset, problem: Problem, x: np.ndarray) -> List[ModelE
                 for label, numbers in _NUMBERS.items()
                 if max(numbers) < len(intrinsics_names(camera))
             ]
+    with_border = _patterns_with_border(problem)
     for name in dict.fromkeys(key.pattern for key in problem.detections):
         border = dataset.patterns[name].border
         found += [BoardSize(name), BoardAspect(name)]
-        if name in _with_border(problem):  # else nothing is there beside which it is turned
+        if name in with_border:  # else nothing is there beside which it is turned
             found.append(PrintTurn.of_board(name, border))
         bends = Bend.of_board(name, border)
         for axis, bend in enumerate(bends):
@@ -91,10 +92,10 @@ def candidates(dataset: Dataset, problem: Problem, x: np.ndarray) -> List[ModelE
     return found
 
 
-def _with_border(problem: Problem) -> Set[str]:
+def _patterns_with_border(problem: Problem) -> Set[str]:
     """Return the patterns of which some sensor sees the border."""
     borders = [b.detection for b in problem.residual_blocks if isinstance(b, BorderBlock)]
-    return {str(problem.patterns[d]) for block in borders for d in np.unique(block)}
+    return {str(pattern) for seen in borders for pattern in np.unique(problem.patterns[seen])}
 
 
 def _of_lidar(name: str) -> List[ModelError]:
