@@ -36,6 +36,30 @@ def test_waiting_allows_nothing_to_those_who_are_in_time():
     assert pace.late(102.9) == ["cam"]
 
 
+def test_it_is_waited_for_as_long_as_any_labels_come():
+    pace, paused = Pace(["cam", "lidar"]), []
+
+    def pause(seconds):
+        paused.append(seconds)
+        if len(paused) % 30 == 0 and len(paused) <= 300:  # slow: a label in 1.5 s
+            pace.note("cam", 100.0 + len(paused) / 100, 105.5)
+
+    pace.late(100.0)
+    pace.wait(lambda: 105.5, pause, lambda: False)
+    assert len(paused) == 300 + 40  # and 2 s longer, in vain
+    assert pace.late(110.0) == ["cam"]  # the other one may be later from now on
+    pace.note("cam", 109.9, 110.0)
+    pace.wait(lambda: 110.0, pause, lambda: False)
+    assert len(paused) == 340
+
+
+def test_nobody_waits_once_it_has_ended():
+    pace, paused = Pace(["cam"]), []
+    pace.late(100.0)
+    pace.wait(lambda: 109.0, paused.append, lambda: len(paused) == 3)
+    assert len(paused) == 3 and pace.late(109.0) == ["cam"]
+
+
 def test_stamps_of_another_clock_count_as_when_they_came():
     pace = Pace(["cam"])
     pace.late(100.0)
@@ -60,7 +84,6 @@ class Played:
         self._wall_s = 0.0
         monkeypatch.setattr(start_bag.running, "pause", self._pass_time)
         monkeypatch.setattr(start_bag.running, "stopped", lambda: self._wall_s > self._ends_s)
-        monkeypatch.setattr(start_bag.time, "monotonic", lambda: self._wall_s)
         now = SimpleNamespace(now=lambda: SimpleNamespace(to_sec=lambda: self.now_s))
         monkeypatch.setattr(start_bag.rospy, "Time", now)
 

@@ -1,12 +1,14 @@
-"""Whether a recording that is played has to wait for those who work on it."""
+"""Whether somebody has to wait for labels that are late."""
 
 from __future__ import annotations
 
 import math
-from typing import Dict, Iterable, List
+from typing import Callable, Dict, Iterable, List
 
 LATE_S = 1.0
-_OTHER_CLOCK_S = 10.0  # stamps this far away are of another clock, and say nothing
+LOOK_EVERY_S = 0.05  # by the wall's clock
+_LOOKS_IN_VAIN = 40  # in a row; not seconds, so that a machine that stands still gives nobody up
+_OTHER_CLOCK_S = 30.0  # stamps this far away are of another clock, and say nothing
 
 
 class Pace:
@@ -16,16 +18,18 @@ class Pace:
     may be twice as late from then on. All times are of the recording, in seconds.
     """
 
-    def __init__(self, sensors: Iterable[str]):
-        """Expect labels of these sensors from the beginning on."""
-        self._allowed_s = dict.fromkeys(sensors, LATE_S)
+    def __init__(self, sensors: Iterable[str], late_s: float = LATE_S):
+        """Expect labels of these sensors from the beginning on, none later than this [s]."""
+        self._allowed_s = dict.fromkeys(sensors, late_s)
         self._labeled_s: Dict[str, float] = {}
         self._begin_s, self._now_s = math.nan, math.inf
+        self._noted = 0
 
     def note(self, sensor: str, stamp_s: float, now_s: float) -> None:
         """Take in that labels of a sensor came, with the stamp of their data."""
         of_this_clock = abs(now_s - stamp_s) < _OTHER_CLOCK_S
         self._labeled_s[sensor] = stamp_s if of_this_clock else now_s
+        self._noted += 1
 
     def late(self, now_s: float) -> List[str]:
         """Return the sensors whose labels are later than they may be."""
@@ -34,6 +38,28 @@ class Pace:
             self._begin_s = now_s
         self._now_s = now_s
         return [name for name, most_s in self._allowed_s.items() if self._lag_s(name) > most_s]
+
+    def wait(
+        self,
+        now: Callable[[], float],
+        pause: Callable[[float], None],
+        ended: Callable[[], bool],
+    ) -> None:
+        """Wait until nobody is late, for as long as any labels come at all.
+
+        Args:
+            now: returns the time of the recording.
+            pause: waits for so many seconds of the wall's clock.
+            ended: tells that there is no more reason to wait.
+        """
+        in_vain = 0
+        while not ended() and self.late(now()):
+            if in_vain == _LOOKS_IN_VAIN:
+                self.wait_no_more(now())
+                return
+            before = self._noted
+            pause(LOOK_EVERY_S)
+            in_vain = in_vain + 1 if self._noted == before else 0
 
     def wait_no_more(self, now_s: float) -> None:
         """Let those that are late now be as late again, and later."""

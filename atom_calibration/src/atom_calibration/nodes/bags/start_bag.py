@@ -17,7 +17,7 @@ from atom_calibration.errors import CollectionError
 from atom_calibration.messages.headers import stamp_s
 from atom_calibration.msg import SensorLabels
 from atom_calibration.runtime import options, running
-from atom_calibration.runtime.pace import Pace
+from atom_calibration.runtime.pace import LOOK_EVERY_S, Pace
 from atom_calibration.sources.live_topics import NotYetError, wait_for
 from atom_calibration.sources.rig import candidate_topics
 from atom_core.commands.common import add_option
@@ -28,7 +28,7 @@ from atom_core.model.config import CalibrationConfig
 _PLAYER_WITHIN_S = 10.0
 COLLECTOR = "/collect_data"
 _SETTLE_S = 0.5  # who has subscribed is not yet connected
-_LOOK_EVERY_S, _HELD_FOR_S = 0.05, 2.0  # by the wall's clock
+_ASK_EVERY_S = 2.0  # whether a user still holds the recording
 
 
 def main() -> int:
@@ -78,7 +78,7 @@ def _everybody_listens(config: CalibrationConfig) -> bool:
 
 
 def _note_in(pace: Pace, sensor: str) -> Callable[[SensorLabels], None]:
-    return lambda labels: pace.note(sensor, stamp_s(labels), rospy.Time.now().to_sec())
+    return lambda labels: pace.note(sensor, stamp_s(labels), _now_s())
 
 
 def _hold_while_late(pace: Pace, hold: Callable[[bool], Any]) -> None:
@@ -89,28 +89,29 @@ def _hold_while_late(pace: Pace, hold: Callable[[bool], Any]) -> None:
         rospy.ROSInterruptException: the node ends amid a call.
     """
     while not running.stopped():
-        running.pause(_LOOK_EVERY_S)
+        running.pause(LOOK_EVERY_S)
         late = _late(pace)
         if not late:
             continue
         if not hold(True).success:  # a user has paused it, who lets it go on
-            running.pause(_HELD_FOR_S)
+            running.pause(_ASK_EVERY_S)
             continue
         rospy.loginfo_once(
             f"the recording waits now and then, until its data are labeled: "
             f"{', '.join(late)} took longer than it plays"
         )
-        end_s = time.monotonic() + _HELD_FOR_S
-        while _late(pace) and time.monotonic() < end_s and not running.stopped():
-            running.pause(_LOOK_EVERY_S)
-        pace.wait_no_more(rospy.Time.now().to_sec())
+        pace.wait(_now_s, running.pause, running.stopped)
         hold(False)
 
 
 def _late(pace: Pace) -> List[str]:
     """Return the sensors that are late; nobody is before the clock runs."""
-    now_s = rospy.Time.now().to_sec()
+    now_s = _now_s()
     return pace.late(now_s) if now_s > 0.0 else []
+
+
+def _now_s() -> float:
+    return float(rospy.Time.now().to_sec())
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -40,7 +40,9 @@ def _run(name: str, modality: str, args: argparse.Namespace) -> int:
     cameras = {n: entry.link for n, entry in everyone.items() if _may_tell_pose(entry)}
     running.start(f"{args.sensor}_labeler")
     cv2.setNumThreads(1)
-    links = LabelLinks(args.sensor, {} if ros_modality(modality).seeds is None else cameras)
+    if ros_modality(modality).seeds is None:
+        cameras = {}
+    links = LabelLinks(args.sensor, cameras, args.use_receive_time)
     with LiveTopics(config) as topics:
 
         def rig_when_there() -> Rig:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from typing import Any, Deque, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Collection, Deque, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 import rospy
@@ -19,6 +19,7 @@ from atom_calibration.messages.poses import pose_matrix
 from atom_calibration.modalities.frames import Frame, decode, undecoded
 from atom_calibration.modalities.table import ros_modality
 from atom_calibration.msg import SensorLabels
+from atom_calibration.nodes.collecting.camera_sights import CameraSights, Sight
 from atom_calibration.nodes.collecting.seed_input import SeedListener
 from atom_calibration.runtime import running
 from atom_calibration.show.annotation import annotated, labeled_cloud
@@ -33,7 +34,7 @@ from atom_core.model.config import CalibrationConfig
 from atom_core.model.pattern import pattern_from_config
 
 _BUFFER_BYTES = 2**25  # of a connection: less than a message makes old messages wait
-MOST_WAITING = 100  # data of a sensor that wait where none may be passed over
+MOST_WAITING = 200  # data of a sensor that wait where none may be passed over
 _BACK_S = 1.0  # data that are older by more begin anew, as when a bag is repeated
 _SOONER = 0.8  # of a period: stamps jitter
 
@@ -43,25 +44,31 @@ class LabelLinks:
 
     Attributes:
         out: publisher of the sensor's own labels.
-        sights: (frame, labels, when they came [s]) of cameras that were not looked at yet.
+        frames: of cameras, by their names.
+        sights: of cameras, which were not looked at yet.
     """
 
-    def __init__(self, sensor: str, cameras: Mapping[str, str]):
+    def __init__(self, sensor: str, cameras: Mapping[str, str], received: Collection[str]):
         """Advertise and subscribe.
 
         Args:
             sensor: its name.
             cameras: name to frame, of those whose sight of the board tells seeds.
+            received: sensors whose time of receipt is taken, not their stamps.
         """
         self.out = rospy.Publisher(f"/{sensor}/labels", SensorLabels, queue_size=20)
-        self.sights: Deque[Tuple[str, SensorLabels, float]] = deque(maxlen=100)
-        for camera, frame in cameras.items():
-            if camera != sensor:
-                topic = f"/{camera}/labels"
-                rospy.Subscriber(topic, SensorLabels, self._see, frame, queue_size=5)
+        self.frames = {name: frame for name, frame in cameras.items() if name != sensor}
+        self.sights = CameraSights(self.frames)
+        for camera in self.frames:
+            see = self._see_now if camera in received else self._see
+            topic = f"/{camera}/labels"
+            rospy.Subscriber(topic, SensorLabels, see, camera, queue_size=MOST_WAITING)
 
-    def _see(self, labels: SensorLabels, camera_frame: str) -> None:
-        self.sights.append((camera_frame, labels, rospy.Time.now().to_sec()))
+    def _see(self, labels: SensorLabels, camera: str) -> None:
+        self.sights.add(Sight(stamp_s(labels), camera, labels))
+
+    def _see_now(self, labels: SensorLabels, camera: str) -> None:
+        self.sights.add(Sight(rospy.Time.now().to_sec(), camera, labels))
 
 
 class _Waiting(NamedTuple):
@@ -98,7 +105,8 @@ class LabelerNode:
             automatic_seeds: predict seeds from cameras, and search.
             rate_hz: labels a second at most, by the stamps of the data.
             receipts: of sensors whose stamps are not used; their labels carry them all the same.
-            all_messages: let data wait, instead of passing over all but the newest.
+            all_messages: let data wait, instead of passing over all but the newest: until cameras
+                have labeled what they saw by then, too.
         """
         ((self._topic, sensor),) = rig.topics.items()
         self._config, self._receipts = config, receipts
@@ -111,6 +119,7 @@ class LabelerNode:
             config, {sensor.name: sensor}, self._patterns, seeds, automatic_seeds
         )
         self._transforms = LiveTransforms()
+        self._in_order = all_messages
         self._messages: Deque[Any] = deque(maxlen=MOST_WAITING if all_messages else 1)
         self._seed: Optional[Tuple[Optional[np.ndarray]]] = None
         self._there = threading.Condition()
@@ -194,13 +203,15 @@ class LabelerNode:
             self._give_up(frame, error)
             return frame
         frame.stamp_s = self._receipts.time_s(message, self._sensor.name)
+        if self._in_order:
+            self._links.sights.wait_for(frame.stamp_s, running.pause, running.stopped)
         self._label(frame)
         return frame
 
     def _label(self, frame: Frame) -> None:
         try:
-            while self._links.sights:
-                self._note_board(*self._links.sights.popleft())
+            for sight in self._links.sights.take(frame.stamp_s if self._in_order else np.inf):
+                self._note_board(sight)
             self._labeler.label(frame, self._transforms.at(frame.stamp_s))
             for name, pattern in self._patterns.items():
                 add_figures(frame, pattern, self._config.calibration_patterns[name])
@@ -214,13 +225,12 @@ class LabelerNode:
         for name in self._patterns:
             frame.set_label(name, nothing(self._sensor.modality, str(error)))
 
-    def _note_board(self, camera_frame: str, labels: SensorLabels, came_s: float) -> None:
-        stamp = came_s if labels.sensor in self._receipts else stamp_s(labels)
-        tree = self._transforms.at(stamp)
-        for part in labels.patterns:
+    def _note_board(self, sight: Sight) -> None:
+        tree, frame = self._transforms.at(sight.stamp_s), self._links.frames[sight.camera]
+        for part in sight.labels.patterns:
             if part.pose_known and part.pattern_name in self._patterns:
                 pose = pose_matrix(part.pose)
-                self._labeler.see_board(camera_frame, part.pattern_name, stamp, pose, tree)
+                self._labeler.see_board(frame, part.pattern_name, sight.stamp_s, pose, tree)
 
     def _publish(self, frame: Frame) -> None:
         seed = self._labeler.manual_seed(self._sensor.name)

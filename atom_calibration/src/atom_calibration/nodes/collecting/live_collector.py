@@ -65,7 +65,7 @@ class _Room(NamedTuple):
     hold_s: float
 
 
-_FOR_THE_NEWEST, _FOR_ALL = _Room(30, 60, 1.5), _Room(MOST_WAITING, 500, 10.0)
+_FOR_THE_NEWEST, _FOR_ALL = _Room(30, 60, 1.5), _Room(MOST_WAITING, 500, 15.0)
 
 
 @dataclass
