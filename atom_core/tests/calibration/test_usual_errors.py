@@ -167,10 +167,18 @@ def test_weights_of_detections_that_do_not_settle_are_no_convergence(monkeypatch
     assert "the weights of detections that are off as a whole did not settle" in result.message
 
 
-def says_that_size_is_untold(dataset, **options):
+def says(sentence, dataset, **options):
     found = calibrate(dataset, CalibrationOptions(**options))
     assert found.status == "converged"
-    return any("tells how large the boards are" in warning for warning in found.warnings)
+    return any(sentence in warning for warning in found.warnings)
+
+
+def says_that_size_is_untold(dataset, **options):
+    return says("tells how large the boards are", dataset, **options)
+
+
+def says_that_ranges_are_untold(dataset, **options):
+    return says("tells whether all ranges are too long or too short alike", dataset, **options)
 
 
 @pytest.mark.parametrize("options", [{}, {"model_errors": OFF}], ids=["default", "off"])
@@ -194,3 +202,30 @@ def test_two_sensors_that_are_held_tell_the_size():
     scene = random_scene(1, rgb=3, depth=0, lidar3d=0, collections=12)
     held = {"anchor_sensors": ("rgb_1", "rgb_2"), "ignore_anchored_sensor": True}
     assert not says_that_size_is_untold(scene.dataset, **held)
+
+
+@pytest.mark.parametrize("options", [{}, {"model_errors": AUTO}], ids=["default", "auto"])
+@pytest.mark.parametrize("rig", [{"lidar3d": 2}, {"depth": 2}, {"depth": 1, "lidar3d": 1}])
+def test_ranges_that_are_all_too_long_are_in_no_residual_of_range_sensors(rig, options):
+    """All distances are too long, and the verdict is good: what it rests on is said."""
+    rig = {"rgb": 0, "depth": 0, "lidar3d": 0, **rig}
+    dataset = random_scene(1, collections=12, **rig).dataset
+    assert says_that_ranges_are_untold(dataset, **options)
+    assert not says_that_size_is_untold(dataset, **options)
+
+
+@pytest.mark.parametrize("rig", [{"lidar3d": 2}, {"depth": 1}, {"depth": 0, "lidar3d": 1}])
+def test_a_camera_tells_whether_ranges_are_too_long(rig):
+    rig = {"rgb": 1, "depth": 0, "lidar3d": 0, **rig}
+    assert not says_that_ranges_are_untold(random_scene(1, collections=12, **rig).dataset)
+
+
+@pytest.mark.parametrize("make", [hand_eye, board_on_arm, paper_cell, two_cameras])
+def test_nothing_is_said_of_ranges_where_arms_or_cameras_tell_the_scale(make):
+    assert not says_that_ranges_are_untold(make(0).dataset)
+
+
+def test_two_range_sensors_that_are_held_tell_the_scale():
+    dataset = random_scene(1, rgb=0, depth=0, lidar3d=2, collections=12).dataset
+    held = {"anchor_sensors": ("lidar_1", "lidar_2"), "ignore_anchored_sensor": True}
+    assert not says_that_ranges_are_untold(dataset, **held)

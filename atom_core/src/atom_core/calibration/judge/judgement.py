@@ -19,6 +19,7 @@ from atom_core.calibration.judge.priors import (
     prior_results,
 )
 from atom_core.calibration.judge.reasons import Solution
+from atom_core.calibration.judge.untold_scale import untold_scale
 from atom_core.calibration.judge.usual_errors import left_open
 from atom_core.calibration.judge.weak_directions import (
     WeakDirection,
@@ -57,7 +58,6 @@ from atom_core.solvers.robust_covariance import FEWEST, degrees_of_freedom, sigm
 
 _OF_SCATTER = 0.7  # part of what an arm that is off explains, each collection by itself
 _STRONG = 3.0  # sigmas by which what is not estimated may move an edge, and what is be unusual
-_TOLD_SIZE = 0.005  # of the size of boards: what is told less exactly is not told
 RANK_DEFICIENT, INCONSISTENT = "rank_deficient", "inconsistent"
 
 
@@ -264,7 +264,7 @@ def _checked(
     usual = usual_sizes(left, options.intrinsics_sigma)
     rest = left_open(every, usual)
     covariance = covariance.with_combined(rest.of_blocks(loss))
-    untold = _untold_size(rest.told_board_size)
+    untold = untold_scale(every, usual, refined.options.error_priors, rest)
     if options.model_errors == OFF:
         return covariance, [], None, untold
     checks = solution.checks(refined.summary, loss)
@@ -277,17 +277,6 @@ def _checked(
         return covariance, checks, None, untold
     moved = moved_sensors(initial, refined.solver, refined.summary, loss, solution, checks)
     return covariance, checks, moved, untold
-
-
-def _untold_size(told: float) -> Tuple[str, ...]:
-    """Return a sentence where the boards' size, as configured, is all that tells the scale."""
-    if told <= _TOLD_SIZE:
-        return ()
-    return (
-        "nothing in the data tells how large the boards are: all distances are as right as the "
-        "configured `size`, and 1 % of it is 1 % of them; measure the print over many squares, "
-        "since printers scale pages",
-    )
 
 
 def _few_collections(problem: Problem) -> Tuple[str, ...]:

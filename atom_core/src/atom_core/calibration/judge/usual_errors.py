@@ -10,17 +10,18 @@ uncertainty).
 
 from __future__ import annotations
 
-from typing import List, Mapping, NamedTuple
+from typing import List, Mapping, NamedTuple, Tuple, Type
 
 import numpy as np
 
 from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.board_errors import BoardSize, SeenBorder
-from atom_core.problem.model_errors import ModelError
+from atom_core.problem.model_errors import DepthScale, ModelError, RangeScale
 from atom_core.solvers import losses
 from atom_core.solvers.shared_equations import SharedEquations
 
-_UNTOLD = 1.0  # information on the boards' size: a sigma of the whole size
+RANGE_SCALES = (RangeScale, DepthScale)
+_UNTOLD = 1.0  # information on a scale: a sigma of 100 %
 _SEEN = 1e-11  # eigenvalue of information with a unit diagonal; what is below is rounding
 
 
@@ -58,27 +59,44 @@ class LeftOpen(NamedTuple):
         What is expected of the size does not count, but what is of all other errors does. Infinity:
         not at all, as of cameras alone. Zero where a solution has estimated it.
         """
-        sizes = [j for j, error in enumerate(self.errors) if isinstance(error, BoardSize)]
-        if not sizes:
+        return self._told_together((BoardSize,))
+
+    @property
+    def told_ranges(self) -> float:
+        """How exactly the data tell by what part all ranges and depths are off alike.
+
+        Infinity: not at all, as of LiDARs without a camera or an arm. Zero without range sensors,
+        and where a solution has estimated it.
+        """
+        return self._told_together(RANGE_SCALES)
+
+    def _told_together(self, kinds: Tuple[Type[ModelError], ...]) -> float:
+        """Return the sigma of a number that is the same for all errors of these kinds."""
+        places = [j for j, error in enumerate(self.errors) if type(error) in kinds]
+        if not places:
             return 0.0
-        steps = np.array([self.errors[j].step for j in sizes])
-        covariance = self.covariance[np.ix_(sizes, sizes)] * steps[:, None] * steps
-        told = np.linalg.inv(covariance) - np.diag(self.expected[sizes] ** -2.0)
-        information = float(np.sum(told))  # of a size that is the same for all
+        steps = np.array([self.errors[j].step for j in places])
+        covariance = self.covariance[np.ix_(places, places)] * steps[:, None] * steps
+        told = np.linalg.inv(covariance) - np.diag(self.expected[places] ** -2.0)
+        information = float(np.sum(told))
         return 1.0 / np.sqrt(information) if information > _UNTOLD else np.inf
 
 
-def left_open(equations: SharedEquations, usual: Mapping[ModelError, float]) -> LeftOpen:
+def left_open(
+    equations: SharedEquations, usual: Mapping[ModelError, float], free_borders: bool = False
+) -> LeftOpen:
     """Return what the data leave open of errors that are usual.
 
     Args:
         equations: at the solution, with all errors that sensors and boards may have.
         usual: standard deviations of those that the solution has not estimated, in their units.
+        free_borders: believe no sensor where it sees the edges of boards.
     """
     place = dict(enumerate(equations.errors, equations.shared))
     nuisances = {e for e in equations.errors if isinstance(e, SeenBorder)}
-    estimated = (j for j, e in place.items() if e not in usual and e not in nuisances)
-    base = [*range(equations.shared), *estimated]
+    held = set() if free_borders else nuisances
+    free = (j for j, e in place.items() if e not in held and (e in nuisances or e not in usual))
+    base = [*range(equations.shared), *free]
     rest = [j for j, e in place.items() if e in usual and e not in nuisances]
     total = equations.total
     gradient = equations.gradient.sum(axis=0) + equations.held_gradient
