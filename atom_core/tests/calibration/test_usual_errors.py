@@ -9,6 +9,7 @@ from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.judge.usual_errors import left_open
 from atom_core.calibration.options import AUTO, OFF, CalibrationOptions
 from atom_core.calibration.refine.candidates import candidates, range_fields, usual_sizes
+from atom_core.model.sensor import DEPTH, LIDAR3D
 from atom_core.problem.model_errors import RangeOffset
 from atom_core.report.calibration_results import calibration_results
 from atom_core.report.calibration_verdict import calibration_verdict
@@ -204,8 +205,16 @@ def test_two_sensors_that_are_held_tell_the_size():
     assert not says_that_size_is_untold(scene.dataset, **held)
 
 
-@pytest.mark.parametrize("options", [{}, {"model_errors": AUTO}], ids=["default", "auto"])
-@pytest.mark.parametrize("rig", [{"lidar3d": 2}, {"depth": 2}, {"depth": 1, "lidar3d": 1}])
+@pytest.mark.parametrize(
+    ("rig", "options"),
+    [
+        ({"lidar3d": 2}, {}),
+        ({"lidar3d": 2}, {"model_errors": AUTO}),
+        ({"depth": 2}, {}),
+        ({"depth": 1, "lidar3d": 1}, {}),
+    ],
+    ids=["LiDARs", "LiDARs, auto", "depth", "both"],
+)
 def test_ranges_that_are_all_too_long_are_in_no_residual_of_range_sensors(rig, options):
     """All distances are too long, and the verdict is good: what it rests on is said."""
     rig = {"rgb": 0, "depth": 0, "lidar3d": 0, **rig}
@@ -223,6 +232,11 @@ def test_a_camera_tells_whether_ranges_are_too_long(rig):
 @pytest.mark.parametrize("make", [hand_eye, board_on_arm, paper_cell, two_cameras])
 def test_nothing_is_said_of_ranges_where_arms_or_cameras_tell_the_scale(make):
     assert not says_that_ranges_are_untold(make(0).dataset)
+
+
+@pytest.mark.parametrize("modality", [LIDAR3D, DEPTH])
+def test_an_arm_tells_whether_ranges_are_too_long(modality):
+    assert not says_that_ranges_are_untold(board_on_arm(1, modality=modality).dataset)
 
 
 def test_two_range_sensors_that_are_held_tell_the_scale():

@@ -301,17 +301,21 @@ def hand_eye(seed: int = 0, *, aim_m: float = 0.1, **options: Any) -> SyntheticD
     return _finish("hand_eye", rig, poses, rng, chosen, patterns=patterns, motion=moving)
 
 
-def board_on_arm(seed: int = 0, *, spread_m: float = 0.2, **options: Any) -> SyntheticDataset:
-    """Simulate a board on a moving flange before a camera that stands still; nothing anchored.
+def board_on_arm(
+    seed: int = 0, *, modality: str = RGB, spread_m: float = 0.2, **options: Any
+) -> SyntheticDataset:
+    """Simulate a board on a moving flange before a sensor that stands still; nothing anchored.
 
     Args:
         seed: of everything random.
+        modality: of the sensor.
         spread_m: how far the board is moved, along each axis; from some 0.5 on it is seen in part.
         options: of ``SceneOptions``.
     """
     rng, chosen = np.random.default_rng([seed, 107]), SceneOptions(seed=seed, **options)
     centre, structure = (0.0, 0.0, 1.0), _base(rng)
-    mount = _mounted("rgb_1", RGB, _around(centre, 0.0, rng), centre, structure, rng)
+    place = _around(centre, 0.0, rng)
+    mount = _mounted(f"{modality}_1", modality, place, centre, structure, rng)
     rig = assemble("world", structure, [mount], room=_ROOM)
     flange_T_pattern = jittered(
         se3.from_rpy(np.array([0.1, 0.05, 0.2]), np.zeros(3)), 0.05, 0.3, rng
