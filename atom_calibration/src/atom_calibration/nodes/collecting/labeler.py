@@ -37,11 +37,10 @@ def main(modality: str) -> int:
 def _run(name: str, modality: str, args: argparse.Namespace) -> int:
     config = options.config_of_sensor(args.config, args.sensor)
     everyone = read_config(args.config).sensors
-    cameras = {n: entry.link for n, entry in everyone.items() if _may_tell_pose(entry)}
+    has_seeds = ros_modality(modality).seeds is not None
+    cameras = {n: e.link for n, e in everyone.items() if has_seeds and _may_tell_pose(e)}
     running.start(f"{args.sensor}_labeler")
     cv2.setNumThreads(1)
-    if ros_modality(modality).seeds is None:
-        cameras = {}
     links = LabelLinks(args.sensor, cameras, args.use_receive_time)
     with LiveTopics(config) as topics:
 
