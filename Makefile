@@ -12,6 +12,8 @@ export ROS_LANG_DISABLE := geneus:genlisp:gennodejs
 # What was compiled before, in whatever clone, comes out of ccache: paths count from the clone's root.
 export CCACHE_BASEDIR := $(CURDIR)
 export CCACHE_NOHASHDIR := 1
+# Likewise what mypy found out; it holds hashes of all files against what it is given.
+export MYPY_CACHE_DIR := $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/atom/mypy
 CCACHE = $(if $(shell command -v ccache),-DCMAKE_C_COMPILER_LAUNCHER=ccache -DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
 
 JOBS := $(shell nproc)
@@ -66,6 +68,7 @@ demo: build ## the main job on the simulated cell, from bags to evaluation, in d
 	@$(ENV) rosrun atom_examples demo --overwrite $(if $(EXAMPLE),--example $(EXAMPLE) --output demo_output/$(EXAMPLE),--output demo_output)
 
 test: setup ## lint, the build, and every test: pytest, gtest, rostest
+	@bash tests/noetic_versions.bash --prepare
 	@bash tests/all.bash $(JOBS) $(PYTEST)
 
 test-regression: build ## does calibration still work? rostests on recordings of the simulated cell

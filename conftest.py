@@ -15,10 +15,11 @@ def pytest_collection_modifyitems(items):
     """Take some of many variants, and begin with modules of many slow tests.
 
     `@pytest.mark.sampled(5)` leaves five of a test's variants to `make test`, evenly spaced, and
-    the others to `make test-long`. A test of `make test-long` may say how long it is:
-    `@pytest.mark.long(minutes=60)`. What takes long in a process must not come last.
+    the others to `make test-long`. `ATOM_TEST_VARIANTS=1` leaves one of every test's variants,
+    where another interpreter is tried and not the law. A test of `make test-long` may say how long
+    it is: `@pytest.mark.long(minutes=60)`. What takes long in a process must not come last.
     """
-    _leave_out_variants(items)
+    _leave_out_variants(items, int(os.environ.get("ATOM_TEST_VARIANTS", 0)))
     yield  # now what is not run has been taken out
     slow = Counter()
     for item in items:
@@ -28,13 +29,15 @@ def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: -slow[item.path])
 
 
-def _leave_out_variants(items):
+def _leave_out_variants(items, most):
+    """Mark all variants of a test as long but as many as are wanted; `most` 0: of any test."""
     variants = {}
     for item in items:
-        if item.get_closest_marker("sampled") and not item.get_closest_marker("long"):
-            variants.setdefault(item.nodeid.split("[")[0], []).append(item)
-    for alike in variants.values():
-        (count,) = alike[0].get_closest_marker("sampled").args
+        mark = item.get_closest_marker("sampled")
+        if (mark or most) and not item.get_closest_marker("long"):
+            count = min(mark.args[0], most or mark.args[0]) if mark else most
+            variants.setdefault((item.nodeid.split("[")[0], count), []).append(item)
+    for (_, count), alike in variants.items():
         last = len(alike) - 1
         kept = {round(i * last / max(count - 1, 1)) for i in range(count)}
         for place, item in enumerate(alike):

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Runs the tests of the Python core with the versions of Python and its libraries that ROS Noetic
 # has (requirements/noetic.txt), in .venv-noetic. The compiled module belongs to the system's own
-# Python: what needs it skips itself, or is named below. Arguments go to pytest.
+# Python: what needs it skips itself, or is named below. Arguments go to pytest; --prepare alone makes
+# .venv-noetic and runs nothing.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 unset PYTHONPATH PYTHONHOME VIRTUAL_ENV PYENV_VERSION
@@ -41,6 +42,7 @@ if [ "$(cat "$venv/requirements.sha256" 2>/dev/null)" != "$checksum" ] || ! "$ve
   }
   printf '%s' "$checksum" >"$venv/requirements.sha256"
 fi
+[ "${1:-}" != --prepare ] || exit 0
 
 # One thread of linear algebra in each process, as for the other tests (Makefile). One process: each
 # would read and rewrite all tests anew, and `make test` has other work for the second processor.

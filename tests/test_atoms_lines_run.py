@@ -53,6 +53,7 @@ def test_lines_are_found():
     assert len(LINES) > 15
 
 
+@pytest.mark.sampled(10)
 @pytest.mark.parametrize("line", LINES, ids=lambda line: line.split(" ")[0])
 def test_a_line_runs(line, folder, monkeypatch, capsys):
     made, names = folder

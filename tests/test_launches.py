@@ -173,6 +173,8 @@ class Inputs:
             "dataset": self.dataset,
             "train_json": self.results / "atom_calibration.json",
             "test_json": self.dataset,
+            "report": "false",  # it takes seconds, and is tested elsewhere
+            "options": "--no_report",
             "patterns": self.pattern,  # without anything to correct transform_corrector refuses
         }
         for name in ("output", "output_folder"):
@@ -180,11 +182,13 @@ class Inputs:
         given = []
         for entry in ElementTree.parse(self.path(case)).getroot().findall("arg"):
             name = entry.get("name")
+            if entry.get("value") is not None:  # not for others to give
+                continue
             if name == "rviz":
                 given.append(f"rviz:={str(case.rviz).lower()}")
             elif name == "bag_file" and case.package != GENERATED:
                 given.append(f"bag_file:={self.cell_bag}")
-            elif name in values or (entry.get("value") is None and entry.get("default") is None):
+            elif name in values or entry.get("default") is None:
                 assert name in values, f"{case} asks for '{name}': say what it is, in this file"
                 given.append(f"{name}:={values[name]}")
         return given

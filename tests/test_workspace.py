@@ -128,6 +128,7 @@ def test_install_space_finds_packages_commands_and_the_compiled_module(suite):
     assert str(installed) in bash(f"{source}; python3 -c '{module}'", installed)
 
 
+@pytest.mark.long
 def test_a_workspace_is_configured_with_the_tests_in_their_order(tmp_path):
     """What `catkin_make` begins with, without the compilers' work."""
     (tmp_path / "src").mkdir()

@@ -121,6 +121,7 @@ def ends(process, name, code, words):
     assert "Traceback" not in said, said
 
 
+@pytest.mark.long
 def test_without_a_master_each_node_says_so_and_ends(inputs, port):
     nodes = {name: start(name, inputs[name], port, inputs["folder"]) for name in NODES}
     for name, process in nodes.items():

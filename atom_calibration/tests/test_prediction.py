@@ -232,6 +232,7 @@ def test_labels_that_all_contradict_the_transforms_alike_are_believed(wrong_tree
     assert "'lidar_1' is not where the transforms have it" in predictor.relocated["lidar_1"]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(4))
 def test_other_things_that_contradict_them_are_not(tree, seed):
     rng, predictor = np.random.default_rng(seed), BoardPredictor("world")

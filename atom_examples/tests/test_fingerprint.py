@@ -129,6 +129,7 @@ def test_a_recording_loads_no_module_that_its_fingerprint_does_not_know(recorded
     assert mine - others <= known
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_the_command_keeps_what_would_be_the_same_and_replaces_it_only_when_told(recorded, capsys):
     bag, _, _ = recorded

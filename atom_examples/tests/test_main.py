@@ -46,6 +46,7 @@ def test_a_failure_leaves_the_earlier_recording_as_it_was(world, tmp_path, monke
     assert all((tmp_path / name).read_bytes() == name.encode() for name in earlier)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="limits of file sizes")
 def test_a_file_that_cannot_grow_ends_with_one_line_and_exit_code_2(tmp_path):
@@ -83,6 +84,8 @@ def test_an_interrupted_recording_leaves_nothing_behind(world, tmp_path, monkeyp
         (["--collections", "0"], "--collections is 0; give 1 or more"),
         (["--collections", "-3"], "--collections is -3"),
         (["--seed", "-1"], "--seed is -1; give 0 or more"),
+        (["--moving_rate", "20"], "--moving_rate is 20; give 1 to 10 Hz"),
+        (["--moving_rate", "nan"], "--moving_rate is nan"),
     ],
 )
 def test_bad_numbers_are_refused_in_one_line(tmp_path, capsys, options, message):

@@ -103,6 +103,7 @@ def test_person_and_board_stand_in_the_room_and_pierce_nothing(world, plans):
         assert 0.75 < away < 1.1
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_seed_whose_camera_was_drawn_inside_a_beam_has_stops():
     cell = World(107)

@@ -194,6 +194,7 @@ def assess(folder, seed, collections):
     return SimpleNamespace(found=found / expected, expected=expected, false=false)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_boards_are_found_in_a_bag_with_automatic_seeds(tmp_path, stops, monkeypatch):
     monkeypatch.setattr(recorder, "plan_stops", lambda *_: stops)  # those of the very same call

@@ -98,6 +98,7 @@ def test_a_lidar_does_not_see_its_own_housing(world):
         assert world.scene.cast(pose[:3, 3], rays).distance.min() > 0.06, name
 
 
+@pytest.mark.long
 def test_no_lens_looks_out_of_a_beam(world):
     from atom_examples.cell_simulator.world import World
 

@@ -42,6 +42,8 @@ def bag(name):
             scenario[name],
             "--seed",
             scenario["seed"],
+            "--moving_rate",
+            scenario["moving_rate_hz"],
             "--compressed",
             "--reuse",
             "--overwrite",

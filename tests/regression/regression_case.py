@@ -94,8 +94,8 @@ class RegressionCase(unittest.TestCase):
         self.hold(f"{what}: turned from the truth", off_deg, limit["deg"], "deg")
 
     def check_pairs(self, file):
-        """Every pair was measured, and is nearly as good as with the true edges."""
-        document = read(file)
+        """Every pair was measured; what enough points tell is nearly as good as with the truth."""
+        document, judged = read(file), 0
         for pair in document["pairs"]:
             what = f"{pair['kind']} {pair['source']} -> {pair['target']}"
             if pair["skipped"]:
@@ -104,9 +104,13 @@ class RegressionCase(unittest.TestCase):
             if pair["at_truth"] is None:
                 self.faults.append(f"{what}: the true edges give no figure")
                 continue
-            limit = LIMITS["pairs"].get(pair["kind"], LIMITS["pairs"]["others"])
-            ratio = pair["rms"] / pair["at_truth"]["rms"]
-            self.hold(f"{what}: over its value at the truth", ratio, limit)
+            if pair["points"] >= LIMITS["pairs"]["least_points"]:
+                judged += 1
+                limit = LIMITS["pairs"].get(pair["kind"], LIMITS["pairs"]["others"])
+                ratio = pair["rms"] / pair["at_truth"]["rms"]
+                self.hold(f"{what}: over its value at the truth", ratio, limit)
+        share = judged / max(len(document["pairs"]), 1)
+        self.hold("share of pairs with enough points", share, LIMITS["pairs"]["judged"], "", True)
         for kind, limit in LIMITS["floor"].items():
             average = document["averages"][kind]
             self.hold(f"average of {kind}", average["rms"], limit, average["unit"])

@@ -52,6 +52,7 @@ def scene():
     return scenes.random_scene(0, collections=20, disturbance=(0.05, 0.05))
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("kind", PLANTED)
 def test_what_is_planted_is_named_first_with_its_size(scene, kind):
     change, title, value = PLANTED[kind]
@@ -104,6 +105,7 @@ def test_a_depth_offset_of_what_is_no_depth_camera_is_refused(scene):
         calibrate(scene.dataset, CalibrationOptions(depth_offset=("lidar_1",)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [0, *(pytest.param(s, marks=pytest.mark.long) for s in (1, 2))])
 def test_noise_along_the_rays_does_not_turn_them(seed):
     """Taken at measured distances, the centre of this depth image was 3 px off, 3 sigmas."""

@@ -92,6 +92,7 @@ def test_hand_eye_without_motion_is_not_found():
     assert solve_hand_eye(views[:2], OUTLINE) is None
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     "scene",
     [
@@ -182,6 +183,7 @@ def test_boards_that_stand_wrong_and_pull_the_sensors_away_are_placed_anew(loss)
         assert np.max(np.abs(apart)) < 1e-6
 
 
+@pytest.mark.long
 def test_a_board_that_turned_round_on_its_way_does_not_stop_the_solver():
     """The numbers of a pose become singular at a full turn; they are counted anew before it."""
     scene = paper_cell(5)

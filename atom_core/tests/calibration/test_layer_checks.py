@@ -48,6 +48,7 @@ def test_a_range_offset_is_not_taken_for_layers_that_differ():
     assert [check.error.kind for check in calibrate(scene.dataset).checks] == ["range_offset"]
 
 
+@pytest.mark.long
 def test_what_auto_has_estimated_is_not_named_again():
     result = calibrate(with_rings(0).dataset, CalibrationOptions(model_errors="auto"))
     assert result.status == "converged" and result.checks == ()

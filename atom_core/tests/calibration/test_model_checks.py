@@ -32,6 +32,7 @@ def rig(kind, seed=2):
     return paper_cell(seed, realism=replace(PLAIN, **PLANTED[kind][0]), disturbance=(0.05, 0.05))
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("kind", PLANTED)
 def test_what_is_planted_is_named_alone_with_its_size(kind):
     _, target, value = PLANTED[kind]
@@ -40,7 +41,7 @@ def test_what_is_planted_is_named_alone_with_its_size(kind):
     assert check.value == pytest.approx(value, rel=0.35)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("kind", "solver"),
     [
@@ -113,6 +114,7 @@ def test_a_strong_one_is_inconsistent_and_the_message_has_the_option():
     assert (off.status, off.checks) == ("converged", ())
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("kind", ["random_scene", "lidar_only", "two_patterns", "hand_eye"])
 @pytest.mark.parametrize("seed", [0, 3, pytest.param(13, marks=pytest.mark.long)])
 def test_healthy_rigs_show_nothing(kind, seed):

@@ -252,6 +252,7 @@ def small(seed, kind="hand_eye"):
     return of_an_arm(seed, 0.0005, 0.03 * DEG, kind, collections=15)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("kind", ["hand_eye", "board_on_arm"])
 @pytest.mark.parametrize("seed", range(2))
 def test_what_a_good_arm_is_off_is_estimated_unasked_and_said(seed, kind):

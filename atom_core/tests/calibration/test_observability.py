@@ -42,7 +42,7 @@ def test_planar_motion_leaves_the_height_open(seed, solver_name):
     assert "turns about this axis only, as in planar motion" in weak.why
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("solver_name", sorted(SOLVERS))
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("one_plane", [False, True])
@@ -170,6 +170,7 @@ def test_an_unanchored_rig_is_held_by_its_first_sensor_and_the_user_is_told(seed
     assert np.array_equal(scene.dataset.first_value(edge), result.dataset.first_value(edge))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "scene, code",
     [

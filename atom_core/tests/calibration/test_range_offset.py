@@ -154,6 +154,7 @@ def test_only_lidars_have_one(scene, name):
 
 
 # The mean square of so many values is 1 within these limits, but for four in a thousand.
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "rigs, least, most", [(4, 0.04, 4.2), pytest.param(12, 0.3, 2.5, marks=pytest.mark.long)]

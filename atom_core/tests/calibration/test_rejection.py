@@ -94,6 +94,7 @@ def healthy():
     return cell(0)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("gross_fraction", [0.0, 0.1])
 def test_nothing_is_left_out_of_a_healthy_rig(gross_fraction):
     assert calibrate(cell(1, gross_fraction).dataset).rejected == ()

@@ -22,6 +22,7 @@ def places(result, scene):
     return np.array([result.dataset.first_value(e)[:3, 3] for e in scene.truth.edges])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "kind, seed",
     [

@@ -35,6 +35,7 @@ def all_of(errors, name):
     return np.abs(np.concatenate([error.error / getattr(error, name) for error in errors]))
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     "rigs", [3, pytest.param(40, id="40 rigs", marks=pytest.mark.long)], ids=str
 )
@@ -159,6 +160,7 @@ def test_auto_has_them_in_the_solution():
         assert error.in_combined_sigmas < 3.0
 
 
+@pytest.mark.long
 def test_weights_of_detections_that_do_not_settle_are_no_convergence(monkeypatch):
     scene = random_scene(0, collections=12, realism=ROUGH)
     assert "did not settle" not in stated(scene, model_errors=AUTO)[1].message

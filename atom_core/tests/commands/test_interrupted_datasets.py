@@ -79,7 +79,8 @@ def convert(given, number, out):
     return [*convert, "--output", out, "--overwrite"]
 
 
-@pytest.mark.parametrize("command", [merge, convert])
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("command", [convert, merge])
 def test_a_dataset_is_replaced_as_a_whole(given, tmp_path, command):
     out, runs = tmp_path / "out", []
     lines = [[str(word) for word in command(given, number, out)] for number in (0, 1)]

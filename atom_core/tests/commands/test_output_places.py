@@ -28,7 +28,10 @@ def made(tmp_path_factory):
     "words, output",
     [
         ("calibrate --dataset one/dataset.json --output out --no_report", "out"),
-        ("report --calibration results --output report", "report/report.html"),
+        pytest.param(
+            *("report --calibration results --output report", "report/report.html"),
+            marks=pytest.mark.long,
+        ),
         ("split_atom_dataset --dataset one/dataset.json -tp 60", "one/dataset_"),
         (
             "remove_collections_from_atom_dataset --dataset one/dataset.json -csf 000",

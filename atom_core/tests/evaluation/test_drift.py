@@ -60,6 +60,7 @@ def test_what_moved_by_5_mm_is_named_also_where_it_is_the_reference(rigs, sensor
     assert named >= len(rigs) - 1
 
 
+@pytest.mark.long
 def test_a_turn_of_a_quarter_degree_is_found(rigs):
     rng = np.random.default_rng(1)
     for new, described, spreads in rigs:
@@ -77,6 +78,7 @@ def test_what_is_found_from_is_found(rigs):
     assert drift(new, moved, spreads).moved
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "shift_m, turn_rad", [(0.0004, 0.0), (0.0, 0.0003), (0.0006, 0.0), (0.0, 0.0004)]
 )

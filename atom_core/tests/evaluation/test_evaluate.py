@@ -155,6 +155,7 @@ def test_averages_leave_reverse_pairs_out(noisy):
     assert evaluation.averages["rgb-rgb"].values["rms"] == pytest.approx(np.mean(forward))
 
 
+@pytest.mark.long
 def test_the_paper_cell_takes_seconds(noisy):
     start = time.process_time()
     evaluate(noisy.dataset, noisy.dataset, truth=noisy.truth)

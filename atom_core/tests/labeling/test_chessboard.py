@@ -163,6 +163,7 @@ def test_noise_alone_is_no_board():
     assert ChessboardFinder(7, 5).find(noise).corners is None
 
 
+@pytest.mark.long
 def test_fisheye_pictures(real_data):
     """20 pictures of 1920 x 1208: all found, and a fisheye camera agrees with the corners."""
     row, column = np.mgrid[0:5, 0:7]
@@ -194,6 +195,7 @@ def test_a_corner_that_the_detector_puts_elsewhere_is_put_right(monkeypatch):
     assert found.corners is None and "corner 0 of the chessboard is hidden" in found.reason
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_of_two_boards_none_is_taken(mirrored):
     """Beside the second, or a mirror: which of them is the board is not for a guess."""

@@ -64,7 +64,7 @@ def check(scene, cloud, found):
     assert centre_error(scene, found) < 0.012
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("distance", "incidence_deg"), [(1.8, 5.0), (2.4, 40.0), (3.2, 60.0)])
 def test_a_board_is_found_among_floor_wall_person_and_box(kind, distance, incidence_deg):
@@ -79,7 +79,7 @@ def test_a_board_is_found_among_floor_wall_person_and_box(kind, distance, incide
     check(scene, cloud, boards[0])
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_room_without_a_board_has_none(kind, seed):

@@ -405,6 +405,7 @@ def test_expected_points_are_those_that_come(distance):
 # ---- real clouds
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("number", [0, 7, 11, 15, 22])
 def test_real_board_is_found_without_a_seed(real_data, number):
     file = read_pcd(real_data("ouster_board") / f"pointcloud{number}.pcd")

@@ -104,6 +104,7 @@ def test_normal_equations_are_those_of_the_specification(scene, loss):
         np.testing.assert_allclose(a / scale, b / scale, atol=1e-10, err_msg=name)
 
 
+@pytest.mark.sampled(20)
 @pytest.mark.parametrize("loss", losses.LOSSES)
 @pytest.mark.parametrize("scene", SCENES)
 def test_squares_and_inset_columns_are_those_of_the_specification(scene, loss):
@@ -159,7 +160,7 @@ def test_points_behind_and_beside_the_camera_too():
     np.testing.assert_allclose(ours.local / scale, theirs.local / scale, atol=1e-9)
 
 
-@pytest.mark.sampled(20)
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("loss", losses.LOSSES)
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_minimum_is_that_of_the_specification(scene, loss):

@@ -36,6 +36,7 @@ def near(value, wanted):
     return abs(value - wanted) <= max(0.2 * wanted, 1)
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("scenario", PAPER)
 @pytest.mark.parametrize("seed", range(5))
 def test_statistics_are_those_of_the_paper(seed, scenario):
@@ -179,6 +180,7 @@ def test_an_unknown_scenario_is_refused():
         paper_cell(0, "validation")
 
 
+@pytest.mark.long
 def test_the_cell_is_simulated_fast():
     paper_cell(0)
     took_s = []

@@ -30,6 +30,7 @@ def seen_by(dataset):
     return seen
 
 
+@pytest.mark.sampled(16)
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("scene", ALL)
 def test_every_sensor_sees_something_in_several_collections(scene, seed):

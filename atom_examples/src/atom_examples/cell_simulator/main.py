@@ -24,6 +24,7 @@ if TYPE_CHECKING:  # both need MuJoCo, which takes its time
     from atom_examples.cell_simulator.world import World
 
 _LONGEST_MS, _BRIGHTEST = 100.0, 10.0
+_SLOWEST_HZ, _FASTEST_HZ = 1.0, 10.0  # a tick is a tenth of a second
 PROGRAM = "cell_simulator"
 EXAMPLE = """
 rosrun atom_examples cell_simulator --bag train.bag --scenario train --seed 0
@@ -105,6 +106,14 @@ def _add_sensor_options(parser: argparse.ArgumentParser) -> None:
         help="the board reflects lamps on the walls, at most as brightly as so many times white; "
         "default 0, a matt board",
     )
+    add_option(
+        parser,
+        "moving_rate",
+        type=float,
+        default=_FASTEST_HZ,
+        metavar="HZ",
+        help="of clouds and depth images while the board moves, in bags; less makes them smaller",
+    )
     for name, what in (
         ("exposure", "how long the shutter is open"),
         ("readout", "a rolling shutter: from the first row to the last"),
@@ -142,6 +151,7 @@ def _bag(args: argparse.Namespace) -> int:
         compressed=args.compressed,
         depth_encoding=args.depth_encoding,
         noise=not args.no_noise,
+        moving_cloud_hz=_moving_hz(args.moving_rate),
         exposure_s=_shutter_s("exposure", args.exposure),
         readout_s=_shutter_s("readout", args.readout),
     )
@@ -168,6 +178,17 @@ def _cell_of(args: argparse.Namespace) -> Dict[str, Any]:
         "lidar": args.lidar,
         "gloss": args.gloss,
     }
+
+
+def _moving_hz(rate: float) -> float:
+    """Return the rate of clouds while the board moves.
+
+    Raises:
+        OutputError: it is higher than that of the simulation, or hardly any.
+    """
+    if not _SLOWEST_HZ <= rate <= _FASTEST_HZ:
+        raise OutputError(f"--moving_rate is {rate:g}; give {_SLOWEST_HZ:g} to {_FASTEST_HZ:g} Hz")
+    return rate
 
 
 def _shutter_s(name: str, milliseconds: float) -> float:
@@ -206,5 +227,7 @@ def _live(args: argparse.Namespace) -> int:
 
     if args.exposure or args.readout:
         raise OutputError("--exposure and --readout go with --bag; live pictures have neither")
+    if args.moving_rate != _FASTEST_HZ:
+        raise OutputError("--moving_rate goes with --bag; live sensors keep one rate")
     seed = check_least("seed", args.seed, 0)
     return run(seed, args.initial_estimate, args.depth_encoding, args.rtf, **_cell_of(args))
