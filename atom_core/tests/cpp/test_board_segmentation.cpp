@@ -14,7 +14,7 @@
 namespace atom_core {
 namespace {
 
-constexpr int kLayers = 16, kSteps = 1800;
+constexpr int kLayers = 16, kSteps = 900;
 constexpr double kWall = 4.0;  // [m]
 const Eigen::Vector2d kSize(0.8, 0.6);
 
