@@ -1,6 +1,7 @@
 """A sensor, or a fixed board, that was moved while the collections were made."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from atom_core.synthetic.mistakes import (
     Origin,
     move_about,
     with_detections_from,
+    with_displaced_frame,
     with_long_ranges,
     with_moved_board,
     with_moved_sensor,
@@ -103,3 +105,75 @@ def test_what_stood_still_is_not_named(seed, realism):
 def test_few_collections_tell_nothing(cell):
     few = knocked(cell, "lidar_1", first="003").selected(collections=["000", "001", "002", "003"])
     assert "was moved" not in calibrate(few).message
+
+
+# ---- sensors that no calibrated edge puts where they are
+
+ONE_EDGE = (
+    r"(rgb_2 and depth_1|depth_1 and rgb_2), which have one edge, do not stand to one another"
+)
+
+
+@pytest.fixture(scope="module")
+def device():
+    """rgb_1, anchored; rgb_2 and depth_1 in one device, whose edge is calibrated."""
+    return scenes.shared_edge(0, collections=20, disturbance=DISTURBED)
+
+
+def told_wrong(scene, shift_m, turn_rad=0.0, collections=None):
+    """Return the device whose inner transform, from rgb_2 to depth_1, is wrong."""
+    axis = np.array([1.0, -1.0, 1.0]) / np.sqrt(3.0)
+    move = se3.transform(se3.rotation_from_rotation_vector(turn_rad * axis), shift_m * axis)
+    return with_displaced_frame(scene.dataset, "depth_1_frame", move, collections)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_sensors_of_one_edge_that_stand_otherwise_to_one_another_are_named(device, solver):
+    result = calibrate(told_wrong(device, 0.010), CalibrationOptions(solver_name=solver))
+    assert result.status == "inconsistent" and not result.checks
+    told = re.match(rf"{ONE_EDGE} .*, but (.*) mm and (.*) deg off: ", result.message)
+    assert float(told.group(2)) == pytest.approx(10.0, rel=0.3)
+    assert float(told.group(3)) < 0.1
+
+
+def test_of_a_turn_the_angle_is_told(device):
+    told = re.match(
+        rf"{ONE_EDGE} .* mm and (.*) deg off: ",
+        calibrate(told_wrong(device, 0.0, np.radians(0.3))).message,
+    )
+    assert float(told.group(2)) == pytest.approx(0.3, rel=0.3)
+
+
+def test_also_where_their_edge_is_held(device):
+    config = replace(device.dataset.config, anchored_sensor="rgb_2")
+    result = calibrate(
+        told_wrong(replace(device, dataset=replace(device.dataset, config=config)), 0.01)
+    )
+    assert re.match(ONE_EDGE, result.message)
+
+
+def test_where_linear_steps_do_not_reach_the_transform_between_them_is_the_first_to_look_at(device):
+    result = calibrate(told_wrong(device, 0.020, np.radians(1.0)))
+    assert result.status == "inconsistent"
+    other = {"rgb_2": "depth_1", "depth_1": "rgb_2"}
+    for one in result.misfits:
+        if one.sensor in other:
+            assert one.likely[0] == f"its transform to {other[one.sensor]} (they hang on one edge)"
+    assert {one.sensor for one in result.misfits} & other.keys()
+
+
+def test_if_one_of_them_is_knocked_that_is_a_knock(device):
+    later = list(device.dataset.collections)[10:]
+    result = calibrate(told_wrong(device, 0.006, collections=later))
+    # collection 009 does not have it
+    assert result.message.startswith("depth_1 was moved between collections 008 and 010, by 5.4 mm")
+
+
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(s, marks=pytest.mark.long) for s in range(1, 25))]
+)
+@pytest.mark.parametrize("realism", [PLAIN, SLIGHT], ids=["plain", "slight"])
+def test_where_they_stand_as_described_nothing_is_named(seed, realism):
+    scene = scenes.shared_edge(seed, collections=16, realism=realism, disturbance=DISTURBED)
+    message = calibrate(scene.dataset).message
+    assert "one edge" not in message and "was moved" not in message

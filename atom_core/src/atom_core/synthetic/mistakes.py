@@ -6,7 +6,7 @@ Each function returns a dataset in which something is otherwise than the dataset
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Callable, Dict, Mapping, NamedTuple, Tuple
+from typing import Any, Callable, Dict, Iterable, Mapping, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -327,6 +327,25 @@ def with_moved_sensor(
     later = keys[keys.index(first) :]
     back = se3.inverse(move)  # to the sensor, the board moved the other way
     return with_moved_board(scene, rig, {(key, sensor): back for key in later}, rng)
+
+
+def with_displaced_frame(
+    dataset: Dataset, child: str, move: np.ndarray, collections: Optional[Iterable[str]] = None
+) -> Dataset:
+    """Return the dataset in which a frame is not where its transform has it.
+
+    Args:
+        dataset: whose transforms are told wrong.
+        child: the frame.
+        move: (4, 4) of the frame, from where it truly is.
+        collections: in which; None: in all of them.
+    """
+    told = {}
+    for key in dataset.collections if collections is None else collections:
+        transforms = dataset.collections[key].transforms
+        (edge,) = (edge for edge in transforms if edge.child == child)
+        told[key] = {edge: transforms[edge] @ move}
+    return dataset.with_transforms(told)
 
 
 def move_about(centre: np.ndarray, turn: np.ndarray, shift: np.ndarray) -> np.ndarray:

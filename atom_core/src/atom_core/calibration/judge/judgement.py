@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from atom_core.calibration.refine.error_words import unusual
 from atom_core.calibration.refine.layer_checks import layer_checks
 from atom_core.calibration.refine.model_checks import ModelCheck
 from atom_core.calibration.refine.model_errors import COMMON, checked, suggestion
-from atom_core.calibration.refine.moved_sensors import Moved, moved_sensors
+from atom_core.calibration.refine.moved_sensors import Misplaced, Moved, moved_sensors
 from atom_core.calibration.refine.moving_edges import MovingEdge, moving_edges
 from atom_core.calibration.refine.moving_parts import unusual_parts
 from atom_core.calibration.refine.refinement import Refined
@@ -69,7 +69,7 @@ class Examined(NamedTuple):
         unfit: sensors that fit far worse than by themselves.
         checks: errors of the model that show.
         moving: transforms of moving parts that do not fit.
-        moved: a sensor or a board that was moved meanwhile.
+        moved: a sensor or a board that was moved meanwhile, or is not where its edge puts it.
         remarks: what the user should know of the sigmas.
     """
 
@@ -77,7 +77,7 @@ class Examined(NamedTuple):
     unfit: Sequence[Misfit] = ()
     checks: Sequence[ModelCheck] = ()
     moving: Sequence[MovingEdge] = ()
-    moved: Optional[Moved] = None
+    moved: Optional[Union[Moved, Misplaced]] = None
     remarks: Tuple[str, ...] = ()
 
 
@@ -249,7 +249,7 @@ def _held(
 
 def _checked(
     initial: Dataset, refined: Refined, options: CalibrationOptions, covariance: Covariance
-) -> Tuple[Covariance, List[ModelCheck], Optional[Moved], Tuple[str, ...]]:
+) -> Tuple[Covariance, List[ModelCheck], Optional[Union[Moved, Misplaced]], Tuple[str, ...]]:
     """Return the covariance, robust and combined, the model checks, what moved, what is untold."""
     loss, estimated = refined.options.loss, tuple(refined.summary.model_errors)
     solution = checked(initial, refined.solver, refined.summary, refined.options, with_fields=True)

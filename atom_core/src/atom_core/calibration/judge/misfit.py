@@ -13,6 +13,7 @@ from typing import Dict, List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
+from atom_core.problem.blocks import SENSOR
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION
 from atom_core.solvers.base import Solver, SolverFactory
@@ -58,6 +59,7 @@ class Misfit(NamedTuple):
         joint: likewise in the joint solution.
         collections: in which the joint fit is much worse, the worst first.
         moves: whether links between it and a board stand otherwise in other collections.
+        beside: the other sensors that one calibrated edge puts where they are, together with it.
     """
 
     sensor: str
@@ -66,6 +68,7 @@ class Misfit(NamedTuple):
     joint: float
     collections: Tuple[str, ...]
     moves: bool
+    beside: Tuple[str, ...] = ()
 
     @property
     def likely(self) -> Tuple[str, ...]:
@@ -74,6 +77,9 @@ class Misfit(NamedTuple):
         found = list(_GROSS_LIKELY[self.kind] if gross else _LIKELY[self.kind])
         if self.moves:
             found.insert(1 if gross else 0, _MOVING)
+        if self.beside:
+            others = ", ".join(self.beside)
+            found.insert(1 if gross else 0, f"its transform to {others} (they hang on one edge)")
         return tuple(found)
 
     @property
@@ -121,8 +127,8 @@ def misfits(
         worse = order[_is_worse(block.kind, by_joint, by_itself)[order]]
         names = tuple(problem.detections[d].collection for d in detections[worse])
         both = float(alone_middle), float(joint_middle)
-        moves = _moves(problem, detections)
-        found.append(Misfit(block.sensor, block.kind, *both, names, moves))
+        moves, beside = _moves(problem, detections), _beside(problem, block.sensor)
+        found.append(Misfit(block.sensor, block.kind, *both, names, moves, beside))
     return sorted(found, key=lambda m: -m.joint / max(m.alone, 1e-12))
 
 
@@ -130,6 +136,15 @@ def _is_worse(kind: str, joint: np.ndarray, alone: np.ndarray) -> np.ndarray:
     """Tell (n,) where the joint fit is worse than noise explains; also of single figures."""
     excess = np.sqrt(np.maximum(joint**2 - alone**2, 0.0))
     return (excess > _EXCESS[kind]) & (joint > _FACTOR[kind] * alone)
+
+
+def _beside(problem: Problem, sensor: str) -> Tuple[str, ...]:
+    """Return the sensors that share a sensor's calibrated edge, if it has none of its own."""
+    of_sensors = [b.names for b in problem.parameters.blocks if b.kind == SENSOR]
+    mine = [names for names in of_sensors if sensor in names]
+    if not mine or (sensor,) in mine:
+        return ()
+    return tuple(name for name in mine[0] if name != sensor)
 
 
 def _moves(problem: Problem, detections: np.ndarray) -> bool:

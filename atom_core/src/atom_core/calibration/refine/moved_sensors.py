@@ -4,11 +4,14 @@ Then two poses fit what was seen before and after, and the solution has neither.
 and every place between two collections, one Gauss-Newton step is taken with six more numbers: by
 how much it is elsewhere in the later collections (a structural change at an unknown time: Andrews
 1993). What that explains is compared with how much the collections differ anyway.
+
+A sensor that is elsewhere in all collections is where its edge puts it, unless it shares the edge
+with another one, or the edge is not calibrated: then the description is wrong.
 """
 
 from __future__ import annotations
 
-from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
 from scipy import special
@@ -17,7 +20,7 @@ from atom_core.calibration.refine.model_checks import ModelCheck
 from atom_core.calibration.refine.model_errors import CheckedSolution
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset
-from atom_core.problem.blocks import BLOCK_SIZE, ROTATION, TRANSLATION
+from atom_core.problem.blocks import BLOCK_SIZE, ROTATION, SENSOR, TRANSLATION
 from atom_core.problem.problem import Problem
 from atom_core.solvers.base import Solver, SolverSummary
 from atom_core.solvers.detection_columns import (
@@ -75,6 +78,39 @@ class Moved(NamedTuple):
         )
 
 
+class Misplaced(NamedTuple):
+    """A sensor that no calibrated edge puts where it is.
+
+    Attributes:
+        names: it, and others of its edge that explain it as well.
+        beside: the others of its edge.
+        translation_m, rotation_rad: how far from there.
+        gain: as of `Moved`.
+    """
+
+    names: Tuple[str, ...]
+    beside: Tuple[str, ...]
+    translation_m: float
+    rotation_rad: float
+    gain: float
+
+    @property
+    def why(self) -> str:
+        """One sentence for the user."""
+        off = f"{1e3 * self.translation_m:.2g} mm and {np.degrees(self.rotation_rad):.2g} deg"
+        one = self.names[0]
+        if not self.beside:
+            return (
+                f"{one} is not where the description has it, but {off} off, and its edge is not "
+                f"calibrated: correct its transform, or calibrate its edge"
+            )
+        return (
+            f"{one} and {', '.join(self.beside)}, which have one edge, do not stand to one another "
+            f"as the description has them, but {off} off: correct the transform between them, or "
+            f"calibrate one by an edge of its own"
+        )
+
+
 def moved_sensors(
     dataset: Dataset,
     solver: Solver,
@@ -82,8 +118,8 @@ def moved_sensors(
     loss: str,
     solution: CheckedSolution,
     others: Sequence[ModelCheck],
-) -> Optional[Moved]:
-    """Return what was moved, where no single error explains as much; None: nothing.
+) -> Optional[Union[Moved, Misplaced]]:
+    """Return what was moved or misplaced, where no single error explains as much; None: nothing.
 
     Args:
         dataset: the order of its collections is that in which they were made.
@@ -99,7 +135,7 @@ def moved_sensors(
     shares = shares_of(solver.problem, summary.sigmas, solution.common)
     with_common = tempered(solver.problem, equations, shares, summary.x)
     cautious = _motions(dataset, solver.problem, summary.x, with_common, solution.cautious)
-    best = _clearest(cautious)
+    best = _clearest(cautious, _unplaced(dataset, solver.problem))
     if not best:
         return None
     name = max(best, key=lambda n: best[n].gain)
@@ -113,10 +149,25 @@ def moved_sensors(
         return None
     alike = [n for n, s in best.items() if n != name and s.gain > _ALIKE * step.gain]
     shift, turn = (float(np.linalg.norm(found.value[part])) for part in (TRANSLATION, ROTATION))
+    if step.is_of_all:
+        return Misplaced((name, *alike), _beside(dataset, name), shift, turn, found.gain)
     keys = cautious.keys
     stood_still = step.spread < max(_LOOSE * step.freedom, step.gain / _LOOSE)
     places = keys[step.last], keys[step.first]
     return Moved((name, *alike), *places, shift, turn, found.gain, stood_still)
+
+
+def _unplaced(dataset: Dataset, problem: Problem) -> List[str]:
+    """Return the sensors that no calibrated edge of their own puts where they are."""
+    blocks = problem.parameters.blocks
+    own = {b.names[0] for b in blocks if b.kind == SENSOR and len(b.names) == 1 and b.free.any()}
+    return [name for name in dataset.sensors if name not in own]
+
+
+def _beside(dataset: Dataset, name: str) -> Tuple[str, ...]:
+    """Return the other sensors of a sensor's edge."""
+    edge = dataset.sensors[name].edge
+    return tuple(n for n, other in dataset.sensors.items() if n != name and other.edge == edge)
 
 
 class _Motions(NamedTuple):
@@ -204,7 +255,8 @@ class _Step(NamedTuple):
     """A move between two collections.
 
     Attributes:
-        last, first: indices of the collections before and after it that tell of it.
+        last, first: indices of the collections before and after it that tell of it; -1 and 0: it
+            comes before all of them.
         value: (6,) turn and shift.
         gain: what it explains.
         spread: by how much collections differ beside it, as a chi-square.
@@ -219,6 +271,11 @@ class _Step(NamedTuple):
     spread: float
     freedom: int
     chance: float
+
+    @property
+    def is_of_all(self) -> bool:
+        """Whether it comes before all collections."""
+        return self.first == 0
 
 
 def _places(columns: CollectionColumns) -> List[Tuple[int, int]]:
@@ -278,17 +335,30 @@ def _spread(
     return float(np.einsum("gi,gij,gj->", left, np.linalg.pinv(own, rcond=1e-8), left))
 
 
-def _clearest(motions: _Motions) -> Dict[str, _Step]:
-    """Return the step of each sensor and board that explains most, of those that are clear."""
+def _clearest(motions: _Motions, unplaced: Sequence[str]) -> Dict[str, _Step]:
+    """Return the step of each sensor and board that explains most, of those that are clear.
+
+    Args:
+        motions: of sensors and boards.
+        unplaced: sensors that may be elsewhere in all collections.
+    """
     places = {name: _places(columns) for name, columns in motions.columns.items()}
-    limit = _CHANCE / max(sum(map(len, places.values())), 1)  # of one of all that are looked at
-    best = {}
-    for name in places:
-        steps = (_step(motions, name, last, first) for last, first in places[name])
+    of_all = [name for name in unplaced if name in motions.columns]
+    limit = _CHANCE / max(sum(map(len, places.values())) + len(of_all), 1)  # all are looked at
+    best: Dict[str, _Step] = {}
+    for name, before in places.items():
+        steps = (_step(motions, name, last, first) for last, first in before)
         clear = [s for s in steps if s is not None and s.chance < limit and _is_likely(s.value)]
         if clear:
             best[name] = max(clear, key=lambda step: step.gain)
-    return best
+    always = {name: _step(motions, name, -1, 0) for name in of_all}
+    most = _ALIKE * max((step.gain for step in best.values()), default=0.0)
+    clear_always = {
+        name: step
+        for name, step in always.items()
+        if step is not None and step.chance < limit and _is_likely(step.value) and step.gain > most
+    }
+    return clear_always or best  # a move is told where no place explains it as well
 
 
 def _is_likely(value: np.ndarray) -> bool:
