@@ -12,7 +12,13 @@ core=atom_core/tests
 tested=("$core"/{geometry,model,problem,labeling,io} "$core"/report/test_page.py)
 # What takes long and depends on no version of anything.
 left_out=(--deselect "$core/io/test_dataset_structure.py::test_any_value_anywhere_is_read_or_refused_in_one_line"
-  --deselect "$core/io/test_dataset_writer.py::test_the_paper_cell_goes_to_disk_and_back")
+  --deselect "$core/io/test_dataset_writer.py::test_the_paper_cell_goes_to_disk_and_back"
+  --ignore "$core/io/test_damaged_files.py"
+  --deselect "$core/io/test_collections.py::test_a_kill_amid_the_setting_aside_is_undone"
+  --deselect "$core/io/test_collections.py::test_a_kill_amid_the_removing_leaves_no_collection_without_its_data"
+  --deselect "$core/geometry/test_rectangle.py::test_distance_is_that_to_the_nearest_border_sample"
+  --deselect "$core/geometry/test_polyline.py::test_distance_agrees_with_dense_sampling"
+  --deselect "$core/labeling/test_chessboard.py::test_noise_alone_is_no_board")
 needs_compiled=("$core"/io/test_urdf{,_writing}.py)
 
 find_python() {

@@ -241,6 +241,7 @@ def test_rviz_is_started_with_synchronous_connections_to_the_screen(path):
         assert f'<env name="LD_PRELOAD" value="{X11_SYNC} $(optenv LD_PRELOAD)"/>' in node
 
 
+@pytest.mark.long
 def test_roslaunch_check_finds_nothing(inputs):
     program = Path(rospkg.RosPack().get_path("roslaunch")) / "scripts" / "roslaunch-check"
     for place in sorted({inputs.path(case).parent for case in CASES}):

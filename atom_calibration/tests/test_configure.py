@@ -243,6 +243,7 @@ def test_the_files_of_the_simulated_cell_are_up_to_date():
 # --- what is refused ----------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(10)
 @pytest.mark.parametrize(
     ("old", "new", "key", "words"),
     [

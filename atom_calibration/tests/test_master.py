@@ -168,6 +168,7 @@ def test_a_node_whose_master_is_gone_or_another_says_so_and_ends(inputs, port, a
                 process.wait()
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     "last",
     [

@@ -103,6 +103,7 @@ def test_rings_count_from_below(world):
     np.testing.assert_allclose(elevation, -15 + 2.0 * ring, atol=1e-9)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ["ouster_64", "livox"])
 def test_a_lidar_of_another_model_sees_the_middle_of_the_cell(name):
     cell = World(0, lidar=name)

@@ -49,6 +49,7 @@ def test_atoms_robots_are_there():
     assert expected | {"mrjbot", "spjbot", "softbot", AT_WORK} == set(NAMES)
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("name", NAMES)
 def test_each_free_edge_is_told_wrong_by_a_tenth_and_an_anchored_one_right(worlds, name):
     world = worlds(name)

@@ -85,6 +85,7 @@ def test_the_answer_does_not_depend_on_the_start():
     assert np.max(np.ptp(found, axis=0)) < 1e-5
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("kind", ["corners", "everything"])
 def test_gross_errors_hardly_matter(kind):
     clean = paper_cell(2, "train", Noise(), DISTURBED)

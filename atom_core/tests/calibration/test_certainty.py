@@ -188,6 +188,7 @@ def test_the_noise_of_a_sensor_may_be_its_own():
     assert rms["rgb_2"] == pytest.approx(0.3, rel=0.15)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("collections", [5, 7])
 def test_few_collections_are_cautious_of_what_they_may_have_in_common(collections):
     """Errors too small to be named; 6.9 sigmas were seen in 12 draws before."""
@@ -199,6 +200,7 @@ def test_few_collections_are_cautious_of_what_they_may_have_in_common(collection
             assert max(e.in_sigmas for e in stated_errors(edges, scene.truth)) < 5.0
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("collections", [2, 3, 4])
 def test_few_collections_are_said_and_no_sigma_rests_on_noise_alone(collections):
     """With 2 and 3 of them and noise alone, 4.0 sigmas were seen among 38 draws before."""

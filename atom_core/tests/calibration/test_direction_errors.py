@@ -91,6 +91,7 @@ def test_a_stretched_azimuth_is_not_good_once_a_range_offset_is_estimated(scene)
     assert result.status == "inconsistent" and "azimuths of lidar_1" in result.message
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_depth_offset_is_estimated_when_asked_for(scene, solver):
     dataset = mistakes.with_longer_depths(scene.dataset, "depth_1", 0.02)

@@ -109,6 +109,7 @@ def test_exchanged_labels_are_left_out_and_inconsistent(share):
     assert "labels and data belong to these collections" in one.likely[0]
 
 
+@pytest.mark.long
 def test_where_the_exchanged_ones_win_the_labels_are_named():
     """Four of ten exchanged: what is left may agree on something else, but never quietly."""
     scene = paper_cell(0, disturbance=(0.1, 0.1))

@@ -38,7 +38,7 @@ def test_renumbered_twice_is_as_before():
             np.testing.assert_array_equal(turned.pixels, label.pixels)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("guess", ["description", "none"])
 @pytest.mark.parametrize(("rgb", "lidar3d"), [(2, 0), (3, 1)])
 def test_a_camera_on_its_head_is_found_and_its_corners_renumbered(rgb, lidar3d, guess):

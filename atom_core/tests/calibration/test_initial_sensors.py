@@ -144,6 +144,7 @@ def test_boards_that_are_held_place_every_sensor():
     assert np.max(edge_errors(estimate_sensors(dataset, options), scene.truth)[:, 0]) < 0.25
 
 
+@pytest.mark.long
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("disturbance", [(0.0, 0.0), FAR])
 def test_no_guess_and_a_good_guess_give_the_same_answer(disturbance):

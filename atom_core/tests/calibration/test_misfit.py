@@ -24,6 +24,7 @@ def test_gross_errors_of_single_corners_and_points_are_no_misfit():
     assert result.misfits == ()
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("factor", [1.02, 1.10])
 def test_a_wrong_focal_length_is_inconsistent_and_the_camera_named(factor):
     scene = paper_cell(1, disturbance=(0.1, 0.1))

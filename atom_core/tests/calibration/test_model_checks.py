@@ -62,6 +62,7 @@ def test_auto_estimates_it(kind, solver):
         assert edge.anchored or np.all(np.abs(off) < 4.0 * edge.sigma_translation_m), edge.edge
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_bent_board_is_estimated_when_asked_for(solver):
     check_bend(rig("bend x"), solver)

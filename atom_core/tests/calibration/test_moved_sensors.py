@@ -41,7 +41,7 @@ def knocked(scene, sensor, first=FIRST, turn_rad=TURN_RAD, shift_m=SHIFT_M):
     return with_moved_sensor(scene, cell_rig(SEED), sensor, first, move, rng)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("sensor", ["lidar_1", "depth_1"])
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_sensor_that_was_knocked_is_named_with_when_and_how_far(cell, sensor, solver):
@@ -127,6 +127,7 @@ def told_wrong(scene, shift_m, turn_rad=0.0, collections=None):
     return with_displaced_frame(scene.dataset, "depth_1_frame", move, collections)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_sensors_of_one_edge_that_stand_otherwise_to_one_another_are_named(device, solver):
     result = calibrate(told_wrong(device, 0.010), CalibrationOptions(solver_name=solver))
@@ -169,6 +170,7 @@ def test_if_one_of_them_is_knocked_that_is_a_knock(device):
     assert result.message.startswith("depth_1 was moved between collections 008 and 010, by 5.4 mm")
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     "seed", [0, *(pytest.param(s, marks=pytest.mark.long) for s in range(1, 25))]
 )

@@ -46,7 +46,7 @@ def outcome(scene, options, solver="ceres"):
     return Outcome(float(np.linalg.norm(off)), in_sigmas, part)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("kind", ["hand_eye", "board_on_arm"])
 def test_the_spread_of_an_arm_is_estimated_and_the_sensor_is_nearer(kind, solver):

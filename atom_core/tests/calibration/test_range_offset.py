@@ -85,6 +85,7 @@ def test_the_column_is_the_derivative_of_the_cost(problem):
     assert column.slope / OFFSET.step == pytest.approx(slope, rel=1e-5)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("solver_name", list(SOLVERS))
 def test_a_planted_offset_is_found(scene, solver_name):
     dataset = with_long_ranges(scene.dataset, "lidar_2", PLANTED_M)

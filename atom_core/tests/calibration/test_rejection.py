@@ -100,6 +100,7 @@ def test_nothing_is_left_out_of_a_healthy_rig(gross_fraction):
     assert calibrate(cell(1, gross_fraction).dataset).rejected == ()
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @RIGS
 def test_nothing_is_left_out_of_healthy_rigs(seeds):
@@ -140,6 +141,7 @@ def test_a_sensor_that_was_pushed_aside_by_three_centimetres_is_left_out(healthy
     assert rejected(calibrate(dataset)) == {("021", "rgb_3")}
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @RIGS
 def test_a_wrong_detection_is_named_in_every_rig(seeds):
@@ -174,6 +176,7 @@ def test_a_wholly_wrong_collection_is_named_and_left_out(healthy, how):
     assert mean_error_m(result, healthy) < 1.2 * mean_error_m(calibrate(healthy.dataset), healthy)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @RIGS
 def test_a_wholly_wrong_collection_is_named_in_every_rig(seeds):

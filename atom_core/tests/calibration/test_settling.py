@@ -65,6 +65,7 @@ def opencv_right_T_left(dataset):
     return se3.transform(found[5], found[6].ravel())
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("solver", ["ceres", "scipy"])
 def test_two_real_cameras_settle_where_opencv_has_them(atlascar, solver):
     result = calibrate(atlascar, CalibrationOptions(solver_name=solver))

@@ -98,6 +98,7 @@ def holds(result, scene, cause):
     return result.status not in ("converged", "not_converged") and named
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("row", HARMLESS, ids=lambda row: row.fault)
 def test_what_does_no_harm(row):
     scene = FAULTS[row.fault](0)
@@ -126,6 +127,7 @@ def test_what_does_harm_is_named(row):
     assert any(re.search(row.cause, reason) for reason in reasons(result)), reasons(result)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_an_arm_that_is_not_where_it_says_is_named(seed):
     """5 mm and 1 deg off; before, 148 mm off with a sigma of 6 mm, and `converged`."""
@@ -141,6 +143,7 @@ def test_depths_in_another_unit_are_refused():
         calibrate(FAULTS["depth ten times too far"](0).dataset)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("fault", "cause"),
     [
@@ -162,6 +165,7 @@ def test_what_auto_finds_by_the_data_is_no_contradiction():
     assert is_right(result, scene) and result.status == "converged"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("share", [pytest.param(0.2, marks=pytest.mark.long), 0.3])
 def test_some_exchanged_data_are_left_out_and_the_labels_named(share):
     """In a draw where most of the rest agree; of others the next test tells."""

@@ -151,6 +151,7 @@ def test_cameras_that_are_known_better_make_them_smaller():
         assert np.max(other.combined_sigma[3:]) < 0.5 * np.max(one.combined_sigma[3:])
 
 
+@pytest.mark.long
 def test_auto_has_them_in_the_solution():
     """What is left are joints, which this rig has not, and intrinsics that make no difference."""
     scene = random_scene(2, collections=12, realism=SLIGHT)

@@ -97,6 +97,7 @@ def test_new_boards_may_come_with_the_intrinsics_that_were_found(made, tmp_path,
     assert "'rgb_2' has intrinsics now that are neither those" in said
 
 
+@pytest.mark.long
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("sensor", ["lidar_1", "rgb_2"])
 def test_what_moved_is_named_beside_the_known_errors(made, tmp_path, capsys, sensor):

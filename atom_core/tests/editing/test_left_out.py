@@ -48,6 +48,7 @@ def test_it_is_the_calibration_of_a_dataset_without_that_label(start):
     assert not same(left.now, first, 1e-6), "it has had a say"
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     "fault", ["every LiDAR reads 30 mm long", "camera on an arm, arm 5 mm and 1 deg off"]
 )

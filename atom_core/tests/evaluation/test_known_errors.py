@@ -103,6 +103,7 @@ def test_a_camera_is_taken_as_it_was_found(dataset):
     assert prior == ErrorPrior(pytest.approx(2.0 / found.focal_px[0]), 0.0)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_what_is_known_is_estimated_about_it(solver):
     """As exactly known as this the offset is held; free, it is found; and nothing else suffers."""

@@ -5,9 +5,9 @@ import pytest
 
 from atom_core.errors import ConfigError
 from atom_core.io.seeds import Seed, read_seeds, write_seeds
-from atom_core.synthetic import paper_cell
+from atom_core.synthetic.cell import cell_rig
 
-SENSORS = paper_cell(0, "train").dataset.sensors
+SENSORS = cell_rig(0).sensors
 
 
 def test_written_seeds_come_back(tmp_path):

@@ -191,6 +191,7 @@ def test_same_label_in_any_order_of_the_points():
     assert np.linalg.norm((found.sensor_T_centre - other.sensor_T_centre)[:3, 3]) < 0.004
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("number", [0, 27])
 def test_a_real_board_is_found_without_its_layers(real_data, number):
     file = read_pcd(real_data("ouster_board") / f"pointcloud{number}.pcd")

@@ -73,6 +73,7 @@ def before(distance=2.0, roll_deg=30.0, y=0.3, **turned):
 # ---- poses
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("tilted", [False, True])
 @pytest.mark.parametrize("noise_m", [0.008, 0.010])
 def test_board_is_labeled_in_many_poses(tilted, noise_m):
@@ -405,7 +406,7 @@ def test_expected_points_are_those_that_come(distance):
 # ---- real clouds
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("number", [0, 7, 11, 15, 22])
 def test_real_board_is_found_without_a_seed(real_data, number):
     file = read_pcd(real_data("ouster_board") / f"pointcloud{number}.pcd")

@@ -166,6 +166,7 @@ def test_two_scans_in_one_plane_speak_for_neither():
     assert pushed_one.sensors["scanner_2"].grade == GOOD
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ["lidar_1", "rgb_1", "depth_1"])
 def test_one_sensor_that_was_pushed_is_blamed_alone(calibrated, test_cell, name):
     train = pushed(calibrated[0].dataset, name)

@@ -97,6 +97,7 @@ def test_another_seed_gives_another_rig():
     assert all(not np.array_equal(one[edge], two[edge]) for edge in one)
 
 
+@pytest.mark.long
 def test_train_and_test_share_rig_and_disturbance_but_not_boards():
     train, test = (cell_of(2, s, disturbance=(0.1, 0.1)) for s in ("train", "test"))
     for edge, matrix in train.truth.edges.items():

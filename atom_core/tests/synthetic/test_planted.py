@@ -153,6 +153,7 @@ def test_wide_beams_are_mixed_at_the_border():
         assert 0.85 * len(narrow[1]) < len(wide[1]) < len(narrow[1])
 
 
+@pytest.mark.long
 def test_2d_lidars_have_offsets_and_dark_squares():
     realism = replace(PLAIN, lidar_offset_m=0.01, lidar_scale=0.002, dark_offset_m=0.005)
     synthetic = cell_with_scanners(0, noise=EXACT, realism=realism)
@@ -349,6 +350,7 @@ def test_errors_of_no_size_change_nothing():
     assert paper_cell(1).planted == Planted()
 
 
+@pytest.mark.long
 def test_train_and_test_set_of_a_seed_share_what_is_planted():
     train, test, other = (
         paper_cell(seed, scenario, realism=ROUGH).planted
