@@ -29,6 +29,7 @@ CALIBRATE = ("atom_calibration", "calibrate.launch", "rviz:=false", "stay:=false
 CALIBRATE += ("options:=--no_report",)
 PLAYBACK = ("atom_calibration", "dataset_playback.launch", "rviz:=false")
 EVALUATE = (str(ROOT / "atom_examples" / "collab_cell" / "launch" / "full_evaluation.launch"),)
+EVALUATE += ("report:=false",)
 FROM_BAG = ("atom_calibration", "calibrate_from_bag.launch", "report:=false")
 
 

@@ -426,6 +426,7 @@ def test_without_the_native_module_scipy_does_it_and_says_how_to_build(
     assert "make build" in line and "--solver ceres" in line
 
 
+@pytest.mark.long
 def test_paper_cell_from_disk_equals_paper_cell_from_memory(tmp_path):
     from atom_core.calibration.calibrate import calibrate as solve
 

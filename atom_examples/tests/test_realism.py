@@ -108,6 +108,7 @@ def replace_sensors(path):
 # --------------------------------------------------------------------------------- ranges
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", LIDARS)
 def test_returns_of_the_room_are_longer_by_offset_and_layer(both, name):
     plain, spoiled = (cell.lidars[name].capture(cell.scene) for cell in both)

@@ -270,6 +270,7 @@ def test_truth_says_how_the_bag_was_made(bags):
 # ---- sizes
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "limit_gb"), [("train", 4.0), ("packed", 1.5)])
 def test_a_whole_recording_stays_below_its_limits(bags, world, plans, name, limit_gb):
     """Sizes grow with the number of ticks, which are largest between stops."""

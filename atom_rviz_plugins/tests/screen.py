@@ -103,14 +103,14 @@ class Screen:
 
     def picture(self):
         """The whole screen as an array of (height, width, 3), red first."""
-        png = subprocess.run(
-            ["import", "-window", "root", "png:-"],
+        ppm = subprocess.run(
+            ["import", "-window", "root", "ppm:-"],
             env=self.environment,
             capture_output=True,
             timeout=60,
             check=True,
         ).stdout
-        return cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)[:, :, ::-1]
+        return cv2.imdecode(np.frombuffer(ppm, np.uint8), cv2.IMREAD_COLOR)[:, :, ::-1]
 
     def save(self, path):
         """Write a picture of the screen."""

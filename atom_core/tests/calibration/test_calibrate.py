@@ -53,6 +53,7 @@ def edges_of(dataset, name):
     return [c.transforms[edge] for c in dataset.collections.values()]
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("seed", range(3))
 def test_the_paper_cell_is_found_from_a_disturbed_start(seed):
     scene = paper_cell(seed, "train", Noise(), DISTURBED)

@@ -157,6 +157,7 @@ def test_no_guess_and_a_good_guess_give_the_same_answer(disturbance):
         assert np.max(np.abs(apart)) < 1e-6
 
 
+@pytest.mark.long
 def test_gross_errors_do_not_mislead_the_start():
     scene = paper_cell(4, "train", Noise(gross_fraction=0.1), FAR)
     result = calibrate(scene.dataset, NO_GUESS)

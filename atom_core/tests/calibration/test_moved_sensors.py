@@ -145,6 +145,12 @@ def test_of_a_turn_the_angle_is_told(device):
     assert float(told.group(2)) == pytest.approx(0.3, rel=0.3)
 
 
+def test_where_an_image_centre_tells_as_much_both_are_named(device):
+    result = calibrate(told_wrong(device, 0.010, np.radians(0.5)))
+    assert result.status == "inconsistent" and result.checks
+    assert re.match(rf"the image centre of rgb_2 .*; or {ONE_EDGE} ", result.message)
+
+
 def test_also_where_their_edge_is_held(device):
     config = replace(device.dataset.config, anchored_sensor="rgb_2")
     result = calibrate(

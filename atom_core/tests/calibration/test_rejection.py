@@ -247,6 +247,7 @@ def test_when_what_is_left_cannot_be_calibrated_the_status_says_so(healthy, monk
     assert "--keep_collections" in result.message
 
 
+@pytest.mark.long
 def test_the_statistic_has_its_distribution():
     """Without gross errors and robust loss the chi-squares are chi-squares."""
     sums, freedoms = 0.0, 0

@@ -159,6 +159,7 @@ def test_what_auto_shares_out_by_what_is_usual_is_named(fault, cause):
     assert re.match(f"{cause}that is .* times what is usual", result.message)
 
 
+@pytest.mark.long
 def test_what_auto_finds_by_the_data_is_no_contradiction():
     scene = FAULTS["every LiDAR reads 30 mm long"](0)
     result = calibrate(scene.dataset, CalibrationOptions(model_errors=AUTO))

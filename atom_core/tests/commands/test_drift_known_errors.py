@@ -70,6 +70,7 @@ def without_known_errors(document):
         sensor.pop("intrinsics", None)
 
 
+@pytest.mark.long
 def test_a_rig_that_did_not_move_stands_though_its_sensors_are_wrong(made, tmp_path, capsys):
     run(*check(made, made / "results" / "optimized.urdf.xacro"))
     assert re.search(STANDS, capsys.readouterr().out)

@@ -37,7 +37,7 @@ def results(difficulty, kind, numbers):
     return expected, tried
 
 
-@pytest.mark.sampled(20)
+@pytest.mark.sampled(12)
 @pytest.mark.parametrize(("difficulty", "kind"), PAIRS)
 def test_a_hard_scene_gives_no_false_label(difficulty, kind):
     expected, tried = results(difficulty, kind, range(FEW))

@@ -40,7 +40,7 @@ def outlines_of(cell):
     return np.array(rms)
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", LIDAR_MODELS)
 def test_every_model_finds_boards_and_their_outlines_without_a_seed(name):
     rms = outlines_of(model_cell(name, 1, 3))

@@ -151,8 +151,8 @@ def judge(
     known = tuple(prior_results(problem.parameters, summary.x, covariance))
     out = exclusions(start.initial, start.measurements, refined.rejected)
     places = described if options.initial_guess == DESCRIPTION else dataset
-    reasons = exchanged(places, dataset) + ([] if moved is None else [moved.why])
-    reasons += _contradictions(refined, options, covariance, unfit, checks, moving)
+    contradicted = _contradictions(refined, options, covariance, unfit, checks, moving)
+    reasons = exchanged(places, dataset) + _with_motion(contradicted, moved)
     reasons += contradictions(known) + [m.why for m in unfit] + [e.why for e in out]
     also = _if_a_fixed_board_moved(dataset, problem) if unfit or moving or out else ""
     status, message = _verdict(summary, weak, [why + also for why in reasons], refined.failure)
@@ -193,7 +193,7 @@ def _examined(
     scatter = max((edge.gain for edge in moving), default=0.0)
     if moved is not None and moved.gain < _OF_SCATTER * scatter:
         moved = None
-    if moved is not None:  # what else seems to be wrong may be its trace only
+    if moved is not None and moved.is_clear:  # what else seems to be wrong may be its trace only
         checks, moving = [], []
     remarks = (*_few_collections(refined.solver.problem), *sizes)
     return Examined(covariance, unfit, checks, moving, moved, remarks)
@@ -212,6 +212,15 @@ def _contradictions(
     reasons += _unusual(refined, options, covariance) + unusual_parts(refined.free, options)
     if unfit:  # else it is noise that the sigmas know of
         reasons = [*_of_held_boards(refined), *(edge.why for edge in moving), *reasons]
+    return reasons
+
+
+def _with_motion(reasons: List[str], moved: Optional[Union[Moved, Misplaced]]) -> List[str]:
+    """Return the reasons with that of a motion: first, or beside an error that tells as much."""
+    if moved is not None and moved.is_clear:
+        return [moved.why, *reasons]
+    if moved is not None and reasons:
+        return [f"{reasons[0]}; or {moved.why}", *reasons[1:]]
     return reasons
 
 

@@ -62,6 +62,11 @@ class Moved(NamedTuple):
     stood_still: bool
 
     @property
+    def is_clear(self) -> bool:
+        """Whether no single error explains nearly as much: else it is not told."""
+        return True
+
+    @property
     def why(self) -> str:
         """One sentence for the user."""
         one = " or ".join(self.names)
@@ -86,6 +91,7 @@ class Misplaced(NamedTuple):
         beside: the others of its edge.
         translation_m, rotation_rad: how far from there.
         gain: as of `Moved`.
+        is_clear: no single error explains nearly as much.
     """
 
     names: Tuple[str, ...]
@@ -93,6 +99,7 @@ class Misplaced(NamedTuple):
     translation_m: float
     rotation_rad: float
     gain: float
+    is_clear: bool
 
     @property
     def why(self) -> str:
@@ -119,7 +126,9 @@ def moved_sensors(
     solution: CheckedSolution,
     others: Sequence[ModelCheck],
 ) -> Optional[Union[Moved, Misplaced]]:
-    """Return what was moved or misplaced, where no single error explains as much; None: nothing.
+    """Return what was moved, where no single error explains as much, or misplaced; None: nothing.
+
+    What is misplaced is returned, too, where it is but as good an explanation as a single error.
 
     Args:
         dataset: the order of its collections is that in which they were made.
@@ -145,12 +154,16 @@ def moved_sensors(
     again = _motions(dataset, solver.problem, summary.x, as_weighted, solution.equations)
     found = _step(again, name, step.last, step.first)
     explained = max((check.gain for check in others), default=0.0)
-    if found is None or found.gain < _MORE * explained + _OF_SIX:
+    if found is None:
+        return None
+    is_clear = found.gain >= _MORE * explained + _OF_SIX
+    if not is_clear and not (step.is_of_all and found.gain > _ALIKE * explained + _OF_SIX):
         return None
     alike = [n for n, s in best.items() if n != name and s.gain > _ALIKE * step.gain]
     shift, turn = (float(np.linalg.norm(found.value[part])) for part in (TRANSLATION, ROTATION))
     if step.is_of_all:
-        return Misplaced((name, *alike), _beside(dataset, name), shift, turn, found.gain)
+        beside = _beside(dataset, name)
+        return Misplaced((name, *alike), beside, shift, turn, found.gain, is_clear)
     keys = cautious.keys
     stood_still = step.spread < max(_LOOSE * step.freedom, step.gain / _LOOSE)
     places = keys[step.last], keys[step.first]
