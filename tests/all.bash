@@ -78,7 +78,7 @@ ended ctest
 ended lint
 ended "Noetic's versions"
 python3 tests/failed_cases.py build/test_results
-echo "make test: $((SECONDS / 60)) min since set-up, $((built_s / 60)) of them for the build"
+echo "make test: $((SECONDS / 60)) min $((SECONDS % 60)) s since set-up, $built_s s of them for the build"
 if [ "${#failed[@]}" -gt 0 ]; then
   printf -v names '%s, ' "${failed[@]}"
   echo "make test: failed: ${names%, }" >&2

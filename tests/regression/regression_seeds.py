@@ -48,7 +48,7 @@ def seeds_by_hand(dataset, rng):
 class Seeds(RegressionCase):
     @classmethod
     def prepare(cls):
-        automatic = read_dataset(recordings.dataset("test"))
+        automatic = read_dataset(recordings.dataset("train"))
         cls.automatic = range_labels(automatic)
         file = recordings.FOLDER / "by_hand.yaml"
         write_seeds(file, seeds_by_hand(automatic, np.random.default_rng(0)), automatic.sensors)
@@ -63,7 +63,7 @@ class Seeds(RegressionCase):
             "--config",
             recordings.CONFIG,
             "--bag",
-            recordings.bag("test"),
+            recordings.bag("train"),
             "--output",
             OUTPUT,
             "--overwrite",
@@ -77,7 +77,7 @@ class Seeds(RegressionCase):
         cls.by_hand = range_labels(read_dataset(OUTPUT / "dataset.json"))
 
     def test_1_labels_are_those_of_automatic_seeds(self):
-        self.assertGreaterEqual(len(self.automatic), 2 * LIMITS["scenario"]["test"])
+        self.assertGreaterEqual(len(self.automatic), 2 * LIMITS["scenario"]["train"])
         for (time_s, sensor), label in self.automatic.items():
             found = self.by_hand.get((time_s, sensor), set())
             share = len(found & label) / len(found | label)

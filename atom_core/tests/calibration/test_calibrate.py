@@ -75,6 +75,7 @@ def test_exact_measurements_give_the_exact_answer():
     assert np.max(errors(result.dataset, scene)[:, 0]) < 1e-6
 
 
+@pytest.mark.long
 def test_the_answer_does_not_depend_on_the_start():
     dataset = paper_cell(1, "train").dataset
     found = []

@@ -61,6 +61,7 @@ def test_what_is_planted_is_named_first_with_its_size(scene, kind):
     assert result.checks[0].value == pytest.approx(value, rel=0.25)
 
 
+@pytest.mark.long
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("kind", SURE)
 @pytest.mark.parametrize("solver", ["ceres", pytest.param("scipy", marks=pytest.mark.long)])

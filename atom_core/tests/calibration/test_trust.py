@@ -117,7 +117,7 @@ def test_waves_of_a_depth_camera_are_named(seed):
     assert check.error.title == "depth waves of depth_1" and 0.002 < check.value < 0.005
 
 
-@pytest.mark.sampled(6)
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("row", [*map(marked, NAMED)], ids=lambda row: row.fault)
 def test_what_does_harm_is_named(row):
     scene = FAULTS[row.fault](0)

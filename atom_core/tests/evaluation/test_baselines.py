@@ -141,6 +141,7 @@ def test_icp_carries_a_cloud_back_onto_itself(exact):
     np.testing.assert_allclose(found.target_T_source, move, atol=1e-6)
 
 
+@pytest.mark.long
 def test_icp_has_the_papers_variants_and_one_over_all(exact):
     names = ["lidar_1", "lidar_2", "depth_1"]
     dataset = exact.dataset.selected(sensors=names, collections=["000", "001", "002", "003"])
