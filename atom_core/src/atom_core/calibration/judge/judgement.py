@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
+from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from atom_core.calibration.refine.error_words import unusual
 from atom_core.calibration.refine.layer_checks import layer_checks
 from atom_core.calibration.refine.model_checks import ModelCheck
 from atom_core.calibration.refine.model_errors import COMMON, checked, suggestion
-from atom_core.calibration.refine.moved_sensors import Misplaced, Moved, moved_sensors
+from atom_core.calibration.refine.moved_sensors import Motion, moved_sensors
 from atom_core.calibration.refine.moving_edges import MovingEdge, moving_edges
 from atom_core.calibration.refine.moving_parts import unusual_parts
 from atom_core.calibration.refine.refinement import Refined
@@ -77,7 +77,7 @@ class Examined(NamedTuple):
     unfit: Sequence[Misfit] = ()
     checks: Sequence[ModelCheck] = ()
     moving: Sequence[MovingEdge] = ()
-    moved: Optional[Union[Moved, Misplaced]] = None
+    moved: Optional[Motion] = None
     remarks: Tuple[str, ...] = ()
 
 
@@ -215,7 +215,7 @@ def _contradictions(
     return reasons
 
 
-def _with_motion(reasons: List[str], moved: Optional[Union[Moved, Misplaced]]) -> List[str]:
+def _with_motion(reasons: List[str], moved: Optional[Motion]) -> List[str]:
     """Return the reasons with that of a motion: first, or beside an error that tells as much."""
     if moved is not None and moved.is_clear:
         return [moved.why, *reasons]
@@ -258,7 +258,7 @@ def _held(
 
 def _checked(
     initial: Dataset, refined: Refined, options: CalibrationOptions, covariance: Covariance
-) -> Tuple[Covariance, List[ModelCheck], Optional[Union[Moved, Misplaced]], Tuple[str, ...]]:
+) -> Tuple[Covariance, List[ModelCheck], Optional[Motion], Tuple[str, ...]]:
     """Return the covariance, robust and combined, the model checks, what moved, what is untold."""
     loss, estimated = refined.options.loss, tuple(refined.summary.model_errors)
     solution = checked(initial, refined.solver, refined.summary, refined.options, with_fields=True)

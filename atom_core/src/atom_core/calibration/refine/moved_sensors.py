@@ -118,6 +118,9 @@ class Misplaced(NamedTuple):
         )
 
 
+Motion = Union[Moved, Misplaced]
+
+
 def moved_sensors(
     dataset: Dataset,
     solver: Solver,
@@ -125,7 +128,7 @@ def moved_sensors(
     loss: str,
     solution: CheckedSolution,
     others: Sequence[ModelCheck],
-) -> Optional[Union[Moved, Misplaced]]:
+) -> Optional[Motion]:
     """Return what was moved, where no single error explains as much, or misplaced; None: nothing.
 
     What is misplaced is returned, too, where it is but as good an explanation as a single error.
