@@ -34,7 +34,24 @@ def test_data_wait_for_the_labels_of_images_of_their_time(sights):
     for tenth in range(1, 60):
         sights.wait_for(tenth / 10, pause, lambda: False)
         newest = max([newest, *stamps(sights.take(tenth / 10))])
-        assert tenth / 10 - 0.3 - 1e-9 <= newest <= tenth / 10
+        assert tenth / 10 - 0.2 - 1e-9 <= newest <= tenth / 10
+
+
+def test_nobody_waits_for_images_that_were_not_taken(sights):
+    sights.wait_for(0.0, pytest.fail, lambda: False)
+    sights.add(Sight(1.0, "left", None))
+    paused = []
+
+    def pause(seconds):
+        paused.append(seconds)
+        sights.note_idle("left", 0.9 + len(paused) / 10)
+        sights.note_idle("right", 1.0 + len(paused) / 10)
+
+    sights.wait_for(2.4, pause, lambda: False)
+    assert len(paused) == 15 and stamps(sights.take(2.4)) == [1.0]
+    sights.add(Sight(2.5, "left", None))  # and whoever waited so is awaited as before
+    sights.wait_for(3.0, pause, lambda: False)
+    assert len(paused) == 21
 
 
 def test_a_camera_that_has_ended_is_not_waited_for_each_time(sights):

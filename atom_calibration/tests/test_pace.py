@@ -47,10 +47,43 @@ def test_it_is_waited_for_as_long_as_any_labels_come():
     pace.late(100.0)
     pace.wait(lambda: 105.5, pause, lambda: False)
     assert len(paused) == 300 + 40  # and 2 s longer, in vain
-    assert pace.late(110.0) == ["cam"]  # the other one may be later from now on
+    assert pace.late(110.0) == ["cam"]  # the other one may be later until its labels come
     pace.note("cam", 109.9, 110.0)
     pace.wait(lambda: 110.0, pause, lambda: False)
     assert len(paused) == 340
+
+
+def test_labels_that_come_again_are_awaited_as_before():
+    pace = Pace(["cam", "lidar"])
+    pace.late(100.0)
+    pace.note("lidar", 105.0, 105.0)
+    pace.wait_no_more(105.0)
+    assert pace.late(106.0) == []
+    pace.note("cam", 106.0, 106.2)
+    pace.note("lidar", 107.2, 107.3)
+    assert pace.late(107.3) == ["cam"]
+
+
+def test_whoever_has_labeled_all_that_came_is_not_late():
+    pace = Pace(["cam"])
+    pace.late(100.0)
+    pace.note("cam", 101.0, 101.0)
+    pace.note_idle("cam", 104.0)
+    assert pace.late(104.9) == [] and pace.late(105.1) == ["cam"]
+    pace.note_idle("cam", 103.0)  # overtaken by its own newer word
+    assert pace.late(104.9) == []
+
+
+def test_what_is_idle_keeps_nobody_waiting_for_one_that_has_ended():
+    pace, paused = Pace(["cam", "lidar"]), []
+
+    def pause(seconds):
+        paused.append(seconds)
+        pace.note_idle("cam", 105.0 + len(paused))
+
+    pace.late(100.0)
+    pace.wait(lambda: 105.0, pause, lambda: False)
+    assert len(paused) == 40
 
 
 def test_nobody_waits_once_it_has_ended():

@@ -11,15 +11,23 @@ _LOOKS_IN_VAIN = 40  # in a row; not seconds, so that a machine that stands stil
 _OTHER_CLOCK_S = 30.0  # stamps this far away are of another clock, and say nothing
 
 
+def labeled_until(sensor: str) -> str:
+    """Return the topic on which a labeler says until when all that has come is labeled."""
+    return f"/{sensor}/labeled_until"
+
+
 class Pace:
     """How far the labels of each sensor are behind the recording, and how far they may be.
 
-    A sensor may be slow by itself, or end before the recording does: whoever was waited for in vain
-    may be twice as late from then on. All times are of the recording, in seconds.
+    A labeler says also that all it has got is labeled, so that nobody waits for what a sensor does
+    not send. It may fail all the same, or its data may come later than its stamps say: whoever was
+    waited for in vain may be twice as late, until labels come again. All times are of the
+    recording, in seconds.
     """
 
     def __init__(self, sensors: Iterable[str], late_s: float = LATE_S):
         """Expect labels of these sensors from the beginning on, none later than this [s]."""
+        self._late_s = late_s
         self._allowed_s = dict.fromkeys(sensors, late_s)
         self._labeled_s: Dict[str, float] = {}
         self._begin_s, self._now_s = math.nan, math.inf
@@ -29,7 +37,12 @@ class Pace:
         """Take in that labels of a sensor came, with the stamp of their data."""
         of_this_clock = abs(now_s - stamp_s) < _OTHER_CLOCK_S
         self._labeled_s[sensor] = stamp_s if of_this_clock else now_s
+        self._allowed_s[sensor] = self._late_s
         self._noted += 1
+
+    def note_idle(self, sensor: str, until_s: float) -> None:
+        """Take in that all data of a sensor that have come until a time are labeled."""
+        self._labeled_s[sensor] = max(until_s, self._labeled_s.get(sensor, until_s))
 
     def late(self, now_s: float) -> List[str]:
         """Return the sensors whose labels are later than they may be."""
@@ -62,7 +75,7 @@ class Pace:
             in_vain = in_vain + 1 if self._noted == before else 0
 
     def wait_no_more(self, now_s: float) -> None:
-        """Let those that are late now be as late again, and later."""
+        """Let those that are late now be as late again, until their labels come."""
         for name in self.late(now_s):
             self._allowed_s[name] = 2.0 * self._lag_s(name)
 

@@ -11,13 +11,14 @@ import time
 from typing import Any, Callable, List
 
 import rospy
+from std_msgs.msg import Time
 from std_srvs.srv import SetBool
 
 from atom_calibration.errors import CollectionError
 from atom_calibration.messages.headers import stamp_s
 from atom_calibration.msg import SensorLabels
 from atom_calibration.runtime import options, running
-from atom_calibration.runtime.pace import LOOK_EVERY_S, Pace
+from atom_calibration.runtime.pace import LOOK_EVERY_S, Pace, labeled_until
 from atom_calibration.sources.live_topics import NotYetError, wait_for
 from atom_calibration.sources.rig import candidate_topics
 from atom_core.commands.common import add_option
@@ -42,6 +43,7 @@ def _run(args: argparse.Namespace) -> int:
     pace = Pace(config.sensors)
     for name in config.sensors:
         rospy.Subscriber(f"/{name}/labels", SensorLabels, _note_in(pace, name), queue_size=20)
+        rospy.Subscriber(labeled_until(name), Time, _note_idle_in(pace, name), queue_size=1)
     if wait_for(lambda: _everybody_listens(config), running.stopped, rospy.loginfo) is None:
         return 0
     time.sleep(_SETTLE_S)
@@ -79,6 +81,10 @@ def _everybody_listens(config: CalibrationConfig) -> bool:
 
 def _note_in(pace: Pace, sensor: str) -> Callable[[SensorLabels], None]:
     return lambda labels: pace.note(sensor, stamp_s(labels), _now_s())
+
+
+def _note_idle_in(pace: Pace, sensor: str) -> Callable[[Time], None]:
+    return lambda until: pace.note_idle(sensor, until.data.to_sec())
 
 
 def _hold_while_late(pace: Pace, hold: Callable[[bool], Any]) -> None:

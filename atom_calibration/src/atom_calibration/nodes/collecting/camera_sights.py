@@ -8,7 +8,6 @@ from typing import Any, Callable, Deque, Iterable, List, NamedTuple
 
 from atom_calibration.runtime.pace import Pace
 
-_LATE_S = 0.3  # longer than from one label of a camera to the next
 _MOST = 1000
 
 
@@ -33,13 +32,18 @@ class CameraSights:
         """Start empty, with these cameras to wait for."""
         self._lock = threading.Lock()
         self._waiting: Deque[Sight] = deque(maxlen=_MOST)
-        self._pace = Pace(cameras, _LATE_S)
+        self._pace = Pace(cameras, late_s=0.0)
 
     def add(self, sight: Sight) -> None:
         """Take in the labels of an image."""
         with self._lock:
             self._waiting.append(sight)
             self._pace.note(sight.camera, sight.stamp_s, sight.stamp_s)
+
+    def note_idle(self, camera: str, until_s: float) -> None:
+        """Take in that a camera's labeler has labeled all that had come until a time [s]."""
+        with self._lock:
+            self._pace.note_idle(camera, until_s)
 
     def wait_for(
         self, stamp_s: float, pause: Callable[[float], None], ended: Callable[[], bool]

@@ -9,6 +9,7 @@ from typing import Any, Collection, Deque, Mapping, NamedTuple, Optional, Sequen
 import numpy as np
 import rospy
 from sensor_msgs.msg import Image, PointCloud2
+from std_msgs.msg import Time
 
 from atom_calibration.errors import CollectionError, MessageError
 from atom_calibration.labels.board_figures import add_figures
@@ -22,6 +23,7 @@ from atom_calibration.msg import SensorLabels
 from atom_calibration.nodes.collecting.camera_sights import CameraSights, Sight
 from atom_calibration.nodes.collecting.seed_input import SeedListener
 from atom_calibration.runtime import running
+from atom_calibration.runtime.pace import labeled_until
 from atom_calibration.show.annotation import annotated, labeled_cloud
 from atom_calibration.sources.live_topics import LiveTopics, message_class
 from atom_calibration.sources.live_transforms import LiveTransforms
@@ -35,6 +37,7 @@ from atom_core.model.pattern import pattern_from_config
 
 _BUFFER_BYTES = 2**25  # of a connection: less than a message makes old messages wait
 MOST_WAITING = 200  # data of a sensor that wait where none may be passed over
+_IDLE_S = 0.1  # of the wall's clock: whoever has got nothing for so long has got all that was sent
 _BACK_S = 1.0  # data that are older by more begin anew, as when a bag is repeated
 _SOONER = 0.8  # of a period: stamps jitter
 
@@ -44,6 +47,7 @@ class LabelLinks:
 
     Attributes:
         out: publisher of the sensor's own labels.
+        idle: publisher of the time until which all that has come is labeled.
         frames: of cameras, by their names.
         sights: of cameras, which were not looked at yet.
     """
@@ -57,15 +61,20 @@ class LabelLinks:
             received: sensors whose time of receipt is taken, not their stamps.
         """
         self.out = rospy.Publisher(f"/{sensor}/labels", SensorLabels, queue_size=20)
+        self.idle = rospy.Publisher(labeled_until(sensor), Time, queue_size=1)
         self.frames = {name: frame for name, frame in cameras.items() if name != sensor}
         self.sights = CameraSights(self.frames)
         for camera in self.frames:
             see = self._see_now if camera in received else self._see
             topic = f"/{camera}/labels"
             rospy.Subscriber(topic, SensorLabels, see, camera, queue_size=MOST_WAITING)
+            rospy.Subscriber(labeled_until(camera), Time, self._see_idle, camera, queue_size=1)
 
     def _see(self, labels: SensorLabels, camera: str) -> None:
         self.sights.add(Sight(stamp_s(labels), camera, labels))
+
+    def _see_idle(self, until: Time, camera: str) -> None:
+        self.sights.note_idle(camera, until.data.to_sec())
 
     def _see_now(self, labels: SensorLabels, camera: str) -> None:
         self.sights.add(Sight(rospy.Time.now().to_sec(), camera, labels))
@@ -147,7 +156,10 @@ class LabelerNode:
     def spin(self) -> None:
         """Label until the node ends."""
         while not running.stopped():
+            now = rospy.Time.now()
             waiting = self._next()
+            if waiting == _Waiting() and self._in_order:
+                self._links.idle.publish(now)  # what had come by then has been labeled since
             if waiting.seed is not None:
                 self._begin_from(*waiting.seed)
             if waiting.message is not None and self._is_due(waiting.message):
@@ -158,7 +170,7 @@ class LabelerNode:
     def _next(self) -> _Waiting:
         with self._there:
             if not self._messages and self._seed is None:
-                self._there.wait(0.2)
+                self._there.wait(_IDLE_S)
             message = self._messages.popleft() if self._messages else None
             waiting, self._seed = _Waiting(message, self._seed), None
         return waiting
