@@ -88,6 +88,35 @@ def test_a_sensor_that_shakes_did_not_stand_still(cell, sensor):
     assert result.message.startswith(f"{sensor} did not stand still")
 
 
+def creeping(scene, sensor, turn_rad, shift_m):
+    """Return the cell in which a sensor turned and went so far from the first to the last one."""
+    rng = np.random.default_rng(5)
+    eye = cell_rig(SEED).pose(scene.dataset.sensors[sensor].frame)[:3, 3]
+    axis, way = se3.random_direction(rng), se3.random_direction(rng)
+    keys, moves = list(scene.dataset.collections), {}
+    for share, key in zip(np.linspace(-0.5, 0.5, len(keys)), keys):
+        there = move_about(eye, share * turn_rad * axis, share * shift_m * way)
+        moves[key, sensor] = se3.inverse(there)
+    return with_moved_board(scene, cell_rig(SEED), moves, rng)
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize(
+    "sensor, shift_m, turn_deg", [("rgb_2", 0.003, 0.1), ("depth_1", 0.012, 0.4)]
+)
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_sensor_that_creeps_is_named_with_how_far(cell, sensor, shift_m, turn_deg, solver):
+    moved = creeping(cell, sensor, np.radians(turn_deg), shift_m)
+    result = calibrate(moved, CalibrationOptions(solver_name=solver))
+    assert result.status == "inconsistent" and not result.checks
+    told = re.match(
+        rf"{sensor} crept between collections \d+ and \d+, by (.*) mm and (.*) deg little by ",
+        result.message,
+    )
+    assert float(told.group(1)) == pytest.approx(1e3 * shift_m, rel=0.3)
+    assert float(told.group(2)) == pytest.approx(turn_deg, rel=0.3)
+
+
 def test_a_long_range_is_no_move(cell):
     result = calibrate(with_long_ranges(cell.dataset, "lidar_1", 0.03))
     assert result.message.startswith("lidar_1 reads")
@@ -99,7 +128,20 @@ def test_a_long_range_is_no_move(cell):
 @pytest.mark.parametrize("realism", [PLAIN, SLIGHT], ids=["plain", "slight"])
 def test_what_stood_still_is_not_named(seed, realism):
     scene = scenes.random_scene(seed, collections=16, realism=realism, disturbance=DISTURBED)
-    assert "was moved" not in calibrate(scene.dataset).message
+    message = calibrate(scene.dataset).message
+    assert "was moved" not in message and "crept" not in message
+
+
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(s, marks=pytest.mark.long) for s in range(1, 10))]
+)
+def test_boards_that_come_in_the_order_of_their_distance_are_no_creep(seed):
+    scene = scenes.random_scene(seed, collections=16, realism=SLIGHT, disturbance=DISTURBED)
+    boards, dataset = scene.truth.boards, scene.dataset
+    away = {key: np.linalg.norm(pose[:3, 3]) for (_, key), pose in boards.items()}
+    ordered = {key: dataset.collections[key] for key in sorted(dataset.collections, key=away.get)}
+    message = calibrate(replace(dataset, collections=ordered)).message
+    assert "was moved" not in message and "crept" not in message
 
 
 def test_few_collections_tell_nothing(cell):

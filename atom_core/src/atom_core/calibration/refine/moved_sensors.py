@@ -3,7 +3,8 @@
 Then two poses fit what was seen before and after, and the solution has neither. For every sensor
 and every place between two collections, one Gauss-Newton step is taken with six more numbers: by
 how much it is elsewhere in the later collections (a structural change at an unknown time: Andrews
-1993). What that explains is compared with how much the collections differ anyway.
+1993); and one with how far it creeps from the first collection to the last. What that explains is
+compared with how much the collections differ anyway.
 
 A sensor that is elsewhere in all collections is where its edge puts it, unless it shares the edge
 with another one, or the edge is not calibrated: then the description is wrong.
@@ -47,10 +48,11 @@ class Moved(NamedTuple):
 
     Attributes:
         names: it, and others that explain it as well.
-        last, first: the collections before and after.
+        last, first: the collections before and after; of what crept, the first and the last.
         translation_m, rotation_rad: by how much.
         gain: by how much the cost (twice the negative logarithm of the likelihood) would fall.
         stood_still: before and after that; else this is only the largest of many steps.
+        crept: little by little, from collection to collection.
     """
 
     names: Tuple[str, ...]
@@ -60,6 +62,7 @@ class Moved(NamedTuple):
     rotation_rad: float
     gain: float
     stood_still: bool
+    crept: bool = False
 
     @property
     def is_clear(self) -> bool:
@@ -76,9 +79,14 @@ class Moved(NamedTuple):
                 f"{one} did not stand still, its place differs from collection to collection"
                 f"{unsure}: fasten it, and collect again"
             )
+        far = f"{1e3 * self.translation_m:.2g} mm and {np.degrees(self.rotation_rad):.2g} deg"
+        if self.crept:
+            return (
+                f"{one} crept between collections {self.last} and {self.first}, by {far} little by "
+                f"little{unsure}: fasten it, let it warm up, and collect again"
+            )
         return (
-            f"{one} was moved between collections {self.last} and {self.first}, by "
-            f"{1e3 * self.translation_m:.2g} mm and {np.degrees(self.rotation_rad):.2g} deg"
+            f"{one} was moved between collections {self.last} and {self.first}, by {far}"
             f"{unsure}: fasten it, and calibrate the collections of one side alone (-csf)"
         )
 
@@ -155,7 +163,7 @@ def moved_sensors(
     shares = shares_of(solver.problem, summary.sigmas, summary.common or [0.0] * len(shares))
     as_weighted = tempered(solver.problem, equations, shares, summary.x)
     again = _motions(dataset, solver.problem, summary.x, as_weighted, solution.equations)
-    found = _step(again, name, step.last, step.first)
+    found = _step(again, name, step.last, step.first, step.creeps)
     explained = max((check.gain for check in others), default=0.0)
     if found is None:
         return None
@@ -170,7 +178,7 @@ def moved_sensors(
     keys = cautious.keys
     stood_still = step.spread < max(_LOOSE * step.freedom, step.gain / _LOOSE)
     places = keys[step.last], keys[step.first]
-    return Moved((name, *alike), *places, shift, turn, found.gain, stood_still)
+    return Moved((name, *alike), *places, shift, turn, found.gain, stood_still, step.creeps)
 
 
 def _unplaced(dataset: Dataset, problem: Problem) -> List[str]:
@@ -272,7 +280,7 @@ class _Step(NamedTuple):
 
     Attributes:
         last, first: indices of the collections before and after it that tell of it; -1 and 0: it
-            comes before all of them.
+            comes before all of them. Of what creeps, the first and the last that tell.
         value: (6,) turn and shift.
         gain: what it explains.
         spread: by how much collections differ beside it, as a chi-square.
@@ -287,11 +295,12 @@ class _Step(NamedTuple):
     spread: float
     freedom: int
     chance: float
+    creeps: bool
 
     @property
     def is_of_all(self) -> bool:
         """Whether it comes before all collections."""
-        return self.first == 0
+        return self.last < 0
 
 
 def _places(columns: CollectionColumns) -> List[Tuple[int, int]]:
@@ -305,47 +314,61 @@ def _telling(columns: CollectionColumns) -> np.ndarray:
     return np.flatnonzero(np.trace(columns.information, axis1=1, axis2=2) > 0)
 
 
-def _step(motions: _Motions, name: str, last: int, first: int) -> Optional[_Step]:
-    """Return the step between two collections; None: the data do not tell it, or it is chance."""
-    columns = motions.columns[name]
-    crossed = columns.cross[first:].sum(axis=0)
+def _shares(count: int, last: int, first: int, creeps: bool) -> np.ndarray:
+    """Return which part (g,) of a move each of so many collections has."""
+    places = np.arange(count)
+    if creeps:
+        return np.clip((places - last) / (first - last), 0.0, 1.0)
+    return np.asarray(places >= first, dtype=float)
+
+
+def _step(
+    motions: _Motions, name: str, last: int, first: int, creeps: bool = False
+) -> Optional[_Step]:
+    """Return the move between two collections; None: the data do not tell it, or it is chance."""
+    columns = _weighted(motions.columns[name], _shares(len(motions.keys), last, first, creeps))
+    crossed = columns.cross.sum(axis=0)
     follow = motions.inverse_of_all @ crossed
-    total = columns.information[first:].sum(axis=0) - crossed.T @ follow
+    total = columns.information.sum(axis=0) - crossed.T @ follow
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(columns.information.sum(axis=0)), 1e-30))
     if np.linalg.eigvalsh(total * scale[:, None] * scale)[0] < _SEEN:
         return None
-    slope = columns.gradient[first:].sum(axis=0) - motions.gradient.sum(axis=0) @ follow
+    slope = columns.gradient.sum(axis=0) - motions.gradient.sum(axis=0) @ follow
     value = -np.linalg.solve(total, slope)
     gain = float(value @ total @ value)
-    freedom = BLOCK_SIZE * (len(_telling(columns)) - 2)
+    freedom = BLOCK_SIZE * (len(_telling(motions.columns[name])) - 2)
     if special.fdtrc(BLOCK_SIZE, freedom, gain / BLOCK_SIZE) > _CHANCE:
         return None  # even if collections differed by no more than noise
-    spread = _spread(motions, columns, follow, first, value)
+    spread = _spread(motions, columns, follow, value)
     ratio = gain / BLOCK_SIZE / max(spread / freedom, 1.0)
     chance = float(special.fdtrc(BLOCK_SIZE, freedom, ratio))
-    return _Step(last, first, value, gain, spread, freedom, chance)
+    return _Step(last, first, value, gain, spread, freedom, chance, creeps)
+
+
+def _weighted(columns: CollectionColumns, shares: np.ndarray) -> CollectionColumns:
+    """Return the columns of a motion of which each collection has a part (g,)."""
+    each = shares[:, None, None]
+    return columns._replace(
+        information=columns.information * each**2,
+        gradient=columns.gradient * shares[:, None],
+        cross=columns.cross * each,
+    )
 
 
 def _spread(
-    motions: _Motions,
-    columns: CollectionColumns,
-    follow: np.ndarray,
-    first: int,
-    value: np.ndarray,
+    motions: _Motions, columns: CollectionColumns, follow: np.ndarray, value: np.ndarray
 ) -> float:
     """Return by how much collections differ beside a step, as a chi-square.
 
     Args:
         motions: with what each collection says of the shared numbers.
-        columns: of the motion.
+        columns: of the step.
         follow: (s, 6) by how much the shared numbers follow it, with the other sign.
-        first: index of the first collection after the step.
         value: (6,) of the step.
     """
-    later = (np.arange(len(motions.keys)) >= first)[:, None]
-    slope = columns.gradient * later - motions.gradient @ follow
-    crossed = np.swapaxes(columns.cross * later[:, :, None], 1, 2) @ follow
-    own = columns.information * later[:, :, None] - crossed - np.swapaxes(crossed, 1, 2)
+    slope = columns.gradient - motions.gradient @ follow
+    crossed = np.swapaxes(columns.cross, 1, 2) @ follow
+    own = columns.information - crossed - np.swapaxes(crossed, 1, 2)
     own += follow.T @ motions.of_shared @ follow
     left = slope + own @ value
     return float(np.einsum("gi,gij,gj->", left, np.linalg.pinv(own, rcond=1e-8), left))
@@ -360,10 +383,14 @@ def _clearest(motions: _Motions, unplaced: Sequence[str]) -> Dict[str, _Step]:
     """
     places = {name: _places(columns) for name, columns in motions.columns.items()}
     of_all = [name for name in unplaced if name in motions.columns]
-    limit = _CHANCE / max(sum(map(len, places.values())) + len(of_all), 1)  # all are looked at
+    looked_at = sum(len(before) + 1 for before in places.values() if before) + len(of_all)
+    limit = _CHANCE / max(looked_at, 1)
     best: Dict[str, _Step] = {}
     for name, before in places.items():
-        steps = (_step(motions, name, last, first) for last, first in before)
+        steps = [_step(motions, name, last, first) for last, first in before]
+        if before:
+            told = _telling(motions.columns[name])
+            steps.append(_step(motions, name, int(told[0]), int(told[-1]), creeps=True))
         clear = [s for s in steps if s is not None and s.chance < limit and _is_likely(s.value)]
         if clear:
             best[name] = max(clear, key=lambda step: step.gain)
