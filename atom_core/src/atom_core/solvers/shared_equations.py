@@ -77,7 +77,7 @@ class SharedEquations:
         blocks: how many shared blocks there are.
         shared: how many numbers are not model errors.
         of_fields: how many of the errors are of fields; they come last.
-        parts: (g,) of each collection, of other errors than those; or of the shared blocks alone.
+        parts: (g,) of each collection, of other errors than those.
         gradient: (g, m).
         total: (m, m) information of all, with what is no collection's, such as a prior's.
         held_gradient: (m,) gradient that is no collection's.
@@ -117,7 +117,6 @@ def shared_equations(
     sigmas: Sequence[np.ndarray],
     priors: ErrorPriors,
     common: Sequence[float],
-    of_poses_only: bool = False,
 ) -> SharedEquations:
     """Return the reduced equations.
 
@@ -129,7 +128,6 @@ def shared_equations(
         priors: of some model errors.
         common: by residual block, standard deviation of what all rows of a detection have in
             common, in its unit; for it a detection counts less than the number of its rows.
-        of_poses_only: of what each collection says, keep what is of the shared blocks alone.
     """
     shares = shares_of(problem, sigmas, common)
     if any(common):
@@ -147,7 +145,7 @@ def shared_equations(
         total[some.numbers[:, None], some.numbers] += some.information.sum(axis=0)
         gradient[len(names) : len(names) + len(some.names), some.numbers] = some.gradient
         names += some.names
-        parts += some.parts(size if of_poses_only else m - scalars.of_fields)
+        parts += some.parts(m - scalars.of_fields)
     return SharedEquations(
         tuple(names),
         scalars.errors,

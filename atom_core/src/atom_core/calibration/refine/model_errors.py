@@ -94,7 +94,7 @@ def checked(
     return CheckedSolution(
         whole.without_fields(),
         tuple(at_least),
-        shared_equations(problem, equations, few, sigmas, priors, at_least, of_poses_only=True),
+        shared_equations(problem, equations, few, sigmas, priors, at_least),
         whole,
         layer_sums(problem, scalars, shares_of(problem, sigmas, common)),
     )

@@ -15,32 +15,34 @@ from __future__ import annotations
 from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
-from scipy import special
 
+from atom_core.calibration.refine.changed_focus import Refocused, changed_focus
 from atom_core.calibration.refine.model_checks import ModelCheck
 from atom_core.calibration.refine.model_errors import CheckedSolution
+from atom_core.calibration.refine.steps import (
+    CHANCE,
+    FEWEST,
+    Changes,
+    Step,
+    all_steps,
+    order_of,
+    shared_parts,
+    step_between,
+)
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset
 from atom_core.problem.blocks import BLOCK_SIZE, ROTATION, SENSOR, TRANSLATION
 from atom_core.problem.problem import Problem
 from atom_core.solvers.base import Solver, SolverSummary
-from atom_core.solvers.detection_columns import (
-    CollectionColumns,
-    DetectionColumns,
-    collection_columns,
-)
+from atom_core.solvers.detection_columns import DetectionColumns, collection_columns
 from atom_core.solvers.normal_equations import NormalEquations, summed
 from atom_core.solvers.shared_equations import SharedEquations, inverse, shares_of, tempered
 
-_CHANCE = 0.01  # of telling a move where there is none, all of a calibration together
-_FEWEST = 3  # collections before and after
 _LEAST_M, _LEAST_RAD = 0.002, float(np.radians(0.1))  # less is nobody's concern
 _MOST_M, _MOST_RAD = 0.3, float(np.radians(20.0))  # what looks like more is something else
 _MORE = 1.2  # times what the best single error explains, beside _OF_SIX
 _OF_SIX = 30.0  # gain that six numbers and the choice of the place have by chance
 _ALIKE = 0.9  # part of the gain with which another one explains it as well
-_LOOSE = 5.0  # so much more than noise, or so little beside the step, differ the collections
-_SEEN = 1e-6  # part of its information that other numbers must leave a direction
 
 
 class Moved(NamedTuple):
@@ -126,7 +128,7 @@ class Misplaced(NamedTuple):
         )
 
 
-Motion = Union[Moved, Misplaced]
+Motion = Union[Moved, Misplaced, Refocused]
 
 
 def moved_sensors(
@@ -139,7 +141,7 @@ def moved_sensors(
 ) -> Optional[Motion]:
     """Return what was moved, where no single error explains as much, or misplaced; None: nothing.
 
-    What is misplaced is returned, too, where it is but as good an explanation as a single error.
+    Of a camera, its focus instead where this explains it as well. What is misplaced is returned, too, where it is but as good an explanation as a single error.
 
     Args:
         dataset: the order of its collections is that in which they were made.
@@ -149,21 +151,22 @@ def moved_sensors(
         solution: its equations.
         others: the checks of single errors.
     """
-    if len(solution.cautious.collections) < 2 * _FEWEST:
+    if len(solution.cautious.collections) < 2 * FEWEST:
         return None
     equations = solver.equations(summary.x, summary.sigmas, loss)
     shares = shares_of(solver.problem, summary.sigmas, solution.common)
     with_common = tempered(solver.problem, equations, shares, summary.x)
     cautious = _motions(dataset, solver.problem, summary.x, with_common, solution.cautious)
     best = _clearest(cautious, _unplaced(dataset, solver.problem))
-    if not best:
-        return None
+    refocused = changed_focus(dataset, solution, cautious, best, others)
+    if refocused is not None or not best:
+        return refocused
     name = max(best, key=lambda n: best[n].gain)
     step = best[name]
     shares = shares_of(solver.problem, summary.sigmas, summary.common or [0.0] * len(shares))
     as_weighted = tempered(solver.problem, equations, shares, summary.x)
     again = _motions(dataset, solver.problem, summary.x, as_weighted, solution.equations)
-    found = _step(again, name, step.last, step.first, step.creeps)
+    found = step_between(again, name, step.last, step.first, step.creeps)
     explained = max((check.gain for check in others), default=0.0)
     if found is None:
         return None
@@ -176,9 +179,9 @@ def moved_sensors(
         beside = _beside(dataset, name)
         return Misplaced((name, *alike), beside, shift, turn, found.gain, is_clear)
     keys = cautious.keys
-    stood_still = step.spread < max(_LOOSE * step.freedom, step.gain / _LOOSE)
     places = keys[step.last], keys[step.first]
-    return Moved((name, *alike), *places, shift, turn, found.gain, stood_still, step.creeps)
+    still, creeps = step.stood_still, step.creeps
+    return Moved((name, *alike), *places, shift, turn, found.gain, still, creeps)
 
 
 def _unplaced(dataset: Dataset, problem: Problem) -> List[str]:
@@ -194,49 +197,25 @@ def _beside(dataset: Dataset, name: str) -> Tuple[str, ...]:
     return tuple(n for n, other in dataset.sensors.items() if n != name and other.edge == edge)
 
 
-class _Motions(NamedTuple):
-    """What sensors and fixed boards may have been moved by, in the order of g collections.
-
-    Attributes:
-        keys: of the collections.
-        columns: a turn and a shift of each, by its name.
-        inverse_of_all: (s, s) inverse of all information of the shared blocks.
-        of_shared: (g, s, s) what each collection says of these.
-        gradient: (g, s) likewise.
-    """
-
-    keys: Tuple[str, ...]
-    columns: Dict[str, CollectionColumns]
-    inverse_of_all: np.ndarray
-    of_shared: np.ndarray
-    gradient: np.ndarray
-
-
 def _motions(
     dataset: Dataset,
     problem: Problem,
     x: np.ndarray,
     equations: NormalEquations,
     shared: SharedEquations,
-) -> _Motions:
+) -> Changes:
     """Return the motions, at the vector x."""
-    place = {name: i for i, name in enumerate(dataset.collections)}
-    order = np.argsort([place[name] for name in shared.collections])
+    order = order_of(dataset, shared)
     keys = tuple(shared.collections[i] for i in order)
     sums = summed(equations.parts, len(problem.detections), equations.state_jacobians.shape[2])
     columns = {
         name: collection_columns(problem, equations, keys, own)
         for name, own in _turns_and_shifts(dataset, problem, x, *sums).items()
     }
-    size = BLOCK_SIZE * shared.blocks
-    of_shared = np.zeros((len(order), size, size))
-    for own, which in zip(of_shared, order):
-        part = shared.parts[which]
-        kept = part.numbers < size
-        mine = part.numbers[kept]
-        own[mine[:, None], mine] = part.information[np.ix_(kept, kept)]
-    of_all = inverse(shared.total[:size, :size])
-    return _Motions(keys, columns, of_all, of_shared, shared.gradient[order, :size])
+    numbers = np.arange(BLOCK_SIZE * shared.blocks)
+    of_all = inverse(shared.total[: len(numbers), : len(numbers)])
+    of_shared = shared_parts(shared, order, numbers)
+    return Changes(keys, columns, of_all, of_shared, shared.gradient[order, : len(numbers)])
 
 
 def _turns_and_shifts(
@@ -275,126 +254,22 @@ def _turns_and_shifts(
     return found
 
 
-class _Step(NamedTuple):
-    """A move between two collections.
-
-    Attributes:
-        last, first: indices of the collections before and after it that tell of it; -1 and 0: it
-            comes before all of them. Of what creeps, the first and the last that tell.
-        value: (6,) turn and shift.
-        gain: what it explains.
-        spread: by how much collections differ beside it, as a chi-square.
-        freedom: of that.
-        chance: that there is none.
-    """
-
-    last: int
-    first: int
-    value: np.ndarray
-    gain: float
-    spread: float
-    freedom: int
-    chance: float
-    creeps: bool
-
-    @property
-    def is_of_all(self) -> bool:
-        """Whether it comes before all collections."""
-        return self.last < 0
-
-
-def _places(columns: CollectionColumns) -> List[Tuple[int, int]]:
-    """Return between which two collections, by their indices, a step may be."""
-    told = _telling(columns).tolist()
-    return list(zip(told[_FEWEST - 1 :], told[_FEWEST : len(told) - _FEWEST + 1]))
-
-
-def _telling(columns: CollectionColumns) -> np.ndarray:
-    """Return the indices of the collections that say something of a motion."""
-    return np.flatnonzero(np.trace(columns.information, axis1=1, axis2=2) > 0)
-
-
-def _shares(count: int, last: int, first: int, creeps: bool) -> np.ndarray:
-    """Return which part (g,) of a move each of so many collections has."""
-    places = np.arange(count)
-    if creeps:
-        return np.clip((places - last) / (first - last), 0.0, 1.0)
-    return np.asarray(places >= first, dtype=float)
-
-
-def _step(
-    motions: _Motions, name: str, last: int, first: int, creeps: bool = False
-) -> Optional[_Step]:
-    """Return the move between two collections; None: the data do not tell it, or it is chance."""
-    columns = _weighted(motions.columns[name], _shares(len(motions.keys), last, first, creeps))
-    crossed = columns.cross.sum(axis=0)
-    follow = motions.inverse_of_all @ crossed
-    total = columns.information.sum(axis=0) - crossed.T @ follow
-    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(columns.information.sum(axis=0)), 1e-30))
-    if np.linalg.eigvalsh(total * scale[:, None] * scale)[0] < _SEEN:
-        return None
-    slope = columns.gradient.sum(axis=0) - motions.gradient.sum(axis=0) @ follow
-    value = -np.linalg.solve(total, slope)
-    gain = float(value @ total @ value)
-    freedom = BLOCK_SIZE * (len(_telling(motions.columns[name])) - 2)
-    if special.fdtrc(BLOCK_SIZE, freedom, gain / BLOCK_SIZE) > _CHANCE:
-        return None  # even if collections differed by no more than noise
-    spread = _spread(motions, columns, follow, value)
-    ratio = gain / BLOCK_SIZE / max(spread / freedom, 1.0)
-    chance = float(special.fdtrc(BLOCK_SIZE, freedom, ratio))
-    return _Step(last, first, value, gain, spread, freedom, chance, creeps)
-
-
-def _weighted(columns: CollectionColumns, shares: np.ndarray) -> CollectionColumns:
-    """Return the columns of a motion of which each collection has a part (g,)."""
-    each = shares[:, None, None]
-    return columns._replace(
-        information=columns.information * each**2,
-        gradient=columns.gradient * shares[:, None],
-        cross=columns.cross * each,
-    )
-
-
-def _spread(
-    motions: _Motions, columns: CollectionColumns, follow: np.ndarray, value: np.ndarray
-) -> float:
-    """Return by how much collections differ beside a step, as a chi-square.
-
-    Args:
-        motions: with what each collection says of the shared numbers.
-        columns: of the step.
-        follow: (s, 6) by how much the shared numbers follow it, with the other sign.
-        value: (6,) of the step.
-    """
-    slope = columns.gradient - motions.gradient @ follow
-    crossed = np.swapaxes(columns.cross, 1, 2) @ follow
-    own = columns.information - crossed - np.swapaxes(crossed, 1, 2)
-    own += follow.T @ motions.of_shared @ follow
-    left = slope + own @ value
-    return float(np.einsum("gi,gij,gj->", left, np.linalg.pinv(own, rcond=1e-8), left))
-
-
-def _clearest(motions: _Motions, unplaced: Sequence[str]) -> Dict[str, _Step]:
+def _clearest(motions: Changes, unplaced: Sequence[str]) -> Dict[str, Step]:
     """Return the step of each sensor and board that explains most, of those that are clear.
 
     Args:
         motions: of sensors and boards.
         unplaced: sensors that may be elsewhere in all collections.
     """
-    places = {name: _places(columns) for name, columns in motions.columns.items()}
+    steps, looked_at = all_steps(motions)
     of_all = [name for name in unplaced if name in motions.columns]
-    looked_at = sum(len(before) + 1 for before in places.values() if before) + len(of_all)
-    limit = _CHANCE / max(looked_at, 1)
-    best: Dict[str, _Step] = {}
-    for name, before in places.items():
-        steps = [_step(motions, name, last, first) for last, first in before]
-        if before:
-            told = _telling(motions.columns[name])
-            steps.append(_step(motions, name, int(told[0]), int(told[-1]), creeps=True))
-        clear = [s for s in steps if s is not None and s.chance < limit and _is_likely(s.value)]
+    limit = CHANCE / max(looked_at + len(of_all), 1)
+    best: Dict[str, Step] = {}
+    for name, found in steps.items():
+        clear = [s for s in found if s.chance < limit and _is_likely(s.value)]
         if clear:
             best[name] = max(clear, key=lambda step: step.gain)
-    always = {name: _step(motions, name, -1, 0) for name in of_all}
+    always = {name: step_between(motions, name, -1, 0) for name in of_all}
     most = _ALIKE * max((step.gain for step in best.values()), default=0.0)
     clear_always = {
         name: step

@@ -149,7 +149,7 @@ def _check(
     priors.update({wave: ErrorPrior(wave.usual) for wave in waves})
     common = summary.common or [0.0] * len(problem.residual_blocks)
     equations = shared_equations(
-        problem, solver.equations(x, sigmas, loss), scalars, sigmas, priors, common, False
+        problem, solver.equations(x, sigmas, loss), scalars, sigmas, priors, common
     )
     gradient = equations.gradient.sum(axis=0) + equations.held_gradient
     covariance = inverse(equations.total)
