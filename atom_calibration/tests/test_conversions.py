@@ -62,6 +62,16 @@ def test_fewer_bits_in_16_are_not_black_and_said_once(make, caplog, bits):
     ]
 
 
+def test_a_hot_pixel_makes_no_picture_black(make):
+    grey = np.random.default_rng(2).integers(0, 256, (120, 160)).astype("<u2")
+    stored = grey << 4
+    stored[7, 9] = 65535
+    image = colour_image(make.image(stored, "mono16"))[..., 0]
+    assert image[7, 9] == 255
+    image[7, 9] = grey[7, 9]
+    np.testing.assert_array_equal(image, grey)
+
+
 @pytest.mark.parametrize("bits", [8, 12, 16])
 def test_so_they_are_in_a_compressed_picture(bits):
     images._say_depth.cache_clear()

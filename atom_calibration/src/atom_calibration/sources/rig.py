@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Dict, List, Mapping, Optional, Protocol, Sequence, Tuple
+
+import numpy as np
 
 from atom_calibration.errors import BagError, MessageError, TransformError
 from atom_calibration.messages.cameras import (
@@ -17,11 +19,13 @@ from atom_calibration.messages.images import image_size
 from atom_calibration.modalities.table import is_labeled, modality_of
 from atom_calibration.sources.driver_messages import undecoded
 from atom_calibration.sources.transform_tree import TransformTree
+from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.model.config import CalibrationConfig, SensorConfig
 from atom_core.model.modality import modalities, modality_named
 from atom_core.model.sensor import Sensor
 
+_SAME_M, _SAME_RAD = 0.0005, float(np.radians(0.02))  # frames of other names that are one
 _SUFFIXES = ("", "/compressed", "/compressedDepth")
 
 
@@ -34,12 +38,14 @@ class Rig:
         topics: where the data of a sensor are, by topic; compressed ones by their full name.
         infos: where the intrinsics of a camera are, by topic.
         warnings: what the user should know.
+        data_frames: frame of the data by sensor, as their headers have it.
     """
 
     sensors: Dict[str, Sensor]
     topics: Dict[str, Sensor]
     infos: Dict[str, Sensor]
     warnings: Tuple[str, ...]
+    data_frames: Mapping[str, str] = field(default_factory=dict)
 
 
 class TopicSource(Protocol):
@@ -78,6 +84,7 @@ def rig_from_bag(config: CalibrationConfig, bag: TopicSource) -> Rig:
     topics: Dict[str, Sensor] = {}
     infos: Dict[str, Sensor] = {}
     warnings: List[str] = []
+    data_frames: Dict[str, str] = {}
     for name, entry in config.sensors.items():
         topic, sensor = sensor_from_bag(name, entry, bag)
         if sensor is None:
@@ -87,7 +94,7 @@ def rig_from_bag(config: CalibrationConfig, bag: TopicSource) -> Rig:
         topics[topic] = sensors[name]
         if sensor.camera is not None:
             infos[_info_topic(entry)] = sensor
-        frame_id = frame_name(bag.first(topic).header.frame_id)
+        data_frames[name] = frame_id = frame_name(bag.first(topic).header.frame_id)
         if frame_id != entry.link:
             warnings.append(
                 f"sensor '{name}': its data are in frame '{frame_id}' (header of {topic}), the "
@@ -95,7 +102,7 @@ def rig_from_bag(config: CalibrationConfig, bag: TopicSource) -> Rig:
             )
     if not sensors:
         raise BagError(f"{bag.path}: no sensor of the configuration can be labeled")
-    return Rig(sensors, topics, infos, tuple(warnings))
+    return Rig(sensors, topics, infos, tuple(warnings), data_frames)
 
 
 def sensor_from_bag(
@@ -142,8 +149,28 @@ def check_frames(rig: Rig, config: CalibrationConfig, tree: TransformTree) -> No
                 f"not between '{config.world_link}' and '{sensor.frame}' in the bag's transforms "
                 f"({listed}); correct the configuration"
             )
+        _check_data_frame(sensor, rig.data_frames.get(sensor.name, sensor.frame), tree)
     for pattern in config.calibration_patterns.values():
         tree.path(config.world_link, pattern.parent_link)
+
+
+def _check_data_frame(sensor: Sensor, frame: str, tree: TransformTree) -> None:
+    """Refuse clouds of another frame than the sensor's, where the transforms tell how far it is.
+
+    Headers of images often name the camera's body instead of its optical frame.
+    """
+    frame_T_data = None if sensor.camera is not None else tree.fixed(sensor.frame, frame)
+    if frame_T_data is None:
+        return
+    away_m = float(np.linalg.norm(frame_T_data[:3, 3]))
+    turned_rad = se3.rotation_angle(frame_T_data[:3, :3])
+    if away_m > _SAME_M or turned_rad > _SAME_RAD:
+        raise TransformError(
+            f"sensor '{sensor.name}': its data are in frame '{frame}' (header of {sensor.topic}), "
+            f"which the transforms have {1e3 * away_m:.1f} mm and {np.degrees(turned_rad):.2f} deg "
+            f"from link '{sensor.frame}' of the configuration; write `link: {frame}`, or record "
+            f"the data as they come from the sensor, in its own frame"
+        )
 
 
 def _data_topic(name: str, entry: SensorConfig, bag: TopicSource) -> str:

@@ -147,6 +147,16 @@ class TransformTree:
             product = product @ self.edge(edge, time_s)
         return product
 
+    def fixed(self, target: str, source: str) -> Optional[np.ndarray]:
+        """Return ``target_T_source`` (4, 4) where fixed transforms alone connect two frames."""
+        try:
+            edges = self.path(target, source)
+        except TransformError:
+            return None
+        if not all(edge in self._fixed for edge in edges):
+            return None
+        return self.lookup(target, source, 0.0)
+
     def _ancestors(self, frame: str) -> List[str]:
         """Return a frame, and those that it stands in, up to the root.
 

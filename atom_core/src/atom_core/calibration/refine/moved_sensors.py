@@ -141,7 +141,8 @@ def moved_sensors(
 ) -> Optional[Motion]:
     """Return what was moved, where no single error explains as much, or misplaced; None: nothing.
 
-    Of a camera, its focus instead where this explains it as well. What is misplaced is returned, too, where it is but as good an explanation as a single error.
+    Of a camera, its focus instead where this explains it as well. What is misplaced is returned,
+    too, where it is but as good an explanation as a single error.
 
     Args:
         dataset: the order of its collections is that in which they were made.
@@ -161,8 +162,7 @@ def moved_sensors(
     refocused = changed_focus(dataset, solution, cautious, best, others)
     if refocused is not None or not best:
         return refocused
-    name = max(best, key=lambda n: best[n].gain)
-    step = best[name]
+    name, step = max(best.items(), key=lambda one: one[1].gain)
     shares = shares_of(solver.problem, summary.sigmas, summary.common or [0.0] * len(shares))
     as_weighted = tempered(solver.problem, equations, shares, summary.x)
     again = _motions(dataset, solver.problem, summary.x, as_weighted, solution.equations)
@@ -178,10 +178,9 @@ def moved_sensors(
     if step.is_of_all:
         beside = _beside(dataset, name)
         return Misplaced((name, *alike), beside, shift, turn, found.gain, is_clear)
-    keys = cautious.keys
-    places = keys[step.last], keys[step.first]
-    still, creeps = step.stood_still, step.creeps
-    return Moved((name, *alike), *places, shift, turn, found.gain, still, creeps)
+    places = cautious.keys[step.last], cautious.keys[step.first]
+    how = step.stood_still, step.creeps
+    return Moved((name, *alike), *places, shift, turn, found.gain, *how)
 
 
 def _unplaced(dataset: Dataset, problem: Problem) -> List[str]:

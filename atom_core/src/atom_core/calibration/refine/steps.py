@@ -154,7 +154,8 @@ def step_between(
     Args:
         changes: with its columns.
         name: of what changes.
-        last, first: indices of the collections, as in `Step`.
+        last: index of a collection, as in `Step`.
+        first: likewise.
         creeps: little by little from the one to the other.
     """
     whole = changes.columns[name]
