@@ -79,7 +79,9 @@ def test_where_boards_are_alike_a_move_along_the_axis_may_be_it(cell):
     assert "(or it was moved by 19 mm, these data do not tell): fasten it, " in result.message
 
 
-@pytest.mark.parametrize("label", ["k1", "centre", "focal"])
+@pytest.mark.parametrize(
+    "label", ["k1", *(pytest.param(x, marks=pytest.mark.long) for x in ("centre", "focal"))]
+)
 def test_intrinsics_that_are_wrong_all_the_time_are_no_change(cell, label):
     camera = cell.dataset.sensors["rgb_2"].camera
     K, D = camera.K.copy(), np.array(camera.D, dtype=float)
