@@ -127,10 +127,10 @@ RUNS = (
         "not 20 times: RViz by mouse and keys six times, the regression from bags three times, "
         "the other 22 tests once and a half. One failed: drags of the live cell's board that came "
         "after a reset; its test does not depend on that now (9c04768). On 27 November, the "
-        "recording of the regression played live: one board in one of eleven plays was missed beside "
-        "six busy processes (and in one `make test`); mended in 7e950d3, and then every label of "
-        "twelve such plays, five of them with processes stopped for seconds, was the same, point "
-        "by point",
+        "recording of the regression played live: one board in one of eleven plays was missed "
+        "beside six busy processes (and in one `make test`); mended in 7e950d3, and then every "
+        "label of twelve such plays, five of them with processes stopped for seconds, was the "
+        "same, point by point",
     ),
     Run(
         "`make coverage`",
