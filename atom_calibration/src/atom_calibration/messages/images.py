@@ -46,9 +46,7 @@ _COLOURS: Dict[str, Tuple[str, int, Optional[int]]] = {
     "bayer_gbrg8": ("u1", 1, cv2.COLOR_BayerGR2BGR),
     "bayer_grbg8": ("u1", 1, cv2.COLOR_BayerGB2BGR),
 }
-_ONE_HOT_OF = (
-    10_000  # pixels may be hot: as bright as 16 bits can tell, whatever the camera measures
-)
+_PIXELS_FOR_A_HOT_ONE = 10_000  # which is as bright as 16 bits can tell, whatever was measured
 _DEPTHS = (8, 10, 12, 16)  # bits in which cameras measure
 _MILLIMETRE = 0.001  # REP 118: depths of whole numbers are millimetres
 # With all bits, since OpenCV takes the upper eight of 16, where a camera of 12 bits has four.
@@ -170,7 +168,7 @@ def _eight_bits(image: np.ndarray) -> np.ndarray:
     """Return an image in 8 bits; drivers put 8, 10, 12 or all 16 bits into 16."""
     if image.dtype == np.uint8:
         return image
-    hot = image.size // _ONE_HOT_OF
+    hot = image.size // _PIXELS_FOR_A_HOT_ONE
     highest = int(np.partition(image, image.size - 1 - hot, axis=None)[-1 - hot])
     bits = next(bits for bits in _DEPTHS if highest < 2**bits)
     if bits < _DEPTHS[-1]:

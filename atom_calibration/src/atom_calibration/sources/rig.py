@@ -159,7 +159,7 @@ def _check_data_frame(sensor: Sensor, frame: str, tree: TransformTree) -> None:
 
     Headers of images often name the camera's body instead of its optical frame.
     """
-    frame_T_data = None if sensor.camera is not None else tree.fixed(sensor.frame, frame)
+    frame_T_data = None if sensor.camera is not None else tree.lookup_fixed(sensor.frame, frame)
     if frame_T_data is None:
         return
     away_m = float(np.linalg.norm(frame_T_data[:3, 3]))

@@ -147,7 +147,7 @@ class TransformTree:
             product = product @ self.edge(edge, time_s)
         return product
 
-    def fixed(self, target: str, source: str) -> Optional[np.ndarray]:
+    def lookup_fixed(self, target: str, source: str) -> Optional[np.ndarray]:
         """Return ``target_T_source`` (4, 4) where fixed transforms alone connect two frames."""
         try:
             edges = self.path(target, source)

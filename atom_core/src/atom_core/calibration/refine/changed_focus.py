@@ -15,7 +15,10 @@ from scipy import special
 from atom_core.calibration.refine.model_checks import ModelCheck
 from atom_core.calibration.refine.model_errors import CheckedSolution
 from atom_core.calibration.refine.steps import (
+    ALIKE,
+    BY_CHANCE,
     CHANCE,
+    MORE,
     Changes,
     Step,
     all_steps,
@@ -32,9 +35,7 @@ from atom_core.solvers.shared_equations import SharedEquations, inverse
 
 _FOCAL_LENGTH = "focal_length"  # label of its error
 _LEAST, _MOST = 0.001, 0.5  # change of a focal length, as a part of it
-_AS_WELL = 0.9  # part of what a move explains with six numbers that is enough for one
 _APART = 10.0  # by so much less a move explains that is none
-_MORE, _BY_CHANCE = 1.2, 30.0  # what single errors explain, and the choice among many does
 _STOP = "switch its autofocus off and lock its zoom"
 
 
@@ -42,7 +43,7 @@ class Refocused(NamedTuple):
     """A camera whose focal length changed.
 
     Attributes:
-        names: the camera's.
+        camera: its name.
         last, first: the collections before and after; of what crept, the first and the last.
         change: of the focal length, as a part of it; its standard deviation where it differs from
             collection to collection.
@@ -52,7 +53,7 @@ class Refocused(NamedTuple):
         or_moved_m: shift of the camera that explains it as well; None: none does.
     """
 
-    names: Sequence[str]
+    camera: str
     last: str
     first: str
     change: float
@@ -69,7 +70,7 @@ class Refocused(NamedTuple):
     @property
     def why(self) -> str:
         """One sentence for the user."""
-        what, by = f"the focal length of {self.names[0]}", f"{100.0 * abs(self.change):.2g} %"
+        what, by = f"the focal length of {self.camera}", f"{100.0 * abs(self.change):.2g} %"
         between, remedy = f"between collections {self.last} and {self.first}", _STOP
         if self.or_moved_m is not None:
             by += f" (or it was moved by {1e3 * self.or_moved_m:.2g} mm, these data do not tell)"
@@ -106,7 +107,7 @@ def changed_focus(
         for error in solution.cautious.errors
         if isinstance(error, CameraError) and error.label == _FOCAL_LENGTH
     ]
-    most = _AS_WELL * max((step.gain for step in moves.values()), default=0.0)
+    most = ALIKE * max((step.gain for step in moves.values()), default=0.0)
     found = [
         _change(_changes(dataset, solution.cautious, error), error.target, motions, len(cautious))
         for error in cautious
@@ -121,16 +122,16 @@ def changed_focus(
     change, error = max(clear, key=lambda one: one[0].gain)
     again = _again(_changes(dataset, solution.equations, error), error.target, change)
     explained = max((check.gain for check in others), default=0.0)
-    if again.gain < _MORE * explained + _BY_CHANCE:
+    if again.gain < MORE * explained + BY_CHANCE:
         return None
     part, step = float(np.expm1(error.step * again.value)), change.step
     if step is None:
-        return Refocused((error.target,), "", "", part, again.gain, False, True, None)
+        return Refocused(error.target, "", "", part, again.gain, False, True, None)
     move, or_moved_m = moves.get(error.target), None
     if move is not None and move.gain > change.gain - _APART:
         or_moved_m = float(np.linalg.norm(move.value[TRANSLATION]))
     places = motions.keys[step.last], motions.keys[step.first]
-    return Refocused((error.target,), *places, part, again.gain, step.creeps, False, or_moved_m)
+    return Refocused(error.target, *places, part, again.gain, step.creeps, False, or_moved_m)
 
 
 class _Change(NamedTuple):
@@ -214,4 +215,4 @@ def _differs(changes: Changes, camera: str, motions: Changes, limit: float) -> b
     if special.chdtrc(max(len(most) - 1, 1), most.sum()) > limit:
         return False
     beyond = float(moved.sum()) - BLOCK_SIZE * (len(moved) - 1)
-    return float(apart.sum()) - freedom > _AS_WELL * beyond
+    return float(apart.sum()) - freedom > ALIKE * beyond

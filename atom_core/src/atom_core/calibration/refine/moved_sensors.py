@@ -20,8 +20,11 @@ from atom_core.calibration.refine.changed_focus import Refocused, changed_focus
 from atom_core.calibration.refine.model_checks import ModelCheck
 from atom_core.calibration.refine.model_errors import CheckedSolution
 from atom_core.calibration.refine.steps import (
+    ALIKE,
+    BY_CHANCE,
     CHANCE,
     FEWEST,
+    MORE,
     Changes,
     Step,
     all_steps,
@@ -40,9 +43,6 @@ from atom_core.solvers.shared_equations import SharedEquations, inverse, shares_
 
 _LEAST_M, _LEAST_RAD = 0.002, float(np.radians(0.1))  # less is nobody's concern
 _MOST_M, _MOST_RAD = 0.3, float(np.radians(20.0))  # what looks like more is something else
-_MORE = 1.2  # times what the best single error explains, beside _OF_SIX
-_OF_SIX = 30.0  # gain that six numbers and the choice of the place have by chance
-_ALIKE = 0.9  # part of the gain with which another one explains it as well
 
 
 class Moved(NamedTuple):
@@ -170,10 +170,10 @@ def moved_sensors(
     explained = max((check.gain for check in others), default=0.0)
     if found is None:
         return None
-    is_clear = found.gain >= _MORE * explained + _OF_SIX
-    if not is_clear and not (step.is_of_all and found.gain > _ALIKE * explained + _OF_SIX):
+    is_clear = found.gain >= MORE * explained + BY_CHANCE
+    if not is_clear and not (step.is_of_all and found.gain > ALIKE * explained + BY_CHANCE):
         return None
-    alike = [n for n, s in best.items() if n != name and s.gain > _ALIKE * step.gain]
+    alike = [n for n, s in best.items() if n != name and s.gain > ALIKE * step.gain]
     shift, turn = (float(np.linalg.norm(found.value[part])) for part in (TRANSLATION, ROTATION))
     if step.is_of_all:
         beside = _beside(dataset, name)
@@ -269,7 +269,7 @@ def _clearest(motions: Changes, unplaced: Sequence[str]) -> Dict[str, Step]:
         if clear:
             best[name] = max(clear, key=lambda step: step.gain)
     always = {name: step_between(motions, name, -1, 0) for name in of_all}
-    most = _ALIKE * max((step.gain for step in best.values()), default=0.0)
+    most = ALIKE * max((step.gain for step in best.values()), default=0.0)
     clear_always = {
         name: step
         for name, step in always.items()

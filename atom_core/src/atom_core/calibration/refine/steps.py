@@ -18,6 +18,8 @@ from atom_core.solvers.shared_equations import SharedEquations
 
 CHANCE = 0.01  # of telling a change where there is none, all of a calibration together
 FEWEST = 3  # collections before and after
+MORE, BY_CHANCE = 1.2, 30.0  # times what single errors explain, and what the choice among many does
+ALIKE = 0.9  # part of the gain with which another change explains it as well
 _SEEN = 1e-6  # part of its information that other numbers must leave a direction
 _LOOSE = 5.0  # so much more than noise, or so little beside the step, differ the collections
 
