@@ -49,6 +49,32 @@ def test_a_recording_in_which_time_jumps_back_is_refused(place, make, capsys):
     assert "its stamps jump back by 7.4 s" in line and "played twice" in line
 
 
+def test_data_that_change_their_frame_are_refused(place, make, capsys):
+    def rename(cloud):
+        cloud.header.frame_id = "lidar_base"
+
+    line = refusal(place(changed(make, "/lidar/points", 103.0, rename)), capsys)
+    assert "in frame 'lidar' at first, and 3.0 s after the beginning in frame 'lidar_base'" in line
+    assert "sensor 'lidar', topic /lidar/points" in line and "rosbag filter" in line
+
+
+def test_a_slash_before_a_frame_is_no_change(place, make):
+    def old_name(cloud):
+        cloud.header.frame_id = "/lidar"
+
+    assert main(place(changed(make, "/lidar/points", 103.0, old_name))) == 0
+
+
+def test_what_is_told_of_a_frame_that_stands_twice_is_told_where_it_is_refused(place, make, capsys):
+    content = list(messages(make))
+    content.insert(3, ("/tf_static", make.tf("world", "cam", np.eye(4), 100.0), 100.0))
+    content.insert(4, ("/tf_static", make.tf("elsewhere", "cam", np.eye(4), 100.0), 100.0))
+    assert main(place(content)) == 2
+    told = capsys.readouterr().err
+    assert "frame 'cam' stands in 'world' and in 'elsewhere'" in told
+    assert "no transform connects frame 'world'" in told
+
+
 def test_two_values_of_a_fixed_edge_are_told(place, make, capsys):
     shift = se3.transform(np.eye(3), np.array([0.012, 0.0, 0.0]))
     content = list(messages(make))
@@ -83,8 +109,8 @@ def test_a_frame_that_is_placed_twice_is_told(make):
     for _ in range(3):
         watch.see_moving(make.transform("arm", "cam", np.eye(4)))
         watch.see_moving(make.transform("base", "arm", np.eye(4)))
-    (remark,) = watch.remarks
-    assert "frame 'cam' stands in 'base' and in 'arm'" in remark
+    (doubt,) = watch.doubtful
+    assert "frame 'cam' stands in 'base' and in 'arm'" in doubt.what and not doubt.only_its_pose
 
 
 @pytest.mark.parametrize("share", [1, 5])
@@ -106,7 +132,7 @@ def test_an_arm_that_moves_to_and_fro_and_trembles_is_no_contradiction(make):
         )
         watch.see_moving(make.transform("a", "b", pose))
         watch.see_fixed(make.transform("c", "d", np.eye(4)))
-    assert watch.remarks == []
+    assert watch.doubtful == []
 
 
 @pytest.mark.parametrize("ending", [".jpg", ".png"])

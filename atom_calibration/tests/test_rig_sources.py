@@ -11,8 +11,9 @@ from atom_calibration.sources.rig import Rig, check_frames, sensor_from_bag
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.errors import AtomError
 from atom_core.geometry import se3
+from atom_core.geometry.camera import Camera
 from atom_core.model.config import SensorConfig
-from atom_core.model.sensor import LIDAR3D, Sensor
+from atom_core.model.sensor import LIDAR3D, RGB, Sensor
 from atom_core.model.transforms import Edge
 
 
@@ -37,33 +38,54 @@ def test_only_3d_lidars_have_it():
         sensor_from_bag("lidar", entry(beam_width=0.01), scans)
 
 
-def tree_with(base_T_data, fixed=True):
+def tree_with(base_T_data, fixed=True, data_frame="lidar", link="lidar_base"):
     tree, stamp = TransformTree(), rospy.Time.from_sec(1.0)
     tree.add([transform_message(Edge("world", "lidar_base"), np.eye(4), stamp)], fixed=True)
-    tree.add([transform_message(Edge("lidar_base", "lidar"), base_T_data, stamp)], fixed)
+    for frame, pose in ((link, np.eye(4)), (data_frame, base_T_data)):
+        if frame not in ("", "lidar_base"):
+            tree.add([transform_message(Edge("lidar_base", frame), pose, stamp)], fixed)
     return tree
 
 
-def checked(base_T_data, data_frame, fixed=True):
-    edge = Edge("world", "lidar_base")
-    lidar = Sensor("left", LIDAR3D, "lidar_base", edge, None, "/points", 0.0)
-    rig = Rig({"left": lidar}, {"/points": lidar}, {}, (), {"left": data_frame})
+def checked(base_T_data, data_frame, fixed=True, link="lidar_base", camera=None):
+    edge, modality = Edge("world", "lidar_base"), LIDAR3D if camera is None else RGB
+    sensor = Sensor("left", modality, link, edge, camera, "/points", 0.0)
+    rig = Rig({"left": sensor}, {"/points": sensor}, {}, (), data_frames={"left": data_frame})
     config = SimpleNamespace(world_link="world", calibration_patterns={})
-    check_frames(rig, config, tree_with(base_T_data, fixed))
+    return check_frames(rig, config, tree_with(base_T_data, fixed, data_frame, link))
+
+
+ABOVE = se3.transform(np.eye(3), np.array([0.0, 0.0, 0.0377]))
+TURNED = se3.from_rpy(np.zeros(3), np.array([0.0, 0.0, np.pi]))
 
 
 def test_clouds_of_another_frame_are_refused_with_how_far_it_is():
-    above = se3.transform(np.eye(3), np.array([0.0, 0.0, 0.0377]))
     told = "'left': its data are in frame 'lidar' .* 37.7 mm and 0.00 deg .* write `link: lidar`"
     with pytest.raises(AtomError, match=told):
-        checked(above, "lidar")
-    turned = se3.from_rpy(np.zeros(3), np.array([0.0, 0.0, np.pi]))
+        checked(ABOVE, "lidar")
     with pytest.raises(AtomError, match="0.0 mm and 180.00 deg"):
-        checked(turned, "lidar")
+        checked(TURNED, "lidar")
 
 
-def test_frames_that_are_one_or_that_no_fixed_transform_connects_are_left_to_the_user():
-    above = se3.transform(np.eye(3), np.array([0.0, 0.0, 0.0377]))
-    checked(np.eye(4), "lidar")
-    checked(above, "velodyne")
-    checked(above, "lidar", fixed=False)
+def test_clouds_whose_frame_no_fixed_transform_tells_are_in_doubt():
+    assert checked(np.eye(4), "lidar") == checked(np.eye(4), "lidar_base") == []
+    assert checked(ABOVE, "") == []  # a driver that names no frame contradicts nothing
+    (caveat,) = checked(ABOVE, "lidar", fixed=False)
+    assert caveat.sensors == ("left",) and "no fixed transform tells where" in caveat.what
+
+
+CAMERA = Camera(64, 48, np.diag([50.0, 50.0, 1.0]), np.zeros(5))
+
+
+@pytest.mark.parametrize("base_T_data", [ABOVE, TURNED])
+def test_images_of_an_optical_frame_are_refused_where_the_link_is_none(base_T_data):
+    with pytest.raises(AtomError, match="write `link: lidar_optical`"):
+        checked(base_T_data, "lidar_optical", camera=CAMERA)
+    assert checked(np.eye(4), "lidar_optical", camera=CAMERA) == []
+
+
+def test_images_whose_header_names_the_body_are_not_in_doubt_and_those_of_a_neighbour_are():
+    assert checked(ABOVE, "lidar", camera=CAMERA, link="lidar_base_optical") == []
+    assert checked(ABOVE, "lidar", fixed=False, camera=CAMERA) == []
+    (caveat,) = checked(ABOVE, "lidar", camera=CAMERA)
+    assert "37.7 mm" in caveat.what and "write `link: lidar`" in caveat.remedy

@@ -15,7 +15,7 @@ from command_line import refused, run  # noqa: E402
 
 from atom_core import cli  # noqa: E402
 from atom_core.io.dataset_json import read_dataset  # noqa: E402
-from atom_core.io.dataset_tools import joint_clusters  # noqa: E402
+from atom_core.io.dataset_tools import joint_clusters, with_sensor_renamed  # noqa: E402
 from atom_core.io.dataset_writer import write_dataset_folder  # noqa: E402
 from atom_core.synthetic import Noise, arm, scenes  # noqa: E402
 
@@ -117,6 +117,23 @@ def test_what_was_split_merges_into_the_same(path, tmp_path):
         stored = old.document["patterns"]["pattern_1"]["transforms_initial"][before]
         assert first[after] == stored
     assert cli.main(["check", "--dataset", str(new.source)]) == 0
+
+
+def test_a_merged_dataset_has_what_is_in_doubt_of_both_and_a_renamed_sensor_keeps_it(
+    path, tmp_path
+):
+    run("split_atom_dataset", "-json", path, "-tp", "50")
+    parts = [path.with_name(f"dataset_{part}.json") for part in ("train", "test")]
+    common = {"sensors": ["rgb_1"], "what": "a", "remedy": "b"}
+    for part, caveats in zip(parts, ([common], [common, {**common, "sensors": ["rgb_2"]}])):
+        document = document_of(part)
+        document["_metadata"]["caveats"] = caveats
+        part.write_text(json.dumps(document))
+    run("merge_atom_datasets", "-ds1", parts[0], "-ds2", parts[1], "-dof", tmp_path / "new")
+    new = read_dataset(tmp_path / "new" / "dataset.json")
+    assert [c.sensors for c in new.caveats] == [("rgb_1",), ("rgb_2",)]
+    renamed = with_sensor_renamed(new.document, "rgb_1", "front")
+    assert [c["sensors"] for c in renamed["_metadata"]["caveats"]] == [["front"], ["rgb_2"]]
 
 
 def a_corner_of_the_border(document):

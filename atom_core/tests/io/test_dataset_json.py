@@ -7,6 +7,7 @@ from copy import deepcopy
 import numpy as np
 import pytest
 
+from atom_core.errors import DatasetError
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import (
     document_of,
@@ -14,6 +15,7 @@ from atom_core.io.dataset_json import (
     read_dataset,
     write_dataset,
 )
+from atom_core.model.caveats import Caveat
 from atom_core.model.dataset import MULTIPLE
 from atom_core.model.labels import DetectionKey, RgbLabel
 from atom_core.model.transforms import Edge
@@ -163,7 +165,7 @@ def test_a_lens_in_doubt_is_told_when_the_dataset_is_read(document, read, topic,
     sensor = next(name for name, s in document["sensors"].items() if s["modality"] == "rgb")
     document["sensors"][sensor]["topic"] = topic
     document["sensors"][sensor]["camera_info"]["D"] = D
-    told = [w for w in read(document).warnings if f"sensor '{sensor}' has " in w]
+    told = [w for w in read(document).warnings if f"sensor '{sensor}'" in w]
     assert len(told) == (remark is not None) and all(str(remark) in w for w in told)
 
 
@@ -176,6 +178,18 @@ def test_rectified_images_with_the_matrix_of_raw_ones_are_told(document, read):
     info["P"][0] *= 0.98
     (told,) = [w for w in read(document).warnings if "another K than P" in w]
     assert "sensor 'rgb_1'" in told and "left three columns" in told
+
+
+def test_what_collectors_left_in_doubt_is_told_and_survives_a_change(document, read):
+    entry = {"sensors": ["rgb_1", "rgb_2"], "what": "a is b", "remedy": "make it c"}
+    document["_metadata"]["caveats"] = [entry]
+    dataset = read(document)
+    assert dataset.caveats == (Caveat(("rgb_1", "rgb_2"), "a is b", "make it c"),)
+    assert "sensors 'rgb_1', 'rgb_2': a is b; make it c" in dataset.warnings
+    assert document_of(dataset)["_metadata"]["caveats"] == [entry]
+    del entry["what"]
+    with pytest.raises(DatasetError, match="_metadata.caveats: one lacks 'what'"):
+        read(document)
 
 
 def test_labels_by_sensor_as_in_version_2(document, read):

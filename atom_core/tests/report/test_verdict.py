@@ -13,6 +13,7 @@ from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.preflight import preflight
 from atom_core.evaluation.evaluate import evaluate
 from atom_core.geometry import se3
+from atom_core.model.caveats import Caveat
 from atom_core.report import verdict as limits
 from atom_core.report.calibration_results import calibration_results
 from atom_core.report.calibration_verdict import calibration_verdict
@@ -216,6 +217,21 @@ def test_a_dataset_is_ready_or_the_sensor_in_the_way_is_named(cell):
     assert check_verdict(few, preflight(few)).grade == WEAK
     moved = check_verdict(cell.dataset, preflight(cell.dataset), {"rgb_1": "it stands elsewhere"})
     assert moved.sensors["rgb_1"].grade == moved.grade == WRONG
+
+
+def test_what_is_in_doubt_is_weak_to_both_whatever_fits(calibrated, cell):
+    doubt = (Caveat(("rgb_1",), "two programs publish its mount", "record again"),)
+    dataset = replace(cell.dataset, caveats=doubt, warnings=tuple(c.sentence for c in doubt))
+    calibration = calibrated[0]
+    dubious = replace(calibration, dataset=replace(calibration.dataset, caveats=doubt))
+    for verdict in (
+        check_verdict(dataset, preflight(dataset)),
+        calibration_verdict(calibration_results(dubious, "any")),
+    ):
+        grades = {name: sensor.grade for name, sensor in verdict.sensors.items()}
+        assert grades.pop("rgb_1") == verdict.grade == WEAK and set(grades.values()) == {GOOD}
+        assert "two programs publish its mount" in verdict.sentence
+        assert verdict.sensors["rgb_1"].advice == "record again"
 
 
 # ---- the parts

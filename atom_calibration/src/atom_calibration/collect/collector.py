@@ -25,6 +25,7 @@ from atom_calibration.modalities.frames import Frame
 from atom_calibration.sources.transform_tree import TransformTree, edges_at
 from atom_core.errors import AtomError
 from atom_core.io.atomic import prepare_output_folder
+from atom_core.io.caveats import with_caveats
 from atom_core.io.collections import CollectionStore, StoredCollection
 from atom_core.io.dataset_writer import (
     collection_document,
@@ -35,6 +36,7 @@ from atom_core.io.dataset_writer import (
 )
 from atom_core.io.images import write_image
 from atom_core.io.seeds import SEEDS_FILE, Seed, write_seeds
+from atom_core.model.caveats import Caveat
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.dataset import Collection, Dataset
 from atom_core.model.labels import Label
@@ -76,6 +78,7 @@ class Setup:
         at_stops: moments come from stops, where two in a row at one place are one.
         warn: is told, in one line, what the user should know.
         joints: of the description, whose positions are recorded, by name.
+        caveats: returns what is in doubt by now, to be kept with the dataset.
     """
 
     config: CalibrationConfig
@@ -88,6 +91,7 @@ class Setup:
     at_stops: bool = True
     warn: Callable[[str], None] = field(default=lambda _text: None)
     joints: Mapping[str, Joint] = field(default_factory=dict)
+    caveats: Callable[[], Tuple[Caveat, ...]] = tuple
 
 
 class Collector:
@@ -254,6 +258,10 @@ class Collector:
         ]
         self._write_seeds()
 
+    def keep_caveats(self) -> None:
+        """Write what has come into doubt since the first collection."""
+        self._setup.store.keep_caveats(self._setup.caveats())
+
     def _write_seeds(self) -> None:
         seeds = [seed for of_one in self._seeds.values() for seed in of_one]
         write_seeds(self._setup.store.folder / SEEDS_FILE, seeds, self._setup.sensors)
@@ -309,7 +317,8 @@ def _header(setup: Setup, key: str, transforms: Mapping[Edge, np.ndarray]) -> Ma
         setup.patterns,
         {key: Collection(key, {}, transforms)},
     )
-    return new_document(dataset, name=setup.name, time_s=float(int(time.time())))
+    document = new_document(dataset, name=setup.name, time_s=float(int(time.time())))
+    return with_caveats(document, setup.caveats())
 
 
 def _labels(setup: Setup, frames: Mapping[str, Frame]) -> Dict[Tuple[str, str], Label]:

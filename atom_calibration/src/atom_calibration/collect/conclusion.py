@@ -46,6 +46,7 @@ def conclude(
         raise CollectionError(
             f"{store.folder}: no collection was taken: {why_none(collector, asked)}"
         )
+    collector.keep_caveats()
     path, _ = store.assemble()
     path = path.resolve()
     say("\n".join([*summary(collector, keys), "", f"{path}: {len(keys)} collections"]))

@@ -1,4 +1,4 @@
-"""What a recording contradicts itself in: intrinsics, stamps, transforms.
+"""What a recording contradicts itself in: intrinsics, frames, stamps, transforms.
 
 None of it can be repaired, and all of it gives a wrong calibration in silence.
 """
@@ -11,7 +11,7 @@ from typing import Any, Dict, List, Mapping, NamedTuple, Tuple
 import numpy as np
 
 from atom_calibration.errors import BagError, TransformError
-from atom_calibration.messages.headers import stamp_s
+from atom_calibration.messages.headers import frame_name, stamp_s
 from atom_calibration.messages.poses import edge_of
 from atom_core.model.sensor import Sensor
 from atom_core.model.transforms import Edge
@@ -46,6 +46,7 @@ class MessageWatch:
         self._path, self._infos, self._start_s = path, infos, start_s
         self._known: Dict[str, _Intrinsics] = {}
         self._last_s: Dict[str, float] = {}
+        self._frames: Dict[str, str] = {}
 
     def see_info(self, topic: str, message: Any, recorded_s: float) -> None:
         """Refuse intrinsics that are not those of the beginning.
@@ -72,12 +73,20 @@ class MessageWatch:
         )
 
     def see(self, sensor: Sensor, message: Any, recorded_s: float) -> None:
-        """Refuse a stamp that lies before an earlier message's.
+        """Refuse a stamp that lies before an earlier message's, and data of another frame.
 
         Raises:
             BagError: naming the sensor and when.
         """
-        stamp = stamp_s(message)
+        stamp, frame = stamp_s(message), frame_name(message.header.frame_id)
+        first = self._frames.setdefault(sensor.name, frame)
+        if frame != first:
+            raise BagError(
+                f"{self._path}: sensor '{sensor.name}', topic {sensor.topic}: its data are in "
+                f"frame '{first}' at first, and {recorded_s - self._start_s:.1f} s after the "
+                f"beginning in frame '{frame}'; one topic must have the data of one sensor in one "
+                f"frame: cut the bag there with `rosbag filter`, or record it again with one driver"
+            )
         last_s = self._last_s.setdefault(sensor.name, stamp)
         if stamp < last_s - _BACK_S:
             raise BagError(
@@ -117,6 +126,25 @@ class _Seen(NamedTuple):
     switches: int
 
 
+_ONE_OF_THEM = "if two programs publish it, record again with one of them"
+
+
+class DoubtfulEdge(NamedTuple):
+    """A transform that messages contradict each other in.
+
+    Attributes:
+        edge: the transform.
+        only_its_pose: what else stands where is not in doubt.
+        what: how they do.
+        remedy: what to do.
+    """
+
+    edge: Edge
+    only_its_pose: bool
+    what: str
+    remedy: str = _ONE_OF_THEM
+
+
 class EdgeWatch:
     """Looks at the transforms of a recording; two programs that publish one edge are noticed."""
 
@@ -125,32 +153,36 @@ class EdgeWatch:
         self._moving: Dict[Edge, _Seen] = {}
         self._fixed: Dict[Edge, PoseTuple] = {}
         self._parents: Dict[str, str] = {}
-        self._warned: Dict[Edge, str] = {}
+        self._doubtful: Dict[Edge, DoubtfulEdge] = {}
 
     @property
-    def remarks(self) -> List[str]:
-        """What is to be said: fixed edges that have two values, frames with two parents."""
-        return list(self._warned.values())
+    def doubtful(self) -> List[DoubtfulEdge]:
+        """Fixed edges that have two values, frames with two parents."""
+        return list(self._doubtful.values())
 
-    def _see_parent(self, edge: Edge) -> None:
+    def see_parent(self, edge: Edge) -> None:
+        """Note which frame stands in which."""
         known = self._parents.setdefault(edge.child, edge.parent)
-        if known != edge.parent and edge not in self._warned:
-            self._warned[edge] = (
+        if known != edge.parent and edge not in self._doubtful:
+            self._doubtful[edge] = DoubtfulEdge(
+                edge,
+                False,
                 f"frame '{edge.child}' stands in '{known}' and in '{edge.parent}': /tf and "
-                f"/tf_static place it twice, and the last message counts; if two programs publish "
-                f"it, record again with one of them"
+                f"/tf_static place it twice, and the last message counts",
             )
 
     def see_fixed(self, message: Any) -> None:
         """Note a TransformStamped of /tf_static."""
         edge, pose = edge_of(message), _pose_tuple(message)
-        self._see_parent(edge)
+        self.see_parent(edge)
         apart_m, apart_rad = _apart(self._fixed.setdefault(edge, pose), pose)
         if apart_m > _SAME_M or apart_rad > _SAME_RAD:
-            self._warned[edge] = (
+            self._doubtful[edge] = DoubtfulEdge(
+                edge,
+                True,
                 f"transform '{edge}' has several values in /tf_static, which differ by "
-                f"{1e3 * apart_m:.1f} mm and {math.degrees(apart_rad):.2f} deg; the last one "
-                f"counts. If two programs publish it, record again with one of them"
+                f"{1e3 * apart_m:.1f} mm and {math.degrees(apart_rad):.2f} deg, and the last one "
+                f"counts",
             )
 
     def see_moving(self, message: Any) -> None:
@@ -161,7 +193,7 @@ class EdgeWatch:
                 next message.
         """
         edge, pose = edge_of(message), _pose_tuple(message)
-        self._see_parent(edge)
+        self.see_parent(edge)
         seen = self._moving.get(edge) or _Seen(pose, pose, 0)
         step_m, step_rad = _apart(pose, seen.last)
         switches = seen.switches

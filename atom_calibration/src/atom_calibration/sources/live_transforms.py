@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from typing import Any, Deque, Dict
+from typing import Any, Deque, Dict, List
 
 import rospy
 from tf2_msgs.msg import TFMessage
@@ -13,6 +13,7 @@ from tf2_msgs.msg import TFMessage
 from atom_calibration.errors import MessageError
 from atom_calibration.messages.headers import stamp_s
 from atom_calibration.messages.poses import edge_of
+from atom_calibration.sources.contradictions import DoubtfulEdge, EdgeWatch
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.model.transforms import Edge
 
@@ -32,10 +33,16 @@ class LiveTransforms:
         self._static: Dict[Edge, Any] = {}
         self._newest_s: Dict[Edge, float] = {}
         self._tree = TransformTree(SPAN_S)
+        self._watch = EdgeWatch()
         self._subscribers = [
             rospy.Subscriber("/tf", TFMessage, self._waiting.append, queue_size=200),
             rospy.Subscriber("/tf_static", TFMessage, self._waiting_static.append, queue_size=100),
         ]
+
+    @property
+    def doubtful(self) -> List[DoubtfulEdge]:
+        """The transforms heard so far that messages contradict each other in."""
+        return self._watch.doubtful
 
     def at(self, _time_s: float) -> TransformTree:
         """Return the tree, which holds the last half minute."""
@@ -59,6 +66,7 @@ class LiveTransforms:
     def _add_static(self, message: Any) -> None:
         for part in message.transforms:
             if self._put(part, fixed=True):
+                self._watch.see_fixed(part)
                 self._static[edge_of(part)] = part
 
     def _add(self, message: Any) -> None:
@@ -67,6 +75,7 @@ class LiveTransforms:
             if stamp < self._newest_s.get(edge, stamp) - _BACK_S:
                 self._begin_anew()
             if self._put(part, fixed=False):
+                self._watch.see_parent(edge)
                 self._newest_s[edge] = max(stamp, self._newest_s.get(edge, stamp))
 
     def _put(self, part: Any, fixed: bool) -> bool:

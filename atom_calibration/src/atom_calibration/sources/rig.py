@@ -21,6 +21,8 @@ from atom_calibration.sources.driver_messages import undecoded
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
+from atom_core.io.camera_entries import lens_caveat
+from atom_core.model.caveats import Caveat
 from atom_core.model.config import CalibrationConfig, SensorConfig
 from atom_core.model.modality import modalities, modality_named
 from atom_core.model.sensor import Sensor
@@ -38,6 +40,7 @@ class Rig:
         topics: where the data of a sensor are, by topic; compressed ones by their full name.
         infos: where the intrinsics of a camera are, by topic.
         warnings: what the user should know.
+        caveats: what puts a camera in doubt.
         data_frames: frame of the data by sensor, as their headers have it.
     """
 
@@ -45,6 +48,7 @@ class Rig:
     topics: Dict[str, Sensor]
     infos: Dict[str, Sensor]
     warnings: Tuple[str, ...]
+    caveats: Tuple[Caveat, ...] = ()
     data_frames: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -84,6 +88,7 @@ def rig_from_bag(config: CalibrationConfig, bag: TopicSource) -> Rig:
     topics: Dict[str, Sensor] = {}
     infos: Dict[str, Sensor] = {}
     warnings: List[str] = []
+    caveats: List[Caveat] = []
     data_frames: Dict[str, str] = {}
     for name, entry in config.sensors.items():
         topic, sensor = sensor_from_bag(name, entry, bag)
@@ -94,15 +99,18 @@ def rig_from_bag(config: CalibrationConfig, bag: TopicSource) -> Rig:
         topics[topic] = sensors[name]
         if sensor.camera is not None:
             infos[_info_topic(entry)] = sensor
+            P = bag.first(_info_topic(entry)).P
+            caveat = lens_caveat(name, sensor.topic, sensor.camera, P)
+            caveats += [caveat] if caveat is not None else []
         data_frames[name] = frame_id = frame_name(bag.first(topic).header.frame_id)
-        if frame_id != entry.link:
+        if sensor.camera is not None and frame_id != entry.link:
             warnings.append(
                 f"sensor '{name}': its data are in frame '{frame_id}' (header of {topic}), the "
                 f"configuration says link '{entry.link}', which is used"
             )
     if not sensors:
         raise BagError(f"{bag.path}: no sensor of the configuration can be labeled")
-    return Rig(sensors, topics, infos, tuple(warnings), data_frames)
+    return Rig(sensors, topics, infos, tuple(warnings), tuple(caveats), data_frames)
 
 
 def sensor_from_bag(
@@ -131,12 +139,16 @@ def sensor_from_bag(
     )
 
 
-def check_frames(rig: Rig, config: CalibrationConfig, tree: TransformTree) -> None:
+def check_frames(rig: Rig, config: CalibrationConfig, tree: TransformTree) -> List[Caveat]:
     """Refuse a rig whose frames do not hang together as the configuration says.
+
+    Returns:
+        What of the frames of the data is in doubt.
 
     Raises:
         TransformError: naming the sensor, the frame or edge, and the remedy.
     """
+    caveats: List[Caveat] = []
     for sensor in rig.sensors.values():
         try:
             path = tree.path(config.world_link, sensor.frame)
@@ -149,28 +161,55 @@ def check_frames(rig: Rig, config: CalibrationConfig, tree: TransformTree) -> No
                 f"not between '{config.world_link}' and '{sensor.frame}' in the bag's transforms "
                 f"({listed}); correct the configuration"
             )
-        _check_data_frame(sensor, rig.data_frames.get(sensor.name, sensor.frame), tree)
+        data_frame = rig.data_frames.get(sensor.name, sensor.frame)
+        caveats += _data_frame_caveats(sensor, data_frame, tree)
     for pattern in config.calibration_patterns.values():
         tree.path(config.world_link, pattern.parent_link)
+    return caveats
 
 
-def _check_data_frame(sensor: Sensor, frame: str, tree: TransformTree) -> None:
-    """Refuse clouds of another frame than the sensor's, where the transforms tell how far it is.
+def _data_frame_caveats(sensor: Sensor, frame: str, tree: TransformTree) -> List[Caveat]:
+    """Refuse data of another frame than the sensor's, where the transforms tell that it is another.
 
-    Headers of images often name the camera's body instead of its optical frame.
+    Headers of images often name the camera's body instead of its optical frame; that is no reason
+    for doubt. Headers may also have no frame at all.
+
+    Raises:
+        TransformError: naming the sensor, both frames, and the remedy.
     """
-    frame_T_data = None if sensor.camera is not None else tree.lookup_fixed(sensor.frame, frame)
+    is_camera = sensor.camera is not None
+    if frame in (sensor.frame, "") or (is_camera and _is_optical(sensor.frame, frame)):
+        return []
+    frame_T_data = tree.lookup_fixed(sensor.frame, frame)
+    what = f"its data are in frame '{frame}' (header of {sensor.topic})"
     if frame_T_data is None:
-        return
+        untold = Caveat(
+            (sensor.name,),
+            f"{what}, and no fixed transform tells where that is in link '{sensor.frame}' of the "
+            f"configuration",
+            f"write `link: {frame}`, or publish the transform between the two in /tf_static, also "
+            f"if they are the same",
+        )
+        return [] if is_camera else [untold]
     away_m = float(np.linalg.norm(frame_T_data[:3, 3]))
     turned_rad = se3.rotation_angle(frame_T_data[:3, :3])
-    if away_m > _SAME_M or turned_rad > _SAME_RAD:
-        raise TransformError(
-            f"sensor '{sensor.name}': its data are in frame '{frame}' (header of {sensor.topic}), "
-            f"which the transforms have {1e3 * away_m:.1f} mm and {np.degrees(turned_rad):.2f} deg "
-            f"from link '{sensor.frame}' of the configuration; write `link: {frame}`, or record "
-            f"the data as they come from the sensor, in its own frame"
-        )
+    if away_m <= _SAME_M and turned_rad <= _SAME_RAD:
+        return []
+    what += (
+        f", which the transforms have {1e3 * away_m:.1f} mm and {np.degrees(turned_rad):.2f} deg "
+        f"from link '{sensor.frame}' of the configuration"
+    )
+    remedy = (
+        f"write `link: {frame}`, or record the data as they come from the sensor, in its own frame"
+    )
+    if is_camera and not _is_optical(frame, sensor.frame):
+        return [Caveat((sensor.name,), what, remedy)]
+    raise TransformError(f"sensor '{sensor.name}': {what}; {remedy}")
+
+
+def _is_optical(one: str, other: str) -> bool:
+    """Tell whether one frame is named as an optical one (REP 103), and the other is not."""
+    return "optical" in one.lower() and "optical" not in other.lower()
 
 
 def _data_topic(name: str, entry: SensorConfig, bag: TopicSource) -> str:

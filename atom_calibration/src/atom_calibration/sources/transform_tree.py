@@ -20,7 +20,7 @@ from atom_calibration.errors import TransformError
 from atom_calibration.messages.headers import stamp_s
 from atom_calibration.messages.poses import TF_MESSAGE, edge_of, transform_matrix
 from atom_calibration.sources.bag_reader import BagReader
-from atom_calibration.sources.contradictions import EdgeWatch
+from atom_calibration.sources.contradictions import DoubtfulEdge, EdgeWatch
 from atom_calibration.sources.described_edges import DescribedEdges
 from atom_core.geometry import se3
 from atom_core.model.transforms import Edge
@@ -250,9 +250,9 @@ class BagTransforms:
         self._tree = TransformTree()
 
     @property
-    def remarks(self) -> List[str]:
-        """What the user should know of the bag's transforms."""
-        return self._watch.remarks
+    def doubtful(self) -> List[DoubtfulEdge]:
+        """The transforms read so far that messages contradict each other in."""
+        return self._watch.doubtful
 
     def at(self, time_s: float) -> TransformTree:
         """Return the tree around a time [s]."""

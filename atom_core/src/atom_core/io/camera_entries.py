@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from typing import Any, List, Mapping, Optional
+from typing import Any, Mapping, Optional, Sequence
 
 import numpy as np
 
 from atom_core.geometry.camera import Camera
+from atom_core.model.caveats import Caveat
 from atom_core.model.sensor import Sensor
 
 _RECTIFIED = re.compile(r"(^|[/_])rect(ified)?($|[/_])")  # as image_proc names its topics
@@ -29,26 +30,37 @@ def camera_of_entry(info: Mapping[str, Any]) -> Camera:
     )
 
 
-def remarks_on_lens(camera: Camera, entry: Mapping[str, Any]) -> List[str]:
-    """Tell what a camera's intrinsics, and the topic of its images in its entry, leave in doubt."""
-    topic = str(entry.get("topic", ""))
-    P: List[float] = entry["camera_info"].get("P") or []
-    rectified = _RECTIFIED.search(topic)
-    if not len(camera.D) and not rectified:
-        return ["no distortion coefficients (D): its images are taken as free of distortion"]
-    if np.any(camera.D) and rectified:
-        return [
-            f"distortion coefficients, although its topic '{topic}' looks rectified; one of the "
-            f"two is wrong: label the raw images, or set D to zeros, and K to the left three "
-            f"columns of P"
-        ]
-    known = rectified is not None and len(P) == 12 and P[0] > 0.0
+def looks_rectified(topic: str) -> bool:
+    """Tell whether a topic is named as `image_proc` names those of rectified images."""
+    return _RECTIFIED.search(topic) is not None
+
+
+def lens_caveat(name: str, topic: str, camera: Camera, P: Sequence[float]) -> Optional[Caveat]:
+    """Return what the intrinsics of a camera say against the topic of its images, if anything.
+
+    Args:
+        name: of the sensor.
+        topic: of its images.
+        camera: its intrinsics.
+        P: the projection matrix (12, row by row) of the same CameraInfo; may be empty.
+    """
+    if not looks_rectified(topic):
+        return None
+    if np.any(camera.D):
+        return Caveat(
+            (name,),
+            f"it has distortion coefficients, although its topic '{topic}' looks rectified",
+            "one of the two is wrong: label the raw images, or set D to zeros, and K to the left "
+            "three columns of P",
+        )
+    known = len(P) == 12 and P[0] > 0.0
     if known and not np.allclose(np.array(P).reshape(3, 4)[:, :3], camera.K, rtol=1e-6):
-        return [
-            f"another K than P, although its topic '{topic}' looks rectified; rectified images are "
-            f"those of P: set K to its left three columns"
-        ]
-    return []
+        return Caveat(
+            (name,),
+            f"it has another K than P, although its topic '{topic}' looks rectified",
+            "rectified images are those of P: set K to its left three columns",
+        )
+    return None
 
 
 def check_images(entries: Mapping[str, Any], data: Mapping[str, Any], sensors: Sensors) -> None:

@@ -19,9 +19,12 @@ import numpy as np
 from atom_core.errors import DatasetError, OutputError
 from atom_core.io import earlier_run
 from atom_core.io.atomic import prepare_output_folder, write_text_atomically
-from atom_core.io.dataset_json import CURRENT_VERSION, dumps
+from atom_core.io.caveats import with_caveats
+from atom_core.io.dataset_json import dumps
+from atom_core.io.dataset_version import CURRENT_VERSION
 from atom_core.io.dataset_writer import DATASET_FILE
 from atom_core.io.json_text import load_json
+from atom_core.model.caveats import Caveat
 from atom_core.model.dataset import MULTIPLE
 
 FOLDER, HEADER_FILE = "collections", "header.json"
@@ -177,6 +180,14 @@ class CollectionStore:
         left_out = ("collections", "transforms")
         header = {key: value for key, value in document.items() if key not in left_out}
         write_text_atomically(self._inside / HEADER_FILE, dumps(header))
+
+    def keep_caveats(self, caveats: Sequence[Caveat]) -> None:
+        """Put what is in doubt into the header that is there.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        self.write_header(with_caveats(_read(self._inside / HEADER_FILE), caveats))
 
     def save(self, collection: StoredCollection) -> None:
         """Write a collection whose data files are there already.

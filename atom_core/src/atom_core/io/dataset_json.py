@@ -16,8 +16,16 @@ from typing import Any, Callable, Dict, Iterable, List, Mapping, Optional, Seque
 import numpy as np
 
 from atom_core.errors import AtomError, DatasetError
+from atom_core.geometry.camera import Camera
 from atom_core.io.atomic import write_text_atomically
-from atom_core.io.camera_entries import camera_of_entry, check_images, remarks_on_lens, with_camera
+from atom_core.io.camera_entries import (
+    camera_of_entry,
+    check_images,
+    lens_caveat,
+    looks_rectified,
+    with_camera,
+)
+from atom_core.io.caveats import caveats_of
 from atom_core.io.data_files import FileDataSource, data_path
 from atom_core.io.dataset_entries import (
     joint_document,
@@ -28,11 +36,13 @@ from atom_core.io.dataset_entries import (
 )
 from atom_core.io.dataset_structure import check_dataset_structure
 from atom_core.io.dataset_trees import check_trees
-from atom_core.io.earliest_layout import CURRENT_VERSION, completed, is_before_version_2
+from atom_core.io.dataset_version import check_version, newer_version
+from atom_core.io.earliest_layout import completed, is_before_version_2
 from atom_core.io.json_text import load_json
 from atom_core.io.label_json import is_old_layout, with_label
 from atom_core.io.paths import looked_for
 from atom_core.io.together import finish_interrupted
+from atom_core.model.caveats import Caveat
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.config_section import check_name
 from atom_core.model.dataset import Collection, Dataset
@@ -48,9 +58,7 @@ from atom_core.model.sensor import Sensor
 from atom_core.model.transforms import Edge
 
 Choose = Callable[[Sequence[str]], Sequence[str]]
-_UNKNOWN_VERSION = 4.0  # and all above
 _SAME = 1e-6  # entries of a matrix
-_MIGRATE = "python3 -m atom_core convert --from atom_v2 --to atom_v3 --dataset {} --output DIR"
 
 
 def read_dataset(path: Path, choose: Optional[Choose] = None) -> Dataset:
@@ -70,7 +78,7 @@ def read_dataset(path: Path, choose: Optional[Choose] = None) -> Dataset:
         document, filled = completed(document, str(path))
     check_version(document, path)
     dataset = dataset_from_document(document, path, choose)
-    remarks = [text for text in (filled, _newer_version(document, path)) if text]
+    remarks = [text for text in (filled, newer_version(document, path)) if text]
     dataset = replace(dataset, warnings=(*remarks, *dataset.warnings))
     formats = {name: sensor.kind.data for name, sensor in dataset.sensors.items()}
     return replace(dataset, data=FileDataSource(path.parent, document, formats))
@@ -111,33 +119,6 @@ def read_document(path: Path) -> Dict[str, Any]:
     return document
 
 
-def check_version(document: Mapping[str, Any], path: Path) -> None:
-    """Refuse a dataset that is older than version 3, and say how to migrate it."""
-    version = str((document.get("_metadata") or {}).get("version", ""))
-    try:
-        number = float(version)
-    except ValueError:
-        raise DatasetError(
-            f"{path}: _metadata.version is '{version}'; it must be {CURRENT_VERSION}. If the "
-            f"dataset is older, migrate it: {_MIGRATE.format(path)}"
-        ) from None
-    if not number >= 3.0:  # also what is no number, NaN
-        raise DatasetError(
-            f"{path}: dataset version {version} is older than {CURRENT_VERSION}; migrate it "
-            f"with: {_MIGRATE.format(path)}"
-        )
-
-
-def _newer_version(document: Mapping[str, Any], path: Path) -> Optional[str]:
-    version = document["_metadata"]["version"]
-    if float(version) < _UNKNOWN_VERSION:
-        return None
-    return (
-        f"{path}: dataset version {version} is newer than this program, which knows "
-        f"{CURRENT_VERSION}; what is new in it is not understood"
-    )
-
-
 def dataset_from_document(
     document: Mapping[str, Any],
     source: Path,
@@ -171,7 +152,8 @@ def dataset_from_document(
         collections=collections,
         edge_types=reader.edge_types(),
         document=document,
-        warnings=tuple(reader.warnings) + tuple(config.warnings),
+        warnings=(*reader.warnings, *(c.sentence for c in reader.caveats), *config.warnings),
+        caveats=tuple(reader.caveats),
     )
 
 
@@ -190,6 +172,13 @@ class _Reader:
     def __init__(self, document: Mapping[str, Any], where: str):
         self.document, self.where = document, where
         self.warnings: List[str] = []
+        self.caveats = self._kept_caveats()
+
+    def _kept_caveats(self) -> List[Caveat]:
+        try:
+            return list(caveats_of(self.document))
+        except KeyError as error:
+            raise self.fail(f"_metadata.caveats: one lacks {error}; restore the file") from None
 
     def fail(self, what: str) -> DatasetError:
         return DatasetError(f"{self.where}: {what}")
@@ -216,6 +205,18 @@ class _Reader:
             n: self.sensor(n, config) for n in in_order + [n for n in names if n not in in_order]
         }
 
+    def note_lens(self, name: str, camera: Camera, entry: Mapping[str, Any]) -> None:
+        """Remark what the intrinsics of a camera leave in doubt."""
+        topic = str(entry.get("topic", ""))
+        if not len(camera.D) and not looks_rectified(topic):
+            self.warnings.append(
+                f"sensor '{name}' has no distortion coefficients (D): its images are taken as free "
+                f"of distortion"
+            )
+        found = lens_caveat(name, topic, camera, entry["camera_info"].get("P") or [])
+        if found is not None and found not in self.caveats:
+            self.caveats.append(found)
+
     @staticmethod
     def _beam_width_rad(config: CalibrationConfig, name: str) -> float:
         entry = config.sensors.get(name)
@@ -227,8 +228,7 @@ class _Reader:
             kind = modality_of_entry(entry)
             camera = camera_of_entry(entry["camera_info"]) if kind.has_camera_info else None
             if camera is not None:
-                remarks = remarks_on_lens(camera, entry)
-                self.warnings += [f"sensor '{name}' has {remark}" for remark in remarks]
+                self.note_lens(name, camera, entry)
             return Sensor(
                 name=name,
                 modality=kind.name,

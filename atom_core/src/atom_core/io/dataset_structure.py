@@ -71,8 +71,9 @@ _PATTERN = keys(
     corners=or_null(items(keys(id=WHOLE, x=NUMBER, y=NUMBER))),
     frame=or_null(keys(corners=or_null(each(keys(x=NUMBER, y=NUMBER))))),
 )
+_CAVEAT = keys(sensors=items(TEXT), what=TEXT, remedy=TEXT)
 _DATASET = keys(
-    _metadata=keys(version=TEXT_OR_NUMBER),
+    _metadata=keys(version=TEXT_OR_NUMBER, caveats=or_null(items(_CAVEAT))),
     calibration_config=MAP,
     sensors=each(_SENSOR),
     collections=each(_COLLECTION),

@@ -15,7 +15,8 @@ import numpy as np
 from atom_core.geometry.camera import Camera
 from atom_core.io.atomic import copy_atomically, prepare_output_folder, write_text_atomically
 from atom_core.io.dataset_entries import joint_document, transform_document
-from atom_core.io.dataset_json import CURRENT_VERSION, dumps
+from atom_core.io.dataset_json import dumps
+from atom_core.io.dataset_version import CURRENT_VERSION
 from atom_core.io.together import written_together
 from atom_core.model.dataset import Collection, Dataset, board_edge
 from atom_core.model.pattern import Pattern, geometry_document

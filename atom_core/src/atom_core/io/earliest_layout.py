@@ -14,9 +14,9 @@ import cv2
 import numpy as np
 
 from atom_core.errors import DatasetError
+from atom_core.io.dataset_version import CURRENT_VERSION
 from atom_core.model.modality import modality_of_message
 
-CURRENT_VERSION = "3.0"
 PATTERN_NAME = "pattern_1"
 _OF_SENSORS = {  # keys of the configuration, and where the sensor's own entry says the same
     "link": "parent",

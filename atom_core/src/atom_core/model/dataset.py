@@ -9,6 +9,7 @@ from typing import Any, Container, Dict, Iterator, Mapping, Optional, Tuple, Typ
 import numpy as np
 
 from atom_core.errors import DatasetError
+from atom_core.model.caveats import Caveat
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.joints import JointState
 from atom_core.model.labels import DetectionKey, Label, RangePoints, place
@@ -67,7 +68,8 @@ class Dataset:
         edge_types: URDF joint type or ``multiple`` of edges; absent means fixed.
         data: access to clouds and depth images.
         document: the JSON document as it was read, so that nothing is lost on writing.
-        warnings: what the reader had to tolerate.
+        warnings: what the reader had to tolerate, and the caveats' sentences.
+        caveats: what puts sensors in doubt whatever their labels are.
     """
 
     source: Path
@@ -79,6 +81,7 @@ class Dataset:
     data: DataSource = field(default_factory=DataSource)
     document: Mapping[str, Any] = field(default_factory=dict, repr=False)
     warnings: Tuple[str, ...] = ()
+    caveats: Tuple[Caveat, ...] = ()
 
     @property
     def world(self) -> str:

@@ -24,6 +24,7 @@ from atom_core.report.verdict import (
     SensorVerdict,
     Verdict,
     angle,
+    caveat_findings,
     counted,
     is_named,
     length,
@@ -153,6 +154,7 @@ def _sensor(
         *_contradictions(results, sensor.name),
         *_of_the_data(sensor),
         *_of_the_place(results, edge),
+        *caveat_findings(sensor.name, results.calibration.dataset.caveats),
         *_far_from_described(results, edge),
     ]
     return sensor_verdict(findings, "; ".join(_facts(results, sensor, edge)))

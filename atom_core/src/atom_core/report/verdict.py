@@ -11,6 +11,7 @@ import re
 from dataclasses import dataclass
 from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence
 
+from atom_core.model.caveats import Caveat
 from atom_core.solvers.robust_covariance import FEWEST
 
 GOOD, WEAK, WRONG = "good", "weak", "wrong"
@@ -110,6 +111,11 @@ def sensor_verdict(findings: Sequence[Finding], facts: str) -> SensorVerdict:
     others = [found.sentence for found in findings if found.grade == finding.grade][1:]
     told = "; ".join(text for text in (finding.sentence, *others, facts) if text)
     return SensorVerdict(finding.grade, told, finding.advice)
+
+
+def caveat_findings(name: str, caveats: Iterable[Caveat]) -> List[Finding]:
+    """Return what the caveats of a dataset say against a sensor: it is weak, whatever it fits."""
+    return [Finding(WEAK, c.what, c.remedy) for c in caveats if name in c.sensors]
 
 
 def verdict_lines(verdict: Verdict) -> str:

@@ -15,6 +15,7 @@ from typing import Callable
 
 import rospy
 
+from atom_calibration.collect.caveats import CaveatLog
 from atom_calibration.collect.collector import WRITTEN_BESIDE, Setup
 from atom_calibration.collect.conclusion import conclude, give_up
 from atom_calibration.collect.joint_positions import described_joints
@@ -85,8 +86,10 @@ def _collect(args: argparse.Namespace, config: CalibrationConfig, store: Collect
     transforms, labels = LiveTransforms(), LabelSubscribers(config, board)
     with LiveTopics(config) as topics:
         rig = _rig_when_there(config, topics, transforms, warn, args.patience)
+        caveats = CaveatLog(rig, config, transforms.at(0.0), lambda: transforms.doubtful, warn)
         for warning in (*config.warnings, *rig.warnings):
             warn(warning)
+        caveats.now()
         patterns = {n: pattern_from_config(n, p) for n, p in config.calibration_patterns.items()}
         setup = Setup(
             config,
@@ -98,6 +101,7 @@ def _collect(args: argparse.Namespace, config: CalibrationConfig, store: Collect
             args.pictures,
             warn=warn,
             joints=described_joints(config, warn),
+            caveats=caveats.now,
         )
         check_received(args.use_receive_time, rig.sensors)
         receipts = ReceiptTimes(args.use_receive_time)

@@ -26,6 +26,7 @@ import numpy as np
 import rospy
 from tqdm import tqdm
 
+from atom_calibration.collect.caveats import CaveatLog
 from atom_calibration.collect.collector import WRITTEN_BESIDE, Collector, Moments, Setup
 from atom_calibration.collect.conclusion import conclude, give_up
 from atom_calibration.collect.expectation import PointExpectation
@@ -46,7 +47,7 @@ from atom_calibration.sources.bag_parts import name_of, remark_on_parts
 from atom_calibration.sources.bag_reader import BagReader
 from atom_calibration.sources.contradictions import MessageWatch
 from atom_calibration.sources.described_bag import SAVED, check_described, transforms_of_bag
-from atom_calibration.sources.rig import Rig, check_frames, rig_from_bag
+from atom_calibration.sources.rig import Rig, rig_from_bag
 from atom_calibration.sources.transform_tree import BagTransforms
 from atom_core.cli import BAD_INPUT, INTERRUPTED
 from atom_core.commands.common import add_option, add_output_options
@@ -106,19 +107,21 @@ def collect_from_bag(args: argparse.Namespace) -> int:
         )
         first_s = bag.start_s - transforms.lag_s
         check_described(described, transforms, rig, config, first_s)
-        check_frames(rig, config, transforms.at(first_s))
+        tree = transforms.at(first_s)
+        caveats = CaveatLog(rig, config, tree, lambda: transforms.doubtful, _warn)
         lags_s = _lags_s(bag, rig, args.use_receive_time)
         tf_lag_s = transforms.lag_s if transforms.moving else None
         clocks = check_clocks(lags_s, tf_lag_s, args.use_receive_time)
-        for warning in (*config.warnings, *rig.warnings, *transforms.remarks, *remarks, *clocks):
+        for warning in (*config.warnings, *rig.warnings, *remarks, *clocks):
             _warn(warning)
+        caveats.now()
         patterns = {n: pattern_from_config(n, p) for n, p in config.calibration_patterns.items()}
         seeds = read_seeds(args.seeds, rig.sensors) if args.seeds else []
         labeler = FrameLabeler(config, rig.sensors, patterns, seeds, args.automatic_seeds == "on")
         lag_s = start_lag_s(lags_s, tf_lag_s)
         stamps_s = bag.start_s - lag_s, bag.end_s - lag_s
         _check_times(args.times or [], stamps_s)
-        recording = Recording(config, bag, rig, patterns, transforms, labeler, stamps_s)
+        recording = Recording(config, bag, rig, patterns, transforms, labeler, stamps_s, caveats)
         _announce(bag, rig)
         store = CollectionStore.create(args.output, args.overwrite, WRITTEN_BESIDE)
         try:
@@ -157,6 +160,7 @@ class Recording(NamedTuple):
     transforms: BagTransforms
     labeler: FrameLabeler
     stamps_s: Tuple[float, float]
+    caveats: CaveatLog
 
 
 def _setup(args: argparse.Namespace, recording: Recording, store: CollectionStore) -> Setup:
@@ -172,6 +176,7 @@ def _setup(args: argparse.Namespace, recording: Recording, store: CollectionStor
         not (args.times or args.interval),
         _warn,
         described_joints(config, _warn),
+        recording.caveats.now,
     )
 
 
@@ -179,7 +184,7 @@ def _collected(
     args: argparse.Namespace, recording: Recording, store: CollectionStore
 ) -> Tuple[Collector, List[str]]:
     """Read the bag once; return the collector and the keys of its collections."""
-    config, bag, rig, _, transforms, labeler, stamps_s = recording
+    config, bag, rig, _, transforms, labeler, stamps_s, _ = recording
     setup = _setup(args, recording, store)
     moments = _moments(args, config, stamps_s)
     collector, expectation = Collector(setup, moments), PointExpectation(setup)

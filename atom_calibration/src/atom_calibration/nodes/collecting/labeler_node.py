@@ -15,7 +15,7 @@ from atom_calibration.errors import CollectionError, MessageError
 from atom_calibration.labels.board_figures import add_figures
 from atom_calibration.labels.frame_labeler import FrameLabeler
 from atom_calibration.labels.label_messages import labels_message
-from atom_calibration.messages.headers import stamp_s
+from atom_calibration.messages.headers import frame_name, stamp_s
 from atom_calibration.messages.poses import pose_matrix
 from atom_calibration.modalities.frames import Frame, decode, undecoded
 from atom_calibration.modalities.table import ros_modality
@@ -134,6 +134,7 @@ class LabelerNode:
         self._there = threading.Condition()
         self._last: Optional[Frame] = None
         self._stamp_s = -np.inf
+        self._data_frame: Optional[str] = None
         self._seeds: Optional[SeedListener] = None
         kind = Image if sensor.kind.has_camera_info else PointCloud2
         self._annotated = rospy.Publisher(f"{sensor.topic}/labeled", kind, queue_size=2)
@@ -210,6 +211,7 @@ class LabelerNode:
     def _labeled(self, message: Any) -> Frame:
         frame = undecoded(self._sensor, message)
         try:
+            self._check_frame(message)
             frame = decode(self._sensor, message)
         except MessageError as error:
             self._give_up(frame, error)
@@ -219,6 +221,21 @@ class LabelerNode:
             self._links.sights.wait_for(frame.stamp_s, running.pause, running.stopped)
         self._label(frame)
         return frame
+
+    def _check_frame(self, message: Any) -> None:
+        """Refuse data of another frame than those before.
+
+        Raises:
+            MessageError: naming both frames.
+        """
+        frame = frame_name(message.header.frame_id)
+        self._data_frame = frame if self._data_frame is None else self._data_frame
+        if frame != self._data_frame:
+            raise MessageError(
+                f"sensor '{self._sensor.name}', topic {self._sensor.topic}: its data are in frame "
+                f"'{frame}', and were in frame '{self._data_frame}' before; publish those of one "
+                f"driver, in one frame, on it"
+            )
 
     def _label(self, frame: Frame) -> None:
         try:
