@@ -16,6 +16,7 @@ from stand_in_rig import (
     refusal,
 )
 
+from atom_calibration.labels.frame_labeler import FrameLabeler
 from atom_calibration.nodes.collecting.collect_from_bag import main
 from atom_core.cli import main as core_main
 from atom_core.io.dataset_json import read_dataset
@@ -353,3 +354,25 @@ def test_results_are_not_replaced_unless_asked(place, capsys):
     assert main([*arguments, "--overwrite"]) == 0
     collections = json.loads((place.folder / "dataset.json").read_text())["collections"]
     assert len(collections) == STOPS
+
+
+def test_messages_that_a_driver_sends_out_of_order_are_put_into_it(place, make, monkeypatch):
+    """By threes, the last one first."""
+    content, held, stamps_s = [], {}, {}
+    for topic, message, time_s in messages(make):
+        of_topic = held.setdefault(topic, [])
+        of_topic.append(message)
+        if topic.startswith("/tf") or len(of_topic) == 3:
+            content += [(topic, m, time_s) for m in reversed(of_topic)]
+            of_topic.clear()
+    label = FrameLabeler.label
+
+    def noted(self, frame, tree=None):
+        stamps_s.setdefault(frame.sensor.name, []).append(frame.stamp_s)
+        return label(self, frame, tree)
+
+    monkeypatch.setattr(FrameLabeler, "label", noted)
+    assert main(place(content)) == 0
+    assert set(stamps_s) == {"cam", "lidar"}
+    for of_sensor in stamps_s.values():
+        assert len(of_sensor) == 75 and of_sensor == sorted(of_sensor)

@@ -186,6 +186,12 @@ def test_other_encodings_of_a_compressed_image_are_refused():
         colour_image(CompressedImage(format="bmp", data=bmp))
 
 
+def test_depth_that_is_packed_by_rvl_is_named():
+    message = CompressedImage(format="16UC1; compressedDepth rvl", data=bytes(500))
+    with pytest.raises(MessageError, match="compressed with RVL .* pack it as PNG"):
+        depth_image(message)
+
+
 LAYOUTS = {
     "packed": np.dtype([(n, "<f4") for n in "xyz"]),
     "padded": np.dtype(

@@ -5,9 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import rospy
+from sensor_msgs.msg import CameraInfo
+from std_msgs.msg import Header
 
 from atom_calibration.messages.poses import transform_message
-from atom_calibration.sources.rig import Rig, check_frames, sensor_from_bag
+from atom_calibration.sources.rig import Rig, check_frames, rig_from_bag, sensor_from_bag
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.errors import AtomError
 from atom_core.geometry import se3
@@ -38,21 +40,25 @@ def test_only_3d_lidars_have_it():
         sensor_from_bag("lidar", entry(beam_width=0.01), scans)
 
 
-def tree_with(base_T_data, fixed=True, data_frame="lidar", link="lidar_base"):
+def tree_with(
+    base_T_data, fixed=True, data_frame="lidar", link="lidar_base", world_T_base=np.eye(4)
+):
     tree, stamp = TransformTree(), rospy.Time.from_sec(1.0)
-    tree.add([transform_message(Edge("world", "lidar_base"), np.eye(4), stamp)], fixed=True)
+    tree.add([transform_message(Edge("world", "lidar_base"), world_T_base, stamp)], fixed=True)
     for frame, pose in ((link, np.eye(4)), (data_frame, base_T_data)):
-        if frame not in ("", "lidar_base"):
+        if frame not in ("", "lidar_base", "world"):
             tree.add([transform_message(Edge("lidar_base", frame), pose, stamp)], fixed)
     return tree
 
 
-def checked(base_T_data, data_frame, fixed=True, link="lidar_base", camera=None):
+def checked(
+    base_T_data, data_frame, fixed=True, link="lidar_base", camera=None, world_T_base=np.eye(4)
+):
     edge, modality = Edge("world", "lidar_base"), LIDAR3D if camera is None else RGB
     sensor = Sensor("left", modality, link, edge, camera, "/points", 0.0)
     rig = Rig({"left": sensor}, {"/points": sensor}, {}, (), data_frames={"left": data_frame})
     config = SimpleNamespace(world_link="world", calibration_patterns={})
-    return check_frames(rig, config, tree_with(base_T_data, fixed, data_frame, link))
+    return check_frames(rig, config, tree_with(base_T_data, fixed, data_frame, link, world_T_base))
 
 
 ABOVE = se3.transform(np.eye(3), np.array([0.0, 0.0, 0.0377]))
@@ -89,3 +95,40 @@ def test_images_whose_header_names_the_body_are_not_in_doubt_and_those_of_a_neig
     assert checked(ABOVE, "lidar", fixed=False, camera=CAMERA) == []
     (caveat,) = checked(ABOVE, "lidar", camera=CAMERA)
     assert "37.7 mm" in caveat.what and "write `link: lidar`" in caveat.remedy
+
+
+def test_a_cloud_in_a_frame_that_its_edge_does_not_carry_gets_no_advice_that_is_refused_next():
+    with pytest.raises(AtomError, match="from link 'lidar_base' .*; record the data as they come"):
+        checked(np.eye(4), "world", world_T_base=ABOVE)
+
+
+def test_intrinsics_of_another_camera_of_the_rig_are_in_doubt():
+    def info(frame):
+        return CameraInfo(
+            header=Header(frame_id=frame), width=64, height=48, K=[50, 0, 32, 0, 50, 24, 0, 0, 1]
+        )
+
+    def image(frame):
+        return SimpleNamespace(header=Header(frame_id=frame))
+
+    def caveats(frames):
+        first = {}
+        for name, frame in zip(("left", "right"), frames):
+            first[f"/{name}/camera_info"] = info(frame)
+            first[f"/{name}/image_raw"] = image(f"{name}_optical")
+        types = dict.fromkeys(first, "sensor_msgs/CameraInfo")
+        types.update({t: "sensor_msgs/Image" for t in first if "image" in t})
+        bag = SimpleNamespace(types=types, path="a.bag", first=first.__getitem__)
+        sensors = {
+            name: SensorConfig(f"{name}_optical", "world", name, f"/{name}/image_raw", "rgb")
+            for name in ("left", "right")
+        }
+        return rig_from_bag(SimpleNamespace(sensors=sensors), bag).caveats
+
+    assert caveats(["left_optical", "right_optical"]) == caveats(["left", "right"]) == ()
+    assert caveats(["", ""]) == ()
+    one, two = caveats(["right_optical", "left_optical"])
+    assert one.sensors == ("left",) and "as the images of 'right' are" in one.what
+    assert two.sensors == ("right",)
+    (one,) = caveats(["left_optical", "left_optical"])
+    assert one.sensors == ("right",)

@@ -180,6 +180,22 @@ def test_rectified_images_with_the_matrix_of_raw_ones_are_told(document, read):
     assert "sensor 'rgb_1'" in told and "left three columns" in told
 
 
+@pytest.mark.parametrize("times", [0.5, 2.0])
+def test_the_matrix_of_images_of_another_size_is_told(document, read, times):
+    info = document["sensors"]["rgb_1"]["camera_info"]
+    assert not read(document).caveats
+    for place in (0, 2, 4, 5):
+        info["K"][place] *= times
+    (caveat,) = read(document).caveats
+    assert caveat.sensors == ("rgb_1",)
+    assert f"about {times:.2g} times as wide and high as its" in caveat.what
+
+
+def test_a_principal_point_that_a_region_of_interest_moved_is_not(document, read):
+    document["sensors"]["rgb_1"]["camera_info"]["K"][5] *= 1.6
+    assert not read(document).caveats
+
+
 def test_what_collectors_left_in_doubt_is_told_and_survives_a_change(document, read):
     entry = {"sensors": ["rgb_1", "rgb_2"], "what": "a is b", "remedy": "make it c"}
     document["_metadata"]["caveats"] = [entry]

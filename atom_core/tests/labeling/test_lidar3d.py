@@ -300,6 +300,18 @@ def test_a_seed_in_the_air_says_so():
     assert "points within" in label(cloud, [-1.0, 0.0, 0.2]).reason
 
 
+@pytest.mark.parametrize("seeded", [True, False])
+def test_millimetres_are_named(seeded):
+    cloud = scan(Scene(pose(EYE), before()), 13)
+    wrong = Cloud(1000.0 * cloud.points, cloud.ring)
+    seed = cloud.seed if seeded else None
+    with pytest.raises(LabelingError, match="multiplied by 0.001; they look like millimetres"):
+        Lidar3dLabeler(sensor(), pattern()).label(wrong, seed)
+    assert Lidar3dLabeler(sensor(), pattern()).label(Cloud(cloud.points, cloud.ring), seed).detected
+    away = Cloud(1000.0 * cloud.points[~cloud.on_board], None)
+    assert not Lidar3dLabeler(sensor(), pattern()).label(away, seed).detected
+
+
 def test_an_empty_cloud_is_no_error():
     for points in (np.zeros((0, 3)), np.full((50, 3), np.nan), np.zeros((50, 3))):
         assert not board_at(Cloud(points), BORDER, np.ones(3)).labeled.detected

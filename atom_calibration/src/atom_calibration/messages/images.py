@@ -149,6 +149,11 @@ def _decompressed_depth(message: Any) -> np.ndarray:
     stored: Any
     if "compressedDepth" not in message.format:
         stored = _decompressed(message, cv2.IMREAD_UNCHANGED)
+    elif "rvl" in message.format.lower():
+        raise MessageError(
+            f"the depth is compressed with RVL (format '{message.format}'), which is not read; let "
+            f"the driver pack it as PNG (.../compressedDepth/format), or record the raw topic"
+        )
     else:
         stored = _decompressed(message, cv2.IMREAD_UNCHANGED, _COMPRESSED_DEPTH_HEADER)
         if message.format.startswith("32FC1"):

@@ -21,11 +21,12 @@ from atom_calibration.sources.driver_messages import undecoded
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
-from atom_core.io.camera_entries import lens_caveat
+from atom_core.io.camera_entries import lens_caveats
 from atom_core.model.caveats import Caveat
 from atom_core.model.config import CalibrationConfig, SensorConfig
 from atom_core.model.modality import modalities, modality_named
 from atom_core.model.sensor import Sensor
+from atom_core.model.transforms import Edge
 
 _SAME_M, _SAME_RAD = 0.0005, float(np.radians(0.02))  # frames of other names that are one
 _SUFFIXES = ("", "/compressed", "/compressedDepth")
@@ -90,6 +91,7 @@ def rig_from_bag(config: CalibrationConfig, bag: TopicSource) -> Rig:
     warnings: List[str] = []
     caveats: List[Caveat] = []
     data_frames: Dict[str, str] = {}
+    info_frames: Dict[str, str] = {}
     for name, entry in config.sensors.items():
         topic, sensor = sensor_from_bag(name, entry, bag)
         if sensor is None:
@@ -99,18 +101,43 @@ def rig_from_bag(config: CalibrationConfig, bag: TopicSource) -> Rig:
         topics[topic] = sensors[name]
         if sensor.camera is not None:
             infos[_info_topic(entry)] = sensor
-            P = bag.first(_info_topic(entry)).P
-            caveat = lens_caveat(name, sensor.topic, sensor.camera, P)
-            caveats += [caveat] if caveat is not None else []
+            info = bag.first(_info_topic(entry))
+            info_frames[name] = frame_name(info.header.frame_id)
+            caveats += lens_caveats(name, sensor.topic, sensor.camera, info.P)
         data_frames[name] = frame_id = frame_name(bag.first(topic).header.frame_id)
         if sensor.camera is not None and frame_id != entry.link:
             warnings.append(
                 f"sensor '{name}': its data are in frame '{frame_id}' (header of {topic}), the "
                 f"configuration says link '{entry.link}', which is used"
             )
+    caveats += _exchanged_infos(info_frames, data_frames)
     if not sensors:
         raise BagError(f"{bag.path}: no sensor of the configuration can be labeled")
     return Rig(sensors, topics, infos, tuple(warnings), tuple(caveats), data_frames)
+
+
+def _exchanged_infos(
+    info_frames: Mapping[str, str], data_frames: Mapping[str, str]
+) -> List[Caveat]:
+    """Return which cameras have intrinsics whose headers name the frame of another one's images.
+
+    Args:
+        info_frames: frame of the intrinsics by camera, as their headers have it.
+        data_frames: frame of the data by sensor, as their headers have it.
+    """
+    found = []
+    for name, frame in info_frames.items():
+        others = [n for n in info_frames if data_frames[n] == frame != data_frames[name]]
+        if others:
+            found.append(
+                Caveat(
+                    (name,),
+                    f"its camera_info is in frame '{frame}', as the images of "
+                    f"'{others[0]}' are, and its own are in '{data_frames[name]}'",
+                    "record the camera_info of this camera, or correct topic_name",
+                )
+            )
+    return found
 
 
 def sensor_from_bag(
@@ -162,13 +189,15 @@ def check_frames(rig: Rig, config: CalibrationConfig, tree: TransformTree) -> Li
                 f"({listed}); correct the configuration"
             )
         data_frame = rig.data_frames.get(sensor.name, sensor.frame)
-        caveats += _data_frame_caveats(sensor, data_frame, tree)
+        caveats += _data_frame_caveats(sensor, data_frame, tree, config.world_link)
     for pattern in config.calibration_patterns.values():
         tree.path(config.world_link, pattern.parent_link)
     return caveats
 
 
-def _data_frame_caveats(sensor: Sensor, frame: str, tree: TransformTree) -> List[Caveat]:
+def _data_frame_caveats(
+    sensor: Sensor, frame: str, tree: TransformTree, world: str
+) -> List[Caveat]:
     """Refuse data of another frame than the sensor's, where the transforms tell that it is another.
 
     Headers of images often name the camera's body instead of its optical frame; that is no reason
@@ -181,14 +210,16 @@ def _data_frame_caveats(sensor: Sensor, frame: str, tree: TransformTree) -> List
     if frame in (sensor.frame, "") or (is_camera and _is_optical(sensor.frame, frame)):
         return []
     frame_T_data = tree.lookup_fixed(sensor.frame, frame)
+    own = "record the data as they come from the sensor, in its own frame"
+    hangs_on_edge = _hangs_on(sensor.edge, frame, tree, world)
     what = f"its data are in frame '{frame}' (header of {sensor.topic})"
     if frame_T_data is None:
         untold = Caveat(
             (sensor.name,),
             f"{what}, and no fixed transform tells where that is in link '{sensor.frame}' of the "
             f"configuration",
-            f"write `link: {frame}`, or publish the transform between the two in /tf_static, also "
-            f"if they are the same",
+            "publish it in /tf_static, also if the two are the same"
+            + (f", or write `link: {frame}`" if hangs_on_edge else ""),
         )
         return [] if is_camera else [untold]
     away_m = float(np.linalg.norm(frame_T_data[:3, 3]))
@@ -199,12 +230,18 @@ def _data_frame_caveats(sensor: Sensor, frame: str, tree: TransformTree) -> List
         f", which the transforms have {1e3 * away_m:.1f} mm and {np.degrees(turned_rad):.2f} deg "
         f"from link '{sensor.frame}' of the configuration"
     )
-    remedy = (
-        f"write `link: {frame}`, or record the data as they come from the sensor, in its own frame"
-    )
+    remedy = f"write `link: {frame}`, or {own}" if hangs_on_edge else own
     if is_camera and not _is_optical(frame, sensor.frame):
         return [Caveat((sensor.name,), what, remedy)]
     raise TransformError(f"sensor '{sensor.name}': {what}; {remedy}")
+
+
+def _hangs_on(edge: Edge, frame: str, tree: TransformTree, world: str) -> bool:
+    """Tell whether a frame is carried by an edge."""
+    try:
+        return edge in tree.path(world, frame)
+    except TransformError:
+        return False
 
 
 def _is_optical(one: str, other: str) -> bool:

@@ -15,6 +15,7 @@ from atom_core.calibration.prepare.connectivity import (
     floats_freely,
     only_by_priors,
 )
+from atom_core.calibration.prepare.frozen_sensors import frozen_sensors
 from atom_core.calibration.prepare.joints import check_joints, with_joint_transforms
 from atom_core.calibration.prepare.motions import open_motion
 from atom_core.calibration.prepare.preparation import (
@@ -28,6 +29,7 @@ from atom_core.calibration.prepare.same_labels import copies
 from atom_core.calibration.start.boards import carried_boards
 from atom_core.errors import AtomError
 from atom_core.labeling.board_size import OTHER_SIZE
+from atom_core.model.caveats import Caveat
 from atom_core.model.dataset import Dataset, is_complete
 from atom_core.model.labels import DetectionKey, place
 from atom_core.problem.builder import FreeEdges, build_problem, check_edges
@@ -49,6 +51,7 @@ class Preflight:
         rows: residuals.
         problems: what stands in the way of a calibration.
         warnings: what should be looked at.
+        caveats: which of these put a sensor in doubt whatever its labels are.
         residuals: at the poses that the dataset carries; None when it carries none.
         sides: of the boards, as range sensors see them.
         open_motion: what the motions leave open, one of the warnings; else empty.
@@ -60,6 +63,7 @@ class Preflight:
     rows: int
     problems: Tuple[str, ...]
     warnings: Tuple[str, ...]
+    caveats: Tuple[Caveat, ...]
     residuals: Optional[Table]
     sides: Tuple[MeasuredSide, ...] = ()
     open_motion: str = ""
@@ -84,7 +88,8 @@ def preflight(dataset: Dataset) -> Preflight:
     _collect(lambda: check_edges(dataset, free), problems)
     _collect(lambda: check_joints(dataset, free), problems)
     _collect(lambda: check_connected(present, measurements, free), problems)
-    warnings += remarks + _implausible(present, measurements) + _copied(present, measurements)
+    copied = copies(present, measurements)
+    warnings += remarks + _implausible(present, measurements) + _copied(copied)
     if floats_freely(present, measurements, free):
         _collect(lambda: check_not_alone(present, free), problems)
         warnings.append(
@@ -98,9 +103,10 @@ def preflight(dataset: Dataset) -> Preflight:
     warnings += [left_open] if left_open else []
     widths = {sensor.name: sensor.beam_width_rad for sensor in dataset.sensors.values()}
     by_labeler, remarks = look_at_boards(present)
-    known = {(side.sensor, side.pattern) for side in by_labeler}
-    sides = [s for s in measured_sides(measurements, widths) if (s.sensor, s.pattern) not in known]
+    sides = _unknown(measured_sides(measurements, widths), by_labeler)
     warnings += remarks + _of_another_size(sides)
+    frozen = frozen_sensors(present, [m for m in measurements if m.key.collection not in copied])
+    warnings += [caveat.sentence for caveat in frozen]
     held = _problem_at_held_boards(present, measurements)
     return Preflight(
         detections=_detections(dataset),
@@ -109,10 +115,19 @@ def preflight(dataset: Dataset) -> Preflight:
         rows=sum(m.rows for m in measurements),
         problems=tuple(problems),
         warnings=tuple(warnings),
+        caveats=(*dataset.caveats, *frozen),
         residuals=residual_table(held, np.zeros(0)) if held else None,
         sides=(*by_labeler, *sides),
         open_motion=left_open,
     )
+
+
+def _unknown(
+    sides: Sequence[MeasuredSide], by_labeler: Sequence[MeasuredSide]
+) -> List[MeasuredSide]:
+    """Return those of sensors and boards of which no labeler has measured one."""
+    known = {(side.sensor, side.pattern) for side in by_labeler}
+    return [side for side in sides if (side.sensor, side.pattern) not in known]
 
 
 def _of_another_size(sides: Sequence[MeasuredSide]) -> List[str]:
@@ -169,11 +184,11 @@ def _parameter_count(dataset: Dataset, measurements: Sequence[Measurement], free
     return poses + sum(len(parameters) for parameters in free.joints.values())
 
 
-def _copied(dataset: Dataset, measurements: Sequence[Measurement]) -> List[str]:
+def _copied(copied: Mapping[str, str]) -> List[str]:
     return [
         f"collection {key} is a copy of {other}, all labels are the same to the last digit: "
         f"calibrate leaves it out"
-        for key, other in copies(dataset, measurements).items()
+        for key, other in copied.items()
     ]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Any, Mapping, Optional, Sequence
+from typing import Any, List, Mapping, Optional, Sequence
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from atom_core.model.caveats import Caveat
 from atom_core.model.sensor import Sensor
 
 _RECTIFIED = re.compile(r"(^|[/_])rect(ified)?($|[/_])")  # as image_proc names its topics
+_OTHER_SIZE, _ALIKE = 1.35, 0.15  # times of a size, and how far width and height may differ
 Sensors = Mapping[str, Sensor]
 
 
@@ -35,8 +36,8 @@ def looks_rectified(topic: str) -> bool:
     return _RECTIFIED.search(topic) is not None
 
 
-def lens_caveat(name: str, topic: str, camera: Camera, P: Sequence[float]) -> Optional[Caveat]:
-    """Return what the intrinsics of a camera say against the topic of its images, if anything.
+def lens_caveats(name: str, topic: str, camera: Camera, P: Sequence[float]) -> List[Caveat]:
+    """Return what the intrinsics of a camera say against its images, if anything.
 
     Args:
         name: of the sensor.
@@ -44,6 +45,32 @@ def lens_caveat(name: str, topic: str, camera: Camera, P: Sequence[float]) -> Op
         camera: its intrinsics.
         P: the projection matrix (12, row by row) of the same CameraInfo; may be empty.
     """
+    found = (_of_another_size(name, camera), _of_another_rectification(name, topic, camera, P))
+    return [caveat for caveat in found if caveat is not None]
+
+
+def _of_another_size(name: str, camera: Camera) -> Optional[Caveat]:
+    """Return a caveat where the principal point would be in the middle of larger images, or less.
+
+    A region of interest moves it, too, but hardly by the same part of width and height.
+    """
+    times_wide, times_high = 2.0 * camera.K[:2, 2] / (camera.width, camera.height)
+    times = 0.5 * (times_wide + times_high)
+    if 1.0 / _OTHER_SIZE < times < _OTHER_SIZE or abs(times_wide - times_high) > _ALIKE * times:
+        return None
+    return Caveat(
+        (name,),
+        f"its K puts the principal point at ({camera.K[0, 2]:.0f}, {camera.K[1, 2]:.0f}), the "
+        f"middle of images about {times:.2g} times as wide and high as its {camera.width} x "
+        f"{camera.height} pixels",
+        "take the intrinsics of images of this size; where they were scaled, multiply the first "
+        "two rows of K by the scale",
+    )
+
+
+def _of_another_rectification(
+    name: str, topic: str, camera: Camera, P: Sequence[float]
+) -> Optional[Caveat]:
     if not looks_rectified(topic):
         return None
     if np.any(camera.D):

@@ -21,7 +21,7 @@ from atom_core.io.atomic import write_text_atomically
 from atom_core.io.camera_entries import (
     camera_of_entry,
     check_images,
-    lens_caveat,
+    lens_caveats,
     looks_rectified,
     with_camera,
 )
@@ -213,9 +213,8 @@ class _Reader:
                 f"sensor '{name}' has no distortion coefficients (D): its images are taken as free "
                 f"of distortion"
             )
-        found = lens_caveat(name, topic, camera, entry["camera_info"].get("P") or [])
-        if found is not None and found not in self.caveats:
-            self.caveats.append(found)
+        found = lens_caveats(name, topic, camera, entry["camera_info"].get("P") or [])
+        self.caveats += [caveat for caveat in found if caveat not in self.caveats]
 
     @staticmethod
     def _beam_width_rad(config: CalibrationConfig, name: str) -> float:

@@ -59,6 +59,8 @@ _WHOLE_ELSEWHERE = (
     "bring all of this one into view"
 )
 ALIKE = "planes_alike"  # in the quality: planes of the board's size, where there are several
+_MILLIMETRE = 0.001
+_BEYOND_ALL_M, _EVERY = 300.0, 16  # median range of no LiDAR; of the points that tell it
 _NO_BOARD = "no plane of the board's size and outline is in the cloud"
 
 CloudLike = Union[Cloud, np.ndarray]
@@ -131,21 +133,41 @@ class Lidar3dLabeler:
             seed: (3,) [m] near the board, in the sensor's frame; None: search the cloud for it.
 
         Raises:
-            LabelingError: the data are no cloud, or the seed is no point.
+            LabelingError: the data are no cloud, or in another unit, or the seed is no point.
         """
         try:
             cloud = as_cloud(data)
-            in_image = self._in_image(cloud, seed)
-            if in_image is not None:
-                return in_image
-            cloud = replace(cloud, scan=_scan(cloud, self._options))  # once for all that follows
-            if seed is not None:
-                return self._at_seed(cloud, seed)
-            found = _searched(cloud, self._border, self._options)
-            labeled = found[0].labeled if found else nothing(LIDAR3D, _NO_BOARD)
-            return labeled if labeled.detected else self._behind_gap(cloud) or labeled
+            labeled = self._labeled(cloud, seed)
+            if not labeled.detected:
+                self._check_unit(cloud, seed)
+            return labeled
         except LabelingError as error:
             raise LabelingError(f"{self._place}: {error}") from None
+
+    def _labeled(self, cloud: Cloud, seed: Optional[np.ndarray]) -> Labeled:
+        in_image = self._in_image(cloud, seed)
+        if in_image is not None:
+            return in_image
+        cloud = replace(cloud, scan=_scan(cloud, self._options))  # once for all that follows
+        if seed is not None:
+            return self._at_seed(cloud, seed)
+        found = _searched(cloud, self._border, self._options)
+        labeled = found[0].labeled if found else nothing(LIDAR3D, _NO_BOARD)
+        return labeled if labeled.detected else self._behind_gap(cloud) or labeled
+
+    def _check_unit(self, cloud: Cloud, seed: Optional[np.ndarray]) -> None:
+        """Raise an error where a board is found only if the coordinates are millimetres."""
+        ranges = np.linalg.norm(np.asarray(cloud.points)[::_EVERY], axis=-1)
+        ranges = ranges[np.isfinite(ranges) & (ranges > 0.0)]
+        if not len(ranges) or np.median(ranges) <= _BEYOND_ALL_M:
+            return
+        metres = Cloud(_MILLIMETRE * cloud.points, cloud.ring, cloud.width, cloud.height)
+        if self._labeled(metres, seed).detected:
+            raise LabelingError(
+                f"the board has its size only when coordinates are multiplied by {_MILLIMETRE:g}; "
+                f"they look like millimetres, where PointCloud2 has metres (REP 103); correct the "
+                f"driver"
+            )
 
     def _at_seed(self, cloud: Cloud, seed: np.ndarray) -> Labeled:
         """Label at a seed; unsure where one side alone is measured, and a whole board is seen.

@@ -43,7 +43,7 @@ def check_verdict(
         moved: how far a sensor is from where a description has it, where that is too far.
     """
     moved = moved or {}
-    sensors = {name: _sensor(dataset, result, name, moved.get(name)) for name in dataset.sensors}
+    sensors = {name: _sensor(result, name, moved.get(name)) for name in dataset.sensors}
     if result.problems:
         more = len(result.problems) - 1
         others = f" (and {more} more problem{'s' * (more > 1)} above)" if more else ""
@@ -70,7 +70,7 @@ def check_verdict(
     return Verdict(grade, f"{what} {names_in_words(names)} first{whose}: {why}", sensors)
 
 
-def _sensor(dataset: Dataset, result: Preflight, name: str, moved: Optional[str]) -> SensorVerdict:
+def _sensor(result: Preflight, name: str, moved: Optional[str]) -> SensorVerdict:
     boards = len({key for key in result.detections if key.sensor == name})
     findings: List[Finding] = [
         Finding(WRONG, problem) for problem in result.problems if is_named(name, problem)
@@ -83,8 +83,8 @@ def _sensor(dataset: Dataset, result: Preflight, name: str, moved: Optional[str]
     elif boards < FEWEST_BOARDS:
         told = f"it sees too few boards to be known well ({FEWEST_BOARDS} at least)"
         findings.append(Finding(WEAK, told, "collect more of them"))
-    findings += caveat_findings(name, dataset.caveats)
-    told_already = {caveat.sentence for caveat in dataset.caveats}
+    findings += caveat_findings(name, result.caveats)
+    told_already = {caveat.sentence for caveat in result.caveats}
     remarks = [w for w in result.warnings if is_named(name, w) and w not in told_already]
     unfit = sum(NO_POSE in remark or NO_PLACE in remark for remark in remarks)
     if unfit > _MOST * boards:

@@ -41,6 +41,7 @@ from atom_calibration.collect.stamps import (
 )
 from atom_calibration.errors import CollectionError, MessageError
 from atom_calibration.labels.frame_labeler import FrameLabeler
+from atom_calibration.messages.headers import stamp_s
 from atom_calibration.modalities.frames import Frame, decode
 from atom_calibration.runtime.options import add_receive_time_option
 from atom_calibration.sources.bag_parts import name_of, remark_on_parts
@@ -163,6 +164,14 @@ class Recording(NamedTuple):
     caveats: CaveatLog
 
 
+class _Waiting(NamedTuple):
+    """A message that is being decoded."""
+
+    sensor: str
+    stamp_s: float
+    future: Future
+
+
 def _setup(args: argparse.Namespace, recording: Recording, store: CollectionStore) -> Setup:
     config, rig, patterns = recording.config, recording.rig, recording.patterns
     return Setup(
@@ -257,7 +266,7 @@ def _ahead(
     labeler: FrameLabeler,
     received: Collection[str],
 ) -> Iterator[Future]:
-    waiting: Deque[Future] = deque()
+    waiting: Deque[_Waiting] = deque()
     watch = MessageWatch(bag.path, rig.infos, bag.start_s)
     try:
         for found in bag.messages([*rig.topics, *rig.infos]):
@@ -268,14 +277,27 @@ def _ahead(
             if sensor.name in received:
                 found.message.header.stamp = rospy.Time.from_sec(found.recorded_s)
             watch.see(sensor, found.message, found.recorded_s)
-            waiting.append(pool.submit(_prepared, labeler, sensor, found.message))
+            future = pool.submit(_prepared, labeler, sensor, found.message)
+            _put_in_order(waiting, _Waiting(sensor.name, stamp_s(found.message), future))
             if len(waiting) > _LOOK_AHEAD:
-                yield waiting.popleft()
+                yield waiting.popleft().future
         while waiting:
-            yield waiting.popleft()
+            yield waiting.popleft().future
     finally:
-        for future in waiting:
-            future.cancel()
+        for entry in waiting:
+            entry.future.cancel()
+
+
+def _put_in_order(waiting: Deque[_Waiting], last: _Waiting) -> None:
+    """Append an entry; where drivers send out of order, those of its sensor change places."""
+    waiting.append(last)
+    place = len(waiting) - 1
+    for before in reversed(range(place)):
+        if waiting[before].sensor == last.sensor:
+            if waiting[before].stamp_s <= last.stamp_s:
+                break
+            waiting[place], waiting[before] = waiting[before], waiting[place]
+            place = before
 
 
 def _prepared(labeler: FrameLabeler, sensor: Any, message: Any) -> Frame:

@@ -15,6 +15,7 @@ from atom_core.calibration.prepare.connectivity import (
     only_by_priors,
 )
 from atom_core.calibration.prepare.fixed_boards import check_fixed_boards
+from atom_core.calibration.prepare.frozen_sensors import frozen_sensors
 from atom_core.calibration.prepare.joints import (
     check_joints,
     configured_joints,
@@ -101,6 +102,9 @@ def prepare(
         remarks.append(remark)
     check_fixed_boards(dataset, measurements)
     check_told(dataset, measurements, free, moving)
+    frozen = frozen_sensors(dataset, measurements)
+    dataset = replace(dataset, caveats=(*dataset.caveats, *frozen))
+    remarks += [caveat.sentence for caveat in frozen]
     return Prepared(dataset, measurements, free, moving, unused, tuple(remarks))
 
 

@@ -18,7 +18,7 @@ from atom_core.problem.measurements import Measurement
 from atom_core.problem.range_measurement import RangeMeasurement
 
 _SURELY = 2  # detections that no two sensors share by chance
-_LEAST_NUMBERS = 8  # of a detection
+LEAST_NUMBERS = 8  # of a detection
 
 
 def check_same_labels(measurements: Sequence[Measurement]) -> None:
@@ -51,7 +51,7 @@ def copies(dataset: Dataset, measurements: Sequence[Measurement]) -> Dict[str, s
     """
     seen: Dict[str, Dict[Tuple[str, str], np.ndarray]] = {}
     for m in measurements:
-        seen.setdefault(m.key.collection, {})[m.key.sensor, m.key.pattern] = _numbers(m)
+        seen.setdefault(m.key.collection, {})[m.key.sensor, m.key.pattern] = label_numbers(m)
     first: Dict[Tuple[int, float], List[str]] = {}
     found: Dict[str, str] = {}
     for key, labels in seen.items():
@@ -59,7 +59,7 @@ def copies(dataset: Dataset, measurements: Sequence[Measurement]) -> Dict[str, s
         total = float(sum(np.sum(numbers, dtype=float) for numbers in labels.values()))
         alike = first.setdefault((size, total), [])
         for other in alike:
-            if size >= _LEAST_NUMBERS and _same_collection(dataset, key, other, seen):
+            if size >= LEAST_NUMBERS and _same_collection(dataset, key, other, seen):
                 found[key] = other
                 break
         else:
@@ -88,11 +88,11 @@ def _names(one: Measurement, other: Measurement) -> Tuple[str, str]:
 
 
 def _are_same(one: Measurement, other: Measurement) -> bool:
-    mine, others = _numbers(one), _numbers(other)
-    return mine.size >= _LEAST_NUMBERS and np.array_equal(mine, others)
+    mine, others = label_numbers(one), label_numbers(other)
+    return mine.size >= LEAST_NUMBERS and np.array_equal(mine, others)
 
 
-def _numbers(m: Measurement) -> np.ndarray:
+def label_numbers(m: Measurement) -> np.ndarray:
     """Return what was measured: pixels, or points."""
     if isinstance(m, CornerMeasurement):
         return np.column_stack([m.ids, m.pixels])
