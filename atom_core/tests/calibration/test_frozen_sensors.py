@@ -38,6 +38,8 @@ def test_it_is_named_with_its_collections_before_and_after(scene, sensor):
     assert warning in calibration.warnings
     verdict = calibration_verdict(calibration_results(calibration, "any"))
     assert verdict.sensors[sensor].grade == verdict.grade == WRONG
+    assert "it sent old data again" in verdict.sensors[sensor].sentence.split("; ")[0]
+    assert f"likely cause ({sensor}): its labels are the same" in verdict.sentence
 
 
 @pytest.mark.parametrize("sensor", ["depth_1", "lidar_1"])

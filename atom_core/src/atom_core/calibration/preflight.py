@@ -74,13 +74,7 @@ def preflight(dataset: Dataset) -> Preflight:
 
     What `calibrate` refuses before it solves is a problem here, in the same words.
     """
-    problems: List[str] = []
-    warnings: List[str] = list(dataset.warnings)
-    for sensor, collections in absent_data(dataset).items():
-        problems.append(
-            f"the data files of sensor '{sensor}' are absent ({len(collections)} collections); "
-            f"calibrate without it: -ssf '!{sensor}'"
-        )
+    problems, warnings = _absent(dataset), list(dataset.warnings)
     present = _with_data(dataset)
     read = measured_detections(present)
     measurements, remarks = read_measurements(present, read)
@@ -120,6 +114,14 @@ def preflight(dataset: Dataset) -> Preflight:
         sides=(*by_labeler, *sides),
         open_motion=left_open,
     )
+
+
+def _absent(dataset: Dataset) -> List[str]:
+    return [
+        f"the data files of sensor '{sensor}' are absent ({len(collections)} collections); "
+        f"calibrate without it: -ssf '!{sensor}'"
+        for sensor, collections in absent_data(dataset).items()
+    ]
 
 
 def _unknown(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Dict, List, Optional, Sequence, Tuple
+from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -24,13 +24,13 @@ from atom_core.report.verdict import (
     SensorVerdict,
     Verdict,
     angle,
-    caveat_findings,
     counted,
     is_named,
     length,
     names_in_words,
     pixels,
     sensor_verdict,
+    with_caveats,
     worst,
 )
 from atom_core.solvers.base import CONVERGED, FAILED, NOT_CONVERGED
@@ -118,7 +118,7 @@ def _sentence(
 ) -> str:
     of_grade = [finding.sentence for finding in findings if finding.grade == grade]
     if of_grade:
-        return of_grade[0]
+        return of_grade[0] + (_likely_why(results, sensors) if grade == WRONG else "")
     if grade == GOOD:
         return _good(results)
     names = [name for name, sensor in sensors.items() if sensor.grade == grade]
@@ -127,6 +127,15 @@ def _sentence(
     if len(names) == 1:
         return f"{what}: {names[0]} is {grade} ({reason})"
     return f"{what}: {names_in_words(names)} are {grade} ({names[0]}: {reason})"
+
+
+def _likely_why(results: CalibrationResults, sensors: Mapping[str, SensorVerdict]) -> str:
+    """Return which caveat of a sensor that is wrong the answer is likely wrong for."""
+    for caveat in results.calibration.dataset.caveats:
+        wrong = [n for n in caveat.sensors if n in sensors and sensors[n].grade == WRONG]
+        if wrong:
+            return f"; likely cause ({names_in_words(wrong)}): {caveat.what}"
+    return ""
 
 
 def _good(results: CalibrationResults) -> str:
@@ -154,9 +163,9 @@ def _sensor(
         *_contradictions(results, sensor.name),
         *_of_the_data(sensor),
         *_of_the_place(results, edge),
-        *caveat_findings(sensor.name, results.calibration.dataset.caveats),
         *_far_from_described(results, edge),
     ]
+    findings = with_caveats(findings, sensor.name, results.calibration.dataset.caveats)
     return sensor_verdict(findings, "; ".join(_facts(results, sensor, edge)))
 
 

@@ -17,11 +17,11 @@ from atom_core.report.verdict import (
     Finding,
     SensorVerdict,
     Verdict,
-    caveat_findings,
     counted,
     is_named,
     names_in_words,
     sensor_verdict,
+    with_caveats,
     worst,
 )
 
@@ -83,7 +83,6 @@ def _sensor(result: Preflight, name: str, moved: Optional[str]) -> SensorVerdict
     elif boards < FEWEST_BOARDS:
         told = f"it sees too few boards to be known well ({FEWEST_BOARDS} at least)"
         findings.append(Finding(WEAK, told, "collect more of them"))
-    findings += caveat_findings(name, result.caveats)
     told_already = {caveat.sentence for caveat in result.caveats}
     remarks = [w for w in result.warnings if is_named(name, w) and w not in told_already]
     unfit = sum(NO_POSE in remark or NO_PLACE in remark for remark in remarks)
@@ -98,4 +97,5 @@ def _sensor(result: Preflight, name: str, moved: Optional[str]) -> SensorVerdict
         for remark in remarks
         if OTHER_SIZE in remark
     ]
+    findings = with_caveats(findings, name, result.caveats)
     return sensor_verdict(findings, f"detected {counted(boards, 'board')}")

@@ -113,9 +113,16 @@ def sensor_verdict(findings: Sequence[Finding], facts: str) -> SensorVerdict:
     return SensorVerdict(finding.grade, told, finding.advice)
 
 
-def caveat_findings(name: str, caveats: Iterable[Caveat]) -> List[Finding]:
-    """Return what the caveats of a dataset say against a sensor: it is weak, whatever it fits."""
-    return [Finding(WEAK, c.what, c.remedy) for c in caveats if name in c.sensors]
+def with_caveats(
+    findings: Sequence[Finding], name: str, caveats: Iterable[Caveat]
+) -> List[Finding]:
+    """Return what speaks against a sensor, what the caveats of its dataset say first.
+
+    With a caveat it is weak, whatever it fits; where it is wrong, that is likely why.
+    """
+    grade = worst([WEAK, *(finding.grade for finding in findings)])
+    said = [Finding(grade, c.what, c.remedy) for c in caveats if name in c.sensors]
+    return [*said, *findings]
 
 
 def verdict_lines(verdict: Verdict) -> str:
