@@ -30,10 +30,14 @@ class PointExpectation:
         name, outlook = frame.sensor.name, frame.ros.outlook
         if name in self._open and name not in self._outlooks and outlook is not None:
             try:
-                self._outlooks[name] = outlook(frame.data)
+                expected = outlook(frame.data)
             except ValueError as error:
                 self._setup.warn(f"{frame.place}: {error}")
+                expected = None
+            if expected is None:
                 self._open.discard(name)
+            else:
+                self._outlooks[name] = expected
         elif frame.ros.board_pose is not None and frame.detections and self._open:
             self._judge(frame)
 

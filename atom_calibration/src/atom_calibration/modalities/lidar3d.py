@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Sequence
+from typing import TYPE_CHECKING, Optional, Sequence
 
 import cv2
 import numpy as np
@@ -18,7 +18,7 @@ from atom_calibration.modalities.range_labels import (
 )
 from atom_calibration.modalities.seeds import PointSeeds
 from atom_calibration.modalities.table import RosModality
-from atom_core.labeling.lidar3d import expected_points
+from atom_core.labeling.lidar3d import as_cloud, expected_points, find_layers
 from atom_core.labeling.stillness import LIDAR_NOISE
 from atom_core.model.labels import RangeLabel
 from atom_core.model.pattern import Pattern
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from atom_calibration.modalities.frames import Frame
 
 LEAST_POINTS, LEAST_LAYERS = 60, 4
-_ELEVATION_BIN_RAD = np.deg2rad(0.1)
+_LEAST_VALID = 100  # points of a cloud that tell how its beams are spaced
 _GREEN, _RED, _GREY = (60, 220, 60), (40, 40, 255), (120, 120, 120)
 _PICTURE_PX, _MARGIN = 640, 1.2
 
@@ -53,31 +53,21 @@ class BeamSpacing:
         )
 
 
-def beam_spacing(points: np.ndarray) -> BeamSpacing:
-    """Return the spacing of the beams of a structured cloud (n,).
-
-    Layers are told by the field ``ring``, else by how elevations gather.
+def beam_spacing(points: np.ndarray) -> Optional[BeamSpacing]:
+    """Return the spacing of the beams of a structured cloud (n,); None: it has no layers.
 
     Raises:
         ValueError: the cloud has too few points.
     """
-    xyz = cloud_xyz(points).astype(float)
+    xyz = cloud_xyz(points)
     valid = np.all(np.isfinite(xyz), axis=1) & np.any(xyz != 0, axis=1)
-    if np.sum(valid) < 100:
+    if np.sum(valid) < _LEAST_VALID:
         raise ValueError("too few points to tell the spacing of the beams")
-    x, y, z = xyz[valid].T
-    elevation = np.arctan2(z, np.hypot(x, y))
-    if "ring" in (points.dtype.names or ()):
-        layer = points["ring"][valid].astype(int)
-    else:
-        layer = np.round(elevation / _ELEVATION_BIN_RAD).astype(int)
-    layers, counts = np.unique(layer, return_counts=True)
-    largest = layers[np.argmax(counts)]
-    layers = layers[counts > 0.1 * counts.max()]
-    middle = np.sort([np.median(elevation[layer == number]) for number in layers])
-    step = float(np.median(np.diff(middle))) if len(middle) > 1 else np.pi
-    azimuth = np.sort(np.arctan2(y, x)[layer == largest])
-    return BeamSpacing(step, float(np.median(np.diff(azimuth))))
+    scan = find_layers(as_cloud(points))
+    if not scan.has_layers or len(scan.layer_elevation) < 2:
+        return None
+    step = float(np.median(np.diff(np.sort(scan.layer_elevation))))
+    return BeamSpacing(step, float(scan.azimuth_step))
 
 
 def cloud_picture(points: np.ndarray, labels: Sequence[RangeLabel], size_px: int) -> np.ndarray:

@@ -56,7 +56,8 @@ class RosModality:
             what is found is judged by that.
         cloud: data of a dataset as points (n, 3) [m]; None where they are an image.
         background: data of a dataset as a picture (height, width, 3) to draw labels on.
-        outlook: data to what the sensor can be expected to see; raises ValueError.
+        outlook: data to what the sensor can be expected to see, None if nobody can tell; raises
+            ValueError.
         lost_in_file: given a frame and what writing its data returned, the sentence that says
             which labeled data the file does not hold; empty: none.
         click: corrects the label of a sensor by a click at a pixel (2,); returns a sentence.
@@ -83,7 +84,7 @@ class RosModality:
     label_near: Optional[Callable[[Labeler, Any, np.ndarray, float], Labeled]] = None
     cloud: Optional[Callable[[Any], np.ndarray]] = None
     background: Optional[Callable[[Any], np.ndarray]] = None
-    outlook: Optional[Callable[[Any], Outlook]] = None
+    outlook: Optional[Callable[[Any], Optional[Outlook]]] = None
     lost_in_file: Optional[Callable[[Frame, Any], str]] = None
     click: Optional[Callable[[LabelCorrections, str, np.ndarray], str]] = None
     polygon: Optional[Callable[[LabelCorrections, str, np.ndarray, bool], str]] = None
