@@ -197,6 +197,18 @@ def test_a_sensor_among_others_that_are_wrong_is_not_good():
     assert "no sensor that is right here" in verdict.sensors["lidar_1"].sentence
 
 
+def test_what_is_in_doubt_of_either_set_is_weak(test_cell):
+    doubt = (Caveat(("lidar_1",), "two programs publish its mount", "record again"),)
+    plain = test_cell.dataset
+    doubtful = replace(plain, caveats=doubt)
+    for train, test in ((plain, doubtful), (doubtful, plain)):
+        verdict = evaluation_verdict(evaluate(train, test, sensors=["rgb_1", "rgb_2", "lidar_1"]))
+        grades = {name: sensor.grade for name, sensor in verdict.sensors.items()}
+        assert grades == {"rgb_1": GOOD, "rgb_2": GOOD, "lidar_1": WEAK}
+        assert verdict.grade == WEAK
+        assert "two programs publish" in verdict.sensors["lidar_1"].sentence
+
+
 def test_where_nothing_depends_on_the_calibration_nothing_is_good():
     alone = scenes.random_scene(0, rgb=1, depth=0, lidar3d=0, collections=4).dataset
     verdict = evaluation_verdict(evaluate(alone, alone))

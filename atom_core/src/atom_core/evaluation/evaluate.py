@@ -16,6 +16,7 @@ from atom_core.evaluation.pairs import Pair, pairs_of
 from atom_core.evaluation.results import PairFigures, PairResult, summarised
 from atom_core.evaluation.single_camera import SingleCamera, single_cameras
 from atom_core.evaluation.statistics import Errors, mean_of
+from atom_core.model.caveats import Caveat
 from atom_core.model.dataset import Dataset, pose
 from atom_core.model.labels import DetectionKey
 from atom_core.model.truth import Truth, with_truth
@@ -44,6 +45,7 @@ class Evaluation:
         spread: each camera with itself in other collections, over boards that stay.
         px_per_rad: by sensor, how many pixels of its image a radian has in the middle; None of
             what has no image.
+        caveats: what puts sensors in doubt whatever is measured, of either dataset.
     """
 
     train: str
@@ -54,6 +56,7 @@ class Evaluation:
     single: Tuple[SingleCamera, ...] = ()
     spread: Tuple[PairResult, ...] = ()
     px_per_rad: Mapping[str, Optional[float]] = field(default_factory=dict)
+    caveats: Tuple[Caveat, ...] = ()
 
     @property
     def measured(self) -> bool:
@@ -102,6 +105,7 @@ def evaluate(
             name: None if sensor.camera is None else float(sensor.camera.K[0, 0])
             for name, sensor in mixed.sensors.items()
         },
+        caveats=tuple(dict.fromkeys((*train.caveats, *test.caveats))),
     )
 
 

@@ -32,6 +32,7 @@ from atom_core.report.verdict import (
     names_in_words,
     pixels,
     sensor_verdict,
+    with_caveats,
     worst,
 )
 
@@ -185,7 +186,8 @@ def _sensor(
 def _with_truth(
     evaluation: Evaluation, name: str, findings: List[Finding], told: str
 ) -> SensorVerdict:
-    """Return the verdict with the error against the truth, where it is known."""
+    """Return the verdict with what is in doubt, and with the error against a truth."""
+    findings = with_caveats(findings, name, evaluation.caveats)
     truth = evaluation.ground_truth
     error = None if truth is None else truth.sensors.get(name)
     if error is None:
