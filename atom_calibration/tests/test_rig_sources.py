@@ -132,3 +132,11 @@ def test_intrinsics_of_another_camera_of_the_rig_are_in_doubt():
     assert two.sensors == ("right",)
     (one,) = caveats(["left_optical", "left_optical"])
     assert one.sensors == ("right",)
+
+
+def test_two_sensors_of_one_topic_are_refused_by_name():
+    bag = source("/points", "sensor_msgs/PointCloud2")
+    bag.first = lambda _topic: SimpleNamespace(header=Header(frame_id="lidar"))
+    config = SimpleNamespace(sensors={"left": entry(), "right": entry()})
+    with pytest.raises(AtomError, match="sensors 'left' and 'right' have one topic .*/points"):
+        rig_from_bag(config, bag)

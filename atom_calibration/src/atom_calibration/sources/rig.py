@@ -82,7 +82,7 @@ def rig_from_bag(config: CalibrationConfig, bag: TopicSource) -> Rig:
     """Find the sensors of a configuration in a bag, or among the topics that are published.
 
     Raises:
-        BagError: a topic, or a camera's camera_info, is absent.
+        BagError: a topic, or a camera's camera_info, is absent; two sensors have one topic.
         MessageError: a camera_info is of no use.
     """
     sensors: Dict[str, Sensor] = {}
@@ -97,8 +97,12 @@ def rig_from_bag(config: CalibrationConfig, bag: TopicSource) -> Rig:
         if sensor is None:
             warnings.append(f"sensor '{name}' ({bag.types[topic]}) is left out: it is not labeled")
             continue
-        sensors[name] = sensor
-        topics[topic] = sensors[name]
+        if topic in topics:
+            raise BagError(
+                f"sensors '{topics[topic].name}' and '{name}' have one topic ({topic}); correct "
+                f"topic_name of one of them in the configuration"
+            )
+        sensors[name] = topics[topic] = sensor
         if sensor.camera is not None:
             infos[_info_topic(entry)] = sensor
             info = bag.first(_info_topic(entry))
