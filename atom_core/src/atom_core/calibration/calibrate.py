@@ -13,6 +13,7 @@ from atom_core.calibration.judge.judgement import answer, judge
 from atom_core.calibration.judge.misfit import Misfit
 from atom_core.calibration.judge.places import Displaced
 from atom_core.calibration.judge.priors import HeldDirection, PriorResult
+from atom_core.calibration.judge.stated_places import StatedPlaces
 from atom_core.calibration.judge.weak_directions import WeakDirection
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.preparation import Prepared, prepare
@@ -53,6 +54,7 @@ class Calibration:
         checks: errors of the model that the data show, and that were not estimated.
         moving: transforms of moving parts that do not fit.
         displaced: edges that end far from where the description has them.
+        stated: sensors whose place was stated though the data could tell it.
         error_priors: what was assumed of estimated errors of the model; the others were free.
         unused: why a collection was not used, by key.
         rejected: detections that were left out since they contradict the others.
@@ -78,6 +80,7 @@ class Calibration:
     checks: Tuple[ModelCheck, ...]
     moving: Tuple[MovingEdge, ...]
     displaced: Tuple[Displaced, ...]
+    stated: StatedPlaces
     error_priors: ErrorPriors
     unused: Mapping[str, str]
     rejected: Tuple[Rejected, ...]
@@ -182,6 +185,7 @@ def judged(solution: Solved) -> Calibration:
         checks=judgement.checks,
         moving=judgement.moving,
         displaced=judgement.displaced,
+        stated=judgement.stated,
         error_priors=refined.options.error_priors,
         unused=refined.unused,
         rejected=refined.rejected,

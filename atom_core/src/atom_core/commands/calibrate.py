@@ -11,6 +11,7 @@ from typing import Any, Dict, List, Optional, Tuple, Union
 
 from atom_core.calibration.calibrate import Calibration, calibrate
 from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.prepare.description import description_caveats
 from atom_core.calibration.prepare.joints import select_joints
 from atom_core.commands import common
 from atom_core.commands.atom_options import CALIBRATE, add_meaningless_options, without_ros
@@ -92,6 +93,9 @@ def run(args: argparse.Namespace, watcher: Optional[Watcher] = None) -> int:
     given = read_input(args)
     options = _with_selections(options, args, given)
     description = _description(args, given.dataset.config.description_file)
+    if not isinstance(description, DescriptionError):
+        of_description = description_caveats(given.dataset, description.robot, description.path)
+        given = replace(given, dataset=given.dataset.with_caveats(of_description))
     load_seconds = time.perf_counter() - began
     phases = Phases(watcher) if args.phased_execution else None
     looking_on = phases or watcher

@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 from pathlib import Path
-from typing import Dict, List, Mapping, Sequence
+from typing import Dict, List, Mapping, Sequence, Tuple
 
 import numpy as np
 
 from atom_core.calibration.preflight import preflight
+from atom_core.calibration.prepare.description import description_caveats
 from atom_core.commands import common
 from atom_core.commands.drift_check import calibration_of, drift_of
 from atom_core.commands.verdict_output import print_next, print_verdict
@@ -68,8 +69,9 @@ def run(args: argparse.Namespace) -> int:
         raise OutputError(f"{args.output}: exists already; choose another name for --output")
     dataset = common.selected_dataset(args)
     common.refuse_empty(dataset)
+    dataset, remarks = _with_description(dataset)
     result = preflight(dataset)
-    result = replace(result, warnings=(*result.warnings, *_of_description(dataset)))
+    result = replace(result, warnings=(*result.warnings, *remarks))
     print(preflight_report(dataset, result))
     verdict = check_verdict(dataset, result)
     if args.against:
@@ -98,15 +100,21 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _of_description(dataset: Dataset) -> List[str]:
-    """Return why `calibrate` cannot use the description that the dataset names, if it cannot."""
+def _with_description(dataset: Dataset) -> Tuple[Dataset, List[str]]:
+    """Return the dataset with what the description that it names contradicts it in.
+
+    Returns:
+        The dataset, and why `calibrate` cannot use the description, if it cannot.
+    """
     configured = dataset.config.description_file
     try:
         if configured:
-            read_description(configured)
+            description = read_description(configured)
+            caveats = description_caveats(dataset, description.robot, description.path)
+            return dataset.with_caveats(caveats), []
     except DescriptionError as error:
-        return [f"optimized.urdf.xacro will not be written: {error}"]
-    return []
+        return dataset, [f"optimized.urdf.xacro will not be written: {error}"]
+    return dataset, []
 
 
 def _moved(edges: Sequence[MovedEdge]) -> Dict[str, str]:

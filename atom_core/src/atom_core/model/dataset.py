@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Container, Dict, Iterator, Mapping, Optional, Tuple, TypeVar
+from typing import Any, Container, Dict, Iterable, Iterator, Mapping, Optional, Tuple, TypeVar
 
 import numpy as np
 
@@ -116,6 +116,12 @@ class Dataset:
             merged: Dict[Edge, np.ndarray] = {**collections[key].transforms, **edges}
             collections[key] = replace(collections[key], transforms=merged)
         return replace(self, collections=collections)
+
+    def with_caveats(self, caveats: Iterable[Caveat]) -> Dataset:
+        """Return a copy with further caveats, told among its warnings, too."""
+        new = [caveat for caveat in caveats if caveat not in self.caveats]
+        told = (*self.warnings, *(caveat.sentence for caveat in new))
+        return replace(self, caveats=(*self.caveats, *new), warnings=told)
 
     def with_joint_parameters(self, changes: Mapping[str, Mapping[str, float]]) -> Dataset:
         """Return a copy with other parameters [m, rad] of some joints, in all collections.

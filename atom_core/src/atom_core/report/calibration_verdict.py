@@ -36,6 +36,8 @@ from atom_core.report.verdict import (
 from atom_core.solvers.base import CONVERGED, FAILED, NOT_CONVERGED
 
 MORE_BOARDS = "collect boards for it near and far, tilted, and all over its view"
+_NOTICEABLE = 2.0  # standard deviations of an error that is estimated
+_FAR_FROM_PRIOR = 4.0  # standard deviations of a prior
 _LABELS = "look at its labels (dataset_playback), then at its intrinsics and the board's measures"
 _WORDS = {"reprojection": "corners", "orthogonal": "points", "border": "border points"}
 _FROM = {
@@ -163,6 +165,7 @@ def _sensor(
         *_contradictions(results, sensor.name),
         *_of_the_data(sensor),
         *_of_the_place(results, edge),
+        *_of_a_stated_place(results, sensor),
         *_far_from_described(results, edge),
     ]
     findings = with_caveats(findings, sensor.name, results.calibration.dataset.caveats)
@@ -251,6 +254,30 @@ def _of_the_place(results: CalibrationResults, edge: Optional[EdgeResult]) -> Li
         return []
     told = f"known to {length(metres)} and {angle(radians)} only"
     return [Finding(WEAK, told, MORE_BOARDS)]
+
+
+def _of_a_stated_place(results: CalibrationResults, sensor: SensorResult) -> List[Finding]:
+    """Return what gives way if a place that the user states is wrong."""
+    stated = results.calibration.stated
+    if sensor.name not in stated.names:
+        return []
+    absorbed = [
+        error.sentence
+        for error in results.model_errors
+        if error.target == sensor.name
+        and error.estimated
+        and abs(error.value) > _NOTICEABLE * error.sigma
+    ]
+    absorbed += [f"intrinsics of {sensor.name} were estimated"] if sensor.intrinsics else []
+    found = []
+    if absorbed:
+        told = f"{stated.sentence(sensor.name)}, and {absorbed[0]}: that is also what it takes if "
+        found.append(Finding(WEAK, f"{told}it does not stand there", stated.remedy(sensor.name)))
+    far = [p for p in results.calibration.priors if p.prior.name == sensor.name]
+    if far and far[0].deviation > _FAR_FROM_PRIOR:
+        told = f"it ends {far[0].deviation:.1f} standard deviations from where its prior has it"
+        found.append(Finding(WEAK, told, stated.remedy(sensor.name)))
+    return found
 
 
 def _far_from_described(results: CalibrationResults, edge: Optional[EdgeResult]) -> List[Finding]:

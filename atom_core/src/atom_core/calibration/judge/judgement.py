@@ -19,6 +19,7 @@ from atom_core.calibration.judge.priors import (
     prior_results,
 )
 from atom_core.calibration.judge.reasons import Solution
+from atom_core.calibration.judge.stated_places import StatedPlaces, stated_places
 from atom_core.calibration.judge.untold_scale import untold_scale
 from atom_core.calibration.judge.usual_errors import left_open
 from atom_core.calibration.judge.weak_directions import (
@@ -97,6 +98,7 @@ class Judgement:
         moving: transforms of moving parts that do not fit.
         displaced: edges that end far from where the description has them, where that was to be
             the start.
+        stated: sensors whose place was stated though the data could tell it.
         status: converged, not_converged, rank_deficient, inconsistent or failed.
         message: one sentence.
         remarks: what the user should know of the sigmas.
@@ -112,6 +114,7 @@ class Judgement:
     checks: Tuple[ModelCheck, ...]
     moving: Tuple[MovingEdge, ...]
     displaced: Tuple[Displaced, ...]
+    stated: StatedPlaces
     status: str
     message: str
     remarks: Tuple[str, ...]
@@ -155,7 +158,9 @@ def judge(
     reasons = exchanged(places, dataset) + _with_motion(contradicted, moved)
     reasons += contradictions(known) + [m.why for m in unfit] + [e.why for e in out]
     also = _if_a_fixed_board_moved(dataset, problem) if unfit or moving or out else ""
+    stated = stated_places(dataset, problem, refined.free)
     status, message = _verdict(summary, weak, [why + also for why in reasons], refined.failure)
+    message += stated.likely_cause if status in (INCONSISTENT, FAILED) else ""
     return Judgement(
         dataset,
         covariance,
@@ -167,6 +172,7 @@ def judge(
         checks=tuple(checks),
         moving=tuple(moving),
         displaced=tuple(displaced(places, dataset)),
+        stated=stated,
         status=status,
         message=message,
         remarks=remarks,

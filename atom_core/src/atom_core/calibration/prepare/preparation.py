@@ -102,9 +102,7 @@ def prepare(
         remarks.append(remark)
     check_fixed_boards(dataset, measurements)
     check_told(dataset, measurements, free, moving)
-    frozen = frozen_sensors(dataset, measurements)
-    dataset = replace(dataset, caveats=(*dataset.caveats, *frozen))
-    remarks += [caveat.sentence for caveat in frozen]
+    dataset = dataset.with_caveats(frozen_sensors(dataset, measurements))
     return Prepared(dataset, measurements, free, moving, unused, tuple(remarks))
 
 

@@ -1,0 +1,72 @@
+"""Edges that nobody estimates, compared with what another source says of them.
+
+A sensor's own edge is calibrated; what lies between it and the world, or its data, is believed.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Dict, Iterator, List, Mapping, NamedTuple, Set, Tuple
+
+import numpy as np
+
+from atom_core.errors import DatasetError
+from atom_core.geometry import se3
+from atom_core.model.dataset import MULTIPLE, Dataset
+from atom_core.model.transforms import Edge
+
+_SAME_M, _SAME_RAD = 0.001, math.radians(0.05)
+
+
+class EdgeApart(NamedTuple):
+    """An edge of which two sources say something else, and the sensors that hang on it."""
+
+    edge: Edge
+    translation_m: float
+    rotation_rad: float
+    sensors: Tuple[str, ...]
+
+    @property
+    def words(self) -> str:
+        """How far the two are from each other."""
+        return f"{1e3 * self.translation_m:.1f} mm and {math.degrees(self.rotation_rad):.2f} deg"
+
+
+def edges_apart(dataset: Dataset, others: Mapping[Edge, np.ndarray]) -> List[EdgeApart]:
+    """Return the edges between world and data that others put elsewhere.
+
+    Args:
+        dataset: of it those edges that are not estimated and never move.
+        others: ``parent_T_child`` (4, 4) by edge; edges that are not in it are passed over.
+    """
+    found = []
+    for edge, sensors in held_edges(dataset).items():
+        if edge not in others:
+            continue
+        mine, theirs = dataset.first_value(edge), others[edge]
+        apart_m = float(np.linalg.norm(mine[:3, 3] - theirs[:3, 3]))
+        apart_rad = float(se3.rotation_angle(theirs[:3, :3].T @ mine[:3, :3]))
+        if apart_m > _SAME_M or apart_rad > _SAME_RAD:
+            found.append(EdgeApart(edge, apart_m, apart_rad, tuple(sensors)))
+    return found
+
+
+def held_edges(dataset: Dataset) -> Dict[Edge, List[str]]:
+    """Return the sensors on whose way to the world an edge is that is not estimated, by edge."""
+    estimated: Set[Edge] = {sensor.edge for sensor in dataset.sensors.values()}
+    estimated |= {edge for _, edge in dataset.config.estimated_edges}
+    held: Dict[Edge, List[str]] = {}
+    for name in dataset.sensors:
+        for edge in _way(dataset, name):
+            if edge not in estimated and dataset.edge_types.get(edge) != MULTIPLE:
+                held.setdefault(edge, []).append(name)
+    return held
+
+
+def _way(dataset: Dataset, name: str) -> Iterator[Edge]:
+    """Yield the edges between the world and a sensor's data; none where nothing connects them."""
+    try:
+        chain = dataset.graph.chain(dataset.world, dataset.sensors[name].frame)
+    except DatasetError:
+        return
+    yield from (edge for edge, _ in chain)
