@@ -35,7 +35,8 @@ def log_of(make, told, anchored=None, doubted=(), fixed_board_in=None):
         tree.add([make.transform(*edge, np.eye(4))], fixed=True)
         for pose in [np.eye(4), SHIFT] if edge in doubted else [np.eye(4)]:
             watch.see_fixed(make.transform(*edge, pose))
-    board = SimpleNamespace(parent_link=fixed_board_in or "world", fixed=fixed_board_in is not None)
+    parent = fixed_board_in or "world"
+    board = SimpleNamespace(link="board", parent_link=parent, fixed=parent != "world")
     config = SimpleNamespace(
         world_link="world",
         calibration_patterns={"board": board},

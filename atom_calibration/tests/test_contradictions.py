@@ -123,6 +123,64 @@ def test_also_where_one_publishes_less_often(share, make):
                 watch.see_moving(make.transform("a", "b", pose))
 
 
+RATE_HZ = 50.0
+TIMES_S = np.arange(0.0, 60.0, 1.0 / RATE_HZ)
+MOVES = np.cumsum(np.where(TIMES_S % 6.0 < 3.0, 0.0, 0.01 * np.sin(TIMES_S)))  # stops and moves
+
+
+def readings(kind, rng=np.random.default_rng(0)):
+    """Return what one joint's program publishes [rad], however badly it measures."""
+    noise = np.radians(1.0) * rng.standard_normal(len(TIMES_S))
+    return {
+        "scatter": MOVES + 0.05 * noise,
+        "much scatter": MOVES + 0.5 * noise,
+        "servo's ticks": np.radians(0.088) * np.round((MOVES + 0.02 * noise) / np.radians(0.088)),
+        "shakes slowly": MOVES + np.radians(0.1) * np.sin(2 * np.pi * 9.0 * TIMES_S),
+        "shakes": MOVES + np.radians(0.5) * np.sin(2 * np.pi * 10.0 * TIMES_S + 0.3),
+        "late stamps": np.interp(TIMES_S + 1.7 * noise, TIMES_S, MOVES),
+    }[kind]
+
+
+@pytest.mark.parametrize(
+    "kind", ["scatter", "much scatter", "shakes slowly", "shakes", "late stamps"]
+)
+def test_one_program_that_measures_badly_is_no_contradiction(kind, make):
+    watch = EdgeWatch()
+    for angle in readings(kind):
+        pose = se3.from_rpy(np.zeros(3), np.array([0.0, 0.0, angle]))
+        watch.see_moving(make.transform("a", "b", pose))
+    assert watch.doubtful == []
+
+
+def test_readings_that_flicker_between_two_ticks_are_in_doubt_and_not_refused(make):
+    watch = EdgeWatch()
+    for angle in readings("servo's ticks"):
+        pose = se3.from_rpy(np.zeros(3), np.array([0.0, 0.0, angle]))
+        watch.see_moving(make.transform("a", "b", pose))
+    (doubt,) = watch.doubtful
+    assert "0.09 deg apart" in doubt.what and "if its readings flicker" in doubt.remedy
+
+
+@pytest.mark.parametrize("every", [2, 6])
+@pytest.mark.parametrize("apart_m", [0.002, 0.02])
+def test_two_that_scatter_contradict_each_other_all_the_same(every, apart_m, make):
+    watch, angles = EdgeWatch(), MOVES + np.radians(0.005) * np.sin(1e4 * TIMES_S)
+
+    def see_all():
+        for number, angle in enumerate(angles):
+            shift = np.array([apart_m if number % every == 0 else 0.0, 0.0, 0.0])
+            pose = se3.from_rpy(shift, np.array([0.0, 0.0, angle]))
+            watch.see_moving(make.transform("a", "b", pose))
+
+    if apart_m > 0.01:
+        with pytest.raises(TransformError, match="two programs publish it"):
+            see_all()
+    else:
+        see_all()
+        (doubt,) = watch.doubtful
+        assert "2.0 mm" in doubt.what and "if its readings flicker" in doubt.remedy
+
+
 def test_an_arm_that_moves_to_and_fro_and_trembles_is_no_contradiction(make):
     watch, rng = EdgeWatch(), np.random.default_rng(0)
     for time_s in np.arange(0.0, 10.0, 0.02):

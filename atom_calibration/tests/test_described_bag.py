@@ -108,6 +108,23 @@ def test_a_still_rig_needs_images_and_clouds_alone(place, make, tmp_path, capsys
     assert len(list(lidar_places(place))) == STOPS
 
 
+def test_tf_static_alone_counts_where_it_connects_all_and_else_the_description_does(
+    place, make, tmp_path, capsys
+):
+    place.config.write_text(f"description_file: {description(tmp_path)}\n{CONFIG}")
+    static = [m for m in messages(make) if m[0] == "/tf_static"]
+    assert main(place([*static, *joints(make)])) == 0
+    assert "the bag has no /tf: its transforms are those of" in capsys.readouterr().err
+    for collection, seconds in lidar_places(place):
+        arm = collection.transforms[Edge("world", "arm")]
+        assert arm[0, 3] == pytest.approx(0.1 * seconds, abs=1e-6)
+    still_arm = ("/tf_static", make.tf("world", "arm", np.eye(4), 100.0), 100.0)
+    assert main([*place([*static, still_arm, *joints(make)]), "--overwrite"]) == 0
+    assert "its transforms are those of" not in capsys.readouterr().err
+    for collection, _ in lidar_places(place):
+        assert collection.transforms[Edge("world", "arm")][0, 3] == 0.0
+
+
 def test_a_still_rig_whose_stamps_are_not_the_times_of_receipt_has_no_tf_to_contradict(
     place, make, tmp_path, capsys
 ):

@@ -52,12 +52,18 @@ def tree_with(
 
 
 def checked(
-    base_T_data, data_frame, fixed=True, link="lidar_base", camera=None, world_T_base=np.eye(4)
+    base_T_data,
+    data_frame,
+    fixed=True,
+    link="lidar_base",
+    camera=None,
+    world_T_base=np.eye(4),
+    patterns=None,
 ):
     edge, modality = Edge("world", "lidar_base"), LIDAR3D if camera is None else RGB
     sensor = Sensor("left", modality, link, edge, camera, "/points", 0.0)
     rig = Rig({"left": sensor}, {"/points": sensor}, {}, (), data_frames={"left": data_frame})
-    config = SimpleNamespace(world_link="world", calibration_patterns={})
+    config = SimpleNamespace(world_link="world", calibration_patterns=patterns or {})
     return check_frames(rig, config, tree_with(base_T_data, fixed, data_frame, link, world_T_base))
 
 
@@ -140,3 +146,10 @@ def test_two_sensors_of_one_topic_are_refused_by_name():
     config = SimpleNamespace(sensors={"left": entry(), "right": entry()})
     with pytest.raises(AtomError, match="sensors 'left' and 'right' have one topic .*/points"):
         rig_from_bag(config, bag)
+
+
+def test_a_board_whose_frame_carries_a_sensor_is_refused():
+    board = SimpleNamespace(link="lidar_base", parent_link="world")
+    with pytest.raises(AtomError, match="pattern 'board': its link 'lidar_base' is a frame of"):
+        checked(np.eye(4), "lidar", patterns={"board": board})
+    checked(np.eye(4), "lidar", patterns={"board": SimpleNamespace(link="b", parent_link="world")})

@@ -352,6 +352,7 @@ def test_two_boards_with_the_same_markers_are_warned_about():
     document["calibration_patterns"]["twin"] = {
         **document["calibration_patterns"]["board"],
         "dictionary": "DICT_5X5_250",
+        "link": "twin",
     }
     (warning,) = read(document).warnings
     assert "calibration_patterns.twin.dictionary has the same markers as 'board'" in warning
@@ -360,9 +361,24 @@ def test_two_boards_with_the_same_markers_are_warned_about():
 def test_two_chessboards_of_one_dimension_are_warned_about():
     document = full_document()
     patterns = document["calibration_patterns"]
-    patterns["twin"] = {**patterns["small"], "dimension": dict(patterns["small"]["dimension"])}
+    patterns["twin"] = {
+        **patterns["small"],
+        "dimension": dict(patterns["small"]["dimension"]),
+        "link": "twin",
+    }
     (warning,) = read(document).warnings
     assert "calibration_patterns.twin.dimension is that of 'small'" in warning
+
+
+def test_a_board_has_a_frame_of_its_own():
+    sensor = full_document()["sensors"]["cam"]
+    for link in (sensor["link"], sensor["child_link"]):
+        message = refusal(changed((*BOARD, "link"), link))
+        assert "give the board a frame of its own" in message and f"'{link}'" in message
+    document = full_document()
+    document["calibration_patterns"]["twin"] = dict(document["calibration_patterns"]["board"])
+    message = refusal(document)
+    assert message.startswith("calibration_patterns.twin.link is ") and "link of 'board'" in message
 
 
 def test_all_dictionaries_of_the_format():

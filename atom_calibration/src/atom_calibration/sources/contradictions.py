@@ -19,6 +19,7 @@ from atom_core.model.transforms import Edge
 _BACK_S = 1.0  # stamps of one sensor that are in disorder by less are a slow driver's
 _SAME_INTRINSICS = 1e-3  # of a focal length and of a coefficient: 1 px at the edge of an image
 _SAME_M, _SAME_RAD = 1e-3, 1e-3  # poses that say the same of an edge
+_OTHER_M, _OTHER_RAD = 3e-3, 5e-3  # poses that cannot both be right
 _SWITCHES = 20  # poses that leave for another place, and are back with the next message
 
 
@@ -118,12 +119,33 @@ def _camera(said: _Intrinsics) -> str:
 PoseTuple = Tuple[float, ...]  # x, y, z [m] and the quaternion x, y, z, w of a transform
 
 
+class _Switches(NamedTuple):
+    """How often an edge was back where it had just left.
+
+    Steps that lead elsewhere count against it: readings that scatter or shake are back by chance.
+    ``taken`` is what the last step has taken off, which is given back where the next one returns.
+    """
+
+    returns: int = 0
+    taken: int = 0
+
+    def after(self, is_step: bool, is_back: bool) -> _Switches:
+        """Return the count after a message: no step, a step that returns, or one elsewhere."""
+        if not is_step:
+            return _Switches(self.returns)
+        if is_back:
+            return _Switches(self.returns + 1 + self.taken)
+        taken = min(self.returns, 1)
+        return _Switches(self.returns - taken, taken)
+
+
 class _Seen(NamedTuple):
-    """The last two poses of an edge, and how often it was back where it had just left."""
+    """The last two poses of an edge, and how often it was back: by any step, and by far ones."""
 
     last: PoseTuple
     before: PoseTuple
-    switches: int
+    any_step: _Switches = _Switches()
+    far: _Switches = _Switches()
 
 
 _ONE_OF_THEM = "if two programs publish it, record again with one of them"
@@ -189,24 +211,38 @@ class EdgeWatch:
         """Note a TransformStamped of /tf.
 
         Raises:
-            TransformError: again and again the edge leaves for another place and is back with the
-                next message.
+            TransformError: again and again the edge leaves for another place, far from the one
+                before, and is back with the next message.
         """
         edge, pose = edge_of(message), _pose_tuple(message)
         self.see_parent(edge)
-        seen = self._moving.get(edge) or _Seen(pose, pose, 0)
+        seen = self._moving.get(edge) or _Seen(pose, pose)
         step_m, step_rad = _apart(pose, seen.last)
-        switches = seen.switches
-        if step_m > _SAME_M or step_rad > _SAME_RAD:
-            back_m, back_rad = _apart(pose, seen.before)
-            switches += back_m <= 0.2 * step_m and back_rad <= 0.2 * step_rad + 1e-6
-        if switches >= _SWITCHES:
+        is_step = step_m > _SAME_M or step_rad > _SAME_RAD
+        is_far = step_m > _OTHER_M or step_rad > _OTHER_RAD
+        is_back = is_step and _size(*_apart(pose, seen.before)) <= 0.2 * _size(step_m, step_rad)
+        seen = _Seen(
+            pose, seen.last, seen.any_step.after(is_step, is_back), seen.far.after(is_far, is_back)
+        )
+        self._moving[edge] = seen
+        if not is_back or max(seen.any_step.returns, seen.far.returns) < _SWITCHES:
+            return
+        what = (
+            f"transform '{edge}' of /tf goes to and fro between two values, {1e3 * step_m:.1f} mm "
+            f"and {math.degrees(step_rad):.2f} deg apart"
+        )
+        if seen.far.returns >= _SWITCHES:
             raise TransformError(
-                f"transform '{edge}' of /tf goes to and fro between two values, "
-                f"{1e3 * step_m:.1f} mm and {math.degrees(step_rad):.2f} deg apart: two programs "
-                f"publish it and contradict each other; record again with one of them"
+                f"{what}: two programs publish it and contradict each other; record again with one "
+                f"of them"
             )
-        self._moving[edge] = _Seen(pose, seen.last, switches)
+        flickers = f"{_ONE_OF_THEM}; if its readings flicker, let its driver smooth them"
+        self._doubtful.setdefault(edge, DoubtfulEdge(edge, False, what, flickers))
+
+
+def _size(distance_m: float, angle_rad: float) -> float:
+    """Return how large a step is, as one number."""
+    return distance_m / _SAME_M + angle_rad / _SAME_RAD
 
 
 def _pose_tuple(message: Any) -> PoseTuple:

@@ -7,7 +7,7 @@ from typing import List, Optional, Tuple
 
 from atom_calibration.errors import TransformError
 from atom_calibration.sources.bag_reader import BagReader
-from atom_calibration.sources.described_edges import DescribedEdges
+from atom_calibration.sources.described_edges import JOINT_STATE, DescribedEdges
 from atom_calibration.sources.rig import Rig
 from atom_calibration.sources.transform_tree import DEFAULT_MAX_GAP_S, BagTransforms, tf_topics
 from atom_core.io.urdf import read_description
@@ -32,9 +32,11 @@ def transforms_of_bag(
     Raises:
         AtomError: neither bag nor description tells the transforms, or one cannot be read.
     """
-    has_tf, remarks = bool(tf_topics(bag)), []
-    if description is None and has_tf:
-        return BagTransforms(bag), None, []
+    remarks: List[str] = []
+    if description is None and tf_topics(bag):
+        transforms = BagTransforms(bag)
+        if transforms.moving or not bag.topics_of([JOINT_STATE]) or _connects(transforms, config):
+            return transforms, None, []
     file = _saved(config, config_file) if description in (None, SAVED) else str(description)
     if file is None and description is None:
         return BagTransforms(bag), None, []  # which refuses, and says what to do
@@ -46,9 +48,8 @@ def transforms_of_bag(
     described = DescribedEdges(bag, read_description(file).robot)
     if description is None:
         moved = f", moved by {', '.join(described.topics)}" if described.topics else ""
-        remarks.append(
-            f"the bag has neither /tf nor /tf_static: its transforms are those of {file}{moved}"
-        )
+        without = "no /tf" if tf_topics(bag) else "neither /tf nor /tf_static"
+        remarks.append(f"the bag has {without}: its transforms are those of {file}{moved}")
     return BagTransforms(bag, DEFAULT_MAX_GAP_S, described), described, remarks
 
 
@@ -70,6 +71,19 @@ def check_described(
     for name, pattern in config.calibration_patterns.items():
         needed[f"pattern '{name}'"] = pattern.parent_link
     described.check(config.world_link, needed, transforms.at(time_s).placed)
+
+
+def _connects(transforms: BagTransforms, config: CalibrationConfig) -> bool:
+    """Tell whether /tf_static alone places all sensors and the boards' parents."""
+    tree = transforms.at(0.0)
+    frames = [sensor.link for sensor in config.sensors.values()]
+    frames += [pattern.parent_link for pattern in config.calibration_patterns.values()]
+    try:
+        for frame in frames:
+            tree.path(config.world_link, frame)
+    except TransformError:
+        return False
+    return True
 
 
 def _saved(config: CalibrationConfig, config_file: Path) -> Optional[str]:

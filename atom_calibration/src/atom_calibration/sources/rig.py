@@ -192,11 +192,23 @@ def check_frames(rig: Rig, config: CalibrationConfig, tree: TransformTree) -> Li
                 f"not between '{config.world_link}' and '{sensor.frame}' in the bag's transforms "
                 f"({listed}); correct the configuration"
             )
+        _check_boards_apart(sensor, path, config)
         data_frame = rig.data_frames.get(sensor.name, sensor.frame)
         caveats += _data_frame_caveats(sensor, data_frame, tree, config.world_link)
     for pattern in config.calibration_patterns.values():
         tree.path(config.world_link, pattern.parent_link)
     return caveats
+
+
+def _check_boards_apart(sensor: Sensor, path: Sequence[Edge], config: CalibrationConfig) -> None:
+    """Refuse a board whose frame carries a sensor: it cannot stand there, too."""
+    frames = {frame for edge in path for frame in edge}
+    for name, pattern in config.calibration_patterns.items():
+        if pattern.link in frames:
+            raise TransformError(
+                f"pattern '{name}': its link '{pattern.link}' is a frame of the robot, on which "
+                f"sensor '{sensor.name}' hangs; give the board a frame of its own"
+            )
 
 
 def _data_frame_caveats(

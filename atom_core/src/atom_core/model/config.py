@@ -116,6 +116,7 @@ class CalibrationConfig:
                 raise ConfigValueError("is empty; at least one entry is needed", key)
         self._check_anchor()
         self._check_one_parent_per_frame()
+        self._check_frames_of_boards()
 
     @property
     def estimated_edges(self) -> Tuple[Tuple[str, Edge], ...]:
@@ -200,6 +201,19 @@ class CalibrationConfig:
                     f"is of no sensor, additional tf, joint or fixed pattern; use {choices(there)}",
                     ("priors", name),
                 )
+
+    def _check_frames_of_boards(self) -> None:
+        """Refuse boards whose frame is that of a sensor, or of another board."""
+        owners = {entry.child_link: f"child_link of '{path[-1]}'" for path, entry in _edges(self)}
+        owners.update({entry.link: f"link of '{name}'" for name, entry in self.sensors.items()})
+        for name, pattern in self.calibration_patterns.items():
+            if pattern.link in owners:
+                raise ConfigValueError(
+                    f"is {shown(pattern.link)}, the {owners[pattern.link]}; give the board a frame "
+                    f"of its own",
+                    ("calibration_patterns", name, "link"),
+                )
+            owners[pattern.link] = f"link of '{name}'"
 
     def _check_one_parent_per_frame(self) -> None:
         parents: Dict[str, Tuple[str, str]] = {}
