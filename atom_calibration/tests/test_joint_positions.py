@@ -54,4 +54,11 @@ def test_without_a_description_the_user_is_told(config, description, message):
     assert described_joints(replace(config, description_file=description), told.append) == {}
     assert len(told) == 1 and "lift, rail, hip" in told[0] and message in told[0]
     told.clear()
-    assert described_joints(replace(config, joints={}), told.append) == {} and told == []
+    nothing = replace(config, joints={}, description_file=description)
+    assert described_joints(nothing, told.append) == {} and told == []
+
+
+def test_joints_that_are_not_to_be_calibrated_are_recorded_too(config):
+    told = []
+    assert list(described_joints(replace(config, joints={}), told.append)) == ["lift", "rail"]
+    assert told == []

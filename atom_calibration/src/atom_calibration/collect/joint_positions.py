@@ -1,4 +1,4 @@
-"""Positions of the joints to be calibrated, for the collections of a dataset."""
+"""Positions of the joints of a description, for the collections of a dataset."""
 
 from __future__ import annotations
 
@@ -15,28 +15,35 @@ from atom_core.model.transforms import Edge
 
 
 def described_joints(config: CalibrationConfig, warn: Callable[[str], None]) -> Dict[str, Joint]:
-    """Return the joints to be calibrated as the description has them; none, with a warning, if not.
+    """Return the joints that the description has; none, with a warning, if some are configured.
+
+    Also those that are not to be calibrated: with their positions a calibration can tell that one
+    of them is off, which else looks like sensors that stand elsewhere.
 
     Args:
-        config: names the joints and the description.
-        warn: is told which joints cannot be calibrated then, and why.
+        config: names the description, and the joints to be calibrated.
+        warn: is told which of these cannot be calibrated then, and why.
     """
-    if not config.joints:
-        return {}
     named = ", ".join(config.joints)
-    if not config.description_file:
-        warn(f"positions of joints ({named}) are not recorded: config.yml names no description")
-        return {}
+    why = "config.yml names no description"
+    robot = None
     try:
-        robot = read_description(config.description_file).robot
+        if config.description_file:
+            robot = read_description(config.description_file).robot
     except AtomError as error:
-        warn(f"positions of joints ({named}) are not recorded: {error}")
+        why = str(error)
+    if robot is None:
+        if named:
+            warn(f"positions of joints ({named}) are not recorded: {why}")
         return {}
     absent = [n for n in config.joints if n not in robot.joints]
     if absent:
         warn(f"the description has no joint {', '.join(absent)}: no position is recorded")
-    found = {n: robot.joints[n] for n in config.joints if n in robot.joints}
-    return {name: joint for name, joint in found.items() if joint.type in MOVING_TYPES}
+    return {
+        name: joint
+        for name, joint in robot.joints.items()
+        if joint.type in MOVING_TYPES and (joint.mimic is None or name in config.joints)
+    }
 
 
 def joint_states(
