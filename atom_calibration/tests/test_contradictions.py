@@ -128,9 +128,9 @@ TIMES_S = np.arange(0.0, 60.0, 1.0 / RATE_HZ)
 MOVES = np.cumsum(np.where(TIMES_S % 6.0 < 3.0, 0.0, 0.01 * np.sin(TIMES_S)))  # stops and moves
 
 
-def readings(kind, rng=np.random.default_rng(0)):
+def readings(kind):
     """Return what one joint's program publishes [rad], however badly it measures."""
-    noise = np.radians(1.0) * rng.standard_normal(len(TIMES_S))
+    noise = np.radians(1.0) * np.random.default_rng(0).standard_normal(len(TIMES_S))
     return {
         "scatter": MOVES + 0.05 * noise,
         "much scatter": MOVES + 0.5 * noise,

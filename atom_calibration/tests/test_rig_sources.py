@@ -40,9 +40,10 @@ def test_only_3d_lidars_have_it():
         sensor_from_bag("lidar", entry(beam_width=0.01), scans)
 
 
-def tree_with(
-    base_T_data, fixed=True, data_frame="lidar", link="lidar_base", world_T_base=np.eye(4)
-):
+HERE = np.eye(4)
+
+
+def tree_with(base_T_data, fixed=True, data_frame="lidar", link="lidar_base", world_T_base=HERE):
     tree, stamp = TransformTree(), rospy.Time.from_sec(1.0)
     tree.add([transform_message(Edge("world", "lidar_base"), world_T_base, stamp)], fixed=True)
     for frame, pose in ((link, np.eye(4)), (data_frame, base_T_data)):
@@ -57,7 +58,7 @@ def checked(
     fixed=True,
     link="lidar_base",
     camera=None,
-    world_T_base=np.eye(4),
+    world_T_base=HERE,
     patterns=None,
 ):
     edge, modality = Edge("world", "lidar_base"), LIDAR3D if camera is None else RGB
