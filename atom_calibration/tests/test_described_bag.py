@@ -108,6 +108,29 @@ def test_a_still_rig_needs_images_and_clouds_alone(place, make, tmp_path, capsys
     assert len(list(lidar_places(place))) == STOPS
 
 
+def test_two_publishers_of_one_joint_are_refused(place, make, tmp_path, capsys):
+    content = []
+    for topic, message, time_s in joints(make):
+        content.append((topic, message, time_s))
+        if topic == "/joint_states":  # of a node that knows nothing of the arm, 2 m off
+            zero = JointState(header=message.header, name=["slide"], position=[2.0])
+            content.append((topic, zero, time_s))
+    line = refusal([*place(content), "--description", str(description(tmp_path))], capsys)
+    assert "'world-arm' of /joint_states goes to and fro" in line
+
+
+def test_degrees_are_named(place, make, tmp_path, capsys):
+    turning = URDF.replace('name="slide" type="prismatic"', 'name="slide" type="revolute"')
+    content = list(joints(make))
+    for topic, message, _ in content:
+        if topic == "/joint_states":
+            message.position = [90.0, 0.0]
+    arguments = [*place(content), "--description", str(description(tmp_path, turning))]
+    assert "joint 'slide' is at 90 rad, far beyond its limits (0 to 9 rad" in refusal(
+        arguments, capsys
+    )
+
+
 def test_tf_static_alone_counts_where_it_connects_all_and_else_the_description_does(
     place, make, tmp_path, capsys
 ):

@@ -154,3 +154,35 @@ def test_a_board_whose_frame_carries_a_sensor_is_refused():
     with pytest.raises(AtomError, match="pattern 'board': its link 'lidar_base' is a frame of"):
         checked(np.eye(4), "lidar", patterns={"board": board})
     checked(np.eye(4), "lidar", patterns={"board": SimpleNamespace(link="b", parent_link="world")})
+
+
+def of_two(frames, cameras):
+    """Return what is in doubt of two sensors 37.7 mm apart, whose headers have these frames."""
+    tree = tree_with(ABOVE, data_frame="right_optical", link="left_optical")
+    sensors = {
+        name: Sensor(
+            name,
+            RGB if cameras else LIDAR3D,
+            f"{name}_optical",
+            Edge("world", "lidar_base"),
+            CAMERA if cameras else None,
+            f"/{name}",
+            0.0,
+        )
+        for name in ("left", "right")
+    }
+    rig = Rig(sensors, {}, {}, (), data_frames=dict(zip(sensors, frames)))
+    return check_frames(rig, SimpleNamespace(world_link="world", calibration_patterns={}), tree)
+
+
+@pytest.mark.parametrize("cameras", [True, False])
+def test_exchanged_topics_are_named(cameras):
+    assert of_two(["left_optical", "right_optical"], cameras) == []
+    with pytest.raises(AtomError, match="'left' and 'right': .* exchange topic_name of the two"):
+        of_two(["right_optical", "left_optical"], cameras)
+
+
+def test_a_stereo_pair_may_have_one_frame_and_two_lidars_may_not():
+    assert of_two(["left_optical", "left_optical"], True) == []
+    with pytest.raises(AtomError, match="'right': its data are in frame 'left_optical'"):
+        of_two(["left_optical", "left_optical"], False)

@@ -207,8 +207,8 @@ class EdgeWatch:
                 f"counts",
             )
 
-    def see_moving(self, message: Any) -> None:
-        """Note a TransformStamped of /tf.
+    def see_moving(self, message: Any, topic: str = "/tf") -> None:
+        """Note a TransformStamped of /tf, or what another topic says of an edge.
 
         Raises:
             TransformError: again and again the edge leaves for another place, far from the one
@@ -228,8 +228,8 @@ class EdgeWatch:
         if not is_back or max(seen.any_step.returns, seen.far.returns) < _SWITCHES:
             return
         what = (
-            f"transform '{edge}' of /tf goes to and fro between two values, {1e3 * step_m:.1f} mm "
-            f"and {math.degrees(step_rad):.2f} deg apart"
+            f"transform '{edge}' of {topic} goes to and fro between two values, "
+            f"{1e3 * step_m:.1f} mm and {math.degrees(step_rad):.2f} deg apart"
         )
         if seen.far.returns >= _SWITCHES:
             raise TransformError(

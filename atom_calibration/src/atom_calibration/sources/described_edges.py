@@ -16,11 +16,12 @@ from atom_calibration.errors import MessageError, TransformError
 from atom_calibration.messages.headers import frame_name
 from atom_calibration.messages.poses import transform_message
 from atom_calibration.sources.bag_reader import BagReader
-from atom_core.model.joints import MOVING_TYPES
+from atom_core.model.joints import MOVING_TYPES, REVOLUTE
 from atom_core.model.robot import FIXED, Joint, RobotDescription
 
 JOINT_STATE = "sensor_msgs/JointState"
 _USUAL = "/joint_states"
+_BEYOND_RAD = 1.0  # no joint is so far beyond its limits
 _FIRST = 500  # messages that tell which joints there are
 
 
@@ -64,9 +65,10 @@ class DescribedEdges:
         """Return the edges that a JointState moves.
 
         Raises:
-            MessageError: a position is no number.
+            MessageError: a position is no number, or far beyond the joint's limits.
         """
         known = positions(message)
+        self._check_limits(known)
         poses = self._robot.transforms(known)
         joints = (self._robot.joints[name] for name in self.told)
         return [
@@ -74,6 +76,19 @@ class DescribedEdges:
             for joint in joints
             if joint.name in known or joint.moved_by in known
         ]
+
+    def _check_limits(self, known: Mapping[str, float]) -> None:
+        for name in self.told & known.keys():
+            joint, position = self._robot.joints[name], known[name]
+            limits = joint.limits
+            if joint.type != REVOLUTE or limits is None:
+                continue
+            if not limits.lower - _BEYOND_RAD <= position <= limits.upper + _BEYOND_RAD:
+                raise MessageError(
+                    f"joint '{name}' is at {position:.4g} rad, far beyond its limits "
+                    f"({limits.lower:.4g} to {limits.upper:.4g} rad in the description); if it is "
+                    f"published in degrees, correct its publisher"
+                )
 
     def others(self, transforms: Iterable[Any]) -> List[Any]:
         """Return those TransformStamped that the description does not tell."""

@@ -194,10 +194,31 @@ def check_frames(rig: Rig, config: CalibrationConfig, tree: TransformTree) -> Li
             )
         _check_boards_apart(sensor, path, config)
         data_frame = rig.data_frames.get(sensor.name, sensor.frame)
-        caveats += _data_frame_caveats(sensor, data_frame, tree, config.world_link)
+        if not _is_of_neighbour(rig, sensor, data_frame):
+            caveats += _data_frame_caveats(sensor, data_frame, tree, config.world_link)
     for pattern in config.calibration_patterns.values():
         tree.path(config.world_link, pattern.parent_link)
     return caveats
+
+
+def _is_of_neighbour(rig: Rig, sensor: Sensor, frame: str) -> bool:
+    """Tell whether two cameras have one frame in their headers, as those of a stereo pair may.
+
+    Raises:
+        TransformError: the data of two sensors are in the frames of each other.
+    """
+    for other in rig.sensors.values():
+        if other.name == sensor.name or other.frame != frame or frame == sensor.frame:
+            continue
+        if rig.data_frames.get(other.name) == sensor.frame:
+            raise TransformError(
+                f"sensors '{sensor.name}' and '{other.name}': the data of each are in the frame of "
+                f"the other ({sensor.topic} in '{frame}', {other.topic} in '{sensor.frame}'); "
+                f"exchange topic_name of the two, or correct the drivers' frames"
+            )
+        if sensor.camera is not None and rig.data_frames.get(other.name) == frame:
+            return True
+    return False
 
 
 def _check_boards_apart(sensor: Sensor, path: Sequence[Edge], config: CalibrationConfig) -> None:

@@ -279,7 +279,10 @@ class BagTransforms:
                     self._watch.see_moving(message)
         if self._described is not None and self._described.topics:
             for found in self._bag.messages(self._described.topics, *recorded):
-                tree.add(self._described.transforms(found.message), fixed=False)
+                described = self._described.transforms(found.message)
+                for message in described:  # before two of one stamp are added
+                    self._watch.see_moving(message, found.topic)
+                tree.add(described, fixed=False)
         return tree
 
     def _counting(self, message: Any) -> List[Any]:
