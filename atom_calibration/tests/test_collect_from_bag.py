@@ -189,13 +189,13 @@ def test_memory_is_that_of_a_few_seconds(place, make, monkeypatch):
     from atom_calibration.collect.selection import RecentFrames
 
     largest = []
-    add = RecentFrames.add
+    note = RecentFrames.note
 
     def counted(self, frame):
-        add(self, frame)
+        note(self, frame)
         largest.append(len(self.between(-np.inf, np.inf)))
 
-    monkeypatch.setattr(RecentFrames, "add", counted)
+    monkeypatch.setattr(RecentFrames, "note", counted)
     assert main(place()) == 0
     assert max(largest) < 2 * 40
 
@@ -376,3 +376,11 @@ def test_messages_that_a_driver_sends_out_of_order_are_put_into_it(place, make, 
     assert set(stamps_s) == {"cam", "lidar"}
     for of_sensor in stamps_s.values():
         assert len(of_sensor) == 75 and of_sensor == sorted(of_sensor)
+
+
+def test_times_before_a_gap_have_their_data(place, make):
+    """Of a recording that was cut to its stops: after each nothing comes for seconds."""
+    kept = [m for m in messages(make) if m[0] == "/tf_static" or (m[2] - 100.0) % 2.5 < 0.85]
+    apart = [(topic, m, time_s) for topic, m, time_s in kept if not 102.4 < time_s < 104.9]
+    assert main([*place(apart), "--times", "100.7", "105.7"]) == 0
+    assert len(read_dataset(place.folder / "dataset.json").collections) == 2

@@ -144,8 +144,10 @@ class Collector:
         for labeled in frame.labels.values():
             if not labeled.detected:
                 self.reasons[frame.sensor.name][labeled.reason] += 1
-        self._recent.add(frame)
-        return [key for m in self._moments.add(frame) for key in self._take_or_refuse(m)]
+        self._recent.note(frame)
+        keys = [key for m in self._moments.add(frame) for key in self._take_or_refuse(m)]
+        self._recent.forget_before(frame.stamp_s)  # after a gap, what was before it is taken first
+        return keys
 
     def label_again(self, frame: Frame) -> None:
         """Take a sensor's newest frame with other labels: a seed was moved.

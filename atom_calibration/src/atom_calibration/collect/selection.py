@@ -179,16 +179,24 @@ class RecentFrames:
 
     def add(self, frame: Frame) -> None:
         """Remember a frame, and forget what is too old."""
+        self.note(frame)
+        self.forget_before(frame.stamp_s)
+
+    def note(self, frame: Frame) -> None:
+        """Remember a frame, and all before it."""
         self._frames.setdefault(frame.sensor.name, deque()).append(frame)
         for pattern, sighting in frame.sightings.items():
             self._sightings.append((frame.stamp_s, frame.sensor.name, pattern, sighting))
-        oldest = frame.stamp_s - self._memory_s
+        self._thin(_slot(frame))
+
+    def forget_before(self, newest_s: float) -> None:
+        """Forget what is too old when the newest frame is of this time [s]."""
+        oldest = newest_s - self._memory_s
         for queue in self._frames.values():
             while queue and queue[0].stamp_s < oldest:
                 queue.popleft()
         while self._sightings and self._sightings[0][0] < oldest:
             self._sightings.popleft()
-        self._thin(_slot(frame))
 
     def _thin(self, added: int) -> None:
         """Leave one frame of each sensor in the slots of which all data have come.
