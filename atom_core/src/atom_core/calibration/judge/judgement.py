@@ -364,9 +364,11 @@ def _if_a_fixed_board_moved(dataset: Dataset, problem: Problem) -> str:
     names = [f"'{name}'" for name in patterns if dataset.patterns[name].fixed]
     if not names:
         return ""
+    parents = dict.fromkeys(dataset.patterns[name].parent_frame for name in patterns)
     return (
         f"; if board {', '.join(names)}, configured `fixed: true`, was moved between collections, "
-        f"use those of one place (-csf), or set `fixed: false`"
+        f"use those of one place (-csf), or set `fixed: false`; if it does not stand in its "
+        f"parent_link ({', '.join(parents)}), correct that"
     )
 
 
