@@ -70,7 +70,10 @@ class DescribedEdges:
         known = positions(message)
         self._check_limits(known)
         poses = self._robot.transforms(known)
-        joints = (self._robot.joints[name] for name in self.told)
+        joints = sorted(
+            (self._robot.joints[name] for name in self.told),
+            key=lambda j: (j.mimic is not None, j.name),
+        )
         return [
             transform_message(joint.edge, poses[joint.edge], message.header.stamp)
             for joint in joints

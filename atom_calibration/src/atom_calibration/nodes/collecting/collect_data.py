@@ -83,6 +83,7 @@ def _collect(args: argparse.Namespace, config: CalibrationConfig, store: Collect
         rospy.logwarn(text)
         board.tell(text)
 
+    joints = described_joints(config, warn)  # takes its time; a recording begins once it is heard
     transforms, labels = LiveTransforms(), LabelSubscribers(config, board)
     with LiveTopics(config) as topics:
         rig = _rig_when_there(config, topics, transforms, warn, args.patience)
@@ -100,7 +101,7 @@ def _collect(args: argparse.Namespace, config: CalibrationConfig, store: Collect
             store.folder.name,
             args.pictures,
             warn=warn,
-            joints=described_joints(config, warn),
+            joints=joints,
             caveats=caveats.now,
         )
         check_received(args.use_receive_time, rig.sensors)
