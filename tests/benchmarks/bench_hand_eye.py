@@ -27,7 +27,7 @@ from atom_core.calibration.options import CalibrationOptions
 from atom_core.evaluation.evaluate import evaluate
 from atom_core.evaluation.hand_eye_baselines import METHODS, hand_eye_baselines
 from atom_core.evaluation.hand_eye_comparison import compare_hand_eye, hand_eye_score
-from atom_core.evaluation.metrics import pose_difference
+from atom_core.geometry.se3 import pose_difference
 from atom_core.io.atomic import write_text_atomically
 from atom_core.model.dataset import Dataset
 from atom_core.report.calibration_results import calibration_results

@@ -11,8 +11,8 @@ sys.path.insert(0, str(Path(__file__).parent))  # command_line, which the tests 
 
 from command_line import refused, run  # noqa: E402
 
-from atom_core.evaluation.metrics import pose_difference  # noqa: E402
 from atom_core.geometry import se3  # noqa: E402
+from atom_core.geometry.se3 import pose_difference  # noqa: E402
 from atom_core.io.dataset_json import read_dataset  # noqa: E402
 from atom_core.io.dataset_writer import write_dataset_folder  # noqa: E402
 from atom_core.model.dataset import pose  # noqa: E402

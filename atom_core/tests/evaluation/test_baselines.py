@@ -27,8 +27,8 @@ from atom_core.evaluation.baselines.links import (
 from atom_core.evaluation.baselines.pairwise import pairwise_baseline
 from atom_core.evaluation.baselines.stereo import stereo_baseline
 from atom_core.evaluation.evaluate import evaluate
-from atom_core.evaluation.metrics import pose_difference
 from atom_core.geometry import se3
+from atom_core.geometry.se3 import pose_difference
 from atom_core.model.dataset import pose
 from atom_core.model.truth import with_truth
 from atom_core.synthetic import Noise, Sampling, scenes

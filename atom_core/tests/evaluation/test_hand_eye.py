@@ -14,9 +14,9 @@ from atom_core.evaluation.evaluate import evaluate
 from atom_core.evaluation.hand_eye_baselines import METHODS, hand_eye_baselines
 from atom_core.evaluation.hand_eye_comparison import CALIBRATION, compare_hand_eye
 from atom_core.evaluation.hand_eye_views import hand_eye_views
-from atom_core.evaluation.metrics import pose_difference
 from atom_core.geometry import se3
 from atom_core.geometry.pose_solvers import lacking
+from atom_core.geometry.se3 import pose_difference
 from atom_core.model.dataset import pose
 from atom_core.synthetic import Noise, degenerate, scenes
 

@@ -148,7 +148,7 @@ def test_point_to_plane_sees_20_mm_along_the_normal_and_nothing_along_the_plane(
 def test_pose_difference_by_hand():
     turned = se3.rotation_from_rotation_vector(np.array([0.0, 0.3, 0.0]))
     a_T_b = pose(8)
-    move, turn = metrics.pose_difference(a_T_b, a_T_b @ se3.transform(turned, np.array([3, 0, 4])))
+    move, turn = se3.pose_difference(a_T_b, a_T_b @ se3.transform(turned, np.array([3, 0, 4])))
     assert (move, turn) == (pytest.approx(5.0), pytest.approx(0.3))
 
 

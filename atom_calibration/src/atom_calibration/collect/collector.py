@@ -25,7 +25,7 @@ from atom_calibration.modalities.frames import Frame
 from atom_calibration.sources.transform_tree import TransformTree, edges_at
 from atom_core.errors import AtomError
 from atom_core.io.atomic import prepare_output_folder
-from atom_core.io.caveats import with_caveats
+from atom_core.io.caveats import document_with_caveats
 from atom_core.io.collections import CollectionStore, StoredCollection
 from atom_core.io.dataset_writer import (
     collection_document,
@@ -91,7 +91,7 @@ class Setup:
     at_stops: bool = True
     warn: Callable[[str], None] = field(default=lambda _text: None)
     joints: Mapping[str, Joint] = field(default_factory=dict)
-    caveats: Callable[[], Tuple[Caveat, ...]] = tuple
+    caveats: Callable[[], Tuple[Caveat, ...]] = field(default=lambda: ())
 
 
 class Collector:
@@ -146,7 +146,7 @@ class Collector:
                 self.reasons[frame.sensor.name][labeled.reason] += 1
         self._recent.note(frame)
         keys = [key for m in self._moments.add(frame) for key in self._take_or_refuse(m)]
-        self._recent.forget_before(frame.stamp_s)  # after a gap, what was before it is taken first
+        self._recent.forget_old(frame.stamp_s)  # after a gap, what was before it is taken first
         return keys
 
     def label_again(self, frame: Frame) -> None:
@@ -320,7 +320,7 @@ def _header(setup: Setup, key: str, transforms: Mapping[Edge, np.ndarray]) -> Ma
         {key: Collection(key, {}, transforms)},
     )
     document = new_document(dataset, name=setup.name, time_s=float(int(time.time())))
-    return with_caveats(document, setup.caveats())
+    return document_with_caveats(document, setup.caveats())
 
 
 def _labels(setup: Setup, frames: Mapping[str, Frame]) -> Dict[Tuple[str, str], Label]:

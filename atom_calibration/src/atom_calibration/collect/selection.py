@@ -180,16 +180,16 @@ class RecentFrames:
     def add(self, frame: Frame) -> None:
         """Remember a frame, and forget what is too old."""
         self.note(frame)
-        self.forget_before(frame.stamp_s)
+        self.forget_old(frame.stamp_s)
 
     def note(self, frame: Frame) -> None:
-        """Remember a frame, and all before it."""
+        """Remember a frame, and forget nothing for its age yet."""
         self._frames.setdefault(frame.sensor.name, deque()).append(frame)
         for pattern, sighting in frame.sightings.items():
             self._sightings.append((frame.stamp_s, frame.sensor.name, pattern, sighting))
         self._thin(_slot(frame))
 
-    def forget_before(self, newest_s: float) -> None:
+    def forget_old(self, newest_s: float) -> None:
         """Forget what is too old when the newest frame is of this time [s]."""
         oldest = newest_s - self._memory_s
         for queue in self._frames.values():

@@ -49,6 +49,10 @@ class DescribedEdges:
         self._named = {name for found in first for name in positions(found.message)}
         told = [n for n, j in moving.items() if j.moved_by in self._named or n in self._named]
         self.told: FrozenSet[str] = frozenset(told)
+        # Those that follow another one come last: of two programs that contradict each other, the
+        # joint that they publish is named.
+        told.sort(key=lambda name: (moving[name].mimic is not None, name))
+        self._joints = [moving[name] for name in told]
         still = robot.transforms()
         self.fixed: List[TransformStamped] = [
             transform_message(joint.edge, still[joint.edge], Time())
@@ -70,25 +74,20 @@ class DescribedEdges:
         known = positions(message)
         self._check_limits(known)
         poses = self._robot.transforms(known)
-        joints = sorted(
-            (self._robot.joints[name] for name in self.told),
-            key=lambda j: (j.mimic is not None, j.name),
-        )
         return [
             transform_message(joint.edge, poses[joint.edge], message.header.stamp)
-            for joint in joints
+            for joint in self._joints
             if joint.name in known or joint.moved_by in known
         ]
 
     def _check_limits(self, known: Mapping[str, float]) -> None:
-        for name in self.told & known.keys():
-            joint, position = self._robot.joints[name], known[name]
-            limits = joint.limits
-            if joint.type != REVOLUTE or limits is None:
+        for joint in self._joints:
+            limits, position = joint.limits, known.get(joint.name)
+            if position is None or joint.type != REVOLUTE or limits is None:
                 continue
             if not limits.lower - _BEYOND_RAD <= position <= limits.upper + _BEYOND_RAD:
                 raise MessageError(
-                    f"joint '{name}' is at {position:.4g} rad, far beyond its limits "
+                    f"joint '{joint.name}' is at {position:.4g} rad, far beyond its limits "
                     f"({limits.lower:.4g} to {limits.upper:.4g} rad in the description); if it is "
                     f"published in degrees, correct its publisher"
                 )

@@ -139,7 +139,6 @@ def _compare(dataset: Dataset, described: Mapping[Edge, np.ndarray]) -> List[Mov
             rows.append(MovedEdge(sensor.name, sensor.edge, np.nan, np.nan))
             continue
         now, then = collection.transforms[sensor.edge], described[sensor.edge]
-        moved = float(np.linalg.norm(now[:3, 3] - then[:3, 3]))
-        turned = float(np.rad2deg(se3.rotation_angle(then[:3, :3].T @ now[:3, :3])))
-        rows.append(MovedEdge(sensor.name, sensor.edge, moved, turned))
+        moved_m, turned_rad = se3.pose_difference(then, now)
+        rows.append(MovedEdge(sensor.name, sensor.edge, moved_m, float(np.rad2deg(turned_rad))))
     return rows

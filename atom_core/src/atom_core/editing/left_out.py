@@ -163,5 +163,4 @@ def _move(before: Dataset, after: Dataset, name: str) -> Tuple[float, float]:
         pose(dataset.collections[key], dataset.graph, dataset.world, frame)
         for dataset in (before, after)
     )
-    moved = se3.inverse(here) @ there
-    return float(np.linalg.norm(moved[:3, 3])), float(se3.rotation_angle(moved[:3, :3]))
+    return se3.pose_difference(here, there)

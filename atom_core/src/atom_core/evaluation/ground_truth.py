@@ -8,7 +8,7 @@ import numpy as np
 
 from atom_core.calibration.prepare.connectivity import nothing_moves
 from atom_core.errors import DatasetError
-from atom_core.evaluation.metrics import pose_difference
+from atom_core.geometry.se3 import pose_difference
 from atom_core.model.dataset import Dataset, pose
 from atom_core.model.truth import Truth, with_truth
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from atom_core.evaluation.evaluate import Evaluation, evaluate
 from atom_core.evaluation.hand_eye_baselines import Baseline, hand_eye_baselines
-from atom_core.evaluation.metrics import pose_difference
 from atom_core.evaluation.statistics import mean_of
+from atom_core.geometry.se3 import pose_difference
 from atom_core.model.dataset import Dataset, pose
 from atom_core.model.truth import Truth
 

@@ -11,7 +11,6 @@ from typing import Tuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.plane import fit_plane
 from atom_core.geometry.polyline import offsets_to_segments
@@ -45,12 +44,6 @@ def carried_corners(
     rays = np.column_stack([source.normalise(pixels_in_source), np.ones(len(pixels_in_source))])
     on_board = np.linalg.solve(board_to_source, rays.T)
     return target.project((board_to_target @ (on_board / on_board[2])).T)
-
-
-def pose_difference(a_T_b: np.ndarray, other_a_T_b: np.ndarray) -> Tuple[float, float]:
-    """Return the translation [m] and the angle [rad] between two poses of the same thing."""
-    difference = se3.inverse(a_T_b) @ other_a_T_b
-    return float(np.linalg.norm(difference[:3, 3])), float(se3.rotation_angle(difference[:3, :3]))
 
 
 def border_offsets(

@@ -78,7 +78,7 @@ def rgb_rgb(
     )
     offsets = carried - here.pixels[of_target]
     pattern_T_corner = observed.first_corner(source.pattern)
-    move, turn = metrics.pose_difference(
+    move, turn = se3.pose_difference(
         target_T_source @ source_T_pattern @ pattern_T_corner,
         observed.camera_T_pattern(target) @ pattern_T_corner,
     )

@@ -10,6 +10,8 @@ Formulas: Sola, Deray, Atchuthan, "A micro Lie theory for state estimation in ro
 
 from __future__ import annotations
 
+from typing import Tuple
+
 import numpy as np
 
 _IDENTITY = np.eye(3)
@@ -177,6 +179,12 @@ def adjoint(a_T_b: np.ndarray) -> np.ndarray:
 def rotation_angle(rotation: np.ndarray) -> np.ndarray:
     """Return the geodesic angle [rad] of the matrices (..., 3, 3)."""
     return np.linalg.norm(rotation_vector_from_rotation(rotation), axis=-1)
+
+
+def pose_difference(a_T_b: np.ndarray, other_a_T_b: np.ndarray) -> Tuple[float, float]:
+    """Return the translation [m] and the angle [rad] between two poses (4, 4) of the same thing."""
+    difference = inverse(a_T_b) @ other_a_T_b
+    return float(np.linalg.norm(difference[:3, 3])), float(rotation_angle(difference[:3, :3]))
 
 
 def random_rotation(angle_rad: float, rng: np.random.Generator) -> np.ndarray:

@@ -19,7 +19,7 @@ def caveats_of(document: Mapping[str, Any]) -> Tuple[Caveat, ...]:
     return tuple(Caveat(tuple(e["sensors"]), e["what"], e["remedy"]) for e in entries)
 
 
-def with_caveats(document: Mapping[str, Any], caveats: Iterable[Caveat]) -> Dict[str, Any]:
+def document_with_caveats(document: Mapping[str, Any], caveats: Iterable[Caveat]) -> Dict[str, Any]:
     """Return the document with these caveats instead of those that it has."""
     entries = [
         {"sensors": list(caveat.sensors), "what": caveat.what, "remedy": caveat.remedy}
@@ -29,7 +29,7 @@ def with_caveats(document: Mapping[str, Any], caveats: Iterable[Caveat]) -> Dict
     return {**document, "_metadata": {**metadata, **({_KEY: entries} if entries else {})}}
 
 
-def renamed(caveats: Iterable[Caveat], old: str, new: str) -> List[Caveat]:
+def renamed_caveats(caveats: Iterable[Caveat], old: str, new: str) -> List[Caveat]:
     """Return caveats in which a sensor has another name."""
     return [
         Caveat(tuple(new if n == old else n for n in c.sensors), c.what, c.remedy) for c in caveats

@@ -19,7 +19,7 @@ import numpy as np
 from atom_core.errors import DatasetError, OutputError
 from atom_core.io import earlier_run
 from atom_core.io.atomic import prepare_output_folder, write_text_atomically
-from atom_core.io.caveats import with_caveats
+from atom_core.io.caveats import document_with_caveats
 from atom_core.io.dataset_json import dumps
 from atom_core.io.dataset_version import CURRENT_VERSION
 from atom_core.io.dataset_writer import DATASET_FILE
@@ -187,7 +187,7 @@ class CollectionStore:
         Raises:
             OutputError: the file cannot be written.
         """
-        self.write_header(with_caveats(_read(self._inside / HEADER_FILE), caveats))
+        self.write_header(document_with_caveats(_read(self._inside / HEADER_FILE), caveats))
 
     def save(self, collection: StoredCollection) -> None:
         """Write a collection whose data files are there already.

@@ -10,8 +10,7 @@ from typing import Any, Dict, Hashable, List, Mapping, NamedTuple, Sequence, Set
 import numpy as np
 
 from atom_core.errors import DatasetError
-from atom_core.io.caveats import caveats_of, with_caveats
-from atom_core.io.caveats import renamed as renamed_caveats
+from atom_core.io.caveats import caveats_of, document_with_caveats, renamed_caveats
 from atom_core.io.data_files import data_path
 from atom_core.io.dataset_json import sorted_keys
 from atom_core.model.config_section import check_name
@@ -175,7 +174,7 @@ def merged(first: Dataset, second: Dataset) -> Tuple[Dict[str, Any], List[Copied
     check_same_rig(first, second)
     document = copy.deepcopy(dict(named(first.document, "_merged")))
     caveats = (*caveats_of(first.document), *caveats_of(second.document))
-    document = with_caveats(document, caveats)
+    document = document_with_caveats(document, caveats)
     files = _files_of(first, {key: key for key in first.document["collections"]}, document)
     numbers = [int(key) for key in document["collections"] if key.isdigit()]
     begin = max(numbers, default=-1) + 1
@@ -297,7 +296,7 @@ def with_sensor_renamed(document: Mapping[str, Any], old: str, new: str) -> Dict
         raise DatasetError(f"there is a sensor '{new}' already; choose another name")
     check_name(new, ("sensors", new))
     result = copy.deepcopy(dict(document))
-    result = with_caveats(result, renamed_caveats(caveats_of(result), old, new))
+    result = document_with_caveats(result, renamed_caveats(caveats_of(result), old, new))
 
     def renamed(entries: Any) -> Any:
         return {new if name == old else name: value for name, value in entries.items()}

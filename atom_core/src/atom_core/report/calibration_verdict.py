@@ -24,13 +24,13 @@ from atom_core.report.verdict import (
     SensorVerdict,
     Verdict,
     angle,
+    caveats_first,
     counted,
     is_named,
     length,
     names_in_words,
     pixels,
     sensor_verdict,
-    with_caveats,
     worst,
 )
 from atom_core.solvers.base import CONVERGED, FAILED, NOT_CONVERGED
@@ -168,7 +168,7 @@ def _sensor(
         *_of_a_stated_place(results, sensor),
         *_far_from_described(results, edge),
     ]
-    findings = with_caveats(findings, sensor.name, results.calibration.dataset.caveats)
+    findings = caveats_first(findings, sensor.name, results.calibration.dataset.caveats)
     return sensor_verdict(findings, "; ".join(_facts(results, sensor, edge)))
 
 

@@ -17,11 +17,11 @@ from atom_core.report.verdict import (
     Finding,
     SensorVerdict,
     Verdict,
+    caveats_first,
     counted,
     is_named,
     names_in_words,
     sensor_verdict,
-    with_caveats,
     worst,
 )
 
@@ -97,5 +97,5 @@ def _sensor(result: Preflight, name: str, moved: Optional[str]) -> SensorVerdict
         for remark in remarks
         if OTHER_SIZE in remark
     ]
-    findings = with_caveats(findings, name, result.caveats)
+    findings = caveats_first(findings, name, result.caveats)
     return sensor_verdict(findings, f"detected {counted(boards, 'board')}")

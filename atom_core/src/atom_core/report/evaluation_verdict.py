@@ -28,11 +28,11 @@ from atom_core.report.verdict import (
     SensorVerdict,
     Verdict,
     angle,
+    caveats_first,
     length,
     names_in_words,
     pixels,
     sensor_verdict,
-    with_caveats,
     worst,
 )
 
@@ -187,7 +187,7 @@ def _with_truth(
     evaluation: Evaluation, name: str, findings: List[Finding], told: str
 ) -> SensorVerdict:
     """Return the verdict with what is in doubt, and with the error against a truth."""
-    findings = with_caveats(findings, name, evaluation.caveats)
+    findings = caveats_first(findings, name, evaluation.caveats)
     truth = evaluation.ground_truth
     error = None if truth is None else truth.sensors.get(name)
     if error is None:

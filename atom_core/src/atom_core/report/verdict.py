@@ -113,7 +113,7 @@ def sensor_verdict(findings: Sequence[Finding], facts: str) -> SensorVerdict:
     return SensorVerdict(finding.grade, told, finding.advice)
 
 
-def with_caveats(
+def caveats_first(
     findings: Sequence[Finding], name: str, caveats: Iterable[Caveat]
 ) -> List[Finding]:
     """Return what speaks against a sensor, what the caveats of its dataset say first.

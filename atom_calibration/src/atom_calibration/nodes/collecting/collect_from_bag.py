@@ -60,6 +60,7 @@ from atom_core.io.config_yaml import read_config
 from atom_core.io.seeds import read_seeds
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.pattern import Pattern, pattern_from_config
+from atom_core.model.robot import Joint
 
 EXAMPLE = """
 rosrun atom_calibration collect_from_bag --config config.yml --bag train.bag --output dataset
@@ -122,7 +123,10 @@ def collect_from_bag(args: argparse.Namespace) -> int:
         lag_s = start_lag_s(lags_s, tf_lag_s)
         stamps_s = bag.start_s - lag_s, bag.end_s - lag_s
         _check_times(args.times or [], stamps_s)
-        recording = Recording(config, bag, rig, patterns, transforms, labeler, stamps_s, caveats)
+        joints = described_joints(config, _warn)
+        recording = Recording(
+            config, bag, rig, patterns, transforms, labeler, stamps_s, joints, caveats
+        )
         _announce(bag, rig)
         store = CollectionStore.create(args.output, args.overwrite, WRITTEN_BESIDE)
         try:
@@ -161,6 +165,7 @@ class Recording(NamedTuple):
     transforms: BagTransforms
     labeler: FrameLabeler
     stamps_s: Tuple[float, float]
+    joints: Mapping[str, Joint]
     caveats: CaveatLog
 
 
@@ -184,7 +189,7 @@ def _setup(args: argparse.Namespace, recording: Recording, store: CollectionStor
         args.pictures,
         not (args.times or args.interval),
         _warn,
-        described_joints(config, _warn),
+        recording.joints,
         recording.caveats.now,
     )
 
@@ -193,7 +198,7 @@ def _collected(
     args: argparse.Namespace, recording: Recording, store: CollectionStore
 ) -> Tuple[Collector, List[str]]:
     """Read the bag once; return the collector and the keys of its collections."""
-    config, bag, rig, _, transforms, labeler, stamps_s, _ = recording
+    config, bag, rig, _, transforms, labeler, stamps_s, _, _ = recording
     setup = _setup(args, recording, store)
     moments = _moments(args, config, stamps_s)
     collector, expectation = Collector(setup, moments), PointExpectation(setup)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import List
 
+from atom_core.model.believed_edges import edges_apart
 from atom_core.model.caveats import Caveat
 from atom_core.model.dataset import Dataset
-from atom_core.model.held_edges import edges_apart
 from atom_core.model.robot import FIXED, RobotDescription
 
 

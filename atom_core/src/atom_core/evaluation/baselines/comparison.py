@@ -10,12 +10,12 @@ import numpy as np
 from atom_core.evaluation.baselines.links import Link, LinkedRig
 from atom_core.evaluation.evaluate import Evaluation, evaluate, pair_errors
 from atom_core.evaluation.ground_truth import ground_truth_errors, reference_sensor
-from atom_core.evaluation.metrics import pose_difference
 from atom_core.evaluation.mixed import mixed_dataset
 from atom_core.evaluation.observed import Borders, Observed
 from atom_core.evaluation.pairs import Pair, pairs_of
 from atom_core.evaluation.results import summarised
 from atom_core.geometry import se3
+from atom_core.geometry.se3 import pose_difference
 from atom_core.model.dataset import Dataset, pose
 from atom_core.model.truth import Truth, with_truth
 

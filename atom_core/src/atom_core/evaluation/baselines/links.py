@@ -10,9 +10,9 @@ import numpy as np
 from atom_core.errors import DatasetError
 from atom_core.evaluation.ground_truth import reference_sensor
 from atom_core.evaluation.hand_eye_views import mean_pose
-from atom_core.evaluation.metrics import pose_difference
 from atom_core.geometry import se3
 from atom_core.geometry.pose_solvers import rigid_fit
+from atom_core.geometry.se3 import pose_difference
 from atom_core.model.dataset import Dataset, pose
 from atom_core.model.labels import DetectionKey
 from atom_core.model.transforms import Edge

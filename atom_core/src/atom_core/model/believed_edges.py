@@ -13,7 +13,7 @@ import numpy as np
 from atom_core.errors import DatasetError
 from atom_core.geometry import se3
 from atom_core.model.dataset import MULTIPLE, Dataset
-from atom_core.model.transforms import Edge
+from atom_core.model.transforms import Edge, FrameGraph
 
 _SAME_M, _SAME_RAD = 0.001, math.radians(0.05)
 
@@ -40,33 +40,32 @@ def edges_apart(dataset: Dataset, others: Mapping[Edge, np.ndarray]) -> List[Edg
         others: ``parent_T_child`` (4, 4) by edge; edges that are not in it are passed over.
     """
     found = []
-    for edge, sensors in held_edges(dataset).items():
+    for edge, sensors in _believed_edges(dataset).items():
         if edge not in others:
             continue
-        mine, theirs = dataset.first_value(edge), others[edge]
-        apart_m = float(np.linalg.norm(mine[:3, 3] - theirs[:3, 3]))
-        apart_rad = float(se3.rotation_angle(theirs[:3, :3].T @ mine[:3, :3]))
+        apart_m, apart_rad = se3.pose_difference(others[edge], dataset.first_value(edge))
         if apart_m > _SAME_M or apart_rad > _SAME_RAD:
             found.append(EdgeApart(edge, apart_m, apart_rad, tuple(sensors)))
     return found
 
 
-def held_edges(dataset: Dataset) -> Dict[Edge, List[str]]:
+def _believed_edges(dataset: Dataset) -> Dict[Edge, List[str]]:
     """Return the sensors on whose way to the world an edge is that is not estimated, by edge."""
     estimated: Set[Edge] = {sensor.edge for sensor in dataset.sensors.values()}
     estimated |= {edge for _, edge in dataset.config.estimated_edges}
-    held: Dict[Edge, List[str]] = {}
-    for name in dataset.sensors:
-        for edge in _way(dataset, name):
+    believed: Dict[Edge, List[str]] = {}
+    graph = dataset.graph
+    for name, sensor in dataset.sensors.items():
+        for edge in _way(graph, dataset.world, sensor.frame):
             if edge not in estimated and dataset.edge_types.get(edge) != MULTIPLE:
-                held.setdefault(edge, []).append(name)
-    return held
+                believed.setdefault(edge, []).append(name)
+    return believed
 
 
-def _way(dataset: Dataset, name: str) -> Iterator[Edge]:
-    """Yield the edges between the world and a sensor's data; none where nothing connects them."""
+def _way(graph: FrameGraph, world: str, frame: str) -> Iterator[Edge]:
+    """Yield the edges between two frames; none where nothing connects them."""
     try:
-        chain = dataset.graph.chain(dataset.world, dataset.sensors[name].frame)
+        chain = graph.chain(world, frame)
     except DatasetError:
         return
     yield from (edge for edge, _ in chain)
