@@ -14,6 +14,7 @@ from atom_core.evaluation.mixed import mixed_dataset
 from atom_core.evaluation.observed import Borders, NotMeasurableError, Observed
 from atom_core.evaluation.pairs import Pair, pairs_of
 from atom_core.evaluation.results import PairFigures, PairResult, summarised
+from atom_core.evaluation.rig_differences import rig_differences
 from atom_core.evaluation.single_camera import SingleCamera, single_cameras
 from atom_core.evaluation.statistics import Errors, mean_of
 from atom_core.model.caveats import Caveat
@@ -45,7 +46,8 @@ class Evaluation:
         spread: each camera with itself in other collections, over boards that stay.
         px_per_rad: by sensor, how many pixels of its image a radian has in the middle; None of
             what has no image.
-        caveats: what puts sensors in doubt whatever is measured, of either dataset.
+        caveats: what puts sensors in doubt whatever is measured, of either dataset or where the
+            two differ.
     """
 
     train: str
@@ -105,7 +107,9 @@ def evaluate(
             name: None if sensor.camera is None else float(sensor.camera.K[0, 0])
             for name, sensor in mixed.sensors.items()
         },
-        caveats=tuple(dict.fromkeys((*train.caveats, *test.caveats))),
+        caveats=tuple(
+            dict.fromkeys((*train.caveats, *test.caveats, *rig_differences(train, test)))
+        ),
     )
 
 

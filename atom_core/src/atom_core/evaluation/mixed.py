@@ -110,3 +110,9 @@ def _check_same_place(name: str, train: Sensor, test: Sensor) -> None:
             f"sensor '{name}': the train file estimates edge '{train.edge}', the test file "
             f"'{test.edge}'; give files of the same configuration"
         )
+    sizes = [f"{c.width} x {c.height}" for c in (train.camera, test.camera) if c is not None]
+    if len(set(sizes)) > 1:
+        raise DatasetError(
+            f"sensor '{name}' has images of {sizes[0]} px in the train file and of {sizes[1]} px in "
+            f"the test file; give recordings of one resolution"
+        )

@@ -1,0 +1,71 @@
+"""What a calibration believed of its rig, and a test set says otherwise.
+
+A calibration holds together with what it took for granted: the lens of a camera, the edges between
+a sensor and the world that nobody estimated. A test set that has others measures something else.
+"""
+
+from __future__ import annotations
+
+from typing import List
+
+import numpy as np
+
+from atom_core.geometry.camera import Camera
+from atom_core.model.believed_edges import edges_apart
+from atom_core.model.caveats import Caveat
+from atom_core.model.dataset import MULTIPLE, Dataset
+
+# Of the focal length: intrinsics that a calibration has estimated differ less from those given.
+_SAME_LENS = 0.02
+
+
+def rig_differences(train: Dataset, test: Dataset) -> List[Caveat]:
+    """Return which sensors of a test set stand or see otherwise than when they were calibrated.
+
+    Args:
+        train: the calibrated dataset.
+        test: the dataset to measure on.
+    """
+    return [*_of_edges(train, test), *_of_lenses(train, test)]
+
+
+def _of_edges(train: Dataset, test: Dataset) -> List[Caveat]:
+    held = {edge for c in train.collections.values() for edge in c.transforms}
+    # A joint that stood still in each may stand elsewhere in the other.
+    joints = {
+        j.edge for d in (train, test) for c in d.collections.values() for j in c.joints.values()
+    }
+    still = [e for e in held - joints if train.edge_types.get(e) != MULTIPLE]
+    return [
+        Caveat(
+            tuple(name for name in apart.sensors if name in train.sensors),
+            f"the test set has '{apart.edge}' {apart.words} from where the train file has it, and "
+            f"the calibration belongs to the latter",
+            "collect both with the same description and configuration, or calibrate anew",
+        )
+        for apart in edges_apart(test, {edge: train.first_value(edge) for edge in still})
+    ]
+
+
+def _of_lenses(train: Dataset, test: Dataset) -> List[Caveat]:
+    found = []
+    for name, sensor in test.sensors.items():
+        known = train.sensors[name].camera if name in train.sensors else None
+        if known is None or sensor.camera is None:
+            continue
+        said = _another_lens(known, sensor.camera)
+        if said:
+            remedy = "take both with one zoom, resolution and camera_info, or calibrate anew"
+            found.append(Caveat((name,), f"{said}; the train file's is used", remedy))
+    return found
+
+
+def _another_lens(train: Camera, test: Camera) -> str:
+    """Return how the test set's camera differs from the calibrated one; empty: hardly."""
+    apart = np.abs(np.array(test.K) - np.array(train.K)) / float(train.K[0, 0])
+    if np.max(apart) <= _SAME_LENS:
+        return ""
+    of_train, of_test = (
+        f"fx {c.K[0, 0]:.1f}, cx {c.K[0, 2]:.1f}, cy {c.K[1, 2]:.1f} px" for c in (train, test)
+    )
+    return f"the test set gives it another lens ({of_test}) than the train file ({of_train})"
