@@ -264,7 +264,7 @@ FAILURE_MODES = (
         "a joint that is off is named, or estimated; an arm's spread is estimated where the data "
         "demand it",
         (
-            f"{_CALIBRATION}/test_joint_offsets.py::"
+            f"{_CALIBRATION}/test_joint_errors.py::"
             "test_a_joint_that_is_off_is_named_alone_with_its_size",
             f"{_CALIBRATION}/test_moving_edges.py::test_a_millimetre_is_found_too",
         ),

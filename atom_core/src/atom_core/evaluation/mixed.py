@@ -113,6 +113,6 @@ def _check_same_place(name: str, train: Sensor, test: Sensor) -> None:
     sizes = [f"{c.width} x {c.height}" for c in (train.camera, test.camera) if c is not None]
     if len(set(sizes)) > 1:
         raise DatasetError(
-            f"sensor '{name}' has images of {sizes[0]} px in the train file and of {sizes[1]} px in "
-            f"the test file; give recordings of one resolution"
+            f"sensor '{name}' has images of {sizes[0]} px in the train file and of {sizes[1]} px "
+            f"in the test file; give recordings of one resolution"
         )

@@ -26,6 +26,7 @@ from atom_core.problem.residuals import (
 
 METRE, RADIAN, RATIO = "m", "rad", "1"
 AXES = ("x", "y")
+PHASES = ("sine", "cosine")
 WITH_ALL = "--model_errors auto"  # estimates what no option of its own does
 
 
@@ -129,7 +130,7 @@ class ModelError(ABC):
 
     @property
     def option(self) -> str:
-        """What estimates it, on the command line."""
+        """What estimates it, on the command line; empty: nothing does."""
         return f"--{self.kind} {self.target}"
 
 
@@ -249,10 +250,10 @@ class CameraError(ModelError):
 
 
 @dataclass(frozen=True)
-class JointOffset(ModelError):
-    """What must be added to the positions of a turning joint [rad].
+class JointError(ModelError):
+    """What is wrong with the positions of a joint.
 
-    It is estimated as a parameter of the joint (`joint_blocks.py`), and here only looked for.
+    It belongs to the chain, not to rows: beside the poses it is only looked for.
 
     Attributes:
         twists: (d, 6) how the detections' poses change in their sensors' frames.
@@ -260,15 +261,7 @@ class JointOffset(ModelError):
 
     twists: np.ndarray = field(compare=False, repr=False)
 
-    kind = "joint_offset"
     is_scalar = False
-    unit = RADIAN
-    usual = 0.001
-
-    @property
-    def option(self) -> str:
-        """What estimates it, on the command line."""
-        return f"-jsf {self.target} -jpsf position_bias"
 
     def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
         """Return the rows' change as the joint turns or shifts."""
@@ -277,11 +270,61 @@ class JointOffset(ModelError):
 
 
 @dataclass(frozen=True)
+class JointOffset(JointError):
+    """What must be added to the positions of a turning joint [rad].
+
+    It is estimated as a parameter of the joint (`joint_blocks.py`).
+    """
+
+    kind = "joint_offset"
+    unit = RADIAN
+    usual = 0.001
+
+    @property
+    def option(self) -> str:
+        """What estimates it, on the command line."""
+        return f"-jsf {self.target} -jpsf position_bias"
+
+
+@dataclass(frozen=True)
 class PrismaticOffset(JointOffset):
     """What must be added to the positions of a prismatic joint [m]."""
 
     unit = METRE
     usual = 0.001
+
+
+@dataclass(frozen=True)
+class JointScale(JointError):
+    """By which part a joint moves more than its positions say: a gear's or an encoder's ratio."""
+
+    kind = "joint_scale"
+    unit = RATIO
+    usual = 0.0005
+    option = ""
+
+
+@dataclass(frozen=True)
+class JointWave(JointError):
+    """What must be added to a turning joint's positions, times their sine or cosine [rad].
+
+    An arm that bends under its weight, or an encoder off the centre of its axis.
+
+    Attributes:
+        phase: 0 with the sine, 1 with the cosine.
+    """
+
+    phase: int
+
+    kind = "joint_wave"
+    unit = RADIAN
+    usual = 0.0005
+    option = ""
+
+    @property
+    def name(self) -> str:
+        """What it is, without whose."""
+        return f"joint wave with the {PHASES[self.phase]}"
 
 
 def rows_of(

@@ -65,7 +65,7 @@ class ModelErrorResult:
         value, sigma, unit: what must be added, in m, or by which part to grow.
         estimated: the calibration includes it.
         prior_sigma: standard deviation about zero that was assumed, in its unit; None: free.
-        option: what estimates it.
+        option: what estimates it; empty: nothing does.
         sentence: what it means.
         rivals: what the data cannot tell it from.
         family: what it is one of many of, such as "layer offset"; None: it stands alone.

@@ -11,6 +11,7 @@ from atom_core.calibration.judge.outliers import OUTLIER_SIGMAS, Outlier
 from atom_core.calibration.judge.propagation import PropagatedPoint
 from atom_core.calibration.judge.statistics import Table, kinds_of
 from atom_core.calibration.preflight import Preflight
+from atom_core.calibration.refine.error_words import remedy
 from atom_core.calibration.refine.moving_parts import moving_sentences
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import DetectionKey
@@ -128,7 +129,7 @@ def _model_error_lines(results: CalibrationResults) -> List[str]:
                 f"the data show: {error.sentence}; these boards cannot tell it from: {others}"
             )
         else:
-            lines.append(f"the data show: {error.sentence} ({error.option} estimates it)")
+            lines.append(f"the data show: {error.sentence} ({remedy(error.option)})")
     lines += moving_sentences(results.calibration.free)
     lines += _families(results)
     return lines + [f"the data show: {edge.why}" for edge in results.calibration.moving]

@@ -7,8 +7,13 @@ from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 import numpy as np
 
 from atom_core.calibration.judge.judgement import INCONSISTENT, RANK_DEFICIENT
+from atom_core.calibration.refine.error_words import UNESTIMATED, remedy
 from atom_core.problem.blocks import ROTATION, TRANSLATION
-from atom_core.report.calibration_results import CalibrationResults, SensorResult
+from atom_core.report.calibration_results import (
+    CalibrationResults,
+    ModelErrorResult,
+    SensorResult,
+)
 from atom_core.report.edge_results import EdgeResult
 from atom_core.report.trust_report import contradictions
 from atom_core.report.verdict import (
@@ -83,7 +88,7 @@ def _general(results: CalibrationResults) -> List[Finding]:
         found.append(Finding(WEAK, "without standard deviations as weights nothing tells how sure"))
     for error in results.model_errors:
         if not error.estimated and error.target not in results.sensors:
-            found.append(Finding(WEAK, f"the data show that {error.sentence} ({error.option})"))
+            found.append(Finding(WEAK, f"the data show that {_with_option(error)}"))
     found += [Finding(WEAK, f"the data show: {edge.why}") for edge in calibration.moving]
     found += [Finding(WEAK, f"{said}; {_cause(results)}") for said in contradictions(results.trust)]
     return found + _joints(results)
@@ -93,10 +98,17 @@ def _cause(results: CalibrationResults) -> str:
     """Return what is the likely cause where a calibration does not agree with parts of itself."""
     shown = [error for error in results.model_errors if not error.estimated]
     if shown:
-        return f"likely since {shown[0].sentence} ({shown[0].option})"
+        return f"likely since {_with_option(shown[0])}"
     return (
         "what is the same in all collections may be wrong: the board's measures, intrinsics, or "
         "what a range sensor adds; let them be looked for (--model_errors auto)"
+    )
+
+
+def _with_option(error: ModelErrorResult) -> str:
+    """Return what the data show, and what estimates it, or what to do where nothing does."""
+    return (
+        f"{error.sentence} ({error.option})" if error.option else f"{error.sentence}; {UNESTIMATED}"
     )
 
 
@@ -204,7 +216,7 @@ def _contradictions(results: CalibrationResults, name: str) -> List[Finding]:
     calibration = results.calibration
     grade = WRONG if calibration.status == INCONSISTENT else WEAK
     found = [
-        Finding(grade, f"the data show that {e.sentence}", f"{e.option} estimates it")
+        Finding(grade, f"the data show that {e.sentence}", remedy(e.option))
         for e in results.model_errors
         if e.target == name and not e.estimated
     ]

@@ -9,7 +9,7 @@ transforms do not apply: here they follow from the joints.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Tuple
 
 import numpy as np
 
@@ -64,9 +64,39 @@ JOINT_NAMES = tuple(joint.name for joint in _JOINTS)
 _HOME = (0.0, 0.4, 0.0, 0.9, 0.1, 0.0, 0.0)  # the arm stretched forwards
 
 Errors = Mapping[str, Mapping[str, float]]
+Lacks = Mapping[str, Callable[[float], float]]
 
 
-def camera_on_arm(seed: int = 0, *, errors: Errors, **options: Any) -> SyntheticDataset:
+class _Wrong(NamedTuple):
+    """What of the arm's description and of its reported positions is wrong."""
+
+    errors: Errors
+    lacks: Lacks
+
+    def states(self, positions: Any) -> Dict[str, JointState]:
+        """Return the true joints at some reported positions (7,), by name."""
+        described = _states(positions)
+        true = {}
+        for name, state in described.items():
+            lack = self.lacks[name](state.position) if name in self.lacks else 0.0
+            parameters = self.errors.get(name, {})
+            true[name] = replace(state, position=state.position + lack).with_parameters(
+                {p: state.parameters[p] + error for p, error in parameters.items()}
+            )
+        return true
+
+    def edges(self, positions: Any) -> Dict[Edge, np.ndarray]:
+        """Return the true edges at some reported positions (7,)."""
+        return _edges(self.states(positions))
+
+
+def camera_on_arm(
+    seed: int = 0,
+    *,
+    errors: Errors,
+    lacks: Lacks = {},  # noqa: B006 (never changed)
+    **options: Any,
+) -> SyntheticDataset:
     """Simulate a camera on the flange of an arm before a board that stands still.
 
     Open by nature: the bias of the last joint, which the camera's pose imitates, and that of the
@@ -76,20 +106,28 @@ def camera_on_arm(seed: int = 0, *, errors: Errors, **options: Any) -> Synthetic
         seed: of everything random.
         errors: true minus described value of parameters, by joint; they are the ones that the
             configuration asks for.
+        lacks: what the reported positions lack, by joint, as a function of them [rad, m].
         options: of ``SceneOptions``.
     """
     rng, chosen = np.random.default_rng([seed, 300]), SceneOptions(seed=seed, **options)
     flange_T_link = jittered(se3.from_rpy(np.array([0.05, 0.0, 0.06]), np.zeros(3)), 0.02, 0.1, rng)
     mount = camera_mount("rgb_1", RGB, FLANGE, flange_T_link, COLOUR_CAMERA)
     rig = _rig([mount], rng)
-    world_T_link = rig.pose(FLANGE, _edges(_states(_HOME, errors))) @ flange_T_link
+    wrong = _Wrong(errors, lacks)
+    world_T_link = rig.pose(FLANGE, wrong.edges(_HOME)) @ flange_T_link
     centre = (world_T_link @ np.array([1.5, 0.0, -0.1, 1.0]))[:3]
     border = pattern_from_config("", charuco()).border
     board = held_before(world_T_link[:3, 3], centre, border, rng, tilt_rad=0.3)
-    return _simulated("camera_on_arm", rig, board, "world", errors, rng, chosen)
+    return _simulated("camera_on_arm", rig, board, "world", wrong, rng, chosen)
 
 
-def board_on_arm(seed: int = 0, *, errors: Errors, **options: Any) -> SyntheticDataset:
+def board_on_arm(
+    seed: int = 0,
+    *,
+    errors: Errors,
+    lacks: Lacks = {},  # noqa: B006 (never changed)
+    **options: Any,
+) -> SyntheticDataset:
     """Simulate a board on the flange of an arm before a camera that stands still.
 
     Open by nature: the bias of the first joint, which the camera's pose imitates, and that of
@@ -99,14 +137,15 @@ def board_on_arm(seed: int = 0, *, errors: Errors, **options: Any) -> SyntheticD
     structure_T_link = se3.transform(np.eye(3), np.zeros(3))
     mount = camera_mount("rgb_1", RGB, "post", structure_T_link, COLOUR_CAMERA)
     rig = _rig([mount], rng)
-    world_T_flange = rig.pose(FLANGE, _edges(_states(_HOME, errors)))
+    wrong = _Wrong(errors, lacks)
+    world_T_flange = rig.pose(FLANGE, wrong.edges(_HOME))
     eye = world_T_flange[:3, 3] + world_T_flange[:3, :3] @ np.array([1.8, 0.2, 0.3])
     post = looking_at(eye, world_T_flange[:3, 3], 0.1)
     rig = replace(rig, transforms={**rig.transforms, Edge("world", "post"): post})
     border = pattern_from_config("", charuco()).border
     world_T_board = held_before(eye, world_T_flange[:3, 3], border, rng, tilt_rad=0.2)
     flange_T_board = se3.inverse(world_T_flange) @ world_T_board
-    return _simulated("board_on_arm", rig, flange_T_board, FLANGE, errors, rng, chosen)
+    return _simulated("board_on_arm", rig, flange_T_board, FLANGE, wrong, rng, chosen)
 
 
 def _rig(mounts: List[Any], rng: np.random.Generator) -> Rig:
@@ -116,19 +155,15 @@ def _rig(mounts: List[Any], rng: np.random.Generator) -> Rig:
     return assemble("world", structure, mounts, room=_ROOM)
 
 
-def _states(positions: Any, errors: Optional[Errors] = None) -> Dict[str, JointState]:
-    """Return the joints at some positions (7,), by name; with errors the true ones."""
+def _states(positions: Any) -> Dict[str, JointState]:
+    """Return the joints as described, at some positions (7,), by name."""
     states, parent = {}, _BASE
     for joint, position in zip(_JOINTS, positions):
         values = (*joint.xyz, *joint.rpy)
         names = ("x", "y", "z", "roll", "pitch", "yaw")
         described = {f"origin_{name}": value for name, value in zip(names, values)}
-        state = JointState(
+        states[joint.name] = JointState(
             Edge(parent, joint.child), joint.type, np.array(joint.axis), position, described
-        )
-        wrong = (errors or {}).get(joint.name, {})
-        states[joint.name] = state.with_parameters(
-            {name: state.parameters[name] + error for name, error in wrong.items()}
         )
         parent = joint.child
     return states
@@ -143,25 +178,25 @@ def _simulated(
     rig: Rig,
     parent_T_board: np.ndarray,
     board_parent: str,
-    errors: Errors,
+    wrong: _Wrong,
     rng: np.random.Generator,
     options: SceneOptions,
 ) -> SyntheticDataset:
     pattern = charuco(parent_link=board_parent, fixed=True)
-    positions = _positions_in_view(rig, parent_T_board, board_parent, errors, rng, options)
+    positions = _positions_in_view(rig, parent_T_board, board_parent, wrong, rng, options)
     exact = make_dataset(
         rig,
         {"pattern_1": [parent_T_board] * options.collections},
         options.noise,
         rng,
         patterns={"pattern_1": pattern},
-        motion=[_edges(_states(q, errors)) for q in positions],
+        motion=[wrong.edges(q) for q in positions],
         sampling=options.sampling,
         name=name,
         planted=planted_in(rig, ["pattern_1"], options.realism, [options.seed, _ERRORS]),
     )
     dataset = exact.dataset
-    joints = {joint: JointConfig(tuple(wrong)) for joint, wrong in errors.items() if wrong}
+    joints = {joint: JointConfig(tuple(e)) for joint, e in wrong.errors.items() if e}
     collections = {
         key: replace(
             collection,
@@ -179,7 +214,7 @@ def _positions_in_view(
     rig: Rig,
     parent_T_board: np.ndarray,
     board_parent: str,
-    errors: Errors,
+    wrong: _Wrong,
     rng: np.random.Generator,
     options: SceneOptions,
 ) -> List[np.ndarray]:
@@ -188,7 +223,7 @@ def _positions_in_view(
     found: List[np.ndarray] = []
     for _ in range(_TRIES):
         q = np.array(_HOME) + rng.uniform(-1.0, 1.0, len(_HOME)) * _SPREAD
-        moving = _edges(_states(q, errors))
+        moving = wrong.edges(q)
         world_T_board = rig.pose(board_parent, moving) @ parent_T_board
         camera_T_board = se3.inverse(rig.pose(sensor.frame, moving)) @ world_T_board
         seen = visible_corners(camera_of(sensor), camera_T_board, pattern)

@@ -6,7 +6,7 @@ from typing import Dict, Iterable, List, Optional, Set
 
 import numpy as np
 
-from atom_core.calibration.refine.joint_offsets import joint_offsets
+from atom_core.calibration.refine.joint_candidates import joint_candidates
 from atom_core.calibration.start.boards import solved_dataset
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics import intrinsics_names
@@ -88,7 +88,7 @@ def candidates(dataset: Dataset, problem: Problem, x: np.ndarray) -> List[ModelE
         for axis, bend in enumerate(bends):
             found += [BorderShift(name, axis), bend]
     if any(collection.joints for collection in dataset.collections.values()):
-        found += joint_offsets(solved_dataset(dataset, problem, x, {}), problem)
+        found += joint_candidates(solved_dataset(dataset, problem, x, {}), problem)
     return found
 
 

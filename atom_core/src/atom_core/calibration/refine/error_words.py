@@ -24,18 +24,25 @@ from atom_core.problem.direction_errors import (
 from atom_core.problem.model_errors import (
     AXES,
     METRE,
+    PHASES,
     WITH_ALL,
     CameraError,
     DepthOffset,
     DepthScale,
     ErrorPrior,
     JointOffset,
+    JointScale,
+    JointWave,
     ModelError,
     PrismaticOffset,
     RangeOffset,
     RangeScale,
 )
 from atom_core.problem.range_fields import DepthWave, DepthWaves, LayerOffset, LayerOffsets
+
+UNESTIMATED = (
+    "no option estimates it: have the arm calibrated, and take only postures like those at work"
+)
 
 
 def described(error: ModelError, value: float, sigma: float) -> str:
@@ -47,6 +54,15 @@ def described(error: ModelError, value: float, sigma: float) -> str:
         sigma: its standard deviation.
     """
     return _WORDS[type(error)](error, value, sigma)
+
+
+def remedy(option: str) -> str:
+    """Return what to do about an error that the data show.
+
+    Args:
+        option: what estimates it; empty: nothing does.
+    """
+    return f"{option} estimates it" if option else UNESTIMATED
 
 
 def unusual(error: ModelError, value: float, sigma: float, prior: ErrorPrior) -> str:
@@ -216,6 +232,25 @@ def _joint(error: ModelError, value: float, sigma: float) -> str:
     )
 
 
+def _joint_scale(error: ModelError, value: float, sigma: float) -> str:
+    more = "more" if value > 0 else "less"
+    return (
+        f"joint {error.target} moves {_about(value, sigma, 100.0, '%')} {more} than its positions "
+        f"say (the ratio of its gear or encoder)"
+    )
+
+
+def _joint_wave(error: ModelError, value: float, sigma: float) -> str:
+    assert isinstance(error, JointWave)
+    lacking = _about(value, sigma, math.degrees(1.0), "deg")
+    sign = "" if value > 0 else "minus "
+    return (
+        f"the positions of joint {error.target} lack {lacking} times {sign}the "
+        f"{PHASES[error.phase]} of its position (the arm bends under its weight, or the encoder is "
+        f"off its axis)"
+    )
+
+
 def _layer_offset(error: ModelError, value: float, sigma: float) -> str:
     assert isinstance(error, LayerOffset)
     length = "short" if value > 0 else "long"
@@ -261,6 +296,8 @@ _WORDS: Dict[Type[ModelError], Callable[[ModelError, float, float], str]] = {
     CameraError: _camera,
     JointOffset: _joint,
     PrismaticOffset: _joint,
+    JointScale: _joint_scale,
+    JointWave: _joint_wave,
     LayerOffset: _layer_offset,
     DepthWave: _depth_wave,
     DepthWaves: _depth_waves,

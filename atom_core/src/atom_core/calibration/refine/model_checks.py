@@ -151,6 +151,15 @@ class _Step:
         self._along = np.zeros((len(total), len(rest)))
         self._along[base], self._along[rest] = -self._gains, np.eye(len(rest))
 
+    def _independent(self, determined: np.ndarray) -> float:
+        """Return how many independent tests the candidates are worth (Li and Ji 2005), at least 1.
+
+        What goes with one joint's position, or a lens's centre and a turn, is much alike.
+        """
+        alike = self.alike[np.ix_(determined, determined)]
+        values = np.abs(np.linalg.eigvalsh(alike))
+        return max(float(np.sum((values >= 1.0) + values % 1.0)), 1.0)
+
     def moves(self, candidate: int, value: float) -> np.ndarray:
         """Return (m,) by how much the shared numbers change with a candidate's value in steps."""
         return -self._gains[: self._equations.shared, candidate] * value
@@ -179,7 +188,7 @@ class _Step:
         effective = 1.0 / np.maximum(np.sum(leverage**2, axis=0), 1e-30)
         freedom = np.maximum(effective - 1.0, 1.0)
         chance = 2.0 * special.stdtr(freedom, -np.abs(value) / sigma)
-        significant = determined & (chance < _CHANCE / max(len(value), 1))
+        significant = determined & (chance < _CHANCE / self._independent(determined))
         # What is far off counts less in the equations: the step falls short, and so does its sigma.
         value, sigma = self._length * value, self._length * sigma
         return _Tested(value, sigma, gain, significant, determined)

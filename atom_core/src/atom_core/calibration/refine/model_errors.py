@@ -11,11 +11,11 @@ from atom_core.calibration.refine.candidates import (
     range_fields,
     usual_sizes,
 )
-from atom_core.calibration.refine.error_words import described
+from atom_core.calibration.refine.error_words import UNESTIMATED, described, remedy
 from atom_core.calibration.refine.layer_checks import LayerSums, layer_sums
 from atom_core.calibration.refine.model_checks import ModelCheck, model_checks
 from atom_core.model.dataset import Dataset
-from atom_core.problem.model_errors import ErrorPrior, ModelError
+from atom_core.problem.model_errors import WITH_ALL, ErrorPrior, ModelError
 from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION
 from atom_core.solvers.base import (
     CONVERGED,
@@ -222,8 +222,8 @@ def suggestion(check: ModelCheck) -> str:
     sentence = described(check.error, check.value, check.sigma)
     if check.rivals:
         others = ", ".join(rival.title for rival in check.rivals)
-        return (
-            f"{sentence}; these boards cannot tell it from: {others} (--model_errors auto leaves "
-            f"room for all of them)"
-        )
-    return f"{sentence}: {check.error.option} estimates it"
+        scalars = all(error.is_scalar for error in (check.error, *check.rivals))
+        room = f" ({WITH_ALL} leaves room for all of them)" if scalars else ""
+        sentence = f"{sentence}; these boards cannot tell it from: {others}{room}"
+        return sentence if check.error.option else f"{sentence}; {UNESTIMATED}"
+    return f"{sentence}: {remedy(check.error.option)}"

@@ -99,7 +99,7 @@ def with_shown_moving_parts(
 ) -> MovingSolution:
     """Return the solution with those moving parts that the data show to be off, one after another.
 
-    One is taken where no single error of a sensor or a board explains half as much.
+    One is taken where no single error that can be estimated explains half as much.
 
     Args:
         initial: with the parts as the dataset has them.
@@ -118,7 +118,7 @@ def with_shown_moving_parts(
             break
         best = found[0]
         checks = checked(initial, solver, summary, setup.options).checks(summary, loss)
-        if best.gain < 2.0 * max((check.gain for check in checks), default=0.0):
+        if best.gain < 2.0 * max((c.gain for c in checks if c.error.option), default=0.0):
             break
         if best.sigma_m > limit[0] or best.sigma_rad > limit[1]:
             break

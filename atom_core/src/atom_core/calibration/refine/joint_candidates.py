@@ -1,7 +1,7 @@
-"""Joints whose positions are off by the same amount in all collections: which may be.
+"""Joints whose positions are off: by the same in all collections, in proportion, or in a wave.
 
 Their numbers belong to the chain, unlike other errors of the model: they change the detections'
-poses, and are estimated as the joint's `position_bias` (`problem/joint_blocks.py`).
+poses. An offset is estimated as the joint's `position_bias` (`problem/joint_blocks.py`).
 """
 
 from __future__ import annotations
@@ -15,21 +15,27 @@ from atom_core.model.dataset import Dataset, pose
 from atom_core.model.joints import JointState
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import ROTATION, TRANSLATION
-from atom_core.problem.model_errors import JointOffset, PrismaticOffset
+from atom_core.problem.model_errors import (
+    JointError,
+    JointOffset,
+    JointScale,
+    JointWave,
+    PrismaticOffset,
+)
 from atom_core.problem.problem import Problem
 
 _SAME = 1e-3  # entries of a transform and of what the position says
 
 
-def joint_offsets(dataset: Dataset, problem: Problem) -> List[JointOffset]:
-    """Return the offsets that joints may have which are not estimated.
+def joint_candidates(dataset: Dataset, problem: Problem) -> List[JointError]:
+    """Return the errors that joints may have which are not estimated.
 
     Args:
         dataset: with the solution in its transforms.
         problem: whose detections are to depend on them.
     """
     taken = {block.edge for block in problem.parameters.blocks}
-    found: List[JointOffset] = []
+    found: List[JointError] = []
     for name in sorted({name for c in dataset.collections.values() for name in c.joints}):
         joints = {k: c.joints[name] for k, c in dataset.collections.items() if name in c.joints}
         first = next(iter(joints.values()))
@@ -40,9 +46,29 @@ def joint_offsets(dataset: Dataset, problem: Problem) -> List[JointOffset]:
             continue
         twists = _twists(dataset, problem, first)
         if np.any(twists):
-            kind = PrismaticOffset if first.is_prismatic else JointOffset
-            found.append(kind(name, twists))
+            positions = np.array([joints[key.collection].position for key in problem.detections])
+            found += _errors_of(name, first, twists, positions)
     return found
+
+
+def _errors_of(
+    name: str, joint: JointState, twists: np.ndarray, positions: np.ndarray
+) -> List[JointError]:
+    """Return the errors of one joint, given what each detection has of its motion and position.
+
+    The part that is the same for all detections is the offset's: what goes with the position is
+    told beside it.
+    """
+
+    def varying(share: np.ndarray) -> np.ndarray:
+        return twists * (share - np.mean(share))[:, None]
+
+    scale = JointScale(name, varying(positions))
+    if joint.is_prismatic:
+        return [PrismaticOffset(name, twists), scale]
+    shares = (np.sin(positions), np.cos(positions))
+    waves = [JointWave(name, varying(share), phase) for phase, share in enumerate(shares)]
+    return [JointOffset(name, twists), scale, *waves]
 
 
 def _is_told(dataset: Dataset, collection: str, joint: JointState) -> bool:

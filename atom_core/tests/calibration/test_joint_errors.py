@@ -1,4 +1,4 @@
-"""Joints whose positions are off by the same amount in all collections: named, and estimated."""
+"""Joints whose positions are off: named, and by the same amount in all collections estimated."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,11 @@ import pytest
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.refine.error_words import described
-from atom_core.problem.model_errors import JointOffset, PrismaticOffset
+from atom_core.geometry import se3
+from atom_core.problem.model_errors import JointOffset, JointScale, JointWave, PrismaticOffset
+from atom_core.report.calibration_results import calibration_results
+from atom_core.report.calibration_verdict import calibration_verdict
+from atom_core.report.verdict import GOOD
 from atom_core.solvers.choice import SOLVERS
 from atom_core.synthetic import arm
 
@@ -19,6 +23,14 @@ MIDDLE = ("shoulder_lift", "elbow", "wrist_1", "wrist_2")  # the ends are like t
 def with_offset(make, seed, joint, value):
     errors = {} if joint is None else {joint: {"position_bias": value}}
     return MAKERS[make](seed, errors=errors, collections=20)
+
+
+def bent(q):
+    return OFF * np.sin(q + 1.0)
+
+
+def too_far(q):
+    return 0.01 * q
 
 
 def check_named(make, seed, joint, value):
@@ -82,3 +94,44 @@ def test_sentences_tell_the_direction():
     assert said == "the positions of joint elbow are 0.3 +- 0.03 deg too small"
     said = described(PrismaticOffset("boom", none), -0.004, 0.0002)
     assert said == "the positions of joint boom are 4 +- 0.2 mm too large"
+
+
+# ---- errors that go with the position
+
+
+@pytest.mark.parametrize("make", MAKERS)
+@pytest.mark.parametrize("lack", [bent, too_far])
+def test_a_joint_that_bends_or_moves_too_far_is_named_though_its_offset_is_in_no_data(make, lack):
+    scene = MAKERS[make](0, errors={}, lacks={"shoulder_pan": lack}, collections=20)
+    result = calibrate(scene.dataset, HELD)
+    assert result.status == "inconsistent"
+    assert {check.error.target for check in result.checks} == {"shoulder_pan"}
+    assert all(isinstance(check.error, (JointScale, JointWave)) for check in result.checks)
+    assert "no option estimates it: have the arm calibrated" in result.message
+
+
+@pytest.mark.parametrize("make", MAKERS)
+@pytest.mark.parametrize("joint", ["shoulder_pan", "shoulder_lift", "elbow"])
+@pytest.mark.parametrize("size_deg", [0.05, 0.1, 0.2])
+def test_what_an_arm_that_bends_does_is_within_the_stated_sigmas_or_no_good_answer(
+    make, joint, size_deg
+):
+    size = np.radians(size_deg)
+    lacks = {joint: lambda q: size * np.cos(q + 0.5)}
+    scene = MAKERS[make](1, errors={}, lacks=lacks, collections=20)
+    results = calibration_results(calibrate(scene.dataset, HELD), "ceres")
+    edge = scene.dataset.sensors["rgb_1"].edge
+    true = scene.truth.edges[edge]
+    off_m, off_rad = se3.pose_difference(results.calibration.dataset.first_value(edge), true)
+    (stated,) = (e.combined_sigma for e in results.edges if e.edge == edge)
+    if calibration_verdict(results).grade == GOOD:
+        assert off_m < 3.0 * np.linalg.norm(stated[3:])
+        assert off_rad < 3.0 * np.linalg.norm(stated[:3])
+
+
+def test_sentences_tell_ratio_and_wave():
+    none = np.zeros((0, 6))
+    said = described(JointScale("elbow", none), -0.004, 0.0002)
+    assert said.startswith("joint elbow moves 0.4 +- 0.02 % less than its positions say")
+    said = described(JointWave("elbow", none, 1), -OFF, 0.1 * OFF)
+    assert "lack 0.3 +- 0.03 deg times minus the cosine of its position" in said
