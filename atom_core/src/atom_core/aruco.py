@@ -9,8 +9,9 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any, Tuple
 
-import cv2
 import numpy as np
+
+from atom_core import opencv as cv2
 
 _WHITE = 255
 

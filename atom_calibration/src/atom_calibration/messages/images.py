@@ -10,11 +10,11 @@ import logging
 from functools import lru_cache
 from typing import Any, Dict, Optional, Tuple
 
-import cv2
 import numpy as np
 from sensor_msgs.msg import Image
 
 from atom_calibration.errors import MessageError
+from atom_core import opencv as cv2
 from atom_core.io.encoded_images import decode_image, encoded_image_size
 
 IMAGE, COMPRESSED_IMAGE = "sensor_msgs/Image", "sensor_msgs/CompressedImage"
@@ -27,30 +27,29 @@ _CHANNEL_TYPES = {
     "32F": "f4",
     "64F": "f8",
 }
-_COLOURS: Dict[str, Tuple[str, int, Optional[int]]] = {
+# Kind and number of channels, and the code by which OpenCV makes blue, green, red of them.
+_COLOURS: Dict[str, Tuple[str, int, Optional[str]]] = {
     "bgr8": ("u1", 3, None),
-    "rgb8": ("u1", 3, cv2.COLOR_RGB2BGR),
-    "bgra8": ("u1", 4, cv2.COLOR_BGRA2BGR),
-    "rgba8": ("u1", 4, cv2.COLOR_RGBA2BGR),
-    "mono8": ("u1", 1, cv2.COLOR_GRAY2BGR),
-    "8UC1": ("u1", 1, cv2.COLOR_GRAY2BGR),
+    "rgb8": ("u1", 3, "COLOR_RGB2BGR"),
+    "bgra8": ("u1", 4, "COLOR_BGRA2BGR"),
+    "rgba8": ("u1", 4, "COLOR_RGBA2BGR"),
+    "mono8": ("u1", 1, "COLOR_GRAY2BGR"),
+    "8UC1": ("u1", 1, "COLOR_GRAY2BGR"),
     "8UC3": ("u1", 3, None),
     "bgr16": ("u2", 3, None),
-    "rgb16": ("u2", 3, cv2.COLOR_RGB2BGR),
-    "mono16": ("u2", 1, cv2.COLOR_GRAY2BGR),
-    "yuv422": ("u1", 2, cv2.COLOR_YUV2BGR_UYVY),
-    "yuv422_yuy2": ("u1", 2, cv2.COLOR_YUV2BGR_YUYV),
+    "rgb16": ("u2", 3, "COLOR_RGB2BGR"),
+    "mono16": ("u2", 1, "COLOR_GRAY2BGR"),
+    "yuv422": ("u1", 2, "COLOR_YUV2BGR_UYVY"),
+    "yuv422_yuy2": ("u1", 2, "COLOR_YUV2BGR_YUYV"),
     # OpenCV names a Bayer pattern by its second row, ROS by its first.
-    "bayer_rggb8": ("u1", 1, cv2.COLOR_BayerBG2BGR),
-    "bayer_bggr8": ("u1", 1, cv2.COLOR_BayerRG2BGR),
-    "bayer_gbrg8": ("u1", 1, cv2.COLOR_BayerGR2BGR),
-    "bayer_grbg8": ("u1", 1, cv2.COLOR_BayerGB2BGR),
+    "bayer_rggb8": ("u1", 1, "COLOR_BayerBG2BGR"),
+    "bayer_bggr8": ("u1", 1, "COLOR_BayerRG2BGR"),
+    "bayer_gbrg8": ("u1", 1, "COLOR_BayerGR2BGR"),
+    "bayer_grbg8": ("u1", 1, "COLOR_BayerGB2BGR"),
 }
 _PIXELS_FOR_A_HOT_ONE = 10_000  # which is as bright as 16 bits can tell, whatever was measured
 _DEPTHS = (8, 10, 12, 16)  # bits in which cameras measure
 _MILLIMETRE = 0.001  # REP 118: depths of whole numbers are millimetres
-# With all bits, since OpenCV takes the upper eight of 16, where a camera of 12 bits has four.
-_AS_STORED = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 _COMPRESSED_DEPTH_HEADER = 12  # bytes of compressed_depth_image_transport before the PNG
 
 
@@ -61,7 +60,9 @@ def colour_image(message: Any) -> np.ndarray:
         MessageError: the image is empty, cut off, or in an encoding that is not known.
     """
     if message._type == COMPRESSED_IMAGE:
-        image = _decompressed(message, _AS_STORED)
+        # With all bits, since OpenCV takes the upper eight of 16, where a camera of 12 has four.
+        as_stored = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+        image = _decompressed(message, as_stored)
         return _eight_bits(image)
     if message.encoding not in _COLOURS:
         raise MessageError(
@@ -75,7 +76,7 @@ def colour_image(message: Any) -> np.ndarray:
             f"pixels side by side, so their number is even; correct the driver's width"
         )
     image = _eight_bits(_pixels(message, kind, channels))
-    return image if conversion is None else cv2.cvtColor(image, conversion)
+    return image if conversion is None else cv2.cvtColor(image, getattr(cv2, conversion))
 
 
 def depth_image(message: Any) -> np.ndarray:

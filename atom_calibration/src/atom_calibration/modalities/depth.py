@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 from sensor_msgs.msg import Image
 
@@ -17,6 +16,7 @@ from atom_calibration.modalities.range_labels import (
 )
 from atom_calibration.modalities.seeds import PixelSeeds
 from atom_calibration.modalities.table import RosModality
+from atom_core import opencv as cv2
 from atom_core.editing.label_corrections import LabelCorrections
 from atom_core.io.images import MAX_DEPTH_M
 from atom_core.labeling.stillness import DEPTH_NOISE

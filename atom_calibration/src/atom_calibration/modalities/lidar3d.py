@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Optional, Sequence
 
-import cv2
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
@@ -18,6 +17,7 @@ from atom_calibration.modalities.range_labels import (
 )
 from atom_calibration.modalities.seeds import PointSeeds
 from atom_calibration.modalities.table import RosModality
+from atom_core import opencv as cv2
 from atom_core.labeling.lidar3d import as_cloud, expected_points, find_layers
 from atom_core.labeling.stillness import LIDAR_NOISE
 from atom_core.model.labels import RangeLabel

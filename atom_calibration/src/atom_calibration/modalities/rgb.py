@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Optional
 
-import cv2
 import numpy as np
 from sensor_msgs.msg import Image
 
 from atom_calibration.messages.images import colour_image, image_message
 from atom_calibration.modalities.table import RosModality
 from atom_calibration.msg import Detection2D
+from atom_core import opencv as cv2
 from atom_core.editing.label_corrections import LabelCorrections
 from atom_core.labeling.stillness import CornerSighting
 from atom_core.model.labels import DetectionKey, Label, RgbLabel

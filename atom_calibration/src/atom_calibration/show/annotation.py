@@ -5,7 +5,6 @@ from __future__ import annotations
 import textwrap
 from typing import Sequence, Union
 
-import cv2
 import numpy as np
 from sensor_msgs.msg import Image, PointCloud2
 
@@ -13,6 +12,7 @@ from atom_calibration.labels.label_messages import header_message
 from atom_calibration.messages.clouds import cloud_message
 from atom_calibration.messages.images import image_message
 from atom_calibration.modalities.frames import Frame, points_of
+from atom_core import opencv as cv2
 from atom_core.model.labels import RangeLabel
 
 INSIDE_RGB, BORDER_RGB = 0x3CDC3C, 0xFF2828

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from typing import Dict, Iterator, List, Mapping, Optional, Sequence, Tuple
 
-import cv2
 import numpy as np
 
 from atom_calibration.modalities.table import ros_modality
 from atom_calibration.show.estimate import Estimate
+from atom_core import opencv as cv2
 from atom_core.editing.guess_fit import draw_points, pixels_of_points
 from atom_core.errors import AtomError
 from atom_core.geometry import se3

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 
-import cv2
 import numpy as np
 import rospy
 from sensor_msgs.msg import CameraInfo, Image
@@ -17,6 +16,7 @@ from atom_calibration.modalities.table import ros_modality
 from atom_calibration.msg import CollectionState, CollectionStates, LabelState, SensorDetection
 from atom_calibration.show.annotation import picture_message
 from atom_calibration.show.grades import label_grade
+from atom_core import opencv as cv2
 from atom_core.editing.label_corrections import ChosenCorner, LabelCorrections
 from atom_core.errors import AtomError
 from atom_core.evaluation.label_quality import METRES, label_quality

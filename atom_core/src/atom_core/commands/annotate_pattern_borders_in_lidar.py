@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 from typing import Dict, Sequence, Tuple
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.commands import annotation_window, common
 from atom_core.editing.border_annotation import Outcome
 from atom_core.editing.picked_border import HELP, Face, PickedBorder

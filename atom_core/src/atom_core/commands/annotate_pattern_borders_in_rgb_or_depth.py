@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 from typing import Tuple
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.commands import annotation_window, common
 from atom_core.commands.atom_options import AtomOption, add_meaningless_options
 from atom_core.editing.border_annotation import HELP, Outcome

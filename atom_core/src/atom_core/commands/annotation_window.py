@@ -6,9 +6,9 @@ import os
 import sys
 from typing import Any, Callable, Protocol, Sequence, Tuple
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.editing.border_annotation import Outcome
 from atom_core.errors import DatasetError
 

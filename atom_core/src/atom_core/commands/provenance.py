@@ -7,11 +7,11 @@ import platform
 from pathlib import Path
 from typing import Any, Dict, List, Optional
 
-import cv2
 import numpy
 import scipy
 
 import atom_core
+from atom_core import opencv as cv2
 
 _PART = 1 << 20
 

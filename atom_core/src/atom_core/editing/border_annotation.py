@@ -8,9 +8,9 @@ from __future__ import annotations
 from copy import deepcopy
 from typing import Dict, List, Mapping, NamedTuple, Sequence, Tuple
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.io.annotations import SIDES
 
 Point = Tuple[float, float]

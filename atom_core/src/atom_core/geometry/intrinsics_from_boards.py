@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Sequence, Tuple
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.geometry.camera import Camera
 
 _FEWEST_VIEWS, _FEWEST_CORNERS = 3, 6

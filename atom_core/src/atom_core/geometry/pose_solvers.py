@@ -9,9 +9,9 @@ from __future__ import annotations
 from itertools import combinations
 from typing import Any, List, Optional, Sequence, Tuple
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.geometry import se3
 
 HAND_EYE_METHODS = ("tsai", "park", "horaud", "andreff", "daniilidis")

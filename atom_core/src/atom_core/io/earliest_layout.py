@@ -10,9 +10,9 @@ from __future__ import annotations
 from copy import deepcopy
 from typing import Any, Dict, List, Mapping, Optional, Tuple
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.errors import DatasetError
 from atom_core.io.dataset_version import CURRENT_VERSION
 from atom_core.model.modality import modality_of_message

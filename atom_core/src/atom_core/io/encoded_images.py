@@ -10,8 +10,9 @@ import struct
 import zlib
 from typing import Optional, Tuple
 
-import cv2
 import numpy as np
+
+from atom_core import opencv as cv2
 
 MOST_PIXELS = 200_000_000  # of an image that is decoded: 600 MB in colour
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Optional, Tuple
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.errors import DatasetError, OutputError
 from atom_core.io.atomic import PathLike, write_bytes_atomically
 from atom_core.io.encoded_images import decode_image

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Optional, Tuple
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.geometry.camera import Camera
 
 _RANSAC_ITERATIONS, _RANSAC_CONFIDENCE = 500, 0.999

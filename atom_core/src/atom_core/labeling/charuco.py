@@ -12,9 +12,9 @@ from copy import copy
 from dataclasses import dataclass
 from typing import List, NamedTuple, Optional, Tuple
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.aruco import detect_markers, marker_squares
 from atom_core.geometry.camera import Camera
 from atom_core.labeling.board_view import BoardView

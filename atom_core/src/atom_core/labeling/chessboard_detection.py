@@ -12,8 +12,9 @@ from __future__ import annotations
 
 from typing import Callable, NamedTuple, Optional, Tuple
 
-import cv2
 import numpy as np
+
+from atom_core import opencv as cv2
 
 _LEAST_SADDLES, _AROUND_PX = 0.8, 40
 _STEEP, _SHARE_OF_STEEPEST = 60.0, 0.04  # steepness goes with the square of the contrast
@@ -33,9 +34,13 @@ class _Attempt(NamedTuple):
     largest_px: int = 4_500_000  # of the scaled picture; a larger one takes too long
 
 
-def _sectors(flags: int) -> Detector:
-    # its own refinement (CALIB_CB_ACCURACY) takes five times as long, and ours follows
-    return lambda grey, size: cv2.findChessboardCornersSB(grey, size, flags=flags)
+# OpenCV's own refinement (CALIB_CB_ACCURACY) takes five times as long, and ours follows.
+def _sectors(grey: np.ndarray, size: Size) -> Tuple[bool, np.ndarray]:
+    return cv2.findChessboardCornersSB(grey, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+
+
+def _plain_sectors(grey: np.ndarray, size: Size) -> Tuple[bool, np.ndarray]:
+    return cv2.findChessboardCornersSB(grey, size, flags=0)
 
 
 def _outlines(grey: np.ndarray, size: Size) -> Tuple[bool, np.ndarray]:
@@ -45,12 +50,10 @@ def _outlines(grey: np.ndarray, size: Size) -> Tuple[bool, np.ndarray]:
     return cv2.findChessboardCorners(smooth, size, flags=flags)
 
 
-_FIRST = _sectors(cv2.CALIB_CB_NORMALIZE_IMAGE)
-_PLAIN = _sectors(0)
 _FURTHER = (
-    _Attempt(_PLAIN, 1.0),
-    _Attempt(_FIRST, 1.5),
-    _Attempt(_FIRST, 2.0),
+    _Attempt(_plain_sectors, 1.0),
+    _Attempt(_sectors, 1.5),
+    _Attempt(_sectors, 2.0),
     _Attempt(_outlines, 0.5, _LARGEST_FOR_OUTLINES_PX),
     _Attempt(_outlines, 1.0, _LARGEST_FOR_OUTLINES_PX),
 )
@@ -64,15 +67,15 @@ def detect(grey: np.ndarray, size: Size) -> Optional[np.ndarray]:
         size: columns and rows of inner corners.
     """
     large = grey.size > _LARGE_PX
-    found = _try(grey, size, _Attempt(_FIRST, 0.5 if large else 1.0))
+    found = _try(grey, size, _Attempt(_sectors, 0.5 if large else 1.0))
     if found is None and large:
-        found = _try(grey, size, _Attempt(_PLAIN, 0.5))
+        found = _try(grey, size, _Attempt(_plain_sectors, 0.5))
     if found is not None:
         return found
     part, corner = _part_with_saddles(grey, size)
     if part is None:
         return None
-    further = (_Attempt(_FIRST, 1.0), *_FURTHER) if large else _FURTHER
+    further = (_Attempt(_sectors, 1.0), *_FURTHER) if large else _FURTHER
     for attempt in further:
         if part.size * attempt.scale**2 > attempt.largest_px:
             continue
@@ -100,7 +103,7 @@ def detect_another(grey: np.ndarray, grid: np.ndarray) -> Tuple[np.ndarray, Opti
     if part is None:
         return rest, None
     scale = 0.5 if part.size > _LARGE_PX else 1.0
-    found = _try(part, (columns, rows), _Attempt(_FIRST, scale))
+    found = _try(part, (columns, rows), _Attempt(_sectors, scale))
     return rest, None if found is None else found + corner
 
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Container, Optional, Sequence, Tuple
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.errors import LabelingError
 from atom_core.geometry.depth_noise import depth_sigma_m
 from atom_core.labeling.base import Labeled

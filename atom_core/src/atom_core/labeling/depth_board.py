@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Dict, NamedTuple, Tuple
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.labeling.base import Labeled, nothing
 from atom_core.labeling.board_fit import BoardFit, fit_board
 from atom_core.labeling.depth_view import (

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import NamedTuple, Optional, Tuple
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.geometry.depth_noise import depth_sigma_m
 from atom_core.labeling.depth_view import (
     QUANTUM_M,
@@ -30,8 +30,6 @@ _LAST_FITS = 15
 _INLIER_SIGMAS = 3.5
 _FEW_HOLES = 0.03  # of what a flood reached
 _DARK_SQUARES = 1.3  # sides, across the largest hole
-# Named, since the one that OpenCV 4.5.5 takes by itself ends the process (opencv issue 21366).
-_COMPONENTS = cv2.CCL_WU
 _NEIGHBOURHOOD_PX = 4  # about the start, in which the region must have a pixel
 
 
@@ -195,8 +193,9 @@ def _on_plane(view: DepthView, plane: Plane, flood: Region, start: np.ndarray) -
     on_plane = (near & (flood.mask > 0)).astype(np.uint8)
     on_plane = _with_dark_squares(view, on_plane, flood, float(view.solid_m[start[1], start[0]]))
     on_plane = cv2.morphologyEx(closed(on_plane), cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
+    # Named, since what OpenCV 4.5.5 takes by itself ends the process (opencv issue 21366).
     count, names, stats, _ = cv2.connectedComponentsWithStatsWithAlgorithm(
-        on_plane, 4, cv2.CV_32S, _COMPONENTS
+        on_plane, 4, cv2.CV_32S, cv2.CCL_WU
     )
     if count < 2:
         return None

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple, Tuple
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.depth_noise import depth_sigma_m
 from atom_core.geometry.plane import plane_basis
@@ -15,7 +15,7 @@ from atom_core.geometry.plane import plane_basis
 _SPECK_M, _SPECK_SIGMAS = 0.02, 8.0  # by which neighbours are alike
 _FEW_HOLES, _LEAST_AROUND = 0.97, 0.25
 QUANTUM_M = 0.001  # what rounding adds to a depth's noise
-CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], dtype=np.uint8)  # for morphology
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from typing import NamedTuple, Tuple
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.aruco import find_squares, marker_bits
 
 _UPSCALE, _UPSCALE_BELOW = 2.0, 12

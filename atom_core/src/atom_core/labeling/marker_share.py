@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from typing import NamedTuple, Optional
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.geometry.camera import Camera
 
 _LEAST_MARKERS = 5  # four determine a homography

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Tuple
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.errors import LabelingError
 
 _FAR_PX = 2.0**15  # beyond every image; OpenCV's numbers overflow later

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Dict, List, Optional
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.errors import LabelingError
 from atom_core.labeling.base import Labeled, nothing
 from atom_core.labeling.charuco import CharucoFinder

@@ -12,8 +12,9 @@ from __future__ import annotations
 
 from typing import NamedTuple, Tuple
 
-import cv2
 import numpy as np
+
+from atom_core import opencv as cv2
 
 _LEAST_RATIO = 1.5  # of the two axes of a blur, for it to be a motion's
 _LEAST_PAIRS = 8

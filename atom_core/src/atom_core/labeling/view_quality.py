@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from typing import Dict, Mapping, NamedTuple, Optional, Tuple
 
-import cv2
 import numpy as np
 from scipy.special import erf
 
+from atom_core import opencv as cv2
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.labeling.smear import smear_of

@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import List, Optional, Tuple
 
-import cv2
 import numpy as np
 from scipy import sparse
 
+from atom_core import opencv as cv2
 from atom_core.aruco import charuco_print
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera

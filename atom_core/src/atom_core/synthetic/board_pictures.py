@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Callable, Iterator, Tuple
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.model.config import PatternConfig

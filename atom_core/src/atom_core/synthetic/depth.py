@@ -6,9 +6,9 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any, Dict, Mapping, Tuple, Union
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.model.labels import RangeLabel

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Tuple
 
-import cv2
 import numpy as np
+
+from atom_core import opencv as cv2
 
 _STEP_PX = 0.25  # of a picture that moves while it is exposed
 

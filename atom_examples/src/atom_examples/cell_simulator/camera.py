@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Optional, Tuple
 
-import cv2
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from atom_core import opencv as cv2
 from atom_core.geometry.camera import Camera
 from atom_core.synthetic.planted import CameraErrors
 from atom_examples.cell_simulator.errors import SimulatorError

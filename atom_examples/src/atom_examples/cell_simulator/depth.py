@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple, Optional, Tuple
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.geometry.camera import Camera
 from atom_core.synthetic.depth import near_jumps
 from atom_core.synthetic.planted import DepthErrors

@@ -16,9 +16,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Dict, Iterator, List, Tuple
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.io.atomic import write_json_atomically
 from atom_core.io.json_text import load_json
 from atom_examples.cell_simulator.graphics import import_mujoco
@@ -38,6 +38,7 @@ PROGRAM = (
     "atom_core.aruco",
     "atom_core.errors",
     "atom_core.native",
+    "atom_core.opencv",
     "atom_core.io.atomic",
     "atom_core.io.data_formats",
     "atom_core.io.encoded_images",

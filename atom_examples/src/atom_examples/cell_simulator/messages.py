@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Dict, Mapping, Optional, Tuple, Union
 
-import cv2
 import numpy as np
 import rospy
 from geometry_msgs.msg import Point, Pose, Quaternion, Transform, TransformStamped, Vector3
@@ -20,6 +19,7 @@ from sensor_msgs.msg import (
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
+from atom_core import opencv as cv2
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.model.robot import FIXED, RobotDescription

@@ -21,7 +21,6 @@ from typing import (
     Tuple,
 )
 
-import cv2
 import numpy as np
 import rospy
 from tqdm import tqdm
@@ -50,6 +49,7 @@ from atom_calibration.sources.contradictions import MessageWatch
 from atom_calibration.sources.described_bag import SAVED, check_described, transforms_of_bag
 from atom_calibration.sources.rig import Rig, rig_from_bag
 from atom_calibration.sources.transform_tree import BagTransforms
+from atom_core import opencv as cv2
 from atom_core.cli import BAD_INPUT, INTERRUPTED
 from atom_core.commands.common import add_option, add_output_options
 from atom_core.commands.option_parser import OptionParser, examples

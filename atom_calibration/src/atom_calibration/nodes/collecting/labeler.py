@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 from typing import Mapping
 
-import cv2
 import rospy
 
 from atom_calibration.modalities.table import ros_modality
@@ -19,6 +18,7 @@ from atom_calibration.runtime import options, running
 from atom_calibration.sources.live_topics import LiveTopics, wait_for
 from atom_calibration.sources.receipts import ReceiptTimes
 from atom_calibration.sources.rig import Rig, rig_from_bag
+from atom_core import opencv as cv2
 from atom_core.commands.atom_options import LABELER, add_meaningless_options
 from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser

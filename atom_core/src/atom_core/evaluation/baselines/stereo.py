@@ -5,9 +5,9 @@ from __future__ import annotations
 from itertools import combinations
 from typing import Dict, List, NamedTuple, Tuple
 
-import cv2
 import numpy as np
 
+from atom_core import opencv as cv2
 from atom_core.evaluation.baselines.links import (
     Link,
     LinkedRig,

@@ -5,11 +5,11 @@ from __future__ import annotations
 import textwrap
 from typing import Any, List, Sequence, Union
 
-import cv2
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import AutoLocator, MaxNLocator
 
+from atom_core import opencv as cv2
 from atom_core.report.page.blocks import Chart, Picture
 from atom_core.report.page.html import axes_of
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Optional, Sequence, Tuple
 
-import cv2
 import numpy as np
+
+from atom_core import opencv as cv2
 
 WIDTH_PX = 720  # of a picture in the report
 _FOUND, _EXPECTED, _OUTLINE = (0, 140, 255), (60, 20, 220), (255, 220, 0)  # blue green red
