@@ -53,5 +53,5 @@ fi
 # One thread of linear algebra in each process, as for the other tests (Makefile). One process: each
 # would read and rewrite all tests anew, and `make test` has other work for the second processor.
 env PYTHONPATH=atom_core/src PYTHONDONTWRITEBYTECODE=1 OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 \
-  "$venv/bin/python" -m pytest -p no:cacheprovider -q \
+  "$venv/bin/python" -m pytest -p no:cacheprovider --assert=plain -q \
   "${needs_compiled[@]/#/--ignore=}" "${left_out[@]}" "$@" "${tested[@]}" | sed -u "s/^/Noetic's versions: /"

@@ -21,6 +21,7 @@ from atom_core.problem.initial_boards import (
     doubtful_boards,
     estimate_boards,
     misfit,
+    misfits,
 )
 from atom_core.problem.measurements import Measurement
 from atom_core.problem.parameters import Parameters
@@ -49,7 +50,9 @@ class Seen(Measurement):
 
     def errors_m(self, sensor_T_pattern):
         self.asked.append("errors")
-        return np.linalg.norm(sensor_T_pattern[:3, 3:] - self.sensor_T_pattern[:3, 3:], axis=0)
+        return np.linalg.norm(
+            sensor_T_pattern[..., :3, 3:] - self.sensor_T_pattern[:3, 3:], axis=-2
+        )
 
     def implausibilities(self):
         return []
@@ -112,15 +115,27 @@ def test_the_parent_is_seen_from_the_sensor_by_way_of_the_world():
     np.testing.assert_allclose(world_T_sensor("a") @ found, PARENT, atol=1e-12)
 
 
-def test_the_sum_of_misfits_stops_where_it_is_enough():
+def test_misfits_of_several_sensors_add_up():
     far = [seen(name, off_truth_m=0.1) for name in "abc"]
     views = [(m, placed(far).sensor_T_parent(m)) for m in far]
     assert _total_misfit(views, TRUTH, 0.1) == pytest.approx(1.5)
-    for m in far:
-        m.asked.clear()
-    assert _total_misfit(views, TRUTH, 0.1, enough=0.49) == pytest.approx(0.5)
-    assert [len(m.asked) for m in far] == [1, 0, 0]
-    assert _total_misfit(views, TRUTH, 0.1, enough=0.6) == pytest.approx(1.0)
+
+
+def test_of_many_poses_each_has_its_own_misfit():
+    one = seen("a")
+    poses = np.array([beside(one.sensor_T_pattern, error_m) for error_m in (0.0, 0.2, 0.6)])
+    np.testing.assert_allclose(misfits(one, poses, 0.2), [0.0, 0.5, 0.9], atol=1e-12)
+
+
+def test_the_best_pose_is_the_one_of_the_least_sum_also_where_others_begin_better():
+    several = [seen(name) for name in "abcd"]
+    views = [(m, placed(several).sensor_T_parent(m)) for m in several]
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        poses = [TRUTH @ se3.random_move(0.3, 0.1, rng) for _ in range(6)]
+        every = [_total_misfit(views, pose, 0.1) for pose in poses]
+        best, least = _best_explaining(views, poses, 0.1)
+        assert best == np.argmin(every) and least == pytest.approx(min(every))
 
 
 def test_the_best_pose_is_the_first_of_the_least_misfit():

@@ -165,6 +165,12 @@ def apply(a_T_b: np.ndarray, points_in_b: np.ndarray) -> np.ndarray:
     return np.einsum("nij,nj->ni", a_T_b[:, :3, :3], points_in_b) + a_T_b[:, :3, 3]
 
 
+def apply_each(a_T_b: np.ndarray, points_in_b: np.ndarray) -> np.ndarray:
+    """Return points (..., n, 3) in a of the same points (n, 3) in b, for transforms (..., 4, 4)."""
+    a_T_b = np.asarray(a_T_b, dtype=float)
+    return points_in_b @ np.swapaxes(a_T_b[..., :3, :3], -1, -2) + a_T_b[..., None, :3, 3]
+
+
 def adjoint(a_T_b: np.ndarray) -> np.ndarray:
     """Return A (..., 6, 6) with ``T exp(x) T^-1 == exp(A x)`` for twists x = (rotation, move)."""
     a_T_b = np.asarray(a_T_b, dtype=float)

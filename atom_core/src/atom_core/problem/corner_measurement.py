@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import List, Sequence, Tuple
 
 import numpy as np
@@ -57,6 +58,10 @@ class CornerMeasurement(Measurement):
 
     def candidates(self) -> List[np.ndarray]:
         """Return the solutions of planar PnP, the better one first; none if the corners are few."""
+        return list(self._poses)
+
+    @cached_property
+    def _poses(self) -> List[np.ndarray]:
         corners = self.corners_in_pattern
         if len(corners) < _MIN_CORNERS or _on_a_line(corners[:, :2]):
             return []
@@ -77,9 +82,10 @@ class CornerMeasurement(Measurement):
         return [candidates[i] for i in np.argsort(errors) if errors[i] <= limit]
 
     def errors_m(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
-        """Return (n,) reprojection errors of all corners, as metres [m]."""
-        points = se3.apply(sensor_T_pattern, self.corners_in_pattern)
-        return np.linalg.norm(self.camera.project(points) - self.pixels, axis=1) * M_PER_PX
+        """Return (..., n) reprojection errors [m] of all corners, at poses (..., 4, 4)."""
+        points = se3.apply_each(sensor_T_pattern, self.corners_in_pattern)
+        pixels = self.camera.project(points.reshape(-1, 3)).reshape(*points.shape[:-1], 2)
+        return np.linalg.norm(pixels - self.pixels, axis=-1) * M_PER_PX
 
     def implausibilities(self) -> List[str]:
         """Return what is wrong with the corners: no pose of the board explains them."""

@@ -39,9 +39,15 @@ def misfit(measurement: Measurement, sensor_T_pattern: np.ndarray, expected_m: f
         sensor_T_pattern: (4, 4).
         expected_m: the size of error that is nothing unusual.
     """
-    errors = measurement.errors_m(sensor_T_pattern)
-    squares = (errors / expected_m) ** 2
-    return float(np.mean(squares / (1.0 + squares)))
+    return float(misfits(measurement, sensor_T_pattern, expected_m))
+
+
+def misfits(
+    measurement: Measurement, sensor_T_patterns: np.ndarray, expected_m: float
+) -> np.ndarray:
+    """Return how badly poses (..., 4, 4) explain a detection, (...), each as `misfit`."""
+    squares = (measurement.errors_m(sensor_T_patterns) / expected_m) ** 2
+    return np.asarray(np.mean(squares / (1.0 + squares), axis=-1))
 
 
 @dataclass(frozen=True)
@@ -158,28 +164,29 @@ def _views(seen: Sequence[Measurement], placement: Placement) -> List[View]:
     return [(m, placement.sensor_T_parent(m)) for m in seen]
 
 
-def _total_misfit(
-    views: Sequence[View], parent_T_pattern: np.ndarray, expected_m: float, enough: float = np.inf
-) -> float:
-    """Return the sum of misfits; of the first of them, where these are ``enough`` already."""
-    total = 0.0
-    for m, sensor_T_parent in views:
-        total += misfit(m, sensor_T_parent @ parent_T_pattern, expected_m)
-        if total >= enough:
-            break
-    return total
+def _total_misfit(views: Sequence[View], parent_T_pattern: np.ndarray, expected_m: float) -> float:
+    """Return the sum of misfits."""
+    return sum(
+        misfit(m, sensor_T_parent @ parent_T_pattern, expected_m) for m, sensor_T_parent in views
+    )
 
 
 def _best_explaining(
     views: Sequence[View], proposals: Sequence[np.ndarray], expected_m: float
 ) -> Tuple[int, float]:
     """Return which pose has the least total misfit, and that; infinity if there is no pose."""
-    best, least = 0, np.inf
-    for index, pose in enumerate(proposals):
-        total = _total_misfit(views, pose, expected_m, enough=least)
-        if total < least:
-            best, least = index, total
-    return best, least
+    if not proposals:
+        return 0, np.inf
+    poses, total = np.array(proposals), np.zeros(len(proposals))
+    left = np.arange(len(proposals))
+    for number, (m, sensor_T_parent) in enumerate(views, 1):
+        found = misfits(m, sensor_T_parent @ poses[left], expected_m)
+        total[left] += np.where(np.isnan(found), np.inf, found)
+        # A view adds one at most: what is farther behind the best cannot catch up.
+        reachable = np.min(total[left]) + (len(views) - number)
+        left = left[total[left] <= reachable]
+    best = int(left[np.argmin(total[left])])
+    return best, float(total[best])
 
 
 def _proposals(seen: Sequence[Measurement], placement: Placement) -> List[np.ndarray]:

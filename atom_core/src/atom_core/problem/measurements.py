@@ -48,7 +48,7 @@ class Measurement(ABC):
 
     @abstractmethod
     def errors_m(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
-        """Return (n,) deviations at a pose (4, 4), as metres [m], of a sample of its items."""
+        """Return deviations (..., n) at poses (..., 4, 4), as metres [m], of a sample of items."""
 
     def with_atom_residuals(self) -> Measurement:
         """Return the measurement whose residuals are those of ATOM, where they differ."""

@@ -95,12 +95,13 @@ class RangeMeasurement(Measurement):
         ]
 
     def errors_m(self, sensor_T_pattern: np.ndarray) -> np.ndarray:
-        """Return (n,) distances [m] of some points to the plane, of limit points to the border."""
+        """Return (..., n) distances [m] of points to the plane, of limit points to the border."""
         pattern_T_sensor = se3.inverse(sensor_T_pattern)
         step = max(len(self.inside) // POINTS_LOOKED_AT, 1)
-        height = se3.apply(pattern_T_sensor, self.inside[::step])[:, 2]
-        limit = se3.apply(pattern_T_sensor, self.limit)[:, :2]
-        return np.concatenate([height, self.border.signed_distance(limit)[0]])
+        height = se3.apply_each(pattern_T_sensor, self.inside[::step])[..., 2]
+        limit = se3.apply_each(pattern_T_sensor, self.limit)[..., :2]
+        distance, _ = self.border.signed_distance(limit.reshape(-1, 2))
+        return np.concatenate([height, distance.reshape(limit.shape[:-1])], axis=-1)
 
     def with_atom_residuals(self) -> RangeMeasurement:
         """Return the measurement whose residuals are those of ATOM."""

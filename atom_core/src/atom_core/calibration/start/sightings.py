@@ -17,7 +17,7 @@ from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset
 from atom_core.model.pattern import BoardKey
 from atom_core.model.transforms import Chain, Edge, chain_transform
-from atom_core.problem.initial_boards import misfit
+from atom_core.problem.initial_boards import misfits
 from atom_core.problem.measurements import Measurement
 
 _EXPECTED_M = 0.1  # misfit of a detection to a board that other, roughly placed sensors see
@@ -126,10 +126,11 @@ def _agreeing(seen: Sequence[Tuple[Sighting, np.ndarray]]) -> List[np.ndarray]:
     if len(seen) == 1:
         return proposals
     judged = [(s.measurement, se3.inverse(parent_T_sensor)) for s, parent_T_sensor in seen]
-    costs = np.array(
-        [np.mean([misfit(m, inv @ pose, _EXPECTED_M) for m, inv in judged]) for pose in proposals]
-    )
-    return [] if not len(costs) else [proposals[i] for i in _near_best(costs)]
+    if not proposals:
+        return []
+    poses = np.array(proposals)
+    costs = np.mean([misfits(m, inv @ poses, _EXPECTED_M) for m, inv in judged], axis=0)
+    return [proposals[i] for i in _near_best(costs)]
 
 
 def _near_best(costs: np.ndarray) -> np.ndarray:
@@ -141,8 +142,7 @@ def misfit_at(
     sighting: Sighting, parent_T_sensor: np.ndarray, boards: Optional[Sequence[np.ndarray]]
 ) -> float:
     """Return how badly the best of a board's proposals explains a sighting, 0 .. 1."""
-    sensor_T_parent = se3.inverse(parent_T_sensor)
-    return min(
-        (misfit(sighting.measurement, sensor_T_parent @ b, _EXPECTED_M) for b in boards or ()),
-        default=1.0,
-    )
+    if not boards:
+        return 1.0
+    sensor_T_boards = se3.inverse(parent_T_sensor) @ np.array(boards)
+    return float(np.min(misfits(sighting.measurement, sensor_T_boards, _EXPECTED_M)))
