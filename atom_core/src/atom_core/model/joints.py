@@ -53,7 +53,9 @@ class JointState:
         numbers = [self.position, *axis, *values.values()]
         if axis.shape != (3,) or not np.all(np.isfinite(numbers)) or not np.any(axis):
             raise ValueError("position, axis and origin must be finite numbers, the axis not zero")
-        object.__setattr__(self, "axis", axis / np.linalg.norm(axis))
+        length = float(np.linalg.norm(axis))
+        # Of a unit vector the digits stay, so that a file that is read and written is the same.
+        object.__setattr__(self, "axis", axis if abs(length - 1.0) < 1e-12 else axis / length)
         object.__setattr__(self, "position", float(self.position))
         object.__setattr__(self, "parameters", values)
 
