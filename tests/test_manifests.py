@@ -7,6 +7,7 @@ launch files for the programs they start. `requirements/apt.txt` has a Debian pa
 import ast
 import re
 import sys
+from functools import lru_cache
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -16,6 +17,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 
 from package_names import debian_packages, listed  # noqa: E402
+from python_statements import statements  # noqa: E402
 
 PACKAGES = {path.parent.name: path.parent for path in sorted(ROOT.glob("*/package.xml"))}
 
@@ -74,6 +76,7 @@ def declared(package, *kinds):
     }
 
 
+@lru_cache(maxsize=None)
 def files(package, *suffixes):
     """Return the package's files with these endings, generated ones aside."""
     folder = PACKAGES[package]
@@ -90,7 +93,7 @@ def python_files(package):
 def imported(path):
     """Return the first parts of the names of all modules that a file imports."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in statements(path.read_text(encoding="utf-8")):
         if isinstance(node, ast.Import):
             found |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:

@@ -3,12 +3,17 @@
 import ast
 import re
 import subprocess
+import sys
 from pathlib import Path
 from typing import Iterator, NamedTuple
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "tests"))
+
+from python_statements import statements  # noqa: E402
+
 MODULE_LINES = 450
 FUNCTION_LINES = {"Python": 50, "C++": 60}
 
@@ -42,7 +47,7 @@ def of_cpp():
 
 
 def python_functions(text) -> Iterator[Function]:
-    for node in ast.walk(ast.parse(text)):
+    for node in statements(text):
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
             yield Function(node.name, node.end_lineno - node.lineno + 1)
 

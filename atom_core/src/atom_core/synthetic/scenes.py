@@ -302,21 +302,24 @@ def hand_eye(seed: int = 0, *, aim_m: float = 0.1, **options: Any) -> SyntheticD
 
 
 def board_on_arm(
-    seed: int = 0, *, modality: str = RGB, spread_m: float = 0.2, **options: Any
+    seed: int = 0, *, modality: str = RGB, sensors: int = 1, spread_m: float = 0.2, **options: Any
 ) -> SyntheticDataset:
-    """Simulate a board on a moving flange before a sensor that stands still; nothing anchored.
+    """Simulate a board on a moving flange before sensors that stand still; nothing anchored.
 
     Args:
         seed: of everything random.
-        modality: of the sensor.
+        modality: of the sensors.
+        sensors: how many, side by side.
         spread_m: how far the board is moved, along each axis; from some 0.5 on it is seen in part.
         options: of ``SceneOptions``.
     """
     rng, chosen = np.random.default_rng([seed, 107]), SceneOptions(seed=seed, **options)
     centre, structure = (0.0, 0.0, 1.0), _base(rng)
-    place = _around(centre, 0.0, rng)
-    mount = _mounted(f"{modality}_1", modality, place, centre, structure, rng)
-    rig = assemble("world", structure, [mount], room=_ROOM)
+    mounts = []
+    for i in range(sensors):
+        place = _around(centre, 0.3 * i, rng)
+        mounts.append(_mounted(f"{modality}_{i + 1}", modality, place, centre, structure, rng))
+    rig = assemble("world", structure, mounts, room=_ROOM)
     flange_T_pattern = jittered(
         se3.from_rpy(np.array([0.1, 0.05, 0.2]), np.zeros(3)), 0.05, 0.3, rng
     )

@@ -49,7 +49,7 @@ from atom_calibration.sources.contradictions import MessageWatch
 from atom_calibration.sources.described_bag import SAVED, check_described, transforms_of_bag
 from atom_calibration.sources.rig import Rig, rig_from_bag
 from atom_calibration.sources.transform_tree import BagTransforms
-from atom_core import opencv as cv2
+from atom_core import opencv
 from atom_core.cli import BAD_INPUT, INTERRUPTED
 from atom_core.commands.common import add_option, add_output_options
 from atom_core.commands.option_parser import OptionParser, examples
@@ -244,7 +244,7 @@ def labeled_frames(
     ahead; what needs the result of the frame before it, the tracking of range sensors, is done
     here.
     """
-    cv2.setNumThreads(1)
+    opencv.use_one_thread()
     bad: Counter = Counter()
     good: Counter = Counter()
     total = sum(bag.counts[topic] for topic in rig.topics)

@@ -18,7 +18,7 @@ from atom_calibration.runtime import options, running
 from atom_calibration.sources.live_topics import LiveTopics, wait_for
 from atom_calibration.sources.receipts import ReceiptTimes
 from atom_calibration.sources.rig import Rig, rig_from_bag
-from atom_core import opencv as cv2
+from atom_core import opencv
 from atom_core.commands.atom_options import LABELER, add_meaningless_options
 from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser
@@ -40,7 +40,7 @@ def _run(name: str, modality: str, args: argparse.Namespace) -> int:
     has_seeds = ros_modality(modality).seeds is not None
     cameras = {n: e.link for n, e in everyone.items() if has_seeds and _may_tell_pose(e)}
     running.start(f"{args.sensor}_labeler")
-    cv2.setNumThreads(1)
+    opencv.use_one_thread()
     links = LabelLinks(args.sensor, cameras, args.use_receive_time)
     with LiveTopics(config) as topics:
 

@@ -24,6 +24,7 @@ from atom_core.problem.model_errors import (
 )
 from atom_core.problem.problem import Problem
 
+_STILL = 1e-6  # positions [rad, m] of a joint that does not move
 _SAME = 1e-3  # entries of a transform and of what the position says
 
 
@@ -59,16 +60,19 @@ def _errors_of(
     The part that is the same for all detections is the offset's: what goes with the position is
     told beside it.
     """
+    offset = PrismaticOffset if joint.is_prismatic else JointOffset
+    found: List[JointError] = [offset(name, twists)]
+    if np.ptp(positions) <= _STILL:
+        return found
 
     def varying(share: np.ndarray) -> np.ndarray:
         return twists * (share - np.mean(share))[:, None]
 
-    scale = JointScale(name, varying(positions))
-    if joint.is_prismatic:
-        return [PrismaticOffset(name, twists), scale]
-    shares = (np.sin(positions), np.cos(positions))
-    waves = [JointWave(name, varying(share), phase) for phase, share in enumerate(shares)]
-    return [JointOffset(name, twists), scale, *waves]
+    found.append(JointScale(name, varying(positions)))
+    if not joint.is_prismatic:
+        waves = (np.sin(positions), np.cos(positions))
+        found += [JointWave(name, varying(share), phase) for phase, share in enumerate(waves)]
+    return found
 
 
 def _is_told(dataset: Dataset, collection: str, joint: JointState) -> bool:

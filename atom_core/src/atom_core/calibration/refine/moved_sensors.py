@@ -1,4 +1,4 @@
-"""Whether a sensor, or a fixed board, was moved while the collections were made.
+"""Whether a sensor, a fixed board or an arm's base was moved while the collections were made.
 
 Then two poses fit what was seen before and after, and the solution has neither. For every sensor
 and every place between two collections, one Gauss-Newton step is taken with six more numbers: by
@@ -12,13 +12,14 @@ with another one, or the edge is not calibrated: then the description is wrong.
 
 from __future__ import annotations
 
-from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple, Union
+from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
 from atom_core.calibration.refine.changed_focus import Refocused, changed_focus
 from atom_core.calibration.refine.model_checks import ModelCheck
 from atom_core.calibration.refine.model_errors import CheckedSolution
+from atom_core.calibration.refine.moving_edges import moving_runs
 from atom_core.calibration.refine.steps import (
     ALIKE,
     BY_CHANCE,
@@ -32,8 +33,9 @@ from atom_core.calibration.refine.steps import (
     shared_parts,
     step_between,
 )
+from atom_core.calibration.start.boards import solved_dataset
 from atom_core.geometry import se3
-from atom_core.model.dataset import Dataset
+from atom_core.model.dataset import Dataset, pose
 from atom_core.problem.blocks import BLOCK_SIZE, ROTATION, SENSOR, TRANSLATION
 from atom_core.problem.problem import Problem
 from atom_core.solvers.base import Solver, SolverSummary
@@ -42,11 +44,12 @@ from atom_core.solvers.normal_equations import NormalEquations, summed
 from atom_core.solvers.shared_equations import SharedEquations, inverse, shares_of, tempered
 
 _LEAST_M, _LEAST_RAD = 0.002, float(np.radians(0.1))  # less is nobody's concern
+_SAME = 1e-6  # part of a gain by which two differ that are the same but for rounding
 _MOST_M, _MOST_RAD = 0.3, float(np.radians(20.0))  # what looks like more is something else
 
 
 class Moved(NamedTuple):
-    """A sensor or a fixed board that stood elsewhere in the later collections.
+    """A sensor, a fixed board or an arm's base that stood elsewhere in the later collections.
 
     Attributes:
         names: it, and others that explain it as well.
@@ -162,7 +165,7 @@ def moved_sensors(
     refocused = changed_focus(dataset, solution, cautious, best, others)
     if refocused is not None or not best:
         return refocused
-    name, step = max(best.items(), key=lambda one: one[1].gain)
+    name, step = _most_telling(best)
     shares = shares_of(solver.problem, summary.sigmas, summary.common or [0.0] * len(shares))
     as_weighted = tempered(solver.problem, equations, shares, summary.x)
     again = _motions(dataset, solver.problem, summary.x, as_weighted, solution.equations)
@@ -224,7 +227,7 @@ def _turns_and_shifts(
     information: np.ndarray,
     gradient: np.ndarray,
 ) -> Dict[str, DetectionColumns]:
-    """Return six columns for each sensor and each fixed board.
+    """Return six columns for each sensor, each fixed board, and each base of a moving part.
 
     Args:
         dataset: with the boards.
@@ -246,10 +249,37 @@ def _turns_and_shifts(
     by_board = se3.adjoint(problem.poses(x)) if fixed else np.zeros(0)  # left twists by right ones
     for name in fixed:
         own = by_board * (patterns == name)[:, None, None]
-        turned, slope = np.swapaxes(own, 1, 2), np.einsum("dij,di->dj", own, gradient)
-        found[f"board {name}"] = DetectionColumns(
-            turned @ information @ own, slope, turned @ by_twist
-        )
+        found[f"board {name}"] = _turned(own, information, gradient, by_twist)
+    for name, own in _by_bases(dataset, problem, x).items():
+        found[f"base '{name}'"] = _turned(own, information, gradient, by_twist)
+    return found
+
+
+def _turned(
+    own: np.ndarray, information: np.ndarray, gradient: np.ndarray, by_twist: np.ndarray
+) -> DetectionColumns:
+    """Return the columns of a twist of which (d, 6, 6) tell what the detections have of it."""
+    transposed = np.swapaxes(own, 1, 2)
+    slope = np.einsum("dij,di->dj", own, gradient)
+    return DetectionColumns(transposed @ information @ own, slope, transposed @ by_twist)
+
+
+def _by_bases(dataset: Dataset, problem: Problem, x: np.ndarray) -> Dict[str, np.ndarray]:
+    """Return (d, 6, 6) by the frame on which an arm stands: the detections' twists by its own."""
+    runs = moving_runs(dataset, problem)
+    solved = solved_dataset(dataset, problem, x, {}) if runs else dataset
+    graph, found = solved.graph, {}
+    sensors = {sensor.edge for sensor in dataset.sensors.values()}
+    for run, walked in runs.items():
+        base = run[0].parent
+        if sensors & {step.edge for step in graph.chain(dataset.world, base)}:
+            continue  # inside a device
+        own = found.setdefault(base, np.zeros((len(problem.detections), BLOCK_SIZE, BLOCK_SIZE)))
+        for d, sign in walked.items():
+            key = problem.detections[d]
+            frame = solved.sensors[key.sensor].frame
+            sensor_T_base = pose(solved.collections[key.collection], graph, frame, base)
+            own[d] += sign * se3.adjoint(sensor_T_base)
     return found
 
 
@@ -276,6 +306,15 @@ def _clearest(motions: Changes, unplaced: Sequence[str]) -> Dict[str, Step]:
         if step is not None and step.chance < limit and _is_likely(step.value) and step.gain > most
     }
     return clear_always or best  # a move is told where no place explains it as well
+
+
+def _most_telling(steps: Mapping[str, Step]) -> Tuple[str, Step]:
+    """Return what explains most; the first of those that explain the very same.
+
+    As a board that stands still and the base of the arm before it do.
+    """
+    most = max(step.gain for step in steps.values())
+    return next((n, s) for n, s in steps.items() if s.gain > (1.0 - _SAME) * most)
 
 
 def _is_likely(value: np.ndarray) -> bool:

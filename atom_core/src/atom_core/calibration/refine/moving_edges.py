@@ -28,7 +28,7 @@ _MUCH = 4.0  # times what chance allows, over all collections and in the middle 
 _SEEN = 1e-6  # part of its information that boards of a collection must leave a direction
 _LEAST_M, _LEAST_RAD = 3e-4, float(np.radians(0.02))  # less is nobody's concern
 _FIRST_M, _FIRST_RAD, _ROUNDS = 0.005, 0.01, 200
-_Run = Tuple[Edge, ...]
+Run = Tuple[Edge, ...]
 
 
 class MovingEdge(NamedTuple):
@@ -76,7 +76,7 @@ def moving_edges(
         loss: robust loss.
     """
     problem = solver.problem
-    runs = _runs(dataset, problem)
+    runs = moving_runs(dataset, problem)
     if not runs:
         return []
     equations, squares = solver.equations(x, sigmas, loss), solver.squares(x, sigmas)
@@ -100,7 +100,7 @@ def moving_edges(
     return sorted((edge for edge in found if edge is not None), key=lambda e: -e.gain)
 
 
-def _runs(dataset: Dataset, problem: Problem) -> Dict[_Run, Dict[int, float]]:
+def moving_runs(dataset: Dataset, problem: Problem) -> Dict[Run, Dict[int, float]]:
     """Return runs of moving edges, base first; and by detection whether it walks there (+) or back.
 
     Moving is what changes from collection to collection and is not estimated.
@@ -110,7 +110,7 @@ def _runs(dataset: Dataset, problem: Problem) -> Dict[_Run, Dict[int, float]]:
     by_pair: Dict[Tuple[str, str], List[int]] = {}
     for d, key in enumerate(problem.detections):
         by_pair.setdefault((key.sensor, key.pattern), []).append(d)
-    runs: Dict[_Run, Dict[int, float]] = {}
+    runs: Dict[Run, Dict[int, float]] = {}
     for (sensor, pattern), detections in by_pair.items():
         chain = graph.chain(dataset.sensors[sensor].frame, dataset.patterns[pattern].frame)
         for step in chain:
@@ -156,7 +156,7 @@ def _weighted_squares(
 
 
 def _judged(
-    problem: Problem, run: _Run, parts: Sequence[_Part], rows: Tuple[float, int]
+    problem: Problem, run: Run, parts: Sequence[_Part], rows: Tuple[float, int]
 ) -> Optional[MovingEdge]:
     """Return a run whose poses do not fit, else None."""
     gain, rank = (np.array([getattr(part, name) for part in parts]) for name in ("gain", "rank"))
