@@ -268,7 +268,8 @@ def _by_bases(dataset: Dataset, problem: Problem, x: np.ndarray) -> Dict[str, np
     """Return (d, 6, 6) by the frame on which an arm stands: the detections' twists by its own."""
     runs = moving_runs(dataset, problem)
     solved = solved_dataset(dataset, problem, x, {}) if runs else dataset
-    graph, found = solved.graph, {}
+    graph = solved.graph
+    found: Dict[str, np.ndarray] = {}
     sensors = {sensor.edge for sensor in dataset.sensors.values()}
     for run, walked in runs.items():
         base = run[0].parent
