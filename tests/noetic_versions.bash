@@ -19,14 +19,16 @@ left_out=(--deselect "$core/io/test_dataset_structure.py::test_any_value_anywher
   --deselect "$core/geometry/test_rectangle.py::test_distance_is_that_to_the_nearest_border_sample"
   --deselect "$core/geometry/test_polyline.py::test_distance_agrees_with_dense_sampling"
   --deselect "$core/labeling/test_chessboard.py::test_noise_alone_is_no_board")
-# Where one variant of each test is enough, these are left to `make test-opencv-versions`, too.
+# Where one variant of each test is enough, these are left to `make test-noetic-versions`.
 if [ -n "${ATOM_TEST_VARIANTS:-}" ]; then
   slow=$core/labeling/test_chessboard.py
   left_out+=(--deselect "$slow::test_a_grid_that_a_detector_puts_beside_the_board_is_put_right"
     --deselect "$slow::test_of_two_boards_none_is_taken"
     --deselect "$slow::test_half_a_second_board_does_no_harm"
     --deselect "$slow::test_any_board_is_found_in_its_order_and_without_bias"
-    --deselect "$core/labeling/test_rgb.py::test_corners_are_exact_and_without_bias")
+    --deselect "$core/labeling/test_rgb.py::test_corners_are_exact_and_without_bias"
+    --deselect "$core/labeling/test_rgb.py::test_charuco_real"
+    --deselect "$core/report/test_page.py::test_the_paper_has_a_cover_and_its_pages_are_filled")
 fi
 needs_compiled=("$core"/io/test_urdf{,_writing}.py)
 

@@ -4,9 +4,9 @@ import numpy as np
 
 from atom_calibration.modalities.seeds import PixelSeeds
 from atom_core.model.sensor import DEPTH
-from atom_core.synthetic import paper_cell
+from atom_core.synthetic.cell import cell_rig
 
-SENSOR = next(s for s in paper_cell(0).dataset.sensors.values() if s.modality == DEPTH)
+SENSOR = next(s for s in cell_rig(0).sensors.values() if s.modality == DEPTH)
 NORMAL, REACH_M = np.array([0.0, 0.0, -1.0]), 0.5
 
 

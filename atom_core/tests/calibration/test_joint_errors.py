@@ -110,6 +110,7 @@ def test_a_joint_that_bends_or_moves_too_far_is_named_though_its_offset_is_in_no
     assert "no option estimates it: have the arm calibrated" in result.message
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("make", MAKERS)
 @pytest.mark.parametrize("joint", ["shoulder_pan", "shoulder_lift", "elbow"])
 @pytest.mark.parametrize("size_deg", [0.05, 0.1, 0.2])

@@ -86,6 +86,7 @@ def test_ctrl_c_ends_the_drawing_and_goes_on_to_who_had_the_signal(made, tmp_pat
     assert "calibration.json" in names(tmp_path / "out") and not names(tmp_path / "out") & REPORTS
 
 
+@pytest.mark.long  # that of one alone is made where names are of any bytes
 def test_report_is_made_from_the_files_of_both_results(made, tmp_path, capsys):
     output = tmp_path / "new" / "report"
     words = ["report", "--calibration", made / "results", "--evaluation", made / "evaluation"]

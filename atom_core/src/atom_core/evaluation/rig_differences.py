@@ -55,7 +55,10 @@ def _of_lenses(train: Dataset, test: Dataset) -> List[Caveat]:
             continue
         said = _another_lens(known, sensor.camera)
         if said:
-            remedy = "take both with one zoom, resolution and camera_info, or calibrate anew"
+            remedy = (
+                "take both with one zoom and one camera_info, or calibrate anew; nothing is wrong "
+                "where the calibration itself has estimated the lens by so much"
+            )
             found.append(Caveat((name,), f"{said}; the train file's is used", remedy))
     return found
 
