@@ -58,7 +58,7 @@ run_ctest() {
 }
 
 beside lint nice -n 19 make --no-print-directory lint-only
-# One variant of each test: whether these versions have what we call; the laws are tested below.
+# One variant of nearly each test: whether these versions have what we call; laws are tested below.
 beside "Noetic's versions" nice -n 5 env ATOM_TEST_VARIANTS=1 bash tests/noetic_versions.bash
 if ! make --no-print-directory build; then
   echo "make test: the build failed; no test was run" >&2
