@@ -65,7 +65,7 @@ def _of_lenses(train: Dataset, test: Dataset) -> List[Caveat]:
 
 def _another_lens(train: Camera, test: Camera) -> str:
     """Return how the test set's camera differs from the calibrated one; empty: hardly."""
-    apart = np.abs(np.array(test.K) - np.array(train.K)) / float(train.K[0, 0])
+    apart = np.abs(test.K - train.K) / train.K[0, 0]
     if np.max(apart) <= _SAME_LENS:
         return ""
     of_train, of_test = (

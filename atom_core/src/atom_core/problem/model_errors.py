@@ -250,7 +250,7 @@ class CameraError(ModelError):
 
 
 @dataclass(frozen=True)
-class JointError(ModelError):
+class JointPositionError(ModelError):
     """What is wrong with the positions of a joint.
 
     It belongs to the chain, not to rows: beside the poses it is only looked for.
@@ -270,7 +270,7 @@ class JointError(ModelError):
 
 
 @dataclass(frozen=True)
-class JointOffset(JointError):
+class JointOffset(JointPositionError):
     """What must be added to the positions of a turning joint [rad].
 
     It is estimated as a parameter of the joint (`joint_blocks.py`).
@@ -295,7 +295,7 @@ class PrismaticOffset(JointOffset):
 
 
 @dataclass(frozen=True)
-class JointScale(JointError):
+class JointScale(JointPositionError):
     """By which part a joint moves more than its positions say: a gear's or an encoder's ratio."""
 
     kind = "joint_scale"
@@ -305,7 +305,7 @@ class JointScale(JointError):
 
 
 @dataclass(frozen=True)
-class JointWave(JointError):
+class JointWave(JointPositionError):
     """What must be added to a turning joint's positions, times their sine or cosine [rad].
 
     An arm that bends under its weight, or an encoder off the centre of its axis.

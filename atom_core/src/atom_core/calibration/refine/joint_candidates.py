@@ -16,8 +16,8 @@ from atom_core.model.joints import JointState
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import ROTATION, TRANSLATION
 from atom_core.problem.model_errors import (
-    JointError,
     JointOffset,
+    JointPositionError,
     JointScale,
     JointWave,
     PrismaticOffset,
@@ -28,7 +28,7 @@ _STILL = 1e-6  # positions [rad, m] of a joint that does not move
 _SAME = 1e-3  # entries of a transform and of what the position says
 
 
-def joint_candidates(dataset: Dataset, problem: Problem) -> List[JointError]:
+def joint_candidates(dataset: Dataset, problem: Problem) -> List[JointPositionError]:
     """Return the errors that joints may have which are not estimated.
 
     Args:
@@ -36,7 +36,7 @@ def joint_candidates(dataset: Dataset, problem: Problem) -> List[JointError]:
         problem: whose detections are to depend on them.
     """
     taken = {block.edge for block in problem.parameters.blocks}
-    found: List[JointError] = []
+    found: List[JointPositionError] = []
     for name in sorted({name for c in dataset.collections.values() for name in c.joints}):
         joints = {k: c.joints[name] for k, c in dataset.collections.items() if name in c.joints}
         first = next(iter(joints.values()))
@@ -54,14 +54,14 @@ def joint_candidates(dataset: Dataset, problem: Problem) -> List[JointError]:
 
 def _errors_of(
     name: str, joint: JointState, twists: np.ndarray, positions: np.ndarray
-) -> List[JointError]:
+) -> List[JointPositionError]:
     """Return the errors of one joint, given what each detection has of its motion and position.
 
     The part that is the same for all detections is the offset's: what goes with the position is
     told beside it.
     """
     offset = PrismaticOffset if joint.is_prismatic else JointOffset
-    found: List[JointError] = [offset(name, twists)]
+    found: List[JointPositionError] = [offset(name, twists)]
     if np.ptp(positions) <= _STILL:
         return found
 

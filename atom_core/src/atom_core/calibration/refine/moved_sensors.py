@@ -266,10 +266,12 @@ def _turned(
 
 def _by_bases(dataset: Dataset, problem: Problem, x: np.ndarray) -> Dict[str, np.ndarray]:
     """Return (d, 6, 6) by the frame on which an arm stands: the detections' twists by its own."""
-    runs = moving_runs(dataset, problem)
-    solved = solved_dataset(dataset, problem, x, {}) if runs else dataset
-    graph = solved.graph
     found: Dict[str, np.ndarray] = {}
+    runs = moving_runs(dataset, problem)
+    if not runs:
+        return found
+    solved = solved_dataset(dataset, problem, x, {})
+    graph = solved.graph
     sensors = {sensor.edge for sensor in dataset.sensors.values()}
     for run, walked in runs.items():
         base = run[0].parent

@@ -145,4 +145,5 @@ def misfit_at(
     if not boards:
         return 1.0
     sensor_T_boards = se3.inverse(parent_T_sensor) @ np.array(boards)
-    return float(np.min(misfits(sighting.measurement, sensor_T_boards, _EXPECTED_M)))
+    # fmin: a pose that gives no number is passed over
+    return float(np.fmin.reduce(misfits(sighting.measurement, sensor_T_boards, _EXPECTED_M)))
