@@ -69,6 +69,23 @@ def test_an_unknown_frame_and_one_that_hangs_elsewhere_are_told_apart(bag):
         tree.lookup("world", "island", 2.0)
 
 
+@pytest.mark.parametrize("time_s", [1.0, 39.0])
+def test_transforms_that_begin_late_or_end_early_are_told_with_their_times(make, tmp_path, time_s):
+    messages = [
+        ("/tf_static", make.tf("base", "cam", BASE_T_CAM, 0.5), 0.5),
+        ("/tf_static", make.tf("world", "lidar", BASE_T_LIDAR, 0.5), 0.5),
+    ]
+    messages += [("/tf", make.tf("world", "base", shifted(t), t), t) for t in (15.0, 15.5, 16.0)]
+    wanted = "/tf has no pose of 'world-base' near this time.* from time 15.000 to 16.000"
+    with BagReader(make.bag(tmp_path / "a.bag", messages)) as reader:
+        tree = BagTransforms(reader).at(time_s)
+        for frame in ("cam", "base"):
+            with pytest.raises(TransformError, match=wanted):
+                tree.lookup("lidar", frame, time_s)
+        with pytest.raises(TransformError, match="frame 'nowhere' is in no message"):
+            tree.lookup("world", "nowhere", time_s)
+
+
 def test_the_edges_of_a_collection_are_those_connected_each_at_its_sensors_time(make, bag):
     tree = BagTransforms(bag).at(2.0)
     edges = edges_at(tree, "world", {"cam": 2.0, "lidar": 2.4})

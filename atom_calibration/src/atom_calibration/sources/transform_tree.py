@@ -9,7 +9,19 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, insort
-from typing import Any, Dict, Iterable, List, Mapping, Optional, Set, Tuple
+from typing import (
+    Any,
+    Callable,
+    Dict,
+    Iterable,
+    Iterator,
+    List,
+    Mapping,
+    NamedTuple,
+    Optional,
+    Set,
+    Tuple,
+)
 
 import numpy as np
 import rospy
@@ -30,21 +42,42 @@ _WINDOW_S = 5.0  # of /tf that are in memory at a time
 _LATENCY_S = 2.0  # a transform may be recorded so much later than its stamp
 
 
+class Recorded(NamedTuple):
+    """When a recording has an edge that moves.
+
+    Attributes:
+        topic: that tells it.
+        first_s, last_s: stamps of its first and its last pose [s].
+    """
+
+    topic: str
+    first_s: float
+    last_s: float
+
+
 class TransformTree:
     """Edges over some time, each fixed or a sequence of poses that is interpolated."""
 
-    def __init__(self, span_s: float = 60.0, max_gap_s: float = DEFAULT_MAX_GAP_S):
+    def __init__(
+        self,
+        span_s: float = 60.0,
+        max_gap_s: float = DEFAULT_MAX_GAP_S,
+        recorded: Callable[[], Mapping[Edge, Recorded]] = dict,
+    ):
         """Start without edges.
 
         Args:
             span_s: how much time it holds; older poses are forgotten.
             max_gap_s: longest time between two poses of an edge that is bridged.
+            recorded: returns the edges that move at any time of the recording; asked where one is
+                missed.
         """
         self._buffer = tf2_ros.BufferCore(rospy.Duration.from_sec(span_s))
         self._span_s, self._max_gap_s = span_s, max_gap_s
         self._fixed: Dict[Edge, np.ndarray] = {}
         self._stamps: Dict[Edge, List[float]] = {}
         self._parents: Dict[str, str] = {}
+        self._recorded = recorded
 
     def add(self, messages: Iterable[Any], fixed: bool) -> None:
         """Add the TransformStamped of a message of /tf, or (`fixed`) of /tf_static.
@@ -97,6 +130,7 @@ class TransformTree:
         """
         for frame in (target, source):
             if frame not in self.frames and target != source:
+                self._refuse_what_other_times_have(target, source)
                 known = ", ".join(sorted(self.frames)[:20])
                 raise TransformError(
                     f"frame '{frame}' is in no message of /tf or /tf_static (there are: "
@@ -105,6 +139,7 @@ class TransformTree:
         up, down = self._ancestors(target), self._ancestors(source)
         common = next((frame for frame in up if frame in down), None)
         if common is None:
+            self._refuse_what_other_times_have(target, source)
             raise TransformError(
                 f"no transform connects frame '{target}' with frame '{source}'; record the "
                 f"missing part of /tf or /tf_static, e.g. run robot_state_publisher"
@@ -156,6 +191,25 @@ class TransformTree:
         if not all(edge in self._fixed for edge in edges):
             return None
         return self.lookup(target, source, 0.0)
+
+    def _refuse_what_other_times_have(self, *frames: str) -> None:
+        """Raise a TransformError if edges above these frames are recorded, but not here."""
+        recorded = self._recorded()
+        parents = {edge.child: edge.parent for edge in recorded}
+        parents.update(self._parents)
+        for start in frames:
+            frame, passed = start, {start}
+            while frame in parents and parents[frame] not in passed:
+                edge = Edge(parents[frame], frame)
+                if frame not in self._parents:
+                    topic, first_s, last_s = recorded[edge]
+                    raise TransformError(
+                        f"{topic} has no pose of '{edge}' near this time: it has them from time "
+                        f"{first_s:.3f} to {last_s:.3f}; leave this time out, or record {topic} "
+                        f"as long as the sensors"
+                    )
+                frame = edge.parent
+                passed.add(frame)
 
     def _ancestors(self, frame: str) -> List[str]:
         """Return a frame, and those that it stands in, up to the root.
@@ -248,6 +302,7 @@ class BagTransforms:
         self.lag_s = 0.0 if lag_s is None or abs(lag_s) <= _LATENCY_S else lag_s
         self._window: Tuple[float, float] = (np.inf, -np.inf)
         self._tree = TransformTree()
+        self._recorded: Optional[Dict[Edge, Recorded]] = None
 
     @property
     def doubtful(self) -> List[DoubtfulEdge]:
@@ -269,21 +324,36 @@ class BagTransforms:
     def _read(self, start_s: float, end_s: float) -> TransformTree:
         margin = self._max_gap_s + _LATENCY_S
         recorded = start_s - margin + self.lag_s, end_s + margin + self.lag_s
-        tree = TransformTree(end_s - start_s + 4 * margin, self._max_gap_s)
+        tree = TransformTree(end_s - start_s + 4 * margin, self._max_gap_s, self._all_recorded)
         tree.add(self._static.values(), fixed=True)
-        if self._moving_topics:
-            for found in self._bag.messages(self._moving_topics, *recorded):
-                counting = self._counting(found.message)
-                tree.add(counting, fixed=False)
-                for message in counting:
-                    self._watch.see_moving(message)
-        if self._described is not None and self._described.topics:
-            for found in self._bag.messages(self._described.topics, *recorded):
-                described = self._described.transforms(found.message)
-                for message in described:  # before two of one stamp are added
-                    self._watch.see_moving(message, found.topic)
-                tree.add(described, fixed=False)
+        for topic, moving in self._moving_transforms(*recorded):
+            for message in moving:  # before two of one stamp are added
+                self._watch.see_moving(message, topic)
+            tree.add(moving, fixed=False)
         return tree
+
+    def _moving_transforms(
+        self, start_s: Optional[float] = None, end_s: Optional[float] = None
+    ) -> Iterator[Tuple[str, List[Any]]]:
+        """Yield what messages say of edges that move, and the topic."""
+        if self._moving_topics:
+            for found in self._bag.messages(self._moving_topics, start_s, end_s):
+                yield "/tf", self._counting(found.message)
+        if self._described is not None and self._described.topics:
+            for found in self._bag.messages(self._described.topics, start_s, end_s):
+                yield found.topic, self._described.transforms(found.message)
+
+    def _all_recorded(self) -> Dict[Edge, Recorded]:
+        """Return all edges that move, at any time; the bag is read for it once."""
+        if self._recorded is None:
+            self._recorded = {}
+            for topic, moving in self._moving_transforms():
+                for message in moving:
+                    edge, at = edge_of(message), stamp_s(message)
+                    _, first_s, last_s = self._recorded.get(edge, Recorded("", at, at))
+                    span = min(first_s, at), max(last_s, at)
+                    self._recorded[edge] = Recorded(topic, *span)
+        return self._recorded
 
     def _counting(self, message: Any) -> List[Any]:
         """Return the TransformStamped of a message that count."""
