@@ -74,6 +74,8 @@ def test_a_move_of_both_is_found(covariance):
     assert share_beyond(changes_of(covariance, move, draws=500)) > 0.98
 
 
-def test_a_huge_change_has_a_finite_figure(covariance):
-    huge = pose_error(1e3 * np.ones(6))
-    assert LIMIT < rarity(huge, covariance) < np.inf
+@pytest.mark.parametrize("freedom", [np.inf, 30])
+@pytest.mark.parametrize("size", [0.1, 10.0, 1e3, 1e9])
+def test_a_huge_change_has_a_finite_figure(covariance, size, freedom):
+    huge = pose_error(size * np.ones(6))
+    assert LIMIT < rarity(huge, covariance, freedom) < np.inf

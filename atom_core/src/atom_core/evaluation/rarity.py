@@ -138,7 +138,8 @@ def _bound(chance: float, count: int, freedom: float) -> float:
     if np.isinf(freedom):
         return float(special.chdtri(count, chance))
     # The tail of F by that of 1 / F: 1 - chance has no digits left where chance is small.
-    return count / float(special.fdtri(freedom, count, chance))
+    inverse = float(special.fdtri(freedom, count, chance))
+    return count / inverse if inverse > 0.0 else np.inf
 
 
 def _noncentrality(bound: float, count: int, freedom: float) -> float:
