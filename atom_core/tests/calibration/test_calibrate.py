@@ -216,8 +216,11 @@ def test_an_edge_that_is_not_on_the_chain_is_refused():
     sensor = dataset.sensors["rgb_1"]
     elsewhere = replace(sensor, edge=dataset.sensors["lidar_1"].edge)
     chain = f"'rgb_1': edge .* is not on its chain {dataset.world} -> .* -> {sensor.frame};"
-    with pytest.raises(CalibrationError, match=chain):
+    with pytest.raises(CalibrationError, match=f"{chain} correct parent_link"):
         calibrate(replace(dataset, sensors={**dataset.sensors, "rgb_1": elsewhere}))
+    turned = replace(sensor, edge=Edge(sensor.edge.child, sensor.edge.parent))
+    with pytest.raises(CalibrationError, match=f"{chain} exchange parent_link"):
+        calibrate(replace(dataset, sensors={**dataset.sensors, "rgb_1": turned}))
 
 
 def test_an_unknown_anchored_sensor_is_refused():

@@ -81,11 +81,14 @@ def check_edges(dataset: Dataset, free: FreeEdges) -> None:
     chains = {s.name: graph.chain(dataset.world, s.frame) for s in dataset.sensors.values()}
     for sensor in dataset.sensors.values():
         chain = chains[sensor.name]
-        if sensor.edge not in [step.edge for step in chain]:
+        on_chain = [step.edge for step in chain]
+        if sensor.edge not in on_chain:
             frames = " -> ".join([dataset.world] + [_far_frame(step) for step in chain])
+            turned = Edge(sensor.edge.child, sensor.edge.parent) in on_chain
+            remedy = "exchange" if turned else "correct"
             raise CalibrationError(
                 f"sensor '{sensor.name}': edge '{sensor.edge}' is not on its chain {frames}; "
-                f"correct parent_link and child_link in the configuration"
+                f"{remedy} parent_link and child_link in the configuration"
             )
     _check_whole(dataset, chains)
     known = {edge for c in dataset.collections.values() for edge in c.transforms}
