@@ -61,24 +61,23 @@ def _residual_table(document: Document) -> Table:
     rows = []
     for name, sensor in document["sensors"].items():
         for kind, statistics in sensor["residuals"].items():
-            figures = [
-                millimetres(statistics[key], statistics["unit"])[0]
-                for key in ("mean", "rms", "median", "max")
-            ]
-            unit = millimetres(0.0, statistics["unit"])[1]
-            expected = sensor["sigma"].get(f"{kind}_{statistics['unit']}")
-            sigma = (
-                ABSENT
-                if expected is None
-                else f"{millimetres(expected, statistics['unit'])[0]:.3g}"
-            )
+            unit = statistics["unit"]
+            expected = sensor["sigma"].get(f"{kind}_{unit}")
+            sigma = ABSENT if expected is None else _with_equal_digits(expected, unit)
             counts = [str(sensor["detections"]), str(statistics["count"])]
-            numbers = [f"{figure:.3g}" for figure in figures]
-            rows.append([name, _SHORT[kind], *counts, *numbers, sigma, unit])
+            keys = ("mean", "rms", "median", "max")
+            numbers = [_with_equal_digits(statistics[key], unit) for key in keys]
+            shown_unit = millimetres(0.0, unit)[1]
+            rows.append([name, _SHORT[kind], *counts, *numbers, sigma, shown_unit])
     columns = ["sensor", "of", "boards", "number", "mean", "RMS", "median", "largest"]
     columns += ["sigma", "unit"]
     note = "Sigma: the standard deviation of one measurement as the solver estimated it (median)."
     return Table("Residuals at the solution, by sensor", columns, rows, note=note)
+
+
+def _with_equal_digits(value: float, unit: str) -> str:
+    """Return a number of a column that is compared down: mm to a hundredth, px to a thousandth."""
+    return f"{millimetres(value, unit)[0]:.{2 if unit == 'm' else 3}f}"
 
 
 def _camera(given: Given, name: str) -> Optional[Camera]:
