@@ -50,6 +50,22 @@ def test_a_description_that_calibrate_could_not_write_is_told(given, capsys, tex
     assert "optimized.urdf.xacro will not be written" in warning and words in warning
 
 
+def test_data_files_that_are_all_absent_are_a_problem_for_each_sensor(given, capsys):
+    def unplaced(document):
+        for sensor in ("rgb_1", "rgb_2"):  # whose labels need no files
+            del document["sensors"][sensor]
+            for collection in document["collections"].values():
+                for part in ("data", "labels"):
+                    collection[part].pop(sensor, None)
+        for collection in document["collections"].values():
+            for data in collection["data"].values():
+                data["data_file"] = "gone.pcd"
+
+    said = said_of(given, capsys, unplaced)
+    assert "the data files of sensor 'lidar_1' are absent (5 collections); put them beside" in said
+    assert "verdict: WRONG" in said
+
+
 def test_what_is_weak_is_not_called_ready(given, capsys):
     def few(document):
         document["collections"] = dict(list(document["collections"].items())[:3])

@@ -84,7 +84,7 @@ def preflight(dataset: Dataset) -> Preflight:
     _collect(lambda: check_connected(present, measurements, free), problems)
     copied = copies(present, measurements)
     warnings += remarks + _implausible(present, measurements) + _copied(copied)
-    if floats_freely(present, measurements, free):
+    if present.sensors and floats_freely(present, measurements, free):
         _collect(lambda: check_not_alone(present, free), problems)
         warnings.append(
             "nothing ties the rig to world: the first sensor will be held (anchored_sensor, -as)"
@@ -118,8 +118,8 @@ def preflight(dataset: Dataset) -> Preflight:
 
 def _absent(dataset: Dataset) -> List[str]:
     return [
-        f"the data files of sensor '{sensor}' are absent ({len(collections)} collections); "
-        f"calibrate without it: -ssf '!{sensor}'"
+        f"the data files of sensor '{sensor}' are absent ({len(collections)} collections); put "
+        f"them beside the dataset, or calibrate without it: -ssf '!{sensor}'"
         for sensor, collections in absent_data(dataset).items()
     ]
 
