@@ -128,6 +128,18 @@ def test_depths_packed_by_either_transport_are_the_same():
         np.testing.assert_allclose(depth_image(message), expected, rtol=1e-6)
 
 
+@pytest.mark.parametrize("form", ["16UC1; png compressed ", "32FC1; compressedDepth png"])
+def test_a_depth_image_is_no_colour_image(make, form):
+    encoding, stored = form.split(";")[0], cv2.imencode(".png", np.ones((4, 4), np.uint16))[1]
+    kind = np.uint16 if encoding == "16UC1" else np.float32
+    for message in (
+        make.image(np.ones((4, 4), kind), encoding),
+        CompressedImage(format=form, data=stored.tobytes()),
+    ):
+        with pytest.raises(MessageError, match=f"{encoding}.*but a depth image; set `modality: "):
+            colour_image(message)
+
+
 @pytest.mark.parametrize("convert", [colour_image, depth_image])
 def test_empty_and_cut_off_images_are_refused(make, convert):
     encoding = "bgr8" if convert is colour_image else "16UC1"

@@ -50,6 +50,7 @@ _COLOURS: Dict[str, Tuple[str, int, Optional[str]]] = {
 _PIXELS_FOR_A_HOT_ONE = 10_000  # which is as bright as 16 bits can tell, whatever was measured
 _DEPTHS = (8, 10, 12, 16)  # bits in which cameras measure
 _MILLIMETRE = 0.001  # REP 118: depths of whole numbers are millimetres
+_OF_DEPTH = ("16UC1", "32FC1", "64FC1")  # encodings that depth cameras use
 _COMPRESSED_DEPTH_HEADER = 12  # bytes of compressed_depth_image_transport before the PNG
 
 
@@ -60,10 +61,12 @@ def colour_image(message: Any) -> np.ndarray:
         MessageError: the image is empty, cut off, or in an encoding that is not known.
     """
     if message._type == COMPRESSED_IMAGE:
+        _refuse_depth(message.format.split(";")[0].strip())
         # With all bits, since OpenCV takes the upper eight of 16, where a camera of 12 has four.
         as_stored = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
         image = _decompressed(message, as_stored)
         return _eight_bits(image)
+    _refuse_depth(message.encoding)
     if message.encoding not in _COLOURS:
         raise MessageError(
             f"encoding '{message.encoding}' is no colour or grey image that is known; use one of "
@@ -77,6 +80,14 @@ def colour_image(message: Any) -> np.ndarray:
         )
     image = _eight_bits(_pixels(message, kind, channels))
     return image if conversion is None else cv2.cvtColor(image, getattr(cv2, conversion))
+
+
+def _refuse_depth(encoding: str) -> None:
+    if encoding in _OF_DEPTH:
+        raise MessageError(
+            f"encoding '{encoding}' is no colour or grey image, but a depth image; set `modality: "
+            f"depth` for this sensor, or name the topic of its colour images"
+        )
 
 
 def depth_image(message: Any) -> np.ndarray:
