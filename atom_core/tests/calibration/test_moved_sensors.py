@@ -115,6 +115,7 @@ def test_before_two_cameras_it_is_the_base_alone():
         "base 'rig_base' was moved between collections 009 and 011, by 4.8 mm and 0.11 deg: fasten"
     )
     assert result.message.startswith(said)  # 5 mm and 0.115 deg in truth
+    assert "or what /tf says of the parts that move in it jumped" in result.message
 
 
 @pytest.mark.parametrize("sensor", ["rgb_2", pytest.param("depth_1", marks=pytest.mark.long)])

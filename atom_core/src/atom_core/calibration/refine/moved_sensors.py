@@ -45,6 +45,7 @@ from atom_core.solvers.shared_equations import SharedEquations, inverse, shares_
 
 _LEAST_M, _LEAST_RAD = 0.002, float(np.radians(0.1))  # less is nobody's concern
 _SAME = 1e-6  # part of a gain by which two differ that are the same but for rounding
+_BASE = "base "  # begins the names of bases
 _MOST_M, _MOST_RAD = 0.3, float(np.radians(20.0))  # what looks like more is something else
 
 
@@ -90,9 +91,11 @@ class Moved(NamedTuple):
                 f"{one} crept between collections {self.last} and {self.first}, by {far} little by "
                 f"little{unsure}: fasten it, let it warm up, and collect again"
             )
+        jumped = "; or what /tf says of the parts that move in it jumped (homing, odometry)"
         return (
             f"{one} was moved between collections {self.last} and {self.first}, by {far}"
             f"{unsure}: fasten it, and calibrate the collections of one side alone (-csf)"
+            f"{jumped if any(name.startswith(_BASE) for name in self.names) else ''}"
         )
 
 
@@ -251,7 +254,7 @@ def _turns_and_shifts(
         own = by_board * (patterns == name)[:, None, None]
         found[f"board {name}"] = _turned(own, information, gradient, by_twist)
     for name, own in _by_bases(dataset, problem, x).items():
-        found[f"base '{name}'"] = _turned(own, information, gradient, by_twist)
+        found[f"{_BASE}'{name}'"] = _turned(own, information, gradient, by_twist)
     return found
 
 
