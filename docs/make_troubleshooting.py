@@ -31,7 +31,8 @@ _END = """
 
 | what | look at |
 |---|---|
-| a verdict of *weak* or *wrong*, `inconsistent` | [How good is the answer?](certainty.md) |
+| a verdict of *weak* or *wrong*, `inconsistent` | \
+[How good is the answer?](certainty.md), [model checks](model_checks.md) |
 | `rank_deficient` | [Weak directions](tutorials/calibrate_a_dataset.md#weak-directions) |
 | warnings of `check` | [Calibrate a dataset](tutorials/calibrate_a_dataset.md#1-check) |
 | `rosrun: command not found` | `source env.bash` in this shell, after `make build` |
