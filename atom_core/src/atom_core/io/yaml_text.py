@@ -31,11 +31,14 @@ def load_yaml_1_2(text: str) -> Any:
     """Return a document as YAML 1.2 has it: 1e-3 is a number.
 
     Raises:
-        ValueError: see `check_yaml_size`.
+        ValueError: see `check_yaml_size`; or a key is a list or a map.
         ruamel.yaml.error.YAMLError: it is no YAML.
     """
     check_yaml_size(text)
-    return YAML(typ="safe", pure=True).load(text)
+    try:
+        return YAML(typ="safe", pure=True).load(text)
+    except TypeError:  # ruamel.yaml's of a key that cannot be one
+        raise ValueError("a list or a map stands in place of a key") from None
 
 
 def check_yaml_size(text: str) -> None:

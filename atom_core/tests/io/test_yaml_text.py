@@ -1,0 +1,35 @@
+"""YAML of either version: what it means, and what is refused before it is built."""
+
+import pytest
+import yaml
+from ruamel.yaml.error import YAMLError
+
+from atom_core.errors import DatasetError
+from atom_core.io.camera_info_yaml import read_camera_info
+from atom_core.io.kalibr import read_camchain
+from atom_core.io.yaml_text import load_yaml_1_1, load_yaml_1_2
+
+LISTS = "[[a], b]: c\n"  # in place of a key
+REFUSED = (ValueError, yaml.YAMLError, YAMLError)
+
+
+def test_the_versions_differ_in_words_and_powers():
+    assert load_yaml_1_1("[yes, 1e-3]") == [True, "1e-3"]
+    assert load_yaml_1_2("[yes, 1e-3]") == ["yes", 1e-3]
+
+
+@pytest.mark.parametrize("load", [load_yaml_1_1, load_yaml_1_2])
+@pytest.mark.parametrize(
+    "text", [LISTS, "? {a: b}\n: c\n", "- &a [*a]\n", "a: " + 200 * "[", "a: *b\n", "a: [\n"]
+)
+def test_what_no_file_of_ours_has_is_refused(load, text):
+    with pytest.raises(REFUSED):
+        load(text)
+
+
+@pytest.mark.parametrize("read", [read_camchain, read_camera_info])
+def test_a_key_that_is_a_list_is_told_with_the_file(tmp_path, read):
+    path = tmp_path / "a.yaml"
+    path.write_text(LISTS, encoding="utf-8")
+    with pytest.raises(DatasetError, match=r"a\.yaml.*a list or a map stands in place of a key"):
+        read(path)
