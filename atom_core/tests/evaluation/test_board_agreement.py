@@ -9,7 +9,7 @@ from scipy import stats
 
 from atom_core.errors import CalibrationError
 from atom_core.evaluation import board_agreement as module
-from atom_core.evaluation.board_agreement import OneBoard, disagreement
+from atom_core.evaluation.board_agreement import OneBoard, disagreement, of_one_board
 from atom_core.evaluation.drift_question import Question
 from atom_core.evaluation.edge_errors import PoseError, pose_error
 from atom_core.evaluation.spreads import NO_SPREAD, Spread
@@ -271,3 +271,18 @@ def test_sensors_that_do_not_seem_to_have_moved_are_held(monkeypatch, rig):
     _, boards = boards_of(monkeypatch, question(dataset), [edge])
     assert solver.held == [("rgb_1", "rgb_3")] * 3
     assert boards == {edge: []}
+
+
+def test_what_one_board_leaves_open_is_a_turn_of_the_sensor_about_it():
+    sensor_T_board_m = np.array([2.5, 0.0, 0.5])
+    at_board = np.hstack([-se3.skew(sensor_T_board_m), np.eye(3)])  # how far the board is off
+    about_board = np.vstack([np.eye(3), se3.skew(sensor_T_board_m)])
+    of_model = 1e-6 * about_board @ about_board.T  # 1 mrad, and 0.1 mm of the board itself
+    of_model[3:, 3:] += 1e-8 * np.eye(3)
+    factors = np.repeat([10.0, 4.0], 3)  # of turns and of shifts
+    stated = of_model * np.outer(factors, factors)
+    assert np.sqrt(np.diagonal(at_board @ stated @ at_board.T)).max() > 0.01
+    found = of_one_board(Spread(stated, of_model), scatter=1.0)
+    board_m = np.sqrt(np.diagonal(at_board @ found @ at_board.T))
+    np.testing.assert_allclose(board_m, 1e-4 * np.sqrt((100.0 + 16.0) / 2.0))
+    np.testing.assert_allclose(np.diagonal(found)[:3], 1e-6 * (100.0 + 16.0) / 2.0)

@@ -16,7 +16,7 @@ from atom_core.errors import AtomError
 from atom_core.evaluation.drift_question import Question, scatter_of
 from atom_core.evaluation.edge_errors import PoseError, pose_error
 from atom_core.evaluation.edge_spread import known_spread
-from atom_core.evaluation.spreads import LEAST_VARIANCE, NO_SPREAD, NUMBERS
+from atom_core.evaluation.spreads import LEAST_VARIANCE, NO_SPREAD, NUMBERS, Spread
 from atom_core.model.transforms import Edge
 from atom_core.solvers.base import FAILED, NOT_CONVERGED
 
@@ -94,11 +94,25 @@ def _by_board(question: Question, edges: Sequence[Edge]) -> Dict[Edge, List[OneB
             new = known_spread(solved, edge)
             if new is NO_SPREAD:  # it sees nothing of this board
                 continue
-            scatter = scatter_of(question.spreads.get(edge, NO_SPREAD))
-            covariance = new.stated + (scatter - 1.0) * new.of_model
+            covariance = of_one_board(new, scatter_of(question.spreads.get(edge, NO_SPREAD)))
             described, now = one.standing.first_value(edge), solved.dataset.first_value(edge)
             found[edge].append(OneBoard(key, pose_error(described, now), covariance))
     return found
+
+
+def of_one_board(new: Spread, scatter: float) -> np.ndarray:
+    """Return the covariance (6, 6) of what one board says, turns [rad] and shifts [m].
+
+    Turns and shifts are stated by a factor each. A sensor that sees one board turns about it, so
+    that its shift goes with its turn: factors that differ would allow the board itself to be
+    elsewhere, and forbid what it leaves open. One factor for all keeps them together.
+
+    Args:
+        new: how exactly that board alone tells the sensor's edge.
+        scatter: by which its detections vary beyond their noise (`scatter_of`).
+    """
+    wider = np.mean(np.diagonal(new.stated) / np.maximum(np.diagonal(new.of_model), LEAST_VARIANCE))
+    return (float(wider) + scatter - 1.0) * new.of_model
 
 
 def _chance(boards: Sequence[OneBoard]) -> float:
