@@ -90,7 +90,7 @@ class _Chance:
     def rarest(self, change: PoseError) -> float:
         """Return how rare the rarest answer is, weighed by its question's share."""
         numbers = np.concatenate([change.turn_rad, change.shift_m]) / self._scale
-        squares = [float(_squares(self._whitening @ numbers, basis)) for basis in self._bases]
+        squares = [_squares(self._whitening @ numbers, basis) for basis in self._bases]
         chances = (_beyond(s, count, self._freedom) for s, count in zip(squares, _COUNTS))
         return min(_of_all(float(c), share) for c, share in zip(chances, _SHARES))
 
