@@ -50,7 +50,7 @@ _COLOURS: Dict[str, Tuple[str, int, Optional[str]]] = {
 _PIXELS_FOR_A_HOT_ONE = 10_000  # which is as bright as 16 bits can tell, whatever was measured
 _DEPTHS = (8, 10, 12, 16)  # bits in which cameras measure
 _MILLIMETRE = 0.001  # REP 118: depths of whole numbers are millimetres
-_OF_DEPTH = ("16UC1", "32FC1", "64FC1")  # encodings that depth cameras use
+_DEPTH_ENCODINGS = ("16UC1", "32FC1", "64FC1")  # encodings that depth cameras use
 _COMPRESSED_DEPTH_HEADER = 12  # bytes of compressed_depth_image_transport before the PNG
 
 
@@ -83,7 +83,7 @@ def colour_image(message: Any) -> np.ndarray:
 
 
 def _refuse_depth(encoding: str) -> None:
-    if encoding in _OF_DEPTH:
+    if encoding in _DEPTH_ENCODINGS:
         raise MessageError(
             f"encoding '{encoding}' is no colour or grey image, but a depth image; set `modality: "
             f"depth` for this sensor, or name the topic of its colour images"

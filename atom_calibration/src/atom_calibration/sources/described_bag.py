@@ -80,7 +80,7 @@ def _connects(transforms: BagTransforms, config: CalibrationConfig) -> bool:
     frames += [pattern.parent_link for pattern in config.calibration_patterns.values()]
     try:
         for frame in frames:
-            tree.path(config.world_link, frame)
+            tree.path_here(config.world_link, frame)
     except TransformError:
         return False
     return True

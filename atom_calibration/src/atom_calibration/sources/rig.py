@@ -276,7 +276,7 @@ def _data_frame_caveats(
 def _hangs_on(edge: Edge, frame: str, tree: TransformTree, world: str) -> bool:
     """Tell whether a frame is carried by an edge."""
     try:
-        return edge in tree.path(world, frame)
+        return edge in tree.path_here(world, frame)
     except TransformError:
         return False
 

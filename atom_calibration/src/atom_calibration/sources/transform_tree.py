@@ -125,12 +125,25 @@ class TransformTree:
         """Return the edges between two frames.
 
         Raises:
+            TransformError: see `path_here`; where another time of the recording has what is
+                missed, with when. The recording is read for that: who only asks whether there is a
+                path asks `path_here`.
+        """
+        try:
+            return self.path_here(target, source)
+        except TransformError:
+            self._refuse_what_other_times_have(target, source)
+            raise
+
+    def path_here(self, target: str, source: str) -> List[Edge]:
+        """Return the edges between two frames, by what is in memory.
+
+        Raises:
             TransformError: a frame is unknown, nothing connects the two, or frames stand in one
                 another in a circle.
         """
         for frame in (target, source):
             if frame not in self.frames and target != source:
-                self._refuse_what_other_times_have(target, source)
                 known = ", ".join(sorted(self.frames)[:20])
                 raise TransformError(
                     f"frame '{frame}' is in no message of /tf or /tf_static (there are: "
@@ -139,7 +152,6 @@ class TransformTree:
         up, down = self._ancestors(target), self._ancestors(source)
         common = next((frame for frame in up if frame in down), None)
         if common is None:
-            self._refuse_what_other_times_have(target, source)
             raise TransformError(
                 f"no transform connects frame '{target}' with frame '{source}'; record the "
                 f"missing part of /tf or /tf_static, e.g. run robot_state_publisher"
@@ -185,7 +197,7 @@ class TransformTree:
     def lookup_fixed(self, target: str, source: str) -> Optional[np.ndarray]:
         """Return ``target_T_source`` (4, 4) where fixed transforms alone connect two frames."""
         try:
-            edges = self.path(target, source)
+            edges = self.path_here(target, source)
         except TransformError:
             return None
         if not all(edge in self._fixed for edge in edges):
@@ -349,10 +361,10 @@ class BagTransforms:
             self._recorded = {}
             for topic, moving in self._moving_transforms():
                 for message in moving:
-                    edge, at = edge_of(message), stamp_s(message)
-                    _, first_s, last_s = self._recorded.get(edge, Recorded("", at, at))
-                    span = min(first_s, at), max(last_s, at)
-                    self._recorded[edge] = Recorded(topic, *span)
+                    edge, at_s = edge_of(message), stamp_s(message)
+                    before = self._recorded.get(edge, Recorded(topic, at_s, at_s))
+                    first_s, last_s = min(before.first_s, at_s), max(before.last_s, at_s)
+                    self._recorded[edge] = Recorded(topic, first_s, last_s)
         return self._recorded
 
     def _counting(self, message: Any) -> List[Any]:
