@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tf2_msgs.msg import TFMessage
 
 from atom_calibration.errors import TransformError
 from atom_calibration.sources.bag_reader import BagReader
@@ -107,6 +108,18 @@ def test_a_bag_without_tf_is_refused(make, tmp_path):
     path = make.bag(tmp_path / "b.bag", [("/points", make.xyz_cloud(np.ones((3, 3))), 1.0)])
     with BagReader(path) as reader, pytest.raises(TransformError, match="neither /tf nor"):
         BagTransforms(reader)
+
+
+@pytest.mark.parametrize("empty", [1, 30])
+def test_messages_without_transforms_tell_no_clock(make, tmp_path, empty):
+    nothing = [("/tf", TFMessage([]), 1.0 + 0.01 * n) for n in range(empty)]
+    late = [("/tf", make.tf("world", "base", shifted(t), t), t + 90.0) for t in (2.0, 2.5)]
+    with BagReader(make.bag(tmp_path / "a.bag", [*nothing, *late])) as reader:
+        transforms = BagTransforms(reader)
+        assert transforms.moving and transforms.lag_s == pytest.approx(90.0)
+        assert transforms.at(2.2).lookup("world", "base", 2.2)[0, 3] == pytest.approx(2.2)
+    with BagReader(make.bag(tmp_path / "b.bag", nothing)) as reader:
+        assert not BagTransforms(reader).moving
 
 
 def test_poses_older_than_the_span_are_forgotten(make):

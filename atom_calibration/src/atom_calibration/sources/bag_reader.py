@@ -122,19 +122,20 @@ class BagReader:
         raise self.absent(topic, (), "nothing")
 
     def receipt_lag_s(
-        self, topics: Sequence[str], stamp_s: Callable[[Any], float]
+        self, topics: Sequence[str], stamp_s: Callable[[Any], Optional[float]]
     ) -> Optional[float]:
         """Return how long after their stamps messages were received [s]: the median of the first.
 
         Args:
             topics: whose messages.
-            stamp_s: returns the stamp of a message [s].
+            stamp_s: returns the stamp of a message [s]; None: it has none.
 
         Returns:
-            Negative where stamps are later than the receipt; None where there is no message.
+            Negative where stamps are later than the receipt; None where no message has a stamp.
         """
-        first = islice(self.messages(topics), _TIMED)
-        lags_s = [found.recorded_s - stamp_s(found.message) for found in first]
+        stamped = ((found.recorded_s, stamp_s(found.message)) for found in self.messages(topics))
+        all_lags_s = (received_s - said_s for received_s, said_s in stamped if said_s is not None)
+        lags_s = list(islice(all_lags_s, _TIMED))
         return float(np.median(lags_s)) if lags_s else None
 
     def topics_of(self, types: Sequence[str]) -> List[str]:

@@ -420,9 +420,9 @@ def _copy(edge: Edge, matrix: np.ndarray, message: Any) -> TransformStamped:
     return copy
 
 
-def _newest_s(message: Any) -> float:
-    """Return the newest stamp of a message of /tf [s]."""
-    return max((stamp_s(transform) for transform in message.transforms), default=np.nan)
+def _newest_s(message: Any) -> Optional[float]:
+    """Return the newest stamp of a message of /tf [s]; None: it has no transforms."""
+    return max((stamp_s(transform) for transform in message.transforms), default=None)
 
 
 def _time_text(time_s: Optional[float]) -> str:
