@@ -8,12 +8,16 @@ pytest.importorskip("rospy")
 
 from sensor_msgs.msg import CompressedImage
 from stand_in_rig import messages, refusal
+from tf2_msgs.msg import TFMessage
 
 from atom_calibration.errors import MessageError, TransformError
 from atom_calibration.messages.images import colour_image
+from atom_calibration.messages.poses import transform_matrix
 from atom_calibration.nodes.collecting.collect_from_bag import main
 from atom_calibration.sources.contradictions import EdgeWatch
 from atom_core.geometry import se3
+from atom_core.io.dataset_json import read_dataset
+from atom_core.model.transforms import Edge
 
 
 def changed(make, topic, from_s, change):
@@ -94,6 +98,54 @@ def test_two_programs_that_publish_one_edge_are_refused(place, make, capsys):
     content.sort(key=lambda entry: entry[2])
     line = refusal(place(content), capsys)
     assert "'world-arm' of /tf goes to and fro between two values" in line
+
+
+def test_an_edge_that_stands_in_tf_static_and_moves_in_tf_gives_no_collection(place, make, capsys):
+    content = list(messages(make))
+    content.insert(3, ("/tf_static", make.tf("world", "arm", np.eye(4), 100.0), 100.0))
+    assert main(place(content)) == 2
+    told = capsys.readouterr().err
+    assert "'world-arm' stands still in /tf_static, and moves in /tf; record again without" in told
+
+
+def test_one_that_nothing_hangs_on_is_told_and_the_rest_is_collected(place, make, capsys):
+    content = [("/tf_static", make.tf("world", "lid", np.eye(4), 100.0), 100.0)]
+    for topic, message, time_s in messages(make):
+        content.append((topic, message, time_s))
+        if topic == "/tf":
+            (arm,) = message.transforms
+            lid = make.transform("world", "lid", transform_matrix(arm), time_s)
+            arm_and_lid = TFMessage([arm, lid])
+            content[-1] = (topic, arm_and_lid, time_s)
+    assert main(place(content)) == 0
+    assert "'world-lid' stands still in /tf_static, and moves in /tf" in capsys.readouterr().err
+    dataset = read_dataset(place.folder / "dataset.json")
+    assert dataset.caveats == () and len(dataset.collections) == 3
+    assert all(Edge("world", "lid") not in c.transforms for c in dataset.collections.values())
+
+
+def test_another_pose_of_a_fixed_edge_in_tf_is_in_doubt(make):
+    watch, shift = EdgeWatch(), se3.transform(np.eye(3), np.array([0.012, 0.0, 0.0]))
+    watch.see_fixed(make.transform("a", "b", np.eye(4)))
+    watch.see_fixed(make.transform("a", "c", np.eye(4)))
+    for time_s in range(3):
+        watch.see_moving(make.transform("a", "b", shift, time_s))
+        watch.see_moving(make.transform("a", "c", np.eye(4), time_s))  # says the same
+    (doubt,) = watch.doubtful
+    assert "'a-b' has one pose in /tf_static and another one in /tf, 12.0 mm" in doubt.what
+    assert doubt.only_its_pose and not watch.contradicted
+
+
+def test_what_moves_beside_its_fixed_pose_is_no_longer_only_elsewhere(make):
+    watch = EdgeWatch()
+    watch.see_fixed(make.transform("a", "b", np.eye(4)))
+    for x_m in (0.01, 0.01, 0.02, 0.03):
+        shift = se3.transform(np.eye(3), np.array([x_m, 0.0, 0.0]))
+        watch.see_moving(make.transform("a", "b", shift, 100.0 + x_m))
+    (doubt,) = watch.doubtful
+    assert "'a-b' stands still in /tf_static, and moves in /tf" in doubt.what
+    assert not doubt.only_its_pose
+    assert watch.contradicted[Edge("a", "b")].until_s == pytest.approx(100.03)
 
 
 def test_frames_that_stand_in_one_another_are_refused(place, make, capsys):

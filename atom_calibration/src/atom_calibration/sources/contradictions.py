@@ -149,6 +149,10 @@ class _Seen(NamedTuple):
 
 
 _ONE_OF_THEM = "if two programs publish it, record again with one of them"
+_LEFT_OVER = (
+    "record again without the program that is wrong, e.g. a static_transform_publisher that is "
+    "left over"
+)
 
 
 class DoubtfulEdge(NamedTuple):
@@ -167,20 +171,39 @@ class DoubtfulEdge(NamedTuple):
     remedy: str = _ONE_OF_THEM
 
 
+class Contradiction(NamedTuple):
+    """That nobody knows where an edge is; ``until_s``: stamp of the last message that says so."""
+
+    until_s: float
+    sentence: str
+
+
 class EdgeWatch:
-    """Looks at the transforms of a recording; two programs that publish one edge are noticed."""
+    """Looks at the transforms of a recording; two programs that publish one edge are noticed.
+
+    Attributes:
+        contradicted: edges of which messages say what cannot all be right, by far.
+    """
 
     def __init__(self) -> None:
         """Know no edge."""
+        self.contradicted: Dict[Edge, Contradiction] = {}
         self._moving: Dict[Edge, _Seen] = {}
-        self._fixed: Dict[Edge, PoseTuple] = {}
+        self._fixed: Dict[Edge, PoseTuple] = {}  # the first pose of each
+        self._counting: Dict[Edge, PoseTuple] = {}  # the last one, which counts
+        self._beside_fixed: Dict[Edge, PoseTuple] = {}  # what moving ones said first of these
         self._parents: Dict[str, str] = {}
         self._doubtful: Dict[Edge, DoubtfulEdge] = {}
 
     @property
     def doubtful(self) -> List[DoubtfulEdge]:
-        """Fixed edges that have two values, frames with two parents."""
+        """Fixed edges that have two values or move, frames with two parents, poses to and fro."""
         return list(self._doubtful.values())
+
+    def begin_anew(self) -> None:
+        """Forget how edges moved: time goes back. What is in doubt stays so."""
+        self.contradicted.clear()
+        self._moving, self._beside_fixed = {}, {}
 
     def see_parent(self, edge: Edge) -> None:
         """Note which frame stands in which."""
@@ -197,8 +220,10 @@ class EdgeWatch:
         """Note a TransformStamped of /tf_static."""
         edge, pose = edge_of(message), _pose_tuple(message)
         self.see_parent(edge)
+        self._counting[edge] = pose
         apart_m, apart_rad = _apart(self._fixed.setdefault(edge, pose), pose)
-        if apart_m > _SAME_M or apart_rad > _SAME_RAD:
+        is_new = edge not in self._doubtful or self._doubtful[edge].only_its_pose
+        if is_new and (apart_m > _SAME_M or apart_rad > _SAME_RAD):
             self._doubtful[edge] = DoubtfulEdge(
                 edge,
                 True,
@@ -212,10 +237,12 @@ class EdgeWatch:
 
         Raises:
             TransformError: again and again the edge leaves for another place, far from the one
-                before, and is back with the next message.
+                before, and is back with the next message. It is among the contradicted then.
         """
         edge, pose = edge_of(message), _pose_tuple(message)
         self.see_parent(edge)
+        if edge in self._counting:
+            self._compare_with_fixed(edge, pose, stamp_s(message), topic)
         seen = self._moving.get(edge) or _Seen(pose, pose)
         step_m, step_rad = _apart(pose, seen.last)
         is_step = step_m > _SAME_M or step_rad > _SAME_RAD
@@ -232,12 +259,37 @@ class EdgeWatch:
             f"{1e3 * step_m:.1f} mm and {math.degrees(step_rad):.2f} deg apart"
         )
         if seen.far.returns >= _SWITCHES:
-            raise TransformError(
-                f"{what}: two programs publish it and contradict each other; record again with one "
-                f"of them"
-            )
+            both = f"{what}: two programs publish it and contradict each other"
+            remedy = "record again with one of them"
+            self._contradict(DoubtfulEdge(edge, False, both, remedy), stamp_s(message))
+            raise TransformError(f"{both}; {remedy}")
         flickers = f"{_ONE_OF_THEM}; if its readings flicker, let its driver smooth them"
         self._doubtful.setdefault(edge, DoubtfulEdge(edge, False, what, flickers))
+
+    def _compare_with_fixed(self, edge: Edge, pose: PoseTuple, at_s: float, topic: str) -> None:
+        """Note that an edge of /tf_static is elsewhere in a message of another topic."""
+        apart_m, apart_rad = _apart(self._counting[edge], pose)
+        moved_m, moved_rad = _apart(self._beside_fixed.setdefault(edge, pose), pose)
+        if apart_m <= _SAME_M and apart_rad <= _SAME_RAD:
+            return
+        if moved_m > _OTHER_M or moved_rad > _OTHER_RAD:
+            what = f"transform '{edge}' stands still in /tf_static, and moves in {topic}"
+            self._contradict(DoubtfulEdge(edge, False, what, _LEFT_OVER), at_s)
+        else:
+            what = (
+                f"transform '{edge}' has one pose in /tf_static and another one in {topic}, "
+                f"{1e3 * apart_m:.1f} mm and {math.degrees(apart_rad):.2f} deg apart, and that of "
+                f"/tf_static counts"
+            )
+            self._doubtful.setdefault(edge, DoubtfulEdge(edge, True, what, _LEFT_OVER))
+
+    def _contradict(self, doubt: DoubtfulEdge, at_s: float) -> None:
+        known = self._doubtful.get(doubt.edge)
+        if known is None or known.only_its_pose:
+            self._doubtful[doubt.edge] = doubt
+        before = self.contradicted.get(doubt.edge)
+        until_s = at_s if before is None else max(at_s, before.until_s)
+        self.contradicted[doubt.edge] = Contradiction(until_s, f"{doubt.what}; {doubt.remedy}")
 
 
 def _size(distance_m: float, angle_rad: float) -> float:

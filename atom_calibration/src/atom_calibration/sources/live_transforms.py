@@ -5,12 +5,13 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
+from contextlib import suppress
 from typing import Any, Deque, Dict, List
 
 import rospy
 from tf2_msgs.msg import TFMessage
 
-from atom_calibration.errors import MessageError
+from atom_calibration.errors import MessageError, TransformError
 from atom_calibration.messages.headers import stamp_s
 from atom_calibration.messages.poses import edge_of
 from atom_calibration.sources.contradictions import DoubtfulEdge, EdgeWatch
@@ -32,8 +33,8 @@ class LiveTransforms:
         self._waiting_static: Deque[Any] = deque()
         self._static: Dict[Edge, Any] = {}
         self._newest_s: Dict[Edge, float] = {}
-        self._tree = TransformTree(SPAN_S)
         self._watch = EdgeWatch()
+        self._tree = self._new_tree()
         self._subscribers = [
             rospy.Subscriber("/tf", TFMessage, self._waiting.append, queue_size=200),
             rospy.Subscriber("/tf_static", TFMessage, self._waiting_static.append, queue_size=100),
@@ -75,7 +76,8 @@ class LiveTransforms:
             if stamp < self._newest_s.get(edge, stamp) - _BACK_S:
                 self._begin_anew()
             if self._put(part, fixed=False):
-                self._watch.see_parent(edge)
+                with suppress(TransformError):  # it is in doubt now, and looked up in vain
+                    self._watch.see_moving(part)
                 self._newest_s[edge] = max(stamp, self._newest_s.get(edge, stamp))
 
     def _put(self, part: Any, fixed: bool) -> bool:
@@ -87,5 +89,9 @@ class LiveTransforms:
         return True
 
     def _begin_anew(self) -> None:
-        self._tree, self._newest_s = TransformTree(SPAN_S), {}
+        self._watch.begin_anew()
+        self._tree, self._newest_s = self._new_tree(), {}
         self._tree.add(self._static.values(), fixed=True)
+
+    def _new_tree(self) -> TransformTree:
+        return TransformTree(SPAN_S, contradicted=self._watch.contradicted)

@@ -32,13 +32,14 @@ from atom_calibration.errors import TransformError
 from atom_calibration.messages.headers import stamp_s
 from atom_calibration.messages.poses import TF_MESSAGE, edge_of, transform_matrix
 from atom_calibration.sources.bag_reader import BagReader
-from atom_calibration.sources.contradictions import DoubtfulEdge, EdgeWatch
+from atom_calibration.sources.contradictions import Contradiction, DoubtfulEdge, EdgeWatch
 from atom_calibration.sources.described_edges import DescribedEdges
 from atom_core.geometry import se3
 from atom_core.model.transforms import Edge
 
 DEFAULT_MAX_GAP_S = 1.0
 _WINDOW_S = 5.0  # of /tf that are in memory at a time
+_STAYS_SO_S = 1.0  # after the last message in which an edge contradicts itself
 _LATENCY_S = 2.0  # a transform may be recorded so much later than its stamp
 
 
@@ -63,6 +64,7 @@ class TransformTree:
         span_s: float = 60.0,
         max_gap_s: float = DEFAULT_MAX_GAP_S,
         recorded: Callable[[], Mapping[Edge, Recorded]] = dict,
+        contradicted: Optional[Mapping[Edge, Contradiction]] = None,
     ):
         """Start without edges.
 
@@ -71,7 +73,9 @@ class TransformTree:
             max_gap_s: longest time between two poses of an edge that is bridged.
             recorded: returns the edges that move at any time of the recording; asked where one is
                 missed.
+            contradicted: edges that have no pose, because messages contradict each other.
         """
+        self._contradicted = {} if contradicted is None else contradicted
         self._buffer = tf2_ros.BufferCore(rospy.Duration.from_sec(span_s))
         self._span_s, self._max_gap_s = span_s, max_gap_s
         self._fixed: Dict[Edge, np.ndarray] = {}
@@ -163,8 +167,12 @@ class TransformTree:
         """Return ``parent_T_child`` (4, 4) of one edge at a time.
 
         Raises:
-            TransformError: there is no such edge, or no pose of it near that time.
+            TransformError: there is no such edge, or no pose of it near that time, or messages
+                contradict each other in it.
         """
+        contradiction = self._contradicted.get(edge)
+        if contradiction is not None and time_s <= contradiction.until_s + _STAYS_SO_S:
+            raise TransformError(contradiction.sentence)
         if edge in self._fixed:
             return self._fixed[edge]
         if edge not in self._stamps:
@@ -198,11 +206,11 @@ class TransformTree:
         """Return ``target_T_source`` (4, 4) where fixed transforms alone connect two frames."""
         try:
             edges = self.path_here(target, source)
+            if not all(edge in self._fixed for edge in edges):
+                return None
+            return self.lookup(target, source, 0.0)
         except TransformError:
             return None
-        if not all(edge in self._fixed for edge in edges):
-            return None
-        return self.lookup(target, source, 0.0)
 
     def _refuse_what_other_times_have(self, *frames: str) -> None:
         """Raise a TransformError if edges above these frames are recorded, but not here."""
@@ -336,7 +344,12 @@ class BagTransforms:
     def _read(self, start_s: float, end_s: float) -> TransformTree:
         margin = self._max_gap_s + _LATENCY_S
         recorded = start_s - margin + self.lag_s, end_s + margin + self.lag_s
-        tree = TransformTree(end_s - start_s + 4 * margin, self._max_gap_s, self._all_recorded)
+        tree = TransformTree(
+            end_s - start_s + 4 * margin,
+            self._max_gap_s,
+            self._all_recorded,
+            self._watch.contradicted,
+        )
         tree.add(self._static.values(), fixed=True)
         for topic, moving in self._moving_transforms(*recorded):
             for message in moving:  # before two of one stamp are added
