@@ -18,7 +18,7 @@ def test_data_of_another_frame_are_refused_by_name(make):
 
     def see(frame):
         cloud.header.frame_id = frame
-        LabelerNode._check_frame(node, cloud)
+        LabelerNode._check_header(node, cloud)
 
     for same in ("lidar", "/lidar", "lidar"):
         see(same)

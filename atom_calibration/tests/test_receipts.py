@@ -82,15 +82,20 @@ def test_a_name_that_is_no_sensor_is_refused():
         check_received(["radar"], ["cam", "lidar"])
 
 
-def test_the_collector_pairs_by_the_stamps_and_takes_the_time_of_receipt(make, clock, tmp_path):
+def collector(folder, receipts):
+    """A collector of one camera; its sensor, its patterns."""
     dataset = scenes.two_cameras(0, collections=2).dataset
     config = dataset.config
     patterns = {n: pattern_from_config(n, p) for n, p in config.calibration_patterns.items()}
     sensor = dataset.sensors["rgb_1"]
     sensor = Sensor("rgb_1", RGB, sensor.frame, Edge(*sensor.edge), camera=sensor.camera)
-    setup = Setup(config, {"rgb_1": sensor}, patterns, None, CollectionStore.create(tmp_path / "d"))
+    setup = Setup(config, {"rgb_1": sensor}, patterns, None, CollectionStore.create(folder))
+    return LiveCollector(setup, None, Quiet(), False, receipts), sensor, patterns
+
+
+def test_the_collector_pairs_by_the_stamps_and_takes_the_time_of_receipt(make, clock, tmp_path):
     receipts = ReceiptTimes(["rgb_1"])
-    live = LiveCollector(setup, None, Quiet(), False, receipts)
+    live, sensor, patterns = collector(tmp_path / "d", receipts)
     data = data_at(make, BOOT_S)
     receipts.note(data, "rgb_1")
     clock.now_s += 0.4
@@ -104,3 +109,12 @@ def test_the_collector_pairs_by_the_stamps_and_takes_the_time_of_receipt(make, c
     taken = live._newest["rgb_1"]
     assert taken.stamp_s == CAME_S and taken.detections == 1
     assert taken.header["stamp"]["secs"] == int(CAME_S)  # so it is written
+
+
+def test_the_collector_ends_where_a_driver_sets_no_stamps(make, clock, tmp_path):
+    live, _, _ = collector(tmp_path / "d", ReceiptTimes(["rgb_1"]))
+    for _ in range(3):
+        live.work(0.0)
+        live._clocks.note(data_at(make, 0.0), "rgb_1")
+    with pytest.raises(CollectionError, match="'rgb_1': its stamps are all zero"):
+        live.work(0.0)

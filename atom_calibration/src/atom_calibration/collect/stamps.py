@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import islice
-from typing import Collection, Dict, List, Mapping, Optional
+from typing import Collection, Dict, List, Mapping, NamedTuple, Optional
 
 from atom_calibration.errors import CollectionError
 from atom_calibration.messages.headers import stamp_s
@@ -14,6 +14,23 @@ _OTHER_CLOCK_S = 10.0
 _NOTEWORTHY_S = 0.15  # exposure, a turn of a LiDAR and the way to the recorder take less
 _FIRST = 3  # messages that tell whether there are stamps
 _AHEAD_S = 0.02  # a stamp after its receipt cannot be right; clocks of two computers may differ
+
+
+class Judged(NamedTuple):
+    """How clocks are judged.
+
+    Attributes:
+        option: what takes the times of receipt of some sensors, with {} for their names.
+        late_s: data may come later than those of others by so much [s].
+        ahead_s: stamps may lie after the receipt by so much [s].
+    """
+
+    option: str = "--use_receive_time {}"
+    late_s: float = _NOTEWORTHY_S
+    ahead_s: float = _AHEAD_S
+
+
+OFFLINE = Judged()
 
 
 def receipt_lags_s(bag: BagReader, topics: Mapping[str, Sensor]) -> Dict[str, float]:
@@ -68,7 +85,10 @@ def check_received(received: Collection[str], sensors: Collection[str]) -> None:
 
 
 def check_clocks(
-    lags_s: Mapping[str, float], tf_lag_s: Optional[float], received: Collection[str] = ()
+    lags_s: Mapping[str, float],
+    tf_lag_s: Optional[float],
+    received: Collection[str] = (),
+    judged: Judged = OFFLINE,
 ) -> List[str]:
     """Return what a user should know of the sensors' clocks, a sentence for each.
 
@@ -79,6 +99,7 @@ def check_clocks(
         lags_s: receipt after stamp by sensor [s]; 0 for sensors whose stamps are not used.
         tf_lag_s: that of the moving transforms; None: nothing moves.
         received: sensors whose stamps are not used.
+        judged: what is noteworthy, and how the remedy is called.
 
     Raises:
         CollectionError: a sensor, or the transforms, have another clock.
@@ -87,7 +108,7 @@ def check_clocks(
     warnings = []
     for name, lag_s in lags_s.items():
         more_s = lag_s - usual_s
-        remedy = f"--use_receive_time {_to_receive(lags_s, {name, *received})}"
+        remedy = judged.option.format(_to_receive(lags_s, {name, *received}))
         if abs(more_s) > _OTHER_CLOCK_S:
             side = "before" if more_s > 0 else "after"
             raise CollectionError(
@@ -95,13 +116,13 @@ def check_clocks(
                 f"sensors, against the times of receipt: it has another clock; {remedy} takes the "
                 f"times of receipt instead"
             )
-        if more_s > _NOTEWORTHY_S:
+        if more_s > judged.late_s:
             warnings.append(
                 f"sensor '{name}': its data were received {more_s:.2f} s later after their stamps "
                 f"than those of the other sensors: they came late, or its clock is behind; if its "
                 f"clock is, {remedy}"
             )
-        elif more_s < -_NOTEWORTHY_S or (lag_s < -_AHEAD_S and more_s < -_AHEAD_S):
+        elif more_s < -judged.late_s or max(lag_s, more_s) < -judged.ahead_s:
             warnings.append(
                 f"sensor '{name}': against the times of receipt its stamps lie {-more_s:.2f} s "
                 f"after those of the other sensors: its clock is ahead; {remedy} takes the times "

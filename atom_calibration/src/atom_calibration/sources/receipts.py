@@ -18,16 +18,20 @@ _KEPT = 600  # messages whose times of receipt are remembered; far more than wai
 
 
 class ReceiptTimes:
-    """Times of receipt of the data of some sensors, by their stamps."""
+    """Times of receipt of the data of some sensors, by their stamps.
+
+    Attributes:
+        sensors: names of those whose stamps are not used.
+    """
 
     def __init__(self, sensors: Collection[str]):
         """Take note for these sensors only."""
-        self._sensors = frozenset(sensors)
+        self.sensors = tuple(sensors)
         self._came: OrderedDict[Tuple[str, float], rospy.Time] = OrderedDict()
 
     def __contains__(self, sensor: object) -> bool:
         """Tell whether a sensor's stamps are not used."""
-        return sensor in self._sensors
+        return sensor in self.sensors
 
     def note(self, message: Any, sensor: str) -> None:
         """Remember that a message has come now."""

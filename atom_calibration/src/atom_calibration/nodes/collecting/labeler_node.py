@@ -11,6 +11,7 @@ import rospy
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Time
 
+from atom_calibration.collect.live_clocks import is_unstamped, without_stamps
 from atom_calibration.errors import CollectionError, MessageError
 from atom_calibration.labels.board_figures import add_figures
 from atom_calibration.labels.frame_labeler import FrameLabeler
@@ -188,7 +189,7 @@ class LabelerNode:
             self._there.notify()
 
     def _is_due(self, message: Any) -> bool:
-        stamp = stamp_s(message)
+        stamp = self._time_s(message)
         if stamp < self._stamp_s - _BACK_S:
             rospy.loginfo("time went back: beginning anew")
             self._labeler.begin_anew()
@@ -197,6 +198,12 @@ class LabelerNode:
             return False
         self._stamp_s = stamp
         return True
+
+    def _time_s(self, message: Any) -> float:
+        """Return the time [s] that is taken for a message's; now, if its driver tells none."""
+        if is_unstamped(message):
+            return float(rospy.Time.now().to_sec())
+        return self._receipts.time_s(message, self._sensor.name)
 
     # --- labels out -------------------------------------------------------------------------
 
@@ -211,7 +218,7 @@ class LabelerNode:
     def _labeled(self, message: Any) -> Frame:
         frame = undecoded(self._sensor, message)
         try:
-            self._check_frame(message)
+            self._check_header(message)
             frame = decode(self._sensor, message)
         except MessageError as error:
             self._give_up(frame, error)
@@ -222,12 +229,14 @@ class LabelerNode:
         self._label(frame)
         return frame
 
-    def _check_frame(self, message: Any) -> None:
-        """Refuse data of another frame than those before.
+    def _check_header(self, message: Any) -> None:
+        """Refuse data without a stamp, and of another frame than those before.
 
         Raises:
-            MessageError: naming both frames.
+            MessageError: naming the sensor, and both frames.
         """
+        if is_unstamped(message):
+            raise MessageError(without_stamps(self._sensor.name), self._sensor.name)
         frame = frame_name(message.header.frame_id)
         self._data_frame = frame if self._data_frame is None else self._data_frame
         if frame != self._data_frame:

@@ -16,6 +16,7 @@ from std_srvs.srv import SetBool, SetBoolResponse
 
 from atom_calibration.collect.collector import Collector, Setup
 from atom_calibration.collect.expectation import PointExpectation
+from atom_calibration.collect.live_clocks import LiveClocks
 from atom_calibration.collect.selection import Moment, StopMoments, SwitchedMoments
 from atom_calibration.collect.time_order import TimeOrder
 from atom_calibration.errors import CollectionError, MessageError
@@ -138,6 +139,7 @@ class LiveCollector:
         """
         self._setup, self._transforms, self._board = setup, transforms, board
         self._receipts = receipts
+        self._clocks = LiveClocks(setup.sensors, receipts.sensors)
         self._moments = self._new_moments(automatic)
         self.collector = Collector(setup, self._moments)
         self.was_automatic = automatic
@@ -177,6 +179,7 @@ class LiveCollector:
             if sensor.name not in self._receipts:  # nobody knows when these came
                 for message in topics.early(topic):
                     data.callback(message)
+            data.registerCallback(self._clocks.note, sensor.name)
 
     def serve(self, marker_size_m: float) -> None:
         """Advertise the services, show the menu."""
@@ -196,7 +199,13 @@ class LiveCollector:
         self._board.tell("waiting for labels")
 
     def work(self, timeout_s: float) -> None:
-        """Do what is there to be done; wait for it if there is nothing."""
+        """Do what is there to be done; wait for it if there is nothing.
+
+        Raises:
+            CollectionError: a driver sets no stamps.
+        """
+        for warning in self._clocks.check():
+            self._setup.warn(warning)
         task = self._inbox.get(timeout_s)
         if task is not None:
             task()
@@ -250,8 +259,8 @@ class LiveCollector:
             behind_s = self._order.newest_s - frame.stamp_s
             rospy.logwarn_throttle(
                 5.0,
-                f"data of '{sensor.name}' are left out: their labels came {behind_s:.1f} s after "
-                f"those of other sensors; this machine is too slow: lower the labelers' rate",
+                f"data of '{sensor.name}' are left out: they are {behind_s:.1f} s older than "
+                f"those of other sensors; {self._clocks.why_behind(behind_s)}",
             )
         self._add(self._order.add(frame))
 

@@ -1,0 +1,93 @@
+"""Do the clocks of live sensors agree? Stamps of the first data against the times they came."""
+
+from __future__ import annotations
+
+from typing import Any, Collection, Dict, List, Set
+
+import numpy as np
+import rospy
+
+from atom_calibration.collect.stamps import Judged, check_clocks
+from atom_calibration.errors import CollectionError
+from atom_calibration.messages.headers import stamp_s
+
+_UNSET = 3  # data of a sensor without stamps until it is refused
+_TIMED = 10  # data of each sensor that tell its clock
+_NOTEWORTHY_S = 0.3  # busy machines take data from their queues so late
+LIVE = Judged(
+    "use_receive_time:='{}' (of collect_data.launch)", late_s=_NOTEWORTHY_S, ahead_s=_NOTEWORTHY_S
+)
+
+
+def without_stamps(sensor: str) -> str:
+    """Return what is said of live data whose stamps are zero."""
+    return (
+        f"sensor '{sensor}': its stamps are all zero (header.stamp is not set by the driver), and "
+        f"live data find their labels by them; let the driver set them, or record a bag and give "
+        f"collect_from_bag --use_receive_time {sensor}"
+    )
+
+
+def is_unstamped(message: Any) -> bool:
+    """Tell whether live data have no stamp; at the beginning of a simulation zero is one."""
+    return bool(message.header.stamp.is_zero()) and not rospy.Time.now().is_zero()
+
+
+class LiveClocks:
+    """Watches the stamps of the first data of each sensor.
+
+    Attributes:
+        warnings: what a user should know of the clocks; empty until all sensors have sent enough.
+    """
+
+    def __init__(self, sensors: Collection[str], received: Collection[str]):
+        """Begin.
+
+        Args:
+            sensors: whose data are expected.
+            received: sensors whose stamps are not used.
+        """
+        self._lags_s: Dict[str, List[float]] = {name: [] for name in sensors}
+        self._unset: Dict[str, int] = dict.fromkeys(sensors, 0)
+        self._received = received
+        self._told: Set[str] = set()
+        self._apart_s = 0.0
+        self._judged = False
+        self.warnings: List[str] = []
+
+    def note(self, message: Any, sensor: str) -> None:
+        """Take in data that have come now."""
+        if len(self._lags_s[sensor]) >= _TIMED:
+            return
+        now = rospy.Time.now()
+        if is_unstamped(message):
+            self._unset[sensor] += 1
+        elif not now.is_zero():
+            lag_s = 0.0 if sensor in self._received else now.to_sec() - stamp_s(message)
+            self._lags_s[sensor].append(lag_s)
+
+    def check(self) -> List[str]:
+        """Return what is to be told of the clocks, once, as soon as enough data have come.
+
+        Raises:
+            CollectionError: a driver sets no stamps.
+        """
+        for sensor, unset in self._unset.items():
+            if unset >= _UNSET and not self._lags_s[sensor]:
+                raise CollectionError(without_stamps(sensor))
+        if self._judged or min(map(len, self._lags_s.values()), default=0) < _TIMED:
+            return []
+        self._judged = True
+        lags_s = {name: float(np.median(lags)) for name, lags in self._lags_s.items()}
+        self._apart_s = max(lags_s.values()) - min(lags_s.values())
+        try:
+            self.warnings = check_clocks(lags_s, None, self._received, LIVE)
+        except CollectionError as error:
+            self.warnings = [str(error)]
+        return self.warnings
+
+    def why_behind(self, behind_s: float) -> str:
+        """Return what makes data come so much later than others [s], with the remedy."""
+        if self.warnings and self._apart_s > 0.5 * behind_s:
+            return "; ".join(self.warnings)
+        return "this machine is too slow: lower the labelers' rate"
