@@ -6,7 +6,8 @@ from tf2_msgs.msg import TFMessage
 
 from atom_calibration.errors import TransformError
 from atom_calibration.sources.bag_reader import BagReader
-from atom_calibration.sources.transform_tree import BagTransforms, TransformTree, edges_at
+from atom_calibration.sources.bag_transforms import BagTransforms
+from atom_calibration.sources.transform_tree import TransformTree, edges_at
 from atom_core.geometry import se3
 from atom_core.model.transforms import Edge
 

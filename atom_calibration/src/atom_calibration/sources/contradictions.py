@@ -216,8 +216,8 @@ class EdgeWatch:
                 f"/tf_static place it twice, and the last message counts",
             )
 
-    def see_fixed(self, message: Any) -> None:
-        """Note a TransformStamped of /tf_static."""
+    def see_fixed(self, message: Any, topic: str = "/tf_static") -> None:
+        """Note a TransformStamped of /tf_static, or of what stands for it in a bag."""
         edge, pose = edge_of(message), _pose_tuple(message)
         self.see_parent(edge)
         self._counting[edge] = pose
@@ -227,7 +227,7 @@ class EdgeWatch:
             self._doubtful[edge] = DoubtfulEdge(
                 edge,
                 True,
-                f"transform '{edge}' has several values in /tf_static, which differ by "
+                f"transform '{edge}' has several values in {topic}, which differ by "
                 f"{1e3 * apart_m:.1f} mm and {math.degrees(apart_rad):.2f} deg, and the last one "
                 f"counts",
             )

@@ -7,9 +7,10 @@ from typing import List, Optional, Tuple
 
 from atom_calibration.errors import TransformError
 from atom_calibration.sources.bag_reader import BagReader
+from atom_calibration.sources.bag_transforms import BagTransforms, tf_topics
 from atom_calibration.sources.described_edges import JOINT_STATE, DescribedEdges
 from atom_calibration.sources.rig import Rig
-from atom_calibration.sources.transform_tree import DEFAULT_MAX_GAP_S, BagTransforms, tf_topics
+from atom_calibration.sources.transform_tree import DEFAULT_MAX_GAP_S
 from atom_core.io.urdf import read_description
 from atom_core.model.config import CalibrationConfig
 
@@ -32,14 +33,15 @@ def transforms_of_bag(
     Raises:
         AtomError: neither bag nor description tells the transforms, or one cannot be read.
     """
-    remarks: List[str] = []
-    if description is None and tf_topics(bag):
+    topics = tf_topics(bag)
+    remarks = [topics.remark] if topics.remark else []
+    if description is None and topics:
         transforms = BagTransforms(bag)
         if transforms.moving or not bag.topics_of([JOINT_STATE]) or _connects(transforms, config):
-            return transforms, None, []
+            return transforms, None, remarks
     file = _saved(config, config_file) if description in (None, SAVED) else str(description)
     if file is None and description is None:
-        return BagTransforms(bag), None, []  # which refuses, and says what to do
+        return BagTransforms(bag), None, remarks  # which refuses, and says what to do
     if file is None:
         raise TransformError(
             f"--description: neither {first_guess_file(config_file)} nor a description_file in "
@@ -48,7 +50,7 @@ def transforms_of_bag(
     described = DescribedEdges(bag, read_description(file).robot)
     if description is None:
         moved = f", moved by {', '.join(described.topics)}" if described.topics else ""
-        without = "no /tf" if tf_topics(bag) else "neither /tf nor /tf_static"
+        without = "no /tf" if topics else "neither /tf nor /tf_static"
         remarks.append(f"the bag has {without}: its transforms are those of {file}{moved}")
     return BagTransforms(bag, DEFAULT_MAX_GAP_S, described), described, remarks
 

@@ -1,4 +1,4 @@
-"""The transform tree of a recording at any time of it: what /tf and /tf_static of the bag say.
+"""The transform tree of a recording, or of a running robot, at any time of it.
 
 Nothing else is asked: no master, no wall clock. tf2's BufferCore interpolates between two
 messages, however far apart they are; here a gap is an error, because nobody knows what the robot
@@ -9,19 +9,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, insort
-from typing import (
-    Any,
-    Callable,
-    Dict,
-    Iterable,
-    Iterator,
-    List,
-    Mapping,
-    NamedTuple,
-    Optional,
-    Set,
-    Tuple,
-)
+from typing import Any, Callable, Dict, Iterable, List, Mapping, NamedTuple, Optional, Set
 
 import numpy as np
 import rospy
@@ -30,17 +18,13 @@ from geometry_msgs.msg import TransformStamped
 
 from atom_calibration.errors import TransformError
 from atom_calibration.messages.headers import stamp_s
-from atom_calibration.messages.poses import TF_MESSAGE, edge_of, transform_matrix
-from atom_calibration.sources.bag_reader import BagReader
-from atom_calibration.sources.contradictions import Contradiction, DoubtfulEdge, EdgeWatch
-from atom_calibration.sources.described_edges import DescribedEdges
+from atom_calibration.messages.poses import edge_of, transform_matrix
+from atom_calibration.sources.contradictions import Contradiction
 from atom_core.geometry import se3
 from atom_core.model.transforms import Edge
 
 DEFAULT_MAX_GAP_S = 1.0
-_WINDOW_S = 5.0  # of /tf that are in memory at a time
 _STAYS_SO_S = 1.0  # after the last message in which an edge contradicts itself
-_LATENCY_S = 2.0  # a transform may be recorded so much later than its stamp
 
 
 class Recorded(NamedTuple):
@@ -270,127 +254,6 @@ class TransformTree:
         )
 
 
-class BagTransforms:
-    """The transforms of a bag; only a few seconds of /tf are in memory at a time.
-
-    Attributes:
-        lag_s: how long after their stamps the messages of /tf were received [s], where that is
-            more than a delay: a bag that was played and recorded anew. Otherwise 0.
-        moving: some of them move, so that they have a clock.
-    """
-
-    def __init__(
-        self,
-        bag: BagReader,
-        max_gap_s: float = DEFAULT_MAX_GAP_S,
-        described: Optional[DescribedEdges] = None,
-    ):
-        """Read /tf_static.
-
-        Args:
-            bag: the recording.
-            max_gap_s: longest time between two poses of an edge that is bridged.
-            described: edges that a description tells; of their frames nothing in /tf counts.
-
-        Raises:
-            TransformError: the bag has no transforms at all.
-        """
-        topics = tf_topics(bag)
-        if not topics and described is None:
-            raise TransformError(
-                f"{bag.path}: the bag has neither /tf nor /tf_static, and there is no robot "
-                f"description: name one (--description FILE, or description_file in the "
-                f"configuration), or record them, e.g. `rosbag record /tf /tf_static ...`"
-            )
-        self._described = described
-        self._bag, self._max_gap_s = bag, max_gap_s
-        self._static_topics = [name for name in topics if name.endswith("tf_static")]
-        self._moving_topics = [name for name in topics if name not in self._static_topics]
-        self._static: Dict[Edge, Any] = {}  # the last message of each edge holds
-        self._watch = EdgeWatch()
-        if self._static_topics:
-            for found in bag.messages(self._static_topics):
-                for message in self._counting(found.message):
-                    self._static[edge_of(message)] = message
-                    self._watch.see_fixed(message)
-        if described is not None:
-            self._static.update({edge_of(m): m for m in described.fixed})
-        lag_s = bag.receipt_lag_s(self._moving_topics, _newest_s) if self._moving_topics else None
-        if lag_s is None and described is not None and described.topics:
-            lag_s = bag.receipt_lag_s(described.topics, stamp_s)
-        self.moving = lag_s is not None
-        self.lag_s = 0.0 if lag_s is None or abs(lag_s) <= _LATENCY_S else lag_s
-        self._window: Tuple[float, float] = (np.inf, -np.inf)
-        self._tree = TransformTree()
-        self._recorded: Optional[Dict[Edge, Recorded]] = None
-
-    @property
-    def doubtful(self) -> List[DoubtfulEdge]:
-        """The transforms read so far that messages contradict each other in."""
-        return self._watch.doubtful
-
-    def at(self, time_s: float) -> TransformTree:
-        """Return the tree around a time [s]."""
-        return self.between(time_s, time_s)
-
-    def between(self, start_s: float, end_s: float) -> TransformTree:
-        """Return the tree over some seconds, and a margin around them."""
-        if not (self._window[0] <= start_s and end_s <= self._window[1]):
-            end_s = max(end_s, start_s + _WINDOW_S)
-            self._tree = self._read(start_s - _LATENCY_S, end_s)
-            self._window = (start_s - _LATENCY_S, end_s)
-        return self._tree
-
-    def _read(self, start_s: float, end_s: float) -> TransformTree:
-        margin = self._max_gap_s + _LATENCY_S
-        recorded = start_s - margin + self.lag_s, end_s + margin + self.lag_s
-        tree = TransformTree(
-            end_s - start_s + 4 * margin,
-            self._max_gap_s,
-            self._all_recorded,
-            self._watch.contradicted,
-        )
-        tree.add(self._static.values(), fixed=True)
-        for topic, moving in self._moving_transforms(*recorded):
-            for message in moving:  # before two of one stamp are added
-                self._watch.see_moving(message, topic)
-            tree.add(moving, fixed=False)
-        return tree
-
-    def _moving_transforms(
-        self, start_s: Optional[float] = None, end_s: Optional[float] = None
-    ) -> Iterator[Tuple[str, List[Any]]]:
-        """Yield what messages say of edges that move, and the topic."""
-        if self._moving_topics:
-            for found in self._bag.messages(self._moving_topics, start_s, end_s):
-                yield "/tf", self._counting(found.message)
-        if self._described is not None and self._described.topics:
-            for found in self._bag.messages(self._described.topics, start_s, end_s):
-                yield found.topic, self._described.transforms(found.message)
-
-    def _all_recorded(self) -> Dict[Edge, Recorded]:
-        """Return all edges that move, at any time; the bag is read for it once."""
-        if self._recorded is None:
-            self._recorded = {}
-            for topic, moving in self._moving_transforms():
-                for message in moving:
-                    edge, at_s = edge_of(message), stamp_s(message)
-                    before = self._recorded.get(edge, Recorded(topic, at_s, at_s))
-                    first_s, last_s = min(before.first_s, at_s), max(before.last_s, at_s)
-                    self._recorded[edge] = Recorded(topic, first_s, last_s)
-        return self._recorded
-
-    def _counting(self, message: Any) -> List[Any]:
-        """Return the TransformStamped of a message that count."""
-        transforms: List[Any] = message.transforms
-        return transforms if self._described is None else self._described.others(transforms)
-
-
-def tf_topics(bag: BagReader) -> List[str]:
-    """Return the topics of a bag that carry transforms."""
-    return bag.topics_of([TF_MESSAGE, "tf/tfMessage"])
-
-
 def edges_at(
     tree: TransformTree, root: str, frame_stamps: Mapping[str, float]
 ) -> Dict[Edge, np.ndarray]:
@@ -431,11 +294,6 @@ def _copy(edge: Edge, matrix: np.ndarray, message: Any) -> TransformStamped:
     length = math.hypot(math.hypot(given.x, given.y), math.hypot(given.z, given.w))
     q.x, q.y, q.z, q.w = (v / length for v in (given.x, given.y, given.z, given.w))
     return copy
-
-
-def _newest_s(message: Any) -> Optional[float]:
-    """Return the newest stamp of a message of /tf [s]; None: it has no transforms."""
-    return max((stamp_s(transform) for transform in message.transforms), default=None)
 
 
 def _time_text(time_s: Optional[float]) -> str:

@@ -6,6 +6,8 @@ import argparse
 import sys
 from collections import Counter, deque
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 from typing import (
     Any,
@@ -45,10 +47,10 @@ from atom_calibration.modalities.frames import Frame, decode
 from atom_calibration.runtime.options import add_receive_time_option
 from atom_calibration.sources.bag_parts import name_of, remark_on_parts
 from atom_calibration.sources.bag_reader import BagReader
+from atom_calibration.sources.bag_transforms import BagTransforms
 from atom_calibration.sources.contradictions import MessageWatch
 from atom_calibration.sources.described_bag import SAVED, check_described, transforms_of_bag
 from atom_calibration.sources.rig import Rig, rig_from_bag
-from atom_calibration.sources.transform_tree import BagTransforms
 from atom_core import opencv
 from atom_core.cli import BAD_INPUT, INTERRUPTED
 from atom_core.commands.common import add_option, add_output_options
@@ -70,6 +72,7 @@ _LOOK_AHEAD = 12  # messages that are decoded and, if images, labeled beforehand
 _WORKERS = 2
 _BEYOND_S = 1.0  # clocks and delays may put data so far beyond what was recorded
 _MOST_BAD_MESSAGES = 3  # of a sensor that are told one by one
+_TRIED = 200  # messages of a sensor of which one must be readable
 
 
 def main(argv: Optional[Sequence[str]] = None) -> int:
@@ -255,13 +258,28 @@ def labeled_frames(
                 frame = future.result()
             except MessageError as error:
                 bad[error.sensor] += 1
-                if not good[error.sensor]:
-                    raise
+                if not good[error.sensor] and bad[error.sensor] == 1:
+                    _check_others(bag, rig, error)
                 if bad[error.sensor] <= _MOST_BAD_MESSAGES:
                     _warn(f"a message is left out: {error}")
                 continue
             good[frame.sensor.name] += 1
             yield labeler.label(frame, transforms.at(frame.stamp_s))
+
+
+def _check_others(bag: BagReader, rig: Rig, error: MessageError) -> None:
+    """Refuse a sensor whose first message cannot be read, and none of those after it.
+
+    Raises:
+        MessageError: the one that the first message gave.
+    """
+    for topic, sensor in rig.topics.items():
+        if sensor.name == error.sensor:
+            for found in islice(bag.messages([topic]), _TRIED):
+                with suppress(MessageError):
+                    decode(sensor, found.message)
+                    return
+    raise error
 
 
 def _ahead(
