@@ -244,15 +244,25 @@ def test_a_gap_of_tf_costs_the_collection_in_it_and_is_told(place, make, capsys)
     assert len(read_dataset(place.folder / "dataset.json").collections) == STOPS - 1
 
 
-def test_an_empty_image_is_left_out_and_told_and_only_such_images_are_refused(place, make, capsys):
+@pytest.mark.parametrize("bad, time_s", [([30], 103.0), ([0], 100.0), ([0, 1, 2], 100.2)])
+def test_an_empty_image_is_left_out_and_told_wherever_it_stands(place, make, capsys, bad, time_s):
     spoiled = list(messages(make))
     images = [m for topic, m, _ in spoiled if topic == "/cam/image_raw"]
-    images[30].data = b""
+    for number in bad:
+        images[number].data = b""
     assert main(place(spoiled)) == 0
     error = capsys.readouterr().err
-    assert "sensor 'cam', topic /cam/image_raw, time 103.000: the image is empty" in error
-    images[0].data = b""
+    assert f"sensor 'cam', topic /cam/image_raw, time {time_s:.3f}: the image is empty" in error
+    assert list(read_dataset(place.folder / "dataset.json").collections) == ["000", "001", "002"]
+
+
+def test_a_sensor_all_of_whose_images_are_empty_is_refused(place, make, capsys):
+    assert main(place()) == 0
     before = read_dataset(place.folder / "dataset.json").document
+    spoiled = list(messages(make))
+    for topic, message, _ in spoiled:
+        if topic == "/cam/image_raw":
+            message.data = b""
     assert "time 100.000: the image is empty" in refusal([*place(spoiled), "--overwrite"], capsys)
     assert read_dataset(place.folder / "dataset.json").document == before  # it is back
 
