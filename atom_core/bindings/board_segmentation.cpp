@@ -113,6 +113,8 @@ py::list Find(const Scan& scan, double width, double height, int least_layers, d
 }
 
 IndexArray LayerOfPoints(const Scan& scan, std::int64_t size) {
+  const std::int64_t least = scan.points.empty() ? 0 : scan.points.back().index + std::int64_t{1};
+  if (size < least) throw std::invalid_argument("size must be the number of the cloud's points");
   IndexArray layers(size);
   std::fill_n(layers.mutable_data(), size, -1);
   for (const ScanPoint& point : scan.points) layers.mutable_data()[point.index] = point.layer;

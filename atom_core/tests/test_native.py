@@ -125,6 +125,15 @@ def test_a_beam_is_narrow_and_a_square_has_a_size(beam, dark):
         core.find_boards(scan, 1.0, 1.0, 3, beam, dark)
 
 
+def test_layers_of_fewer_points_than_the_cloud_has_are_a_value_error():
+    core = native.require("Boards")
+    scan = core.find_layers(np.ones((4, 3)), np.zeros(0, np.int64), 4, 1)
+    assert len(scan.layer_of_points(4)) == 4
+    for size in (3, 0, -1):
+        with pytest.raises(ValueError, match="number of the cloud's points"):
+            scan.layer_of_points(size)
+
+
 def test_every_function_is_documented():
     core = native.require("Documentation")
     for name in ("parse_urdf", "compress_planar_rows", "compress_planar_segments"):

@@ -82,9 +82,12 @@ void CloudWatcher::listen(const std::string& topic, bool is_scan) {
   const auto take_scan = [this, topic](const sensor_msgs::LaserScanConstPtr& scan) {
     keep(topic, boost::make_shared<sensor_msgs::PointCloud2>(cloud_of_scan(*scan)));
   };
-  const ros::Subscriber subscriber =
-      is_scan ? node_.subscribe<sensor_msgs::LaserScan>(topic, 1, take_scan)
-              : node_.subscribe<sensor_msgs::PointCloud2>(topic, 1, take_cloud);
+  ros::Subscriber subscriber;
+  try {
+    subscriber = is_scan ? node_.subscribe<sensor_msgs::LaserScan>(topic, 1, take_scan)
+                         : node_.subscribe<sensor_msgs::PointCloud2>(topic, 1, take_cloud);
+  } catch (const ros::Exception&) {  // its display says what is wrong; it is not tried again
+  }
   const std::lock_guard<std::mutex> guard(lock_);
   sources_[topic].subscriber = subscriber;
 }

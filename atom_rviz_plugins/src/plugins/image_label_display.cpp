@@ -121,10 +121,16 @@ void ImageLabelDisplay::update_topic() {
 void ImageLabelDisplay::update_values() {
   values_subscriber_.shutdown();
   values_.reset();
+  deleteStatus("Values");
   const std::string topic = values_topic_->getTopicStd();
   if (!isEnabled() || topic.empty()) return;
-  values_subscriber_ = update_nh_.subscribe<sensor_msgs::Image>(
-      topic, 1, [this](const sensor_msgs::ImageConstPtr& message) { values_ = message; });
+  try {
+    values_subscriber_ = update_nh_.subscribe<sensor_msgs::Image>(
+        topic, 1, [this](const sensor_msgs::ImageConstPtr& message) { values_ = message; });
+    setStatus(rviz::StatusProperty::Ok, "Values", "OK");
+  } catch (const ros::Exception& error) {
+    setStatus(rviz::StatusProperty::Error, "Values", error.what());
+  }
 }
 
 void ImageLabelDisplay::update_mode() {

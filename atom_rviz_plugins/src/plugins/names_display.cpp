@@ -73,7 +73,12 @@ void NamesDisplay::update_topic() {
   clear();
   const std::string topic = topic_->getTopicStd();
   if (!isEnabled() || topic.empty()) return;
-  subscriber_ = update_nh_.subscribe(topic, 5, &NamesDisplay::take, this);
+  try {
+    subscriber_ = update_nh_.subscribe(topic, 5, &NamesDisplay::take, this);
+    setStatus(rviz::StatusProperty::Ok, "Topic", "OK");
+  } catch (const ros::Exception& error) {
+    setStatus(rviz::StatusProperty::Error, "Topic", error.what());
+  }
 }
 
 // Runs in the window's thread.

@@ -102,6 +102,11 @@ void PointLabelTool::deactivate() {
   take_highlight_away();
 }
 
+// Marks lie in the fixed frame.
+void PointLabelTool::update(float /*wall_dt*/, float /*ros_dt*/) {
+  if (!chosen_.empty() && context_->getFixedFrame() != marked_frame_) highlight();
+}
+
 void PointLabelTool::forget() {
   if (chosen_.empty()) return;
   chosen_.clear();
@@ -232,6 +237,7 @@ void PointLabelTool::change_tool(char shortcut) {
 
 void PointLabelTool::highlight() {
   marks_->clear();
+  marked_frame_ = context_->getFixedFrame();
   for (const Chosen& chosen : chosen_) add_marks(chosen);
   context_->queueRender();
 }

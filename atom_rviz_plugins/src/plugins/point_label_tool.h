@@ -36,6 +36,7 @@ class PointLabelTool : public CloudTool {
   void onInitialize() override;
   void activate() override;
   void deactivate() override;
+  void update(float wall_dt, float ros_dt) override;
   int processMouseEvent(rviz::ViewportMouseEvent& event) override;
   int processKeyEvent(QKeyEvent* event, rviz::RenderPanel* panel) override;
 
@@ -63,6 +64,7 @@ class PointLabelTool : public CloudTool {
   rviz::FloatProperty* depth_window_m_;
   std::array<ros::Publisher, 4> publishers_;
   std::vector<Chosen> chosen_;
+  QString marked_frame_;
   Ogre::ManualObject* marks_ = nullptr;
   Ogre::SceneNode* node_ = nullptr;
   bool dragging_ = false;

@@ -22,7 +22,12 @@ void ServiceCalls::start(const std::string& name,
   call->name = name;
   calls_.push_back(call);
   call->thread = std::thread([this, call, done, run] {
-    run(*call);
+    try {
+      run(*call);
+    } catch (const std::exception& error) {  // a name that roscpp does not know as one
+      call->success = false;
+      call->message = call->name + " cannot be called: " + error.what();
+    }
     QMetaObject::invokeMethod(
         this,
         [call, done] {
