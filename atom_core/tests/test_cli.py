@@ -392,7 +392,20 @@ def test_a_selection_that_names_nothing(cell, tmp_path, capsys):
 def test_a_selection_of_additional_tfs_that_names_nothing(cell, tmp_path, capsys):
     path = cell / "data" / "dataset.json"
     line = calibrate(capsys, path, tmp_path / "out", "-atsf", "base")
-    assert "no additional tf matches 'base'" in line
+    assert "no additional tf matches 'base'; there are: none" in line
+
+
+@pytest.mark.parametrize("words", [["-atsf", "lambda t: t != 'odom'"], ["-jsf", "lambda j: True"]])
+def test_a_condition_that_holds_for_nothing_estimates_nothing_further(cell, tmp_path, words):
+    path = edited(
+        cell,
+        tmp_path,
+        lambda d: d["calibration_config"].update(
+            additional_tfs={"odom": {"parent_link": "world", "child_link": "nowhere"}}
+        ),
+    )
+    common = ["calibrate", "--dataset", str(path), "-atsf", "!odom"]
+    assert main([*common, *words, "--output", str(tmp_path / "out")]) == 0
 
 
 def test_a_selection_is_never_evaluated_as_code(cell, tmp_path, capsys):

@@ -149,6 +149,29 @@ def test_selections_that_leave_nothing_are_refused(joints, parameters, error, me
         select_joints(dataset, joints, parameters)
 
 
+@pytest.mark.parametrize(
+    "joints, parameters",
+    [
+        (["lambda j: False"], []),
+        ([], ["lambda p: p == 'origin_roll'"]),
+        (["lambda j: True"], ["lambda p: False"]),
+        (["!*"], []),
+    ],
+)
+def test_conditions_that_hold_for_no_joint_calibrate_none(joints, parameters):
+    dataset = arm.camera_on_arm(0, errors=ERRORS, collections=3).dataset
+    assert select_joints(dataset, joints, parameters) == {}
+
+
+def test_a_condition_is_about_joints_that_are_configured():
+    dataset = arm.camera_on_arm(0, errors=ERRORS, collections=3).dataset
+    bare = replace(dataset, config=replace(dataset.config, joints={}))
+    assert select_joints(bare, ["lambda j: True"], []) == {}
+    assert select_joints(without_joints(bare, bare.collections), ["lambda j: True"], []) == {}
+    chosen = select_joints(dataset, ["lambda j: True"], ["lambda p: 'bias' in p"])
+    assert set(chosen) == set(ERRORS) - {"wrist_2"}
+
+
 def without_joints(dataset, keys):
     collections = {
         key: replace(c, joints={}) if key in keys else c for key, c in dataset.collections.items()

@@ -64,3 +64,20 @@ def test_whatever_stands_there_is_selected_or_refused():
         except SelectionError as error:
             assert "\n" not in str(error)
     assert selected > 20, "some of them mean something"
+
+
+@pytest.mark.parametrize("names", [NAMES, []])
+@pytest.mark.parametrize("expression", ["lambda s: False", "lambda s: s == 'odom'", "!*"])
+def test_a_condition_may_hold_for_nothing_where_nothing_can_be_selected(names, expression):
+    if names or expression != "!*":
+        assert select_names(names, [expression], may_be_empty=True) == []
+    with pytest.raises(SelectionError):
+        select_names(names, [expression])
+
+
+@pytest.mark.parametrize("expression", ["odom", "rgb_3*", "!odom", "!lidar*_9"])
+def test_a_name_that_is_none_is_a_slip_even_where_nothing_can_be_selected(expression):
+    with pytest.raises(SelectionError, match="there are: rgb_1"):
+        select_names(NAMES, [expression], may_be_empty=True)
+    with pytest.raises(SelectionError, match="there are: none"):
+        select_names([], [expression], may_be_empty=True)

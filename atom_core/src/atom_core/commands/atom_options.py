@@ -47,6 +47,7 @@ _FEW_ROWS = "all points are used: a detection costs the same whatever their numb
 _OWN_CRITERION = (
     "the solver ends where no step promises anything (a calibration is converged, or says not)"
 )
+_NONE = "likewise; a lambda that holds for none estimates none"
 _EXACT = "derivatives are exact, nothing is differenced"
 
 CALIBRATE = (
@@ -96,9 +97,9 @@ CALIBRATE = (
     _same("ssf", "sensor_selection_function", "lambda s: s != 'x'", remark="also names, globs"),
     _same("csf", "collection_selection_function", "lambda x: int(x) < 99", remark="likewise"),
     _same("psf", "pattern_selection_function", "lambda p: True", remark="likewise"),
-    _same("jsf", "joint_selection_function", "lambda j: True", remark="likewise"),
-    _same("jpsf", "joint_parameter_selection_function", "lambda p: 'bias' in p", remark="likewise"),
-    _same("atsf", "additional_tf_selection_function", "lambda t: True", remark="likewise"),
+    _same("jsf", "joint_selection_function", "lambda j: True", remark=_NONE),
+    _same("jpsf", "joint_parameter_selection_function", "lambda p: 'bias' in p", remark=_NONE),
+    _same("atsf", "additional_tf_selection_function", "lambda t: True", remark=_NONE),
     _same("phased", "phased_execution", remark="the keys c and q in the terminal"),
     _same(
         *("ipg", "initial_pose_ghost"),

@@ -238,9 +238,9 @@ def _with_selections(
     """Return the options with what the arguments select of a dataset, and do to it."""
     dataset = given.dataset
     if args.additional_tf_selection_function:
-        names = select_names(
-            dataset.config.additional_tfs, args.additional_tf_selection_function, "additional tf"
-        )
+        selection = args.additional_tf_selection_function
+        there = dataset.config.additional_tfs
+        names = select_names(there, selection, "additional tf", may_be_empty=True)
         options = replace(options, additional_tfs=tuple(names))
     selected: Dict[str, Any] = dict(selected_model_errors(args, dataset))
     return replace(

@@ -35,9 +35,20 @@ _DEEPEST = 50  # brackets, or operators that take what follows them
 
 
 def select_names(
-    names: Iterable[str], expressions: Optional[Sequence[str]], what: str = "name"
+    names: Iterable[str],
+    expressions: Optional[Sequence[str]],
+    what: str = "name",
+    may_be_empty: bool = False,
 ) -> List[str]:
     """Return the names that any expression selects, in their order; None selects all.
+
+    Args:
+        names: what there is.
+        expressions: names, globs, exclusions, lambdas.
+        what: what they are names of, for messages.
+        may_be_empty: a lambda that holds for none, and exclusions of all that there is, select
+            nothing instead of being refused. A name or glob that matches nothing is a slip of the
+            pen and refused either way.
 
     Raises:
         SelectionError: an expression is malformed or selects nothing.
@@ -46,25 +57,34 @@ def select_names(
     if not expressions:
         return names
     excluded = [e[1:] for e in expressions if e.startswith("!")]
-    included = [e for e in expressions if not e.startswith("!")] or ["*"]
-    chosen = set()
+    included = [e for e in expressions if not e.startswith("!")]
+    chosen = set() if included else set(names)
     for expression in included:
-        chosen |= _matches(names, expression, what)
+        chosen |= _matches(names, expression, what, may_be_empty)
     for expression in excluded:
-        chosen -= _matches(names, expression, what)
-    if not chosen:
-        raise SelectionError(f"the selection leaves no {what}; there are: {', '.join(names)}")
+        chosen -= _matches(names, expression, what, may_be_empty)
+    if not chosen and not may_be_empty:
+        raise SelectionError(f"the selection leaves no {what}; {_there_are(names)}")
     return [n for n in names if n in chosen]
 
 
-def _matches(names: Sequence[str], expression: str, what: str) -> set:
-    if expression.lstrip().startswith("lambda"):
+def is_lambda(expression: str) -> bool:
+    """Tell whether a selection is a condition, which may hold for nothing, and no name."""
+    return expression.lstrip("! ").startswith("lambda")
+
+
+def _matches(names: Sequence[str], expression: str, what: str, may_be_empty: bool) -> set:
+    if is_lambda(expression):
         found = {n for n in names if _evaluate_lambda(expression, n)}
     else:
         found = {n for n in names if n == expression or fnmatchcase(n, expression)}
-    if not found:
-        raise SelectionError(f"no {what} matches '{expression}'; there are: {', '.join(names)}")
+    if not found and not (may_be_empty and is_lambda(expression)):
+        raise SelectionError(f"no {what} matches '{expression}'; {_there_are(names)}")
     return found
+
+
+def _there_are(names: Sequence[str]) -> str:
+    return f"there are: {', '.join(names) or 'none'}"
 
 
 def _evaluate_lambda(text: str, name: str) -> bool:

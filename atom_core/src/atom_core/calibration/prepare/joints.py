@@ -10,7 +10,7 @@ from atom_core.errors import CalibrationError
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset, board_edge
 from atom_core.model.joints import JOINT_PARAMETERS, JointSelection
-from atom_core.model.selection import select_names
+from atom_core.model.selection import is_lambda, select_names
 from atom_core.problem.builder import FreeEdges
 
 _SAME_M, _SAME_RAD = 1e-3, 2e-3  # of a transform and what the joint's position says
@@ -32,42 +32,54 @@ def select_joints(
         joints: names, globs, lambdas; empty for those of the configuration.
         parameters: likewise; empty for those of the configuration.
 
+    Lambdas may hold for nothing, as in ATOM: then no joint is calibrated.
+
     Raises:
-        SelectionError: a selection leaves nothing.
-        CalibrationError: neither configuration nor collections know a joint, or a selected joint
-            is left without a parameter.
+        SelectionError: a selection by name leaves nothing.
+        CalibrationError: neither configuration nor collections know a joint, or a joint selected
+            by name is left without a parameter.
     """
     configured = configured_joints(dataset)
     known: Dict[str, Tuple[str, ...]]
     known = {name: JOINT_PARAMETERS for c in dataset.collections.values() for name in c.joints}
     known.update(configured)
-    if not known:
+    by_name = not all(map(is_lambda, [*joints, *parameters]))
+    if not known and by_name:
         raise CalibrationError(
             "there are no joints to select: neither the configuration's 'joints' nor the "
             "collections name any; name them in the configuration, and collect again"
         )
-    candidates = {**(configured or known), **{n: known[n] for n in joints if n in known}}
-    names = select_names(candidates, joints or None, "joint")
-    wanted = select_names(JOINT_PARAMETERS, parameters or None, "joint parameter")
-    chosen: Dict[str, Tuple[str, ...]] = {}
-    for name in names:
-        if name not in configured and not parameters:
-            raise CalibrationError(
-                f"joint '{name}': the configuration names no parameters of it; select them with "
-                f"--joint_parameter_selection_function, of {', '.join(JOINT_PARAMETERS)}"
-            )
-        chosen[name] = tuple(p for p in known[name] if p in wanted)
-        if not chosen[name] and joints:
-            raise CalibrationError(
-                f"joint '{name}' has none of the selected parameters; the configuration names "
-                f"{', '.join(known[name])}"
-            )
+    candidates = configured or (known if by_name or (joints and parameters) else {})
+    candidates = {**candidates, **{n: known[n] for n in joints if n in known}}
+    names = select_names(candidates, joints or None, "joint", may_be_empty=True)
+    wanted = select_names(JOINT_PARAMETERS, parameters or None, "joint parameter", True)
+    chosen = {
+        name: _parameters_of(name, known[name], wanted, name in configured or bool(parameters))
+        for name in names
+    }
+    bare = [name for name in names if not chosen[name]]
+    if bare and not all(map(is_lambda, joints)):
+        raise CalibrationError(
+            f"joint '{bare[0]}' has none of the selected parameters; the configuration names "
+            f"{', '.join(known[bare[0]])}"
+        )
     chosen = {name: of_joint for name, of_joint in chosen.items() if of_joint}
-    if not chosen:
+    if names and not chosen and not all(map(is_lambda, parameters)):
         raise CalibrationError(
             f"no joint has the selected parameters ({', '.join(wanted)}); change the selection"
         )
     return chosen
+
+
+def _parameters_of(
+    name: str, known: Sequence[str], wanted: Sequence[str], are_named: bool
+) -> Tuple[str, ...]:
+    if not are_named:
+        raise CalibrationError(
+            f"joint '{name}': the configuration names no parameters of it; select them with "
+            f"--joint_parameter_selection_function, of {', '.join(JOINT_PARAMETERS)}"
+        )
+    return tuple(p for p in known if p in wanted)
 
 
 def check_joints(dataset: Dataset, free: FreeEdges) -> None:
