@@ -16,6 +16,7 @@ from atom_core.io.dataset_json import read_dataset  # noqa: E402
 from atom_core.io.dataset_writer import write_dataset_folder  # noqa: E402
 from atom_core.model.dataset import pose  # noqa: E402
 from atom_core.synthetic import Noise, scenes  # noqa: E402
+from atom_core.synthetic.carried import on_another  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +74,18 @@ def test_a_camchain_places_its_cameras_against_the_anchored_one(made, tmp_path):
     )
     info = found.document["sensors"]["rgb_3"]["camera_info"]
     assert info["P"][0] == info["K"][0] == 502.0
+
+
+def test_a_camchain_says_so_where_the_anchored_camera_hangs_on_another(made, capsys, tmp_path):
+    folder, true = made
+    hung = on_another(read_dataset(folder / "wrong" / "dataset.json"), "rgb_1", "rgb_2")
+    path, target = write_dataset_folder(hung, tmp_path / "hung", name="h"), tmp_path / "kalibr.json"
+    run("kalibr_stereo_calib", "-json", path, "-k", folder / "chain.yaml", "-o", target)
+    told = "'rgb_1' hangs below the edge of 'rgb_2', so that 'rgb_2' stays where it is"
+    assert told in capsys.readouterr().out.splitlines()
+    found, edge = read_dataset(target), hung.sensors["rgb_2"].edge
+    np.testing.assert_allclose(poses_in_first(found), poses_in_first(true), atol=1e-9)
+    np.testing.assert_allclose(found.first_value(edge), hung.first_value(edge), atol=1e-12)
 
 
 def test_fisheyes_keep_their_model(made, tmp_path):

@@ -17,6 +17,7 @@ from atom_core.io.dataset_json import read_dataset  # noqa: E402
 from atom_core.io.dataset_writer import write_dataset_folder  # noqa: E402
 from atom_core.model.dataset import pose  # noqa: E402
 from atom_core.synthetic import Noise, scenes  # noqa: E402
+from atom_core.synthetic.carried import on_another  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -83,3 +84,17 @@ def test_a_pair_that_is_none_is_refused(made, capsys):
     assert "is named twice" in refused(capsys, *line, "rgb_1")
     line = ["icp_calibration", "-json", path, "-st", "lidar_1", "-ss"]
     assert "of lidar3d or depth" in refused(capsys, *line, "rgb_1")
+
+
+def test_of_two_cameras_on_one_another_the_carried_one_is_calibrated(made, capsys, tmp_path):
+    path, true = made
+    hung = on_another(read_dataset(path), "rgb_2", "rgb_1")
+    path = write_dataset_folder(hung, tmp_path / "hung", name="hung")
+    line = ["cv_stereo_calib", "-json", path, "-o", tmp_path / "o.json"]
+    assert "'rgb_2' hangs below the edge of 'rgb_1', which moves both; calibrate 'rgb_2'" in (
+        refused(capsys, *line, "-lc", "rgb_1", "-rc", "rgb_2")
+    )
+    assert not (tmp_path / "o.json").exists()
+    run(*line, "-lc", "rgb_2", "-rc", "rgb_1")
+    metres, degrees = error_of(tmp_path / "o.json", true, "rgb_2", "rgb_1")
+    assert metres < 1e-3 and degrees < 0.05

@@ -7,12 +7,18 @@ import numpy as np
 import pytest
 
 from atom_core.errors import DatasetError
-from atom_core.evaluation.baselines.chain import chain_baseline, names_of_chain, with_chain
+from atom_core.evaluation.baselines.chain import (
+    chain_baseline,
+    chain_remarks,
+    names_of_chain,
+    with_chain,
+)
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.io.kalibr import ChainCamera
 from atom_core.model.dataset import pose
 from atom_core.synthetic import Noise, scenes
+from atom_core.synthetic.carried import on_another
 
 PATH = Path("camchain.yaml")
 WIDTH, HEIGHT = 1280, 800
@@ -139,6 +145,21 @@ def test_cameras_stand_to_each_other_as_in_the_chain_and_the_anchored_one_stays(
                 np.testing.assert_allclose(found, wanted, atol=1e-9)
     edge = dataset.sensors["rgb_1"].edge
     np.testing.assert_array_equal(solved.first_value(edge), dataset.first_value(edge))
+
+
+@pytest.mark.parametrize("anchored", ["rgb_1", "rgb_2", None])
+def test_cameras_on_one_another_stand_as_in_the_chain_and_the_carrier_stays(dataset, anchored):
+    hung = on_another(dataset, "rgb_2", "rgb_1")
+    hung = replace(hung, config=replace(hung.config, anchored_sensor=anchored))
+    chain = dict(zip(("rgb_2", "rgb_1"), chain_of(TOPICS[:2])))
+    solved = with_chain(hung, chain)
+    for key in hung.collections:
+        found = place_of(solved, "rgb_2", "rgb_1", key)
+        np.testing.assert_allclose(found, chain["rgb_1"].first_T_camera, atol=1e-9)
+    carrier = hung.sensors["rgb_1"].edge
+    np.testing.assert_array_equal(solved.first_value(carrier), hung.first_value(carrier))
+    told = "'rgb_2' hangs below the edge of 'rgb_1', so that 'rgb_1' stays where it is"
+    assert chain_remarks(hung, chain) == ([] if anchored == "rgb_1" else [told])
 
 
 def test_without_the_anchored_camera_the_first_of_the_chain_stays(dataset):

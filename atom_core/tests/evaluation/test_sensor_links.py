@@ -6,10 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from atom_core.errors import DatasetError
 from atom_core.evaluation.baselines.links import (
     Link,
     board_by_range,
     board_middle,
+    check_separable,
     edge_value,
     linked_rig,
     motion_between,
@@ -24,6 +26,7 @@ from atom_core.model.dataset import DataSource, pose
 from atom_core.model.labels import DetectionKey
 from atom_core.model.transforms import Edge
 from atom_core.synthetic import Noise, Sampling, scenes
+from atom_core.synthetic.carried import on_another
 
 BOARD = "pattern_1"
 
@@ -177,6 +180,68 @@ def test_the_value_of_an_edge_puts_the_sensor_where_it_is_to_be(dataset):
     value = edge_value(dataset, "rgb_2", "lidar_1", wanted)
     solved = dataset.with_transforms(dict.fromkeys(dataset.collections, {edge: value}))
     np.testing.assert_allclose(place_of(solved, "rgb_2", "lidar_1"), wanted, atol=1e-9)
+
+
+# ---- sensors below others
+
+
+@pytest.fixture(scope="module")
+def nested(dataset):
+    """Return the dataset with rgb_2 on rgb_1, and the LiDAR on rgb_2."""
+    return on_another(on_another(dataset, "rgb_2", "rgb_1"), "lidar_1", "rgb_2")
+
+
+@pytest.mark.parametrize("anchored", ["rgb_1", "rgb_2", "rgb_3", "lidar_1"])
+def test_in_a_chain_of_edges_all_sensors_stand_where_the_links_have_them(nested, anchored):
+    rng = np.random.default_rng(7)
+    wanted_poses = {name: se3.random_move(1.0, 1.0, rng) for name in ("rgb_2", "rgb_3", "lidar_1")}
+    links = [Link(name, "rgb_1", found, 1) for name, found in reversed(list(wanted_poses.items()))]
+    anchoring = replace(nested, config=replace(nested.config, anchored_sensor=anchored))
+    rig = linked_rig("m", anchoring, links, {})
+    assert set(rig.placed) == {"rgb_1", *wanted_poses}
+    for key in nested.collections:
+        for name, wanted in wanted_poses.items():
+            np.testing.assert_allclose(place_of(rig.dataset, "rgb_1", name, key), wanted, atol=1e-9)
+    stays = "rgb_3" if anchored == "rgb_3" else "rgb_1"
+    assert rig.placed[0] == stays and same_edges(rig.dataset, nested, [stays]) == [True]
+    assert rig.remarks == (
+        ()
+        if anchored == stays
+        else (
+            f"m: '{anchored}' hangs below the edge of 'rgb_1', so that 'rgb_1' stays where it is",
+        )
+    )
+
+
+def test_a_carrier_that_is_not_placed_takes_what_hangs_on_it_along(nested):
+    """The camera below it stands to the camera that stays where it is to be all the same."""
+    solved, placed, remarks = placed_at(nested, "rgb_3", {"lidar_1": shifted(0.5)})
+    assert placed == ["rgb_3", "lidar_1"] and not remarks
+    np.testing.assert_allclose(place_of(solved, "rgb_3", "lidar_1"), shifted(0.5), atol=1e-9)
+    assert same_edges(solved, nested, ("rgb_1", "rgb_2", "rgb_3")) == [True] * 3
+    rigid = place_of(nested, "rgb_2", "lidar_1")
+    solved, _, _ = placed_at(nested, "rgb_3", {"rgb_1": shifted(0.5)})
+    np.testing.assert_allclose(place_of(solved, "rgb_2", "lidar_1"), rigid, atol=1e-9)
+
+
+def test_a_sensor_is_not_calibrated_against_one_that_it_carries(nested):
+    for fixed, name in (("rgb_2", "rgb_1"), ("lidar_1", "rgb_1"), ("lidar_1", "rgb_2")):
+        with pytest.raises(DatasetError) as refusal:
+            edge_value(nested, fixed, name, np.eye(4))
+        assert str(refusal.value) == (
+            f"random_scene: '{fixed}' hangs below the edge of '{name}', which moves both; "
+            f"calibrate '{fixed}' against '{name}', the other way round"
+        )
+        check_separable(nested, name, fixed)
+    check_separable(nested, "rgb_3", "rgb_1")
+
+
+def test_two_sensors_on_one_edge_are_not_calibrated_against_each_other(dataset):
+    edge = dataset.sensors["rgb_1"].edge
+    below = replace(dataset.sensors["rgb_2"], edge=edge, frame=dataset.sensors["rgb_1"].frame)
+    shared = replace(dataset, sensors={**dataset.sensors, "rgb_2": below})
+    with pytest.raises(DatasetError, match=f"'rgb_2' and 'rgb_1' share the edge '{edge}'"):
+        edge_value(shared, "rgb_1", "rgb_2", np.eye(4))
 
 
 # ---- what two sensors see

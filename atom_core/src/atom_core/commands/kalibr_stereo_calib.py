@@ -7,7 +7,7 @@ from pathlib import Path
 
 from atom_core.commands import common
 from atom_core.commands.dataset_output import add_overwrite_option, write_documents
-from atom_core.evaluation.baselines.chain import names_of_chain, with_chain
+from atom_core.evaluation.baselines.chain import chain_remarks, names_of_chain, with_chain
 from atom_core.io.dataset_json import document_of, read_dataset
 from atom_core.io.kalibr import read_camchain
 from atom_core.io.paths import sibling
@@ -30,10 +30,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Apply the chain; the anchored camera, else the first, stays where it is."""
+    """Apply the chain; the anchored camera, else the first, or one that carries it, stays."""
     dataset, chain = read_dataset(args.dataset), read_camchain(args.kalibr_file)
     names = names_of_chain(dataset, chain, args.kalibr_file, list(args.cameras or []))
-    solved = with_chain(dataset, dict(zip(names, chain)))
+    by_name = dict(zip(names, chain))
+    solved = with_chain(dataset, by_name)
     target = args.output or sibling(args.dataset, _RESULT)
     write_documents(args.dataset, {target: document_of(solved)}, args.overwrite)
+    for remark in chain_remarks(dataset, by_name):
+        print(remark)
     return 0

@@ -8,7 +8,7 @@ from typing import Sequence
 import numpy as np
 
 from atom_core.errors import DatasetError
-from atom_core.evaluation.baselines.links import edge_value
+from atom_core.evaluation.baselines.links import check_separable, edge_value
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset
@@ -20,8 +20,13 @@ _MM_PER_M = 1000.0
 def read_pair(args: argparse.Namespace, pair: Sequence[str], kinds: Sequence[str]) -> Dataset:
     """Read the dataset; refuse names that are none of its sensors of these modalities.
 
+    Args:
+        args: with the dataset.
+        pair: the sensor that is placed, and the one that stays.
+        kinds: modalities.
+
     Raises:
-        DatasetError: naming those there are.
+        DatasetError: naming those there are; or the one that stays would move along.
     """
     dataset = read_dataset(args.dataset)
     there = [name for name, sensor in dataset.sensors.items() if sensor.modality in kinds]
@@ -33,6 +38,7 @@ def read_pair(args: argparse.Namespace, pair: Sequence[str], kinds: Sequence[str
             )
     if pair[0] == pair[1]:
         raise DatasetError(f"{args.dataset}: '{pair[0]}' is named twice; name two sensors")
+    check_separable(dataset, pair[1], pair[0])
     return dataset
 
 
@@ -40,7 +46,7 @@ def with_source(dataset: Dataset, source: str, target: str, pose: np.ndarray) ->
     """Return the dataset with the source where it has this pose (4, 4) in the target.
 
     Raises:
-        DatasetError: the two move against each other.
+        DatasetError: the two move against each other, or along with each other.
     """
     edge = {dataset.sensors[source].edge: edge_value(dataset, target, source, pose)}
     return dataset.with_transforms(dict.fromkeys(dataset.collections, edge))

@@ -59,6 +59,14 @@ class FrameGraph:
             self._chains[key] = self._search(target, source)
         return self._chains[key]
 
+    def hangs_below(self, frame: str, edge: Edge) -> bool:
+        """Tell whether a frame is on the child's side of an edge, and moves with its value.
+
+        Raises:
+            DatasetError: nothing connects the two.
+        """
+        return any(step.edge == edge for step in self.chain(edge.parent, frame))
+
     def _search(self, target: str, source: str) -> Chain:
         for frame in (target, source):
             if frame not in self._neighbours and target != source:

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Dict, List, Mapping, Sequence
-
-import numpy as np
+from typing import List, Mapping, Sequence
 
 from atom_core.errors import DatasetError
-from atom_core.evaluation.baselines.links import Link, LinkedRig, edge_value
+from atom_core.evaluation.baselines.links import (
+    Link,
+    LinkedRig,
+    placed_at,
+    that_stays,
+    why_not,
+)
 from atom_core.geometry import se3
 from atom_core.io.kalibr import ChainCamera, read_camchain
 from atom_core.model.dataset import Dataset
-from atom_core.model.transforms import Edge
 
 KALIBR = "kalibr"
 
@@ -41,7 +44,9 @@ def chain_baseline(dataset: Dataset, path: Path, named: Sequence[str] = ()) -> L
         )
         for name in names[1:]
     ]
-    return LinkedRig(KALIBR, tuple(links), {}, with_chain(dataset, by_name), tuple(names))
+    told = [f"{KALIBR}: {remark}" for remark in chain_remarks(dataset, by_name)]
+    solved = with_chain(dataset, by_name)
+    return LinkedRig(KALIBR, tuple(links), {}, solved, tuple(names), tuple(told))
 
 
 def names_of_chain(
@@ -93,27 +98,39 @@ def _plain(topic: str) -> str:
 def with_chain(dataset: Dataset, chain: Mapping[str, ChainCamera]) -> Dataset:
     """Return the dataset with the intrinsics and places of a chain of cameras.
 
-    The anchored camera, else the first of the chain, stays where it is.
+    The anchored camera, else the first of the chain, stays where it is; where it hangs below the
+    edge of another one of the chain, that one does.
 
     Raises:
         DatasetError: two cameras have one edge, or the chain's places are not constant.
     """
-    anchored = dataset.config.anchored_sensor
-    fixed = anchored if anchored in chain else next(iter(chain))
-    assert fixed is not None
-    edges: Dict[Edge, np.ndarray] = {}
-    for name, link in chain.items():
-        edge = dataset.sensors[name].edge
-        if name != fixed and (edge in edges or edge == dataset.sensors[fixed].edge):
+    edges = [dataset.sensors[name].edge for name in chain]
+    for edge in edges:
+        if edges.count(edge) > 1:
             raise DatasetError(
                 f"{dataset.source}: edge '{edge}' is of two cameras of the chain, and cannot have "
                 f"two values"
             )
-        if name != fixed:
-            fixed_T_camera = se3.inverse(chain[fixed].first_T_camera) @ link.first_T_camera
-            edges[edge] = edge_value(dataset, fixed, name, fixed_T_camera)
-    moved = dataset.with_transforms(dict.fromkeys(dataset.collections, edges))
+    fixed = that_stays(dataset, _preferred(dataset, chain), list(chain))
+    fixed_T_first = se3.inverse(chain[fixed].first_T_camera)
+    poses = {name: fixed_T_first @ link.first_T_camera for name, link in chain.items()}
+    moved, _, refused = placed_at(dataset, fixed, poses)
+    if refused:
+        raise DatasetError(refused[0])
     sensors = dict(dataset.sensors)
     for name, link in chain.items():
         sensors[name] = replace(sensors[name], camera=link.camera)
     return replace(moved, sensors=sensors)
+
+
+def chain_remarks(dataset: Dataset, chain: Mapping[str, ChainCamera]) -> List[str]:
+    """Return what the user should know of a chain in a dataset: whether another camera stays."""
+    preferred = _preferred(dataset, chain)
+    stays = that_stays(dataset, preferred, list(chain))
+    return [] if stays == preferred else [why_not(preferred, stays)]
+
+
+def _preferred(dataset: Dataset, chain: Mapping[str, ChainCamera]) -> str:
+    """Return the camera that should stay: the anchored one, else the first of the chain."""
+    anchored = dataset.config.anchored_sensor
+    return anchored if anchored is not None and anchored in chain else next(iter(chain))

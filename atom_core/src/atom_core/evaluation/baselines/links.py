@@ -15,7 +15,6 @@ from atom_core.geometry.pose_solvers import rigid_fit
 from atom_core.geometry.se3 import pose_difference
 from atom_core.model.dataset import Dataset, pose
 from atom_core.model.labels import DetectionKey
-from atom_core.model.transforms import Edge
 
 FEWEST = 3  # collections from which a rigid motion is told by the boards' middles
 SAME = 1e-6  # entries of a transform that differ by less do not
@@ -68,7 +67,8 @@ def linked_rig(
 ) -> LinkedRig:
     """Put a rig together from links: along those that rest on the most collections.
 
-    The anchored sensor, else the first that has a link, stays where it is.
+    The anchored sensor, else the first that has a link, stays where it is; where it hangs below
+    the edge of another one that is placed, that one does.
 
     Args:
         method: its name.
@@ -82,7 +82,12 @@ def linked_rig(
     linked = {name for link in links for name in link[:2]}
     start = reference_sensor(dataset.selected(sensors=linked))
     found = _along_the_best(start, links)
-    solved, placed, told = placed_at(dataset, start, found)
+    stays = that_stays(dataset, start, list(found))
+    stays_T_start = se3.inverse(found[stays])
+    poses = {name: stays_T_start @ start_T_sensor for name, start_T_sensor in found.items()}
+    solved, placed, told = placed_at(dataset, stays, poses)
+    if stays != start:
+        told.insert(0, f"{method}: {why_not(start, stays)}")
     lost = [name for name in dataset.sensors if name in linked and name not in found]
     if lost:
         told.append(f"{method}: nothing links {', '.join(lost)} to {start}; they are not placed")
@@ -103,6 +108,33 @@ def _along_the_best(start: str, links: Sequence[Link]) -> Dict[str, np.ndarray]:
             found[link.target] = found[link.source] @ se3.inverse(link.target_T_source)
 
 
+def that_stays(dataset: Dataset, preferred: str, names: Sequence[str]) -> str:
+    """Return the sensor that stays where it is while others are placed against it.
+
+    A sensor that hangs below the edge of another one would move with it. So it is the preferred
+    one, or the uppermost of those that carry it.
+
+    Args:
+        dataset: whose sensors.
+        preferred: the sensor that should stay.
+        names: of those that are placed.
+    """
+    graph, sensors = dataset.graph, dataset.sensors
+    frame = sensors[preferred].frame
+    above = {
+        name: len(graph.chain(sensors[name].edge.parent, frame))
+        for name in names
+        if sensors[name].edge != sensors[preferred].edge
+        and graph.hangs_below(frame, sensors[name].edge)
+    }
+    return max(above, key=lambda name: above[name]) if above else preferred
+
+
+def why_not(preferred: str, stays: str) -> str:
+    """Return a sentence: why another sensor stays than the one that should."""
+    return f"'{preferred}' hangs below the edge of '{stays}', so that '{stays}' stays where it is"
+
+
 def placed_at(
     dataset: Dataset, fixed: str, poses: Mapping[str, np.ndarray]
 ) -> Tuple[Dataset, List[str], List[str]]:
@@ -116,30 +148,65 @@ def placed_at(
     Returns:
         The dataset, the names of the sensors that it places, and why others are not placed.
     """
-    edges: Dict[Edge, np.ndarray] = {}
+    solved, edges = dataset, {dataset.sensors[fixed].edge}
     placed, remarks = [fixed], []
-    for name, fixed_T_sensor in poses.items():
+    for name in _carriers_first(dataset, fixed, [name for name in poses if name != fixed]):
         edge = dataset.sensors[name].edge
-        if name == fixed:
-            continue
-        if edge in edges or edge == dataset.sensors[fixed].edge:
+        if edge in edges:
             remarks.append(f"'{name}' shares its edge with another sensor, and stays below it")
             continue
         try:
-            edges[edge] = edge_value(dataset, fixed, name, fixed_T_sensor)
+            value = edge_value(solved, fixed, name, poses[name])
         except DatasetError as error:
             remarks.append(str(error))
             continue
+        # At once, since the values of edges below this one depend on it.
+        solved = solved.with_transforms(dict.fromkeys(solved.collections, {edge: value}))
+        edges.add(edge)
         placed.append(name)
-    return dataset.with_transforms(dict.fromkeys(dataset.collections, edges)), placed, remarks
+    return solved, placed, remarks
+
+
+def _carriers_first(dataset: Dataset, fixed: str, names: Sequence[str]) -> List[str]:
+    """Return sensors in an order in which none moves one that comes before it."""
+    graph, sensors = dataset.graph, dataset.sensors
+    edges = {sensors[name].edge for name in names}
+
+    def carriers(name: str) -> int:
+        chain = graph.chain(sensors[fixed].frame, sensors[name].edge.parent)
+        return sum(step.edge in edges for step in chain)
+
+    return sorted(names, key=carriers)
+
+
+def check_separable(dataset: Dataset, fixed: str, name: str) -> None:
+    """Refuse a sensor whose edge moves the one that is to stay along with it.
+
+    Raises:
+        DatasetError: saying what to calibrate instead.
+    """
+    edge, other = dataset.sensors[name].edge, dataset.sensors[fixed]
+    if not dataset.graph.hangs_below(other.frame, edge):
+        return
+    if other.edge == edge:
+        raise DatasetError(
+            f"{dataset.source}: '{name}' and '{fixed}' share the edge '{edge}', which moves both; "
+            f"give one of them an edge of its own in the configuration"
+        )
+    raise DatasetError(
+        f"{dataset.source}: '{fixed}' hangs below the edge of '{name}', which moves both; "
+        f"calibrate '{fixed}' against '{name}', the other way round"
+    )
 
 
 def edge_value(dataset: Dataset, fixed: str, name: str, fixed_T_sensor: np.ndarray) -> np.ndarray:
     """Return ``parent_T_child`` (4, 4) with which a sensor is where it is to be in another one.
 
     Raises:
-        DatasetError: the two move against each other, so that no one value will do.
+        DatasetError: the fixed one hangs below the edge, too; or the two move against each other,
+            so that no one value will do.
     """
+    check_separable(dataset, fixed, name)
     sensor, graph = dataset.sensors[name], dataset.graph
     values = []
     for collection in dataset.collections.values():
