@@ -43,7 +43,14 @@ def test_what_is_not_valid_is_no_point_and_keeps_its_place(bad):
 
 @pytest.mark.parametrize(
     ("count", "step_deg", "closed"),
-    [(360, 1.0, True), (361, 1.0, True), (1440, -0.25, True), (359, 1.0, False), (541, 0.5, False)],
+    [
+        (360, 1.0, True),
+        (361, 1.0, True),
+        (1440, -0.25, True),
+        (359, 1.0, False),
+        (541, 0.5, False),
+        (897, np.degrees(0.007), True),  # 1.6 steps from the last to the first
+    ],
 )
 def test_whether_the_last_beam_is_the_neighbor_of_the_first(count, step_deg, closed):
     scan = LaserScan(np.ones(count), 0.0, np.radians(step_deg), 0.1, 10.0)
@@ -56,6 +63,16 @@ def test_a_step_rounded_to_four_decimals_is_taken_from_the_span():
         fields(angle_min=-2.3562, angle_max=2.3562, angle_increment=0.0087, ranges=[1.0] * count)
     )
     assert scan.angles[-1] == pytest.approx(2.3562, abs=1e-9)
+
+
+@pytest.mark.parametrize("step", [0.007, 0.004, 0.003, 0.002, 0.001, 0.005, 0.006, 0.008, 0.0087])
+def test_a_scan_of_velodyne_laserscan_keeps_the_step_of_its_message(step):
+    step = float(np.float32(step))
+    count, pi = int(2.0 * np.pi / step), float(np.float32(np.pi))  # as the driver has them
+    message = fields(angle_min=-pi, angle_max=pi, angle_increment=step, ranges=[2.0] * count)
+    scan = scan_from_fields(message)
+    assert scan.angle_increment == step and scan.is_closed
+    assert scan_from_fields(fields_of(scan)).angle_increment == step  # through a dataset, too
 
 
 def test_angle_max_one_step_beyond_the_last_beam_is_usual():

@@ -10,7 +10,9 @@ import numpy as np
 from atom_core.errors import DatasetError
 
 _COUNT_SLACK = 1.5  # drivers disagree on whether angle_max is the last beam or one beyond it
+_MOST_SLACK = 2.0  # velodyne_laserscan: angle_max is pi, and the beams are whole steps below a turn
 _DECIMALS = (3, 4, 5)  # to which old datasets round the step; angle_max is then more exact
+_SEAM_STEPS = 1.99  # from the last beam to the first of a closed scan, at most; at 2 one is absent
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +102,7 @@ class LaserScan:
     def is_closed(self) -> bool:
         """Tell whether the beams go all the way round, so that the last is the first's neighbor."""
         step = abs(self.angle_increment)
-        return len(self.ranges) * step > 2.0 * np.pi - 0.5 * step
+        return 2.0 * np.pi - (len(self.ranges) - 1) * step < _SEAM_STEPS * step
 
     @property
     def points(self) -> np.ndarray:
@@ -153,7 +155,10 @@ def fields_of(scan: LaserScan) -> Dict[str, Any]:
 
 
 def _step(fields: Mapping[str, Any]) -> float:
-    """Return the step between beams [rad], from angle_max where angle_increment was rounded."""
+    """Return the step between beams [rad], from angle_max where a dataset rounded the step.
+
+    A message's step is a float32, and is taken as it stands; so is one that a dataset kept whole.
+    """
     step, count = _number(fields["angle_increment"], "angle_increment"), len(fields["ranges"])
     if fields.get("angle_max") is None or step == 0.0 or count < 2:
         return step
@@ -161,8 +166,10 @@ def _step(fields: Mapping[str, Any]) -> float:
     expected, by_span = span / step + 1.0, span / (count - 1)
     if abs(expected - count) <= _COUNT_SLACK:
         return step
-    if any(abs(round(by_span, decimals) - step) < 1e-9 for decimals in _DECIMALS):
+    if step != float(np.float32(step)) and any(round(by_span, d) == step for d in _DECIMALS):
         return by_span
+    if abs(expected - count) <= _MOST_SLACK:
+        return step
     raise DatasetError(
         f"the laser scan has {count} ranges, but its angles make {expected:.0f} (angle_min, "
         f"angle_max and angle_increment); correct the angles, or the count of ranges"
