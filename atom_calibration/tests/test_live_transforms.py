@@ -100,3 +100,17 @@ def test_what_was_contradicted_counts_no_more_when_time_goes_back(said, make):
     tree = transforms.at(102.0)
     np.testing.assert_allclose(tree.lookup("world", "arm", 102.0), shifted(1.0), atol=1e-9)
     assert len(transforms.doubtful) == 1  # it is kept with what was collected meanwhile
+
+
+def test_what_is_no_transform_is_left_out_and_told_once(said, make, monkeypatch):
+    told = []
+    monkeypatch.setattr(rospy, "logwarn", told.append)
+    transforms = LiveTransforms()
+    for time_s in np.arange(100.0, 101.0, 0.1):
+        said.tf(make.tf("world", "arm", np.eye(4), time_s))
+        said.tf(make.tf("world", "ghost", shifted(np.nan), time_s))
+        said.tf(make.tf("arm", "arm", np.eye(4), time_s))
+    said.tf_static(make.tf("", "mast", np.eye(4), 100.0))
+    tree = transforms.at(100.5)
+    assert tree.frames == {"world", "arm"}
+    assert len(told) == 3 and sum("frame 'arm' stands in itself" in line for line in told) == 1

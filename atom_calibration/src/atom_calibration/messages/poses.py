@@ -14,6 +14,7 @@ from atom_core.geometry import se3
 from atom_core.model.transforms import Edge
 
 TF_MESSAGE = "tf2_msgs/TFMessage"
+SHORTEST_QUATERNION = 1e-6  # a shorter one tells no rotation
 
 
 def edge_of(message: Any) -> Edge:
@@ -29,7 +30,7 @@ def transform_matrix(message: Any) -> np.ndarray:
     """
     t, q = message.transform.translation, message.transform.rotation
     translation, quaternion = np.array([t.x, t.y, t.z]), np.array([q.x, q.y, q.z, q.w])
-    if not (np.all(np.isfinite(translation)) and np.linalg.norm(quaternion) > 1e-6):
+    if not (np.all(np.isfinite(translation)) and np.linalg.norm(quaternion) > SHORTEST_QUATERNION):
         raise MessageError(
             f"transform '{edge_of(message)}' is no pose (translation {translation.tolist()}, "
             f"quaternion {quaternion.tolist()}); correct its publisher"
@@ -80,7 +81,7 @@ def pose_matrix(message: Any) -> np.ndarray:
     """
     p, q = message.position, message.orientation
     position, quaternion = np.array([p.x, p.y, p.z]), np.array([q.x, q.y, q.z, q.w])
-    if not (np.all(np.isfinite(position)) and np.linalg.norm(quaternion) > 1e-6):
+    if not (np.all(np.isfinite(position)) and np.linalg.norm(quaternion) > SHORTEST_QUATERNION):
         raise MessageError(
             f"this is no pose (position {position.tolist()}, quaternion {quaternion.tolist()}); "
             f"correct its publisher"

@@ -9,9 +9,10 @@ import numpy as np
 from atom_calibration.errors import TransformError
 from atom_calibration.messages.headers import stamp_s
 from atom_calibration.messages.poses import TF_MESSAGE, edge_of
-from atom_calibration.sources.bag_reader import BagReader
+from atom_calibration.sources.bag_reader import BagMessage, BagReader
 from atom_calibration.sources.contradictions import DoubtfulEdge, EdgeWatch
 from atom_calibration.sources.described_edges import DescribedEdges
+from atom_calibration.sources.sound_transforms import SoundTransforms
 from atom_calibration.sources.transform_tree import DEFAULT_MAX_GAP_S, Recorded, TransformTree
 from atom_core.model.transforms import Edge
 
@@ -100,6 +101,7 @@ class BagTransforms:
         bag: BagReader,
         max_gap_s: float = DEFAULT_MAX_GAP_S,
         described: Optional[DescribedEdges] = None,
+        sound: Optional[SoundTransforms] = None,
     ):
         """Read /tf_static.
 
@@ -107,6 +109,7 @@ class BagTransforms:
             bag: the recording.
             max_gap_s: longest time between two poses of an edge that is bridged.
             described: edges that a description tells; of their frames nothing in /tf counts.
+            sound: tells what is left out.
 
         Raises:
             TransformError: the bag has no transforms at all.
@@ -114,13 +117,13 @@ class BagTransforms:
         self._topics = topics = tf_topics(bag)
         if not topics and described is None:
             raise TransformError(topics.refusal(bag.path))
-        self._described = described
+        self._described, self._sound = described, sound or SoundTransforms()
         self._bag, self._max_gap_s = bag, max_gap_s
         self._static: Dict[Edge, Any] = {}  # the last message of each edge holds
         self._watch = EdgeWatch()
         if topics.fixed:
             for found in bag.messages(topics.fixed):
-                for message in self._counting(found.message):
+                for message in self._counting(found):
                     self._static[edge_of(message)] = message
                     self._watch.see_fixed(message, found.topic)
         if described is not None:
@@ -173,10 +176,10 @@ class BagTransforms:
         """Yield what messages say of edges that move, and the topic."""
         if self._topics.moving:
             for found in self._bag.messages(self._topics.moving, start_s, end_s):
-                yield found.topic, self._counting(found.message)
+                yield found.topic, self._counting(found)
         if self._described is not None and self._described.topics:
             for found in self._bag.messages(self._described.topics, start_s, end_s):
-                yield found.topic, self._described.transforms(found.message)
+                yield found.topic, self._described.transforms(found.message, found.topic)
 
     def _all_recorded(self) -> Dict[Edge, Recorded]:
         """Return all edges that move, at any time; the bag is read for it once."""
@@ -190,10 +193,12 @@ class BagTransforms:
                     self._recorded[edge] = Recorded(topic, first_s, last_s)
         return self._recorded
 
-    def _counting(self, message: Any) -> List[Any]:
+    def _counting(self, found: BagMessage) -> List[Any]:
         """Return the TransformStamped of a message that count."""
-        transforms: List[Any] = message.transforms
-        return transforms if self._described is None else self._described.others(transforms)
+        transforms: List[Any] = found.message.transforms
+        if self._described is not None:
+            transforms = self._described.others(transforms)
+        return self._sound.of(transforms, found.topic)
 
 
 def _newest_s(message: Any) -> Optional[float]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import List, Optional, Tuple
+from typing import Callable, List, Optional, Tuple
 
 from atom_calibration.errors import TransformError
 from atom_calibration.sources.bag_reader import BagReader
 from atom_calibration.sources.bag_transforms import BagTransforms, tf_topics
 from atom_calibration.sources.described_edges import JOINT_STATE, DescribedEdges
 from atom_calibration.sources.rig import Rig
+from atom_calibration.sources.sound_transforms import SoundTransforms
 from atom_calibration.sources.transform_tree import DEFAULT_MAX_GAP_S
 from atom_core.io.urdf import read_description
 from atom_core.model.config import CalibrationConfig
@@ -19,7 +20,11 @@ SAVED = Path()  # of the option without a file: the package's first guess, or th
 
 
 def transforms_of_bag(
-    bag: BagReader, description: Optional[Path], config: CalibrationConfig, config_file: Path
+    bag: BagReader,
+    description: Optional[Path],
+    config: CalibrationConfig,
+    config_file: Path,
+    warn: Callable[[str], None],
 ) -> Tuple[BagTransforms, Optional[DescribedEdges], List[str]]:
     """Return the transforms of a bag, which of them a description tells, and remarks.
 
@@ -29,14 +34,15 @@ def transforms_of_bag(
             or that of the package where the bag has none.
         config: may name a description.
         config_file: where it stands; a package's first guess is beside its folder.
+        warn: is told, while the bag is read, which transforms are left out.
 
     Raises:
         AtomError: neither bag nor description tells the transforms, or one cannot be read.
     """
-    topics = tf_topics(bag)
+    topics, sound = tf_topics(bag), SoundTransforms(warn)
     remarks = [topics.remark] if topics.remark else []
     if description is None and topics:
-        transforms = BagTransforms(bag)
+        transforms = BagTransforms(bag, sound=sound)
         if transforms.moving or not bag.topics_of([JOINT_STATE]) or _connects(transforms, config):
             return transforms, None, remarks
     file = _saved(config, config_file) if description in (None, SAVED) else str(description)
@@ -52,7 +58,7 @@ def transforms_of_bag(
         moved = f", moved by {', '.join(described.topics)}" if described.topics else ""
         without = "no /tf" if topics else "neither /tf nor /tf_static"
         remarks.append(f"the bag has {without}: its transforms are those of {file}{moved}")
-    return BagTransforms(bag, DEFAULT_MAX_GAP_S, described), described, remarks
+    return BagTransforms(bag, DEFAULT_MAX_GAP_S, described, sound), described, remarks
 
 
 def check_described(

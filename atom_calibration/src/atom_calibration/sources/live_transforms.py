@@ -11,10 +11,11 @@ from typing import Any, Deque, Dict, List
 import rospy
 from tf2_msgs.msg import TFMessage
 
-from atom_calibration.errors import MessageError, TransformError
+from atom_calibration.errors import TransformError
 from atom_calibration.messages.headers import stamp_s
 from atom_calibration.messages.poses import edge_of
 from atom_calibration.sources.contradictions import DoubtfulEdge, EdgeWatch
+from atom_calibration.sources.sound_transforms import SoundTransforms
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.model.transforms import Edge
 
@@ -33,7 +34,7 @@ class LiveTransforms:
         self._waiting_static: Deque[Any] = deque()
         self._static: Dict[Edge, Any] = {}
         self._newest_s: Dict[Edge, float] = {}
-        self._watch = EdgeWatch()
+        self._sound, self._watch = SoundTransforms(rospy.logwarn), EdgeWatch()
         self._tree = self._new_tree()
         self._subscribers = [
             rospy.Subscriber("/tf", TFMessage, self._waiting.append, queue_size=200),
@@ -65,28 +66,20 @@ class LiveTransforms:
             time.sleep(0.02)
 
     def _add_static(self, message: Any) -> None:
-        for part in message.transforms:
-            if self._put(part, fixed=True):
-                self._watch.see_fixed(part)
-                self._static[edge_of(part)] = part
+        for part in self._sound.of(message.transforms, "/tf_static"):
+            self._tree.add([part], fixed=True)
+            self._watch.see_fixed(part)
+            self._static[edge_of(part)] = part
 
     def _add(self, message: Any) -> None:
-        for part in message.transforms:
+        for part in self._sound.of(message.transforms, "/tf"):
             edge, stamp = edge_of(part), stamp_s(part)
             if stamp < self._newest_s.get(edge, stamp) - _BACK_S:
                 self._begin_anew()
-            if self._put(part, fixed=False):
-                with suppress(TransformError):  # it is in doubt now, and looked up in vain
-                    self._watch.see_moving(part)
-                self._newest_s[edge] = max(stamp, self._newest_s.get(edge, stamp))
-
-    def _put(self, part: Any, fixed: bool) -> bool:
-        try:
-            self._tree.add([part], fixed)
-        except MessageError as error:
-            rospy.logwarn_throttle(10.0, f"{error}; it is left out")
-            return False
-        return True
+            self._tree.add([part], fixed=False)
+            with suppress(TransformError):  # it is in doubt now, and looked up in vain
+                self._watch.see_moving(part)
+            self._newest_s[edge] = max(stamp, self._newest_s.get(edge, stamp))
 
     def _begin_anew(self) -> None:
         self._watch.begin_anew()

@@ -13,6 +13,7 @@ from atom_calibration.errors import BagError
 from atom_calibration.messages.poses import edge_of, transform_matrix
 from atom_calibration.runtime import running
 from atom_calibration.sources.bag_reader import BagReader
+from atom_calibration.sources.sound_transforms import SoundTransforms
 from atom_core.commands.common import add_dataset_option, add_option
 from atom_core.commands.dataset_output import add_overwrite_option, write_documents
 from atom_core.commands.option_parser import OptionParser
@@ -52,15 +53,20 @@ def static_transforms(path: Path) -> Dict[Edge, np.ndarray]:
     Raises:
         BagError: the bag cannot be read, or has none.
     """
+    sound = SoundTransforms(_warn)
     with BagReader(path) as bag:
         found = {
             edge_of(transform): transform_matrix(transform)
             for item in bag.messages([_TOPIC])
-            for transform in item.message.transforms
+            for transform in sound.of(item.message.transforms, _TOPIC)
         }
     if not found:
         raise BagError(f"{path}: there is no {_TOPIC} in it")
     return found
+
+
+def _warn(text: str) -> None:
+    sys.stderr.write(f"{_NAME}: warning: {text}\n")
 
 
 def _bag_of(dataset: Dataset, given: Optional[Path]) -> Path:

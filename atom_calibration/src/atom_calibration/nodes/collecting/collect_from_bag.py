@@ -108,7 +108,7 @@ def collect_from_bag(args: argparse.Namespace) -> int:
             _warn(remark)
         rig = rig_from_bag(config, bag)
         transforms, described, remarks = transforms_of_bag(
-            bag, args.description, config, args.config
+            bag, args.description, config, args.config, _warn
         )
         first_s = bag.start_s - transforms.lag_s
         check_described(described, transforms, rig, config, first_s)
