@@ -38,6 +38,7 @@ from atom_core.io.dataset_structure import check_dataset_structure
 from atom_core.io.dataset_trees import check_trees
 from atom_core.io.dataset_version import check_version, newer_version
 from atom_core.io.earliest_layout import completed, is_before_version_2
+from atom_core.io.edge_types import edge_types
 from atom_core.io.json_text import load_json
 from atom_core.io.label_json import is_old_layout, with_label
 from atom_core.io.paths import looked_for
@@ -45,7 +46,7 @@ from atom_core.io.together import finish_interrupted
 from atom_core.model.caveats import Caveat
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.config_section import check_name
-from atom_core.model.dataset import Collection, Dataset
+from atom_core.model.dataset import Collection, Dataset, board_edge
 from atom_core.model.joints import JointState
 from atom_core.model.labels import DetectionKey, Label
 from atom_core.model.pattern import (
@@ -144,15 +145,17 @@ def dataset_from_document(
     estimated = {sensor.edge for sensor in sensors.values()}
     estimated |= {edge for _, edge in config.estimated_edges}
     check_trees(collections.values(), estimated, str(source))
+    boards = {board_edge(pattern) for pattern in patterns.values()}
+    types, told = edge_types(document, config, {s.edge for s in sensors.values()} | boards)
     return Dataset(
         source=Path(source),
         config=config,
         sensors=sensors,
         patterns=patterns,
         collections=collections,
-        edge_types=reader.edge_types(),
+        edge_types=types,
         document=document,
-        warnings=(*reader.warnings, *(c.sentence for c in reader.caveats), *config.warnings),
+        warnings=(*reader.warnings, *told, *(c.sentence for c in reader.caveats), *config.warnings),
         caveats=tuple(reader.caveats),
     )
 
@@ -357,13 +360,6 @@ class _Reader:
             ) from None
         except (ValueError, OverflowError) as error:
             raise self.fail(f"{where}: {error}") from None
-
-    def edge_types(self) -> Dict[Edge, str]:
-        types = {}
-        for value in (self.document.get("transforms") or {}).values():
-            if isinstance(value, Mapping) and {"parent", "child", "type"} <= set(value):
-                types[Edge(value["parent"], value["child"])] = value["type"]
-        return types
 
 
 def document_of(dataset: Dataset, relabeled: Iterable[DetectionKey] = ()) -> Dict[str, Any]:
