@@ -287,14 +287,14 @@ def test_mixed_dataset_takes_edges_and_intrinsics_of_the_train_file(noisy):
     assert list(mixed.collections) == list(noisy.dataset.collections)
 
 
-def test_multiple_edges_stay_the_tests_own(noisy):
+@pytest.mark.parametrize("kind", [MULTIPLE, "fixed"])
+def test_the_trains_calibration_is_measured_whatever_the_type_of_a_sensors_edge_is(noisy, kind):
     train = paper_cell(3, "train", disturbance=(0.1, 0.1)).dataset
     edge = train.sensors["rgb_1"].edge
-    train = replace(train, edge_types={**train.edge_types, edge: MULTIPLE})
+    train = replace(train, edge_types={**train.edge_types, edge: kind})
     mixed = mixed_dataset(train, noisy.dataset)
-    for key, collection in mixed.collections.items():
-        own = noisy.dataset.collections[key].transforms[edge]
-        np.testing.assert_array_equal(collection.transforms[edge], own)
+    for collection in mixed.collections.values():
+        np.testing.assert_array_equal(collection.transforms[edge], train.first_value(edge))
 
 
 @pytest.mark.parametrize("reduce_train", [True, False])

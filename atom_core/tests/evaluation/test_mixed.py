@@ -106,17 +106,41 @@ def test_an_edge_that_no_train_collection_has_is_refused(train, test_set):
         mixed_dataset(train, test_set)
 
 
+def with_type_multiple(dataset, edge):
+    return replace(dataset, edge_types={**dataset.edge_types, edge: MULTIPLE})
+
+
 @pytest.mark.parametrize("in_train", [True, False])
-def test_an_edge_of_type_multiple_in_either_file_stays_and_the_next_ones_are_taken(
+def test_an_additional_tf_of_type_multiple_in_either_file_stays_and_the_others_are_taken(
     train, test_set, in_train
 ):
-    first, *others = [sensor.edge for sensor in test_set.sensors.values()]
-    types = {**test_set.edge_types, first: MULTIPLE}
+    train = with_additional(train, BASE)
     if in_train:
-        train = replace(train, edge_types=types)
+        train = with_type_multiple(train, BASE)
     else:
-        test_set = replace(test_set, edge_types=types)
-    assert set(calibrated_edges(train, test_set)) == set(others)
+        test_set = with_type_multiple(test_set, BASE)
+    of_sensors = {sensor.edge for sensor in test_set.sensors.values()}
+    assert set(calibrated_edges(train, test_set)) == of_sensors
+
+
+@pytest.mark.parametrize("files", [("train",), ("test",), ("train", "test")])
+def test_a_sensors_edge_is_estimated_as_one_whatever_type_it_has(train, test_set, files):
+    edge = test_set.sensors["rgb_1"].edge
+    if "train" in files:
+        train = with_type_multiple(train, edge)
+    if "test" in files:
+        test_set = with_type_multiple(test_set, edge)
+    found = calibrated_edges(train, test_set)[edge]
+    np.testing.assert_array_equal(found, train.first_value(edge))
+
+
+def test_a_sensors_edge_that_the_train_file_held_where_it_moved_stays_the_tests_own(
+    train, test_set
+):
+    edge, (first, *_) = test_set.sensors["rgb_1"].edge, train.collections
+    moved = with_value(with_type_multiple(train, edge), edge, np.eye(4), [first])
+    assert edge not in calibrated_edges(moved, test_set)
+    assert edge not in calibrated_edges(moved, with_type_multiple(test_set, edge))
 
 
 def test_sensors_that_only_the_train_file_has_give_no_edge(train, test_set):

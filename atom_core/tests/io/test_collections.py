@@ -237,11 +237,25 @@ def test_a_full_disk_leaves_the_other_collections_whole(collected, monkeypatch):
 
 
 def test_an_edge_that_differs_between_collections_is_multiple(collected):
-    path = collected.folder / "collections" / "000.json"
-    document = json.loads(path.read_text())
-    name = next(iter(document["collection"]["transforms"]))
-    document["collection"]["transforms"][name]["trans"][0] += 0.1
-    path.write_text(json.dumps(document))
+    name = "world-rig_base"
+    move(collected, name)
     edges = read_document(collected.assemble()[0])["transforms"]
     assert edges[name]["type"] == "multiple"
     assert {e["type"] for n, e in edges.items() if n != name} <= {"fixed"}
+
+
+def move(collected, name):
+    """Move an edge in the first collection, as where it was corrected after that."""
+    path = collected.folder / "collections" / "000.json"
+    document = json.loads(path.read_text())
+    document["collection"]["transforms"][name]["trans"][0] += 0.1
+    path.write_text(json.dumps(document))
+
+
+def test_a_sensors_edge_whose_guess_was_improved_between_collections_stays_fixed(collected):
+    dataset = read_dataset(collected.assemble()[0])
+    anchored = dataset.config.anchored_sensor
+    for name, sensor in dataset.sensors.items():
+        move(collected, str(sensor.edge))
+        kind = read_dataset(collected.assemble()[0]).edge_types[sensor.edge]
+        assert kind == ("multiple" if name == anchored else "fixed")

@@ -10,7 +10,7 @@ from atom_core.calibration.prepare.preparation import free_edges
 from atom_core.calibration.start.boards import initial_boards
 from atom_core.calibration.start.disturb import disturbed
 from atom_core.geometry.camera import Camera
-from atom_core.model.dataset import board_edge
+from atom_core.model.dataset import MULTIPLE, board_edge
 from atom_core.model.truth import with_truth
 from atom_core.problem.builder import build_problem
 from atom_core.problem.measurements import read_measurements
@@ -152,6 +152,17 @@ def test_disturbance_has_the_asked_size_and_spares_the_anchor_and_the_boards():
         expected = (0.0, 0.0) if sensor.name == anchored else (0.1, 0.2)
         np.testing.assert_allclose((shift, angle), expected, atol=1e-7)
     assert board_edge(dataset.patterns["pattern_1"]) not in after
+
+
+def test_a_sensors_edge_is_disturbed_as_one_whatever_type_it_has():
+    dataset = paper_cell(0).dataset
+    edges = [sensor.edge for sensor in dataset.sensors.values()]
+    typed = replace(dataset, edge_types={**dataset.edge_types, **dict.fromkeys(edges, MULTIPLE)})
+    free = free_edges(dataset, CalibrationOptions())
+    moved = disturbed(typed, free, 0.1, 0.2, np.random.default_rng(5))
+    for edge in edges:
+        for collection in moved.collections.values():
+            np.testing.assert_array_equal(collection.transforms[edge], moved.first_value(edge))
 
 
 def test_one_collection_is_enough_for_an_additional_tf():

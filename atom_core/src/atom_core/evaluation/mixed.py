@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Collection, Dict, List, Mapping, Optional
+from typing import Collection, Dict, List, Mapping, Optional, Sequence
 
 import numpy as np
 
@@ -12,15 +12,18 @@ from atom_core.model.dataset import MULTIPLE, Dataset
 from atom_core.model.sensor import Sensor
 from atom_core.model.transforms import Edge
 
+_SAME = 1e-6  # entries of a matrix
+
 
 def mixed_dataset(
     train: Dataset, test: Dataset, sensors: Optional[Collection[str]] = None
 ) -> Dataset:
     """Return the test set with the edges, joints and intrinsics that the train file estimated.
 
-    Edges: of every sensor, and the configuration's additional tfs; an edge with a value of its
-    own in each collection (type ``multiple``) stays the test's own. The value is that of the
-    first train collection which holds the edge. The boards are the test's own.
+    Edges: of every sensor, and the configuration's additional tfs; an edge that has a value of
+    its own in each collection stays the test's own: an additional tf of type ``multiple``, and a
+    sensor's edge of that type which the train file did not estimate as one. The value is that of
+    the first train collection which holds the edge. The boards are the test's own.
 
     Args:
         train: the calibrated dataset.
@@ -48,10 +51,13 @@ def calibrated_edges(train: Dataset, test: Dataset) -> Dict[Edge, np.ndarray]:
         DatasetError: an edge is in no collection of the train file.
     """
     values: Dict[Edge, np.ndarray] = {}
+    of_sensors = {sensor.edge for sensor in test.sensors.values()}
     for edge in _estimated(train, test):
-        if MULTIPLE in (train.edge_types.get(edge), test.edge_types.get(edge)):
-            continue
         found = [c.transforms[edge] for c in train.collections.values() if edge in c.transforms]
+        is_multiple = MULTIPLE in (train.edge_types.get(edge), test.edge_types.get(edge))
+        # A sensor's edge is estimated as one, whatever its guess was in the collections.
+        if is_multiple and (edge not in of_sensors or _differ(found)):
+            continue
         if not found:
             raise DatasetError(f"{train.source}: transform '{edge}' is in no collection")
         values[edge] = found[0]
@@ -78,6 +84,10 @@ def calibrated_joints(train: Dataset, test: Dataset) -> Dict[str, Mapping[str, f
         ):
             changed[name] = parameters
     return changed
+
+
+def _differ(values: Sequence[np.ndarray]) -> bool:
+    return any(not np.allclose(value, values[0], rtol=0.0, atol=_SAME) for value in values)
 
 
 def _estimated(train: Dataset, test: Dataset) -> List[Edge]:

@@ -318,7 +318,9 @@ def assembled_document(
 ) -> Dict[str, Any]:
     """Return a dataset's document.
 
-    An edge whose pose differs between collections is of type ``multiple``, any other ``fixed``.
+    An edge whose pose differs between collections is of type ``multiple``, any other ``fixed``;
+    so is that of a sensor whose guess was improved between collections, since it is estimated as
+    one. An anchored sensor's edge is held, and may move.
     """
     patterns = {
         name: {
@@ -338,9 +340,12 @@ def assembled_document(
 
 
 def _edges(header: Mapping[str, Any], collections: List[StoredCollection]) -> Dict[str, Any]:
-    calibrated = {
-        (s["calibration_parent"], s["calibration_child"]) for s in header["sensors"].values()
+    ends_of = {
+        sensor: (s["calibration_parent"], s["calibration_child"])
+        for sensor, s in header["sensors"].items()
     }
+    calibrated = set(ends_of.values())
+    held = ends_of.get((header.get("calibration_config") or {}).get("anchored_sensor"))
     poses: Dict[str, List[np.ndarray]] = {}
     ends: Dict[str, Tuple[str, str]] = {}
     for collection in collections:
@@ -349,13 +354,17 @@ def _edges(header: Mapping[str, Any], collections: List[StoredCollection]) -> Di
             poses.setdefault(name, []).append(np.array(entry["trans"] + entry["quat"]))
     return {
         name: {
-            "parent": parent,
-            "child": child,
-            "type": _FIXED if np.ptp(poses[name], axis=0).max() < _SAME_POSE else MULTIPLE,
-            "is_transformation_calibrated": (parent, child) in calibrated,
+            "parent": edge[0],
+            "child": edge[1],
+            "type": _FIXED if edge in calibrated - {held} or _is_still(poses[name]) else MULTIPLE,
+            "is_transformation_calibrated": edge in calibrated,
         }
-        for name, (parent, child) in ends.items()
+        for name, edge in ends.items()
     }
+
+
+def _is_still(poses: Sequence[np.ndarray]) -> bool:
+    return bool(np.ptp(poses, axis=0).max() < _SAME_POSE)
 
 
 def _read(path: Path) -> Dict[str, Any]:
