@@ -63,6 +63,29 @@ def test_far_before_the_first_and_after_the_last_pose_there_is_none(bag):
     assert transforms.at(9.3).lookup("world", "base", 9.3)[0, 3] == pytest.approx(9.0)
 
 
+def tree_of(make, stamps_s, poses):
+    tree = TransformTree()
+    for time_s, pose in zip(stamps_s, poses):
+        tree.add(make.tf("a", "b", pose, time_s).transforms, fixed=False)
+    return tree
+
+
+def test_a_fixed_pose_that_is_repeated_each_second_or_so_has_no_gaps(make):
+    stamps_s = 1.7e9 + np.cumsum(1.0 + np.abs(np.random.default_rng(0).normal(0.0, 0.01, 20)))
+    tree = tree_of(make, stamps_s, [BASE_T_CAM] * 20)
+    for time_s in np.arange(stamps_s[0] - 0.9, stamps_s[-1] + 0.9, 0.1):
+        np.testing.assert_allclose(tree.lookup("a", "b", time_s), BASE_T_CAM, atol=1e-9)
+
+
+def test_a_longer_gap_and_one_after_which_the_pose_differs_stay_errors(make):
+    far = tree_of(make, [1.0, 3.6], [BASE_T_CAM] * 2)
+    moved = tree_of(make, [1.0, 2.1], [BASE_T_CAM, BASE_T_CAM @ shifted(1e-6)])
+    quick = tree_of(make, [1.0, 1.1], [BASE_T_CAM] * 2)  # tells nothing of a second later
+    for tree, time_s in ((far, 2.0), (moved, 1.5), (moved, 0.3), (quick, 2.0), (quick, 0.4)):
+        with pytest.raises(TransformError, match="no pose of 'a-b' near time"):
+            tree.lookup("a", "b", time_s)
+
+
 def test_an_unknown_frame_and_one_that_hangs_elsewhere_are_told_apart(bag):
     tree = BagTransforms(bag).at(2.0)
     with pytest.raises(TransformError, match="frame 'nowhere' is in no message"):

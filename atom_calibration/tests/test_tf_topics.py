@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("rospy")
 
-from stand_in_rig import messages, refusal
+from stand_in_rig import STOPS, messages, refusal
 
 from atom_calibration.errors import TransformError
 from atom_calibration.nodes.collecting.collect_from_bag import main
@@ -53,6 +53,15 @@ def test_transforms_in_several_namespaces_and_none_without_are_refused(place, ma
     names = {"/tf": "/robot/tf", "/tf_static": "/robot2/tf_static"}
     line = refusal(place(renamed(make, names)), capsys)
     assert "/robot/tf, /robot2/tf_static may be of several robots; play the bag with those" in line
+
+
+def test_a_mount_that_is_published_each_second_is_there_all_the_time(place, make):
+    content = [m for m in messages(make) if m[0] != "/tf_static" or "cam" not in str(m[1])]
+    for time_s in 99.5 + 1.003 * np.arange(10):  # static_transform_publisher of tf1 stamps ahead
+        for edge in (("world", "cam"), ("cam", "cam_optical")):
+            content.append(("/tf", make.tf(*edge, np.eye(4), time_s + 1.0), time_s))
+    assert main(place(sorted(content, key=lambda entry: entry[2]))) == 0
+    assert len(read_dataset(place.folder / "dataset.json").collections) == STOPS
 
 
 def test_messages_name_the_topic_on_which_the_transforms_are(make, tmp_path):

@@ -24,6 +24,7 @@ from atom_core.geometry import se3
 from atom_core.model.transforms import Edge
 
 DEFAULT_MAX_GAP_S = 1.0
+_STILL = 2.5  # times as long a gap is bridged between two poses that are the same
 _STAYS_SO_S = 1.0  # after the last message in which an edge contradicts itself
 
 
@@ -241,17 +242,35 @@ class TransformTree:
         after_s = stamps[after] if after < len(stamps) else None
         if after_s is not None and abs(after_s - time_s) < 1e-6:
             return after_s
-        if before_s is not None and after_s is not None and after_s - before_s <= self._max_gap_s:
-            return time_s
-        if before_s is None or after_s is None:  # the recording begins or ends here
-            nearest = after_s if before_s is None else before_s
-            if nearest is not None and abs(nearest - time_s) <= 0.5 * self._max_gap_s:
-                return nearest
+        if before_s is not None and after_s is not None:
+            gap = (after_s - before_s) / self._max_gap_s
+            if gap <= 1.0 or (gap <= _STILL and self._is_still(edge, before_s, after_s)):
+                return time_s
+        else:  # the recording begins or ends here
+            ends = stamps[:2] if before_s is None else stamps[:-3:-1]  # the nearest first
+            longest_s, apart_s = 0.5 * self._max_gap_s, abs(ends[-1] - ends[0])
+            if apart_s > longest_s and self._is_still(edge, ends[0], ends[-1]):
+                longest_s = min(apart_s, _STILL * self._max_gap_s)
+            if abs(ends[0] - time_s) <= longest_s:
+                return ends[0]
         raise TransformError(
             f"/tf has no pose of '{edge}' near time {time_s:.3f}: before it "
             f"{_time_text(before_s)}, after it {_time_text(after_s)} (a gap of {self._max_gap_s:g} "
             f"s is bridged); leave this time out, or record /tf without gaps"
         )
+
+    def _is_still(self, edge: Edge, *stamps_s: float) -> bool:
+        """Tell whether poses of an edge are the same: of a program that repeats a fixed one."""
+        try:
+            poses = [
+                transform_matrix(
+                    self._buffer.lookup_transform_core(*edge, rospy.Time.from_sec(stamp))
+                )
+                for stamp in stamps_s
+            ]
+        except tf2_ros.TransformException:
+            return False
+        return all(np.allclose(pose, poses[0], rtol=0.0, atol=1e-9) for pose in poses)
 
 
 def edges_at(
