@@ -5,9 +5,8 @@ import pytest
 from sensor_msgs.msg import JointState
 from stand_in_rig import CONFIG, STOPS, messages, refusal
 
-from atom_calibration.errors import MessageError
 from atom_calibration.nodes.collecting.collect_from_bag import main
-from atom_calibration.sources.described_edges import positions
+from atom_calibration.sources.joint_topics import positions
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.transforms import Edge
 
@@ -199,7 +198,57 @@ def test_a_description_that_is_not_there_is_refused(place, make, tmp_path, capsy
     assert "no.urdf" in line
 
 
-def test_a_position_that_is_no_number_is_refused():
-    with pytest.raises(MessageError, match="joint 'slide' is at nan"):
-        positions(JointState(name=["slide"], position=[float("nan")]))
+@pytest.mark.parametrize("wheel_topic", ["/joint_states", "/base/joint_states"])
+def test_an_arm_may_have_a_topic_of_its_own(place, make, tmp_path, wheel_topic):
+    content = []
+    for topic, message, time_s in joints(make):
+        content.append(
+            ("/arm/joint_states" if topic == "/joint_states" else topic, message, time_s)
+        )
+        if topic == "/joint_states":
+            message.name, message.position = ["slide"], message.position[:1]
+            wheel = JointState(header=message.header, name=["wheel"], position=[0.0])
+            content.append((wheel_topic, wheel, time_s))
+    assert main([*place(content), "--description", str(description(tmp_path))]) == 0
+    for collection, seconds in lidar_places(place):
+        arm = collection.transforms[Edge("world", "arm")]
+        assert arm[0, 3] == pytest.approx(0.1 * seconds, abs=1e-6)
+
+
+def test_commands_do_not_count_for_joints_that_are_told(place, make, tmp_path):
+    content = []
+    for topic, message, time_s in joints(make):
+        content.append((topic, message, time_s))
+        if topic == "/joint_states":
+            wanted = JointState(header=message.header, name=["slide"], position=[5.0])
+            content.append(("/arm/commands", wanted, time_s))
+    assert main([*place(content), "--description", str(description(tmp_path))]) == 0
+    for collection, seconds in lidar_places(place):
+        arm = collection.transforms[Edge("world", "arm")]
+        assert arm[0, 3] == pytest.approx(0.1 * seconds, abs=1e-6)
+
+
+def without_number(make, name):
+    """The rig, one of whose joints is told without a number."""
+    for topic, message, time_s in joints(make):
+        if topic == "/joint_states":
+            told = {**dict(zip(message.name, message.position)), name: float("nan")}
+            message.name, message.position = list(told), list(told.values())
+        yield topic, message, time_s
+
+
+def test_a_joint_without_a_number_matters_only_where_something_hangs_on_it(
+    place, make, tmp_path, capsys
+):
+    of_rig = str(description(tmp_path))
+    assert main([*place(without_number(make, "grip")), "--description", of_rig]) == 0
+    arguments = [*place(without_number(make, "slide")), "--description", of_rig, "--overwrite"]
+    line = refusal(arguments, capsys)
+    assert "joint 'slide', on which sensor 'lidar' hangs" in line
+    assert "it is no number (NaN) in /joint_states" in line and "correct its publisher" in line
+
+
+def test_joints_without_a_position_have_none():
+    nan = float("nan")
+    assert positions(JointState(name=["slide", "grip"], position=[nan, 1.0])) == {"grip": 1.0}
     assert positions(JointState(name=["slide"])) == {}

@@ -6,9 +6,8 @@ So ATOM takes all bags: the description moved by /joint_states, and from /tf onl
 from __future__ import annotations
 
 from itertools import islice
-from typing import Any, FrozenSet, Iterable, List, Mapping, Tuple
+from typing import Any, Dict, FrozenSet, Iterable, List, Mapping, Set, Tuple
 
-import numpy as np
 from geometry_msgs.msg import TransformStamped
 from rospy import Time
 
@@ -16,13 +15,18 @@ from atom_calibration.errors import MessageError, TransformError
 from atom_calibration.messages.headers import frame_name
 from atom_calibration.messages.poses import transform_message
 from atom_calibration.sources.bag_reader import BagReader
-from atom_core.model.joints import MOVING_TYPES, REVOLUTE
+from atom_calibration.sources.joint_topics import (
+    JOINT_STATE,
+    counting,
+    is_told,
+    moving_names,
+    positions,
+)
+from atom_core.model.joints import REVOLUTE
 from atom_core.model.robot import FIXED, Joint, RobotDescription
 
-JOINT_STATE = "sensor_msgs/JointState"
-_USUAL = "/joint_states"
 _BEYOND_RAD = 1.0  # no joint is so far beyond its limits
-_FIRST = 500  # messages that tell which joints there are
+_FIRST = 500  # messages of a topic that tell which joints there are
 
 
 class DescribedEdges:
@@ -36,18 +40,16 @@ class DescribedEdges:
     """
 
     def __init__(self, bag: BagReader, robot: RobotDescription):
-        """Look which joints the bag has.
-
-        Raises:
-            MessageError: a position is no number.
-        """
+        """Look which joints the bag has."""
         self._bag, self._robot = bag, robot
-        there = bag.topics_of([JOINT_STATE])
-        self.topics: Tuple[str, ...] = (_USUAL,) if _USUAL in there else tuple(there)
-        moving = {n: j for n, j in robot.joints.items() if j.type in MOVING_TYPES}
-        first = islice(bag.messages(self.topics), _FIRST) if self.topics else ()
-        self._named = {name for found in first for name in positions(found.message)}
-        told = [n for n, j in moving.items() if j.moved_by in self._named or n in self._named]
+        self._broken: Set[str] = set()  # joints that were told without a number
+        there = {topic: self._names(topic) for topic in bag.topics_of([JOINT_STATE])}
+        self._named = frozenset().union(*there.values())
+        self._counting: Dict[str, FrozenSet[str]] = counting(there, moving_names(robot))
+        self.topics: Tuple[str, ...] = tuple(self._counting)
+        names = frozenset().union(*self._counting.values())
+        moving = {n: j for n, j in robot.joints.items() if is_told(j, names)}
+        told = list(moving)
         self.told: FrozenSet[str] = frozenset(told)
         # Those that follow another one come last: of two programs that contradict each other, the
         # joint that they publish is named.
@@ -65,13 +67,23 @@ class DescribedEdges:
             if joint.type == FIXED or name in self.told
         )
 
-    def transforms(self, message: Any) -> List[TransformStamped]:
-        """Return the edges that a JointState moves.
+    def _names(self, topic: str) -> Set[str]:
+        """Return the joints of which a topic tells positions."""
+        names: Set[str] = set()
+        for found in islice(self._bag.messages([topic]), _FIRST):
+            told = positions(found.message)
+            names |= told.keys()
+            self._broken |= set(found.message.name[: len(found.message.position)]) - told.keys()
+        return names
+
+    def transforms(self, message: Any, topic: str) -> List[TransformStamped]:
+        """Return the edges that a JointState of a topic moves.
 
         Raises:
-            MessageError: a position is no number, or far beyond the joint's limits.
+            MessageError: a position is far beyond the joint's limits.
         """
-        known = positions(message)
+        counts = self._counting[topic]
+        known = {n: position for n, position in positions(message).items() if n in counts}
         self._check_limits(known)
         poses = self._robot.transforms(known)
         return [
@@ -117,25 +129,17 @@ class DescribedEdges:
                 joint = self._robot.joint_above(frame)
 
     def _untold(self, joint: Joint, whose: str) -> str:
-        if not self.topics:
+        there = ", ".join(sorted(self._named)[:12]) or "none"
+        topics = ", ".join(self._bag.topics_of([JOINT_STATE]))
+        remedy = "record it, or correct the joint's name in the description"
+        if not topics:
             where = "the bag has no /joint_states, and /tf does not have it"
+        elif joint.moved_by in self._broken:
+            where = f"it is no number (NaN) in {topics}, and /tf does not have it"
+            remedy = "correct its publisher"
         else:
-            there = ", ".join(sorted(self._named)[:12]) or "none"
-            where = f"it is not in {', '.join(self.topics)} (there are: {there}), nor in /tf"
+            where = f"it is not in {topics} (there are: {there}), nor in /tf"
         return (
             f"{self._bag.path}: the position of joint '{joint.name}', on which {whose} hangs, is "
-            f"not known: {where}; record it, or correct the joint's name in the description"
+            f"not known: {where}; {remedy}"
         )
-
-
-def positions(message: Any) -> Mapping[str, float]:
-    """Return the positions [rad or m] of a JointState by joint; those without one are left out.
-
-    Raises:
-        MessageError: a position is no number.
-    """
-    found = dict(zip(message.name, message.position))
-    for name, position in found.items():
-        if not np.isfinite(position):
-            raise MessageError(f"joint '{name}' is at {position}; correct its publisher")
-    return found
