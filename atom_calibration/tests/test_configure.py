@@ -19,6 +19,7 @@ from atom_calibration.configure import configure_package, create_package
 from atom_calibration.configure.check import BagFacts
 from atom_calibration.configure.package import find_package, launch_text
 from atom_calibration.configure.render import collecting_view, rendered_files
+from atom_calibration.sources.joint_topics import moving_names
 from atom_core.commands.atom_options import LAUNCH_ARGUMENTS
 from atom_core.errors import OutputError
 from atom_core.io.config_yaml import read_config
@@ -231,8 +232,9 @@ def test_the_files_of_the_simulated_cell_are_up_to_date():
         name: entry.topic_name + ("/compressed" if entry.modality in images else "")
         for name, entry in config.sensors.items()
     }
-    facts = BagFacts({}, topics, {}, {}, {}, {"shoulder_pan_joint"})
-    transforms = read_description(config.description_file).robot.transforms()
+    robot = read_description(config.description_file).robot
+    facts = BagFacts({}, topics, {}, {}, {}, {"/joint_states": moving_names(robot)}, robot)
+    transforms = robot.transforms()
     for name, text in rendered_files(config, facts, package, transforms).items():
         assert (folder / name).read_text("utf-8") == text, (
             f"run `rosrun atom_calibration configure_calibration_pkg -n {folder.name} --bag BAG` "

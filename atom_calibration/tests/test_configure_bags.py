@@ -1,5 +1,7 @@
 """configure, with a bag that lacks /joint_states or /tf: does the description tell the rest?"""
 
+from xml.etree import ElementTree
+
 import pytest
 import rosbag
 from livox_messages import livox_message
@@ -85,6 +87,46 @@ def test_a_joint_that_is_told_long_after_others_is_seen(package, make, tmp_path)
     shifted = [(t, m, s + 25.0 * (t == "/joint_states")) for t, m, s in told]
     make.bag(bag, [*shifted, ("/joint_states", other, told[0][2])])
     assert configure(package, "--bag", str(bag)) == 0
+
+
+def playbag(package):
+    """Return the remappings of the player, and the arguments of the filter of transforms."""
+    root = ElementTree.parse(str(package / "launch" / "playbag.launch")).getroot()
+    nodes = {node.get("name"): node for node in root.findall("node")}
+    remaps = {r.get("from"): r.get("to") for r in nodes["playbag"].findall("remap")}
+    return remaps, nodes["filter_bag_tf"].get("args")
+
+
+def test_joints_on_another_topic_move_the_robot_that_is_played(package, make, tmp_path):
+    bag = tmp_path / "other_topic.bag"
+    there = {"/joint_states": "/rig/joint_states"}
+    make.bag(bag, [(there.get(t, t), m, s) for t, m, s in _messages(package)])
+    assert configure(package, "--bag", str(bag)) == 0
+    remaps, from_bag = playbag(package)
+    assert remaps["/rig/joint_states"] == "/joint_states" and from_bag == ""
+
+
+@pytest.mark.parametrize("arm_too", [False, True])
+def test_joints_that_no_topic_tells_are_played_from_tf(package, make, tmp_path, arm_too):
+    path = package / "calibration" / "rig.urdf.xacro"
+    wheel = """<link name="wheel"/> <joint name="wheel_joint" type="continuous">
+    <parent link="base"/> <child link="wheel"/> <axis xyz="0 1 0"/> </joint> </robot>"""
+    path.write_text(path.read_text("utf-8").replace("</robot>", wheel), encoding="utf-8")
+    calibrate_no_joint(package)
+    content = []
+    for topic, message, time_s in _messages(package):
+        if topic == "/joint_states":
+            of_wheel = type(message)(header=message.header, name=["wheel_joint"], position=[0.0])
+            content.append((topic, of_wheel, time_s))
+            topic = "/arm/joint_states"
+        if topic != "/arm/joint_states" or arm_too:
+            content.append((topic, message, time_s))
+    bag = tmp_path / "wheels.bag"
+    make.bag(bag, content)
+    assert configure(package, "--bag", str(bag)) == 0
+    remaps, from_bag = playbag(package)
+    assert from_bag == ("" if arm_too else "--moving_joints shoulder")
+    assert ("/arm/joint_states" in remaps) == arm_too
 
 
 def test_livox_messages_that_rviz_cannot_show_are_told(package, capsys, make, tmp_path):

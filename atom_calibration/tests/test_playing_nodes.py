@@ -33,7 +33,13 @@ def robot(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("moving_joints", "passed"), [(False, ["odom-base"]), (True, ["odom-base", "base-arm"])]
+    ("moving_joints", "passed"),
+    [
+        (None, ["odom-base"]),
+        ([], ["odom-base", "base-arm"]),
+        (["shoulder"], ["odom-base", "base-arm"]),
+        (["elbow"], ["odom-base"]),
+    ],
 )
 def test_only_what_the_description_does_not_place_passes(robot, make, moving_joints, passed):
     moving = Heard()
@@ -48,7 +54,7 @@ def test_only_what_the_description_does_not_place_passes(robot, make, moving_joi
 
 def test_fixed_transforms_are_gathered_for_those_who_come_late(robot, make):
     fixed = Heard()
-    filtering = TransformFilter(frames_of_description(robot, False), Heard(), fixed)
+    filtering = TransformFilter(frames_of_description(robot, None), Heard(), fixed)
     filtering.pass_on_fixed(make.tf("odom", "wall", np.eye(4)))
     filtering.pass_on_fixed(make.tf("odom", "door", np.eye(4)))
     filtering.pass_on_fixed(make.tf("mast", "camera_link", np.eye(4)))

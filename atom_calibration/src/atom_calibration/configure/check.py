@@ -26,19 +26,19 @@ from atom_calibration.messages.headers import frame_name
 from atom_calibration.messages.poses import TF_MESSAGE, edge_of, transform_matrix
 from atom_calibration.modalities.table import modality_of
 from atom_calibration.sources.bag_reader import BagReader
+from atom_calibration.sources.joint_topics import JOINT_STATE
 from atom_calibration.sources.rig import sensor_from_bag
 from atom_core.errors import AtomError
 from atom_core.geometry import se3
 from atom_core.io.urdf import Description
 from atom_core.model.config import CalibrationConfig, EdgeConfig, SensorConfig
 from atom_core.model.config_section import KeyPath
-from atom_core.model.robot import CONTINUOUS, FIXED, PRISMATIC, REVOLUTE
+from atom_core.model.robot import CONTINUOUS, FIXED, PRISMATIC, REVOLUTE, RobotDescription
 from atom_core.model.sensor import LIDAR3D, Sensor
 from atom_core.model.transforms import Edge
 
 Locate = Callable[[KeyPath], str]
 
-JOINT_STATE = "sensor_msgs/JointState"
 _TF_TYPES = (TF_MESSAGE, "tf/tfMessage")
 _CALIBRATED_JOINTS = (REVOLUTE, CONTINUOUS, PRISMATIC)
 _LOOKED_AT_S = 20.0  # of each topic of /tf and /joint_states, which repeat themselves
@@ -56,7 +56,8 @@ class BagFacts:
         modalities: of every sensor.
         edges: kind, fixed or multiple, of the edges of /tf_static and /tf.
         fixed: ``parent_T_child`` (4, 4) of those of /tf_static [m].
-        joints: names in /joint_states.
+        joints: by topic, the names in /joint_states and in other topics with positions.
+        robot: of the description.
     """
 
     sensors: Mapping[str, Sensor]
@@ -64,7 +65,13 @@ class BagFacts:
     modalities: Mapping[str, Optional[str]]
     edges: Mapping[Edge, str]
     fixed: Mapping[Edge, np.ndarray]
-    joints: Set[str]
+    joints: Mapping[str, Set[str]]
+    robot: Optional[RobotDescription] = None
+
+    @property
+    def joint_names(self) -> Set[str]:
+        """The joints whose positions the bag has, on any topic."""
+        return set().union(*self.joints.values())
 
 
 @dataclass
@@ -122,9 +129,10 @@ def bag_facts(
             )
     awaited = {} if description is None else _needed_joints(config, description)
     joints = _bag_joints(bag, set(awaited))
-    untold = {edge for name, edge in awaited.items() if name not in joints}
-    edges, fixed = _bag_edges(bag, untold)
-    return BagFacts(sensors, topics, modalities, edges, fixed, joints)
+    told = set().union(*joints.values())
+    edges, fixed = _bag_edges(bag, {edge for name, edge in awaited.items() if name not in told})
+    robot = None if description is None else description.robot
+    return BagFacts(sensors, topics, modalities, edges, fixed, joints, robot)
 
 
 def check_rig(
@@ -229,10 +237,14 @@ def _bag_edges(
     return edges, fixed
 
 
-def _bag_joints(bag: BagReader, awaited: Set[str]) -> Set[str]:
-    joints: Set[str] = set()
-    for heard in _beginnings(bag, bag.topics_of([JOINT_STATE]), lambda: awaited <= joints):
-        joints.update(heard.name)
+def _bag_joints(bag: BagReader, awaited: Set[str]) -> Dict[str, Set[str]]:
+    """Return the joints by topic."""
+    joints: Dict[str, Set[str]] = {topic: set() for topic in bag.topics_of([JOINT_STATE])}
+    known: Set[str] = set()
+    for topic, names in joints.items():
+        for heard in _beginnings(bag, [topic], lambda: awaited <= known):
+            names.update(heard.name)
+            known.update(heard.name)
     return joints
 
 
@@ -320,9 +332,10 @@ def _check_joints(
                 path,
                 f"is {joint.type}; use {', '.join(_CALIBRATED_JOINTS)} (fixed: additional_tfs)",
             )
-        elif name not in facts.joints:
+        elif name not in facts.joint_names:
             findings.problem(
-                path, f"is not in /joint_states of the bag, which has {_list(sorted(facts.joints))}"
+                path,
+                f"is not in /joint_states of the bag, which has {_list(sorted(facts.joint_names))}",
             )
         elif joint.edge in taken:
             findings.problem(path, f"is the edge of '{taken[joint.edge]}' already; remove one")
@@ -344,7 +357,7 @@ def _check_told(
             joint = description.robot.joints.get(item.joint or "")
             if joint is None or joint.type == FIXED or item.edge in facts.edges:
                 continue
-            if not {joint.name, joint.moved_by} & facts.joints:
+            if not {joint.name, joint.moved_by} & facts.joint_names:
                 findings.problem(
                     path,
                     f"is '{frame}', which hangs on the {joint.type} joint '{joint.name}', and "
@@ -358,7 +371,7 @@ def _compare_with_bag(description: Description, facts: BagFacts, findings: Findi
         findings.warn(
             ("bag_file",),
             "has neither /tf nor /tf_static: its transforms are those of the description"
-            + (", moved by /joint_states" if facts.joints else ""),
+            + (", moved by /joint_states" if facts.joint_names else ""),
         )
     differing: List[str] = []
     for edge, in_bag in facts.fixed.items():

@@ -13,11 +13,13 @@ from atom_calibration.configure.package import CalibrationPackage, launch_text
 from atom_calibration.configure.viewpoint import Viewpoint, viewpoint
 from atom_calibration.configure.window import HEIGHT, WIDTH, Side, window_state
 from atom_calibration.modalities.table import ros_modality
+from atom_calibration.sources.joint_topics import JOINT_STATES, is_told, played
 from atom_core.io.paths import package_folder
 from atom_core.model.colours import in_order, sensor_colours
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.dataset import Dataset
 from atom_core.model.modality import modalities, modality_named
+from atom_core.model.robot import FIXED
 from atom_core.model.transforms import Transforms
 
 # Each is made from the template of its name; a launch file is listed once all its nodes exist.
@@ -131,7 +133,22 @@ def template_values(
         "bag_file": _bag_text(config.bag_file, package),
         "compressed": [s["data_topic"] for s in values["sensors"] if s["data_topic"] != s["topic"]],
         "throttles": any(s["throttle"] for s in values["sensors"]),
-        "has_joint_states": bool(facts.joints),
+        **_joint_values(facts),
+    }
+
+
+def _joint_values(facts: BagFacts) -> Dict[str, Any]:
+    """Return which topics are played as /joint_states, and which joints these do not tell."""
+    if facts.robot is None:
+        return {"joint_topics": [], "joints_of_bag": ""}
+    topics = played(facts.joints, facts.robot)
+    told = frozenset().union(*topics.values())
+    moving = [joint for joint in facts.robot.joints.values() if joint.type != FIXED]
+    untold = [joint.name for joint in moving if not is_told(joint, told)]
+    some = untold if len(untold) < len(moving) else []  # all: they need not be named
+    return {
+        "joint_topics": [topic for topic in topics if topic != JOINT_STATES],
+        "joints_of_bag": " ".join(["--moving_joints", *some]) if untold else "",
     }
 
 

@@ -8,7 +8,7 @@ knows, comes through here.
 from __future__ import annotations
 
 import argparse
-from typing import Any, Dict, FrozenSet, List
+from typing import Any, Collection, Dict, FrozenSet, List, Optional
 
 import rospy
 from tf2_msgs.msg import TFMessage
@@ -21,18 +21,21 @@ from atom_core.io.urdf import parse_urdf
 from atom_core.model.robot import FIXED, RobotDescription
 
 
-def frames_of_description(robot: RobotDescription, moving_joints: bool) -> FrozenSet[str]:
+def frames_of_description(
+    robot: RobotDescription, moving_joints: Optional[Collection[str]]
+) -> FrozenSet[str]:
     """Return the frames whose transforms come from the description.
 
     Args:
         robot: the description.
-        moving_joints: the bag has no /joint_states, so the links of moving joints come from it.
+        moving_joints: those whose links come from the bag, since no positions of them are played;
+            empty: all that move; None: none.
     """
-    return frozenset(
-        joint.child_link
-        for joint in robot.joints.values()
-        if joint.type == FIXED or not moving_joints
-    )
+    joints = robot.joints.values()
+    if moving_joints is None:
+        return frozenset(joint.child_link for joint in joints)
+    names = moving_joints or robot.joints.keys()
+    return frozenset(j.child_link for j in joints if j.type == FIXED or j.name not in names)
 
 
 class TransformFilter:
@@ -71,7 +74,7 @@ def main() -> int:
     return running.run("filter_bag_tf", _parser(), lambda args: _run(args.moving_joints))
 
 
-def _run(moving_joints: bool) -> int:
+def _run(moving_joints: Optional[Collection[str]]) -> int:
     running.start("filter_bag_tf")
     urdf = rospy.get_param("robot_description", None)
     if urdf is None:
@@ -92,7 +95,9 @@ def _parser() -> argparse.ArgumentParser:
     made.add_argument(
         "--moving_joints",
         "--moving-joints",
-        action="store_true",
-        help="the links of moving joints come from the bag, since it has no /joint_states",
+        nargs="*",
+        metavar="JOINT",
+        help="the links of these moving joints (or of all of them) come from the bag, since "
+        "nothing in it tells their positions",
     )
     return made
