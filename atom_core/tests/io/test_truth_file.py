@@ -8,10 +8,12 @@ import pytest
 from atom_core import cli
 from atom_core.errors import AtomError, DatasetError
 from atom_core.geometry import se3
-from atom_core.io.dataset_json import read_dataset
+from atom_core.io.dataset_entries import transform_document
+from atom_core.io.dataset_json import document_of, read_dataset
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.io.truth_file import read_any_truth
 from atom_core.io.truth_json import write_truth
+from atom_core.model.dataset import board_edge
 from atom_core.model.truth import Truth, truth_of, with_truth
 from atom_core.synthetic import Noise, arm, scenes
 
@@ -84,6 +86,53 @@ def test_true_transforms_that_a_tool_has_put_beside_are_taken_first(rig, dataset
     dataset.write_text(json.dumps(document))
     with pytest.raises(AtomError, match="transforms_ground_truth is malformed"):
         read_any_truth(dataset)
+
+
+def with_true_transforms(dataset, path, true, keys=None):
+    """Write a dataset that has the transforms of another one beside it, in some collections."""
+    document = json.loads(json.dumps(document_of(dataset)))
+    for key in true.collections if keys is None else keys:
+        document["collections"][key]["transforms_ground_truth"] = {
+            str(edge): transform_document(edge, matrix)
+            for edge, matrix in true.collections[key].transforms.items()
+        }
+    path.write_text(json.dumps(document))
+    return path
+
+
+def test_boards_that_a_calibration_has_estimated_are_no_truth(rig, dataset):
+    before = read_dataset(dataset)
+    (pattern,), (first, *_) = before.patterns.values(), before.collections
+    edge = board_edge(pattern)
+    calibrated = before.with_transforms({key: {edge: np.eye(4)} for key in before.collections})
+    assert len(read_any_truth(with_true_transforms(calibrated, dataset, calibrated)).boards) == 2
+    assert read_any_truth(with_true_transforms(calibrated, dataset, before)).boards == {}
+    known = before.with_transforms({first: {edge: np.eye(4)}})
+    found = read_any_truth(with_true_transforms(calibrated, dataset, known)).boards
+    assert list(found) == [(pattern.name, first)]
+
+
+def test_collections_without_true_transforms_say_nothing_where_others_have_them(rig, dataset):
+    true = read_dataset(dataset)
+    edge, (first, _) = true.sensors["rgb_2"].edge, true.collections
+    off = true.with_transforms({key: {edge: np.eye(4)} for key in true.collections})
+    found = read_any_truth(with_true_transforms(off, dataset, true, keys=[first]))
+    edges_agree(found, rig.truth)
+    assert found.moving == {}
+
+
+def test_joints_are_true_only_where_they_give_the_true_transforms(tmp_path):
+    scene = arm.camera_on_arm(0, errors={"elbow": {"position_bias": 0.0}}, collections=2)
+    true = read_dataset(write_dataset_folder(scene.dataset, tmp_path / "arm", name="arm"))
+    estimated = true.with_joint_parameters({"elbow": {"position_bias": 0.01}})
+    truth = read_any_truth(with_true_transforms(estimated, tmp_path / "arm" / "gt.json", true))
+    assert set(truth.joints) == set(arm.JOINT_NAMES) - {"elbow"}
+    edge = true.joint("elbow").edge
+    for key, collection in with_truth(estimated, truth).collections.items():
+        expected = true.collections[key].transforms[edge]
+        np.testing.assert_allclose(collection.transforms[edge], expected, atol=1e-12)
+    truth = read_any_truth(with_true_transforms(true, tmp_path / "arm" / "gt.json", true))
+    assert set(truth.joints) == set(arm.JOINT_NAMES)
 
 
 def test_an_edge_with_a_value_for_each_collection_stays_so(rig):

@@ -22,14 +22,15 @@ from atom_core.model.transforms import Edge
 from atom_core.model.truth import Truth, truth_of
 
 _GROUND_TRUTH = "transforms_ground_truth"  # of a collection, where ATOM's tool has put it
+_SAME = 1e-5  # entries of a matrix: what tf may round of a joint's position
 
 
 def read_any_truth(path: Path) -> Truth:
     """Read a truth.
 
     Args:
-        path: a truth file; an ATOM dataset, of which the ``transforms_ground_truth`` are taken
-            where they stand and else the ``transforms``; a URDF or xacro.
+        path: a truth file; an ATOM dataset, of which the ``transforms_ground_truth`` alone are
+            taken where a collection has them, and else the ``transforms``; a URDF or xacro.
 
     Raises:
         DatasetError, DescriptionError: the file is absent or malformed.
@@ -38,7 +39,7 @@ def read_any_truth(path: Path) -> Truth:
     if path.is_file() and path.suffix != ".json" and _first_sign(path) == "<":
         return _of_description(path)
     if path.is_file() and _is_dataset(path):
-        return truth_of(_with_ground_truth(read_dataset(path)))
+        return _of_dataset(read_dataset(path))
     return read_truth(path)
 
 
@@ -54,17 +55,51 @@ def _is_dataset(path: Path) -> bool:
     return isinstance(document, dict) and {"sensors", "collections"} <= set(document)
 
 
-def _with_ground_truth(dataset: Dataset) -> Dataset:
+def _of_dataset(dataset: Dataset) -> Truth:
     stored = {
         key: dataset.document["collections"][key].get(_GROUND_TRUTH) or {}
         for key in dataset.collections
     }
+    if not any(stored.values()):
+        return truth_of(dataset)
     try:
-        return dataset.with_transforms({key: _poses(entries) for key, entries in stored.items()})
+        true = {key: _poses(entries) for key, entries in stored.items()}
     except OTHER_KIND as error:
         raise DatasetError(
             f"{dataset.source}: {_GROUND_TRUTH} is malformed ({error}); restore the file"
         ) from None
+    return _of_true_transforms(dataset, true)
+
+
+def _of_true_transforms(dataset: Dataset, true: Mapping[str, Mapping[Edge, np.ndarray]]) -> Truth:
+    """Return the truth that stands beside a dataset's own transforms, and nothing of the latter.
+
+    These may be estimated: boards are, in a calibrated dataset. Likewise the parameters of its
+    joints, which are true only where they give the true transforms.
+    """
+    collections = {
+        key: replace(
+            collection,
+            transforms=true[key],
+            joints={n: joint for n, joint in collection.joints.items() if joint.edge in true[key]},
+        )
+        for key, collection in dataset.collections.items()
+    }
+    truth = truth_of(replace(dataset, collections=collections))
+    off = {
+        name: joint.edge
+        for key, collection in collections.items()
+        for name, joint in collection.joints.items()
+        if not np.allclose(joint.parent_T_child, true[key][joint.edge], rtol=0.0, atol=_SAME)
+    }
+    moving = {
+        (off[name], key): true[key][off[name]]
+        for name in set(off) & set(dataset.config.joints)
+        for key in true
+        if off[name] in true[key]
+    }
+    joints = {name: values for name, values in truth.joints.items() if name not in off}
+    return replace(truth, joints=joints, moving={**truth.moving, **moving})
 
 
 def _poses(entries: Mapping[str, Mapping[str, Any]]) -> Dict[Edge, np.ndarray]:
