@@ -13,8 +13,10 @@ from atom_core.geometry.pose_solvers import lacking
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.model.dataset import DataSource
+from atom_core.model.transforms import Edge
 from atom_core.synthetic import Noise, scenes
 from atom_core.synthetic.arm import camera_on_arm
+from atom_core.synthetic.carried import on_tilting_head
 
 # From a base on, which the camera faces, OpenCV's are wrong by metres, also without noise.
 FAIL_TO_HAND = ("tsai", "horaud", "daniilidis")
@@ -100,6 +102,33 @@ def test_an_answer_that_is_wrong_by_far_is_called_wrong(data, tmp_path, capsys):
         assert (code == 0) == right, said[method]
         assert right or "is wrong: its corners are" in said[method] or "finds no" in said[method]
     assert any("is wrong: its corners are" in text for text in said.values())
+
+
+@pytest.mark.skipif(bool(lacking("park")), reason="this OpenCV has no calibrateHandEye")
+def test_an_answer_is_called_wrong_where_no_method_explains_the_corners(data, tmp_path, capsys):
+    """Each image has the pose of another one."""
+    exact = read_dataset(data[True])
+    keys, arm = list(exact.collections), Edge("rig_base", "flange")
+    mixed = {
+        key: {arm: exact.collections[other].transforms[arm]}
+        for key, other in zip(keys, [*keys[2:], *keys[:2]])
+    }
+    path = write(exact.with_transforms(mixed), tmp_path / "mixed")
+    assert solve("cv_eye_in_hand", path, tmp_path / "a.json", "-mn", "park") == 1
+    told = capsys.readouterr().err
+    assert "is wrong, and no method has a right one: with that of" in told and told.count("\n") == 1
+
+
+@pytest.mark.skipif(bool(lacking("park")), reason="this OpenCV has no calibrateHandEye")
+def test_a_camera_on_a_tilting_head_is_solved(data, tmp_path, capsys):
+    exact = on_tilting_head(read_dataset(data[True]), "rgb_1", [0.1, 0.4, -0.3, 0.2, 0.0, -0.2])
+    path, target = write(exact, tmp_path / "tilting"), tmp_path / "a.json"
+    assert solve("cv_eye_in_hand", path, target, "-mn", "park", "-hl", "flange") == 0
+    assert "rgb_1_link in flange" in capsys.readouterr().out
+    edge = exact.sensors["rgb_1"].edge
+    np.testing.assert_allclose(
+        read_dataset(target).first_value(edge), exact.first_value(edge), atol=1e-5
+    )
 
 
 def test_any_frame_of_the_hand_and_of_the_base_gives_the_same(data, tmp_path):

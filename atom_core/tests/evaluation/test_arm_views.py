@@ -21,6 +21,7 @@ from atom_core.geometry import se3
 from atom_core.model.dataset import board_edge, pose
 from atom_core.model.transforms import Edge
 from atom_core.synthetic import Noise, scenes
+from atom_core.synthetic.carried import on_tilting_head
 
 CAMERA, BOARD = "rgb_1", "pattern_1"
 SCENES = {"camera moves": scenes.hand_eye, "board moves": scenes.board_on_arm}
@@ -190,6 +191,21 @@ def test_labels_that_were_read_are_not_read_again(dataset):
     assert [h[2, 3] for h in views.H] == [0.0, 1.0, 2.0, 3.0, 4.0]
 
 
+def test_where_the_camera_tilts_the_child_of_its_edge_is_in_one_place(scene):
+    edge = scene.dataset.sensors[CAMERA].edge
+    still = hand_eye_views(scene.dataset, CAMERA, BOARD)
+    assert still.frame == scene.dataset.sensors[CAMERA].frame
+    dataset = on_tilting_head(scene.dataset, CAMERA, [0.1, 0.4, -0.3, 0.2, 0.0])
+    views = hand_eye_views(dataset, CAMERA, BOARD)
+    assert views.frame == edge.child
+    for key, g, h in zip(views.collections, views.G, views.H):
+        board = g @ scene.truth.edges[edge] @ h
+        np.testing.assert_allclose(board, scene.truth.boards[BOARD, key], atol=1e-5)
+    moved = se3.random_move(0.3, 0.5, np.random.default_rng(1))
+    solved = with_hand_eye(dataset, CAMERA, BOARD, views, moved)
+    np.testing.assert_allclose(solved.first_value(edge), moved, atol=1e-12)
+
+
 # ---- frames that stand for them
 
 
@@ -309,7 +325,13 @@ def test_frames_are_taken_from_the_first_collection_of_the_views(dataset):
     sided = dataset.with_transforms(
         {k: {edge: turned(move=(float(k), 0, 0))} for k in dataset.collections}
     )
-    views = HandEyeViews(Sides("beside", "world"), ["003", "001"], [np.eye(4)], [np.eye(4)])
+    views = HandEyeViews(
+        Sides("beside", "world"),
+        "rgb_1_optical_frame",
+        ["003", "001"],
+        [np.eye(4)],
+        [np.eye(4)],
+    )
     solved = with_hand_eye(sided, CAMERA, BOARD, views, np.eye(4))
     collection = solved.collections["003"]
     found = pose(collection, solved.graph, "beside", "rgb_1_optical_frame")

@@ -18,6 +18,7 @@ from atom_core.geometry import se3
 from atom_core.geometry.pose_solvers import lacking
 from atom_core.geometry.se3 import pose_difference
 from atom_core.model.dataset import pose
+from atom_core.model.transforms import Edge
 from atom_core.synthetic import Noise, degenerate, scenes
 
 SCENES = {"camera moves": scenes.hand_eye, "board moves": scenes.board_on_arm}
@@ -171,6 +172,35 @@ def test_a_camera_that_a_method_cannot_solve_costs_the_others_nothing(monkeypatc
     assert list(park.dataset.sensors) == [CAMERA]
     assert ("park", CAMERA) in compared.scores and ("park", "rgb_2") not in compared.scores
     assert (CALIBRATION, "rgb_2") in compared.scores and ("horaud", "rgb_2") in compared.scores
+
+
+def with_carried(dataset, name):
+    """Return the dataset with a second camera on the first one, which sees the same."""
+    edge, frame = Edge("rgb_1_link", f"{name}_link"), f"{name}_optical_frame"
+    link_T_frame = se3.random_move(0.2, 0.5, np.random.default_rng(0))
+    first = next(iter(dataset.collections.values()))
+    place = pose(first, dataset.graph, "rgb_1_link", dataset.sensors[CAMERA].frame)
+    values = {edge: place @ se3.inverse(link_T_frame), Edge(edge.child, frame): link_T_frame}
+    twins = with_twin(dataset, name)
+    carried = replace(twins.sensors[name], edge=edge, frame=frame)
+    # It comes first, so that the order of the dataset is not the one in which they are solved.
+    sensors = {name: carried, CAMERA: twins.sensors[CAMERA]}
+    return replace(twins, sensors=sensors).with_transforms(dict.fromkeys(twins.collections, values))
+
+
+def test_a_camera_that_another_one_carries_stands_where_the_method_finds_it(exact):
+    true = with_carried(exact.dataset, "rgb_2")
+    off = {
+        edge: true.first_value(edge) @ se3.random_move(0.05, 0.05, np.random.default_rng(seed))
+        for seed, edge in enumerate(sensor.edge for sensor in true.sensors.values())
+    }
+    found, _ = hand_eye_baselines(true.with_transforms(dict.fromkeys(true.collections, off)))
+    for baseline in found:
+        if baseline.method in ("park", "shah") and baseline.dataset is not None:
+            for edge in off:
+                np.testing.assert_allclose(
+                    baseline.dataset.first_value(edge), true.first_value(edge), atol=1e-5
+                )
 
 
 def test_an_old_opencv_is_named(monkeypatch, exact):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Dict, List, Mapping, Optional, Tuple
+from typing import Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from atom_core.evaluation.hand_eye_views import (
     board_of,
     hand_eye_views,
     with_hand_eye,
+    with_transforms_of,
 )
 from atom_core.evaluation.observed import Observed
 from atom_core.geometry.pose_solvers import (
@@ -89,7 +90,10 @@ def _baseline(
     if lacking(method):
         return Baseline(method, None, skipped=lacking(method))
     solved, boards = dataset, {}
-    for camera, (board, of_camera) in views.items():
+    for camera in _carriers_first(dataset, list(views)):
+        board, of_camera = views[camera]
+        if _carriers(dataset, camera, boards):
+            of_camera = with_transforms_of(solved, of_camera)
         X = solved_by(method, of_camera)
         if X is not None:
             solved = with_hand_eye(solved, camera, board, of_camera, X)
@@ -105,8 +109,19 @@ def _baseline(
     return Baseline(method, left, boards, why)
 
 
+def _carriers_first(dataset: Dataset, cameras: Sequence[str]) -> List[str]:
+    """Return cameras in an order in which those that hang on others come after them."""
+    return sorted(cameras, key=lambda camera: len(_carriers(dataset, camera, cameras)))
+
+
+def _carriers(dataset: Dataset, camera: str, others: Iterable[str]) -> List[str]:
+    """Return those of other cameras whose edges carry the edge of a camera."""
+    graph, parent = dataset.graph, dataset.sensors[camera].edge.parent
+    return [name for name in others if graph.hangs_below(parent, dataset.sensors[name].edge)]
+
+
 def solved_by(method: str, views: HandEyeViews) -> Optional[np.ndarray]:
-    """Return ``camera_side_T_camera`` (4, 4) by a method; None where it finds none.
+    """Return ``camera_side_T_frame`` (4, 4) by a method; None where it finds none.
 
     Raises:
         DatasetError: this OpenCV does not have the method.

@@ -3,12 +3,15 @@
 In every collection ``F = G_i X H_i``. G is the pose of the camera's side in the board's side, which
 the robot reports; X the camera in its side and F the board in its side, which are constant; H the
 board in the camera, by its corners alone. It makes no difference whether camera or board moves.
+
+Where a joint moves the camera below its calibrated edge, as in a head that tilts, the camera in its
+side is not constant. Then X is the child of the edge in the camera's side, and H the board in it.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from typing import Dict, List, NamedTuple, Optional, Sequence
+from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -37,12 +40,15 @@ class HandEyeViews(NamedTuple):
 
     Attributes:
         sides: the frames between which G is.
+        frame: whose pose X is: the camera's data frame, or the child of its edge where the two
+            move against each other.
         collections: in which the board's pose is told by the camera's corners.
         G: ``board_side_T_camera_side`` (4, 4) of each.
-        H: ``camera_T_board`` (4, 4) of each, in the camera's data frame.
+        H: ``frame_T_board`` (4, 4) of each.
     """
 
     sides: Sides
+    frame: str
     collections: List[str]
     G: List[np.ndarray]
     H: List[np.ndarray]
@@ -115,12 +121,32 @@ def hand_eye_views(
     keys = list(views)
     _check_rigid(dataset, keys, sides.of_camera, dataset.sensors[camera].edge.parent)
     _check_rigid(dataset, keys, sides.of_board, dataset.patterns[pattern].parent_frame)
-    graph = dataset.graph
-    G = [pose(dataset.collections[k], graph, sides.of_board, sides.of_camera) for k in keys]
-    why = undetermined(G)
+    frame, frame_T_camera = _rigid_frame(dataset, camera, keys)
+    H = [before @ views[key] for key, before in zip(keys, frame_T_camera)]
+    found = with_transforms_of(dataset, HandEyeViews(sides, frame, keys, [], H))
+    why = undetermined(found.G)
     if why:
         raise DatasetError(f"{where}: {why}")
-    return HandEyeViews(sides, keys, G, list(views.values()))
+    return found
+
+
+def with_transforms_of(dataset: Dataset, views: HandEyeViews) -> HandEyeViews:
+    """Return views of which G is by a dataset's transforms."""
+    graph, (of_camera, of_board) = dataset.graph, views.sides
+    collections = [dataset.collections[key] for key in views.collections]
+    return views._replace(G=[pose(c, graph, of_board, of_camera) for c in collections])
+
+
+def _rigid_frame(
+    dataset: Dataset, camera: str, keys: Sequence[str]
+) -> Tuple[str, List[np.ndarray]]:
+    """Return the frame whose pose is constant, and ``frame_T_camera`` (4, 4) of collections."""
+    sensor, graph = dataset.sensors[camera], dataset.graph
+    child = sensor.edge.child
+    poses = [pose(dataset.collections[key], graph, child, sensor.frame) for key in keys]
+    if _constant(poses):
+        return sensor.frame, [np.eye(4)] * len(poses)
+    return child, poses
 
 
 def _check_pair(dataset: Dataset, camera: str, pattern: str) -> None:
@@ -146,11 +172,15 @@ def _check_rigid(dataset: Dataset, keys: Sequence[str], one: str, other: str) ->
     """Refuse two frames that move against each other."""
     graph = dataset.graph
     poses = [pose(dataset.collections[key], graph, one, other) for key in keys]
-    if any(np.max(np.abs(found - poses[0])) > _CONSTANT for found in poses):
+    if not _constant(poses):
         raise DatasetError(
             f"{dataset.source}: frame '{one}' moves against '{other}', which it is to stand for; "
             f"name the frame that carries it"
         )
+
+
+def _constant(poses: Sequence[np.ndarray]) -> bool:
+    return all(np.max(np.abs(found - poses[0])) <= _CONSTANT for found in poses)
 
 
 def undetermined(G: Sequence[np.ndarray]) -> str:
@@ -204,17 +234,17 @@ def with_hand_eye(
         camera: of the views.
         pattern: likewise.
         views: for their frames.
-        X: ``camera_side_T_camera`` (4, 4), of the camera's data frame.
+        X: ``camera_side_T_frame`` (4, 4), of the frame that the views name.
     """
     sensor, graph = dataset.sensors[camera], dataset.graph
     first = dataset.collections[views.collections[0]]
     parent_T_side = pose(first, graph, sensor.edge.parent, views.sides.of_camera)
-    camera_T_child = pose(first, graph, sensor.frame, sensor.edge.child)
+    frame_T_child = pose(first, graph, views.frame, sensor.edge.child)
     board = dataset.patterns[pattern]
     board_T_side = pose(first, graph, board.parent_frame, views.sides.of_board)
     seen = mean_pose([g @ X @ h for g, h in zip(views.G, views.H)])
     edges = {
-        sensor.edge: parent_T_side @ X @ camera_T_child,
+        sensor.edge: parent_T_side @ X @ frame_T_child,
         board_edge(board): board_T_side @ seen,
     }
     return dataset.with_transforms(dict.fromkeys(dataset.collections, edges))

@@ -1,10 +1,14 @@
-"""Sensors on one another, as the cameras of a drone or of Baxter's hands may be."""
+"""Sensors on one another or on a head that tilts, as drones, Baxter and others have them."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Sequence
 
-from atom_core.model.dataset import Dataset, pose
+import numpy as np
+
+from atom_core.geometry import se3
+from atom_core.model.dataset import MULTIPLE, Dataset, pose
 from atom_core.model.transforms import Edge
 
 
@@ -31,4 +35,30 @@ def on_another(dataset: Dataset, name: str, carrier: str) -> Dataset:
     sensors = {**dataset.sensors, name: replace(sensor, edge=new)}
     return replace(
         dataset, config=config, sensors=sensors, collections=collections, edge_types=types
+    )
+
+
+def on_tilting_head(dataset: Dataset, name: str, turns_rad: Sequence[float]) -> Dataset:
+    """Return the dataset with a joint between a sensor's calibrated edge and its data frame.
+
+    What moves the calibrated edge makes up for it, so that the data are those of this rig, too.
+
+    Args:
+        dataset: of a sensor on an arm.
+        name: of this sensor.
+        turns_rad: of the joint, about its z axis, for each collection.
+    """
+    edge, graph = dataset.sensors[name].edge, dataset.graph
+    arm = next(e for e in dataset.edge_types if e.child == edge.parent)
+    joint = graph.chain(edge.child, dataset.sensors[name].frame)[0].edge
+    changes = {}
+    for (key, collection), turn_rad in zip(dataset.collections.items(), turns_rad):
+        value = collection.transforms[joint]
+        turned = value @ se3.from_rpy(np.zeros(3), np.array([0.0, 0.0, turn_rad]))
+        hand_T_old = collection.transforms[edge] @ value
+        hand_T_new = collection.transforms[edge] @ turned
+        base_T_hand = collection.transforms[arm] @ hand_T_old @ se3.inverse(hand_T_new)
+        changes[key] = {joint: turned, arm: base_T_hand}
+    return replace(
+        dataset.with_transforms(changes), edge_types={**dataset.edge_types, joint: MULTIPLE}
     )
