@@ -92,6 +92,14 @@ def test_what_a_dataset_lacks_is_filled_in():
     assert scan_from_fields(few).valid.all()
 
 
+@pytest.mark.parametrize("none", [np.inf, 0.0, 0, None])
+def test_without_a_farthest_range_all_returns_are_valid_and_none_is_infinity(none):
+    scan = scan_from_fields(fields(range_max=none, ranges=[1.0, np.inf, 500.0, np.nan, 2.0]))
+    assert scan.valid.tolist() == [True, False, True, False, True]
+    assert scan.beyond.tolist() == [False, True, False, False, False]
+    assert np.isfinite(fields_of(scan)["range_max"])  # JSON has no infinity
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

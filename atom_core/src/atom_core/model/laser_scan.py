@@ -116,7 +116,8 @@ def scan_from_fields(fields: Mapping[str, Any]) -> LaserScan:
 
     Args:
         fields: ``ranges``, ``angle_min``, ``angle_increment``, and if known ``range_min``,
-            ``range_max``, ``angle_max``, ``intensities``. Others are kept as they are.
+            ``range_max``, ``angle_max``, ``intensities``. Others are kept as they are. A
+            ``range_max`` of infinity, or of 0 where a driver does not fill it in, is no limit.
 
     Raises:
         DatasetError: a field is absent or no number, or counts and angles do not fit.
@@ -131,7 +132,7 @@ def scan_from_fields(fields: Mapping[str, Any]) -> LaserScan:
         angle_min=_number(fields["angle_min"], "angle_min"),
         angle_increment=_step(fields),
         range_min=_number(fields.get("range_min", 0.0), "range_min"),
-        range_max=_number(fields.get("range_max", np.finfo(np.float32).max), "range_max"),
+        range_max=_farthest(fields.get("range_max")),
         intensities=None if intensities is None or len(intensities) == 0 else intensities,
         other={name: value for name, value in fields.items() if name not in known},
     )
@@ -152,6 +153,13 @@ def fields_of(scan: LaserScan) -> Dict[str, Any]:
         "ranges": scan.ranges.tolist(),
         "intensities": [] if scan.intensities is None else scan.intensities.tolist(),
     }
+
+
+def _farthest(range_max: Any) -> float:
+    """Return the upper limit of ranges [m]; where there is none, the largest that a message has."""
+    if range_max is None or range_max in (0.0, np.inf):
+        return float(np.finfo(np.float32).max)
+    return _number(range_max, "range_max")
 
 
 def _step(fields: Mapping[str, Any]) -> float:
