@@ -118,6 +118,28 @@ def test_files_of_other_folders_are_written_at_once(folder, tmp_path_factory):
         assert other.read_text() == "now"
 
 
+@pytest.mark.parametrize("inside", [True, False])
+def test_a_link_that_is_written_through_stays_one(folder, tmp_path_factory, inside):
+    real = (folder if inside else tmp_path_factory.mktemp("other")) / "real.json"
+    real.write_text("first")
+    for link, target in (("a.json", "sometimes.csv"), ("sometimes.csv", real)):
+        (folder / link).unlink()
+        (folder / link).symlink_to(target)
+    write_run(folder, SECOND)
+    assert real.read_text() == "second"
+    links = {"a.json", "sometimes.csv"}
+    assert {path.name for path in folder.iterdir() if path.is_symlink()} == links
+    assert {seen(folder)[name] for name in (*NAMES, *links)} == {"second"}
+
+
+def test_a_link_that_no_longer_is_a_result_goes_and_what_it_names_stays(folder, tmp_path_factory):
+    real = tmp_path_factory.mktemp("other") / "real.csv"
+    (folder / "sometimes.csv").rename(real)
+    (folder / "sometimes.csv").symlink_to(real)
+    write_run(folder, SECOND)
+    assert seen(folder) == SECOND and real.read_text() == "first"
+
+
 def test_a_list_of_another_making_reaches_no_other_file(folder):
     outside = folder.parent / "precious.txt"
     outside.write_text("precious")

@@ -10,16 +10,30 @@ import os
 import secrets
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Any, List, Mapping, Optional, Sequence, Tuple, Union
+from typing import Any, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
 
 from atom_core.errors import OutputError
 
 PathLike = Union[str, "os.PathLike[str]"]
-Renames = List[Tuple[Path, Path]]  # temporary file, and the name that it shall have
-# A folder whose files get their names later, all at once (`together`), and the files so far.
-postponed: ContextVar[Optional[Tuple[Path, Renames]]] = ContextVar("postponed", default=None)
+
+
+class Postponed(NamedTuple):
+    """A folder whose files get their names later, all at once (`together`).
+
+    Attributes:
+        folder: with its links resolved.
+        renames: temporary files of the folder, and the names that they shall have.
+        elsewhere: files of other folders that were written meanwhile, links resolved.
+    """
+
+    folder: Path
+    renames: List[Tuple[Path, Path]]
+    elsewhere: List[Path]
+
+
+postponed: ContextVar[Optional[Postponed]] = ContextVar("postponed", default=None)
 
 _REMEDIES = {
     errno.ENOSPC: "free some space or choose another folder",
@@ -61,14 +75,16 @@ def write_bytes_atomically(path: PathLike, data: bytes) -> None:
     later = postponed.get()
     try:
         _write_and_sync(temporary, target, data)
-        if later is not None and target.parent == later[0]:
-            later[1].append((temporary, target))
+        if later is not None and target.parent == later.folder:
+            later.renames.append((temporary, target))
             return
         os.replace(temporary, target)
+        if later is not None:
+            later.elsewhere.append(target)
     except OSError as error:
         raise output_error(path, error) from error
     finally:  # also upon Ctrl-C; after the rename there is nothing left to remove
-        if later is None or (temporary, target) not in later[1]:
+        if later is None or (temporary, target) not in later.renames:
             _remove_if_there(temporary)
     sync_folder(target.parent)
 

@@ -29,7 +29,8 @@ def written_together(folder: Path, names: Sequence[str]) -> Iterator[None]:
     Args:
         folder: where they are; it exists. Files of other folders are written as ever.
         names: of all files that such a run may write: those of an earlier run are removed, whether
-            this one has written them or not.
+            this one has written them or not. One that is a link, through which this run has
+            written, stays.
 
     Raises:
         OutputError: a file cannot be written; everything is as it was.
@@ -37,20 +38,25 @@ def written_together(folder: Path, names: Sequence[str]) -> Iterator[None]:
     finish_interrupted(folder)
     folder = Path(os.path.realpath(folder))
     _remove(_left_behind(folder, names))
-    waiting: atomic.Renames = []
-    token = atomic.postponed.set((folder, waiting))
+    run = atomic.Postponed(folder, [], [])
+    token = atomic.postponed.set(run)
     try:
         try:
             yield
         finally:
             atomic.postponed.reset(token)
-        new = {temporary.name: target.name for temporary, target in waiting}
-        stale = [name for name in names if (folder / name).is_file()]
+        new = {temporary.name: target.name for temporary, target in run.renames}
+        written = {*(target for _, target in run.renames), *run.elsewhere}
+        stale = [
+            name
+            for name in names
+            if (folder / name).is_file() and Path(os.path.realpath(folder / name)) not in written
+        ]
         if new:
             document = {"remove": sorted({*stale, *new.values()}), "rename": new}
             atomic.write_json_atomically(folder / LIST_FILE, document)
     except BaseException:
-        _remove(temporary for temporary, _ in waiting)
+        _remove(temporary for temporary, _ in run.renames)
         raise
     finish_interrupted(folder)
 
