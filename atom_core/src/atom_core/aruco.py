@@ -14,6 +14,8 @@ import numpy as np
 from atom_core import opencv as cv2
 
 _WHITE = 255
+_LEAST_PERIMETER = 0.03  # of a marker, as a share of the image's longer side: OpenCV's own
+_LEAST_OF_PX = 1280  # sides that are longer count as this: 9.6 px suffice in an image of any size
 
 
 def detect_markers(grey: np.ndarray, dictionary: str) -> Tuple[np.ndarray, np.ndarray]:
@@ -31,21 +33,27 @@ def detect_markers(grey: np.ndarray, dictionary: str) -> Tuple[np.ndarray, np.nd
     return ids, outlines
 
 
-def find_squares(grey: np.ndarray, dictionary: str) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
+def find_squares(
+    grey: np.ndarray, dictionary: str, enlarged: float = 1.0
+) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Find the markers of a dictionary, and the squares that none is read from.
 
     Args:
         grey: (height, width) uint8.
         dictionary: its name.
+        enlarged: how many times larger than the picture that was taken; smaller squares than in
+            that picture are not looked for.
 
     Returns:
         ids (n,) and corners (n, 4, 2) as of `detect_markers`; corners (m, 4, 2) [px] of the others.
     """
     aruco = cv2.aruco
+    share = _LEAST_PERIMETER * min(1.0, enlarged * _LEAST_OF_PX / max(grey.shape))
     if hasattr(aruco, "ArucoDetector"):
-        corners, ids, others = _detector(dictionary).detectMarkers(grey)
+        corners, ids, others = _detector(dictionary, share).detectMarkers(grey)
     else:
         parameters = aruco.DetectorParameters_create()
+        parameters.minMarkerPerimeterRate = share
         corners, ids, others = aruco.detectMarkers(
             grey, _markers(dictionary), parameters=parameters
         )
@@ -129,6 +137,8 @@ def _markers(dictionary: str) -> Any:
     return aruco.getPredefinedDictionary(number)
 
 
-@lru_cache(maxsize=8)
-def _detector(dictionary: str) -> Any:
-    return cv2.aruco.ArucoDetector(_markers(dictionary), cv2.aruco.DetectorParameters())
+@lru_cache(maxsize=32)
+def _detector(dictionary: str, least_perimeter: float) -> Any:
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.minMarkerPerimeterRate = least_perimeter
+    return cv2.aruco.ArucoDetector(_markers(dictionary), parameters)

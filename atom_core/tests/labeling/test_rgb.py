@@ -100,6 +100,19 @@ def test_squares_of_fifteen_pixels_are_still_exact():
         assert np.sqrt(np.mean(errors(found, config, pose) ** 2)) <= 0.1
 
 
+def test_a_board_that_is_large_enough_is_found_in_a_picture_of_any_size():
+    config, pose = charuco(), held(2.2, (0.2, -0.2, 0.1))
+    small = picture(config, pose)
+    above, beside = (3648 - small.shape[0]) // 2, (5472 - small.shape[1]) // 2
+    around = ((above, above), (beside, beside), (0, 0))
+    finder = without_intrinsics(labeler(config))
+    alone, found = finder.label(small), finder.label(np.pad(small, around, "edge"))
+    assert found.detected, found.reason
+    assert np.array_equal(found.label.ids, alone.label.ids)
+    moved = found.label.pixels - [beside, above]
+    assert np.allclose(moved, alone.label.pixels, atol=0.01)
+
+
 def test_a_chessboard_is_exact_and_numbered_from_its_black_corner():
     config = chessboard()
     for roll in np.radians([0.0, 80.0, 170.0, -100.0]):

@@ -85,7 +85,7 @@ def search_markers(smooth: np.ndarray, dictionary: str) -> FoundSquares:
     alike = likenesses(smooth, unread, dictionary)
     if len(ids) > 0 or alike.plain > 0:
         larger = cv2.resize(smooth, None, fx=_UPSCALE, fy=_UPSCALE, interpolation=cv2.INTER_LINEAR)
-        more, larger_outlines, _ = find_squares(larger, dictionary)
+        more, larger_outlines, _ = find_squares(larger, dictionary, _UPSCALE)
         if len(more) > len(ids):
             ids, outlines = more, (larger_outlines + 0.5) / _UPSCALE - 0.5
     return _found(ids, outlines, alike)
