@@ -55,6 +55,25 @@ def test_the_figures_are_those_of_evaluate(data, tmp_path, name, capsys):
     assert float(rows[-1][1]) == pytest.approx(factor * wanted["rms"], abs=6e-5)
 
 
+def test_depth_cameras_and_lidars_have_atom_s_deviations(data, tmp_path):
+    path, pairs = data
+    for name, unit, factor in (
+        ("lidar_to_depth_evaluation", "pix", 1.0),
+        ("lidar_to_lidar_evaluation", "m", 1e-3),
+    ):
+        line = [*line_of(name, path, *PAIRS[name]), "-uic", "-sfrn", str(tmp_path / f"{name}.csv")]
+        assert cli.main(line) == 0
+        header, *rows = csv.reader((tmp_path / f"{name}.csv").read_text().splitlines())
+        titles = [f"{axis} {what} ({unit})" for what in ("err", "StDev") for axis in "XY"]
+        assert header == ["Collection #", f"RMS ({unit})", *titles]
+        ends = (EVALUATORS[name].kind, *PAIRS[name])
+        (wanted,) = [p for p in pairs if (p["kind"], p["source"], p["target"]) == ends]
+        figures = [wanted[f"{axis}_{what}_abs"] for what in ("mean", "std") for axis in "xy"]
+        assert [float(text) for text in rows[-1][2:]] == pytest.approx(
+            [factor * figure for figure in figures], abs=6e-5
+        )
+
+
 def test_without_a_name_the_file_lies_in_results_beside_the_test_set(data, capsys):
     path, _ = data
     line = [*line_of("rgb_to_rgb_evaluation", path, "rgb_1", "rgb_2"), "-uic", "-sfr"]

@@ -132,7 +132,10 @@ def test_nearest_distances_by_brute_force_and_both_directions():
     a, b = rng.normal(size=(40, 3)), rng.normal(size=(30, 3))
     table = np.linalg.norm(a[:, None] - b, axis=2)
     expected = np.concatenate([table.min(axis=1), table.min(axis=0)])
-    np.testing.assert_allclose(metrics.mutual_nearest_distances(a, b), expected)
+    offsets = metrics.mutual_nearest_offsets(a, b)
+    np.testing.assert_allclose(np.linalg.norm(offsets, axis=1), expected)
+    np.testing.assert_allclose(offsets[0], a[0] - b[np.argmin(table[0])])
+    np.testing.assert_allclose(offsets[-1], b[-1] - a[np.argmin(table[:, -1])])
     np.testing.assert_allclose(metrics.nearest_distances(a, b), table.min(axis=1))
 
 
@@ -163,4 +166,6 @@ def test_figures_by_hand():
     assert found.rms == pytest.approx(np.sqrt(125 / 3))
     assert (found.mean, found.median) == (5.0, 5.0)
     assert (found.x_mean_abs, found.y_mean_abs) == (3.0, 4.0)
+    assert found.x_std_abs == pytest.approx(np.sqrt(6.0))  # of 3, 0 and 6
+    assert found.y_std_abs == pytest.approx(np.sqrt(32.0 / 3.0))  # of 4, 0 and 8
     assert found.translation_mm is None

@@ -53,12 +53,14 @@ def test_parts_along_x_and_y_and_pose_differences_are_means_over_collections():
     }
     found = summarised(errors)
     assert (found.x_mean_abs, found.y_mean_abs) == (4.0, 5.0)
+    assert (found.x_std_abs, found.y_std_abs) == (0.5, 0.0)
     assert (found.translation_mm, found.rotation_deg) == (1.5, 6.0)
 
 
 def test_what_a_metric_does_not_have_is_absent():
     found = summarised({("a", "board"): of_size(1)})
-    names = ("x_mean_abs", "y_mean_abs", "translation_mm", "rotation_deg")
+    names = ("x_mean_abs", "y_mean_abs", "x_std_abs", "y_std_abs")
+    names += ("translation_mm", "rotation_deg")
     assert all(getattr(found, name) is None for name in names)
 
 

@@ -22,6 +22,7 @@ from atom_core.io.atomic import write_text_atomically
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset, is_complete
 from atom_core.model.selection import select_names
+from atom_core.model.sensor import RGB
 from atom_core.report.atom_csv import AVERAGES, csv_text
 from atom_core.report.tables import text_table
 
@@ -264,8 +265,10 @@ def _table(result: PairResult, column: str) -> Tuple[List[str], List[List[Any]]]
     in_metres = kind.unit != "px"
     unit, factor = ("m", 1.0 / _MM_PER_M) if in_metres else ("pix", 1.0)
     columns: Dict[str, Tuple[str, float]] = {f"RMS ({unit})": ("rms", factor)}
-    if not in_metres:
-        columns["X err (pix)"], columns["Y err (pix)"] = ("x_mean_abs", 1.0), ("y_mean_abs", 1.0)
+    along = {"err": "mean"} if kind.target == RGB else {"err": "mean", "StDev": "std"}
+    for header, figure in along.items():
+        for axis in "xy":
+            columns[f"{axis.upper()} {header} ({unit})"] = f"{axis}_{figure}_abs", factor
     if measured.translation_mm is not None:
         columns["Trans (mm)"], columns["Rot (deg)"] = ("translation_mm", 1.0), ("rotation_deg", 1.0)
 

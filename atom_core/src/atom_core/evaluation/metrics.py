@@ -89,9 +89,10 @@ def nearest_distances(from_points: np.ndarray, to_points: np.ndarray) -> np.ndar
     return cKDTree(to_points).query(from_points)[0]
 
 
-def mutual_nearest_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return distances (n + m,) of points (n, 3), (m, 3) to the nearest of the others [m]."""
-    return np.concatenate([nearest_distances(a, b), nearest_distances(b, a)])
+def mutual_nearest_offsets(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return offsets (n + m, 3) of points (n, 3), (m, 3) from the nearest of the others [m]."""
+    of_a, of_b = cKDTree(b).query(a)[1], cKDTree(a).query(b)[1]
+    return np.concatenate([a - b[of_a], b - a[of_b]])
 
 
 def plane_distances(points: np.ndarray, plane_points: np.ndarray) -> np.ndarray:

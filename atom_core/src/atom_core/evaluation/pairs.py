@@ -117,10 +117,14 @@ def border_in_depth_image(
 def nearest_points(
     observed: Observed, source: DetectionKey, target: DetectionKey, target_T_source: np.ndarray
 ) -> Errors:
-    """Nearest neighbours over all labeled board points, in both directions [mm]."""
+    """Nearest neighbours over all labeled board points, in both directions [mm].
+
+    Parts along x and y are those along the axes of the target's frame.
+    """
     there, here = board_points(observed, source), board_points(observed, target)
     carried = se3.apply(target_T_source, there)
-    return Errors(MM_PER_M * metrics.mutual_nearest_distances(carried, here))
+    offsets = MM_PER_M * metrics.mutual_nearest_offsets(carried, here)
+    return Errors(np.linalg.norm(offsets, axis=1), offsets[:, :2])
 
 
 def nearest_limit_points(

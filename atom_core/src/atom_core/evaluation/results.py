@@ -25,8 +25,8 @@ class PairFigures:
     Attributes:
         rows: by collection and pattern.
         per_collection: by collection, its patterns pooled.
-        rms, x_mean_abs, y_mean_abs, translation_mm, rotation_deg: unweighted means over the
-            collections, as ATOM's table has them.
+        rms, x_mean_abs, y_mean_abs, x_std_abs, y_std_abs, translation_mm, rotation_deg:
+            unweighted means over the collections, as ATOM's table has them.
         pooled: figures of all errors of all collections together.
     """
 
@@ -35,6 +35,8 @@ class PairFigures:
     rms: float
     x_mean_abs: Optional[float]
     y_mean_abs: Optional[float]
+    x_std_abs: Optional[float]
+    y_std_abs: Optional[float]
     translation_mm: Optional[float]
     rotation_deg: Optional[float]
     pooled: Figures
@@ -74,6 +76,8 @@ def summarised(errors: Mapping[Tuple[str, str], Errors]) -> PairFigures:
         rms=float(mean_of([v.rms for v in values]) or 0.0),
         x_mean_abs=mean_of([v.x_mean_abs for v in values]),
         y_mean_abs=mean_of([v.y_mean_abs for v in values]),
+        x_std_abs=mean_of([v.x_std_abs for v in values]),
+        y_std_abs=mean_of([v.y_std_abs for v in values]),
         translation_mm=mean_of([v.translation_mm for v in values]),
         rotation_deg=mean_of([v.rotation_deg for v in values]),
         pooled=figures(list(errors.values())),

@@ -14,7 +14,7 @@ class Errors:
 
     Attributes:
         distances: (n,) absolute errors.
-        offsets: (n, 2) their parts along x and y of an image [px], or None.
+        offsets: (n, 2) their parts along x and y of an image, or of the target's frame; or None.
         translation_mm, rotation_deg: between the two cameras' poses of the board, or None.
         unseen: items that the target image does not show; they are not among the errors.
     """
@@ -33,7 +33,10 @@ class Errors:
 
 @dataclass(frozen=True)
 class Figures:
-    """What is reported of a set of errors; those that a metric does not have are None."""
+    """What is reported of a set of errors; those that a metric does not have are None.
+
+    ``mean_abs`` and ``std_abs`` are mean and (population's) standard deviation of absolute values.
+    """
 
     points: int
     rms: float
@@ -41,6 +44,8 @@ class Figures:
     median: float
     x_mean_abs: Optional[float] = None
     y_mean_abs: Optional[float] = None
+    x_std_abs: Optional[float] = None
+    y_std_abs: Optional[float] = None
     translation_mm: Optional[float] = None
     rotation_deg: Optional[float] = None
 
@@ -49,14 +54,18 @@ def figures(parts: Sequence[Errors]) -> Figures:
     """Return the figures of all errors of some detection pairs, pooled."""
     distances = np.concatenate([part.distances for part in parts])
     offsets = [part.offsets for part in parts if part.offsets is not None]
-    along = np.mean(np.abs(np.concatenate(offsets)), axis=0) if offsets else (None, None)
+    absolute = np.abs(np.concatenate(offsets)) if offsets else None
+    mean = (None, None) if absolute is None else np.mean(absolute, axis=0)
+    std = (None, None) if absolute is None else np.std(absolute, axis=0)
     return Figures(
         points=len(distances),
         rms=root_mean_square(distances),
         mean=float(np.mean(distances)),
         median=float(np.median(distances)),
-        x_mean_abs=_plain(along[0]),
-        y_mean_abs=_plain(along[1]),
+        x_mean_abs=_plain(mean[0]),
+        y_mean_abs=_plain(mean[1]),
+        x_std_abs=_plain(std[0]),
+        y_std_abs=_plain(std[1]),
         translation_mm=mean_of([part.translation_mm for part in parts]),
         rotation_deg=mean_of([part.rotation_deg for part in parts]),
     )

@@ -129,10 +129,8 @@ def pair_document(result: PairResult) -> Dict[str, Any]:
 
 
 def _figures(measured: PairFigures) -> Dict[str, float]:
-    optional = {
-        name: getattr(measured, name)
-        for name in ("x_mean_abs", "y_mean_abs", "translation_mm", "rotation_deg")
-    }
+    names = ("x_mean_abs", "y_mean_abs", "x_std_abs", "y_std_abs", "translation_mm", "rotation_deg")
+    optional = {name: getattr(measured, name) for name in names}
     return {
         "rms": measured.rms,
         "pooled_rms": measured.pooled.rms,
