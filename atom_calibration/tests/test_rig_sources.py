@@ -15,7 +15,7 @@ from atom_core.errors import AtomError
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.model.config import SensorConfig
-from atom_core.model.sensor import LIDAR3D, RGB, Sensor
+from atom_core.model.sensor import DEPTH, LIDAR3D, RGB, Sensor
 from atom_core.model.transforms import Edge
 
 
@@ -38,6 +38,18 @@ def test_only_3d_lidars_have_it():
     scans = source("/points", "sensor_msgs/LaserScan")
     with pytest.raises(AtomError, match="'lidar': its data are .*LaserScan, and beam_width is of"):
         sensor_from_bag("lidar", entry(beam_width=0.01), scans)
+
+
+@pytest.mark.parametrize(
+    "modality, taken", [(DEPTH, "/cam/image/compressedDepth"), (RGB, "/cam/image/compressed")]
+)
+def test_of_two_compressed_topics_a_depth_camera_has_the_one_with_depths(make, modality, taken):
+    images = ("/cam/image/compressed", "/cam/image/compressedDepth")
+    types = dict.fromkeys(images, "sensor_msgs/CompressedImage")
+    types["/cam/camera_info"] = "sensor_msgs/CameraInfo"
+    bag = SimpleNamespace(types=types, path="a.bag", first=lambda _: make.camera_info())
+    camera = SensorConfig("cam", "world", "cam", "/cam/image", modality=modality)
+    assert sensor_from_bag("cam", camera, bag)[0] == taken
 
 
 HERE = np.eye(4)

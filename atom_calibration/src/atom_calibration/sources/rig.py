@@ -287,10 +287,15 @@ def _is_optical(one: str, other: str) -> bool:
 
 
 def _data_topic(name: str, entry: SensorConfig, bag: TopicSource) -> str:
-    """Return the topic with the data, the raw one before the compressed ones."""
+    """Return the topic with the data, the raw one before the compressed ones.
+
+    Recordings often have both of a depth camera; its `/compressed` is mostly JPEG, without depths.
+    """
     types = modality_named(entry.modality).message_types if entry.modality else ()
     known = types or tuple({t for modality in modalities() for t in modality.message_types})
-    for suffix in _SUFFIXES:
+    has_depths = entry.modality and modality_named(entry.modality).measures_range
+    raw, colour, depth = _SUFFIXES
+    for suffix in (raw, depth, colour) if has_depths else _SUFFIXES:
         topic = entry.topic_name + suffix
         if topic in bag.types:
             if bag.types[topic] not in known:
