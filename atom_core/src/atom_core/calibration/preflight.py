@@ -10,11 +10,8 @@ import numpy as np
 from atom_core.calibration.board_sizes import look_at_boards
 from atom_core.calibration.judge.statistics import Table, residual_table
 from atom_core.calibration.options import CalibrationOptions
-from atom_core.calibration.prepare.connectivity import (
-    check_connected,
-    floats_freely,
-    only_by_priors,
-)
+from atom_core.calibration.prepare.connectivity import check_connected
+from atom_core.calibration.prepare.floating import holding, only_by_priors
 from atom_core.calibration.prepare.frozen_sensors import frozen_sensors
 from atom_core.calibration.prepare.joints import check_joints, with_joint_transforms
 from atom_core.calibration.prepare.motions import open_motion
@@ -23,6 +20,7 @@ from atom_core.calibration.prepare.preparation import (
     check_not_alone,
     free_edges,
     prepare,
+    usable,
 )
 from atom_core.calibration.prepare.priors import priors
 from atom_core.calibration.prepare.same_labels import copies
@@ -84,11 +82,9 @@ def preflight(dataset: Dataset) -> Preflight:
     _collect(lambda: check_connected(present, measurements, free), problems)
     copied = copies(present, measurements)
     warnings += remarks + _implausible(present, measurements) + _copied(copied)
-    if present.sensors and floats_freely(present, measurements, free):
-        _collect(lambda: check_not_alone(present, free), problems)
-        warnings.append(
-            "nothing ties the rig to world: the first sensor will be held (anchored_sensor, -as)"
-        )
+    tying, _ = usable(present, measurements, CalibrationOptions())
+    _collect(lambda: check_not_alone(present, tying, free), problems)
+    warnings += holding(present, tying, free)[1]
     if not problems:
         warnings += with_joint_transforms(present, free)[1]
         warnings += only_by_priors(present, measurements, free)

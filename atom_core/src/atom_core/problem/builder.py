@@ -50,6 +50,7 @@ class FreeEdges:
         expected_cameras: near which they are expected, by camera; none: anywhere.
         moving: edges whose pose in a collection is off from what the dataset says.
         priors: what the user knows beforehand of edges, those of joints among them.
+        held_first: additional tfs that stay in the first collection whose detections pass them.
     """
 
     anchored_sensors: Tuple[str, ...] = ()
@@ -60,6 +61,7 @@ class FreeEdges:
     expected_cameras: Mapping[str, ExpectedCamera] = field(default_factory=dict)
     moving: Mapping[Edge, MovingPart] = field(default_factory=dict)
     priors: Mapping[Edge, Prior] = field(default_factory=dict)
+    held_first: FrozenSet[Edge] = frozenset()
 
     def without_intrinsics(self) -> FreeEdges:
         """Return the same with all intrinsics held."""
@@ -134,7 +136,7 @@ def build_problem(
     first = next(iter(sorted(used))) if used else ""
     parameters = Parameters(
         _sensor_blocks(placed, measurements, free, first)
-        + _additional_blocks(placed, free, sorted(used))
+        + _additional_blocks(placed, measurements, free)
         + _joint_blocks(placed, free)
         + _intrinsics_blocks(placed, measurements, free)
         + _moving_blocks(placed, free, sorted(used))
@@ -191,8 +193,9 @@ def _pose_block(
 
 
 def _additional_blocks(
-    dataset: Dataset, free: FreeEdges, collections: Sequence[str]
+    dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges
 ) -> List[ParameterBlock]:
+    collections = sorted({m.key.collection for m in measurements})
     blocks: List[ParameterBlock] = []
     held = free.held_edges(dataset)
     sensor_edges = {s.edge for s in dataset.sensors.values()}
@@ -200,14 +203,27 @@ def _additional_blocks(
         if edge in held or edge in sensor_edges:
             continue
         if dataset.edge_types.get(edge) == MULTIPLE:
+            first = _first_to_pass(dataset, measurements, edge) if edge in free.held_first else None
             blocks += [
                 _pose_block(dataset, free, (edge, ADDITIONAL_TF, key, (name,)), key)
                 for key in collections
+                if key != first
             ]
         elif collections:
             owner = (edge, ADDITIONAL_TF, None, (name,))
             blocks.append(_pose_block(dataset, free, owner, collections[0]))
     return blocks
+
+
+def _first_to_pass(
+    dataset: Dataset, measurements: Sequence[Measurement], edge: Edge
+) -> Optional[str]:
+    """Return the first collection of which a detection's chain passes an edge."""
+    for m in sorted(measurements, key=lambda m: m.key.collection):
+        ends = dataset.sensors[m.key.sensor].frame, dataset.patterns[m.key.pattern].frame
+        if any(step.edge == edge for step in dataset.graph.chain(*ends)):
+            return m.key.collection
+    return None
 
 
 def _joint_blocks(dataset: Dataset, free: FreeEdges) -> List[ParameterBlock]:

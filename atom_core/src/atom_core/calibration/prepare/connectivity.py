@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Dict, Hashable, Iterable, List, Sequence, Set, Tuple
+from typing import Dict, Hashable, Iterable, List, Sequence, Tuple
 
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from atom_core.errors import CalibrationError
-from atom_core.model.dataset import Dataset, board_edge
-from atom_core.model.transforms import Edge
+from atom_core.geometry import se3
+from atom_core.model.dataset import Dataset
+from atom_core.model.transforms import chain_transform
 from atom_core.problem.builder import FreeEdges
 from atom_core.problem.measurements import Measurement
+
+_STILL_M, _STILL_RAD = 1e-4, 1e-4  # encoders and a localisation that stand still report less
 
 
 def components(dataset: Dataset, measurements: Sequence[Measurement]) -> List[List[str]]:
@@ -62,15 +64,24 @@ def check_connected(dataset: Dataset, measurements: Sequence[Measurement], free:
     if free.anchor_patterns:
         return
     groups = components(dataset, measurements)
-    held = set(free.anchored_sensors)
-    loose = [group for group in groups if not held & set(group)]
-    if len(groups) > 1 and loose:
+    if len(groups) > 1 and any(_is_loose(dataset, measurements, free, group) for group in groups):
         named = "; ".join(f"{{{', '.join(group)}}}" for group in groups)
         raise CalibrationError(
             f"the sensors are not connected through shared boards: components {named}; add "
             f"collections in which sensors of different components see the board together, or "
             f"select one component with -ssf"
         )
+
+
+def _is_loose(
+    dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges, group: Sequence[str]
+) -> bool:
+    """Tell whether neither a held sensor nor what moves tells where a group of sensors is."""
+    if set(free.anchored_sensors) & set(group):
+        return False
+    keys = [m.key for m in measurements if m.key.sensor in group]
+    collections = sorted({key.collection for key in keys})
+    return nothing_moves(dataset, group, {key.pattern for key in keys}, collections)
 
 
 def _remedy(dataset: Dataset, alone: Sequence[str]) -> str:
@@ -82,54 +93,13 @@ def _remedy(dataset: Dataset, alone: Sequence[str]) -> str:
         else "collect boards that are seen by both"
     )
     loose = [pattern.name for pattern in dataset.patterns.values() if not pattern.fixed]
-    moved = not all(nothing_moves(dataset, [name], loose, [*dataset.collections]) for name in alone)
-    if not moved:
+    parents = [dataset.patterns[name].parent_frame for name in loose]
+    carriers = [dataset.sensors[name].edge.parent for name in alone]
+    if all(_still(dataset, [carrier, *parents], [*dataset.collections]) for carrier in carriers):
         return several
     still = f"if pattern {_list(loose)} does not move in the frame that it is attached to"
     said = f"{still} while the robot moves, set `fixed: true` of it in the configuration"
     return said if single else f"{several}; {said}"
-
-
-def floats_freely(dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges) -> bool:
-    """Tell whether the whole solution could move as one rigid body (gauge freedom).
-
-    It can when nothing is anchored, no sensor's place is known beforehand, and no motion of the
-    robot or the boards' parents ties the solution to world: then every sensor and every board may
-    move along.
-    """
-    return not is_held(dataset, free) and nothing_moves(
-        dataset,
-        {m.key.sensor for m in measurements},
-        {m.key.pattern for m in measurements},
-        sorted({m.key.collection for m in measurements}),
-    )
-
-
-def is_held(dataset: Dataset, free: FreeEdges) -> bool:
-    """Tell whether a sensor or the boards are held, or a prior says where one of them is."""
-    if free.anchored_sensors or free.anchor_patterns:
-        return True
-    return any(edge in free.priors for edge in _tying_edges(dataset))
-
-
-def only_by_priors(
-    dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges
-) -> List[str]:
-    """Return a sentence where priors alone tie the rig to world."""
-    edges = _tying_edges(dataset)
-    names = [prior.name for edge, prior in free.priors.items() if edge in edges]
-    if not names or not floats_freely(dataset, measurements, replace(free, priors={})):
-        return []
-    return [
-        f"only the prior of {_list(names)} ties the rig to '{dataset.world}', and its standard "
-        f"deviations are in those of all edges; for places relative to a sensor, hold it (-as)"
-    ]
-
-
-def _tying_edges(dataset: Dataset) -> Set[Edge]:
-    """Return the edges of which a prior says where the rig is in the world."""
-    boards = {board_edge(pattern) for pattern in dataset.patterns.values() if pattern.fixed}
-    return boards | {sensor.edge for sensor in dataset.sensors.values()}
 
 
 def nothing_moves(
@@ -138,20 +108,30 @@ def nothing_moves(
     patterns: Iterable[str],
     collections: Sequence[str],
 ) -> bool:
-    """Tell whether nothing moves that carries these sensors or the boards' parents."""
-    graph = dataset.graph
-    frames = {dataset.sensors[sensor].edge.parent for sensor in sensors}
-    frames |= {dataset.patterns[pattern].parent_frame for pattern in patterns}
-    edges = {step.edge for frame in frames for step in graph.chain(dataset.world, frame)}
-    return all(_constant(dataset, edge, collections) for edge in edges)
+    """Tell whether nothing moves between what carries these sensors and the fixed ones of boards.
+
+    What carries all of them about does not count, nor the parent of a board that is elsewhere in
+    each collection.
+    """
+    fixed = [dataset.patterns[name] for name in patterns if dataset.patterns[name].fixed]
+    frames = [dataset.sensors[sensor].edge.parent for sensor in sensors]
+    return _still(dataset, frames + [pattern.parent_frame for pattern in fixed], collections)
 
 
-def _constant(dataset: Dataset, edge: Edge, collections: Iterable[str]) -> bool:
-    values: Dict[bytes, None] = {}
-    for key in collections:
-        matrix = dataset.collections[key].transforms.get(edge)
-        values[b"" if matrix is None else matrix.round(9).tobytes()] = None
-    return len(values) <= 1
+def _still(dataset: Dataset, frames: Sequence[str], collections: Iterable[str]) -> bool:
+    """Tell whether frames stand still to each other, but for the noise of an encoder."""
+    used = [dataset.collections[key].transforms for key in collections]
+    for frame in dict.fromkeys(frames):
+        chain = dataset.graph.chain(frames[0], frame)
+        whole = [tfs for tfs in used if all(step.edge in tfs for step in chain)]
+        poses = np.array([chain_transform(chain, transforms) for transforms in whole])
+        if len(poses) == 0:
+            continue
+        moved_m = np.linalg.norm(poses[:, :3, 3] - poses[0, :3, 3], axis=1)
+        turned_rad = se3.rotation_angle(poses[0, :3, :3].T @ poses[:, :3, :3])
+        if np.max(moved_m) > _STILL_M or np.max(turned_rad) > _STILL_RAD:
+            return False
+    return True
 
 
 def _list(names: Sequence[str]) -> str:

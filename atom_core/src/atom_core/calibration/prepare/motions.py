@@ -6,7 +6,7 @@ from typing import Dict, List, Sequence, Set
 
 import numpy as np
 
-from atom_core.calibration.prepare.connectivity import floats_freely, is_held
+from atom_core.calibration.prepare.floating import floats_freely, is_held
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset, pose
 from atom_core.problem.builder import FreeEdges
@@ -18,10 +18,11 @@ _TURNED_RAD = np.radians(1.0)  # less, in the mean of all collections, is no tur
 def open_motion(dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges) -> str:
     """Return why all sensors and boards can shift together unseen; empty where they cannot.
 
-    A shift v of everything, constant in world, changes no detection where each frame that carries
-    a sensor or a fixed board has it constant in its own axes, too: ``R_i R_0^T v = v`` for its
-    rotations in world. That is so of any v where nothing turns, and of the axis where all turns
-    are about one. Boards that stand elsewhere in each collection follow any shift.
+    A shift v of everything, constant in the frame nearest to world that carries a sensor or a
+    fixed board, changes no detection where each other such frame has it constant in its own axes,
+    too: ``R_i R_0^T v = v`` for its rotations in the first. That is so of any v where nothing
+    turns, and of the axis where all turns are about one. Boards that stand elsewhere in each
+    collection follow any shift.
 
     Args:
         dataset: with the transforms of each collection.
@@ -33,8 +34,10 @@ def open_motion(dataset: Dataset, measurements: Sequence[Measurement], free: Fre
     graph = dataset.graph
     turns: List[np.ndarray] = []
     turning: List[str] = []
-    for frame, collections in _carriers(dataset, measurements).items():
-        poses = [pose(dataset.collections[c], graph, dataset.world, frame) for c in collections]
+    carriers = _carriers(dataset, measurements)
+    nearest = min(carriers, key=lambda frame: len(graph.chain(dataset.world, frame)))
+    for frame, collections in carriers.items():
+        poses = [pose(dataset.collections[c], graph, nearest, frame) for c in collections]
         rotations = np.array(poses)[:, :3, :3]
         relative = rotations @ rotations[0].T
         turns.extend(relative - np.eye(3))

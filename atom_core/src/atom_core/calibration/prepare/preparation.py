@@ -9,12 +9,9 @@ from typing import Dict, List, Mapping, Sequence, Set, Tuple
 import numpy as np
 
 from atom_core.calibration.options import AUTO, CalibrationOptions
-from atom_core.calibration.prepare.connectivity import (
-    check_connected,
-    floats_freely,
-    only_by_priors,
-)
+from atom_core.calibration.prepare.connectivity import check_connected
 from atom_core.calibration.prepare.fixed_boards import check_fixed_boards
+from atom_core.calibration.prepare.floating import floating_parts, holding, only_by_priors
 from atom_core.calibration.prepare.frozen_sensors import frozen_sensors
 from atom_core.calibration.prepare.joints import (
     check_joints,
@@ -94,12 +91,12 @@ def prepare(
     remarks += [*joint_remarks, *prior_remarks]
     if options.solver.weights == ATOM:
         measurements = [m.with_atom_residuals() for m in measurements]
-    measurements, unused = _usable(dataset, measurements, options)
+    measurements, unused = usable(dataset, measurements, options)
     check_connected(dataset, measurements, free)
     remarks += only_by_priors(dataset, measurements, free)
-    if floats_freely(dataset, measurements, free):
-        free, remark = _anchor_first(dataset, free)
-        remarks.append(remark)
+    check_not_alone(dataset, measurements, free)
+    free, held_remarks = holding(dataset, measurements, free)
+    remarks += held_remarks
     check_fixed_boards(dataset, measurements)
     check_told(dataset, measurements, free, moving)
     dataset = dataset.with_caveats(frozen_sensors(dataset, measurements))
@@ -230,7 +227,7 @@ def _expected_cameras(dataset: Dataset, options: CalibrationOptions) -> Dict[str
     return {name: ExpectedCamera(camera_of(dataset, name), sigma) for name in options.intrinsics}
 
 
-def _usable(
+def usable(
     dataset: Dataset, measurements: Sequence[Measurement], options: CalibrationOptions
 ) -> Tuple[List[Measurement], Dict[str, str]]:
     """Return the measurements that can tie something, and why collections were left out."""
@@ -263,28 +260,18 @@ def _usable(
     return kept, unused
 
 
-def _anchor_first(dataset: Dataset, free: FreeEdges) -> Tuple[FreeEdges, str]:
-    """Hold the first sensor of a rig that nothing ties to world; refuse where nothing is left."""
-    name = next(iter(dataset.sensors))
-    check_not_alone(dataset, free)
-    remark = (
-        f"nothing ties the rig to '{dataset.world}': sensor '{name}' is held where it is, all "
-        f"others are relative to it (name one with anchored_sensor or -as)"
-    )
-    return replace(free, anchored_sensors=(name,)), remark
-
-
-def check_not_alone(dataset: Dataset, free: FreeEdges) -> None:
-    """Refuse a rig that nothing ties to world and of which, the first sensor held, nothing is left.
+def check_not_alone(dataset: Dataset, measurements: Sequence[Measurement], free: FreeEdges) -> None:
+    """Refuse a rig that nothing ties to world and of which, a sensor held, nothing is left.
 
     Raises:
         CalibrationError: naming the sensor.
     """
-    name = next(iter(dataset.sensors))
-    others = {sensor.edge for sensor in dataset.sensors.values()} - {dataset.sensors[name].edge}
-    if not (others or free.additional_tfs or free.joints or free.intrinsics):
+    floating = [part for part in floating_parts(dataset, measurements, free) if part.sensors]
+    edges = {sensor.edge for sensor in dataset.sensors.values()}
+    if floating and not (len(edges) > 1 or free.additional_tfs or free.joints or free.intrinsics):
+        name = floating[0].sensors[0]
         raise CalibrationError(
-            f"nothing ties sensor '{name}' to '{dataset.world}': it is alone, and neither what "
-            f"carries it nor the board's parent moves between the collections; move the arm that "
-            f"carries one of them, or add a second sensor"
+            f"nothing ties sensor '{name}' to '{dataset.world}': it is alone, and neither "
+            f"what carries it nor the board's parent moves before the other between the "
+            f"collections; move the arm that carries one of them, or add a second sensor"
         )

@@ -14,7 +14,7 @@ from typing import Dict, FrozenSet, List, Mapping, NamedTuple, Optional, Sequenc
 
 import numpy as np
 
-from atom_core.calibration.prepare.connectivity import floats_freely
+from atom_core.calibration.prepare.connectivity import nothing_moves
 from atom_core.calibration.start.hand_eye import MovingView, solve_hand_eye
 from atom_core.calibration.start.pose_votes import Statement, consensus
 from atom_core.calibration.start.sightings import (
@@ -104,8 +104,11 @@ def _free_root(
     With one sensor held and nothing that moves, the whole rig can be built around the sensor that
     shares most boards and be moved to the held one in the end. The held one may share few.
     """
-    nothing_held = FreeEdges((), free.additional_tfs, free.anchor_patterns)
-    if len(free.held_edges(dataset)) != 1 or not floats_freely(dataset, measurements, nothing_held):
+    if free.anchor_patterns or len(free.held_edges(dataset)) != 1:
+        return None
+    keys = [m.key for m in measurements]
+    sensors, patterns = ({getattr(k, name) for k in keys} for name in ("sensor", "pattern"))
+    if not nothing_moves(dataset, sensors, patterns, sorted({k.collection for k in keys})):
         return None
     edges = {s.edge for s in sightings}
     graph = dataset.graph
