@@ -8,7 +8,7 @@ import pytest
 
 from atom_core.errors import DatasetError
 from atom_core.geometry.camera import Camera
-from atom_core.io.annotations import read_annotations, read_lines, write_annotations
+from atom_core.io.annotations import UNNAMED, read_annotations, read_lines, write_annotations
 
 SIDES = {
     "top": {"xs": [0, 10], "ys": [1, 1], "ixs": list(range(11)), "iys": [1] * 11},
@@ -51,10 +51,14 @@ def test_several_patterns_have_a_level_of_their_own(tmp_path):
     assert sorted(borders) == [("004", "rgb_1", "one"), ("004", "rgb_1", "two")]
 
 
-def test_sides_without_a_pattern_are_refused_where_there_are_several(tmp_path):
+def test_sides_without_a_pattern_are_of_no_named_one_where_there_are_several(tmp_path):
+    """As ATOM writes them; who draws on must know whose they are."""
     write(tmp_path, SIDES)
+    assert list(read_annotations(tmp_path, cameras("rgb_1"), ["one", "two"])) == [
+        ("004", "rgb_1", UNNAMED)
+    ]
     with pytest.raises(DatasetError, match="several patterns"):
-        read_annotations(tmp_path, cameras("rgb_1"), ["one", "two"])
+        read_lines(tmp_path / "annotation_rgb_1.json", ["one", "two"], "one")
 
 
 def test_empty_sides_are_no_annotation(tmp_path):

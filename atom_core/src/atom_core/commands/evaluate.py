@@ -15,18 +15,17 @@ from atom_core.commands.baseline_options import (
     chosen_baselines,
 )
 from atom_core.commands.compare_calibrations import run_comparison
+from atom_core.commands.drawn_borders import drawn_borders
 from atom_core.commands.provenance import inputs, versions
 from atom_core.commands.report_files import REPORT_FILES, report_beside
 from atom_core.commands.report_option import add_report_option
 from atom_core.commands.verdict_output import print_verdict
 from atom_core.errors import SelectionError
-from atom_core.evaluation.annotation_check import misplaced_annotations
 from atom_core.evaluation.baselines.comparison import Measured
 from atom_core.evaluation.evaluate import Evaluation, evaluate
 from atom_core.evaluation.observed import Borders
 from atom_core.evaluation.pairs import pair_kinds
 from atom_core.evaluation.same_data import shared_collections
-from atom_core.io.annotations import read_annotations
 from atom_core.io.atomic import (
     prepare_output_folder,
     write_json_atomically,
@@ -104,14 +103,16 @@ def run(args: argparse.Namespace) -> int:
     common.refuse_occupied(folder, args.overwrite)
     train, test = read_dataset(args.train), _selected(args, read_dataset(args.test))
     truth = read_any_truth(args.truth) if args.truth else None
-    annotations = _annotations(args, test)
+    sensors = _sensors(args, train, test)
+    evaluated = test.sensors if sensors is None else sensors
+    annotations, doubts = drawn_borders(args.test, test, evaluated)
     evaluation = _evaluate(args, train, test, truth, annotations)
     other = read_dataset(args.compare[0]) if args.compare else None
     compared = _evaluate(args, other, test, truth, annotations) if other else None
     measured = Measured(train, test, evaluation, truth, annotations)
-    found = chosen_baselines(args, measured, _sensors(args, train, test))
+    found = chosen_baselines(args, measured, sensors)
     document = evaluation_document(evaluation, compared, found.hand_eye, found.rigs)
-    document["annotations_in_doubt"] = misplaced_annotations(test, annotations)
+    document["annotations_in_doubt"] = doubts
     document["baselines_left_out"] = [*found.remarks, *found.missed]
     document["options"] = common.options_document(args)
     document["inputs"] = inputs(train=args.train, test=args.test, truth=args.truth)
@@ -127,7 +128,7 @@ def run(args: argparse.Namespace) -> int:
             f"those that were calibrated with ({_few(shared)}): errors on them are too "
             f"small; record a test set of its own\n"
         )
-    for sentence in document["annotations_in_doubt"]:
+    for sentence in doubts:
         print(f"warning: {sentence}\n")
     print_verdict(evaluation_verdict(evaluation))
     if not args.no_report:
@@ -199,11 +200,6 @@ def _evaluate(
         pairs=args.pairs,
         annotations=annotations,
     )
-
-
-def _annotations(args: argparse.Namespace, test: Dataset) -> Borders:
-    """Return the borders that were drawn in the images of the test set."""
-    return read_annotations(args.test.parent, test.sensors, test.config.calibration_patterns)
 
 
 def _selected(args: argparse.Namespace, test: Dataset) -> Dataset:

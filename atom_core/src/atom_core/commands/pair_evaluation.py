@@ -9,15 +9,14 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tu
 from atom_core.calibration.prepare.input_changes import without_partial_detections
 from atom_core.commands import common
 from atom_core.commands.atom_options import AtomOption, add_meaningless_options
+from atom_core.commands.drawn_borders import drawn_borders
 from atom_core.errors import DatasetError, OutputError
-from atom_core.evaluation.annotation_check import misplaced_annotations
 from atom_core.evaluation.between_collections import between_collections
 from atom_core.evaluation.evaluate import evaluate
 from atom_core.evaluation.mixed import mixed_dataset
 from atom_core.evaluation.observed import Borders, Observed
 from atom_core.evaluation.pairs import Pair, pair_kinds
 from atom_core.evaluation.results import PairResult
-from atom_core.io.annotations import read_annotations
 from atom_core.io.atomic import write_text_atomically
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset, is_complete
@@ -218,13 +217,9 @@ def _measured_between(tool: Evaluator, args: argparse.Namespace) -> PairResult:
 
 
 def _annotations(args: argparse.Namespace, test: Dataset) -> Borders:
-    """Return the borders drawn in the test set's images; warn of those that are elsewhere."""
-    ends = {name: test.sensors[name] for name in (args.source, args.target)}
-    if not any(sensor.kind.measures_range for sensor in ends.values()):
-        return {}  # between cameras no border is needed
-    patterns = test.config.calibration_patterns
-    annotations = read_annotations(args.test_json.parent, ends, patterns)
-    for sentence in misplaced_annotations(test, annotations):
+    """Return the borders drawn in the test set's images; warn of those in doubt."""
+    annotations, doubts = drawn_borders(args.test_json, test, (args.source, args.target))
+    for sentence in doubts:
         print(f"warning: {sentence}")
     return annotations
 

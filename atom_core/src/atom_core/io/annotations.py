@@ -2,7 +2,8 @@
 
 ``annotation_<sensor>.json`` stands beside the dataset. Per collection it holds the sides of one
 board, ``{side: {xs, ys, ...}}``: pixels of the clicked polyline. ATOM has no level for the
-pattern; where a dataset has several, ``{pattern: {side: ...}}`` is read as well.
+pattern; where a dataset has several, ``{pattern: {side: ...}}`` is read as well, and whose sides
+ATOM's are, the labels tell (evaluation/annotation_check.py).
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from atom_core.io.structure import OTHER_KIND
 from atom_core.model.sensor import Sensor
 
 SIDES = ("top", "right", "bottom", "left")
+UNNAMED = ""  # in place of a pattern: sides of one of several, the file does not say which
 PLANE = "plane"  # of a collection in the file of a LiDAR, which has points in space, no pixels
 
 _METADATA, _VERSION, _SIZE = "_metadata", "2.0", "image_size"
@@ -42,6 +44,8 @@ def read_annotations(
 ) -> Dict[BorderKey, np.ndarray]:
     """Return the annotated borders as segments (m, 2, 2) [px]; sensors without a file have none.
 
+    With several patterns, those of sides without a pattern have ``UNNAMED`` in its place.
+
     Args:
         folder: that the dataset stands in.
         sensors: those that are asked for; only cameras have any.
@@ -54,7 +58,7 @@ def read_annotations(
     for name, sensor in sensors.items():
         path = annotation_path(folder, name)
         if sensor.camera is not None and path.is_file():  # a LiDAR's holds points in space
-            found = _borders(path, _document(path), patterns, sensor.camera)
+            found = _borders(path, _document(path), patterns, sensor.camera, UNNAMED)
             for (collection, pattern), segments in found.items():
                 borders[(collection, name, pattern)] = segments
     return borders
@@ -174,9 +178,15 @@ def _entries(document: Mapping[str, Any]) -> Dict[str, Any]:
 
 
 def _borders(
-    path: Path, document: Mapping[str, Any], patterns: Collection[str], camera: Optional[Camera]
+    path: Path,
+    document: Mapping[str, Any],
+    patterns: Collection[str],
+    camera: Optional[Camera],
+    unnamed: Optional[str] = None,
 ) -> Dict[Tuple[str, str], np.ndarray]:
     """Return the borders as segments (m, 2, 2) by collection and pattern.
+
+    Sides that do not name theirs, of several, are ``unnamed``; None refuses them.
 
     Raises:
         DatasetError: the file is malformed, or was drawn in images of another size.
@@ -184,7 +194,7 @@ def _borders(
     try:
         borders = {}
         for collection, entry in _entries(document).items():
-            for pattern, sides in _by_pattern(entry, patterns).items():
+            for pattern, sides in _by_pattern(entry, patterns, unnamed).items():
                 segments = _segments(sides)
                 if len(segments):
                     borders[(collection, pattern)] = segments
@@ -221,8 +231,12 @@ def _by(size: Any) -> str:
     return " x ".join(map(str, size)) if isinstance(size, list) else repr(size)
 
 
-def _by_pattern(entry: Mapping[str, Any], patterns: Collection[str]) -> Mapping[str, Any]:
+def _by_pattern(
+    entry: Mapping[str, Any], patterns: Collection[str], unnamed: Optional[str] = None
+) -> Mapping[str, Any]:
     if _has_sides(entry):
+        if len(patterns) > 1 and unnamed is not None:
+            return {unnamed: entry}
         if len(patterns) > 1:
             raise ValueError("the dataset has several patterns, the sides must name theirs")
         return {next(iter(patterns)): entry}
