@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from atom_core.calibration.calibrate import calibrate
+from atom_core.calibration.options import CalibrationOptions
 from atom_core.geometry import se3
+from atom_core.model.dataset import board_edge
 from atom_core.synthetic import paper_cell, scenes
 from atom_core.synthetic.realism import PLAIN
+from atom_core.synthetic.rig import jittered
 
 
 def of_an_arm(seed, sigma_m, sigma_rad):
@@ -60,3 +63,19 @@ def test_a_wrong_focal_length_is_not_the_arms_fault():
 
 def test_where_nothing_moves_nothing_is_named():
     assert calibrate(paper_cell(0).dataset).moving == ()
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_boards_that_are_held_stay_where_they_are_said_to_be(seed):
+    scene = scenes.random_scene(seed, collections=12)
+    edge, rng = board_edge(scene.dataset.patterns["pattern_1"]), np.random.default_rng(seed)
+    said = {
+        key: {edge: jittered(scene.truth.boards["pattern_1", key], 0.0005, 0.001, rng)}
+        for key in scene.dataset.collections
+    }
+    held = scene.dataset.with_transforms(said)
+    result = calibrate(held, CalibrationOptions(anchor_patterns=True))
+    assert {block.kind for block in result.problem.parameters.blocks} == {"sensor"}
+    for key, given in said.items():
+        found = result.dataset.collections[key].transforms[edge]
+        assert np.array_equal(found, given[edge])

@@ -14,7 +14,7 @@ import numpy as np
 
 from atom_core.calibration.prepare.moving_parts import moves
 from atom_core.geometry import se3
-from atom_core.model.dataset import Dataset, pose
+from atom_core.model.dataset import Dataset, board_edge, pose
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import BLOCK_SIZE, ROTATION, TRANSLATION
 from atom_core.problem.problem import Problem
@@ -103,9 +103,12 @@ def moving_edges(
 def moving_runs(dataset: Dataset, problem: Problem) -> Dict[Run, Dict[int, float]]:
     """Return runs of moving edges, base first; and by detection whether it walks there (+) or back.
 
-    Moving is what changes from collection to collection and is not estimated.
+    Moving is what changes from collection to collection and is not estimated. Boards are none of
+    it: one that is held stays where it is said to be.
     """
-    estimated, graph = {block.edge for block in problem.parameters.blocks}, dataset.graph
+    boards = {board_edge(pattern) for pattern in dataset.patterns.values()}
+    estimated = boards | {block.edge for block in problem.parameters.blocks}
+    graph = dataset.graph
     moving: Dict[Edge, bool] = {}
     by_pair: Dict[Tuple[str, str], List[int]] = {}
     for d, key in enumerate(problem.detections):
