@@ -89,3 +89,19 @@ def test_a_fixed_board_that_was_moved_before_a_robot_is_named_as_a_cause():
     calibration = calibrate(replace(dataset, collections=collections))
     assert calibration.status == INCONSISTENT
     assert "if board 'pattern_1', configured `fixed: true`, was moved" in calibration.message
+
+
+def test_a_sensor_that_a_joint_below_its_edge_moves_does_not_stand_still():
+    dataset = scenes.two_cameras(1, collections=6).dataset
+    sensor, axis = dataset.sensors["rgb_1"], np.array([0.0, 0.0, 1.0])
+    last = dataset.graph.chain(dataset.world, sensor.frame)[-1].edge
+    assert last != sensor.edge
+    collections = {}
+    for i, (key, c) in enumerate(dataset.collections.items()):
+        turn = se3.transform(se3.rotation_from_rotation_vector(0.1 * i * axis), np.zeros(3))
+        collections[key] = replace(c, transforms={**c.transforms, last: turn @ c.transforms[last]})
+    fixed = configured(replace(dataset, collections=collections), fixed=True)
+    read, _ = read_measurements(fixed)
+    check_fixed_boards(fixed, [m for m in read if m.key.sensor == "rgb_1"])
+    with pytest.raises(CalibrationError, match="sensor 'rgb_2', which stands still"):
+        check_fixed_boards(fixed, read)

@@ -15,6 +15,7 @@ from atom_core.calibration.prepare.floating import holding, only_by_priors
 from atom_core.calibration.prepare.frozen_sensors import frozen_sensors
 from atom_core.calibration.prepare.joints import check_joints, with_joint_transforms
 from atom_core.calibration.prepare.motions import open_motion
+from atom_core.calibration.prepare.moving_mounts import check_mounts
 from atom_core.calibration.prepare.preparation import (
     absent_data,
     check_not_alone,
@@ -89,6 +90,8 @@ def preflight(dataset: Dataset) -> Preflight:
         warnings += with_joint_transforms(present, free)[1]
         warnings += only_by_priors(present, measurements, free)
         _collect(lambda: prepare(present, CalibrationOptions(), read), problems)
+    if not problems:
+        warnings += check_mounts(present, tying, free)
     left_open = "" if problems else open_motion(present, measurements, free)
     warnings += [left_open] if left_open else []
     widths = {sensor.name: sensor.beam_width_rad for sensor in dataset.sensors.values()}

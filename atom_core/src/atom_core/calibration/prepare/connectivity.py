@@ -94,8 +94,8 @@ def _remedy(dataset: Dataset, alone: Sequence[str]) -> str:
     )
     loose = [pattern.name for pattern in dataset.patterns.values() if not pattern.fixed]
     parents = [dataset.patterns[name].parent_frame for name in loose]
-    carriers = [dataset.sensors[name].edge.parent for name in alone]
-    if all(_still(dataset, [carrier, *parents], [*dataset.collections]) for carrier in carriers):
+    carriers, keys = [dataset.sensors[name].edge.parent for name in alone], [*dataset.collections]
+    if all(stand_still(dataset, [carrier, *parents], keys) for carrier in carriers):
         return several
     still = f"if pattern {_list(loose)} does not move in the frame that it is attached to"
     said = f"{still} while the robot moves, set `fixed: true` of it in the configuration"
@@ -115,10 +115,10 @@ def nothing_moves(
     """
     fixed = [dataset.patterns[name] for name in patterns if dataset.patterns[name].fixed]
     frames = [dataset.sensors[sensor].edge.parent for sensor in sensors]
-    return _still(dataset, frames + [pattern.parent_frame for pattern in fixed], collections)
+    return stand_still(dataset, frames + [pattern.parent_frame for pattern in fixed], collections)
 
 
-def _still(dataset: Dataset, frames: Sequence[str], collections: Iterable[str]) -> bool:
+def stand_still(dataset: Dataset, frames: Sequence[str], collections: Iterable[str]) -> bool:
     """Tell whether frames stand still to each other, but for the noise of an encoder."""
     used = [dataset.collections[key].transforms for key in collections]
     for frame in dict.fromkeys(frames):

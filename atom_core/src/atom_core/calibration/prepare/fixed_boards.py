@@ -6,7 +6,7 @@ from typing import Dict, List, Sequence, Tuple
 
 import numpy as np
 
-from atom_core.calibration.prepare.connectivity import nothing_moves
+from atom_core.calibration.prepare.connectivity import stand_still
 from atom_core.errors import CalibrationError
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset
@@ -31,7 +31,8 @@ def check_fixed_boards(dataset: Dataset, measurements: Sequence[Measurement]) ->
             seen.setdefault((m.key.pattern, m.key.sensor), []).append(m)
     for (pattern, sensor), detections in seen.items():
         keys = sorted({m.key.collection for m in detections})
-        if not nothing_moves(dataset, [sensor], [pattern], keys):
+        ends = [dataset.sensors[sensor].frame, dataset.patterns[pattern].parent_frame]
+        if not stand_still(dataset, ends, keys):
             continue
         apart_m = _apart_m(dataset, detections)
         if apart_m:

@@ -19,6 +19,7 @@ from atom_core.calibration.prepare.joints import (
     with_joint_transforms,
 )
 from atom_core.calibration.prepare.memory import check_memory
+from atom_core.calibration.prepare.moving_mounts import check_mounts
 from atom_core.calibration.prepare.moving_parts import Sigmas, check_told, moving_parts
 from atom_core.calibration.prepare.priors import priors
 from atom_core.calibration.prepare.same_labels import check_same_labels, copies
@@ -96,7 +97,7 @@ def prepare(
     remarks += only_by_priors(dataset, measurements, free)
     check_not_alone(dataset, measurements, free)
     free, held_remarks = holding(dataset, measurements, free)
-    remarks += held_remarks
+    remarks += held_remarks + check_mounts(dataset, measurements, free)
     check_fixed_boards(dataset, measurements)
     check_told(dataset, measurements, free, moving)
     dataset = dataset.with_caveats(frozen_sensors(dataset, measurements))
