@@ -160,6 +160,7 @@ def _edge(edge: EdgeResult, initial: Dataset) -> Dict[str, Any]:
         "sigma_translation_m": edge.sigma_translation_m.tolist(),
         "sigma_rotation_rad": edge.sigma_rotation_rad.tolist(),
         "covariance": None if edge.covariance is None else edge.covariance.tolist(),
+        "sigma_collection": edge.collection,
         "combined_sigma_translation_m": edge.combined_sigma[TRANSLATION].tolist(),
         "combined_sigma_rotation_rad": edge.combined_sigma[ROTATION].tolist(),
         "model_sigma_translation_m": edge.model_sigma[TRANSLATION].tolist(),

@@ -8,7 +8,7 @@ from typing import Dict, Optional, Tuple
 import numpy as np
 
 from atom_core.calibration.calibrate import Calibration
-from atom_core.evaluation.edge_spread import edge_spread
+from atom_core.evaluation.edge_spread import edge_spread, spread_collection, usual_sigma
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import BLOCK_SIZE, ROTATION, TRANSLATION
 from atom_core.problem.priors import Prior
@@ -33,6 +33,9 @@ class EdgeResult:
         prior: what the user knew beforehand; None: nothing.
         held: whether a direction of it is held by priors alone.
         covariance: (6, 6) whose diagonal are the squares of `sigma`; None where it was held.
+        collection: of an edge with a value for each, that whose sigmas these are: the one where it
+            is known worst.
+        usual_sigma: (6,) likewise, in the middle of the collections.
     """
 
     edge: Edge
@@ -45,6 +48,8 @@ class EdgeResult:
     prior: Optional[Prior] = None
     held: bool = False
     covariance: Optional[np.ndarray] = None
+    collection: Optional[str] = None
+    usual_sigma: Optional[np.ndarray] = None
 
     @property
     def sigma_rotation_rad(self) -> np.ndarray:
@@ -114,6 +119,8 @@ def edge_result(calibration: Calibration, edge: Edge) -> EdgeResult:
         calibration.free.priors.get(edge),
         _is_held(calibration, edge),
         None if spread is None else np.clip(spread, -_LARGEST_VARIANCE, _LARGEST_VARIANCE),
+        spread_collection(calibration, edge),
+        usual_sigma(calibration, edge),
     )
 
 

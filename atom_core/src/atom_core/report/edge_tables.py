@@ -35,7 +35,7 @@ def edge_tables(results: CalibrationResults) -> List[str]:
     known = results.has_combined_sigmas
     rows = [
         [
-            ", ".join(edge.sensors) or str(edge.edge),
+            _owner(edge),
             *_moved(edge, initial.first_value(edge.edge)),
             *_sigmas(edge, known),
         ]
@@ -54,6 +54,12 @@ def edge_tables(results: CalibrationResults) -> List[str]:
         )
     title = f"How well they are known ({meaning}the largest of three axes)"
     return [poses, text_table(headers, rows, title)]
+
+
+def _owner(edge: EdgeResult) -> str:
+    """Return whose edge it is, and of which collection its sigmas are."""
+    owner = ", ".join(edge.sensors) or str(edge.edge)
+    return owner if edge.collection is None else f"{owner} (sigma: {edge.collection})"
 
 
 def _moved(edge: EdgeResult, started: np.ndarray) -> List[Figure]:

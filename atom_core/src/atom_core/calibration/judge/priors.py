@@ -11,7 +11,7 @@ from scipy.special import chdtrc  # scipy.stats has it as chi2.sf, and takes lon
 from atom_core.calibration.judge.reasons import Solution
 from atom_core.calibration.judge.weak_directions import (
     WeakDirection,
-    parent_axes_covariance,
+    largest_variances,
     weak_directions,
 )
 from atom_core.problem.blocks import BLOCK_SIZE, ROTATION, TRANSLATION
@@ -77,14 +77,14 @@ def held_directions(
         limit_rad: likewise of an angle.
     """
     parameters = solution.problem.parameters
-    variances = np.diagonal(parent_axes_covariance(parameters, solution.x, covariance.shared))
+    variances = largest_variances(solution, covariance)
     limits = {"rad": limit_rad, "m": limit_m}
-    place = {parameters.component(i).name: i for i in range(len(variances))}
+    every = (parameters.component(i) for i in range(parameters.size))
+    unit_of = {component.name: component.unit for component in every}
     found = []
     for weak in weak_directions(solution, of_data, limit_m, limit_rad):
-        at = [place[name] for name in weak.parameters]
-        units = [parameters.component(i).unit for i in at]
-        sigmas = [float(np.sqrt(max(variances[i], 0.0))) for i in at]
+        units = [unit_of[name] for name in weak.parameters]
+        sigmas = [float(np.sqrt(max(variances[name], 0.0))) for name in weak.parameters]
         if any(sigma > limits.get(unit, limit_rad) for sigma, unit in zip(sigmas, units)):
             continue  # it is open with them, too
         sigma = max(s for s, unit in zip(sigmas, units) if unit == weak.unit)

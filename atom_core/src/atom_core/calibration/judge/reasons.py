@@ -9,7 +9,14 @@ import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset, pose
-from atom_core.problem.blocks import JOINT, PATTERN, SENSOR, ParameterBlock, PoseBlock
+from atom_core.problem.blocks import (
+    ADDITIONAL_TF,
+    JOINT,
+    PATTERN,
+    SENSOR,
+    ParameterBlock,
+    PoseBlock,
+)
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import BORDER, REPROJECTION
 
@@ -54,7 +61,7 @@ def reason(solution: Solution, blocks: Sequence[int], axis_in_world: np.ndarray)
         axis_in_world: (3,) unit vector of the strongest motion.
     """
     return (
-        _joint_without_effect(solution.problem, blocks)
+        _without_effect(solution.problem, blocks)
         or _joint_imitated(solution, blocks)
         or _in_series(solution.problem, blocks)
         or _boards_follow(solution.problem, blocks)
@@ -64,14 +71,38 @@ def reason(solution: Solution, blocks: Sequence[int], axis_in_world: np.ndarray)
     )
 
 
+def reason_in_collection(problem: Problem, block: int) -> str:
+    """Return why a transform that has a value in each collection is open in that of a block."""
+    because = _without_effect(problem, [block])
+    if because is not None:
+        return because
+    if _followed(problem, [block]) is not None:
+        return (
+            "the boards that are seen across it may stand anywhere: they follow; let the board "
+            "stand still (`fixed: true`), or leave the transform out of additional_tfs"
+        )
+    here = np.flatnonzero(np.any(problem.chains.block == block, axis=1))
+    names = list(dict.fromkeys(problem.detections[i].sensor for i in here))
+    tell = "tells" if len(names) == 1 else "tell"
+    return (
+        f"only {' and '.join(names)} {tell} of it there ({len(here)} detection(s)), which leaves "
+        f"this open; let more sensors see the board, or leave such collections out (-csf)"
+    )
+
+
 # ------------------------------------------------------------------------------- chains
 
 
-def _joint_without_effect(problem: Problem, blocks: Sequence[int]) -> Optional[str]:
+def _without_effect(problem: Problem, blocks: Sequence[int]) -> Optional[str]:
+    """A joint or a transform that stands in no chain from a sensor to a board."""
     for i in blocks:
         block = problem.parameters.blocks[i]
-        if block.kind == JOINT and not np.any(problem.chains.block == i):
-            return f"no sensor and no board that was seen hangs on {block.title}; hold it"
+        if block.kind not in (JOINT, ADDITIONAL_TF) or np.any(problem.chains.block == i):
+            continue
+        seen = "no sensor and no board that was seen hangs on"
+        if block.kind == JOINT:
+            return f"{seen} {block.title}; hold it"
+        return f"{seen} '{block.title}' ({block.edge}); leave it out of additional_tfs"
     return None
 
 
@@ -143,6 +174,17 @@ def _always_adjacent(problem: Problem, i: int, j: int) -> bool:
 
 def _boards_follow(problem: Problem, blocks: Sequence[int]) -> Optional[str]:
     """An edge above everything that sees a board moves boards and all."""
+    i = _followed(problem, blocks)
+    if i is None:
+        return None
+    return (
+        f"edge '{problem.parameters.blocks[i].edge}' stands between the boards and every sensor "
+        f"that sees them, and the boards' own poses are free: they follow; hold one of them"
+    )
+
+
+def _followed(problem: Problem, blocks: Sequence[int]) -> Optional[int]:
+    """Return which of the blocks has boards that can follow it, None where none has."""
     own = {i for i, b in enumerate(problem.parameters.blocks) if b.kind == PATTERN}
     chains = problem.chains.block
     for i in blocks:
@@ -151,12 +193,8 @@ def _boards_follow(problem: Problem, blocks: Sequence[int]) -> Optional[str]:
         mine = np.any(chains == i, axis=1)
         boards = {int(b) for b in chains[mine].ravel() if int(b) in own}
         seen = np.any(np.isin(chains, list(boards)), axis=1)
-        if np.array_equal(seen, mine) and _always_beside(problem, i, own):
-            edge = problem.parameters.blocks[i].edge
-            return (
-                f"edge '{edge}' stands between the boards and every sensor that sees them, and "
-                f"the boards' own poses are free: they follow; hold one of them"
-            )
+        if np.any(mine) and np.array_equal(seen, mine) and _always_beside(problem, i, own):
+            return i
     return None
 
 

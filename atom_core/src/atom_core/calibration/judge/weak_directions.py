@@ -14,16 +14,24 @@ from atom_core.calibration.judge.reasons import (
     is_spin_axis,
     parallel_boards,
     reason,
+    reason_in_collection,
 )
-from atom_core.model.transforms import chain_transform
-from atom_core.problem.blocks import BLOCK_SIZE, ROTATION, TRANSLATION, PoseBlock
+from atom_core.model.transforms import Edge, chain_transform
+from atom_core.problem.blocks import (
+    ADDITIONAL_TF,
+    BLOCK_SIZE,
+    ROTATION,
+    TRANSLATION,
+    PoseBlock,
+)
 from atom_core.problem.camera_blocks import CameraBlock
 from atom_core.problem.joint_blocks import JointBiasBlock, JointBlock
 from atom_core.problem.parameters import Component, Parameters
+from atom_core.problem.problem import Problem
 from atom_core.solvers.covariance import Covariance
 
 _NAMED_SHARE = 0.5  # parameters are named when they move at least this part of the largest
-_MOST_REPORTED = 12
+_MOST_REPORTED, _MOST_NAMED = 12, 4  # directions; collections in which one is open
 _LARGEST_SIGMA = 1e6  # what is not seen at all is reported with this (JSON has no infinity)
 
 
@@ -74,12 +82,20 @@ def weak_model_errors(covariance: Covariance, limit: float) -> List[WeakDirectio
 def weak_directions(
     solution: Solution, covariance: Covariance, limit_m: float, limit_rad: float
 ) -> List[WeakDirection]:
-    """Return the undetermined directions of the shared parameters, weakest first.
+    """Return the undetermined directions: of the shared parameters, weakest first.
 
     A parameter is undetermined when its predicted sigma exceeds the limit. The directions that
     make it so are the leading eigenvectors of the covariance in units of the limits. Where the
     boards show why a sensor's are open, they are named along and about the boards' normal.
+    Then the weakest one of each transform that has a value in each collection. Boards may be open.
     """
+    shared = _weak_shared(solution, covariance, limit_m, limit_rad)
+    return shared + _weak_in_collections(solution, covariance, limit_m, limit_rad)
+
+
+def _weak_shared(
+    solution: Solution, covariance: Covariance, limit_m: float, limit_rad: float
+) -> List[WeakDirection]:
     parameters, x = solution.problem.parameters, solution.x
     blocks = parameters.shared_blocks
     if not blocks:
@@ -96,6 +112,60 @@ def weak_directions(
         spreads.append(np.sqrt(value) * vector)
         left = left - value * vector**2
     return _described(solution, scaled, spreads, limits)
+
+
+def transforms_by_collection(problem: Problem) -> Dict[Edge, List[int]]:
+    """Return the blocks of each additional tf that has a value in each collection.
+
+    Those of collections in which nothing hangs on it are left out, unless nothing ever does.
+    """
+    edges: Dict[Edge, List[int]] = {}
+    for i, block in problem.parameters.pose_blocks():
+        if block.kind == ADDITIONAL_TF and block.collection is not None:
+            edges.setdefault(block.edge, []).append(i)
+    on_chains = set(problem.chains.block.ravel().tolist())
+    return {edge: [i for i in own if i in on_chains] or own for edge, own in edges.items()}
+
+
+def _weak_in_collections(
+    solution: Solution, covariance: Covariance, limit_m: float, limit_rad: float
+) -> List[WeakDirection]:
+    parameters, found = solution.problem.parameters, []
+    limits = np.tile(np.repeat([limit_rad, limit_m], BLOCK_SIZE // 2), len(parameters.blocks))
+    for blocks in transforms_by_collection(solution.problem).values():
+        spreads = {i: _open_spread(solution, covariance, limits, i) for i in blocks}
+        far = {i: spread for i, spread in spreads.items() if spread is not None}
+        if far:
+            worst = max(far, key=lambda i: float(np.max(np.abs(far[i]))))
+            where = _in_collections([str(parameters.blocks[i].collection) for i in far], blocks)
+            because = reason_in_collection(solution.problem, worst)
+            found.append(_describe(solution, far[worst], limits, because, where))
+    return found
+
+
+def _open_spread(
+    solution: Solution, covariance: Covariance, limits: np.ndarray, block: int
+) -> Optional[np.ndarray]:
+    """Return one sigma (n,) along a pose block's weakest direction, None where it is known."""
+    parameters = solution.problem.parameters
+    pose, at = parameters.blocks[block], parameters.slice_of(block)
+    assert isinstance(pose, PoseBlock)
+    scaled = edge_covariance(pose, solution.x[at], covariance.block(block))
+    scaled = _capped(scaled / limits[at, None] / limits[at], _LARGEST_SIGMA / limits[at])
+    if np.max(np.diagonal(scaled)) <= 1.0:
+        return None
+    values, vectors = np.linalg.eigh((scaled + scaled.T) / 2.0)
+    spread = np.zeros(parameters.size)
+    spread[at] = np.sqrt(values[-1]) * vectors[:, -1]
+    return spread
+
+
+def _in_collections(keys: Sequence[str], blocks: Sequence[int]) -> str:
+    """Return in which of a transform's collections it is open, in words."""
+    if len(keys) == len(blocks) > 1:
+        return f" in all {len(keys)} collections"
+    more = f" and {len(keys) - _MOST_NAMED} more" if len(keys) > _MOST_NAMED else ""
+    return f" in collection {', '.join(keys[:_MOST_NAMED])}{more}"
 
 
 def _capped(covariance: np.ndarray, largest: np.ndarray) -> np.ndarray:
@@ -160,6 +230,25 @@ def parent_axes_covariance(parameters: Parameters, x: np.ndarray, shared: np.nda
     return to_parent @ shared @ to_parent.T
 
 
+def largest_variances(solution: Solution, covariance: Covariance) -> Dict[str, float]:
+    """Return the variance of each number that a weak direction may name, poses in parents' axes.
+
+    Of numbers of collections, which have one name, the largest.
+    """
+    problem, x = solution.problem, solution.x
+    parameters = problem.parameters
+    shared = np.diagonal(parent_axes_covariance(parameters, x, covariance.shared))
+    found = {parameters.component(i).name: float(v) for i, v in enumerate(shared)}
+    for i in (i for blocks in transforms_by_collection(problem).values() for i in blocks):
+        at, pose = parameters.slice_of(i), parameters.blocks[i]
+        assert isinstance(pose, PoseBlock)
+        own = np.diagonal(edge_covariance(pose, x[at], covariance.block(i)))
+        for place, variance in enumerate(own, at.start):
+            name = parameters.component(place).name
+            found[name] = max(found.get(name, 0.0), float(variance))
+    return found
+
+
 def _named(spread: np.ndarray) -> np.ndarray:
     """Return the indices of the parameters that move most."""
     return np.flatnonzero(np.abs(spread) >= _NAMED_SHARE * np.max(np.abs(spread)))
@@ -172,7 +261,11 @@ def _moving(solution: Solution, spread: np.ndarray) -> List[int]:
 
 
 def _describe(
-    solution: Solution, spread: np.ndarray, limits: np.ndarray, known_reason: Optional[str]
+    solution: Solution,
+    spread: np.ndarray,
+    limits: np.ndarray,
+    known_reason: Optional[str],
+    where: str = "",
 ) -> WeakDirection:
     """Name a direction; ``spread`` is one sigma along it, in units of the limits."""
     parameters, moving = solution.problem.parameters, _moving(solution, spread)
@@ -187,7 +280,7 @@ def _describe(
         because = intrinsics_reason(solution, strongest.block)
         return WeakDirection(names, sigma, unit, f"{why}: {because}" if because else why)
     axis = _world_direction(solution, spread, strongest)
-    why = f"the data hardly change when {_motion(solution, moving, unit, axis)}"
+    why = f"the data hardly change when {_motion(solution, moving, unit, axis)}{where}"
     cameras = [i for i in moving if isinstance(parameters.blocks[i], CameraBlock)]
     because = known_reason or (intrinsics_reason(solution, cameras[0]) if cameras else None)
     because = because or reason(solution, [i for i in moving if i not in cameras], axis)
@@ -210,11 +303,10 @@ def _motion(solution: Solution, moving: Sequence[int], unit: str, axis: np.ndarr
 
 
 def _world_R_parent(solution: Solution, block: int) -> np.ndarray:
-    dataset = solution.dataset
-    chain = dataset.graph.chain(
-        dataset.world, solution.problem.parameters.blocks[block].edge.parent
-    )
-    collection = next(iter(dataset.collections.values()))
+    dataset, owner = solution.dataset, solution.problem.parameters.blocks[block]
+    chain = dataset.graph.chain(dataset.world, owner.edge.parent)
+    key = next(iter(dataset.collections)) if owner.collection is None else owner.collection
+    collection = dataset.collections[key]
     return chain_transform(chain, collection.transforms)[:3, :3]
 
 
