@@ -14,6 +14,9 @@ from atom_core.calibration.preflight import preflight
 from atom_core.evaluation.evaluate import evaluate
 from atom_core.geometry import se3
 from atom_core.model.caveats import Caveat
+from atom_core.model.config import EdgeConfig
+from atom_core.model.dataset import board_edge
+from atom_core.model.transforms import Edge
 from atom_core.report import verdict as limits
 from atom_core.report.calibration_results import calibration_results
 from atom_core.report.calibration_verdict import calibration_verdict
@@ -94,6 +97,33 @@ def test_what_the_data_leave_open_is_weak_and_named():
     assert calibration.weak_directions[0].why in verdict.sentence
     assert {s.grade for s in verdict.sensors.values()} == {WEAK}
     assert all("open" in s.sentence and s.advice for s in verdict.sensors.values())
+
+
+def with_a_base_to_estimate(scene):
+    """Return a camera on an arm whose base is off by 30 mm and to be estimated."""
+    dataset, edge = scene.dataset, Edge("world", "rig_base")
+    off = dataset.first_value(edge) @ se3.random_move(0.03, 0.015, np.random.default_rng(1))
+    values = {
+        edge: off,
+        **{board_edge(dataset.patterns[n]): t for (n, _), t in scene.truth.boards.items()},
+    }
+    entry = EdgeConfig(parent_link=edge.parent, child_link=edge.child)
+    config = replace(dataset.config, additional_tfs={"base": entry})
+    return replace(dataset, config=config).with_transforms(
+        dict.fromkeys(dataset.collections, values)
+    )
+
+
+def test_a_transform_that_is_known_well_is_good_and_one_that_a_prior_holds_as_well_as_that():
+    data = with_a_base_to_estimate(scenes.hand_eye(0, collections=12))
+    calibration, verdict = judged(data, anchor_patterns=True)
+    assert calibration.status == "converged" and verdict.grade == GOOD, verdict.sentence
+    assert "every estimated sensor and transform is known to" in verdict.sentence
+    calibration, verdict = judged(data, priors={"base": (0.02, 0.01)})
+    assert calibration.status == "converged" and verdict.grade == WEAK
+    assert "'base' (world-rig_base) is known to 20 mm and 0.57 deg only" in verdict.sentence
+    assert "prior" in verdict.sentence
+    assert [sensor.grade for sensor in verdict.sensors.values()] == [GOOD]
 
 
 def test_a_sensor_that_reads_long_is_wrong_and_told_from_the_others(cell):

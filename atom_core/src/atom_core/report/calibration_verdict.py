@@ -91,7 +91,7 @@ def _general(results: CalibrationResults) -> List[Finding]:
             found.append(Finding(WEAK, f"the data show that {_with_option(error)}"))
     found += [Finding(WEAK, f"the data show: {edge.why}") for edge in calibration.moving]
     found += [Finding(WEAK, f"{said}; {_cause(results)}") for said in contradictions(results.trust)]
-    return found + _joints(results)
+    return found + _transforms(results) + _joints(results)
 
 
 def _cause(results: CalibrationResults) -> str:
@@ -110,6 +110,30 @@ def _with_option(error: ModelErrorResult) -> str:
     return (
         f"{error.sentence} ({error.option})" if error.option else f"{error.sentence}; {UNESTIMATED}"
     )
+
+
+def _transforms(results: CalibrationResults) -> List[Finding]:
+    """Return which additional tfs are poorly known; the places of sensors are the sensors'."""
+    names = {edge: name for name, edge in results.calibration.free.additional_tfs.items()}
+    found = []
+    for edge in results.edges:
+        if edge.sensors or not _is_poorly_known(results, edge):
+            continue
+        metres, radians = _sigmas(results, edge)
+        told = f"'{names[edge.edge]}' ({edge.edge}) is known to {length(metres)} and "
+        told += f"{angle(radians)} only"
+        told += " in most collections" if edge.usual_sigma is not None else ""
+        more = "the data leave a part of it to its prior (`held_by_prior`)"
+        more = more if edge.held else "collect more boards that are seen across it"
+        found.append(Finding(WEAK, f"{told}: {more}"))
+    return found
+
+
+def _is_poorly_known(results: CalibrationResults, edge: EdgeResult) -> bool:
+    if edge.anchored or not results.has_combined_sigmas:
+        return False
+    metres, radians = _sigmas(results, edge)
+    return worst([KNOWN_M.grade(metres), KNOWN_RAD.grade(radians)]) != GOOD
 
 
 def _joints(results: CalibrationResults) -> List[Finding]:
@@ -153,15 +177,18 @@ def _likely_why(results: CalibrationResults, sensors: Mapping[str, SensorVerdict
 
 
 def _good(results: CalibrationResults) -> str:
-    estimated = [edge for edge in results.edges if not edge.anchored]
+    estimated = [e for e in results.edges if not e.anchored and e.usual_sigma is None]
     if not estimated:
         return "all that was estimated is determined, and nothing contradicts it"
     known = [_sigmas(results, edge) for edge in estimated]
     metres, radians = (max(values) for values in zip(*known))
     held = [name for edge in results.edges if edge.anchored for name in edge.sensors]
     to = f", in relation to {names_in_words(held)}" if held else ""
+    kinds = [("sensor", any(edge.sensors for edge in estimated))]
+    kinds += [("transform", not all(edge.sensors for edge in estimated))]
+    what = " and ".join(kind for kind, is_there in kinds if is_there)
     return (
-        f"every estimated sensor is known to {length(metres)} and {angle(radians)} or better{to} "
+        f"every estimated {what} is known to {length(metres)} and {angle(radians)} or better{to} "
         f"(one standard deviation, with the usual errors of sensors and boards)"
     )
 
@@ -259,11 +286,9 @@ def _of_the_data(sensor: SensorResult) -> List[Finding]:
 
 
 def _of_the_place(results: CalibrationResults, edge: Optional[EdgeResult]) -> List[Finding]:
-    if edge is None or edge.anchored or not results.has_combined_sigmas:
+    if edge is None or not _is_poorly_known(results, edge):
         return []
     metres, radians = _sigmas(results, edge)
-    if worst([KNOWN_M.grade(metres), KNOWN_RAD.grade(radians)]) == GOOD:
-        return []
     told = f"known to {length(metres)} and {angle(radians)} only"
     return [Finding(WEAK, told, MORE_BOARDS)]
 
@@ -329,8 +354,12 @@ def _facts(
 
 
 def _sigmas(results: CalibrationResults, edge: EdgeResult) -> Tuple[float, float]:
-    """Return the largest of the three axes [m], [rad]."""
+    """Return the largest of the three axes [m], [rad].
+
+    Of what has a value in each collection, in the middle of these: a few are seen from afar.
+    """
     sigma = edge.combined_sigma if results.has_combined_sigmas else edge.sigma
+    sigma = sigma if edge.usual_sigma is None else edge.usual_sigma
     return float(np.max(sigma[TRANSLATION])), float(np.max(sigma[ROTATION]))
 
 
