@@ -17,6 +17,7 @@ from atom_core.commands import common
 from atom_core.commands.atom_options import CALIBRATE, add_meaningless_options, without_ros
 from atom_core.commands.calibrate_input import CalibrationInput, read_input
 from atom_core.commands.calibrate_options import add_options
+from atom_core.commands.calibrated_descriptions import DESCRIPTION_FILES, write_descriptions
 from atom_core.commands.model_error_options import (
     selected_model_errors,
     selected_moving_edges,
@@ -39,7 +40,7 @@ from atom_core.io.dataset_json import write_dataset
 from atom_core.io.json_text import load_json
 from atom_core.io.results import write_arguments_yaml, write_parameters_yaml
 from atom_core.io.together import finish_interrupted, written_together
-from atom_core.io.urdf import Description, read_description, write_calibrated_description
+from atom_core.io.urdf import Description, read_description
 from atom_core.model.dataset import Dataset
 from atom_core.model.joints import JointSelection
 from atom_core.model.selection import select_names
@@ -55,7 +56,6 @@ from atom_core.report.calibration_document import calibration_document
 from atom_core.report.calibration_results import CalibrationResults, calibration_results
 from atom_core.report.calibration_tables import calibration_report
 from atom_core.report.calibration_verdict import calibration_verdict
-from atom_core.report.edge_comments import edge_comments
 from atom_core.report.residual_samples import residual_samples, to_bytes
 from atom_core.report.verdict import WRONG
 from atom_core.solvers.base import ATOM, CONVERGED, SolverOptions
@@ -66,9 +66,12 @@ python3 -m atom_core calibrate --dataset data/dataset.json --output results
 python3 -m atom_core calibrate -json data/dataset.json --output results -ssf 'rgb_*' -nig 0.1 0.1
 """
 DATASET_FILE, RESULT_FILE = "atom_calibration.json", "calibration.json"
-PARAMETERS_FILE, DESCRIPTION_FILE = "atom_calibration_params.yml", "optimized.urdf.xacro"
+PARAMETERS_FILE = "atom_calibration_params.yml"
 ORIGINAL_FILE, ARGUMENTS_FILE = "original_calibration_params.yml", "command_line_args.yml"
-_ATOMS_FILES = (DATASET_FILE, PARAMETERS_FILE, DESCRIPTION_FILE, ORIGINAL_FILE, ARGUMENTS_FILE)
+_ATOMS_FILES = (
+    *(DATASET_FILE, PARAMETERS_FILE, *DESCRIPTION_FILES),
+    *(ORIGINAL_FILE, ARGUMENTS_FILE),
+)
 _ALWAYS = (RESULT_FILE, RESIDUALS_FILE, *_ATOMS_FILES, *REPORT_FILES)
 RESULT_FILES = (*_ALWAYS, ERRORS_FILE, TRANSFORMS_FILE, JOINTS_FILE)
 NOT_CONVERGED_FOLDER = "not_converged"
@@ -346,23 +349,4 @@ def _write_files(
         calibration.free.additional_tfs,
         calibration.free.joints,
     )
-    if isinstance(description, DescriptionError):
-        return [f"{DESCRIPTION_FILE} is not written: {description}"]
-    return _write_description(folder / DESCRIPTION_FILE, results, description)
-
-
-def _write_description(
-    path: Path, results: CalibrationResults, description: Description
-) -> List[str]:
-    calibration = results.calibration
-    edges = {edge.edge: edge.parent_T_child for edge in results.edges}
-    origins = {
-        name: calibration.dataset.joint(name).corrected_origin for name in calibration.free.joints
-    }
-    comments = edge_comments(results)
-    report = write_calibrated_description(description, edges, path, comments, origins)
-    missing = [*report.missing, *report.missing_joints]
-    remarks = [f"'{what}' is not written to {path.name}: {why}" for what, why in missing]
-    if report.flattened:
-        remarks.append(f"{path.name} is the expanded description: {report.reason}")
-    return remarks
+    return write_descriptions(folder, results, description)

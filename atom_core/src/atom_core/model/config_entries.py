@@ -250,7 +250,7 @@ class PatternConfig:
             may be given for both. Not used where ``border`` is given.
         inner_size: side of a marker (charuco) [m].
         dictionary: of the markers (charuco).
-        mesh_file: URI of a mesh for display and for the exported description.
+        mesh_file: URI of a mesh for the description with boards; see `io.urdf_boards`.
         legacy: layout of a charuco with an even number of rows of squares: True, as OpenCV before
             4.6 printed it; False, as since; "auto", whichever the pictures show.
         border: (left, right, top, bottom) in place of border_size, for a print that is not in the
