@@ -89,7 +89,8 @@ def _baseline(
 ) -> Baseline:
     if lacking(method):
         return Baseline(method, None, skipped=lacking(method))
-    solved, boards = dataset, {}
+    solved = dataset
+    boards: Dict[str, str] = {}
     for camera in _carriers_first(dataset, list(views)):
         board, of_camera = views[camera]
         if _carriers(dataset, camera, boards):
