@@ -141,6 +141,17 @@ def test_the_board_is_found_without_a_seed(number):
     assert precision >= 0.995 and recall >= 0.94
 
 
+@pytest.mark.parametrize("number", WHOLE)
+def test_a_board_with_nothing_in_reach_behind_it_is_found(number):
+    view = View().add(POSES[number])
+    depth_m, mixed = view.image(number)
+    depth_m[~view.truth.reshape(depth_m.shape)] = np.nan
+    for seed in (view.seed, None):
+        found = labeler(step=1).label(depth_m, seed)
+        assert found.detected, found.reason
+        assert figures(found, view, depth_m, mixed)[1] >= 0.94
+
+
 def test_a_search_takes_no_board_of_which_little_is_in_view():
     view = View().add(POSES[LITTLE_IN_VIEW])
     depth_m, _ = view.image(LITTLE_IN_VIEW)

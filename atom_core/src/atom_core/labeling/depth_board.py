@@ -215,10 +215,11 @@ def _reason(view: DepthView, quality: Dict[str, float], fit: BoardFit, beyond: f
 
 
 def _share_before(board: _Surface) -> float:
-    """Return the share of the pixels around a board that lie behind its plane.
+    """Return the share of the pixels around a board that lie behind its plane, or have no depth.
 
     A board stands before what is around it. A piece of floor between the legs of a tripod
-    does not: they stand before it, or it goes on.
+    does not: they stand before it, or it goes on. Where nothing behind is in reach, a few pixels
+    of the board itself may be all that has a depth around it; they must not speak for the others.
     """
     view, region = board.view, board.region
     top, left = max(region.top - _RING_PX, 0), max(region.left - _RING_PX, 0)
@@ -232,7 +233,7 @@ def _share_before(board: _Surface) -> float:
     here = (ring > 0) & np.isfinite(z)
     expected = board.plane.z(rays[here])
     behind = z[here] - expected > view.tolerance_m(board.plane, expected)
-    return float(np.mean(behind)) if behind.size else 1.0
+    return 1.0 - float(np.count_nonzero(~behind)) / max(np.count_nonzero(ring), 1)
 
 
 def _in_view_and_covered(board: _Surface, fit: BoardFit) -> Tuple[float, float]:

@@ -222,8 +222,21 @@ def _with_dark_squares(
     if np.count_nonzero(holes) < _FEW_HOLES * np.count_nonzero(flood.mask):
         return on_plane
     side = int(np.clip(_DARK_SQUARES * view.square_m * view.focal_px / z_m, 3, 61)) | 1
-    around = cv2.morphologyEx(on_plane, cv2.MORPH_CLOSE, np.ones((side, side), np.uint8))
-    return on_plane | (around & holes)
+    return on_plane | (_closed_over(view, on_plane, flood, side) & holes)
+
+
+def _closed_over(view: DepthView, on_plane: np.ndarray, flood: Region, side_px: int) -> np.ndarray:
+    """Return a mask of a flood's window with gaps of some width closed.
+
+    Beyond the image a surface goes on, beyond the window it does not: there is nothing in reach.
+    """
+    (height, width), image, pad = on_plane.shape, view.depth_m.shape, side_px // 2
+    vertical = (flood.top > 0, flood.top + height < image[0])
+    horizontal = (flood.left > 0, flood.left + width < image[1])
+    above, below, left, right = (pad * inside for inside in (*vertical, *horizontal))
+    larger = cv2.copyMakeBorder(on_plane, above, below, left, right, cv2.BORDER_CONSTANT, value=0)
+    larger = cv2.morphologyEx(larger, cv2.MORPH_CLOSE, np.ones((side_px, side_px), np.uint8))
+    return larger[above : above + height, left : left + width]
 
 
 def _filled(mask: np.ndarray) -> np.ndarray:
