@@ -85,3 +85,18 @@ def test_another_truth_and_none(made, capsys):
     assert "compared with itself" in capsys.readouterr().err
     run("frame", folder, "--truth", folder / "true" / "dataset.json", "-sfr", "ignored")
     assert (folder / "true" / "results" / "dataset_ground_truth_frame_results.csv").is_file()
+
+
+@pytest.mark.parametrize("kind", ["frame", "transform"])
+def test_what_atoms_batches_give_every_evaluation_is_answered_with_a_note(
+    made, tmp_path, capsys, kind
+):
+    folder, edge = made
+    ends = ["-p", edge.parent, "-c", edge.child] if kind == "transform" else []
+    common = ["-uic", "-rpd", "-pn", "pattern_1", "-si"]
+    run(kind, folder, *ends, "-sfrn", tmp_path / "with.csv", *common)
+    told = capsys.readouterr().err
+    assert all(f"{option} has no meaning here" in told for option in common if "-" in option)
+    assert told.count("has no meaning here, because") == 4
+    run(kind, folder, *ends, "-sfrn", tmp_path / "without.csv")
+    assert (tmp_path / "with.csv").read_bytes() == (tmp_path / "without.csv").read_bytes()

@@ -9,6 +9,7 @@ from typing import Any, List, NamedTuple
 import numpy as np
 
 from atom_core.commands import common
+from atom_core.commands.atom_options import AtomOption, add_meaningless_options
 from atom_core.errors import DatasetError
 from atom_core.evaluation.mixed import mixed_dataset
 from atom_core.geometry import se3
@@ -21,6 +22,13 @@ from atom_core.model.truth import with_truth
 COLUMNS = (
     *("Trans (m)", "Rot (rad)", "X (m)", "Y (m)", "Z (m)"),
     *("Roll (rad)", "Pitch (rad)", "Yaw (rad)"),
+)
+_NO_LABELS = "frames are compared, and no label: every collection counts"
+_NOT_HERE = (
+    AtomOption("uic", "use_incomplete_collections", remark=_NO_LABELS),
+    AtomOption("rpd", "remove_partial_detections", remark=_NO_LABELS),
+    AtomOption("pn", "pattern_name", "pattern_1", remark=_NO_LABELS),
+    AtomOption("si", "show_images", remark="nothing is drawn"),
 )
 
 
@@ -45,6 +53,7 @@ def add_files(parser: argparse.ArgumentParser) -> None:
     add(parser, "collection_selection_function", "-csf", nargs="+", metavar="S", help="only these")
     text = "a line for each collection"
     add(parser, "show_all_collections", "-sac", action="store_true", help=text)
+    add_meaningless_options(parser, _NOT_HERE)
 
 
 def compared(args: argparse.Namespace) -> Compared:
