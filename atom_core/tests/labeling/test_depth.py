@@ -231,6 +231,36 @@ def test_a_post_in_the_boards_plane_is_not_labeled():
     assert precision >= 0.99 and recall >= 0.94
 
 
+def registered(depth_m, larger):
+    """Return an image as registering a coarser one, pixel by pixel, leaves it: regular holes."""
+    rows, columns = (
+        np.unique((np.arange(int(side / larger)) * larger + 0.5).astype(int))
+        for side in depth_m.shape
+    )
+    made = np.full_like(depth_m, np.nan)
+    made[np.ix_(rows, columns)] = depth_m[np.ix_(rows, columns)]
+    return made
+
+
+@pytest.mark.parametrize("larger", [1.04, 1.07, 1.25, 1.5])
+def test_regular_holes_of_an_image_that_was_registered_are_bridged(larger):
+    view = View().add(POSES[1])
+    whole, mixed = view.image(1)
+    depth_m = registered(whole, larger)
+    for seed in (view.seed, None):
+        found = labeler().label(depth_m, seed)
+        assert found.detected, found.reason
+        assert figures(found, view, depth_m, mixed)[0] >= 0.995
+
+
+@pytest.mark.parametrize("larger", [2.0, 3.0])
+def test_an_image_of_single_pixels_has_a_remedy(larger):
+    view = View().add(POSES[1])
+    depth_m = registered(view.image(1)[0], larger)
+    for seed in (view.seed, None):
+        assert "fill_upsampling_holes" in labeler().label(depth_m, seed).reason
+
+
 def test_an_arm_before_the_board_is_not_labeled_and_gives_no_limit_points():
     view = View().add(POSES[0])
     view.add_box((300, 0, 1.2), (330, 200, 1.2))

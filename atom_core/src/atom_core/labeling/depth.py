@@ -32,6 +32,12 @@ _FACTORS = {
 _NO_BOARD = "no plane region of the board's size and shape is seen"
 _CUT = "it is cut by the image's edge or hidden, and its size is not seen"
 _LITTLE = "only {:.0%} of a board there are in view: set a seed on it, or let a camera see it, too"
+_LEAST_LEFT, _SPARSE = 0.5, 0.5  # of the pixels with a depth, like neighbours; of all pixels
+_SPECKS = (
+    "{:.0%} of the pixels with a depth are like no two of their neighbours, and {:.0%} have one: "
+    "where the image has regular holes, let the driver fill them (depth_image_proc/register: "
+    "fill_upsampling_holes)"
+)
 _PLAUSIBLE_M = (0.5, 12.0)  # median depth of a room
 _DARK_SQUARES, _NEAR_M = 1.3, 1.5  # sides of a square, seen from there: holes that are filled
 _LEAST_FITNESS = 0.75  # of what was searched: nobody said that the board is there
@@ -111,9 +117,11 @@ class DepthLabeler:
             depth_m = _within(depth_m, polygon)
             view = self._view(depth_m)
         found = _found_in(view) if seed is None else _from_seed(view, self._checked_seed(seed))
-        if not found.detected:
-            self._check_unit(depth_m, seed)
-        return found
+        if found.detected:
+            return found
+        self._check_unit(depth_m, seed)
+        reason = _why_specks(depth_m, view)
+        return nothing(DEPTH, reason, found.quality) if reason else found
 
     def find_board(self, depth_m: np.ndarray) -> Labeled:
         """Search the image for a region of the board's size; the one that fits best.
@@ -218,6 +226,14 @@ def _found_in(view: DepthView) -> Labeled:
     if best.detected or not nearest:
         return best
     return nothing(DEPTH, f"{_NO_BOARD}; of what comes nearest: {nearest}")
+
+
+def _why_specks(depth_m: np.ndarray, view: DepthView) -> str:
+    """Tell that an image is made of single pixels, as registering to a finer one makes it."""
+    known, left = (np.count_nonzero(np.isfinite(z)) for z in (depth_m, view.depth_m))
+    if left >= _LEAST_LEFT * known or known > _SPARSE * depth_m.size:
+        return ""
+    return _SPECKS.format(1.0 - left / known, known / depth_m.size)
 
 
 def _from_seed(view: DepthView, seed: np.ndarray) -> Labeled:

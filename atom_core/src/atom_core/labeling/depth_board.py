@@ -33,6 +33,7 @@ _SAME_SIZE = 0.03  # of a side
 _CUT_SIZE = 0.035  # the same, where the image's edge cuts the other sides
 _SIZE_NOT_SEEN = "no two opposite sides of the plane there are seen, so that its size is not known"
 _CUT = "the image's edge cuts it: bring all of it into view, or let a camera see it, too"
+_LEAST_OF_GRID = 0.5  # of the pixels that another grid would have
 _LEAST_SEEN = 0.05  # of a board: in view, and not hidden
 _LARGEST_EXTENT, _LARGEST_BEYOND = 1.1, 0.05
 
@@ -275,9 +276,7 @@ def _label(board: _Surface, fit: BoardFit, quality: Dict[str, float]) -> Labeled
     with np.errstate(invalid="ignore"):
         good = np.abs(z - expected) <= view.tolerance_m(board.plane, expected)
     inner = cv2.erode(region.mask, _SQUARE, borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
-    grid = np.zeros_like(region.mask, dtype=bool)
-    step = view.options.step
-    grid[(-region.top) % step :: step, (-region.left) % step :: step] = True
+    inside = _on_grid(inner & good, region, view.options.step)
     edge_rows, edge_columns = np.nonzero((_outermost(region.mask) > 0) & good)
     far = board.off_the_edge(edge_rows, edge_columns)
     pixel_m = quality["distance_m"] / view.focal_px
@@ -287,7 +286,7 @@ def _label(board: _Surface, fit: BoardFit, quality: Dict[str, float]) -> Labeled
     quality["plane_rms_m"] = float(np.sqrt(np.mean(error**2))) if error.size else np.inf
     quality["pixels"] = float(np.count_nonzero(region.mask))
     label = RangeLabel(
-        _index(view, region, *np.nonzero(inner & good & grid)),
+        _index(view, region, *np.nonzero(inside)),
         _index(view, region, edge_rows[far], edge_columns[far]),
     )
     if not label.detected:
@@ -295,6 +294,23 @@ def _label(board: _Surface, fit: BoardFit, quality: Dict[str, float]) -> Labeled
     rows, columns = np.nonzero(region.mask)
     centroid = np.array([columns.mean() + region.left, rows.mean() + region.top])
     return Labeled(label, quality=quality, next_seed=centroid)
+
+
+def _on_grid(good: np.ndarray, region: Region, step: int) -> np.ndarray:
+    """Return every ``step``-th of a region's good pixels, in both directions.
+
+    The grid begins at the image's first pixel, but where that falls on regular holes.
+    """
+    counts = np.zeros((step, step), dtype=int)
+    for row, column in np.ndindex(step, step):
+        part = good[(row - region.top) % step :: step, (column - region.left) % step :: step]
+        counts[row, column] = np.count_nonzero(part)
+    row, column = 0, 0
+    if counts[0, 0] < _LEAST_OF_GRID * counts.max():
+        row, column = np.unravel_index(int(np.argmax(counts)), counts.shape)
+    grid = np.zeros_like(good)
+    grid[(row - region.top) % step :: step, (column - region.left) % step :: step] = True
+    return good & grid
 
 
 def _index(view: DepthView, region: Region, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ from atom_core.geometry.plane import plane_basis
 
 _SPECK_M, _SPECK_SIGMAS = 0.02, 8.0  # by which neighbours are alike
 _FEW_HOLES, _LEAST_AROUND = 0.97, 0.25
+_NEAREST_PX, _WIDER = 3, 2  # sides of the squares that are filled from, one after the other
 QUANTUM_M = 0.001  # what rounding adds to a depth's noise
 CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], dtype=np.uint8)  # for morphology
 
@@ -156,17 +157,29 @@ def without_specks(depth_m: np.ndarray) -> np.ndarray:
 def filled(depth_m: np.ndarray, reach_px: int) -> np.ndarray:
     """Return depths with the mean of those around where there is none, in small holes.
 
+    The nearest ones are taken: across an edge a mean of what is on both sides lies on neither.
+
     Args:
         depth_m: (height, width) float32 [m], NaN where there is no depth.
         reach_px: side of the square about a pixel of which a quarter must have a depth.
     """
-    known = np.isfinite(depth_m)
-    if np.mean(known) > _FEW_HOLES:
+    if np.mean(np.isfinite(depth_m)) > _FEW_HOLES:
         return depth_m
-    size = (reach_px | 1, reach_px | 1)
-    share = cv2.blur(known.astype(np.float32), size)
-    mean = cv2.blur(np.nan_to_num(depth_m, nan=0.0), size) / np.maximum(share, 1e-6)
-    return np.where(known | (share < _LEAST_AROUND), depth_m, mean)
+    stays = ~np.isfinite(depth_m) & (_mean_around(depth_m, reach_px)[1] < _LEAST_AROUND)
+    solid_m, side_px = depth_m, _NEAREST_PX
+    while True:
+        mean, share = _mean_around(solid_m, min(side_px, reach_px))
+        solid_m = np.where(np.isfinite(solid_m) | (share < _LEAST_AROUND), solid_m, mean)
+        if side_px >= reach_px:
+            return np.where(stays, np.float32(np.nan), solid_m)
+        side_px = _WIDER * side_px + 1
+
+
+def _mean_around(depth_m: np.ndarray, side_px: int) -> Tuple[np.ndarray, np.ndarray]:
+    """Return the mean of the depths in a square about each pixel, and their share of it."""
+    size = (side_px | 1, side_px | 1)
+    share = cv2.blur(np.isfinite(depth_m).astype(np.float32), size)
+    return cv2.blur(np.nan_to_num(depth_m, nan=0.0), size) / np.maximum(share, 1e-6), share
 
 
 def closed(mask: np.ndarray) -> np.ndarray:
