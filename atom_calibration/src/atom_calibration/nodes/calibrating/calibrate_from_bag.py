@@ -16,8 +16,10 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 from atom_calibration.nodes.calibrating.calibration_view import CalibrationView
 from atom_calibration.nodes.collecting import collect_from_bag
 from atom_calibration.runtime import running
+from atom_calibration.runtime.options import add_receive_time_option
 from atom_calibration.runtime.status import STATUS_FILE, write_begun, write_status
 from atom_calibration.show.view_options import add_view_options, take_view_options
+from atom_calibration.sources.described_bag import SAVED
 from atom_core import cli
 from atom_core.commands import calibrate
 from atom_core.commands.calibrate import DATASET_FILE as RESULT_FILE
@@ -86,7 +88,9 @@ def _outcome(
 def _collect(args: argparse.Namespace) -> Tuple[int, Said]:
     options = ["--config", args.config, "--bag", *args.bag, "--output", args.output / "dataset"]
     options += ["--seeds", args.seeds] if args.seeds else []
-    options += ["--description", args.description] if args.description else []
+    if args.description is not None:
+        options += ["--description", *([] if args.description == SAVED else [args.description])]
+    options += ["--use_receive_time", *args.use_receive_time] if args.use_receive_time else []
     parsed = collect_from_bag.parser().parse_args(_texts(options, args))
     code = collect_from_bag.collect_from_bag(parsed)
     nothing = "some sensors or moments gave nothing; see the output"
@@ -129,13 +133,8 @@ def parser() -> argparse.ArgumentParser:
     collect_from_bag.add_bag_option(made)
     add_option(made, "output", "-o", required=True, type=Path, metavar="DIR", help="results")
     add_option(made, "seeds", type=_optional_path, metavar="FILE", help="seeds given by hand")
-    add_option(
-        made,
-        "description",
-        type=_optional_path,
-        metavar="URDF_OR_XACRO",
-        help="take its transforms, moved by the bag's /joint_states, in place of /tf",
-    )
+    collect_from_bag.add_description_option(made, _optional_path)
+    add_receive_time_option(made)
     add_option(made, "truth", type=_optional_path, metavar="FILE", help="a simulation's truth")
     add_option(made, "overwrite", "-ow", action="store_true", help="replace earlier results")
     add_report_option(made)

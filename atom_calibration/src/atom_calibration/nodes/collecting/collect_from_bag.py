@@ -11,6 +11,7 @@ from itertools import islice
 from pathlib import Path
 from typing import (
     Any,
+    Callable,
     Collection,
     Deque,
     Dict,
@@ -394,13 +395,15 @@ def add_bag_option(made: argparse.ArgumentParser, *short: str) -> None:
     )
 
 
-def add_description_option(made: argparse.ArgumentParser) -> None:
-    """Add the description that tells the transforms."""
+def add_description_option(
+    made: argparse.ArgumentParser, kind: Callable[[str], Optional[Path]] = Path
+) -> None:
+    """Add the description that tells the transforms; `kind` makes a file of a text."""
     add_option(
         made,
         "description",
         nargs="?",
-        type=Path,
+        type=kind,
         const=SAVED,
         metavar="URDF_OR_XACRO",
         help="take its transforms, moved by the bag's /joint_states, and from /tf only what it "
