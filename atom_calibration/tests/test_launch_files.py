@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 LAUNCH = Path(__file__).resolve().parents[1] / "launch"
+EXAMPLE = Path(__file__).resolve().parents[2] / "atom_examples" / "collab_cell" / "launch"
 NO_RVIZ = "rviz:=false"
 
 
@@ -15,6 +16,34 @@ def parameters(name, *arguments):
     command = ["roslaunch", "--dump-params", str(LAUNCH / name), *arguments]
     result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
     return yaml.safe_load(result.stdout)
+
+
+def nodes(path, *arguments):
+    """Return the names of what roslaunch would start."""
+    command = ["roslaunch", "--nodes", str(path), *arguments]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    return set(result.stdout.split())
+
+
+def words_of(node, name, *arguments):
+    """Return the words with which roslaunch would start a node."""
+    command = ["roslaunch", "--args", node, str(LAUNCH / name), *arguments]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    return result.stdout.split()
+
+
+@pytest.mark.parametrize("node", ["calibrate", "dataset_playback"])
+def test_a_packages_launch_file_without_a_dataset_opens_rviz_alone(node):
+    path = EXAMPLE / f"{node}.launch"
+    assert nodes(path) == {"/rviz"}
+    assert nodes(path, "dataset:=a.json") == {"/rviz", f"/{node}"}
+    assert nodes(path, NO_RVIZ) == {f"/{node}"}, "which says that it needs a dataset"
+
+
+def test_without_an_output_the_program_is_told_none():
+    assert "--output" not in words_of("/calibrate", "calibrate.launch", "dataset:=a.json")
+    words = words_of("/calibrate", "calibrate.launch", "dataset:=a.json", "output:=b")
+    assert words[words.index("--output") + 1] == "b"
 
 
 @pytest.mark.parametrize(
