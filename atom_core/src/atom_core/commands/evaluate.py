@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any, Dict, List, Optional
+from typing import Any, Dict, List, Optional, Sequence
 
 from atom_core.commands import common
 from atom_core.commands.baseline_options import FILES as BASELINE_FILES
@@ -104,8 +104,7 @@ def run(args: argparse.Namespace) -> int:
     train, test = read_dataset(args.train), _selected(args, read_dataset(args.test))
     truth = read_any_truth(args.truth) if args.truth else None
     sensors = _sensors(args, train, test)
-    evaluated = test.sensors if sensors is None else sensors
-    annotations, doubts = drawn_borders(args.test, test, evaluated)
+    annotations, doubts = drawn_borders(args.test, test, sensors)
     evaluation = _evaluate(args, train, test, truth, annotations)
     other = read_dataset(args.compare[0]) if args.compare else None
     compared = _evaluate(args, other, test, truth, annotations) if other else None
@@ -133,10 +132,15 @@ def run(args: argparse.Namespace) -> int:
     print_verdict(evaluation_verdict(evaluation))
     if not args.no_report:
         report_beside(folder, None, folder)
-    for why in found.missed:
+    return _exit_code(evaluation, found.missed)
+
+
+def _exit_code(evaluation: Evaluation, missed: Sequence[str]) -> int:
+    """Say what could not be done; return 1 where nothing could, or a baseline that was named."""
+    for why in missed:
         print(f"evaluate: {why}; all else is done", file=sys.stderr)
     if evaluation.measured:
-        return 1 if found.missed else 0
+        return 1 if missed else 0
     told = evaluation.pairs or evaluation.spread
     why = "the table says why" if told else "no two of these sensors can be compared"
     print(f"evaluate: no pair was measured, {why}", file=sys.stderr)
