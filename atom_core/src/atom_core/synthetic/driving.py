@@ -44,9 +44,9 @@ def vehicle_with_its_board(
     motion, boards = [], []
     for _ in range(10):
         place = np.array([*rng.uniform(-3.0, 3.0, 2), 0.0])
-        driven = se3.from_rpy(place, np.array([0.0, 0.0, rng.uniform(-3.0, 3.0)]))
-        still = jitter is not None
-        world_T_base = jittered(np.eye(4), jitter, jitter, rng) if still else driven
+        world_T_base = se3.from_rpy(place, np.array([0.0, 0.0, rng.uniform(-3.0, 3.0)]))
+        if jitter is not None:
+            world_T_base = jittered(np.eye(4), jitter, jitter, rng)
         middle = np.array([2.0, 0.0, 1.0]) + rng.uniform(-0.4, 0.4, 3)
         base_T_board = held_before(np.array([0.2, 0.0, 0.9]), middle, _BORDER, rng, tilt_rad=0.5)
         motion.append({ODOMETRY: world_T_base})
