@@ -278,6 +278,25 @@ def test_an_end_beside_swallowed_beams_is_free_but_no_limit_point():
     assert labeled.quality["free_ends"] == 2
 
 
+@pytest.mark.parametrize("silent", [np.inf, 0.0, np.nan])
+@pytest.mark.parametrize("middle_deg", [0.0, 12.0, 90.0, 180.0])
+def test_outdoors_the_seam_of_a_whole_turn_is_as_open_as_any_other_gap(middle_deg, silent):
+    turn = np.radians(middle_deg)
+    pose = se3.from_rpy(np.zeros(3), np.array([0.0, 0.0, turn])) @ upright(2.0, 0.0, 0.35)
+    made = seen(np.random.default_rng(0), MODELS["one"], pose)
+    ranges = np.full(len(made.scan.ranges), silent)
+    ranges[made.label.indices] = made.scan.ranges[made.label.indices]
+    away_deg = np.degrees(np.angle(np.exp(1j * (made.scan.angles - turn))))
+    for sides in ((), (1,), (1, -1)):  # walls beside the board
+        for side in sides:
+            ranges[np.abs(side * away_deg - 90.0) < 30.0] = 6.0
+        scan = replace(made.scan, ranges=ranges)
+        for found in (cut_at(scan, BORDER, made.middle), find_cut(scan, BORDER, NO_BOXES)):
+            assert found.detected, found.reason
+            assert np.array_equal(found.label.indices, np.sort(made.label.indices))
+            assert len(found.label.limit_indices) == 2
+
+
 @pytest.mark.parametrize("step_m", [0.005, 0.01, 0.02])
 def test_quantised_ranges(step_m):
     found = 0

@@ -355,7 +355,8 @@ def _end(cut: Cut, step: int) -> End:
     beyond = beyond[(beyond >= 0) & (beyond < len(beams.angle))]
     if len(beyond) == 0:
         return End(UNCLEAR if beams.closed else OUT_OF_VIEW, 0.0, False)
-    off = behind_line(beams, cut.line, beyond)
+    nothing = np.isinf(beams.range_m[beyond])  # and so hides nothing, whether it meets the line
+    off = np.where(nothing, np.inf, behind_line(beams, cut.line, beyond))
     jump = max(_JUMP_M, _JUMP_SIGMAS * sigma_m)
     nearer = np.flatnonzero(off < -_SIGMAS * sigma_m)
     farther = np.flatnonzero(off > jump)
@@ -363,7 +364,7 @@ def _end(cut: Cut, step: int) -> End:
     attached = _is_attached(beams, np.concatenate([[last], beyond]))
     if len(farther) and (len(nearer) == 0 or farther[0] < nearer[0]):
         lost = int(beams.lost[last if step < 0 else last + 1])
-        wide = bool(np.isinf(beams.range_m[beyond[0]]))
+        wide = bool(nothing[0])
         inside = beams.lost[members[0] + 1 : members[-1] + 1]
         exact = lost <= _MOST_LOST or (wide and not np.any(inside > _MOST_LOST))
         return End(EDGE if exact else SWALLOWED, behind, attached)

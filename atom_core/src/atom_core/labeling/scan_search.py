@@ -12,6 +12,7 @@ import numpy as np
 from atom_core.labeling.scan_beams import Beams
 
 _FAR_M = 30.0  # nothing is looked for beyond
+_LOOK_BACK = 3  # beams before an end, of which one is to be farther
 
 
 class Sought(NamedTuple):
@@ -32,10 +33,14 @@ class Sought(NamedTuple):
 
 
 def doubled(beams: Beams) -> Beams:
-    """Return a closed scan with its first half once more at its end, so that no seam is left."""
+    """Return a closed scan with its first half once more at its end, so that no seam is left.
+
+    Where most beams are lost, half a turn may hold more than half of those there are.
+    """
     if not beams.closed:
         return beams
-    half = len(beams.index) // 2
+    turned = int(np.searchsorted(beams.angle, beams.angle[0] + np.pi)) + _LOOK_BACK
+    half = min(max(len(beams.index) // 2, turned), len(beams.index))
     return Beams(
         np.concatenate([beams.index, beams.index[:half]]),
         np.concatenate([beams.angle, beams.angle[:half] + 2.0 * np.pi]),
@@ -51,7 +56,7 @@ def free_pieces(beams: Beams, sought: Sought) -> List[Tuple[int, int]]:
     r = np.where(beams.range_m < _FAR_M, beams.range_m, np.inf)
     left = _steps_back(beams.angle, r, sought.least_step_m)
     if beams.closed:
-        left[:3] = False  # the same beams come once more, with what is before them
+        left[:_LOOK_BACK] = False  # the same beams come once more, with what is before them
     right = _steps_back(-beams.angle[::-1], r[::-1], sought.least_step_m)[::-1]
     first, last = np.meshgrid(np.flatnonzero(left), np.flatnonzero(right), indexing="ij")
     first, last = first.ravel(), last.ravel()
@@ -81,7 +86,7 @@ def _steps_back(angle: np.ndarray, r: np.ndarray, least_m: float) -> np.ndarray:
         slope = (r[:-2] - r[2:]) / (angle[2:] - angle[:-2])
     slope = np.concatenate([np.where(np.isfinite(slope), np.maximum(slope, 0.0), 0.0), [0.0, 0.0]])
     back = np.zeros(len(r), dtype=bool)
-    for step in (1, 2, 3):
+    for step in range(1, _LOOK_BACK + 1):
         expected = r[step:] + slope[step:] * (angle[step:] - angle[:-step])
         back[step:] |= r[:-step] > expected + least_m
     return back & np.isfinite(r)
