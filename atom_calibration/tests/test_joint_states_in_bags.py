@@ -3,8 +3,10 @@
 import pytest
 import rosbag
 import rospy
+from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
 
 from atom_calibration.nodes.bags.joint_states import TOPIC, add_noise, list_joints
 
@@ -53,6 +55,16 @@ def test_only_the_positions_of_these_joints_change(bag, tmp_path, capsys):
             assert list(after.velocity) == list(before.velocity)
         else:
             assert str(after) == str(before)
+
+
+def test_that_tf_has_no_bias_is_told_with_the_option_that_uses_it(bag, tmp_path, capsys):
+    assert noise(bag, "-bfo", tmp_path / "biased.bag", "-jn", "b", "-jb", "-0.05") == 0
+    assert "--description" not in capsys.readouterr().out
+    with rosbag.Bag(str(bag), "a") as opened:
+        opened.write("/tf", TFMessage([TransformStamped()]), rospy.Time.from_sec(11.0))
+    assert noise(bag, "-bfo", tmp_path / "with_tf.bag", "-jn", "b", "-jb", "-0.05") == 0
+    told = capsys.readouterr().out
+    assert "/tf still has the robot without the bias" in told and "--description" in told
 
 
 def test_what_cannot_be_biased_is_refused(bag, tmp_path, capsys):

@@ -14,6 +14,7 @@ import rospy
 from atom_calibration.errors import BagError
 from atom_calibration.runtime import running
 from atom_calibration.sources.bag_reader import open_bag
+from atom_calibration.sources.bag_transforms import TF
 from atom_calibration.sources.bag_writer import new_bag
 from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser
@@ -107,6 +108,12 @@ def _add_noise(args: argparse.Namespace) -> int:
         args.bagfile_in, args.bagfile_out, dict(zip(args.joint_names, args.joint_biases))
     )
     sys.stdout.write(f"{args.bagfile_out}: {changed} messages of {TOPIC} changed\n")
+    with open_bag(args.bagfile_out) as bag:
+        if bag.get_message_count(TF):
+            sys.stdout.write(
+                f"its {TF} still has the robot without the bias, and is what `collect_from_bag` "
+                f"uses: add --description there, so that {TOPIC} moves the robot\n"
+            )
     return 0
 
 
