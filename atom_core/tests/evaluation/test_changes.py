@@ -6,9 +6,14 @@ import pytest
 from atom_core.evaluation.changes import changes, held_apart, limit_of
 from atom_core.evaluation.spreads import spreads_of
 from atom_core.geometry import se3
-from atom_core.model.edge_state import EdgeState
+from atom_core.model.edge_state import EdgeState, ParameterState
 from atom_core.model.transforms import Edge
-from atom_core.report.changes_report import changes_document, changes_sentence
+from atom_core.report.changes_report import (
+    changes_document,
+    changes_sentence,
+    changes_table,
+    changes_verdict,
+)
 
 SIGMA = np.array([1e-4] * 3 + [1e-3] * 3)
 
@@ -60,7 +65,7 @@ def test_what_is_held_or_in_one_only_is_not_compared():
     found = changes(before, [state("held", True), state("a"), state("new")])
     assert [c.edge.child for c in found.edges] == ["a"]
     assert [edge.child for edge in found.held] == ["held"]
-    assert [edge.child for edge in found.only_in_one] == ["gone", "new"]
+    assert list(found.only_in_one) == ["base-gone", "base-new"]
     assert held_apart([state("a", True)], [state("a")]) == [Edge("base", "a")]
 
 
@@ -94,3 +99,57 @@ def test_one_rig_in_a_hundred_is_called_moved_at_most():
         alarms += bool(changes([state(str(i)) for i in range(edges)], after).moved)
     assert 0.003 < alarms / 1500 < 0.015
     assert limit_of(1) < limit_of(10)
+
+
+def joint(bias, sigma=1e-3, name="elbow", unit="rad"):
+    return ParameterState(name, "position_bias", unit, bias, sigma)
+
+
+def test_a_joint_that_moved_is_named():
+    same = [state("a")], [state("a")]
+    found = changes(*same, [joint(0.02)], [joint(0.021)])
+    assert not found.moved and changes_sentence(found).startswith("the two calibrations are the")
+    found = changes(*same, [joint(0.02)], [joint(0.04)])
+    assert changes_sentence(found) == "the two calibrations differ: elbow position_bias moved"
+    document = changes_document(found, "before", "after")
+    assert document["joints"]["elbow position_bias"]["verdict"] == "moved"
+    assert document["verdict"]["grade"] == "wrong"
+    assert "elbow position_bias" in changes_table(found)
+
+
+def test_a_full_turn_of_a_joint_is_no_move():
+    found = changes([], [], [joint(-np.pi)], [joint(np.pi)])
+    assert not found.moved and found.joints[0].change == pytest.approx(0.0, abs=1e-12)
+    assert changes([], [], [joint(0.0, unit="m")], [joint(2 * np.pi, unit="m")]).moved
+
+
+def test_a_joint_of_one_calibration_only_is_named_and_one_known_badly_tells_nothing():
+    found = changes([], [], [joint(0.0), joint(0.0, 1.0, "wrist")], [joint(0.0, 1.0, "wrist")])
+    assert found.only_in_one == ("elbow position_bias",)
+    assert [change.name for change in found.untold] == ["wrist position_bias"]
+
+
+def test_an_edge_with_a_value_for_each_collection_is_not_compared():
+    odometry = state("base")._replace(collection="003")
+    elsewhere = odometry._replace(parent_T_child=shifted(0.5))
+    found = changes([state("a"), odometry], [state("a"), elsewhere])
+    assert not found.moved and found.by_collection == (odometry.edge,)
+    assert "has a value for each collection, not compared: base-base" in changes_table(found)
+
+
+def test_nothing_compared_is_not_good():
+    assert changes_verdict(changes([], [])).grade == "weak"
+    same = changes([state("a")], [state("a")])
+    assert changes_verdict(same).grade == "good"
+    assert changes_verdict(same, ["the first one did not converge"]).grade == "weak"
+
+
+def test_joints_raise_no_more_false_alarms():
+    rng, alarms = np.random.default_rng(1), 0
+    for _ in range(3000):
+        old, new = (
+            [joint(v, name=str(i)) for i, v in enumerate(row)]
+            for row in 1e-3 * rng.standard_normal((2, 4))
+        )
+        alarms += bool(changes([], [], old, new).moved)
+    assert 0.005 < alarms / 3000 < 0.015

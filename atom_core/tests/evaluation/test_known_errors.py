@@ -64,7 +64,7 @@ def errors_of(dataset):
 def stored(errors=(), cameras=(), moving=()):
     path = Path("calibration.json")
     cameras, moving = dict(cameras), dict(moving)
-    return StoredCalibration(path, "converged", "", [], tuple(errors), cameras, moving, ())
+    return StoredCalibration(path, "converged", "", [], tuple(errors), cameras, moving, {})
 
 
 def written(error, value=0.01, sigma=0.002):

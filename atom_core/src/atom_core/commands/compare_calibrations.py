@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import List
 
 from atom_core.commands import common
 from atom_core.errors import DatasetError
@@ -11,6 +12,7 @@ from atom_core.evaluation.changes import Changes, changes, held_apart
 from atom_core.io.atomic import prepare_output_folder, write_json_atomically
 from atom_core.io.calibration_json import StoredCalibration, read_calibration
 from atom_core.report.changes_report import changes_document, changes_sentence, changes_table
+from atom_core.report.verdict import names_in_words
 from atom_core.solvers.base import CONVERGED
 
 RESULT_FILE = "comparison.json"
@@ -30,17 +32,32 @@ def run_comparison(args: argparse.Namespace, before: Path, after: Path) -> int:
     if args.output:
         common.refuse_occupied(args.output, args.overwrite)
     first, second = read_calibration(before), read_calibration(after)
-    found = compared(first, second)
+    found, warnings = compared(first, second), _warnings(first, second)
     if args.output:
         prepare_output_folder(args.output, args.overwrite)
-        document = changes_document(found, str(first.path), str(second.path))
+        document = changes_document(found, str(first.path), str(second.path), warnings)
         write_json_atomically(args.output / RESULT_FILE, document, sort_keys=False)
     print(changes_table(found))
-    for stored in (first, second):
-        if stored.status != CONVERGED:
-            print(f"warning: {stored.path} is {stored.status}: it is not known how sure it is")
+    for warning in warnings:
+        print(f"warning: {warning}")
     print(f"\n{changes_sentence(found)}")
-    return 1 if found.moved or not found.edges else 0
+    return 1 if found.moved or not found.compared else 0
+
+
+def _warnings(first: StoredCalibration, second: StoredCalibration) -> List[str]:
+    """Return why a comparison of edges and joints may not tell all."""
+    warnings = [
+        f"{stored.path} is {stored.status}: it is not known how sure it is"
+        for stored in (first, second)
+        if stored.status != CONVERGED
+    ]
+    cameras = list(dict.fromkeys([*first.cameras, *second.cameras]))
+    if cameras:
+        warnings.append(
+            f"the intrinsics of {names_in_words(cameras)} were estimated, too; they are not "
+            f"compared, and where they differ, so may the places of these cameras"
+        )
+    return warnings
 
 
 def compared(first: StoredCalibration, second: StoredCalibration) -> Changes:
@@ -61,4 +78,5 @@ def compared(first: StoredCalibration, second: StoredCalibration) -> Changes:
             f"{second.path}: has no calibrated edge in common with {first.path}; give two results "
             f"of one rig"
         )
-    return changes(before, after)
+    joints = ([p for joint in s.joints.values() for p in joint] for s in (first, second))
+    return changes(before, after, *joints)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import List, NamedTuple, Sequence, Tuple
+from typing import List, NamedTuple, Sequence, Tuple, Union
 
 import numpy as np
 from scipy import special
 
 from atom_core.evaluation.edge_errors import PoseError, pose_error
 from atom_core.evaluation.spreads import LEAST_VARIANCE, NUMBERS, joint_covariance, spread_of
-from atom_core.model.edge_state import EdgeState
+from atom_core.model.edge_state import EdgeState, ParameterState
 from atom_core.model.transforms import Edge
 
 FALSE_ALARMS = 0.01  # of rigs that did not move
@@ -40,42 +40,82 @@ class EdgeChange(NamedTuple):
     beyond_usual: bool
 
     @property
+    def name(self) -> str:
+        """The sensors on the edge, or the edge."""
+        return ", ".join(self.sensors) or str(self.edge)
+
+    @property
     def told(self) -> bool:
         """Whether a change that matters would be noticed."""
         largest = _NOTICED * np.max(self.sigma.reshape(2, -1), axis=1)  # of turns, of shifts
         return bool(largest[0] <= TOLD_RAD and largest[1] <= TOLD_M)
 
 
+class JointChange(NamedTuple):
+    """A parameter of a joint in two calibrations, in its unit.
+
+    Attributes:
+        name: of the joint, and of the parameter.
+        unit: m or rad.
+        change: the second one minus the first.
+        sigma: joint standard deviation.
+        moved: that is more than the limit.
+        beyond_usual: it is even with the usual errors of sensors and boards in both.
+    """
+
+    name: str
+    unit: str
+    change: float
+    sigma: float
+    moved: bool
+    beyond_usual: bool
+
+    @property
+    def told(self) -> bool:
+        """Whether a change that matters would be noticed."""
+        return _NOTICED * self.sigma <= (TOLD_RAD if self.unit == "rad" else TOLD_M)
+
+
 @dataclass(frozen=True)
 class Changes:
-    """All edges of two calibrations.
+    """All edges and joints of two calibrations.
 
     Attributes:
         edges: those that both have and that were estimated in both.
-        limit: of the chi-squares: of rigs that did not move, a hundredth has any edge beyond.
-        only_in_one: edges that one of them lacks.
+        joints: likewise parameters of joints.
+        limit: of the edges' chi-squares: of rigs that did not move, a hundredth has anything
+            beyond.
+        only_in_one: edges and parameters of joints that one of them lacks.
         held: edges that both hold.
+        by_collection: edges with a value for each collection, which are other ones elsewhere.
     """
 
     edges: Tuple[EdgeChange, ...]
     limit: float
-    only_in_one: Tuple[Edge, ...]
+    only_in_one: Tuple[str, ...]
     held: Tuple[Edge, ...]
+    joints: Tuple[JointChange, ...] = ()
+    by_collection: Tuple[Edge, ...] = ()
 
     @property
-    def moved(self) -> Tuple[EdgeChange, ...]:
-        """The edges that moved."""
-        return tuple(change for change in self.edges if change.moved)
+    def compared(self) -> Tuple[Union[EdgeChange, JointChange], ...]:
+        """All that both have."""
+        return (*self.edges, *self.joints)
 
     @property
-    def untold(self) -> Tuple[EdgeChange, ...]:
-        """The edges of which a change that matters would not be noticed."""
-        return tuple(change for change in self.edges if not (change.moved or change.told))
+    def moved(self) -> Tuple[Union[EdgeChange, JointChange], ...]:
+        """What moved."""
+        return tuple(change for change in self.compared if change.moved)
+
+    @property
+    def untold(self) -> Tuple[Union[EdgeChange, JointChange], ...]:
+        """That of which a change that matters would not be noticed."""
+        return tuple(change for change in self.compared if not (change.moved or change.told))
 
 
-def limit_of(edges: int) -> float:
-    """Return the chi-square of six numbers that one of some edges exceeds once in a hundred."""
-    return float(special.chdtri(NUMBERS, FALSE_ALARMS / max(edges, 1)))
+def limit_of(count: int, numbers: int = NUMBERS) -> float:
+    """Return the chi-square of some numbers that one of so many exceeds once in a hundred."""
+    return float(special.chdtri(numbers, FALSE_ALARMS / max(count, 1)))
 
 
 def chi_square(change: PoseError, covariance: np.ndarray) -> float:
@@ -86,21 +126,50 @@ def chi_square(change: PoseError, covariance: np.ndarray) -> float:
     return float(numbers / scale @ np.linalg.solve(correlation, numbers / scale))
 
 
-def changes(before: Sequence[EdgeState], after: Sequence[EdgeState]) -> Changes:
-    """Compare two calibrations edge by edge.
+def changes(
+    before: Sequence[EdgeState],
+    after: Sequence[EdgeState],
+    joints_before: Sequence[ParameterState] = (),
+    joints_after: Sequence[ParameterState] = (),
+) -> Changes:
+    """Compare two calibrations edge by edge, and parameter by parameter of joints.
 
     Args:
         before: edges of the first one.
         after: of the second one.
+        joints_before: parameters of joints that were estimated in the first one.
+        joints_after: likewise in the second one.
     """
     first, second = ({state.edge: state for state in states} for states in (before, after))
     common = [edge for edge in first if edge in second]
     held = [edge for edge in common if first[edge].anchored and second[edge].anchored]
-    estimated = [edge for edge in common if edge not in held]
-    limit = limit_of(len(estimated))
-    only = [edge for edge in (*first, *second) if edge not in common]
-    compared = tuple(_change(first[edge], second[edge], limit) for edge in estimated)
-    return Changes(compared, limit, tuple(only), tuple(held))
+    many = [e for e in common if first[e].collection or second[e].collection]
+    estimated = [edge for edge in common if edge not in (*held, *many)]
+    old, new = ({str(joint): joint for joint in joints} for joints in (joints_before, joints_after))
+    both = [name for name in old if name in new]
+    tests = len(estimated) + len(both)
+    limit = limit_of(tests)
+    only = [str(edge) for edge in (*first, *second) if edge not in common]
+    only += [name for name in (*old, *new) if name not in both]
+    return Changes(
+        tuple(_change(first[edge], second[edge], limit) for edge in estimated),
+        limit,
+        tuple(only),
+        tuple(edge for edge in held if edge not in many),
+        tuple(_joint_change(old[name], new[name], limit_of(tests, 1)) for name in both),
+        tuple(many),
+    )
+
+
+def _joint_change(first: ParameterState, second: ParameterState, limit: float) -> JointChange:
+    change = second.value - first.value
+    if first.unit == "rad":
+        change = float(np.arctan2(np.sin(change), np.cos(change)))
+    sigma = np.hypot(first.sigma, second.sigma)
+    usual = np.hypot(*(s.combined_sigma or s.sigma for s in (first, second)))
+    moved, beyond = (change**2 > limit * max(s**2, LEAST_VARIANCE) for s in (sigma, usual))
+    names = str(first), first.unit, change
+    return JointChange(*names, float(sigma), bool(moved), bool(moved and beyond))
 
 
 def _change(first: EdgeState, second: EdgeState, limit: float) -> EdgeChange:

@@ -12,7 +12,7 @@ from atom_core.geometry import se3
 from atom_core.io.json_text import load_json
 from atom_core.io.paths import sibling
 from atom_core.io.structure import OTHER_KIND
-from atom_core.model.edge_state import EdgeState
+from atom_core.model.edge_state import EdgeState, ParameterState
 from atom_core.model.transforms import Edge
 
 FILE = "calibration.json"
@@ -61,7 +61,7 @@ class StoredCalibration(NamedTuple):
         model_errors: of sensors and boards that were estimated beside the poses.
         cameras: by sensor, those whose intrinsics were.
         moving: by the frame of a moving part, how far its poses were taken to be off [m, rad].
-        joints: names of those that were estimated.
+        joints: by joint, its parameters that were estimated.
     """
 
     path: Path
@@ -71,7 +71,7 @@ class StoredCalibration(NamedTuple):
     model_errors: Tuple[StoredError, ...]
     cameras: Mapping[str, StoredCamera]
     moving: Mapping[str, Tuple[float, float]]
-    joints: Tuple[str, ...]
+    joints: Mapping[str, Tuple[ParameterState, ...]]
 
 
 def calibration_file(path: Path) -> Path:
@@ -114,7 +114,7 @@ def read_calibration(path: Path) -> StoredCalibration:
             tuple(_model_errors(document)),
             {name: _camera(s) for name, s in sensors.items() if "camera" in s},
             {str(part["child"]): _sigmas_of_part(part) for part in moving},
-            tuple(document.get("joints", {})),
+            {name: _joint(name, entry) for name, entry in document.get("joints", {}).items()},
         )
     except OTHER_KIND as error:
         said = f"lacks {error}" if isinstance(error, KeyError) else str(error)
@@ -165,9 +165,23 @@ def _edge(entry: Dict[str, Any], by_name: Dict[str, Any], freedom: float) -> Edg
         covariance = np.array([_numbers(row, 2 * _AXES) for row in entry["covariance"]])
     anchored = bool(entry["anchored"])
     detections = sum(int(by_name[name]["detections"]) for name in sensors if name in by_name)
+    sigmas = sigma, covariance, of_model, combined
+    collection = entry.get("sigma_collection")
     return EdgeState(
-        *(edge, sensors, anchored, pose, sigma, covariance, of_model, combined, detections, freedom)
+        *(edge, sensors, anchored, pose, *sigmas, detections, freedom),
+        None if collection is None else str(collection),
     )
+
+
+def _joint(joint: str, entry: Mapping[str, Any]) -> Tuple[ParameterState, ...]:
+    found = []
+    for name, parameter in entry.items():
+        value, sigma = _numbers([parameter["value"], parameter["sigma"]], 2)
+        combined = parameter.get("combined_sigma")
+        usual = None if combined is None else float(_numbers([combined], 1)[0])
+        unit = str(parameter["unit"])
+        found.append(ParameterState(joint, str(name), unit, float(value), float(sigma), usual))
+    return tuple(found)
 
 
 def _sigma(entry: Dict[str, Any], name: str) -> np.ndarray:

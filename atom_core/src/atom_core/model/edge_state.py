@@ -1,4 +1,4 @@
-"""An edge of one calibration and how surely it is known, for those that compare calibrations."""
+"""What one calibration found and how surely, for those that compare calibrations."""
 
 from __future__ import annotations
 
@@ -23,6 +23,8 @@ class EdgeState(NamedTuple):
         combined_sigma: (6,) likewise, with usual errors of sensors and boards; None: not known.
         detections: of its sensors, that were used; 0: not known.
         freedom: degrees of freedom of Student's t by which `sigma` is wider; infinite: it is not.
+        collection: of an edge with a value for each collection, the one whose sigmas these are;
+            its pose is that of the first. None: one value holds for all.
     """
 
     edge: Edge
@@ -35,3 +37,26 @@ class EdgeState(NamedTuple):
     combined_sigma: Optional[np.ndarray] = None
     detections: int = 0
     freedom: float = np.inf
+    collection: Optional[str] = None
+
+
+class ParameterState(NamedTuple):
+    """A parameter of a joint as a calibration found it.
+
+    Attributes:
+        joint, name: which.
+        unit: of what follows; m or rad.
+        value, sigma: with its standard deviation.
+        combined_sigma: likewise, with usual errors of sensors and boards; None: not known.
+    """
+
+    joint: str
+    name: str
+    unit: str
+    value: float
+    sigma: float
+    combined_sigma: Optional[float] = None
+
+    def __str__(self) -> str:
+        """Return the joint's name and the parameter's."""
+        return f"{self.joint} {self.name}"

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, List
+from typing import Any, Dict, List, Sequence, Union
 
 import numpy as np
 
-from atom_core.evaluation.changes import FALSE_ALARMS, Changes, EdgeChange
+from atom_core.evaluation.changes import FALSE_ALARMS, Changes, EdgeChange, JointChange
 from atom_core.evaluation.edge_errors import PoseError
 from atom_core.problem.blocks import ROTATION, TRANSLATION
 from atom_core.report.tables import text_table, three_digits
-from atom_core.report.verdict import names_in_words
+from atom_core.report.verdict import (
+    GOOD,
+    WEAK,
+    WRONG,
+    Verdict,
+    names_in_words,
+    verdict_document,
+)
 
 MM_PER_M = 1000.0
 VERSION = "1.0"
@@ -27,17 +34,32 @@ def changes_table(found: Changes) -> str:
         figures = [*sizes(change.change), *sigma, change.chi_square]
         names = [str(change.edge), ", ".join(change.sensors)]
         rows.append([*names, *map(three_digits, figures), _verdict(change)])
+    rows += [_joint_row(joint) for joint in found.joints]
     lines = [text_table([*headers, ""], rows, "The second calibration against the first")]
     lines.append(
         f"moved: chi-square of the six numbers in their joint covariance beyond {found.limit:.1f}, "
         f"as of one rig in a hundred that did not move"
     )
     lines += [f"held in both, not compared: {edge}" for edge in found.held]
-    lines += [f"in one of the two only: {edge}" for edge in found.only_in_one]
+    lines += [
+        f"has a value for each collection, not compared: {edge}" for edge in found.by_collection
+    ]
+    lines += [f"in one of the two only: {name}" for name in found.only_in_one]
     return "\n".join(lines)
 
 
-def _verdict(change: EdgeChange) -> str:
+def _joint_row(joint: JointChange) -> List[Any]:
+    square = (joint.change / joint.sigma) ** 2 if joint.sigma > 0.0 else np.nan
+    in_mm, in_deg = ["", ""], ["", ""]
+    if joint.unit == "rad":
+        in_deg = [three_digits(np.degrees(v)) for v in (joint.change, joint.sigma)]
+    else:
+        in_mm = [three_digits(MM_PER_M * v) for v in (joint.change, joint.sigma)]
+    figures = [in_mm[0], in_deg[0], in_mm[1], in_deg[1], three_digits(square)]
+    return [joint.name, "joint", *figures, _verdict(joint)]
+
+
+def _verdict(change: Union[EdgeChange, JointChange]) -> str:
     if not change.moved:
         return SAME if change.told else "not told"
     return MOVED if change.beyond_usual else f"{MOVED}, or boards stood elsewhere"
@@ -45,10 +67,10 @@ def _verdict(change: EdgeChange) -> str:
 
 def changes_sentence(found: Changes) -> str:
     """Return whether anything moved, in one sentence."""
-    names = [", ".join(change.sensors) or str(change.edge) for change in found.moved]
-    if not found.edges:
+    names = [change.name for change in found.moved]
+    if not found.compared:
         return "nothing can be compared: no edge was estimated in both"
-    untold = [", ".join(change.sensors) or str(change.edge) for change in found.untold]
+    untold = [change.name for change in found.untold]
     if not names and untold:
         return f"nothing is seen to differ, but of {names_in_words(untold)} nothing is told"
     if not names:
@@ -56,7 +78,21 @@ def changes_sentence(found: Changes) -> str:
     return f"the two calibrations differ: {names_in_words(names)} moved"
 
 
-def changes_document(found: Changes, before: str, after: str) -> Dict[str, Any]:
+def changes_verdict(found: Changes, warnings: Sequence[str] = ()) -> Verdict:
+    """Return the verdict on a rig that was calibrated twice.
+
+    Args:
+        found: what differs.
+        warnings: why that may not be all.
+    """
+    is_all = bool(found.compared) and not found.untold and not warnings
+    grade = WRONG if found.moved else GOOD if is_all else WEAK
+    return Verdict(grade, changes_sentence(found), {})
+
+
+def changes_document(
+    found: Changes, before: str, after: str, warnings: Sequence[str] = ()
+) -> Dict[str, Any]:
     """Return the document ``comparison.json``; SI units."""
     return {
         "version": VERSION,
@@ -64,6 +100,8 @@ def changes_document(found: Changes, before: str, after: str) -> Dict[str, Any]:
         "after": after,
         "moved": bool(found.moved),
         "sentence": changes_sentence(found),
+        "verdict": verdict_document(changes_verdict(found, warnings)),
+        "warnings": list(warnings),
         "false_alarm_rate": FALSE_ALARMS,
         "limit_chi_square": found.limit,
         "edges": {
@@ -73,13 +111,29 @@ def changes_document(found: Changes, before: str, after: str) -> Dict[str, Any]:
                 "sigma_translation_m": change.sigma[TRANSLATION].tolist(),
                 "sigma_rotation_rad": change.sigma[ROTATION].tolist(),
                 "chi_square": change.chi_square,
-                "verdict": MOVED if change.moved else SAME if change.told else NOT_TOLD,
-                "beyond_usual_errors": change.beyond_usual,
+                **_answer(change),
             }
             for change in found.edges
         },
+        "joints": {
+            joint.name: {
+                "unit": joint.unit,
+                "change": joint.change,
+                "sigma": joint.sigma,
+                **_answer(joint),
+            }
+            for joint in found.joints
+        },
         "held": [str(edge) for edge in found.held],
-        "only_in_one": [str(edge) for edge in found.only_in_one],
+        "by_collection": [str(edge) for edge in found.by_collection],
+        "only_in_one": list(found.only_in_one),
+    }
+
+
+def _answer(change: Union[EdgeChange, JointChange]) -> Dict[str, Any]:
+    return {
+        "verdict": MOVED if change.moved else SAME if change.told else NOT_TOLD,
+        "beyond_usual_errors": change.beyond_usual,
     }
 
 

@@ -6,7 +6,7 @@ from typing import Any, Dict, List, Mapping, Tuple
 
 from atom_core.labeling.guidance import Guidance
 from atom_core.report.calibration_verdict import MORE_BOARDS
-from atom_core.report.changes_report import MOVED
+from atom_core.report.changes_report import MOVED, NOT_TOLD
 from atom_core.report.page.blocks import SensorLine
 from atom_core.report.page.given import Document, Given, verdict_of
 from atom_core.report.verdict import GOOD, GRADES, WEAK, WRONG, angle, is_named, length
@@ -47,7 +47,8 @@ def sentences(given: Given) -> Tuple[str, str, str]:
 
 
 def _of_changes(document: Document) -> Mapping[str, Any]:
-    grade = WRONG if document["moved"] else GOOD
+    told = [entry["verdict"] != NOT_TOLD for entry in document["edges"].values()]
+    grade = WRONG if document["moved"] else GOOD if told and all(told) else WEAK
     return verdict_of(document) or {"grade": grade, "sentence": document["sentence"]}
 
 

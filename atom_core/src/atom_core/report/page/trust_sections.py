@@ -74,6 +74,7 @@ def changes_section(given: Given) -> List[Section]:
         blocks.append(Text(f"{_capital(document['sentence'])}.", warns=bool(document["moved"])))
         if document.get("contradiction"):
             blocks.append(Text(str(document["contradiction"]), warns=True))
+        blocks += [Text(f"{_capital(w)}.", warns=True) for w in document.get("warnings", ())]
         blocks.append(_changes(document))
     return [Section("changes", "Has the rig moved?", blocks)] if blocks else []
 
@@ -84,6 +85,9 @@ def _changes(document: Document) -> Table:
         name = ", ".join(entry["sensors"]) or edge
         verdict = entry["verdict"].replace("_", " ")
         rows.append([name, verdict, *_sizes(entry), three_digits(entry["chi_square"]) or ABSENT])
+    for name, joint in document.get("joints", {}).items():
+        verdict, square = joint["verdict"].replace("_", " "), _square(joint)
+        rows.append([name, verdict, *_size_of_joint(joint), square])
     before = document.get("before", document.get("against"))
     after = document.get("after", document.get("dataset"))
     note = (
@@ -92,6 +96,16 @@ def _changes(document: Document) -> Table:
     )
     columns = ["sensors", "verdict", "shift [mm]", "turn [deg]", "chi-square"]
     return Table("What moved", columns, rows, note=note)
+
+
+def _size_of_joint(joint: Mapping[str, Any]) -> List[str]:
+    if joint["unit"] == "rad":
+        return [ABSENT, f"{math.degrees(joint['change']):.3f}"]
+    return [f"{1e3 * joint['change']:.2f}", ABSENT]
+
+
+def _square(joint: Mapping[str, Any]) -> str:
+    return three_digits((joint["change"] / joint["sigma"]) ** 2) if joint["sigma"] else ABSENT
 
 
 def _sizes(entry: Mapping[str, Any]) -> List[str]:
