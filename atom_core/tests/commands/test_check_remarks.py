@@ -66,6 +66,22 @@ def test_data_files_that_are_all_absent_are_a_problem_for_each_sensor(given, cap
     assert "verdict: WRONG" in said
 
 
+def test_data_that_stand_in_the_json_are_not_called_absent_files(given, capsys):
+    def inline(document):
+        for collection in document["collections"].values():
+            entry = collection["data"]["lidar_1"]
+            del entry["data_file"]
+            entry["data"] = "AAAA"
+
+    said = said_of(given, capsys, inline)
+    assert "the data of sensor 'lidar_1' stand in the JSON itself (as 'data')" in said
+    assert "'data_file', or calibrate without it: -ssf '!lidar_1'" in said
+    assert "are absent" not in said
+    words = ["--dataset", str(given.with_name("changed.json")), "--output", str(given.parent / "o")]
+    assert main(["calibrate", *words]) == 2
+    assert "stand in the JSON itself" in capsys.readouterr().err
+
+
 def test_what_is_weak_is_not_called_ready(given, capsys):
     def few(document):
         document["collections"] = dict(list(document["collections"].items())[:3])

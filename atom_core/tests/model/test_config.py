@@ -328,6 +328,12 @@ def test_both_layouts_at_once_keep_the_new_one():
     assert config.to_document() == document and len(config.warnings) == 1
 
 
+def test_a_version_in_quotes_is_a_number():
+    config = read(changed(["version"], "3.0"))
+    assert config.version == 3.0 and config.warnings == ()
+    assert config.to_document()["version"] == 3.0
+
+
 def test_version_2_with_keys_of_version_3():
     config = read(changed(["version"], 2.0))
     assert config.version == 2.0 and config.warnings == ()

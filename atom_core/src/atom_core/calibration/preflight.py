@@ -21,6 +21,7 @@ from atom_core.calibration.prepare.preparation import (
     check_not_alone,
     free_edges,
     prepare,
+    stands_in_json,
     usable,
 )
 from atom_core.calibration.prepare.priors import priors
@@ -117,8 +118,12 @@ def preflight(dataset: Dataset) -> Preflight:
 
 def _absent(dataset: Dataset) -> List[str]:
     return [
-        f"the data files of sensor '{sensor}' are absent ({len(collections)} collections); put "
-        f"them beside the dataset, or calibrate without it: -ssf '!{sensor}'"
+        (
+            stands_in_json(dataset, sensor, collections)
+            or f"the data files of sensor '{sensor}' are absent ({len(collections)} collections); "
+            f"put them beside the dataset"
+        )
+        + f", or calibrate without it: -ssf '!{sensor}'"
         for sensor, collections in absent_data(dataset).items()
     ]
 

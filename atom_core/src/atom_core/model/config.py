@@ -251,17 +251,19 @@ def _read(cls: Callable[..., CalibrationConfig], root: Section) -> CalibrationCo
         },
         joints={n: JointConfig.from_section(s) for n, s in root.named("joints", JointConfig.KEYS)},
         anchored_sensor=root.get("anchored_sensor"),
-        max_duration_between_msgs=_duration(root),
+        max_duration_between_msgs=_number(
+            root, "max_duration_between_msgs", DEFAULT_MAX_DURATION_MS
+        ),
         package_name=root.get("package_name"),
         priors={n: PriorConfig.from_section(s) for n, s in root.named("priors", PriorConfig.KEYS)},
-        version=CURRENT_VERSION if migrated else root.get("version", CURRENT_VERSION),
+        version=CURRENT_VERSION if migrated else _number(root, "version", CURRENT_VERSION),
         extra=root.extra(),
     )
 
 
-def _duration(root: Section) -> Any:
-    """Return the longest duration; a number that stands in quotes is a number."""
-    value = root.get("max_duration_between_msgs", DEFAULT_MAX_DURATION_MS)
+def _number(root: Section, key: str, default: float) -> Any:
+    """Return a value; a number that stands in quotes is a number, as it is to ATOM."""
+    value = root.get(key, default)
     try:
         return float(value) if isinstance(value, str) else value
     except ValueError:

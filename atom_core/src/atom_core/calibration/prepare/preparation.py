@@ -176,9 +176,32 @@ def absent_data(dataset: Dataset) -> Dict[str, List[str]]:
     return absent
 
 
+def stands_in_json(dataset: Dataset, sensor: str, collections: Sequence[str]) -> str:
+    """Say that a sensor's data stand in the dataset's JSON, if they do; they are not read there.
+
+    Args:
+        dataset: as it was read.
+        sensor: whose data files are absent.
+        collections: from which.
+    """
+    stored = dataset.document.get("collections") or {}
+    entries = [((stored.get(key) or {}).get("data") or {}).get(sensor) for key in collections]
+    if not any(entry and "data" in entry and "data_file" not in entry for entry in entries):
+        return ""
+    return (
+        f"the data of sensor '{sensor}' stand in the JSON itself (as 'data') and are not read from "
+        f"there; write them to files, and name these by 'data_file'"
+    )
+
+
 def check_data_present(dataset: Dataset) -> None:
     """Refuse a range sensor whose labels refer to data files that are absent."""
     for sensor, collections in absent_data(dataset).items():
+        inline = stands_in_json(dataset, sensor, collections)
+        if inline:
+            raise CalibrationError(
+                f"{dataset.source}: {inline}, or leave the sensor out with -ssf '!{sensor}'"
+            )
         raise CalibrationError(
             f"{dataset.source}: the data files of sensor '{sensor}' are absent (collections "
             f"{', '.join(dict.fromkeys(collections))}); put them beside the dataset (a result in a "
