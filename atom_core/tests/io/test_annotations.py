@@ -66,6 +66,50 @@ def test_empty_sides_are_no_annotation(tmp_path):
     assert read_annotations(tmp_path, cameras("rgb_1"), ["board"]) == {}
 
 
+def of_version_1(folder, lines):
+    document = {"ground_truth_pts": {"004": lines}}
+    (folder / "annotation_rgb_1.json").write_text(json.dumps(document))
+
+
+def test_a_file_of_version_1_means_the_same_with_numbers_for_sides(tmp_path):
+    of_version_1(tmp_path, {"0": [[0, 1], [10, 1]], "1": [[10, 1], [11, 5], [12, 9]], "3": []})
+    borders = read_annotations(tmp_path, cameras("rgb_1"), ["board"])
+    expected = [[[0, 1], [10, 1]], [[10, 1], [11, 5]], [[11, 5], [12, 9]]]
+    np.testing.assert_array_equal(borders[("004", "rgb_1", "board")], expected)
+
+
+def test_a_file_of_version_1_is_drawn_on_and_becomes_one_of_now(tmp_path):
+    path = tmp_path / "annotation_rgb_1.json"
+    of_version_1(tmp_path, {"0": [[0, 1], [10, 1]], "2": [[3, 4], [5, 6]]})
+    lines = read_lines(path, ["board"], "board")
+    assert lines["004"]["top"] == [(0, 1), (10, 1)] and lines["004"]["bottom"] == [(3, 4), (5, 6)]
+    before = read_annotations(tmp_path, cameras("rgb_1"), ["board"])
+    drawn = {"005": {"top": [(1.0, 2.0), (3.0, 4.0)]}}
+    write_annotations(path, drawn, patterns=["board"], pattern="board")
+    document = json.loads(path.read_text())
+    assert set(document) == {"_metadata", "004", "005"}
+    assert document["_metadata"]["version"] == "2.0"
+    after = read_annotations(tmp_path, cameras("rgb_1"), ["board"])
+    key = ("004", "rgb_1", "board")
+    np.testing.assert_array_equal(after[key], before[key])
+
+
+@pytest.mark.parametrize("lines", [{"4": []}, {"top": []}, {"0": [[1, 2, 3]]}, {"0": [1]}, 5, "x"])
+def test_a_malformed_file_of_version_1_is_named(tmp_path, lines):
+    of_version_1(tmp_path, lines)
+    with pytest.raises(DatasetError, match=r"annotation_rgb_1.json: .*version 1\.0"):
+        read_annotations(tmp_path, cameras("rgb_1"), ["board"])
+
+
+@pytest.mark.parametrize("patterns", [["board"], ["one", "two"]])
+def test_an_entry_with_neither_sides_nor_known_patterns_is_refused(tmp_path, patterns):
+    write(tmp_path, {"0": SIDES["top"], "other": SIDES})
+    with pytest.raises(DatasetError, match="collection 004 has neither a side .* but 0, other"):
+        read_annotations(tmp_path, cameras("rgb_1"), patterns)
+    write(tmp_path, {patterns[0]: SIDES, "other": SIDES})
+    assert len(read_annotations(tmp_path, cameras("rgb_1"), patterns)) == 2
+
+
 @pytest.mark.parametrize(
     "entry",
     [

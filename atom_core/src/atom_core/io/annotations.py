@@ -28,6 +28,7 @@ UNNAMED = ""  # in place of a pattern: sides of one of several, the file does no
 PLANE = "plane"  # of a collection in the file of a LiDAR, which has points in space, no pixels
 
 _METADATA, _VERSION, _SIZE = "_metadata", "2.0", "image_size"
+_VERSION_1 = "ground_truth_pts"  # under which a file of version 1.0 has its collections
 _EDGE_PX = 1.0  # a click on the rim of an image is rounded, which may put it just outside
 _MOST_OUTSIDE = 0.25  # of the points; lines may be drawn on beyond the image, and are cut there
 
@@ -162,7 +163,32 @@ def _document(path: Path) -> Dict[str, Any]:
         raise DatasetError(_unusable(path, error)) from None
     if not isinstance(document, dict):
         raise DatasetError(_unusable(path, "not a JSON mapping"))
-    return document
+    if _VERSION_1 not in document:
+        return document
+    try:
+        return _of_version_1(document)
+    except OTHER_KIND as error:
+        raise DatasetError(_unusable(path, f"{_VERSION_1}, of version 1.0: {error}")) from None
+
+
+def _of_version_1(document: Mapping[str, Any]) -> Dict[str, Any]:
+    """Return what a file of version 1.0 has as one of now: sides have numbers, points are pairs.
+
+    The numbers follow the order in which ATOM's tool goes along the sides.
+    """
+    made: Dict[str, Any] = {k: v for k, v in document.items() if k == _METADATA}
+    for collection, lines in document[_VERSION_1].items():
+        unknown = set(lines) - set(map(str, range(len(SIDES))))
+        if unknown:
+            raise ValueError(f"collection {collection} has a side {min(unknown)!r}, not 0 to 3")
+        made[collection] = {}
+        for i, side in enumerate(SIDES):
+            points = np.array(lines.get(str(i), []), dtype=float)
+            if points.size and (points.ndim != 2 or points.shape[1] != 2):
+                raise ValueError(f"collection {collection}, side {i} is no list of (x, y)")
+            xs, ys = points.reshape(-1, 2).T.tolist()
+            made[collection][side] = {"xs": xs, "ys": ys}
+    return made
 
 
 def _unusable(path: Path, why: Any) -> str:
@@ -194,7 +220,13 @@ def _borders(
     try:
         borders = {}
         for collection, entry in _entries(document).items():
-            for pattern, sides in _by_pattern(entry, patterns, unnamed).items():
+            by_pattern = _by_pattern(entry, patterns, unnamed)
+            if by_pattern and not set(by_pattern) & {*patterns, unnamed}:
+                raise ValueError(
+                    f"collection {collection} has neither a side ({', '.join(SIDES)}) nor a "
+                    f"pattern of the dataset ({', '.join(patterns)}), but {', '.join(by_pattern)}"
+                )
+            for pattern, sides in by_pattern.items():
                 segments = _segments(sides)
                 if len(segments):
                     borders[(collection, pattern)] = segments
