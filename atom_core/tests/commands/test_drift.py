@@ -96,6 +96,18 @@ def test_without_results_beside_it_the_edges_alone_are_compared(made, capsys):
     assert "chi-square" in capsys.readouterr().out
 
 
+def test_a_description_that_lacks_sensors_tells_nothing_of_them(made, tmp_path, capsys):
+    text = (made / "rig.urdf").read_text()
+    assert text.count('"rgb_3') >= 1
+    lacking, other = tmp_path / "lacking.urdf", tmp_path / "other.urdf"
+    lacking.write_text(text.replace('"rgb_3', '"other_3'))
+    run(*check(made, lacking))
+    shown = capsys.readouterr().out
+    assert "of rgb_3 nothing is told" in shown and "verdict: WEAK" in shown
+    other.write_text('<robot name="other"><link name="a"/></robot>')
+    assert "has none of the calibrated edges" in refused(capsys, *check(made, other))
+
+
 def test_one_board_is_refused(made, capsys):
     more = ["-csf", first_key(made)]
     against = made / "results" / "optimized.urdf.xacro"

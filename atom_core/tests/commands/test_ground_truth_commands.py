@@ -1,6 +1,7 @@
 """ATOM's two evaluations against the truth show what the transforms were shifted by."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,9 +9,13 @@ import pytest
 from atom_core import cli
 from atom_core.geometry import se3
 from atom_core.io.dataset_writer import write_dataset_folder
+from atom_core.model.config import EdgeConfig
+from atom_core.model.transforms import Edge
 from atom_core.synthetic import Noise, scenes
+from atom_core.synthetic.degenerate import planar_motion
 
 SHIFT, TURN = np.array([0.003, -0.002, 0.006]), np.array([0.01, -0.02, 0.005])
+MOVE = se3.transform(se3.rotation_from_rotation_vector(TURN), SHIFT)
 
 
 @pytest.fixture(scope="module")
@@ -19,8 +24,7 @@ def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("truth")
     true = scenes.two_cameras(0, collections=3, noise=Noise.none()).dataset
     edge = true.sensors["rgb_2"].edge
-    move = se3.transform(se3.rotation_from_rotation_vector(TURN), SHIFT)
-    shifted = true.first_value(edge) @ se3.inverse(move)
+    shifted = true.first_value(edge) @ se3.inverse(MOVE)
     found = true.with_transforms(dict.fromkeys(true.collections, {edge: shifted}))
     write_dataset_folder(true, folder / "true", name="true")
     write_dataset_folder(found, folder / "found", name="found")
@@ -100,3 +104,27 @@ def test_what_atoms_batches_give_every_evaluation_is_answered_with_a_note(
     assert told.count("has no meaning here, because") == 4
     run(kind, folder, *ends, "-sfrn", tmp_path / "without.csv")
     assert (tmp_path / "with.csv").read_bytes() == (tmp_path / "without.csv").read_bytes()
+
+
+@pytest.fixture(scope="module")
+def odometry(tmp_path_factory):
+    """Return a folder in which the found odometry is off, and the odometry's edge."""
+    folder = tmp_path_factory.mktemp("odometry")
+    true, edge = planar_motion(1, collections=4).dataset, Edge("world", "robot_base")
+    tfs = {"odometry": EdgeConfig(parent_link=edge.parent, child_link=edge.child)}
+    true = replace(true, config=replace(true.config, additional_tfs=tfs))
+    moves = {key: {edge: c.transforms[edge] @ MOVE} for key, c in true.collections.items()}
+    write_dataset_folder(true, folder / "true", name="true")
+    write_dataset_folder(true.with_transforms(moves), folder / "found", name="found")
+    return folder, edge
+
+
+def test_odometry_that_is_the_test_sets_own_is_not_called_exact(odometry, tmp_path, capsys):
+    folder, edge = odometry
+    run("frame", folder, "-sfrn", tmp_path / "frames.csv")
+    assert f"note: '{edge}' was estimated for each collection" in capsys.readouterr().out
+    _, rows = table(tmp_path / "frames.csv")
+    assert rows and not [name for name in rows if edge.child in name]
+    run("frame", folder, "-sf", edge.child, code=2)
+    run("transform", folder, "-p", edge.parent, "-c", edge.child, code=2)
+    assert "is not measured here" in capsys.readouterr().err

@@ -23,7 +23,7 @@ from atom_core.model.transforms import Edge
 from atom_core.report.calibration_tables import MovedEdge, moved_report, preflight_report
 from atom_core.report.check_verdict import check_verdict
 from atom_core.report.drift_report import drift_document, drift_table, drift_verdict
-from atom_core.report.verdict import WRONG, length
+from atom_core.report.verdict import GOOD, WEAK, WRONG, length, names_in_words
 
 EXAMPLE = """
 python3 -m atom_core check --dataset data/dataset.json
@@ -80,9 +80,12 @@ def run(args: argparse.Namespace) -> int:
         edges = _compare(dataset, described)
         print("\n" + moved_report(edges))
         if calibration is None:
-            moved = _moved(edges)
-            print("\nthe rig has moved" if moved else "\nthe rig stands as described")
+            _refuse_other_rig(edges, args.against)
+            moved, untold = _moved(edges), [e.sensor for e in edges if np.isnan(e.translation_m)]
+            print("\nthe rig has moved" if moved else f"\n{_stands(untold)}")
             verdict = check_verdict(dataset, result, moved)
+            if untold and verdict.grade == GOOD:
+                verdict = replace(verdict, grade=WEAK, sentence=_stands(untold))
         else:
             found = drift_of(dataset, described, calibration, args.against)
             verdict = verdict if result.problems and not found.moved else drift_verdict(found)
@@ -115,6 +118,24 @@ def _with_description(dataset: Dataset) -> Tuple[Dataset, List[str]]:
     except DescriptionError as error:
         return dataset, [f"optimized.urdf.xacro will not be written: {error}"]
     return dataset, []
+
+
+def _refuse_other_rig(edges: Sequence[MovedEdge], description: Path) -> None:
+    if all(np.isnan(edge.translation_m) for edge in edges):
+        missed = edges[0].edge
+        raise DescriptionError(
+            f"{description}: has none of the calibrated edges, such as '{missed.parent}' to "
+            f"'{missed.child}'; give the description of this rig"
+        )
+
+
+def _stands(untold: Sequence[str]) -> str:
+    if not untold:
+        return "the rig stands as described"
+    return (
+        f"nothing is seen to have moved, but of {names_in_words(untold)} nothing is told: the "
+        f"description has no joint there, or the dataset no transform"
+    )
 
 
 def _moved(edges: Sequence[MovedEdge]) -> Dict[str, str]:

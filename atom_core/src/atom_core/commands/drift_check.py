@@ -71,8 +71,9 @@ def _refuse_untrusted(stored: StoredCalibration) -> None:
             f"settle that first"
         )
     if stored.joints:
+        joints = names_in_words(list(stored.joints))
         raise CalibrationError(
-            f"{stored.path}: here joints were estimated, too ({names_in_words(stored.joints)}), "
+            f"{stored.path}: here joints were estimated, too ({joints}), "
             f"and new boards are read without that, which looks like a move; calibrate the new "
             f"boards with the same options, and compare the results: evaluate --compare OLD NEW"
         )

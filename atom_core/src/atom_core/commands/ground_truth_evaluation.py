@@ -11,12 +11,13 @@ import numpy as np
 from atom_core.commands import common
 from atom_core.commands.atom_options import AtomOption, add_meaningless_options
 from atom_core.errors import DatasetError
-from atom_core.evaluation.mixed import mixed_dataset
+from atom_core.evaluation.mixed import mixed_dataset, not_measured
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.truth_file import read_any_truth
 from atom_core.model.dataset import Dataset
 from atom_core.model.selection import select_names
+from atom_core.model.transforms import Edge
 from atom_core.model.truth import with_truth
 
 COLUMNS = (
@@ -33,10 +34,18 @@ _NOT_HERE = (
 
 
 class Compared(NamedTuple):
-    """The test set with the calibrated edges, and with the true ones."""
+    """Both sides of a comparison.
+
+    Attributes:
+        found: the test set with the calibrated edges.
+        true: with the true ones.
+        own: edges that were estimated for each collection of the train file, and of which `found`
+            has the test set's own.
+    """
 
     found: Dataset
     true: Dataset
+    own: List[Edge]
 
 
 def add_files(parser: argparse.ArgumentParser) -> None:
@@ -73,7 +82,15 @@ def compared(args: argparse.Namespace) -> Compared:
             f"{source}: the calibration would be compared with itself; give the truth with --truth"
         )
     true = with_truth(test, read_any_truth(source))
-    return Compared(mixed_dataset(train, test), true)
+    return Compared(mixed_dataset(train, test), true, not_measured(train, test))
+
+
+def why_not_measured(edge: Edge) -> str:
+    """Return why nothing is said of an edge that has a value for each collection."""
+    return (
+        f"'{edge}' was estimated for each collection of the train file, and is the test set's own "
+        f"in its collections; what was found of it is not measured here"
+    )
 
 
 def angle(found_T_true: np.ndarray) -> float:

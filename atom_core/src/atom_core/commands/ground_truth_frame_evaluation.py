@@ -8,8 +8,15 @@ from typing import Any, List
 import numpy as np
 
 from atom_core.commands import common
-from atom_core.commands.ground_truth_evaluation import COLUMNS, add_files, angle, compared
+from atom_core.commands.ground_truth_evaluation import (
+    COLUMNS,
+    add_files,
+    angle,
+    compared,
+    why_not_measured,
+)
 from atom_core.commands.pair_evaluation import add_results_options, results_file, show_table
+from atom_core.errors import DatasetError
 from atom_core.evaluation.frames_against_truth import (
     by_rotation_vector,
     calibrated_frames,
@@ -41,6 +48,12 @@ def run(args: argparse.Namespace) -> int:
     both = compared(args)
     target = args.target_frame or both.found.world
     frames = [args.source_frame] if args.source_frame else calibrated_frames(both.found)
+    for edge in both.own:
+        if edge.child in frames:
+            print(f"note: {why_not_measured(edge)}")
+            frames.remove(edge.child)
+    if not frames:
+        raise DatasetError(f"{args.test_json}: no frame is left to compare")
     by_collection = args.show_all_collections or args.source_frame
     rows: List[List[Any]] = []
     for frame in frames:

@@ -6,8 +6,15 @@ import argparse
 from typing import Any, List
 
 from atom_core.commands import common
-from atom_core.commands.ground_truth_evaluation import COLUMNS, add_files, angle, compared
+from atom_core.commands.ground_truth_evaluation import (
+    COLUMNS,
+    add_files,
+    angle,
+    compared,
+    why_not_measured,
+)
 from atom_core.commands.pair_evaluation import add_results_options, results_file, show_table
+from atom_core.errors import DatasetError
 from atom_core.evaluation.frames_against_truth import by_angles, frame_errors, mean_rows, row_of
 from atom_core.geometry import se3
 from atom_core.report.atom_csv import AVERAGES
@@ -31,6 +38,9 @@ def run(args: argparse.Namespace) -> int:
     """Measure, print ATOM's table: signed, the found value minus the true one."""
     target_file = results_file(args, "ground_truth_transform_results.csv")
     both = compared(args)
+    for edge in both.own:
+        if {edge.parent, edge.child} == {args.parent_link, args.child_link}:
+            raise DatasetError(why_not_measured(edge))
     errors = frame_errors(both.found, both.true, args.parent_link, args.child_link)
     rows: List[List[Any]] = []
     for key, found_T_true in errors.items():

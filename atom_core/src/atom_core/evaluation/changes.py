@@ -166,7 +166,7 @@ def _joint_change(first: ParameterState, second: ParameterState, limit: float) -
     if first.unit == "rad":
         change = float(np.arctan2(np.sin(change), np.cos(change)))
     sigma = np.hypot(first.sigma, second.sigma)
-    usual = np.hypot(*(s.combined_sigma or s.sigma for s in (first, second)))
+    usual = np.hypot(first.combined_sigma or first.sigma, second.combined_sigma or second.sigma)
     moved, beyond = (change**2 > limit * max(s**2, LEAST_VARIANCE) for s in (sigma, usual))
     names = str(first), first.unit, change
     return JointChange(*names, float(sigma), bool(moved), bool(moved and beyond))

@@ -64,6 +64,12 @@ def calibrated_edges(train: Dataset, test: Dataset) -> Dict[Edge, np.ndarray]:
     return values
 
 
+def not_measured(train: Dataset, test: Dataset) -> List[Edge]:
+    """Return estimated edges that stay the test set's own: they have a value per collection."""
+    measured = calibrated_edges(train, test)
+    return [edge for edge in _estimated(train, test) if edge not in measured]
+
+
 def calibrated_joints(train: Dataset, test: Dataset) -> Dict[str, Mapping[str, float]]:
     """Return the parameters of the joints whose description is another in the train file.
 

@@ -50,7 +50,8 @@ def changes_table(found: Changes) -> str:
 
 def _joint_row(joint: JointChange) -> List[Any]:
     square = (joint.change / joint.sigma) ** 2 if joint.sigma > 0.0 else np.nan
-    in_mm, in_deg = ["", ""], ["", ""]
+    in_mm: List[Any] = ["", ""]
+    in_deg: List[Any] = ["", ""]
     if joint.unit == "rad":
         in_deg = [three_digits(np.degrees(v)) for v in (joint.change, joint.sigma)]
     else:

@@ -105,7 +105,8 @@ def _size_of_joint(joint: Mapping[str, Any]) -> List[str]:
 
 
 def _square(joint: Mapping[str, Any]) -> str:
-    return three_digits((joint["change"] / joint["sigma"]) ** 2) if joint["sigma"] else ABSENT
+    square = (joint["change"] / joint["sigma"]) ** 2 if joint["sigma"] else math.nan
+    return str(three_digits(square) or ABSENT)
 
 
 def _sizes(entry: Mapping[str, Any]) -> List[str]:
