@@ -34,6 +34,12 @@ PICTURE = RNG.integers(0, 256, (6, 9, 3), dtype=np.uint8)
         ("bgr8", PICTURE),
         ("rgb8", PICTURE[..., ::-1]),
         ("bgra8", np.dstack([PICTURE, PICTURE[..., :1]])),
+        ("rgba8", np.dstack([PICTURE[..., ::-1], PICTURE[..., :1]])),
+        ("8UC4", np.dstack([PICTURE, PICTURE[..., :1]])),
+        ("16UC3", PICTURE.astype("<u2") << 8),
+        ("bgra16", np.dstack([PICTURE, PICTURE[..., :1]]).astype("<u2") << 8),
+        ("rgba16", np.dstack([PICTURE[..., ::-1], PICTURE[..., :1]]).astype("<u2") << 8),
+        ("16UC4", np.dstack([PICTURE, PICTURE[..., :1]]).astype("<u2") << 8),
     ],
 )
 @pytest.mark.parametrize("padding", [0, 5])
@@ -62,6 +68,13 @@ def test_fewer_bits_in_16_are_not_black_and_said_once(make, caplog, bits):
     ]
 
 
+def test_a_full_fourth_channel_does_not_darken_a_picture_of_twelve_bits(make):
+    full = np.full((*PICTURE.shape[:2], 1), 65535, "<u2")
+    colours = np.where(PICTURE > 200, 255, PICTURE).astype("<u2") << 4
+    shown = colour_image(make.image(np.dstack([colours, full]), "bgra16"))
+    np.testing.assert_array_equal(shown, colours >> 4)
+
+
 def test_a_hot_pixel_makes_no_picture_black(make):
     grey = np.random.default_rng(2).integers(0, 256, (120, 160)).astype("<u2")
     stored = grey << 4
@@ -82,11 +95,13 @@ def test_so_they_are_in_a_compressed_picture(bits):
     np.testing.assert_array_equal(colour_image(message), np.dstack([grey] * 3))
 
 
-def test_a_bayer_image_keeps_its_colours(make):
-    mosaic = np.zeros((8, 8), np.uint8)
-    mosaic[0::2, 0::2] = 200  # red where rggb has it
-    colour = colour_image(make.image(mosaic, "bayer_rggb8"))[4, 4]
-    assert colour[2] > colour[0] and colour[2] > colour[1]
+@pytest.mark.parametrize(("kind", "bits"), [("u1", 8), ("<u2", 12), ("<u2", 16)])
+@pytest.mark.parametrize(("pattern", "red"), [("rggb", 0), ("grbg", 1), ("gbrg", 2), ("bggr", 3)])
+def test_a_bayer_image_keeps_its_colours(make, pattern, red, kind, bits):
+    mosaic = np.zeros((8, 8), kind)
+    mosaic[red // 2 :: 2, red % 2 :: 2] = 255 << (bits - 8)
+    colours = colour_image(make.image(mosaic, f"bayer_{pattern}{8 * mosaic.itemsize}"))
+    assert colours[4, 4].tolist() == [0, 0, 255]
 
 
 @pytest.mark.parametrize("encoding, grey", [("yuv422", b"\x80\x50"), ("yuv422_yuy2", b"\x50\x80")])

@@ -27,17 +27,23 @@ _CHANNEL_TYPES = {
     "32F": "f4",
     "64F": "f8",
 }
-# Kind and number of channels, and the code by which OpenCV makes blue, green, red of them.
+# Kind and number of channels, and the code by which OpenCV makes blue, green, red of them, without
+# the fourth: it is full where the colours fill ten or twelve bits of 16, and would hide that.
 _COLOURS: Dict[str, Tuple[str, int, Optional[str]]] = {
     "bgr8": ("u1", 3, None),
     "rgb8": ("u1", 3, "COLOR_RGB2BGR"),
-    "bgra8": ("u1", 4, "COLOR_BGRA2BGR"),
-    "rgba8": ("u1", 4, "COLOR_RGBA2BGR"),
+    "bgra8": ("u1", 4, None),
+    "rgba8": ("u1", 4, "COLOR_RGB2BGR"),
     "mono8": ("u1", 1, "COLOR_GRAY2BGR"),
     "8UC1": ("u1", 1, "COLOR_GRAY2BGR"),
     "8UC3": ("u1", 3, None),
+    "8UC4": ("u1", 4, None),
     "bgr16": ("u2", 3, None),
     "rgb16": ("u2", 3, "COLOR_RGB2BGR"),
+    "bgra16": ("u2", 4, None),
+    "rgba16": ("u2", 4, "COLOR_RGB2BGR"),
+    "16UC3": ("u2", 3, None),
+    "16UC4": ("u2", 4, None),
     "mono16": ("u2", 1, "COLOR_GRAY2BGR"),
     "yuv422": ("u1", 2, "COLOR_YUV2BGR_UYVY"),
     "yuv422_yuy2": ("u1", 2, "COLOR_YUV2BGR_YUYV"),
@@ -46,6 +52,10 @@ _COLOURS: Dict[str, Tuple[str, int, Optional[str]]] = {
     "bayer_bggr8": ("u1", 1, "COLOR_BayerRG2BGR"),
     "bayer_gbrg8": ("u1", 1, "COLOR_BayerGR2BGR"),
     "bayer_grbg8": ("u1", 1, "COLOR_BayerGB2BGR"),
+    "bayer_rggb16": ("u2", 1, "COLOR_BayerBG2BGR"),
+    "bayer_bggr16": ("u2", 1, "COLOR_BayerRG2BGR"),
+    "bayer_gbrg16": ("u2", 1, "COLOR_BayerGR2BGR"),
+    "bayer_grbg16": ("u2", 1, "COLOR_BayerGB2BGR"),
 }
 _PIXELS_FOR_A_HOT_ONE = 10_000  # which is as bright as 16 bits can tell, whatever was measured
 _DEPTHS = (8, 10, 12, 16)  # bits in which cameras measure
@@ -78,7 +88,8 @@ def colour_image(message: Any) -> np.ndarray:
             f"the image has {message.width} columns; {message.encoding} has one colour for two "
             f"pixels side by side, so their number is even; correct the driver's width"
         )
-    image = _eight_bits(_pixels(message, kind, channels))
+    pixels = _pixels(message, kind, channels)
+    image = _eight_bits(np.ascontiguousarray(pixels[..., :3]) if channels == 4 else pixels)
     return image if conversion is None else cv2.cvtColor(image, getattr(cv2, conversion))
 
 
