@@ -2,6 +2,7 @@
 
 import json
 import sys
+import time
 from collections import Counter
 from pathlib import Path
 
@@ -253,3 +254,41 @@ def test_a_table_without_the_column_or_the_row_is_refused(tmp_path):
         averages(tmp_path, {"a": ["a"]})
     with pytest.raises(DatasetError, match="no column 'Collection #'; there are: Joint, Error"):
         averages(tmp_path, {"a": ["a"]}, column="Collection #")
+
+
+def test_an_experiment_of_which_every_repetition_failed_is_named(batch, tmp_path, capsys):
+    words, _ = batch
+    run(*words)
+    for path in words[-1].glob("second_*/table.csv"):
+        path.unlink()
+    run("process_results", "-rf", words[-1], "-of", tmp_path / "averages", code=1)
+    assert "no repetition of experiment 'second' has a table" in capsys.readouterr().err
+
+
+def test_runs_and_folds_may_stand_in_any_order():
+    names = ["x_fold001_run001", "x_run002_fold001", "x_run003", "x"]
+    assert experiment_groups(names, ["_run", "_fold"]) == {"x": sorted(names)}
+
+
+def test_each_pair_of_a_table_has_averages_of_its_own(tmp_path):
+    (tmp_path / "a").mkdir()
+    table = tmp_path / "a" / "rgb-rgb.csv"
+    table.write_text(
+        "source,target,collection,RMS (pix)\na,b,000,9\na,b,Averages,1\na,c,Averages,2\n"
+    )
+    found = averages(tmp_path, {"a": ["a"]})
+    assert [(a.column, a.mean) for a in found] == [("b RMS (pix)", 1.0), ("c RMS (pix)", 2.0)]
+    table.write_text("collection,RMS (pix)\nAverages,1\nAverages,2\n")
+    with pytest.raises(DatasetError, match="nothing tells them apart"):
+        averages(tmp_path, {"a": ["a"]})
+
+
+def test_what_a_command_leaves_in_the_background_does_not_hold_up_the_batch(batch, monkeypatch):
+    monkeypatch.setattr("atom_core.commands.batch_execution._LAST_WORDS_S", 0.2)
+    words, made = batch
+    template = Path(words[2])
+    template.write_text(template.read_text().replace("echo begun", "sleep 30 & echo begun"))
+    started_s = time.monotonic()
+    run(*words)
+    assert time.monotonic() - started_s < 25.0
+    assert len((made / "order").read_text().splitlines()) == 9

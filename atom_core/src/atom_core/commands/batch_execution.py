@@ -25,6 +25,7 @@ EXAMPLE = "python3 -m atom_core batch_execution -tf template.yml.j2 -df data.yml
 RENDERED, RECORD, STATUS = "auto_rendered.yaml", "batch.json", "experiment.json"
 _COLOUR = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 _DONE, _FAILED = 0, 1
+_LAST_WORDS_S = 5.0  # after a command has ended; what it left in the background may go on
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -175,41 +176,43 @@ def _is_done(folder: Path) -> bool:
 def _shell(command: str, folder: Path, prefix: str, verbose: bool) -> int:
     """Run a command in a shell, what it prints goes to files; return its exit code."""
     environment = {**os.environ, common.REPLACE_RESULTS: "1"}
-    with (folder / f"{prefix}stdout.txt").open("w", encoding="utf-8") as out, (
-        folder / f"{prefix}stderr.txt"
-    ).open("w", encoding="utf-8") as err:
-        process = subprocess.Popen(
-            command,
-            shell=True,
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            stdin=subprocess.DEVNULL,
-            universal_newlines=True,
-            errors="replace",
-        )
-        shown = (sys.stdout, sys.stderr) if verbose else (None, None)
-        readers = [
-            threading.Thread(target=_copy, args=(stream, file, show), daemon=True)
-            for stream, file, show in zip((process.stdout, process.stderr), (out, err), shown)
-        ]
+    process = subprocess.Popen(
+        command,
+        shell=True,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        stdin=subprocess.DEVNULL,
+        universal_newlines=True,
+        errors="replace",
+    )
+    files = [folder / f"{prefix}{name}.txt" for name in ("stdout", "stderr")]
+    shown = (sys.stdout, sys.stderr) if verbose else (None, None)
+    readers = [
+        threading.Thread(target=_copy, args=(stream, file, show), daemon=True)
+        for stream, file, show in zip((process.stdout, process.stderr), files, shown)
+    ]
+    for reader in readers:
+        reader.start()
+    try:
+        return process.wait()
+    finally:  # also upon Ctrl-C, which the command has got, too
+        process.wait()
         for reader in readers:
-            reader.start()
-        try:
-            return process.wait()
-        finally:  # also upon Ctrl-C, which the command has got, too
-            process.wait()
-            for reader in readers:
-                reader.join()
+            reader.join(_LAST_WORDS_S)
+        if any(reader.is_alive() for reader in readers):
+            print(f"note: a program that the command started still runs; see {files[0]}")
 
 
-def _copy(stream: TextIO, file: TextIO, shown: Optional[TextIO]) -> None:
-    for line in stream:
-        file.write(_COLOUR.sub("", line))
-        file.flush()
-        if shown is not None:
-            shown.write(line)
-            shown.flush()
+def _copy(stream: TextIO, path: Path, shown: Optional[TextIO]) -> None:
+    """Copy until all who may write are gone: the command, and what it left in the background."""
+    with path.open("w", encoding="utf-8") as file:
+        for line in stream:
+            file.write(_COLOUR.sub("", line))
+            file.flush()
+            if shown is not None:
+                shown.write(line)
+                shown.flush()
 
 
 def _ended(code: int, folder: Path) -> str:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from typing import Dict, List
+from pathlib import Path
+from typing import Dict, List, Mapping, Sequence
 
 from atom_core.commands import common
+from atom_core.commands.batch_execution import STATUS
 from atom_core.errors import DatasetError, OutputError
 from atom_core.io.atomic import prepare_output_folder, write_text_atomically
 from atom_core.report.atom_csv import AVERAGES
@@ -46,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print and write the averages; 1: a repetition lacks a table."""
+    """Print and write the averages; 1: a repetition or an experiment lacks a table."""
     folder = args.results_folder
     if not folder.is_dir():
         raise DatasetError(f"{folder}: there is no such folder")
@@ -60,10 +62,23 @@ def run(args: argparse.Namespace) -> int:
     headers = ["experiment", "file", "column", "mean", "std", "n"]
     print(text_table(headers, rows, f"Averages of {folder}", 4))
     missing = dict.fromkeys((a.file, name) for a in found for name in a.missing)
-    for file, name in missing:
-        print(f"process_results: {folder / name}: {file} is missing", file=sys.stderr)
+    said = [f"{folder / name}: {file} is missing" for file, name in missing]
+    said += _without_tables(folder, groups)
+    for sentence in said:
+        print(f"process_results: {sentence}", file=sys.stderr)
     print(f"\nresults: {args.output_folder.resolve()}")
-    return 1 if missing else 0
+    return 1 if said else 0
+
+
+def _without_tables(folder: Path, groups: Mapping[str, Sequence[str]]) -> List[str]:
+    """Return which experiments of `batch_execution` have no table at all."""
+    return [
+        f"{folder / members[0]}: no repetition of experiment '{experiment}' has a table; see its "
+        f"{STATUS}"
+        for experiment, members in groups.items()
+        if not any(any((folder / m).glob("*.csv")) for m in members)
+        and any((folder / m / STATUS).is_file() for m in members)
+    ]
 
 
 def _write(args: argparse.Namespace, found: List[Average]) -> None:

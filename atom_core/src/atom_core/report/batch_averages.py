@@ -38,8 +38,11 @@ class Average(NamedTuple):
 
 
 def experiment_groups(names: Sequence[str], suffixes: Sequence[str]) -> Dict[str, List[str]]:
-    """Return the folders of each experiment, by its name without the numbers of run and fold."""
-    ends = "".join(f"(?:{re.escape(suffix)}[0-9]+)?" for suffix in suffixes)
+    """Return the folders of each experiment, by its name without the numbers of run and fold.
+
+    The numbers stand at its end in any order.
+    """
+    ends = "(?:" + "|".join(f"{re.escape(suffix)}[0-9]+" for suffix in suffixes) + ")*"
     groups: Dict[str, List[str]] = {}
     for name in sorted(names):
         groups.setdefault(re.sub(f"{ends}$", "", name), []).append(name)
@@ -55,7 +58,7 @@ def averages(
         folder: of the results; each experiment's repetition has a folder in it.
         groups: see `experiment_groups`.
         row: what stands in the column of names.
-        column: the column of names; None: the first one of each table.
+        column: the column of names; None: the first one of each table that has the row's name.
 
     Raises:
         DatasetError: a table lacks the column or the row.
@@ -82,19 +85,37 @@ def _average(
 
 
 def _row(path: Path, row: str, column: Optional[str]) -> Dict[str, float]:
-    """Return the figures of a row by column; what is no figure is left out."""
+    """Return the figures of a row by column; what is no figure is left out.
+
+    Where several rows have the name, as in a table of several pairs, the texts beside it in which
+    they differ stand before each column.
+    """
     with path.open(encoding="utf-8", newline="") as stream:
         reader = csv.DictReader(stream)
         headers = list(reader.fieldnames or [])
         lines = list(reader)
-    name = column if column is not None else (headers[0] if headers else "")
+    having = [header for header in headers if any(line[header] == row for line in lines)]
+    name = column if column is not None else (having or headers or [""])[0]
     if name not in headers:
         raise DatasetError(f"{path}: there is no column '{name}'; there are: {', '.join(headers)}")
-    for line in lines:
-        if line[name] == row:
-            figures = {header: _figure(line[header]) for header in headers if header != name}
-            return {header: value for header, value in figures.items() if value is not None}
-    raise DatasetError(f"{path}: no line has '{row}' in column '{name}'")
+    rows = [line for line in lines if line[name] == row]
+    if not rows:
+        raise DatasetError(f"{path}: no line has '{row}' in column '{name}'")
+    others = [header for header in headers if header != name]
+    texts = [h for h in others if len({line[h] for line in rows if _figure(line[h]) is None}) > 1]
+    found: Dict[str, float] = {}
+    for line in rows:
+        whose = " ".join(line[header] for header in texts)
+        for header in (h for h in others if h not in texts):
+            value, title = _figure(line[header]), f"{whose} {header}".strip()
+            if title in found:
+                raise DatasetError(
+                    f"{path}: several lines have '{row}' in column '{name}', and nothing tells "
+                    f"them apart"
+                )
+            if value is not None:
+                found[title] = value
+    return found
 
 
 def _figure(text: Optional[str]) -> Optional[float]:
