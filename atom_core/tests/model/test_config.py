@@ -247,6 +247,15 @@ def test_frame_with_two_parents():
     assert "'cam' hangs the same child_link 'cam_link' on 'beam'" in refusal(document)
 
 
+def test_two_additional_tfs_are_two_transforms_though_one_may_be_a_sensor_s():
+    document = full_document()
+    document["additional_tfs"]["crane"] = dict(document["additional_tfs"]["gantry"])
+    message = refusal(document)
+    assert message.startswith("additional_tfs.crane is the transform world-beam, as 'gantry' is")
+    document["additional_tfs"]["crane"] = {"parent_link": "beam", "child_link": "cam_link"}
+    assert list(read(document).additional_tfs) == ["gantry", "crane"]
+
+
 def test_shared_edge_is_a_warning():
     (warning,) = read(changed(("sensors", "cam_2", "child_link"), "cam_link")).warnings
     assert "sensors.cam_2 shares its edge with sensors.cam" in warning

@@ -116,6 +116,7 @@ class CalibrationConfig:
                 raise ConfigValueError("is empty; at least one entry is needed", key)
         self._check_anchor()
         self._check_one_parent_per_frame()
+        self._check_additional_tfs()
         self._check_frames_of_boards()
 
     @property
@@ -224,6 +225,17 @@ class CalibrationConfig:
                     f"is {shown(entry.parent_link)}, but '{owner}' hangs the same child_link "
                     f"{shown(entry.child_link)} on {shown(parent)}; a frame has one parent",
                     (*path, "parent_link"),
+                )
+
+    def _check_additional_tfs(self) -> None:
+        """Refuse two additional tfs that are one transform; one that is a sensor's may stand."""
+        owners: Dict[str, str] = {}
+        for name, entry in self.additional_tfs.items():
+            owner = owners.setdefault(entry.child_link, name)
+            if owner != name:
+                raise ConfigValueError(
+                    f"is the transform {entry.edge}, as '{owner}' is; leave one of the two out",
+                    ("additional_tfs", name),
                 )
 
 
