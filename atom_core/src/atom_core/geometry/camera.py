@@ -24,6 +24,7 @@ from typing import Sequence, Tuple
 import numpy as np
 
 NEAR_M = 0.05
+_LARGEST_ANGLE = 0.75 * np.pi  # off the axis of a fisheye [rad]; none sees as far
 _SMALL_SKEW_PX = 0.01  # at the top and bottom of the image; far below what a corner is known to
 _COEFFICIENTS = {
     "none": (0,),
@@ -157,6 +158,17 @@ class Camera:
             if step.size == 0 or np.max(np.abs(step)) < 1e-14:
                 break
         return point
+
+    def unit_rays(self, pixels: np.ndarray) -> np.ndarray:
+        """Return unit vectors (n, 3) of pixels (n, 2), also behind the plane z = 0 of a fisheye."""
+        if self.model == "equidistant":
+            distorted = (np.asarray(pixels, dtype=float) - self.centre_px) / self.focal_px
+            radius = np.linalg.norm(distorted, axis=1)
+            angle = _angle_of_radius(radius, self.D, _LARGEST_ANGLE)
+            across = np.sin(angle) / np.where(radius < 1e-12, 1.0, radius)
+            return np.column_stack([distorted * across[:, None], np.cos(angle)])
+        points = np.column_stack([self.normalise(pixels), np.ones(len(pixels))])
+        return points / np.linalg.norm(points, axis=1, keepdims=True)
 
     def ray_points(self, pixels: np.ndarray, depth_m: np.ndarray) -> np.ndarray:
         """Return points (n, 3) [m] at the z-depths (n,) behind the pixels (n, 2)."""
@@ -384,11 +396,17 @@ def _project_equidistant(points: np.ndarray, D: np.ndarray) -> Tuple[np.ndarray,
     return np.stack([x * scale, y * scale], axis=1), jacobian
 
 
-def _undistort_equidistant(distorted: np.ndarray, D: np.ndarray) -> np.ndarray:
-    radius = np.linalg.norm(distorted, axis=1)
+def _angle_of_radius(radius: np.ndarray, D: np.ndarray, largest: float) -> np.ndarray:
+    """Return the angles (n,) off the axis [rad], none above a largest, of radii (n,)."""
     angle = np.minimum(radius, 0.5 * np.pi)
     for _ in range(30):
         value, slope = _equidistant_angle(angle, D)
-        angle = np.clip(angle - (value - radius) / slope, 0.0, 0.499 * np.pi)
+        angle = np.clip(angle - (value - radius) / slope, 0.0, largest)
+    return angle
+
+
+def _undistort_equidistant(distorted: np.ndarray, D: np.ndarray) -> np.ndarray:
+    radius = np.linalg.norm(distorted, axis=1)
+    angle = _angle_of_radius(radius, D, 0.499 * np.pi)
     scale = np.where(radius < 1e-12, 1.0, np.tan(angle) / np.where(radius < 1e-12, 1.0, radius))
     return distorted * scale[:, None]

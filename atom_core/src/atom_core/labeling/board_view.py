@@ -8,6 +8,7 @@ import numpy as np
 
 from atom_core import opencv as cv2
 from atom_core.geometry.camera import Camera
+from atom_core.labeling.view_axis import axis_about
 
 _RANSAC_ITERATIONS, _RANSAC_CONFIDENCE = 500, 0.999
 _NEIGHBOURS = 6
@@ -33,7 +34,8 @@ class BoardView:
         Raises:
             ValueError: the points do not determine a map.
         """
-        self._camera, self._scale = camera, 1.0 if camera is None else float(camera.focal_px.mean())
+        self._axis = None if camera is None else axis_about(camera, pixels)
+        self._scale = 1.0 if camera is None else float(camera.focal_px.mean())
         self._homography, self.inliers = self._fit(board, pixels)
         self._known = board[self.inliers]
         self._misfit = pixels[self.inliers] - self.without_correction(self._known)
@@ -50,11 +52,20 @@ class BoardView:
 
     def without_correction(self, board: np.ndarray) -> np.ndarray:
         """Return pixels (n, 2) by homography and lens alone."""
+        flat = self._flat(board)
+        return flat if self._axis is None else self._axis.project(flat)
+
+    def of_use(self, board: np.ndarray) -> np.ndarray:
+        """Return (n,) bool: board points that are before the camera, not beside or behind it."""
+        if self._axis is None:
+            return np.ones(len(board), dtype=bool)
+        return self._axis.of_use(self._flat(board))
+
+    def _flat(self, board: np.ndarray) -> np.ndarray:
+        """Return (n, 2) where board points are: pixels, or x/z, y/z where the camera is known."""
         x, y, w = self._homography @ np.column_stack([board, np.ones(len(board))]).T
         w = np.maximum(w, _NEAREST)
-        if self._camera is None:
-            return np.column_stack([x / w, y / w])
-        return self._camera.project(np.column_stack([x / w, y / w, np.ones(len(w))]))
+        return np.column_stack([x / w, y / w])
 
     def axes_px(self, board: np.ndarray) -> np.ndarray:
         """Return (n, 2, 2): columns are a square's side along x and y at board points [px]."""
@@ -68,7 +79,7 @@ class BoardView:
         return np.stack(sides, axis=2)
 
     def _fit(self, board: np.ndarray, pixels: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-        flat = pixels if self._camera is None else self._camera.normalise(pixels)
+        flat = pixels if self._axis is None else self._axis.normalise(pixels)
         size = np.sqrt(np.prod(np.ptp(pixels, axis=0)) / max(np.prod(np.ptp(board, axis=0)), 1e-9))
         threshold = max(3.0, 0.25 * float(size)) / self._scale
         homography, mask = cv2.findHomography(

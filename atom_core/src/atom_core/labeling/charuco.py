@@ -385,7 +385,7 @@ def _refined(
     expected, axes = view.project(board), view.axes_px(board)
     pitch = np.abs(np.linalg.det(axes)) / np.linalg.norm(axes, axis=1).max(axis=1)
     seen = np.all((expected >= 2) & (expected <= [width - 3, height - 3]), axis=1)
-    ids = np.flatnonzero(seen & (pitch >= _LEAST_PITCH_PX))
+    ids = np.flatnonzero(seen & (pitch >= _LEAST_PITCH_PX) & view.of_use(board))
     return ids, refine(grey, expected[ids], axes[ids], gap, first_is_black[ids], iterations)
 
 

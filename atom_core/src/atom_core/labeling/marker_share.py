@@ -13,6 +13,7 @@ import numpy as np
 
 from atom_core import opencv as cv2
 from atom_core.geometry.camera import Camera
+from atom_core.labeling.view_axis import axis_about
 
 _LEAST_MARKERS = 5  # four determine a homography
 _LEAST_FITTING = 0.75  # of the markers
@@ -56,7 +57,8 @@ def measure_share(
         return None
     flat = outlines.astype(float)
     if camera is not None:
-        flat = camera.normalise(flat.reshape(-1, 2)).reshape(-1, 4, 2)
+        pixels = flat.reshape(-1, 2)
+        flat = axis_about(camera, pixels).normalise(pixels).reshape(-1, 4, 2)
     homography, mask = cv2.findHomography(_middles(flat), squares + 0.5, cv2.RANSAC, _OFF_SQUARES)
     if homography is None or np.mean(mask) < _LEAST_FITTING:
         return None
