@@ -120,6 +120,24 @@ def test_what_is_saved_reads_back_with_the_corrections_and_nothing_else(dataset,
         assert there.collections[key].labels.keys() == collection.labels.keys()
 
 
+def test_what_nobody_saved_is_kept_beside_the_file_and_named(dataset, tmp_path):
+    write_dataset_folder(dataset, tmp_path, name="test")
+    corrections = TransformCorrections(read_dataset(tmp_path / "dataset.json"), [ODOMETRY])
+    output = tmp_path / "dataset_corrected.json"
+    assert corrections.keep_unsaved(output) == ""  # nothing was dragged
+    corrections.set(ODOMETRY, MOVED)
+    corrections.save(output)
+    assert corrections.keep_unsaved(output) == ""
+    before = output.read_text()
+    corrections.turn(1)
+    corrections.set(ODOMETRY, MOVED)
+    kept = tmp_path / "unsaved_dataset_corrected.json"
+    assert f"they are in {kept}: rename it to {output.name}" in corrections.keep_unsaved(output)
+    assert output.read_text() == before
+    second = read_dataset(kept).collections[corrections.collection]
+    np.testing.assert_allclose(second.transforms[ODOMETRY], MOVED, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("edges", "patterns", "collection", "words"),
     [

@@ -10,6 +10,7 @@ import numpy as np
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.preparation import free_edges
 from atom_core.calibration.start.boards import initial_boards
+from atom_core.editing.first_guess import UNSAVED
 from atom_core.editing.history import DatasetHistory
 from atom_core.errors import DatasetError, SelectionError
 from atom_core.model.dataset import Dataset, board_edge
@@ -127,6 +128,27 @@ class TransformCorrections(DatasetHistory):
         changed = self.changed()
         listed = "; ".join(f"{edge} in {len(keys)} collections" for edge, keys in changed.items())
         return f"saved to {path}: {listed or 'nothing is changed'}"
+
+    def keep_unsaved(self, path: Path) -> str:
+        """Write what was corrected and not saved beside the file; return a sentence for the user.
+
+        Args:
+            path: what would have been saved; it stays as it is.
+
+        Returns:
+            Empty where nothing was left to save.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        if not self.unsaved:
+            return ""
+        beside = path.with_name(UNSAVED + path.name)
+        self.save(beside)
+        return (
+            f"corrections were not saved; they are in {beside}: rename it to {path.name}, or go on "
+            f"with --dataset {beside}"
+        )
 
 
 def chosen_edges(parents: Sequence[str], children: Sequence[str]) -> List[Edge]:

@@ -7,6 +7,7 @@ collection in grey. Topics: ~data, ~names (MarkerArray), /tf_static.
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any, Dict, List, Optional
 
@@ -67,7 +68,11 @@ def correct(args: argparse.Namespace, name: str = NODE) -> int:
     running.start(name)
     moves = PLANAR if args.two_dimensional else FULL
     TransformCorrector(corrections, output, moves, args.marker_scale, args.reference_collection)
-    return running.wait()
+    code = running.wait()
+    kept = corrections.keep_unsaved(output)
+    if kept:
+        sys.stderr.write(f"{name}: {kept}\n")
+    return code
 
 
 class TransformCorrector:
