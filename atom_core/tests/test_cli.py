@@ -20,6 +20,7 @@ CALIBRATION_KEYS = {
     "options",
     "status",
     "message",
+    "contradictions",
     "verdict",
     "solver",
     "edges",

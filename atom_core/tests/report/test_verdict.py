@@ -37,6 +37,10 @@ from atom_core.report.verdict import (
 )
 from atom_core.solvers.base import SolverOptions
 from atom_core.synthetic import degenerate, mistakes, paper_cell, scenes
+from atom_core.synthetic.board import charuco
+from atom_core.synthetic.dataset import make_dataset
+from atom_core.synthetic.noise import Noise
+from atom_core.synthetic.rig import Rig, Room
 from atom_core.synthetic.scanners import cell_with_scanners
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "certainty.md"
@@ -97,6 +101,63 @@ def test_what_the_data_leave_open_is_weak_and_named():
     assert calibration.weak_directions[0].why in verdict.sentence
     assert {s.grade for s in verdict.sensors.values()} == {WEAK}
     assert all("open" in s.sentence and s.advice for s in verdict.sensors.values())
+
+
+def exchanged(dataset, one, other):
+    """Return the dataset with the labels of two sensors exchanged."""
+    names = {one: other, other: one}
+    return replace(
+        dataset,
+        collections={
+            key: replace(
+                c, labels={(names.get(s, s), p): label for (s, p), label in c.labels.items()}
+            )
+            for key, c in dataset.collections.items()
+        },
+    )
+
+
+def test_what_is_contradicted_is_wrong_though_the_data_leave_something_open_too():
+    data = exchanged(degenerate.planar_motion().dataset, "rgb_1", "rgb_2")
+    calibration, verdict = judged(data)
+    assert calibration.status == "rank_deficient" and verdict.grade == WRONG
+    said = "sensors 'rgb_1' and 'rgb_2' each end where the description has the other"
+    (contradiction,) = calibration.contradictions
+    assert said in contradiction and said in calibration.message
+    assert said in verdict.sentence and calibration.weak_directions[0].why in verdict.sentence
+    assert {s.grade for s in verdict.sensors.values()} == {WRONG}
+    assert judged(degenerate.planar_motion().dataset)[0].contradictions == ()
+
+
+def test_a_camera_that_was_moved_is_called_that_where_the_data_leave_something_open_too():
+    before = degenerate.planar_motion()
+    arm = Edge("world", "robot_base")
+    camera = before.dataset.sensors["rgb_2"].edge
+    moved = se3.random_move(0.006, np.radians(0.3), np.random.default_rng(4))
+    first = {**next(iter(before.dataset.collections.values())).transforms}
+    rig = Rig(
+        "world",
+        before.dataset.sensors,
+        {**first, camera: se3.moved(before.truth.edges[camera], moved)},
+        {},
+        None,
+        Room((-7.0, -7.0, 0.0), (7.0, 7.0, 3.5)),
+    )
+    keys = list(before.dataset.collections)
+    after = make_dataset(
+        rig,
+        {"pattern_1": [before.truth.boards["pattern_1", key] for key in keys]},
+        Noise(),
+        np.random.default_rng(9),
+        patterns={"pattern_1": charuco(fixed=True)},
+        motion=[{arm: before.dataset.collections[key].transforms[arm]} for key in keys],
+    ).dataset
+    late = {(key, "rgb_2"): mistakes.Origin(after, key) for key in keys[len(keys) // 2 :]}
+    calibration, verdict = judged(mistakes.with_detections_from(before.dataset, late))
+    assert calibration.status == "rank_deficient" and verdict.grade == WRONG
+    assert "rgb_2 was moved between collections" in verdict.sentence
+    assert "besides, the data do not determine all of it" in verdict.sentence
+    assert verdict.sensors["rgb_2"].grade == WRONG and verdict.sensors["rgb_1"].grade == WEAK
 
 
 def with_a_base_to_estimate(scene):

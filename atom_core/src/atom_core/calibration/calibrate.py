@@ -46,6 +46,7 @@ class Calibration:
         problem, summary, covariance: of the solver.
         status: converged, not_converged, rank_deficient, inconsistent or failed.
         message: one sentence.
+        contradictions: sentences on what of the model the data contradict.
         weak_directions: what the data leave open.
         held_directions: what they leave open and priors hold.
         priors: how far the solution is from each prior.
@@ -72,6 +73,7 @@ class Calibration:
     covariance: Covariance
     status: str
     message: str
+    contradictions: Tuple[str, ...]
     weak_directions: Tuple[WeakDirection, ...]
     held_directions: Tuple[HeldDirection, ...]
     priors: Tuple[PriorResult, ...]
@@ -177,6 +179,7 @@ def judged(solution: Solved) -> Calibration:
         covariance=judgement.covariance,
         status=judgement.status,
         message=judgement.message,
+        contradictions=judgement.contradictions,
         weak_directions=judgement.weak_directions,
         held_directions=judgement.held_directions,
         priors=judgement.priors,

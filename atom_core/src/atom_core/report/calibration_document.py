@@ -47,6 +47,7 @@ def calibration_document(results: CalibrationResults, options: Mapping[str, Any]
         "options": dict(options),
         "status": calibration.status,
         "message": calibration.message,
+        "contradictions": list(calibration.contradictions),
         "verdict": verdict_document(calibration_verdict(results)),
         "solver": _solver(results),
         "degrees_of_freedom": freedom if np.isfinite(freedom) else None,

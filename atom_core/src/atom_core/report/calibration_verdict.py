@@ -6,6 +6,7 @@ from typing import Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
+from atom_core.calibration.calibrate import Calibration
 from atom_core.calibration.judge.judgement import INCONSISTENT, RANK_DEFICIENT
 from atom_core.calibration.refine.error_words import UNESTIMATED, remedy
 from atom_core.problem.blocks import ROTATION, TRANSLATION
@@ -80,8 +81,7 @@ def _general(results: CalibrationResults) -> List[Finding]:
     elif calibration.status == INCONSISTENT:
         found.append(Finding(WRONG, f"do not rely on it, the data contradict it: {message}"))
     elif calibration.status == RANK_DEFICIENT:
-        why = calibration.weak_directions[0].why if calibration.weak_directions else message
-        found.append(Finding(WEAK, f"the data do not determine all of it: {why}"))
+        found.append(_open(calibration))
     elif calibration.status != CONVERGED:
         found.append(Finding(WRONG, f"do not use it: {message}"))
     if calibration.status == CONVERGED and not results.has_combined_sigmas:
@@ -92,6 +92,16 @@ def _general(results: CalibrationResults) -> List[Finding]:
     found += [Finding(WEAK, f"the data show: {edge.why}") for edge in calibration.moving]
     found += [Finding(WEAK, f"{said}; {_cause(results)}") for said in contradictions(results.trust)]
     return found + _transforms(results) + _joints(results)
+
+
+def _open(calibration: Calibration) -> Finding:
+    """Return what the data leave open, after what they contradict of the rest."""
+    weak = calibration.weak_directions
+    opened = f"the data do not determine all of it: {weak[0].why if weak else calibration.message}"
+    if not calibration.contradictions:
+        return Finding(WEAK, opened)
+    why = f"{calibration.contradictions[0]}{calibration.stated.likely_cause}"
+    return Finding(WRONG, f"do not rely on it, the data contradict it: {why}; besides, {opened}")
 
 
 def _cause(results: CalibrationResults) -> str:
@@ -222,7 +232,7 @@ def _of_the_status(results: CalibrationResults, name: str) -> List[Finding]:
             size = length(opened[0].sigma) if opened[0].unit == "m" else angle(opened[0].sigma)
             told = f"the data leave its place open, by some {size}"
             return [Finding(WEAK, told, "collect what the first line misses, or hold it (-as)")]
-    if calibration.status == INCONSISTENT and not _accused(results, name):
+    if _contradiction(calibration) and not _accused(results, name):
         advice = "settle the contradiction first, then calibrate again"
         return [Finding(WEAK, "it shares the answer with what the data contradict", advice)]
     if calibration.status == CONVERGED and not results.has_combined_sigmas:
@@ -235,13 +245,21 @@ def _accused(results: CalibrationResults, name: str) -> bool:
     calibration = results.calibration
     shown = {error.target for error in results.model_errors if not error.estimated}
     accused = {m.sensor for m in calibration.misfits} | {e.sensor for e in calibration.exclusions}
-    return name in accused | shown or is_named(name, calibration.message)
+    return name in accused | shown or is_named(name, _contradiction(calibration))
+
+
+def _contradiction(calibration: Calibration) -> str:
+    """Return what the data contradict, the likeliest cause; '' where there is nothing."""
+    if calibration.status == INCONSISTENT:
+        return calibration.message
+    return "".join(calibration.contradictions[:1])
 
 
 def _contradictions(results: CalibrationResults, name: str) -> List[Finding]:
     """Return what of the sensor does not fit the others, and errors of it that the data show."""
     calibration = results.calibration
-    grade = WRONG if calibration.status == INCONSISTENT else WEAK
+    contradiction = _contradiction(calibration)
+    grade = WRONG if contradiction else WEAK
     found = [
         Finding(grade, f"the data show that {e.sentence}", remedy(e.option))
         for e in results.model_errors
@@ -258,7 +276,7 @@ def _contradictions(results: CalibrationResults, name: str) -> List[Finding]:
         if out.sensor == name:
             sentence = f"{out.rejected} of its {out.detections} detections contradict the others"
             found.append(Finding(WRONG, sentence, f"look at {', then at '.join(out.likely)}"))
-    if not found and calibration.status == INCONSISTENT and is_named(name, calibration.message):
+    if not found and is_named(name, contradiction):
         found.append(Finding(WRONG, "the contradiction is its own", "see the first line"))
     return found
 

@@ -51,7 +51,6 @@ from atom_core.solvers.base import (
     NOT_CONVERGED,
     SIGMA,
     SolverFactory,
-    SolverSummary,
 )
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.reweighting import covariance_of
@@ -101,6 +100,8 @@ class Judgement:
         stated: sensors whose place was stated though the data could tell it.
         status: converged, not_converged, rank_deficient, inconsistent or failed.
         message: one sentence.
+        contradictions: sentences on what of the model the data contradict, the likeliest cause
+            first; also where they leave something open.
         remarks: what the user should know of the sigmas.
     """
 
@@ -117,6 +118,7 @@ class Judgement:
     stated: StatedPlaces
     status: str
     message: str
+    contradictions: Tuple[str, ...]
     remarks: Tuple[str, ...]
 
 
@@ -145,22 +147,21 @@ def judge(
     """
     start, summary, problem = chosen.solution.start, refined.summary, refined.solver.problem
     covariance = covariance_of(refined.solver, summary, refined.options)
-    dataset = answer(chosen, refined)
-    solution = Solution(dataset, problem, summary.x)
+    solution = Solution(answer(chosen, refined), problem, summary.x)
+    dataset = solution.dataset
     weak = _weak(chosen, refined, solution, covariance, options)
-    covariance, unfit, checks, moving, moved, remarks = _examined(
-        dataset, start.initial, refined, options, covariance, make_solver
-    )
+    found = _examined(dataset, start.initial, refined, options, covariance, make_solver)
+    covariance, unfit, checks, moving, moved, remarks = found
     known = tuple(prior_results(problem.parameters, summary.x, covariance))
     out = exclusions(start.initial, start.measurements, refined.rejected)
     places = described if options.initial_guess == DESCRIPTION else dataset
-    contradicted = _contradictions(refined, options, covariance, unfit, checks, moving)
-    reasons = exchanged(places, dataset) + _with_motion(contradicted, moved)
+    of_model = _contradictions(refined, options, covariance, unfit, checks, moving)
+    reasons = exchanged(places, dataset) + _with_motion(of_model, moved)
     reasons += contradictions(known) + [m.why for m in unfit] + [e.why for e in out]
     also = _if_a_fixed_board_moved(dataset, problem) if unfit or moving or out else ""
+    contradicted = tuple(why + also for why in reasons) if _is_answer(refined) else ()
     stated = stated_places(dataset, problem, refined.free)
-    status, message = _verdict(summary, weak, [why + also for why in reasons], refined.failure)
-    message += stated.likely_cause if status in (INCONSISTENT, FAILED) else ""
+    status, message = _verdict(refined, weak, contradicted, stated.likely_cause)
     return Judgement(
         dataset,
         covariance,
@@ -175,6 +176,7 @@ def judge(
         stated=stated,
         status=status,
         message=message,
+        contradictions=contradicted,
         remarks=remarks,
     )
 
@@ -397,19 +399,31 @@ def _of_use(
     return {key: pose for key, pose in boards.items() if key in used}
 
 
-def _verdict(
-    summary: SolverSummary,
-    weak: Sequence[WeakDirection],
-    inconsistent: Sequence[str],
-    failure: Optional[str],
-) -> Tuple[str, str]:
-    if failure is not None:
-        return FAILED, failure
-    restless = "" if summary.status == CONVERGED else f"; the solver: {summary.message}"
-    if weak and summary.status != FAILED:
-        return RANK_DEFICIENT, f"{len(weak)} undetermined direction(s): {weak[0].why}{restless}"
+def _is_answer(refined: Refined) -> bool:
+    """Tell whether there is anything that can be contradicted."""
+    summary = refined.summary
     # What contradicts may be why the weights did not settle, unless the run was stopped.
     unsettled = not summary.settled and not summary.interrupted
-    if inconsistent and (summary.status == CONVERGED or unsettled):
-        return INCONSISTENT, inconsistent[0] + restless
-    return summary.status, summary.message
+    return refined.failure is None and (summary.status == CONVERGED or unsettled)
+
+
+def _verdict(
+    refined: Refined,
+    weak: Sequence[WeakDirection],
+    contradicted: Sequence[str],
+    likely_cause: str,
+) -> Tuple[str, str]:
+    """Return status and message; the likely cause ends what is contradicted or failed."""
+    summary = refined.summary
+    if refined.failure is not None:
+        return FAILED, refined.failure + likely_cause
+    restless = "" if summary.status == CONVERGED else f"; the solver: {summary.message}"
+    if weak and summary.status != FAILED:
+        opened = f"{len(weak)} undetermined direction(s): {weak[0].why}{restless}"
+        if not contradicted:
+            return RANK_DEFICIENT, opened
+        also = f"; and the data contradict the rest: {contradicted[0]}{likely_cause}"
+        return RANK_DEFICIENT, opened + also
+    if contradicted:
+        return INCONSISTENT, contradicted[0] + restless + likely_cause
+    return summary.status, summary.message + (likely_cause if summary.status == FAILED else "")
