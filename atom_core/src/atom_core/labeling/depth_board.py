@@ -305,9 +305,10 @@ def _on_grid(good: np.ndarray, region: Region, step: int) -> np.ndarray:
     for row, column in np.ndindex(step, step):
         part = good[(row - region.top) % step :: step, (column - region.left) % step :: step]
         counts[row, column] = np.count_nonzero(part)
-    row, column = 0, 0
+    first = 0
     if counts[0, 0] < _LEAST_OF_GRID * counts.max():
-        row, column = np.unravel_index(int(np.argmax(counts)), counts.shape)
+        first = int(np.argmax(counts))
+    row, column = divmod(first, step)
     grid = np.zeros_like(good)
     grid[(row - region.top) % step :: step, (column - region.left) % step :: step] = True
     return good & grid
