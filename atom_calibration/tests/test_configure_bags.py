@@ -1,5 +1,6 @@
 """configure, with a bag that lacks /joint_states or /tf: does the description tell the rest?"""
 
+from copy import deepcopy
 from xml.etree import ElementTree
 
 import pytest
@@ -142,3 +143,20 @@ def test_livox_messages_that_rviz_cannot_show_are_told(package, capsys, make, tm
     assert configure(package, "--bag", str(bag)) == 0
     told = [line for line in capsys.readouterr().err.splitlines() if "RViz cannot show" in line]
     assert len(told) == 1 and "sensors.lidar.topic_name carries livox_ros_driver/Cust" in told[0]
+
+
+def test_what_is_no_transform_and_topics_of_another_robot_are_told_and_passed_over(
+    package, capsys, make, tmp_path
+):
+    bag, kept = tmp_path / "ghost.bag", _messages(package)
+    topic, message, time_s = next(m for m in kept if m[0] == "/tf_static")
+    ghost, other = deepcopy(message), deepcopy(message)
+    ghost.transforms = [deepcopy(message.transforms[0])]
+    ghost.transforms[0].child_frame_id = "ghost"
+    ghost.transforms[0].transform.translation.x = float("nan")
+    other.transforms[0].transform.translation.x += 1.0
+    make.bag(bag, [*kept, (topic, ghost, time_s), ("/robot_2/tf_static", other, time_s)])
+    assert configure(package, "--bag", str(bag)) == 0
+    said = capsys.readouterr().err
+    assert "ghost' is no pose" in said and "those on /robot_2/tf_static are not used" in said
+    assert "elsewhere" not in said  # the description fits the robot's own

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from dataclasses import dataclass, replace
 from typing import (
     Any,
@@ -23,11 +24,13 @@ import numpy as np
 from atom_calibration.configure.tree import MULTIPLE, TransformGraph
 from atom_calibration.messages.clouds import POINT_CLOUD
 from atom_calibration.messages.headers import frame_name
-from atom_calibration.messages.poses import TF_MESSAGE, edge_of, transform_matrix
+from atom_calibration.messages.poses import edge_of, transform_matrix
 from atom_calibration.modalities.table import modality_of
 from atom_calibration.sources.bag_reader import BagReader
+from atom_calibration.sources.bag_transforms import tf_topics
 from atom_calibration.sources.joint_topics import JOINT_STATE
 from atom_calibration.sources.rig import sensor_from_bag
+from atom_calibration.sources.sound_transforms import SoundTransforms
 from atom_core.errors import AtomError
 from atom_core.geometry import se3
 from atom_core.io.urdf import Description
@@ -39,7 +42,7 @@ from atom_core.model.transforms import Edge
 
 Locate = Callable[[KeyPath], str]
 
-_TF_TYPES = (TF_MESSAGE, "tf/tfMessage")
+_NO_NAME_OF_ROS = re.compile(r"[.-]")
 _CALIBRATED_JOINTS = (REVOLUTE, CONTINUOUS, PRISMATIC)
 _LOOKED_AT_S = 20.0  # of each topic of /tf and /joint_states, which repeat themselves
 _SAME_M, _SAME_RAD = 1e-4, 1e-4  # between description and bag; more is told
@@ -115,6 +118,12 @@ def bag_facts(
             findings.warn(path, f"({bag.types[topic]}) is shown but not calibrated: no labels")
         else:
             sensors[name] = sensor
+        if _NO_NAME_OF_ROS.search(topic):
+            findings.warn(
+                (*path, "topic_name"),
+                "has '-' or '.', which RViz and every C++ node refuse; remap it to be shown (it "
+                "is labeled all the same)",
+            )
         if modalities[name] == LIDAR3D and bag.types[topic] != POINT_CLOUD:
             findings.warn(
                 (*path, "topic_name"),
@@ -130,7 +139,8 @@ def bag_facts(
     awaited = {} if description is None else _needed_joints(config, description)
     joints = _bag_joints(bag, set(awaited))
     told = set().union(*joints.values())
-    edges, fixed = _bag_edges(bag, {edge for name, edge in awaited.items() if name not in told})
+    missed = {edge for name, edge in awaited.items() if name not in told}
+    edges, fixed = _bag_edges(bag, missed, findings)
     robot = None if description is None else description.robot
     return BagFacts(sensors, topics, modalities, edges, fixed, joints, robot)
 
@@ -220,20 +230,23 @@ def _beginnings(
 
 
 def _bag_edges(
-    bag: BagReader, awaited: Set[Edge]
+    bag: BagReader, awaited: Set[Edge], findings: Findings
 ) -> Tuple[Dict[Edge, str], Dict[Edge, np.ndarray]]:
     edges: Dict[Edge, str] = {}
     fixed: Dict[Edge, np.ndarray] = {}
-    topics = bag.topics_of(_TF_TYPES)
-    static = [topic for topic in topics if topic.endswith("tf_static")]
-    moving = [topic for topic in topics if topic not in static]
-    for found in bag.messages(static) if static else ():
-        for message in found.message.transforms:
-            edges.setdefault(edge_of(message), FIXED)
-            fixed[edge_of(message)] = transform_matrix(message)
-    for heard in _beginnings(bag, moving, lambda: awaited <= set(edges)):
-        for message in heard.transforms:
-            edges.setdefault(edge_of(message), MULTIPLE)
+    topics = tf_topics(bag)
+    if topics.remark:
+        findings.warnings.append(f"{bag.path}: {topics.remark}")
+    sound = SoundTransforms(lambda why: findings.warnings.append(f"{bag.path}: {why}"))
+    for topic in topics.fixed:
+        for found in bag.messages([topic]):
+            for message in sound.of(found.message.transforms, topic):
+                edges.setdefault(edge_of(message), FIXED)
+                fixed[edge_of(message)] = transform_matrix(message)
+    for topic in topics.moving:
+        for heard in _beginnings(bag, [topic], lambda: awaited <= set(edges)):
+            for message in sound.of(heard.transforms, topic):
+                edges.setdefault(edge_of(message), MULTIPLE)
     return edges, fixed
 
 
