@@ -13,6 +13,7 @@ sys.path.insert(0, str(Path(__file__).parent))  # command_line, which the tests 
 from command_line import refused, run  # noqa: E402
 
 from atom_core.errors import ConfigError, DatasetError  # noqa: E402
+from atom_core.io.batch_files import batch_of  # noqa: E402
 from atom_core.io.dataset_json import read_dataset  # noqa: E402
 from atom_core.io.dataset_writer import write_dataset_folder  # noqa: E402
 from atom_core.io.folds import KINDS, LEAVE_ONE_OUT, SHUFFLE_SPLIT, Fold, folds  # noqa: E402
@@ -207,6 +208,24 @@ def test_a_batch_that_cannot_be_is_refused_in_one_line(batch, file, old, new, sa
     path.write_text(path.read_text().replace(old, new))
     assert says in refused(capsys, *words)
     assert list(made.iterdir()) == []
+
+
+MERGED = """\
+defaults:
+  table: {files: &files {files_to_collect: [a.csv], cmd: none}}
+  run: {deep: {deeper: &run {<<: *files, cmd: first}}}
+experiments:
+  one: {<<: *run}
+  two: {cmd: second, <<: *run}
+"""
+
+
+def test_a_map_may_take_over_the_keys_of_another_one_and_replace_them():
+    one, two = batch_of(MERGED, "template").experiments
+    assert (one.command, two.command) == ("first", "second")
+    assert one.files == two.files == ("a.csv",)
+    with pytest.raises(ConfigError, match="'cmd' stands here a second time"):
+        batch_of(MERGED.replace("{cmd: second,", "{cmd: second, cmd: third,"), "template")
 
 
 def test_results_beside_a_dataset_are_replaced_within_a_batch_alone(monkeypatch):

@@ -14,6 +14,7 @@ from atom_core.io.paths import resolve_path
 from atom_core.io.yaml_text import load_yaml_1_1
 
 DATASET_FILE = "dataset.json"
+_MERGE = "tag:yaml.org,2002:merge"  # the key <<
 _FOLDS = "folds"  # of the data: added by the program
 
 
@@ -155,17 +156,29 @@ def _mapping(text: str, where: Any) -> Dict[str, Any]:
 class _Loader(yaml.SafeLoader):
     """Refuses keys that stand twice, of which YAML keeps the last without a word."""
 
-    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-        """Return a map; see the class."""
+    def __init__(self, stream: Any):
+        """Load a text."""
+        super().__init__(stream)
+        self._checked: Dict[int, yaml.MappingNode] = {}
+
+    def flatten_mapping(self, node: Any) -> None:
+        """Put in the keys of merged maps, which those of a map itself may replace."""
+        if id(node) not in self._checked:
+            self._checked[id(node)] = node
+            self._check_keys(node)
+        super().flatten_mapping(node)
+
+    def _check_keys(self, node: Any) -> None:
         seen = set()
         for key_node, _ in node.value:
+            if key_node.tag == _MERGE:
+                continue
             key = self.construct_object(key_node, deep=True)
             if isinstance(key, str) and key in seen:
                 raise yaml.constructor.ConstructorError(
                     None, None, f"'{key}' stands here a second time", key_node.start_mark
                 )
             seen.add(str(key))
-        return super().construct_mapping(node, deep)
 
 
 def _read(path: Path) -> str:
