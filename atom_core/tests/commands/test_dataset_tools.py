@@ -136,8 +136,8 @@ def test_a_merged_dataset_has_what_is_in_doubt_of_both_and_a_renamed_sensor_keep
     assert [c["sensors"] for c in renamed["_metadata"]["caveats"]] == [["front"], ["rgb_2"]]
 
 
-def a_corner_of_the_border(document):
-    return document["patterns"]["pattern_1"]["frame"]["corners"]["top_left"]
+def described_board(document):
+    return document["calibration_config"]["calibration_patterns"]["pattern_1"]
 
 
 @pytest.mark.parametrize(
@@ -152,7 +152,7 @@ def a_corner_of_the_border(document):
             ),
             "another board",
         ),
-        (lambda d: a_corner_of_the_border(d).update(x=-0.3), "another board"),
+        (lambda d: described_board(d).update(border_size={"x": 0.3, "y": 0.3}), "another board"),
         (
             lambda d: d["calibration_config"].update(
                 joints={"elbow": {"params_to_calibrate": ["position_bias"]}}
@@ -174,6 +174,66 @@ def test_rigs_that_differ_are_not_merged(path, tmp_path, capsys, change, words):
     other.write_text(json.dumps(document))
     line = ["merge_atom_datasets", "-ds1", path, "-ds2", other, "-dof", tmp_path / "new"]
     assert words in refused(capsys, *line)
+    assert not (tmp_path / "new").exists()
+
+
+def parts_of(path):
+    run("split_atom_dataset", "-json", path, "-tp", "50")
+    return [path.with_name(f"dataset_{part}.json") for part in ("train", "test")]
+
+
+@pytest.mark.parametrize("odometry", [True, False])
+def test_an_edge_that_stands_elsewhere_in_the_other_dataset_is_multiple_when_they_are_merged(
+    path, tmp_path, capsys, odometry
+):
+    parts = parts_of(path)
+    edge, changed = "world-rig_base", document_of(parts[1])
+    for part in parts:
+        document = document_of(part)
+        if odometry:
+            entry = {"parent_link": "world", "child_link": "rig_base"}
+            document["calibration_config"]["additional_tfs"] = {"odometry": entry}
+        if part == parts[1]:
+            for collection in document["collections"].values():
+                collection["transforms"][edge]["trans"][0] += 1.0
+                sensor = read_dataset(part).sensors["rgb_2"].edge
+                collection["transforms"][str(sensor)]["trans"][0] += 0.01
+        part.write_text(json.dumps(document))
+    run("merge_atom_datasets", "-ds1", parts[0], "-ds2", parts[1], "-dof", tmp_path / "new")
+    told = capsys.readouterr().out
+    assert ("additional tf 'odometry' stands elsewhere" in told) == odometry
+    types = document_of(tmp_path / "new" / "dataset.json")["transforms"]
+    assert [name for name, entry in types.items() if entry["type"] == "multiple"] == [edge]
+    assert changed["transforms"][edge]["type"] == "fixed"
+
+
+def test_edges_that_stand_still_in_both_stay_fixed(path, tmp_path, capsys):
+    parts = parts_of(path)
+    run("merge_atom_datasets", "-ds1", parts[0], "-ds2", parts[1], "-dof", tmp_path / "new")
+    types = document_of(tmp_path / "new" / "dataset.json")["transforms"]
+    assert types == document_of(path)["transforms"]
+    assert "warning" not in capsys.readouterr().out
+
+
+def test_datasets_without_their_images_can_be_merged(path, tmp_path, capsys):
+    parts = parts_of(path)
+    count = len(document_of(parts[1])["collections"])
+    for image in path.parent.glob("*.jpg"):
+        image.unlink()
+    run("merge_atom_datasets", "-ds1", parts[0], "-ds2", parts[1], "-dof", tmp_path / "new")
+    assert f"{2 * count} data files of {parts[1]} are absent" in capsys.readouterr().out
+    collections = document_of(tmp_path / "new" / "dataset.json")["collections"]
+    names = [entry["data_file"] for c in collections.values() for entry in c["data"].values()]
+    assert len(names) == len(set(names)) == 3 * len(collections)
+    assert len(read_dataset(tmp_path / "new" / "dataset.json").collections) == len(collections)
+
+
+def test_a_cloud_that_a_label_needs_is_not_left_out_of_a_merged_dataset(path, tmp_path, capsys):
+    parts = parts_of(path)
+    for cloud in path.parent.glob("lidar_1*"):
+        cloud.unlink()
+    line = ["merge_atom_datasets", "-ds1", parts[0], "-ds2", parts[1], "-dof", tmp_path / "new"]
+    assert "sensor 'lidar_1'" in refused(capsys, *line)
     assert not (tmp_path / "new").exists()
 
 

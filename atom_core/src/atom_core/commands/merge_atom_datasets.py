@@ -11,8 +11,9 @@ from atom_core.errors import OutputError
 from atom_core.evaluation.same_data import shared_collections
 from atom_core.io.atomic import prepare_output_folder
 from atom_core.io.dataset_json import read_dataset
-from atom_core.io.dataset_tools import merged
+from atom_core.io.dataset_tools import absent_files, edges_apart, merged
 from atom_core.io.dataset_writer import write_with_copies
+from atom_core.model.dataset import Dataset
 
 EXAMPLE = "python3 -m atom_core merge_atom_datasets -ds1 a/dataset.json -ds2 b/dataset.json -dof ab"
 
@@ -54,6 +55,8 @@ def run(args: argparse.Namespace) -> int:
     folder = prepare_output_folder(args.output, args.overwrite)
     copies = {file.name: file.source for file in files}
     print(described(write_with_copies(folder, document, copies), document))
+    _warn_of_absent_files(first, second)
+    _warn_of_moved_tfs(first, second)
     twice = shared_collections(first, second)
     if twice:
         print(
@@ -63,3 +66,25 @@ def run(args: argparse.Namespace) -> int:
             f"other recordings, or remove them (remove_collections_from_atom_dataset)"
         )
     return 0
+
+
+def _warn_of_absent_files(*datasets: Dataset) -> None:
+    for dataset in datasets:
+        absent = absent_files(dataset)
+        if absent:
+            print(
+                f"warning: {len(absent)} data files of {dataset.source} are absent "
+                f"({', '.join(absent[:3])}{' ...' if len(absent) > 3 else ''}), and so they are in "
+                f"the new dataset; its labels suffice to calibrate"
+            )
+
+
+def _warn_of_moved_tfs(first: Dataset, second: Dataset) -> None:
+    apart = edges_apart(first, second)
+    for name, entry in first.config.additional_tfs.items():
+        if entry.edge in apart:
+            print(
+                f"warning: additional tf '{name}' stands elsewhere in {second.source} than in "
+                f"{first.source}: each collection keeps a pose of its own; if it was not moved, "
+                f"give '{entry.edge}' the type 'fixed' under 'transforms'"
+            )

@@ -14,12 +14,14 @@ from atom_core.io.caveats import caveats_of, document_with_caveats, renamed_cave
 from atom_core.io.data_files import data_path
 from atom_core.io.dataset_json import sorted_keys
 from atom_core.model.config_section import check_name
-from atom_core.model.dataset import Dataset
+from atom_core.model.dataset import MULTIPLE, Dataset, board_edge
 from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import Sensor
+from atom_core.model.transforms import Edge
 
 _WIDTH = 3  # digits of a collection's key, as collectors write it
 _DRAWS = 300  # before a split is given up
+_FIXED, _SAME = "fixed", 1e-6  # type of an edge; entries of a matrix
 _ALONE = -1  # the cluster of what is near nothing
 
 
@@ -169,7 +171,7 @@ def merged(first: Dataset, second: Dataset) -> Tuple[Dict[str, Any], List[Copied
     The collections of the second follow those of the first, with numbers from there on.
 
     Raises:
-        DatasetError: the datasets are not of one rig, or a data file is absent.
+        DatasetError: the datasets are not of one rig, or a data file is absent that a label needs.
     """
     check_same_rig(first, second)
     document = copy.deepcopy(dict(named(first.document, "_merged")))
@@ -192,11 +194,51 @@ def merged(first: Dataset, second: Dataset) -> Tuple[Dict[str, Any], List[Copied
         for old, value in (pattern.get("transforms_initial") or {}).items():
             if old in keys:
                 stored[keys[old]] = value
-    document["transforms"] = {
-        **(addition.get("transforms") or {}),
-        **(document.get("transforms") or {}),
-    }
+    document["transforms"] = _typed(first, second, document, addition)
     return document, files
+
+
+def edges_apart(first: Dataset, second: Dataset) -> List[Edge]:
+    """Return edges that each dataset has still, but not in the same place as the other one.
+
+    Those of sensors and boards are passed over: the former are estimated as one wherever their
+    guesses are, the latter have a pose for each collection or one, as the configuration says.
+    """
+    left_out = {sensor.edge for sensor in first.sensors.values()}
+    left_out |= {board_edge(pattern) for pattern in first.patterns.values()}
+    edges = {e: None for c in first.collections.values() for e in c.transforms if e not in left_out}
+    still = [
+        edge
+        for edge in edges
+        if all(data.edge_types.get(edge, _FIXED) == _FIXED for data in (first, second))
+    ]
+    return [edge for edge in still if _stands_apart(edge, first, second)]
+
+
+def _stands_apart(edge: Edge, first: Dataset, second: Dataset) -> bool:
+    values = [
+        collection.transforms[edge]
+        for data in (first, second)
+        for collection in data.collections.values()
+        if edge in collection.transforms
+    ]
+    return not all(np.allclose(values[0], value, rtol=0.0, atol=_SAME) for value in values)
+
+
+def _typed(
+    first: Dataset, second: Dataset, document: Mapping[str, Any], addition: Mapping[str, Any]
+) -> Dict[str, Any]:
+    """Return the entries of both documents' edges, with types that hold for both."""
+    entries = {**(addition.get("transforms") or {}), **(document.get("transforms") or {})}
+    moving = {*edges_apart(first, second)}
+    for data in (first, second):
+        moving |= {edge for edge, kind in data.edge_types.items() if kind == MULTIPLE}
+    moving -= {sensor.edge for sensor in first.sensors.values()}
+    for name, entry in entries.items():
+        ends = (entry.get("parent"), entry.get("child")) if isinstance(entry, Mapping) else None
+        if ends in moving:
+            entries[name] = {**entry, "type": MULTIPLE}
+    return entries
 
 
 def _files_of(
@@ -208,15 +250,36 @@ def _files_of(
         for sensor, entry in (document["collections"][old].get("data") or {}).items():
             if isinstance(entry, dict) and entry.get("data_file"):
                 source = data_path(dataset.source.parent, entry)
-                if source is None:
+                if source is None and _is_needed(dataset, old, sensor):
                     raise DatasetError(
                         f"{dataset.source.parent / entry['data_file']}: the data file of "
-                        f"sensor '{sensor}', collection {old}, is absent; restore it, or remove "
-                        f"the collection"
+                        f"sensor '{sensor}', collection {old}, is absent, and its label needs it; "
+                        f"restore it, or remove the collection"
                     )
-                entry["data_file"] = f"{sensor}_{new}{source.suffix}"
-                files.append(CopiedFile(source, entry["data_file"]))
+                ending = Path(entry["data_file"]).suffix if source is None else source.suffix
+                entry["data_file"] = f"{sensor}_{new}{ending}"
+                if source is not None:
+                    files.append(CopiedFile(source, entry["data_file"]))
     return files
+
+
+def _is_needed(dataset: Dataset, collection: str, sensor: str) -> bool:
+    """Tell whether a calibration reads the data: points that are labeled."""
+    if sensor not in dataset.sensors or not dataset.sensors[sensor].kind.measures_range:
+        return False
+    return any(of == sensor for of, _ in dataset.collections[collection].labels)
+
+
+def absent_files(dataset: Dataset) -> List[str]:
+    """Return the names of data files that a dataset names and that are not there."""
+    return [
+        entry["data_file"]
+        for collection in dataset.document["collections"].values()
+        for entry in (collection.get("data") or {}).values()
+        if isinstance(entry, dict)
+        and entry.get("data_file")
+        and data_path(dataset.source.parent, entry) is None
+    ]
 
 
 def check_same_rig(first: Dataset, second: Dataset) -> None:
