@@ -18,6 +18,7 @@ import numpy as np
 from atom_core.errors import AtomError, DatasetError
 from atom_core.geometry.camera import Camera
 from atom_core.io.atomic import write_text_atomically
+from atom_core.io.board_links import with_boards_free
 from atom_core.io.camera_entries import (
     camera_of_entry,
     check_images,
@@ -42,6 +43,7 @@ from atom_core.io.edge_types import edge_types
 from atom_core.io.json_text import load_json
 from atom_core.io.label_json import is_old_layout, with_label
 from atom_core.io.paths import looked_for
+from atom_core.io.pattern_entries import pattern_of_entry, with_borders
 from atom_core.io.together import finish_interrupted
 from atom_core.model.caveats import Caveat
 from atom_core.model.config import CalibrationConfig
@@ -49,12 +51,7 @@ from atom_core.model.config_section import check_name
 from atom_core.model.dataset import Collection, Dataset, board_edge
 from atom_core.model.joints import JointState
 from atom_core.model.labels import DetectionKey, Label
-from atom_core.model.pattern import (
-    Pattern,
-    border_from_document,
-    corners_from_document,
-    pattern_from_config,
-)
+from atom_core.model.pattern import Pattern, pattern_from_config
 from atom_core.model.sensor import Sensor
 from atom_core.model.transforms import Edge
 
@@ -144,6 +141,9 @@ def dataset_from_document(
     collections = {key: reader.collection(key, sensors, patterns) for key in chosen}
     estimated = {sensor.edge for sensor in sensors.values()}
     estimated |= {edge for _, edge in config.estimated_edges}
+    frames = [config.world_link, *(sensor.frame for sensor in sensors.values())]
+    collections, freed = with_boards_free(collections, patterns, frames, estimated, str(source))
+    reader.warnings += freed
     check_trees(collections.values(), estimated, str(source))
     boards = {board_edge(pattern) for pattern in patterns.values()}
     types, told = edge_types(document, config, {s.edge for s in sensors.values()} | boards)
@@ -255,28 +255,14 @@ class _Reader:
             stored = {next(iter(config.calibration_patterns)): stored}
         patterns = {}
         for name, entry in config.calibration_patterns.items():
-            patterns[name] = self._pattern(name, pattern_from_config(name, entry), stored.get(name))
+            described = pattern_from_config(name, entry)
+            try:
+                patterns[name], told = pattern_of_entry(described, stored.get(name) or {})
+            except (KeyError, ValueError, TypeError) as error:
+                why = f"corners or frame are malformed ({error})"
+                raise self.fail(f"pattern '{name}': {why}") from None
+            self.warnings += told
         return patterns
-
-    def _pattern(self, name: str, pattern: Pattern, stored: Optional[Mapping[str, Any]]) -> Pattern:
-        if not stored or "corners" not in stored:
-            return pattern
-        try:
-            corners, border = corners_from_document(stored), pattern.border
-            if (stored.get("frame") or {}).get("corners"):
-                border = border_from_document(stored)
-        except (KeyError, ValueError, TypeError) as error:
-            raise self.fail(f"pattern '{name}': corners or frame are malformed ({error})") from None
-        same = corners.shape == pattern.corners_by_id.shape and np.allclose(
-            corners, pattern.corners_by_id, atol=1e-6, equal_nan=True
-        )
-        if not same:
-            self.warnings.append(
-                f"pattern '{name}': its corners differ from what the configuration says; "
-                f"the dataset's own corners are used"
-            )
-        values = {**pattern.__dict__, "corners_by_id": corners, "border": border}
-        return Pattern(**values)
 
     def collection(
         self, key: str, sensors: Mapping[str, Sensor], patterns: Mapping[str, Pattern]
@@ -395,6 +381,8 @@ def document_of(dataset: Dataset, relabeled: Iterable[DetectionKey] = ()) -> Dic
         entry = kept[detection.collection]
         entry["labels"] = with_label(entry.get("labels") or {}, dataset, detection)
     document["collections"] = kept
+    if document.get("patterns"):
+        document["patterns"] = with_borders(document["patterns"], dataset)
     return document
 
 
