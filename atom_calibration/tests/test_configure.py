@@ -1,5 +1,6 @@
 """configure: a package from a configuration, refusals with file, line and key, edits respected."""
 
+import hashlib
 import json
 import os
 import shutil
@@ -242,6 +243,13 @@ def test_the_files_of_the_simulated_cell_are_up_to_date():
         )
 
 
+def test_the_checksums_of_the_simulated_cell_are_those_of_its_files():
+    folder = Path(__file__).resolve().parents[2] / "atom_examples" / "collab_cell"
+    sums = json.loads((folder / "config" / "generated.json").read_text("utf-8"))["sha256"]
+    of_files = {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in sums}
+    assert of_files == sums
+
+
 # --- what is refused ----------------------------------------------------------------------------
 
 
@@ -317,6 +325,20 @@ def test_every_problem_is_told_at_once(package, capsys):
 def test_a_configuration_that_was_named_and_is_absent_is_not_replaced_by_another(package, capsys):
     assert configure(package, "-cfg", "other.yml") == 2
     assert "other.yml" in capsys.readouterr().err
+
+
+def test_a_configuration_outside_the_package_serves_it_as_well(package, tmp_path_factory, capsys):
+    own = package / "calibration" / "config.yml"
+    elsewhere = tmp_path_factory.mktemp("elsewhere") / "c1.yml"
+    text = own.read_text("utf-8")
+    for file in ("rig.urdf.xacro", "rig.bag"):
+        text = text.replace(f'"{file}"', f'"{own.parent / file}"')
+    elsewhere.write_text(text, "utf-8")
+    assert configure(package, "-cfg", str(elsewhere)) == 0, capsys.readouterr().err
+    assert list(elsewhere.parent.iterdir()) == [elsewhere]
+    assert (package / "calibration" / "summary.pdf").is_file()
+    assert (package / "calibration" / "generated.json").is_file()
+    assert str(elsewhere) in (package / "launch" / "collect_data.launch").read_text("utf-8")
 
 
 def test_a_recording_in_parts_is_named_by_a_pattern(package, capsys):
@@ -408,6 +430,23 @@ def test_paths_of_the_configuration_stay_portable_in_launch_files(package):
     assert launch_text("~/a.bag", found) == "$(env HOME)/a.bag"
     expected = "$(find small_rig_calibration)/calibration/a.bag"
     assert launch_text("a.bag", found) == expected
+
+
+def _arguments(launch_file):
+    root = ElementTree.parse(str(launch_file)).getroot()
+    return {arg.get("name") for arg in root.findall("arg") if arg.get("value") is None}
+
+
+def test_a_packages_launch_file_for_collecting_takes_all_arguments_of_the_one_that_it_starts(
+    made_once,
+):
+    started = Path(__file__).resolve().parents[1] / "launch" / "collect_data.launch"
+    for_bag = {"all_messages"}  # follows from what is throttled
+    of_package = made_once / "launch" / "collect_data.launch"
+    assert _arguments(started) - for_bag <= _arguments(of_package)
+    include = ElementTree.parse(str(of_package)).getroot().findall("include")[1]
+    passed = {arg.get("name") for arg in include.findall("arg")}
+    assert _arguments(started) - {"bag", "bag_rate"} == passed  # these are of playbag.launch
 
 
 @pytest.mark.parametrize("step", LAUNCH_ARGUMENTS)

@@ -82,7 +82,7 @@ def configure(args: argparse.Namespace) -> int:
         for problem in findings.problems:
             _tell(problem)
         return BAD_INPUT
-    files = GeneratedFiles(package.folder, package.calibration_folder / RECORD)
+    files = GeneratedFiles(package.folder, package.summary_folder / RECORD)
     outcome = files.write(_contents(rig, package), args.overwrite)
     remarks = _write_estimate(rig, package, files, args)
     missing = missing_dependencies(package, needed_packages(rig.config))
@@ -195,7 +195,7 @@ def _contents(rig: CheckedRig, package: CalibrationPackage) -> Dict[str, bytes]:
     transforms = {**rig.facts.fixed, **rig.description.robot.transforms()}
     texts = rendered_files(rig.config, rig.facts, package, transforms)
     contents = {name: text.encode() for name, text in texts.items()}
-    folder = package.calibration_folder.relative_to(package.folder).as_posix()
+    folder = package.summary_folder.relative_to(package.folder).as_posix()
     graph = networkx_graph(rig.config, rig.tree)
     document = json.dumps(graph_document(graph), indent=2) + "\n"
     contents[f"{folder}/transforms_graph.json"] = document.encode()

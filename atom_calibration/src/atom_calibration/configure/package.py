@@ -40,8 +40,17 @@ class CalibrationPackage:
 
     @property
     def calibration_folder(self) -> Path:
-        """Where configuration and summary are."""
+        """Where the configuration is."""
         return self.config_file.parent
+
+    @property
+    def summary_folder(self) -> Path:
+        """Where summary and checksums go: beside the configuration, where that is in `folder`."""
+        beside = self.calibration_folder
+        if self.folder == beside or self.folder in beside.parents:
+            return beside
+        places = [self.folder / place for place in CONFIG_FOLDERS]
+        return next((place for place in places if place.is_dir()), places[0])
 
     def launch_path(self, path: Path) -> str:
         """Return how launch files call a file: by the package where it is inside of it."""
