@@ -4,9 +4,11 @@ import json
 import re
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from atom_core import cli
 from atom_core.evaluation.edge_errors import joint_errors
@@ -252,3 +254,11 @@ def test_a_scenario_in_which_nothing_can_be_seen_is_refused(worlds, monkeypatch)
     monkeypatch.setattr("atom_examples.robot_simulator.stops._TRIES", 20)
     with pytest.raises(SimulatorError, match="in 20 draws no stop shows 3 boards"):
         draw_stops(world, "train", 1)
+
+
+def test_the_scenario_in_the_readme_loads_with_all_its_keys():
+    readme = (Path(__file__).resolve().parents[1] / "README.md").read_text("utf-8")
+    block = readme[readme.index("    room: {low:") : readme.index("## The simulated cell")]
+    document = yaml.safe_load(block)
+    assert set(document) == {"room", "boards", "absent", "joints", "stops", "seen", "calibrate"}
+    assert set(document["joints"]) == {"postures", "spread", "position_bias"}
