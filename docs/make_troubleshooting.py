@@ -35,8 +35,10 @@ _END = """
 [How good is the answer?](certainty.md), [model checks](model_checks.md) |
 | `rank_deficient` | [Weak directions](tutorials/calibrate_a_dataset.md#weak-directions) |
 | warnings of `check` | [Calibrate a dataset](tutorials/calibrate_a_dataset.md#1-check) |
-| `rosrun: command not found` | `source env.bash` in this shell, after `make build` |
-| `no such command [['xacro'` of roslaunch | `source env.bash` in this shell, after `make setup` |
+| `rosrun: command not found` | \
+`source env.bash` in this shell, after `make build` (Debian) or `catkin_make` (Noetic) |
+| `no such command [['xacro'` of roslaunch | \
+`source env.bash` in this shell, after `make setup` (Debian); `apt install ros-noetic-xacro` (Noetic) |
 | `Cannot load command parameter [robot_description]` of roslaunch | \
 the sentence above it, which names the description |
 | `REQUIRED process [...] has died!`, then `exit code 1` or `2` | the sentence above it: \

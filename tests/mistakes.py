@@ -161,7 +161,7 @@ OF_DATASETS = [
     Mistake("columns and rows of the board exchanged", CHECK, changed(_swapped), 1, "verdict: "),
     Mistake("the board's size in mm", f"{CHECK} -ssf 'rgb_*'", changed(_in_mm), 1, "verdict: "),
     Mistake("the dataset evaluated before it is calibrated", EVALUATE, code=0, begins="verdict: "),
-    Mistake("a pair of sensors that is none", f"{EVALUATE} --pairs rgb_1:gps"),
+    Mistake("a pair with an unknown sensor", f"{EVALUATE} --pairs rgb_1:gps"),
     Mistake("a truth that is not there", f"{CALIBRATE} --truth truth.json"),
     Mistake("one LiDAR alone", f"{CALIBRATE} -ssf lidar_1"),
     Mistake(FULL_DISK, CALIBRATE),

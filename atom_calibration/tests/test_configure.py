@@ -1,6 +1,5 @@
 """configure: a package from a configuration, refusals with file, line and key, edits respected."""
 
-import hashlib
 import json
 import os
 import shutil
@@ -241,13 +240,6 @@ def test_the_files_of_the_simulated_cell_are_up_to_date():
             f"run `rosrun atom_calibration configure_calibration_pkg -n {folder.name} --bag BAG` "
             f"with a compressed recording of the simulated cell: {name}"
         )
-
-
-def test_the_checksums_of_the_simulated_cell_are_those_of_its_files():
-    folder = Path(__file__).resolve().parents[2] / "atom_examples" / "collab_cell"
-    sums = json.loads((folder / "config" / "generated.json").read_text("utf-8"))["sha256"]
-    of_files = {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in sums}
-    assert of_files == sums
 
 
 # --- what is refused ----------------------------------------------------------------------------

@@ -1,5 +1,9 @@
 """Files that are made anew without losing what the user changed in them."""
 
+import hashlib
+import json
+from pathlib import Path
+
 import pytest
 
 from atom_calibration.configure import files as generated
@@ -22,3 +26,10 @@ def test_files_of_a_run_that_was_killed_are_no_edits_of_the_user(tmp_path, monke
         files().write({"a": b"2", "b": b"2", "c": b"2"}, overwrite=False)
     outcome = files().write({"a": b"3", "b": b"3", "c": b"3"}, overwrite=False)
     assert (outcome.written, outcome.kept) == (["a", "b"], ["c"])
+
+
+def test_the_checksums_of_the_simulated_cell_are_those_of_its_files():
+    folder = Path(__file__).resolve().parents[2] / "atom_examples" / "collab_cell"
+    sums = json.loads((folder / "config" / "generated.json").read_text("utf-8"))["sha256"]
+    of_files = {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in sums}
+    assert of_files == sums

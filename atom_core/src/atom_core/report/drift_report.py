@@ -107,7 +107,7 @@ def drift_table(found: Drift) -> str:
         f"{text_table(headers, rows, title)}\n"
         f"moved: chi-square of the six numbers{held_too} beyond {found.limit:.1f}, as of one rig "
         f"in a hundred that did not move; found from: a shift or turn of this size, in the "
-        f"direction that is told worst, is noticed 95 times in a hundred"
+        f"direction that is measured worst, is noticed 95 times in a hundred"
         + "".join(f"\nleft out: {_named(rejected)}" for rejected in found.left_out)
     )
 
