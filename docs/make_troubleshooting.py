@@ -38,7 +38,8 @@ _END = """
 | `rosrun: command not found` | \
 `source env.bash` in this shell, after `make build` (Debian) or `catkin_make` (Noetic) |
 | `no such command [['xacro'` of roslaunch | \
-`source env.bash` in this shell, after `make setup` (Debian); `apt install ros-noetic-xacro` (Noetic) |
+`source env.bash` in this shell, after `make setup` (Debian); \
+`apt install ros-noetic-xacro` (Noetic) |
 | `Cannot load command parameter [robot_description]` of roslaunch | \
 the sentence above it, which names the description |
 | `REQUIRED process [...] has died!`, then `exit code 1` or `2` | the sentence above it: \

@@ -160,3 +160,19 @@ def test_what_is_no_transform_and_topics_of_another_robot_are_told_and_passed_ov
     said = capsys.readouterr().err
     assert "ghost' is no pose" in said and "those on /robot_2/tf_static are not used" in said
     assert "elsewhere" not in said  # the description fits the robot's own
+
+
+def test_an_edge_that_only_the_driver_publishes_is_told_when_it_shall_be_estimated(package, capsys):
+    description = package / "calibration" / "rig.urdf.xacro"
+    text = description.read_text("utf-8").replace('<link name="camera_optical"/>', "")
+    begin = text.index('  <joint name="camera_optics"')
+    end = text.index("</joint>", begin) + len("</joint>\n")
+    description.write_text(text[:begin] + text[end:], "utf-8")
+    assert configure(package) == 0
+    assert "only the bag's transforms have" not in capsys.readouterr().err
+    edges = ('parent_link: "mast"', 'parent_link: "camera_link"')
+    edit_config(package, *edges)
+    edit_config(package, 'child_link: "camera_link"', 'child_link: "camera_optical"')
+    assert configure(package) == 0
+    told = "sensors.camera.child_link is 'camera_optical', which only the bag's transforms have"
+    assert told in capsys.readouterr().err

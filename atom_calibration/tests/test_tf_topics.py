@@ -77,3 +77,10 @@ def test_messages_name_the_topic_on_which_the_transforms_are(make, tmp_path):
         assert "has several values in /r/tf_static" in doubt.what
         with pytest.raises(TransformError, match="/r/tf has no pose of 'a-c' near this time"):
             transforms.at(1.0).lookup("a", "c", 1.0)
+
+
+def test_a_bag_with_odometry_alone_is_told_of_the_description(place, make, capsys):
+    content = [m for m in messages(make) if not m[0].startswith("/tf")]
+    odometry = ("/tf", make.tf("odom", "base", np.eye(4), 100.0), 100.0)
+    line = refusal(place([odometry, *content]), capsys)
+    assert "is in no message of /tf" in line and "collect_from_bag --description" in line

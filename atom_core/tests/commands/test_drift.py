@@ -165,3 +165,13 @@ def test_a_label_that_contradicts_the_others_is_left_out_and_named(made, tmp_pat
     assert "verdict: GOOD. The rig stands as described" in shown
     (left_out,) = json.loads((tmp_path / "drift.json").read_text())["left_out"]
     assert (left_out["collection"], left_out["sensor"]) == (key, "rgb_2")
+
+
+def test_a_sensor_that_the_description_lacks_can_be_left_out_as_the_refusal_says(
+    made, tmp_path, capsys
+):
+    lacking = tmp_path / "lacking.urdf"
+    lacking.write_text((made / "rig.urdf").read_text().replace('"rgb_3', '"other_3'))
+    line = check(made, lacking, "--calibration", made / "results")
+    assert "leave the sensor out: -ssf '!rgb_3'" in refused(capsys, *line)
+    run(*line, "-ssf", "!rgb_3")

@@ -289,6 +289,13 @@ def _check_sensor(
             f"is '{sensor.child_link}', but the edge from parent_link to it is not between "
             f"'{config.world_link}' and '{sensor.link}' ({listed}); choose one of those",
         )
+    elif tree.above[sensor.child_link].from_bag:
+        findings.warn(
+            (*path, "child_link"),
+            f"is '{sensor.child_link}', which only the bag's transforms have: it gets no marker in "
+            f"set_initial_estimate, and is not written to the description; estimate the edge above "
+            f"it that is in the description, or put this joint into the description",
+        )
 
 
 def _check_edge(

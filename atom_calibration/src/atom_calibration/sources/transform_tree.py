@@ -136,7 +136,8 @@ class TransformTree:
                 known = ", ".join(sorted(self.frames)[:20])
                 raise TransformError(
                     f"frame '{frame}' is in no message of /tf or /tf_static (there are: "
-                    f"{known or 'none'}); correct the name, or record the transforms"
+                    f"{known or 'none'}); correct the name, record the transforms, or take those "
+                    f"of the robot's description (collect_from_bag --description)"
                 )
         up, down = self._ancestors(target), self._ancestors(source)
         common = next((frame for frame in up if frame in down), None)

@@ -342,5 +342,6 @@ def _add_shown_options(parser: argparse.ArgumentParser) -> None:
         "trust_checks",
         action="store_true",
         help="ask the result without a truth: two halves of the collections, each sensor by the "
-        "boards of the others, loops of three sensors; eleven to thirteen times the time of a calibration",
+        "boards of the others, loops of three sensors; eleven to thirteen times the time of a "
+        "calibration",
     )

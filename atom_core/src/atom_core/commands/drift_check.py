@@ -55,7 +55,8 @@ def drift_of(
             raise DescriptionError(
                 f"{description}: has no joint from '{sensor.edge.parent}' to "
                 f"'{sensor.edge.child}', on which sensor '{sensor.name}' stands; give the "
-                f"description that the rig was calibrated with"
+                f"description that the rig was calibrated with, or leave the sensor out: "
+                f"-ssf '!{sensor.name}'"
             )
     _refuse_untrusted(stored)
     known = known_of(stored, dataset)
