@@ -24,7 +24,8 @@ what the programs say to them; search the page for the words on your screen. It 
 `python3 docs/make_troubleshooting.py`, which makes the mistakes.
 
 Exit codes: 2 is a refusal, and nothing is written; 1 is a result that is not acceptable; with 0 a
-verdict can still say *wrong* ([the verdict](certainty.md#the-verdict)).
+verdict can still say *wrong* ([the verdict](certainty.md#the-verdict),
+[exit codes](tutorials/calibrate_a_dataset.md#exit-codes)).
 """
 _END = """
 ## Elsewhere
