@@ -291,6 +291,8 @@ FAILURE_MODES = (
         30,
         "A selection on the command line is evaluated as code",
         "selections are names, globs, or a small language of comparisons",
-        ("atom_core/tests/commands/test_selections_typed.py::test_what_names_nothing_or_is_code_is_refused",),
+        (
+            "atom_core/tests/commands/test_selections_typed.py::test_what_names_nothing_or_is_code_is_refused",
+        ),
     ),
 )
