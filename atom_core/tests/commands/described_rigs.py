@@ -10,10 +10,14 @@ from atom_core.model.transforms import Edge
 
 
 def urdf_of(dataset):
-    transforms = next(iter(dataset.collections.values())).transforms
-    links = dict.fromkeys(f for edge in transforms for f in edge)
+    return urdf_of_edges(next(iter(dataset.collections.values())).transforms)
+
+
+def urdf_of_edges(edges):
+    """Return a description with a fixed joint for each edge, `parent_T_child` (4, 4) by edge."""
+    links = dict.fromkeys(f for edge in edges for f in edge)
     lines = ['<robot name="rig">', *(f'<link name="{name}"/>' for name in links)]
-    for edge, matrix in transforms.items():
+    for edge, matrix in edges.items():
         xyz = " ".join(repr(float(v)) for v in matrix[:3, 3])
         rpy = " ".join(repr(float(v)) for v in se3.rpy_from_rotation(matrix[:3, :3]))
         lines.append(

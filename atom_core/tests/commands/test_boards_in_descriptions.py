@@ -1,20 +1,25 @@
 """Boards that stay where they are stand in optimized_w_pattern.urdf.xacro, beside the robot."""
 
 import json
+import sys
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
-from atom_core.cli import main
-from atom_core.geometry import se3
-from atom_core.io.dataset_json import read_dataset
-from atom_core.io.dataset_writer import write_dataset_folder
-from atom_core.io.urdf import read_description
-from atom_core.io.urdf_boards import BoardLink, with_boards
-from atom_core.model.dataset import board_edge
-from atom_core.model.transforms import Edge
-from atom_core.synthetic import scenes
+sys.path.insert(0, str(Path(__file__).parent))  # described_rigs, which the tests share
+
+from described_rigs import urdf_of_edges  # noqa: E402
+
+from atom_core.cli import main  # noqa: E402
+from atom_core.io.dataset_json import read_dataset  # noqa: E402
+from atom_core.io.dataset_writer import write_dataset_folder  # noqa: E402
+from atom_core.io.urdf import read_description  # noqa: E402
+from atom_core.io.urdf_boards import BoardLink, with_boards  # noqa: E402
+from atom_core.model.dataset import board_edge  # noqa: E402
+from atom_core.model.transforms import Edge  # noqa: E402
+from atom_core.synthetic import scenes  # noqa: E402
 
 pytest.importorskip("atom_core._core", reason="native module is not built: make build")
 
@@ -29,18 +34,10 @@ def described(dataset, folder, boards=False, root="world"):
         edges.pop(edge, None)
         if boards:
             edges[edge] = np.eye(4)
-    lines = ['<robot name="rig">', "  <!-- a comment that stays, with </robot> in it -->"]
-    lines += [f'  <link name="{n}"/>' for n in dict.fromkeys(f for edge in edges for f in edge)]
-    for (parent, child), matrix in edges.items():
-        xyz = " ".join(repr(float(v)) for v in matrix[:3, 3])
-        rpy = " ".join(repr(float(v)) for v in se3.rpy_from_rotation(matrix[:3, :3]))
-        lines.append(
-            f'  <joint name="{parent}_to_{child}" type="fixed">\n'
-            f'    <parent link="{parent}"/>\n    <child link="{child}"/>\n'
-            f'    <origin xyz="{xyz}" rpy="{rpy}"/>\n  </joint>'
-        )
+    comment = "  <!-- a comment that stays, with </robot> in it -->"
+    first, rest = urdf_of_edges(edges).split("\n", 1)
     path = folder / "rig.urdf"
-    path.write_text("\n".join([*lines, "</robot>", ""]).replace('"world', f'"{root}'))
+    path.write_text(f"{first}\n{comment}\n{rest}\n".replace('"world', f'"{root}'))
     return path
 
 
