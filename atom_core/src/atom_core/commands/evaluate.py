@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Dict, List, Optional, Sequence
 
 from atom_core.commands import common
+from atom_core.commands.annotated_borders import annotated_borders
 from atom_core.commands.baseline_options import FILES as BASELINE_FILES
 from atom_core.commands.baseline_options import (
     Baselines,
@@ -15,7 +16,6 @@ from atom_core.commands.baseline_options import (
     chosen_baselines,
 )
 from atom_core.commands.compare_calibrations import run_comparison
-from atom_core.commands.drawn_borders import drawn_borders
 from atom_core.commands.provenance import inputs, versions
 from atom_core.commands.report_files import REPORT_FILES, report_beside
 from atom_core.commands.report_option import add_report_option
@@ -104,7 +104,7 @@ def run(args: argparse.Namespace) -> int:
     train, test = read_dataset(args.train), _selected(args, read_dataset(args.test))
     truth = read_any_truth(args.truth) if args.truth else None
     sensors = _sensors(args, train, test)
-    annotations, doubts = drawn_borders(args.test, test, sensors)
+    annotations, doubts = annotated_borders(args.test, test, sensors)
     evaluation = _evaluate(args, train, test, truth, annotations)
     other = read_dataset(args.compare[0]) if args.compare else None
     compared = _evaluate(args, other, test, truth, annotations) if other else None

@@ -8,8 +8,8 @@ from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Tu
 
 from atom_core.calibration.prepare.input_changes import without_partial_detections
 from atom_core.commands import common
+from atom_core.commands.annotated_borders import annotated_borders
 from atom_core.commands.atom_options import AtomOption, add_meaningless_options
-from atom_core.commands.drawn_borders import drawn_borders
 from atom_core.errors import DatasetError, OutputError
 from atom_core.evaluation.between_collections import between_collections
 from atom_core.evaluation.evaluate import evaluate
@@ -218,7 +218,7 @@ def _measured_between(tool: Evaluator, args: argparse.Namespace) -> PairResult:
 
 def _annotations(args: argparse.Namespace, test: Dataset) -> Borders:
     """Return the borders drawn in the test set's images; warn of those in doubt."""
-    annotations, doubts = drawn_borders(args.test_json, test, (args.source, args.target))
+    annotations, doubts = annotated_borders(args.test_json, test, (args.source, args.target))
     for sentence in doubts:
         print(f"warning: {sentence}")
     return annotations

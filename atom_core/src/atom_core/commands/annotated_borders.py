@@ -1,4 +1,4 @@
-"""Borders that were drawn by hand beside a test set, for whatever evaluates on it."""
+"""Borders that were annotated beside a test set, for whatever evaluates on it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from atom_core.io.annotations import read_annotations
 from atom_core.model.dataset import Dataset
 
 
-def drawn_borders(
+def annotated_borders(
     path: Path, test: Dataset, sensors: Optional[Collection[str]] = None
 ) -> Tuple[Borders, List[str]]:
     """Return the borders in the images of some sensors, and a sentence for each that is in doubt.
