@@ -8,6 +8,8 @@ alone is.
 
     nice -n 10 python3 tests/benchmarks/bench_drift.py --rigs 200
 
+With ``--new 6``, six new boards in place of three; as many as before to calibrate with.
+
 With ``--known``, rigs of whose sensors and boards the calibration finds errors as well, or how far
 an arm is off: the new boards are read with them. There a sensor is shifted by 20 mm or turned by
 1 deg.
@@ -56,7 +58,7 @@ from atom_core.synthetic.realism import PLAIN, ROUGH
 from atom_core.synthetic.scenes import random_scene
 
 ROOT = Path(__file__).resolve().parents[2]
-COLLECTIONS, NEW = 24, 3
+TRAINED, NEW = 21, 3  # collections to calibrate with, new ones
 THREES = 8  # of the boards of a seed's test set
 KINDS = {
     "three cameras": {"rgb": 3, "depth": 0, "lidar3d": 0},
@@ -74,13 +76,13 @@ KNOWN = {
 Answers = Dict[str, Tuple[bool, bool]]  # by move: anything moved, that sensor alone
 
 
-def asked(seed: int, sensors: Mapping[str, int]) -> Optional[Answers]:
+def asked(seed: int, sensors: Mapping[str, int], boards: int = NEW) -> Optional[Answers]:
     """Return what is said of each move of a rig; None where too few boards are seen by all."""
-    dataset = random_scene(seed, collections=COLLECTIONS, **sensors).dataset
+    dataset = random_scene(seed, collections=TRAINED + boards, **sensors).dataset
     whole = [k for k, c in dataset.collections.items() if len(c.labels) == len(dataset.sensors)]
-    if len(whole) < NEW:
+    if len(whole) < boards:
         return None
-    new = sorted(whole, key=lambda key: -_least_share(dataset, key))[:NEW]
+    new = sorted(whole, key=lambda key: -_least_share(dataset, key))[:boards]
     rest = [key for key in dataset.collections if key not in new]
     described, spreads = calibrated(dataset.selected(collections=rest))
     new_boards = dataset.selected(collections=new)
@@ -214,6 +216,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rigs", type=int, default=200)
     parser.add_argument("--kinds", nargs="+", choices=list(KINDS), default=list(KINDS))
+    parser.add_argument("--new", type=int, default=NEW, metavar="BOARDS", help="new boards")
     parser.add_argument("--known", action="store_true", help="where errors are known")
     parser.add_argument("--cell", type=Path, metavar="FOLDER", help="of `make results`")
     parser.add_argument("--output", type=Path, default=ROOT / "bench_output")
@@ -221,7 +224,8 @@ def main() -> None:
     if args.cell:
         document = figures_of_cell(args.cell)
     else:
-        document = figures_of_kinds(args.rigs, list(KNOWN) if args.known else args.kinds)
+        kinds = list(KNOWN) if args.known else args.kinds
+        document = figures_of_kinds(args.rigs, kinds, args.new)
     moves = [name for name in (LARGER if args.known else MOVES) if name != "none"]
     args.output.mkdir(parents=True, exist_ok=True)
     write_json_atomically(args.output / "drift.json", document, indent=1)
@@ -232,10 +236,10 @@ def main() -> None:
         + [f"{100 * row[m][s]:.1f} %" for m in moves for s in ("moved", "named")]
         for kind, row in document.items()
     ]
-    print(text_table(headers, rows, f"Has the rig moved? {NEW} new boards"))
+    print(text_table(headers, rows, f"Has the rig moved? {args.new} new boards"))
 
 
-def figures_of_kinds(rigs: int, kinds: List[str]) -> Dict[str, Any]:
+def figures_of_kinds(rigs: int, kinds: List[str], boards: int) -> Dict[str, Any]:
     """Return the shares over some rigs of each kind."""
     document = {}
     for kind in kinds:
@@ -243,7 +247,7 @@ def figures_of_kinds(rigs: int, kinds: List[str]) -> Dict[str, Any]:
         if kind in KNOWN:
             document[kind] = figures(rigs, partial(asked_of_known, scene=KNOWN[kind]))
         else:
-            document[kind] = figures(rigs, partial(asked, sensors=KINDS[kind]))
+            document[kind] = figures(rigs, partial(asked, sensors=KINDS[kind], boards=boards))
     return document
 
 
