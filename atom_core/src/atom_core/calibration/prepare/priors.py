@@ -2,7 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import (
+    Container,
+    Dict,
+    Iterator,
+    List,
+    Mapping,
+    NamedTuple,
+    Optional,
+    Sequence,
+    Tuple,
+)
 
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.errors import CalibrationError
@@ -14,6 +24,7 @@ from atom_core.solvers.base import SIGMA
 
 OPTION = "--prior"
 _CONFIGURED = "priors of the configuration: "
+_NOT_SELECTED = "the selection leaves it out"
 
 
 class _Target(NamedTuple):
@@ -50,7 +61,8 @@ def priors(
     """
     configured = {n: (p.sigma_m, p.sigma_rad) for n, p in dataset.config.priors.items()}
     if (configured or options.priors) and options.solver.weights != SIGMA:
-        raise CalibrationError(f"{OPTION} needs --weights sigma")
+        whose = OPTION if options.priors else f"a prior ({_CONFIGURED}{', '.join(configured)})"
+        raise CalibrationError(f"{whose} needs --weights sigma")
     targets = _targets(dataset, free)
     found: Dict[Edge, Prior] = {}
     for name, sigmas in options.priors.items():
@@ -64,6 +76,8 @@ def priors(
     remarks, of_options = [], set(found)
     for name, sigmas in configured.items():
         target = _target(targets, name, _CONFIGURED)
+        if target.held == _NOT_SELECTED:
+            continue
         if target.held is not None:
             remarks.append(
                 f"the configuration's prior of '{name}' has no effect: {target.what} is not "
@@ -106,6 +120,7 @@ def _targets(dataset: Dataset, free: FreeEdges) -> Dict[str, _Target]:
         found.append(
             (pattern.name, _Target(board_edge(pattern), f"pattern '{pattern.name}'", None, why))
         )
+    found += _not_selected(dataset, {target.edge for _, target in found if target.held is None})
     others = {edge: None for c in dataset.collections.values() for edge in c.transforms}
     for edge in others:
         why = "neither a sensor of the configuration nor an additional_tf is calibrated by it"
@@ -115,6 +130,21 @@ def _targets(dataset: Dataset, free: FreeEdges) -> Dict[str, _Target]:
         by_name.setdefault(name, target)
         by_name.setdefault(str(target.edge), target)
     return by_name
+
+
+def _not_selected(dataset: Dataset, estimated: Container[Edge]) -> Iterator[Tuple[str, _Target]]:
+    """Yield the configuration's sensors and boards that the dataset is reduced by.
+
+    An edge that such a sensor shares with one that is used is estimated all the same.
+    """
+    for name, sensor in dataset.config.sensors.items():
+        if name not in dataset.sensors:
+            why = None if sensor.edge in estimated else _NOT_SELECTED
+            yield name, _Target(sensor.edge, f"edge '{sensor.edge}'", None, why)
+    for name, pattern in dataset.config.calibration_patterns.items():
+        if name not in dataset.patterns:
+            edge = Edge(pattern.parent_link, pattern.link)
+            yield name, _Target(edge, f"pattern '{name}'", None, _NOT_SELECTED)
 
 
 def _prior(
