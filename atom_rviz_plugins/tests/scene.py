@@ -42,6 +42,7 @@ SIDE = 20  # points along a patch
 SPACING_M = 0.02
 LEFT_M, RIGHT_M = (2.0, 0.5, 0.3), (2.0, -0.5, 0.3)  # middles of the patches in the cloud's frame
 SCAN_BEAMS, SCAN_LOST, SCAN_RANGE_M, SCAN_STEP_RAD = 24, 4, 1.0, 0.02  # the first ones are lost
+LIDAR = "my-lidar"  # with a sign that no topic has
 SCAN_MIDDLE_M = (0.0, SCAN_RANGE_M, 0.0)  # of the returns, in the scan's frame
 
 
@@ -170,7 +171,7 @@ class Scene:
         state = CollectorState(dataset_folder="data/first", automatic=self._automatic)
         state.header.stamp = now
         state.collections = len(self._collections)
-        lidar = SensorState("my_lidar", "lidar3d", 0x4F94C7, "/lidar/points", "lidar", now, [], [])
+        lidar = SensorState(LIDAR, "lidar3d", 0x4F94C7, "/lidar/points", "lidar", now, [], [])
         lidar.patterns = [
             PatternState("board", False, "fewer than 10 points near the seed", 0, 0, "", [])
         ]
@@ -191,7 +192,7 @@ class Scene:
             collection = CollectionState(name, rospy.Time(10 + number), [])
             collection.detections = [SensorDetection("camera", "board", 48)]
             if number != 1:
-                collection.detections.append(SensorDetection("my_lidar", "board", 512))
+                collection.detections.append(SensorDetection(LIDAR, "board", 512))
             message.collections.append(collection)
         self._publishers["collections"].publish(message)
 
@@ -199,8 +200,8 @@ class Scene:
         message = CalibrationState(running=True, status="running", iteration=4, cost=321.5)
         message.residuals = [
             ResidualSummary("camera", 0x42B8A3, "reprojection", "px", 1100, 0.31, 24.7, ""),
-            ResidualSummary("my_lidar", 0x4F94C7, "orthogonal", "m", 9000, 0.0098, 0.12, ""),
-            ResidualSummary("my_lidar", 0x4F94C7, "border", "m", 420, 0.021, 0.0204, ""),
+            ResidualSummary(LIDAR, 0x4F94C7, "orthogonal", "m", 9000, 0.0098, 0.12, ""),
+            ResidualSummary(LIDAR, 0x4F94C7, "border", "m", 420, 0.021, 0.0204, ""),
         ]
         self._publishers["calibration"].publish(message)
 

@@ -9,6 +9,7 @@
 #include <QHBoxLayout>
 #include <QVBoxLayout>
 
+#include "logic/graph_name.h"
 #include "plugins/image_canvas.h"
 
 namespace atom_rviz {
@@ -193,7 +194,7 @@ void CollectPage::set_automatic(bool on) {
 void CollectPage::clear_seed() {
   const std::string sensor = sensors_->selected_key();
   if (sensor.empty()) return;
-  call_and_say("/" + sensor + "/set_seed", atom_calibration::SetSeed(),
+  call_and_say("/" + graph_name(sensor) + "/set_seed", atom_calibration::SetSeed(),
                "Seeds of " + sensor + " are automatic.");
 }
 

@@ -4,6 +4,7 @@
 #include <QVBoxLayout>
 #include <algorithm>
 
+#include "logic/graph_name.h"
 #include "logic/guess_tables.h"
 
 namespace atom_rviz {
@@ -88,7 +89,7 @@ bool GuessPage::press(int key, bool /*held*/) {
 
 void GuessPage::reset_selected() {
   const std::string selected = table_->selected_key();
-  if (!selected.empty()) call(selected + "/reset", std_srvs::Trigger());
+  if (!selected.empty()) call(graph_name(selected) + "/reset", std_srvs::Trigger());
 }
 
 }  // namespace atom_rviz

@@ -7,6 +7,7 @@
 #include <pluginlib/class_list_macros.hpp>
 #include <stdexcept>
 
+#include "logic/graph_name.h"
 #include "logic/sensor_of_cloud.h"
 
 namespace atom_rviz {
@@ -89,7 +90,8 @@ void SeedTool::set_seed(const std::string& sensor, const Eigen::Vector3d& point_
                            .arg(point_in_cloud.z(), 0, 'f', 3);
   setStatus(what + "...");
   services_.call(
-      "/" + sensor + "/set_seed", service, [this, what](bool success, const std::string& message) {
+      "/" + graph_name(sensor) + "/set_seed", service,
+      [this, what](bool success, const std::string& message) {
         setStatus(what + (success ? ". " : ": not set. ") + QString::fromStdString(message));
       });
 }

@@ -26,6 +26,7 @@ from atom_calibration.messages.clouds import POINT_CLOUD
 from atom_calibration.messages.headers import frame_name
 from atom_calibration.messages.poses import edge_of, transform_matrix
 from atom_calibration.modalities.table import modality_of
+from atom_calibration.runtime.graph_names import check_graph_names
 from atom_calibration.sources.bag_reader import BagReader
 from atom_calibration.sources.bag_transforms import tf_topics
 from atom_calibration.sources.joint_topics import JOINT_STATE
@@ -156,6 +157,10 @@ def check_rig(
         _check_sensor(config, ("sensors", name), sensor, tree, findings)
     for name, edge in config.additional_tfs.items():
         _check_edge(("additional_tfs", name), edge, tree, (FIXED, MULTIPLE), findings)
+    try:
+        check_graph_names([*config.sensors, *config.additional_tfs])
+    except AtomError as error:
+        findings.problem(("sensors",), f"have names that ROS cannot tell apart: {error}")
     _check_joints(config, facts, description, findings)
     _check_told(config, facts, description, tree, findings)
     for name, pattern in config.calibration_patterns.items():

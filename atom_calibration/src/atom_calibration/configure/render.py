@@ -13,6 +13,7 @@ from atom_calibration.configure.package import CalibrationPackage, launch_text
 from atom_calibration.configure.viewpoint import Viewpoint, viewpoint
 from atom_calibration.configure.window import HEIGHT, WIDTH, Side, window_state
 from atom_calibration.modalities.table import ros_modality
+from atom_calibration.runtime.graph_names import graph_name
 from atom_calibration.sources.joint_topics import JOINT_STATES, is_told, played
 from atom_core.io.paths import package_folder
 from atom_core.model.colours import in_order, sensor_colours
@@ -184,6 +185,7 @@ def _sensor_values(config: CalibrationConfig) -> Dict[str, Any]:
         sensors.append(
             {
                 "name": name,
+                "graph_name": graph_name(name),
                 "frame": entry.link,
                 "topic": entry.topic_name,
                 "throttle": entry.throttle,

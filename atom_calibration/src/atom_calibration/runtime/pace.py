@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Callable, Dict, Iterable, List
 
+from atom_calibration.runtime.graph_names import topic_of
+
 LATE_S = 1.0
 LOOK_EVERY_S = 0.05  # by the wall's clock
 _LOOKS_IN_VAIN = 40  # in a row; not seconds, so that a machine that stands still gives nobody up
@@ -13,7 +15,7 @@ _OTHER_CLOCK_S = 30.0  # stamps this far away are of another clock, and say noth
 
 def labeled_until(sensor: str) -> str:
     """Return the topic on which a labeler says until when all that has come is labeled."""
-    return f"/{sensor}/labeled_until"
+    return topic_of(sensor, "labeled_until")
 
 
 class Pace:

@@ -14,6 +14,7 @@ from atom_calibration.messages.cameras import camera_info_message
 from atom_calibration.modalities.frames import Frame
 from atom_calibration.modalities.table import ros_modality
 from atom_calibration.msg import CollectionState, CollectionStates, LabelState, SensorDetection
+from atom_calibration.runtime.graph_names import topic_of
 from atom_calibration.show.annotation import picture_message
 from atom_calibration.show.grades import label_grade
 from atom_core import opencv as cv2
@@ -47,7 +48,7 @@ class Shown:
 
 def data_topic(sensor: Sensor) -> str:
     """Return where the data of a sensor are published, decompressed."""
-    topic = sensor.topic or f"/{sensor.name}/data"
+    topic = sensor.topic or topic_of(sensor.name, "data")
     for ending in ("/compressed", "/compressedDepth"):
         if topic.endswith(ending):
             return topic[: -len(ending)]

@@ -16,6 +16,7 @@ from atom_calibration.messages.cameras import camera_info_message
 from atom_calibration.messages.poses import transforms_message
 from atom_calibration.modalities.table import is_labeled, ros_modality
 from atom_calibration.runtime import running
+from atom_calibration.runtime.graph_names import topic_of
 from atom_calibration.sources.bag_writer import new_bag
 from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser
@@ -203,7 +204,7 @@ def _topic(dataset: Dataset, name: str) -> str:
     """Return the topic of raw data, which a sensor may have had compressed."""
     entry = dataset.config.sensors.get(name)
     topic = entry.topic_name if entry is not None else dataset.sensors[name].topic
-    return topic or f"/{name}/image_raw"
+    return topic or topic_of(name, "image_raw")
 
 
 def _begin_s(dataset: Dataset, timing: Timing) -> float:

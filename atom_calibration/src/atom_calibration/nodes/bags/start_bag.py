@@ -18,6 +18,7 @@ from atom_calibration.errors import CollectionError
 from atom_calibration.messages.headers import stamp_s
 from atom_calibration.msg import SensorLabels
 from atom_calibration.runtime import options, running
+from atom_calibration.runtime.graph_names import labeler_of, topic_of
 from atom_calibration.runtime.pace import LOOK_EVERY_S, Pace, labeled_until
 from atom_calibration.sources.live_topics import NotYetError, wait_for
 from atom_calibration.sources.rig import candidate_topics
@@ -42,7 +43,8 @@ def _run(args: argparse.Namespace) -> int:
     running.start("start_bag")
     pace = Pace(config.sensors)
     for name in config.sensors:
-        rospy.Subscriber(f"/{name}/labels", SensorLabels, _note_in(pace, name), queue_size=20)
+        heard = _note_in(pace, name)
+        rospy.Subscriber(topic_of(name, "labels"), SensorLabels, heard, queue_size=20)
         rospy.Subscriber(labeled_until(name), Time, _note_idle_in(pace, name), queue_size=1)
     if wait_for(lambda: _everybody_listens(config), running.stopped, rospy.loginfo) is None:
         return 0
@@ -73,7 +75,7 @@ def _everybody_listens(config: CalibrationConfig) -> bool:
     listeners = {topic: set(nodes) for topic, nodes in state[1]}
     for name, entry in config.sensors.items():
         nodes = set().union(*(listeners.get(topic, set()) for topic in candidate_topics(entry)))
-        for node in (f"/{name}_labeler", COLLECTOR):
+        for node in (f"/{labeler_of(name)}", COLLECTOR):
             if node not in nodes:
                 raise NotYetError(f"node {node} does not listen to sensor '{name}' yet")
     return True

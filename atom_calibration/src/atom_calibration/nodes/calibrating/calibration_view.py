@@ -28,6 +28,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from atom_calibration.messages.images import image_message
 from atom_calibration.msg import CalibrationState, SensorSigma
 from atom_calibration.runtime import running
+from atom_calibration.runtime.graph_names import graph_name
 from atom_calibration.show import calibrated_tf, calibration_markers
 from atom_calibration.show.calibration_state import (
     JUDGING,
@@ -154,7 +155,7 @@ class CalibrationView:
         for name in (BOARDS, SENSORS, NAMES, GHOST):
             self._publishers[name] = topic(name, MarkerArray)
         for sensor in dataset.sensors.values():
-            base = sensor.topic or f"/{sensor.name}"
+            base = sensor.topic or f"/{graph_name(sensor.name)}"
             if sensor.kind.measures_range:
                 self._publishers[f"3d {sensor.name}"] = topic(f"{base}/labeled3d", PointCloud2)
             if sensor.camera is not None:

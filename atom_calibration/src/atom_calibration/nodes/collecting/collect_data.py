@@ -24,6 +24,7 @@ from atom_calibration.errors import CollectionError
 from atom_calibration.nodes.collecting.collector_state import StateBoard
 from atom_calibration.nodes.collecting.live_collector import LabelSubscribers, LiveCollector
 from atom_calibration.runtime import running
+from atom_calibration.runtime.graph_names import check_graph_names
 from atom_calibration.runtime.options import (
     add_all_messages_option,
     add_marker_size_option,
@@ -58,6 +59,7 @@ def main() -> int:
 
 def _run(args: argparse.Namespace) -> int:
     config = read_config(args.config)
+    check_graph_names(config.sensors)
     running.start(NAME)
     store = CollectionStore.create(args.output, args.overwrite, [*WRITTEN_BESIDE, STATUS_FILE])
     code, message = running.BAD_INPUT, "interrupted"
@@ -103,6 +105,7 @@ def _collect(args: argparse.Namespace, config: CalibrationConfig, store: Collect
             warn=warn,
             joints=joints,
             caveats=caveats.now,
+            contradicted=transforms.contradicted,
         )
         check_received(args.use_receive_time, rig.sensors)
         receipts = ReceiptTimes(args.use_receive_time)

@@ -195,6 +195,7 @@ def _setup(args: argparse.Namespace, recording: Recording, store: CollectionStor
         _warn,
         recording.joints,
         recording.caveats.now,
+        recording.transforms.contradicted,
     )
 
 

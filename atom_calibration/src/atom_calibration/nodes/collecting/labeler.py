@@ -15,6 +15,7 @@ import rospy
 from atom_calibration.modalities.table import ros_modality
 from atom_calibration.nodes.collecting.labeler_node import LabelerNode, LabelLinks
 from atom_calibration.runtime import options, running
+from atom_calibration.runtime.graph_names import check_graph_names, labeler_of
 from atom_calibration.sources.live_topics import LiveTopics, wait_for
 from atom_calibration.sources.receipts import ReceiptTimes
 from atom_calibration.sources.rig import Rig, rig_from_bag
@@ -39,7 +40,8 @@ def _run(name: str, modality: str, args: argparse.Namespace) -> int:
     everyone = read_config(args.config).sensors
     has_seeds = ros_modality(modality).seeds is not None
     cameras = {n: e.link for n, e in everyone.items() if has_seeds and _may_tell_pose(e)}
-    running.start(f"{args.sensor}_labeler")
+    check_graph_names(everyone)
+    running.start(labeler_of(args.sensor))
     opencv.use_one_thread()
     links = LabelLinks(args.sensor, cameras, args.use_receive_time)
     with LiveTopics(config) as topics:

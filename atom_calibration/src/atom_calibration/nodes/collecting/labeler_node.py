@@ -24,6 +24,7 @@ from atom_calibration.msg import SensorLabels
 from atom_calibration.nodes.collecting.camera_sights import CameraSights, Sight
 from atom_calibration.nodes.collecting.seed_input import SeedListener
 from atom_calibration.runtime import running
+from atom_calibration.runtime.graph_names import topic_of
 from atom_calibration.runtime.pace import labeled_until
 from atom_calibration.show.annotation import annotated, labeled_cloud
 from atom_calibration.sources.live_topics import LiveTopics, message_class
@@ -61,13 +62,13 @@ class LabelLinks:
             cameras: name to frame, of those whose sight of the board tells seeds.
             received: sensors whose time of receipt is taken, not their stamps.
         """
-        self.out = rospy.Publisher(f"/{sensor}/labels", SensorLabels, queue_size=20)
+        self.out = rospy.Publisher(topic_of(sensor, "labels"), SensorLabels, queue_size=20)
         self.idle = rospy.Publisher(labeled_until(sensor), Time, queue_size=1)
         self.frames = {name: frame for name, frame in cameras.items() if name != sensor}
         self.sights = CameraSights(self.frames)
         for camera in self.frames:
             see = self._see_now if camera in received else self._see
-            topic = f"/{camera}/labels"
+            topic = topic_of(camera, "labels")
             rospy.Subscriber(topic, SensorLabels, see, camera, queue_size=MOST_WAITING)
             rospy.Subscriber(labeled_until(camera), Time, self._see_idle, camera, queue_size=1)
 

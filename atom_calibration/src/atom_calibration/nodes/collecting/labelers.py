@@ -14,6 +14,7 @@ import rospy
 from atom_calibration.errors import CollectionError
 from atom_calibration.modalities.table import is_labeled
 from atom_calibration.runtime import options, running
+from atom_calibration.runtime.graph_names import check_graph_names, labeler_of
 from atom_calibration.sources.sensor_modality import modality_of_sensor
 from atom_core.commands.option_parser import OptionParser
 from atom_core.io.config_yaml import read_config
@@ -29,6 +30,7 @@ def main() -> int:
 
 def _run(args: argparse.Namespace) -> int:
     config = read_config(args.config)
+    check_graph_names(config.sensors)
     running.start("labelers")
     labelers = _Labelers()
     try:
@@ -63,7 +65,7 @@ class _Labelers:
         places = roslib.packages.find_node("atom_calibration", program)
         if not places:
             raise CollectionError(f"{program} is not found; is the workspace built and sourced?")
-        node = f"{sensor}_labeler"
+        node = labeler_of(sensor)
         # A session of its own: a Ctrl-C reaches it through `end` only, when it is told once.
         process = subprocess.Popen([places[0], *words, f"__name:={node}"], start_new_session=True)
         self._running[node] = process

@@ -26,6 +26,7 @@ from atom_calibration.msg import SensorLabels
 from atom_calibration.nodes.collecting.collector_menu import CollectorMenu
 from atom_calibration.nodes.collecting.collector_state import StateBoard
 from atom_calibration.nodes.collecting.labeler_node import MOST_WAITING
+from atom_calibration.runtime.graph_names import topic_of
 from atom_calibration.runtime.inbox import Inbox
 from atom_calibration.sources.live_topics import LiveTopics, message_class
 from atom_calibration.sources.live_transforms import LiveTransforms
@@ -89,7 +90,7 @@ class LabelSubscribers:
         """Subscribe; the state of the sensors is shown on the board."""
         self.filters = {
             name: message_filters.Subscriber(
-                f"/{name}/labels", SensorLabels, queue_size=MOST_WAITING
+                topic_of(name, "labels"), SensorLabels, queue_size=MOST_WAITING
             )
             for name in config.sensors
         }

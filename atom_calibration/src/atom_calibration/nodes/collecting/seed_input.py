@@ -13,6 +13,7 @@ from atom_calibration.labels.manual_seeds import check_inside
 from atom_calibration.modalities.frames import Frame
 from atom_calibration.modalities.seeds import SeedInput
 from atom_calibration.nodes.collecting.seed_marker import OnSeed, SeedMarker
+from atom_calibration.runtime.graph_names import topic_of
 from atom_calibration.srv import SetSeed, SetSeedResponse
 from atom_core.errors import AtomError
 from atom_core.io.seeds import Seed
@@ -39,7 +40,7 @@ class SeedListener:
         """
         self._sensor, self._on_seed, self._last = sensor, on_seed, last
         self._marker = SeedMarker(sensor, seeds, on_seed)
-        rospy.Service(f"/{sensor.name}/set_seed", SetSeed, self._serve)
+        rospy.Service(topic_of(sensor.name, "set_seed"), SetSeed, self._serve)
         if seeds.from_clicks:
             clicks = f"{sensor.topic}/labeled/mouse_click"
             rospy.Subscriber(clicks, PointStamped, self._click, queue_size=1)

@@ -13,6 +13,7 @@ import numpy as np
 
 from atom_calibration.modalities.frames import Frame
 from atom_calibration.modalities.seeds import SeedInput
+from atom_calibration.runtime.graph_names import topic_of
 from atom_calibration.show import markers
 from atom_calibration.show.pose_marker import POSITION, MarkerServer, Moved, PoseMarker
 from atom_core.geometry import se3
@@ -46,7 +47,7 @@ class SeedMarker:
         self._dragged_to = np.zeros(3)
         self._look = (_GREY, False, sensor.name)  # colour, by hand, words
         self._marker = PoseMarker(
-            MarkerServer(f"/{sensor.name}/data_labeler"),
+            MarkerServer(topic_of(sensor.name, "data_labeler")),
             sensor.name,
             sensor.frame,
             se3.transform(np.eye(3), _FIRST_DISTANCE_M * seeds.ahead),

@@ -20,6 +20,7 @@ from atom_calibration.messages.poses import transform_matrix
 from atom_calibration.modalities.frames import Frame, decode, points_of
 from atom_calibration.modalities.table import ros_modality
 from atom_calibration.runtime import running
+from atom_calibration.runtime.graph_names import graph_name
 from atom_calibration.sources.live_topics import LiveTopics, message_class
 from atom_calibration.sources.rig import sensor_from_bag
 from atom_core.editing.guess_fit import (
@@ -135,7 +136,7 @@ class GuessWatch:
     def _take_up(self, topic: str, sensor: Sensor) -> None:
         self._sensors[sensor.name] = sensor
         if sensor.camera is not None:
-            name = f"~{sensor.name}/overlay"
+            name = f"~{graph_name(sensor.name)}/overlay"
             self._publishers[sensor.name] = rospy.Publisher(name, Image, queue_size=1, latch=True)
         if sensor.camera is not None and not sensor.kind.measures_range:
             for name, pattern in self._patterns.items():

@@ -26,6 +26,7 @@ from atom_calibration.msg import GuessState, SensorGuess
 from atom_calibration.nodes.estimating.guess_watch import GuessWatch
 from atom_calibration.runtime import options, running
 from atom_calibration.runtime.actions import Actions
+from atom_calibration.runtime.graph_names import check_graph_names, graph_name, topic_of
 from atom_calibration.show import markers
 from atom_calibration.show.menu_sphere import MenuSphere
 from atom_calibration.show.pose_marker import MarkerServer, MenuEntries, Moved, PoseMarker
@@ -66,6 +67,7 @@ def _run(args: argparse.Namespace) -> int:
     config = read_config(args.config_file)
     description = args.description_file or _description(args.config_file)
     guess = FirstGuess(config, read_description(description))
+    check_graph_names([*config.sensors, *guess.edges])
     remarks = [f"{remark}, so it has no marker" for remark in guess.remarks]
     if args.from_dataset:
         missing = guess.start_from(values_from_dataset(Path(args.from_dataset)))
@@ -261,9 +263,10 @@ class SetInitialEstimate:
         def tell(_request: Any) -> GetSensorInteractiveMarkerResponse:
             return GetSensorInteractiveMarkerResponse(marker.visible, marker.scale)
 
-        rospy.Service(f"~{name}/set_sensor_interactive_marker", SetSensorInteractiveMarker, show)
-        rospy.Service(f"~{name}/get_sensor_interactive_marker", GetSensorInteractiveMarker, tell)
-        self._actions.serve(f"{name}/reset", lambda: self.reset(name))
+        below = f"~{graph_name(name)}"
+        rospy.Service(f"{below}/set_sensor_interactive_marker", SetSensorInteractiveMarker, show)
+        rospy.Service(f"{below}/get_sensor_interactive_marker", GetSensorInteractiveMarker, tell)
+        self._actions.serve(f"{graph_name(name)}/reset", lambda: self.reset(name))
 
 
 class _Frustum:
@@ -271,7 +274,8 @@ class _Frustum:
 
     def __init__(self, name: str, topic: str, frame: str, colour: Colour):
         self._frame, self._colour, self._markers = frame, colour, MarkerArray()
-        self._publisher = rospy.Publisher(f"/{name}/frustum", MarkerArray, queue_size=1, latch=True)
+        topic_name = topic_of(name, "frustum")
+        self._publisher = rospy.Publisher(topic_name, MarkerArray, queue_size=1, latch=True)
         info = f"{topic.rpartition('/')[0]}/camera_info"
         self._subscriber = rospy.Subscriber(info, CameraInfo, self._draw, queue_size=1)
         # RViz forgets what it shows whenever a recording begins anew, so a latch is not enough.
