@@ -15,6 +15,7 @@ from atom_core.evaluation.between_collections import between_collections
 from atom_core.evaluation.evaluate import evaluate
 from atom_core.evaluation.mixed import mixed_dataset
 from atom_core.evaluation.observed import Borders, Observed
+from atom_core.evaluation.own_edges import own_edges
 from atom_core.evaluation.pairs import Pair, pair_kinds
 from atom_core.evaluation.results import PairResult
 from atom_core.io.atomic import write_text_atomically
@@ -210,7 +211,8 @@ def _measured_between(tool: Evaluator, args: argparse.Namespace) -> PairResult:
     mixed = mixed_dataset(train, test, [args.source, args.target])
     observed = Observed(mixed, _annotations(args, test))
     pair = Pair(kind, args.source, args.target)
-    result = between_collections(pair, observed, mixed, frame=args.fixed_frame)
+    own = own_edges(train, test)
+    result = between_collections(pair, observed, mixed, frame=args.fixed_frame, own=own)
     if result.measured is None:
         raise DatasetError(f"{args.test_json}: {named} cannot be measured: {result.skipped}")
     return result

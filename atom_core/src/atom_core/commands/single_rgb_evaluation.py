@@ -17,6 +17,7 @@ from atom_core.commands.pair_evaluation import (
 from atom_core.errors import DatasetError
 from atom_core.evaluation.mixed import mixed_dataset
 from atom_core.evaluation.observed import Observed
+from atom_core.evaluation.own_edges import own_edges
 from atom_core.evaluation.single_camera import single_cameras
 from atom_core.evaluation.statistics import mean_of
 from atom_core.io.dataset_json import read_dataset
@@ -66,7 +67,8 @@ def run(args: argparse.Namespace) -> int:
     mixed = mixed_dataset(train, test, sensors)
     boards = train if args.copy_pattern_transforms else None
     means: Dict[Tuple[str, str], Dict[str, float]] = {}
-    for result in single_cameras(mixed, Observed(mixed), boards=boards):
+    own = own_edges(train, test)
+    for result in single_cameras(mixed, Observed(mixed), boards=boards, own=own):
         if result.measured is not None:
             of_collections = result.measured.per_collection
             values = {key: figures.mean for key, figures in of_collections.items()}

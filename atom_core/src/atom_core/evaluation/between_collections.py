@@ -8,13 +8,14 @@ collections put it, in pixels, millimetres and degrees.
 from __future__ import annotations
 
 from itertools import combinations, product
-from typing import Dict, Iterator, List, Optional, Tuple
+from typing import Collection, Dict, Iterator, List, Optional, Tuple
 
 import numpy as np
 
 from atom_core.errors import DatasetError
 from atom_core.evaluation.hand_eye_views import depends_on_calibration
 from atom_core.evaluation.observed import NotMeasurableError, Observed
+from atom_core.evaluation.own_edges import own_edge_between, why_own
 from atom_core.evaluation.pairs import Pair
 from atom_core.evaluation.results import PairResult, summarised
 from atom_core.evaluation.statistics import Errors
@@ -23,6 +24,7 @@ from atom_core.model.dataset import Dataset, pose
 from atom_core.model.labels import DetectionKey
 from atom_core.model.modality import modality_named
 from atom_core.model.sensor import RGB
+from atom_core.model.transforms import Edge
 
 MOST_PAIRS = 3000  # of collections: more are thinned out evenly, which no mean notices
 _NOTHING_MOVES = (
@@ -31,7 +33,10 @@ _NOTHING_MOVES = (
 
 
 def spreads(
-    dataset: Dataset, observed: Observed, true: Optional[Dataset] = None
+    dataset: Dataset,
+    observed: Observed,
+    true: Optional[Dataset] = None,
+    own: Collection[Edge] = (),
 ) -> List[PairResult]:
     """Return how far each camera's collections put the fixed boards apart.
 
@@ -39,6 +44,7 @@ def spreads(
         dataset: the test set with the calibrated edges.
         observed: its labels.
         true: the test set with the true edges.
+        own: edges that are the test set's own; nothing is measured across them.
     """
     (kind,) = (kind for kind in modality_named(RGB).pairs if kind.target == RGB)
     results = []
@@ -57,7 +63,7 @@ def spreads(
             why = _NOTHING_MOVES.format(sensor=sensor.name)
             results.append(PairResult(pair, None, skipped=why))
             continue
-        results.append(between_collections(pair, observed, dataset, true, patterns=moving))
+        results.append(between_collections(pair, observed, dataset, true, patterns=moving, own=own))
     return results
 
 
@@ -69,6 +75,7 @@ def between_collections(
     *,
     patterns: Optional[List[str]] = None,
     frame: Optional[str] = None,
+    own: Collection[Edge] = (),
 ) -> PairResult:
     """Measure a pair over all pairs of collections that see the same fixed board.
 
@@ -79,6 +86,7 @@ def between_collections(
         true: with the true edges.
         patterns: only these; None: all that are fixed.
         frame: in which the board stays; None: its parent.
+        own: edges that are the test set's own; nothing is measured across them.
 
     Returns:
         Figures by "a-b": the source's and the target's collection.
@@ -94,6 +102,9 @@ def between_collections(
         )
     if frame is not None and frame not in dataset.graph:
         raise DatasetError(f"{dataset.source}: frame '{frame}' is in no transform; check -wf")
+    names, across = _apart(pair, dataset, names, frame, own)
+    if not names and across is not None:
+        return PairResult(pair, None, skipped=why_own(across))
     errors, why = _measured(pair, observed, dataset, names, frame)
     if not errors:
         reason = why or "no two collections in which they see the same fixed board"
@@ -105,6 +116,25 @@ def between_collections(
         at_truth=summarised(floor) if floor else None,
         unseen=sum(e.unseen for e in errors.values()),
     )
+
+
+def _apart(
+    pair: Pair,
+    dataset: Dataset,
+    patterns: List[str],
+    frame: Optional[str],
+    own: Collection[Edge],
+) -> Tuple[List[str], Optional[Edge]]:
+    """Return the patterns that no own edge parts from the sensors, and the last such edge."""
+    kept, across = [], None
+    for pattern in patterns:
+        middle = frame or dataset.patterns[pattern].parent_frame
+        frames = [dataset.sensors[name].frame for name in (pair.source, pair.target)]
+        found = [own_edge_between(dataset, own, middle, end) for end in frames]
+        across = next((edge for edge in found if edge is not None), across)
+        if not any(found):
+            kept.append(pattern)
+    return kept, across
 
 
 def _measured(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Collection, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from atom_core.evaluation.between_collections import spreads
 from atom_core.evaluation.ground_truth import GroundTruth, ground_truth_errors
 from atom_core.evaluation.mixed import mixed_dataset
 from atom_core.evaluation.observed import Borders, NotMeasurableError, Observed
+from atom_core.evaluation.own_edges import own_edge_between, own_edges, why_own
 from atom_core.evaluation.pairs import Pair, pairs_of
 from atom_core.evaluation.results import PairFigures, PairResult, summarised
 from atom_core.evaluation.rig_differences import rig_differences
@@ -20,6 +21,7 @@ from atom_core.evaluation.statistics import Errors, mean_of
 from atom_core.model.caveats import Caveat
 from atom_core.model.dataset import Dataset, pose
 from atom_core.model.labels import DetectionKey
+from atom_core.model.transforms import Edge
 from atom_core.model.truth import Truth, with_truth
 
 
@@ -89,11 +91,11 @@ def evaluate(
         DatasetError: the files do not belong together, or a label does not fit its data.
         SelectionError: ``pairs`` names no pair.
     """
-    mixed = mixed_dataset(train, test, sensors)
+    mixed, own = mixed_dataset(train, test, sensors), own_edges(train, test)
     true = None if truth is None else with_truth(mixed, truth)
     observed = Observed(mixed, annotations)
     results = tuple(
-        _evaluate_pair(pair, observed, mixed, true) for pair in pairs_of(mixed.sensors, pairs)
+        _evaluate_pair(pair, observed, mixed, true, own) for pair in pairs_of(mixed.sensors, pairs)
     )
     return Evaluation(
         train=str(train.source),
@@ -101,8 +103,8 @@ def evaluate(
         pairs=results,
         averages=averages_of(results),
         ground_truth=None if truth is None else ground_truth_errors(mixed, truth),
-        single=tuple(single_cameras(mixed, observed, true)) if pairs is None else (),
-        spread=tuple(spreads(mixed, observed, true)) if pairs is None else (),
+        single=tuple(single_cameras(mixed, observed, true, own=own)) if pairs is None else (),
+        spread=tuple(spreads(mixed, observed, true, own)) if pairs is None else (),
         px_per_rad={
             name: None if sensor.camera is None else float(sensor.camera.K[0, 0])
             for name, sensor in mixed.sensors.items()
@@ -135,8 +137,16 @@ def _average(results: Sequence[PairResult]) -> Average:
 
 
 def _evaluate_pair(
-    pair: Pair, observed: Observed, mixed: Dataset, true: Optional[Dataset]
+    pair: Pair,
+    observed: Observed,
+    mixed: Dataset,
+    true: Optional[Dataset],
+    own: Collection[Edge],
 ) -> PairResult:
+    frames = [mixed.sensors[name].frame for name in (pair.target, pair.source)]
+    across = own_edge_between(mixed, own, *frames)
+    if across is not None:
+        return PairResult(pair, None, skipped=why_own(across))
     errors, reasons = pair_errors(pair, observed, mixed)
     if not errors:
         return PairResult(pair, None, skipped=_why_skipped(pair, reasons), unmeasured=reasons)

@@ -9,7 +9,7 @@ of labels and intrinsics, whatever the camera's place.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Dict, List, Mapping, Optional, Tuple
+from typing import Collection, Dict, List, Mapping, Optional, Tuple
 
 import numpy as np
 
@@ -17,11 +17,13 @@ from atom_core.errors import DatasetError
 from atom_core.evaluation.fixed_board import BoardView, fixed_board_pose, offsets_px
 from atom_core.evaluation.hand_eye_views import depends_on_calibration
 from atom_core.evaluation.observed import NotMeasurableError, Observed
+from atom_core.evaluation.own_edges import own_edge_between
 from atom_core.evaluation.results import PairFigures, summarised
 from atom_core.evaluation.statistics import Errors
 from atom_core.model.dataset import Dataset, board_edge, pose
 from atom_core.model.labels import DetectionKey
 from atom_core.model.sensor import RGB
+from atom_core.model.transforms import Edge
 
 _CONSTANT = 1e-9
 
@@ -54,6 +56,7 @@ def single_cameras(
     observed: Observed,
     true: Optional[Dataset] = None,
     boards: Optional[Dataset] = None,
+    own: Collection[Edge] = (),
 ) -> List[SingleCamera]:
     """Measure every camera with every pattern that it detects.
 
@@ -62,6 +65,8 @@ def single_cameras(
         observed: its labels.
         true: the test set with the true edges.
         boards: where fixed boards are taken from, instead of fitting them; None: they are fitted.
+        own: edges that are the test set's own (`own_edges`); a fitted board beyond one has
+            a pose for each image.
 
     Raises:
         DatasetError: ``boards`` lacks the pose of a fixed board.
@@ -75,7 +80,9 @@ def single_cameras(
                 if (key.sensor, key.pattern) == (sensor.name, pattern.name)
             ]
             if sensor.modality == RGB and keys:
-                results.append(_single(dataset, observed, true, boards, keys))
+                across = own_edge_between(dataset, own, pattern.parent_frame, sensor.frame)
+                fixed = pattern.fixed and (across is None or boards is not None)
+                results.append(_single(dataset, observed, true, boards, keys, fixed))
     return results
 
 
@@ -85,9 +92,9 @@ def _single(
     true: Optional[Dataset],
     boards: Optional[Dataset],
     keys: List[DetectionKey],
+    fixed: bool,
 ) -> SingleCamera:
     sensor, pattern = keys[0].sensor, keys[0].pattern
-    fixed = dataset.patterns[pattern].fixed
     tells = fixed and depends_on_calibration(dataset, sensor, pattern)
     kind = (sensor, pattern, fixed, tells)
     views = {key.collection: view for key, view in _views(dataset, observed, keys).items()}
