@@ -21,6 +21,7 @@ from atom_core.calibration.prepare.preparation import (
     check_not_alone,
     free_edges,
     prepare,
+    remarks_on_parts,
     stands_in_json,
     usable,
 )
@@ -168,7 +169,7 @@ def _free_edges(dataset: Dataset, problems: List[str], warnings: List[str]) -> F
     except AtomError as error:
         problems.append(str(error))
         return free
-    warnings += remarks
+    warnings += [*remarks_on_parts(dataset, options, free), *remarks]
     return replace(free, priors=known)
 
 

@@ -21,12 +21,17 @@ from atom_core.calibration.prepare.joints import (
 from atom_core.calibration.prepare.memory import check_memory
 from atom_core.calibration.prepare.moving_mounts import check_mounts
 from atom_core.calibration.prepare.moving_parts import Sigmas, check_told, moving_parts
+from atom_core.calibration.prepare.parts_left_out import (
+    remarks_on_those_of_others,
+    without_those_of_others,
+)
 from atom_core.calibration.prepare.priors import priors
 from atom_core.calibration.prepare.same_labels import check_same_labels, copies
 from atom_core.errors import CalibrationError
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics import intrinsics_names
 from atom_core.model.dataset import Dataset, is_complete
+from atom_core.model.joints import JointSelection
 from atom_core.model.labels import DetectionKey
 from atom_core.model.transforms import Edge
 from atom_core.problem.builder import FreeEdges, check_edges
@@ -89,7 +94,7 @@ def prepare(
     measurements, remarks = read_measurements(dataset, read_before)
     check_units(measurements)
     check_same_labels(measurements)
-    remarks += [*joint_remarks, *prior_remarks]
+    remarks += [*remarks_on_parts(dataset, options, free), *joint_remarks, *prior_remarks]
     if options.solver.weights == ATOM:
         measurements = [m.with_atom_residuals() for m in measurements]
     measurements, unused = usable(dataset, measurements, options)
@@ -226,12 +231,7 @@ def free_edges(dataset: Dataset, options: CalibrationOptions) -> FreeEdges:
                 f"anchored sensor '{name}' is not among the sensors used: "
                 f"{', '.join(dataset.sensors)}"
             )
-    additional = {
-        name: entry.edge
-        for name, entry in dataset.config.additional_tfs.items()
-        if options.additional_tfs is None or name in options.additional_tfs
-    }
-    joints = configured_joints(dataset) if options.joints is None else options.joints
+    additional, joints = without_those_of_others(dataset, *_wanted(dataset, options))
     check_intrinsics(dataset, options.intrinsics)
     return FreeEdges(
         tuple(dict.fromkeys(anchored)),
@@ -241,6 +241,24 @@ def free_edges(dataset: Dataset, options: CalibrationOptions) -> FreeEdges:
         {name: intrinsics_names(camera_of(dataset, name)) for name in options.intrinsics},
         _expected_cameras(dataset, options),
     )
+
+
+def _wanted(
+    dataset: Dataset, options: CalibrationOptions
+) -> Tuple[Dict[str, Edge], JointSelection]:
+    """Return the additional tfs and joints of configuration and options."""
+    additional = {
+        name: entry.edge
+        for name, entry in dataset.config.additional_tfs.items()
+        if options.additional_tfs is None or name in options.additional_tfs
+    }
+    return additional, configured_joints(dataset) if options.joints is None else options.joints
+
+
+def remarks_on_parts(dataset: Dataset, options: CalibrationOptions, free: FreeEdges) -> List[str]:
+    """Return a remark on what would be estimated if a selection had not left out what tells it."""
+    additional, joints = _wanted(dataset, options)
+    return remarks_on_those_of_others([*additional, *joints], {*free.additional_tfs, *free.joints})
 
 
 def _expected_cameras(dataset: Dataset, options: CalibrationOptions) -> Dict[str, ExpectedCamera]:

@@ -107,7 +107,11 @@ def _targets(dataset: Dataset, free: FreeEdges) -> Dict[str, _Target]:
         why = "it is held" if sensor.edge in held else None
         found.append((sensor.name, _Target(sensor.edge, f"edge '{sensor.edge}'", None, why)))
     for name, entry in dataset.config.additional_tfs.items():
-        why = None if name in free.additional_tfs else "it is not selected with -atsf"
+        why = (
+            None
+            if name in free.additional_tfs
+            else "it is not selected with -atsf, or what hangs on it is left out"
+        )
         why = "it is held" if entry.edge in held else why
         found.append((name, _Target(entry.edge, f"edge '{entry.edge}'", None, why)))
     known = {n: j.edge for c in dataset.collections.values() for n, j in c.joints.items()}
