@@ -11,10 +11,11 @@ from atom_calibration.errors import CollectionError
 
 def said(tmp_path, asked, **found):
     collector = SimpleNamespace(
-        **{"reasons": {"cam": Counter({"no board": 3})}, "refused": [], "passed": [], **found}
+        **{"reasons": {"cam": Counter({"no board": 3})}, "refused": [], "passed": [], **found},
+        withdraw=lambda: None,
     )
     with pytest.raises(CollectionError) as error:
-        conclude(SimpleNamespace(folder=tmp_path), collector, [], print, print, asked)
+        conclude(SimpleNamespace(folder=tmp_path, keys=[]), collector, [], print, print, asked)
     return str(error.value)
 
 

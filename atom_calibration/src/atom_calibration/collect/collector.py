@@ -22,6 +22,7 @@ from atom_calibration.collect.selection import (
 )
 from atom_calibration.errors import CollectionError, NoDataError, TransformError
 from atom_calibration.modalities.frames import Frame
+from atom_calibration.sources.contradictions import Contradiction
 from atom_calibration.sources.transform_tree import TransformTree, edges_at
 from atom_core.errors import AtomError
 from atom_core.io.atomic import prepare_output_folder
@@ -79,6 +80,7 @@ class Setup:
         warn: is told, in one line, what the user should know.
         joints: of the description, whose positions are recorded, by name.
         caveats: returns what is in doubt by now, to be kept with the dataset.
+        contradicted: edges of which messages contradict each other, as far as is known by now.
     """
 
     config: CalibrationConfig
@@ -92,6 +94,7 @@ class Setup:
     warn: Callable[[str], None] = field(default=lambda _text: None)
     joints: Mapping[str, Joint] = field(default_factory=dict)
     caveats: Callable[[], Tuple[Caveat, ...]] = field(default=lambda: ())
+    contradicted: Mapping[Edge, Contradiction] = field(default_factory=dict)
 
 
 class Collector:
@@ -119,6 +122,7 @@ class Collector:
         self._last: Tuple[str, Mapping[str, Frame]] = ("", {})  # key and frames
         self._seeds: Dict[str, List[Seed]] = {}  # by collection
         self._detected: Dict[str, List[str]] = {}  # sensors by collection
+        self._ways: Dict[str, List[Tuple[Edge, float]]] = {}  # edges, with when, by collection
         self.taken: Counter = Counter(dict.fromkeys(setup.sensors, 0))
         self.reasons: Dict[str, Counter] = {name: Counter() for name in setup.sensors}
         self.refused: List[str] = []
@@ -201,6 +205,11 @@ class Collector:
         around_s = 0.0 if setup.at_stops and not asked else _AROUND_S
         speeds = self._recent.speeds(moment.start_s - around_s, moment.end_s + around_s)
         tree = setup.transforms(min(frame.stamp_s for frame in chosen.values()))
+        self._ways[key] = [
+            (edge, frame.stamp_s)
+            for frame in chosen.values()
+            for edge in tree.path_here(setup.config.world_link, frame.sensor.frame)
+        ]
         self.quality.add(key, chosen, speeds, tree)
         self.quality.write(setup.store.folder)
         return key
@@ -219,6 +228,20 @@ class Collector:
         self._write_seeds()
         self.quality.delete(key)
         self.quality.write(self._setup.store.folder)
+
+    def withdraw(self) -> None:
+        """Remove collections of whose transforms it came out later that nobody knows them.
+
+        Messages have to contradict each other a number of times before that is certain.
+        """
+        for key in [key for key in self._ways if key in self._setup.store.keys]:
+            for edge, time_s in self._ways[key]:
+                contradiction = self._setup.contradicted.get(edge)
+                if contradiction is not None and contradiction.covers(time_s):
+                    self.delete(key)
+                    self.refused.append(contradiction.sentence)
+                    self._setup.warn(f"collection {key} is removed: {contradiction.sentence}")
+                    break
 
     def _is_known(self, moment: Moment, chosen: Mapping[str, Frame]) -> bool:
         """Tell whether a moment gives the collection before once more."""

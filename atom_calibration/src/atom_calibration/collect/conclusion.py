@@ -42,6 +42,8 @@ def conclude(
             what was collected stays to be looked at.
         OutputError: the dataset cannot be written.
     """
+    collector.withdraw()
+    keys = [key for key in keys if key in store.keys]
     if not keys:
         raise CollectionError(
             f"{store.folder}: no collection was taken: {why_none(collector, asked)}"

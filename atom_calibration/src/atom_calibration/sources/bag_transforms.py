@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Tuple
+from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from atom_calibration.errors import TransformError
 from atom_calibration.messages.headers import stamp_s
 from atom_calibration.messages.poses import TF_MESSAGE, edge_of
 from atom_calibration.sources.bag_reader import BagMessage, BagReader
-from atom_calibration.sources.contradictions import DoubtfulEdge, EdgeWatch
+from atom_calibration.sources.contradictions import Contradiction, DoubtfulEdge, EdgeWatch
 from atom_calibration.sources.described_edges import DescribedEdges
 from atom_calibration.sources.sound_transforms import SoundTransforms
 from atom_calibration.sources.transform_tree import DEFAULT_MAX_GAP_S, Recorded, TransformTree
@@ -141,6 +141,11 @@ class BagTransforms:
     def doubtful(self) -> List[DoubtfulEdge]:
         """The transforms read so far that messages contradict each other in."""
         return self._watch.doubtful
+
+    @property
+    def contradicted(self) -> Mapping[Edge, Contradiction]:
+        """The transforms that have no pose at times, since messages contradict each other."""
+        return self._watch.contradicted
 
     def at(self, time_s: float) -> TransformTree:
         """Return the tree around a time [s]."""

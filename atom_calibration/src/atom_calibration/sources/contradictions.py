@@ -6,11 +6,11 @@ None of it can be repaired, and all of it gives a wrong calibration in silence.
 from __future__ import annotations
 
 import math
-from typing import Any, Dict, List, Mapping, NamedTuple, Tuple
+from typing import Any, Dict, List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
-from atom_calibration.errors import BagError, TransformError
+from atom_calibration.errors import BagError
 from atom_calibration.messages.headers import frame_name, stamp_s
 from atom_calibration.messages.poses import edge_of
 from atom_core.model.sensor import Sensor
@@ -21,6 +21,8 @@ _SAME_INTRINSICS = 1e-3  # of a focal length and of a coefficient: 1 px at the e
 _SAME_M, _SAME_RAD = 1e-3, 1e-3  # poses that say the same of an edge
 _OTHER_M, _OTHER_RAD = 3e-3, 5e-3  # poses that cannot both be right
 _SWITCHES = 20  # poses that leave for another place, and are back with the next message
+_MUCH_SMALLER = 0.2  # than another step
+_STAYS_SO_S = 1.0  # around a message in which an edge contradicts itself
 
 
 class _Intrinsics(NamedTuple):
@@ -123,20 +125,25 @@ class _Switches(NamedTuple):
     """How often an edge was back where it had just left.
 
     Steps that lead elsewhere count against it: readings that scatter or shake are back by chance.
+    Those much smaller than its returns do not: so a robot moves from message to message.
     ``taken`` is what the last step has taken off, which is given back where the next one returns.
+    ``size`` is that of the last return (`_size`), ``stamps_s`` are those of the last ones.
     """
 
     returns: int = 0
     taken: int = 0
+    size: float = 0.0
+    stamps_s: Tuple[float, ...] = ()
 
-    def after(self, is_step: bool, is_back: bool) -> _Switches:
-        """Return the count after a message: no step, a step that returns, or one elsewhere."""
-        if not is_step:
-            return _Switches(self.returns)
+    def after(self, size: float, is_back: bool, at_s: float) -> _Switches:
+        """Return the count after a step of a size that returns, or leads elsewhere."""
         if is_back:
-            return _Switches(self.returns + 1 + self.taken)
+            stamps_s = (*self.stamps_s[1 - _SWITCHES :], at_s)
+            return _Switches(self.returns + 1 + self.taken, 0, size, stamps_s)
+        if size <= _MUCH_SMALLER * self.size:
+            return self._replace(taken=0)
         taken = min(self.returns, 1)
-        return _Switches(self.returns - taken, taken)
+        return self._replace(returns=self.returns - taken, taken=taken)
 
 
 class _Seen(NamedTuple):
@@ -172,10 +179,27 @@ class DoubtfulEdge(NamedTuple):
 
 
 class Contradiction(NamedTuple):
-    """That nobody knows where an edge is; ``until_s``: stamp of the last message that says so."""
+    """That nobody knows where an edge is, in some spans of time.
 
-    until_s: float
+    Attributes:
+        sentence: how messages contradict each other, and what to do.
+        spans_s: from which stamp to which, in order.
+    """
+
     sentence: str
+    spans_s: Tuple[Tuple[float, float], ...]
+
+    def covers(self, time_s: float) -> bool:
+        """Tell whether it is so at a time [s]."""
+        return any(start_s <= time_s <= end_s for start_s, end_s in self.spans_s)
+
+    def and_from(self, start_s: float, end_s: float) -> Contradiction:
+        """Return it with another span; what lies before the last one is known already."""
+        last_start_s, last_end_s = self.spans_s[-1]
+        if start_s > last_end_s:
+            return self._replace(spans_s=(*self.spans_s, (start_s, end_s)))
+        last = last_start_s, max(end_s, last_end_s)
+        return self._replace(spans_s=(*self.spans_s[:-1], last))
 
 
 class EdgeWatch:
@@ -235,34 +259,33 @@ class EdgeWatch:
     def see_moving(self, message: Any, topic: str = "/tf") -> None:
         """Note a TransformStamped of /tf, or what another topic says of an edge.
 
-        Raises:
-            TransformError: again and again the edge leaves for another place, far from the one
-                before, and is back with the next message. It is among the contradicted then.
+        Where it leaves again and again for another place, far from the one before, and is back
+        with the next message, it is among the contradicted.
         """
-        edge, pose = edge_of(message), _pose_tuple(message)
+        edge, pose, at_s = edge_of(message), _pose_tuple(message), stamp_s(message)
         self.see_parent(edge)
         if edge in self._counting:
-            self._compare_with_fixed(edge, pose, stamp_s(message), topic)
+            self._compare_with_fixed(edge, pose, at_s, topic)
         seen = self._moving.get(edge) or _Seen(pose, pose)
         step_m, step_rad = _apart(pose, seen.last)
         is_step = step_m > _SAME_M or step_rad > _SAME_RAD
         is_far = step_m > _OTHER_M or step_rad > _OTHER_RAD
-        is_back = is_step and _size(*_apart(pose, seen.before)) <= 0.2 * _size(step_m, step_rad)
-        seen = _Seen(
-            pose, seen.last, seen.any_step.after(is_step, is_back), seen.far.after(is_far, is_back)
-        )
-        self._moving[edge] = seen
-        if not is_back or max(seen.any_step.returns, seen.far.returns) < _SWITCHES:
+        size = _size(step_m, step_rad)
+        is_back = is_step and _size(*_apart(pose, seen.before)) <= _MUCH_SMALLER * size
+        any_step = seen.any_step.after(size if is_step else 0.0, is_back, at_s)
+        far = seen.far.after(size if is_far else 0.0, is_far and is_back, at_s)
+        self._moving[edge] = _Seen(pose, seen.last, any_step, far)
+        if not is_back or max(any_step.returns, far.returns) < _SWITCHES:
             return
         what = (
             f"transform '{edge}' of {topic} goes to and fro between two values, "
             f"{1e3 * step_m:.1f} mm and {math.degrees(step_rad):.2f} deg apart"
         )
-        if seen.far.returns >= _SWITCHES:
-            both = f"{what}: two programs publish it and contradict each other"
-            remedy = "record again with one of them"
-            self._contradict(DoubtfulEdge(edge, False, both, remedy), stamp_s(message))
-            raise TransformError(f"{both}; {remedy}")
+        if is_far and far.returns >= _SWITCHES:
+            what += ": two programs publish it and contradict each other"
+            doubt = DoubtfulEdge(edge, False, what, "record again with one of them")
+            self._contradict(doubt, *_around(far.stamps_s))
+            return
         flickers = f"{_ONE_OF_THEM}; if its readings flicker, let its driver smooth them"
         self._doubtful.setdefault(edge, DoubtfulEdge(edge, False, what, flickers))
 
@@ -274,7 +297,8 @@ class EdgeWatch:
             return
         if moved_m > _OTHER_M or moved_rad > _OTHER_RAD:
             what = f"transform '{edge}' stands still in /tf_static, and moves in {topic}"
-            self._contradict(DoubtfulEdge(edge, False, what, _LEFT_OVER), at_s)
+            doubt = DoubtfulEdge(edge, False, what, _LEFT_OVER)
+            self._contradict(doubt, (-math.inf, at_s + _STAYS_SO_S))
         else:
             what = (
                 f"transform '{edge}' has one pose in /tf_static and another one in {topic}, "
@@ -283,13 +307,25 @@ class EdgeWatch:
             )
             self._doubtful.setdefault(edge, DoubtfulEdge(edge, True, what, _LEFT_OVER))
 
-    def _contradict(self, doubt: DoubtfulEdge, at_s: float) -> None:
+    def _contradict(self, doubt: DoubtfulEdge, *spans_s: Tuple[float, float]) -> None:
         known = self._doubtful.get(doubt.edge)
         if known is None or known.only_its_pose:
             self._doubtful[doubt.edge] = doubt
-        before = self.contradicted.get(doubt.edge)
-        until_s = at_s if before is None else max(at_s, before.until_s)
-        self.contradicted[doubt.edge] = Contradiction(until_s, f"{doubt.what}; {doubt.remedy}")
+        sentence = f"{doubt.what}; {doubt.remedy}"
+        found = self.contradicted.get(doubt.edge, Contradiction(sentence, spans_s[:1]))
+        for span_s in spans_s:
+            found = found.and_from(*span_s)
+        self.contradicted[doubt.edge] = found._replace(sentence=sentence)
+
+
+def _around(stamps_s: Sequence[float]) -> List[Tuple[float, float]]:
+    """Return the times around stamps [s] at which two programs contradict each other.
+
+    A program that publishes seldom does so between its messages, too. One that is late while the
+    robot moves agrees with the other one where it stands.
+    """
+    reach_s = max(_STAYS_SO_S, 3.0 * float(np.median(np.diff(stamps_s))))
+    return [(stamp - reach_s, stamp + reach_s) for stamp in stamps_s]
 
 
 def _size(distance_m: float, angle_rad: float) -> float:

@@ -5,16 +5,14 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from contextlib import suppress
-from typing import Any, Deque, Dict, List
+from typing import Any, Deque, Dict, List, Mapping
 
 import rospy
 from tf2_msgs.msg import TFMessage
 
-from atom_calibration.errors import TransformError
 from atom_calibration.messages.headers import stamp_s
 from atom_calibration.messages.poses import edge_of
-from atom_calibration.sources.contradictions import DoubtfulEdge, EdgeWatch
+from atom_calibration.sources.contradictions import Contradiction, DoubtfulEdge, EdgeWatch
 from atom_calibration.sources.sound_transforms import SoundTransforms
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.model.transforms import Edge
@@ -45,6 +43,11 @@ class LiveTransforms:
     def doubtful(self) -> List[DoubtfulEdge]:
         """The transforms heard so far that messages contradict each other in."""
         return self._watch.doubtful
+
+    @property
+    def contradicted(self) -> Mapping[Edge, Contradiction]:
+        """The transforms that have no pose at times, since messages contradict each other."""
+        return self._watch.contradicted
 
     def at(self, _time_s: float) -> TransformTree:
         """Return the tree, which holds the last half minute."""
@@ -77,8 +80,7 @@ class LiveTransforms:
             if stamp < self._newest_s.get(edge, stamp) - _BACK_S:
                 self._begin_anew()
             self._tree.add([part], fixed=False)
-            with suppress(TransformError):  # it is in doubt now, and looked up in vain
-                self._watch.see_moving(part)
+            self._watch.see_moving(part)
             self._newest_s[edge] = max(stamp, self._newest_s.get(edge, stamp))
 
     def _begin_anew(self) -> None:

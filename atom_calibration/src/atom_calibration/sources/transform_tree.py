@@ -25,7 +25,6 @@ from atom_core.model.transforms import Edge
 
 DEFAULT_MAX_GAP_S = 1.0
 _STILL = 2.5  # times as long a gap is bridged between two poses that are the same
-_STAYS_SO_S = 1.0  # after the last message in which an edge contradicts itself
 
 
 class Recorded(NamedTuple):
@@ -157,7 +156,7 @@ class TransformTree:
                 contradict each other in it.
         """
         contradiction = self._contradicted.get(edge)
-        if contradiction is not None and time_s <= contradiction.until_s + _STAYS_SO_S:
+        if contradiction is not None and contradiction.covers(time_s):
             raise TransformError(contradiction.sentence)
         if edge in self._fixed:
             return self._fixed[edge]
