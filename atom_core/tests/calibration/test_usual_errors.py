@@ -7,7 +7,7 @@ pytest.importorskip("atom_core._core", reason="thousands of points to label")
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.judge.usual_errors import left_open
-from atom_core.calibration.options import AUTO, OFF, CalibrationOptions
+from atom_core.calibration.options import AUTO, OFF, SUGGEST, CalibrationOptions
 from atom_core.calibration.refine.candidates import candidates, range_fields, usual_sizes
 from atom_core.model.sensor import DEPTH, LIDAR3D
 from atom_core.problem.model_errors import RangeOffset
@@ -185,17 +185,22 @@ def says_that_ranges_are_untold(dataset, **options):
     return says("tells whether all ranges are too long or too short alike", dataset, **options)
 
 
-@pytest.mark.parametrize("options", [{}, {"model_errors": OFF}], ids=["default", "off"])
-def test_a_board_that_is_3_percent_too_large_is_in_no_residual_of_cameras(options):
+@pytest.mark.parametrize("how", [SUGGEST, OFF, AUTO])
+def test_a_board_that_is_3_percent_too_large_is_in_no_residual_of_cameras(how):
     """All distances are 3 % too large, and the verdict is good: what it rests on is said."""
     dataset = random_scene(1, rgb=3, depth=0, lidar3d=0, collections=12).dataset
-    assert says_that_size_is_untold(with_scaled_boards(dataset, 1.03), **options)
-    assert says_that_size_is_untold(dataset, **options)
+    assert says_that_size_is_untold(with_scaled_boards(dataset, 1.03), model_errors=how)
+    assert says_that_size_is_untold(dataset, model_errors=how)
 
 
 @pytest.mark.parametrize("make", [hand_eye, board_on_arm, lidar_only, random_scene, paper_cell])
 def test_range_sensors_and_arms_tell_how_large_the_boards_are(make):
     assert not says_that_size_is_untold(make(0).dataset)
+
+
+@pytest.mark.parametrize("make", [hand_eye, board_on_arm])
+def test_an_arm_tells_how_large_the_boards_are_where_errors_are_estimated_too(make):
+    assert not says_that_size_is_untold(make(0).dataset, model_errors=AUTO)
 
 
 def test_two_boards_do_not_tell_each_others_size():

@@ -281,7 +281,7 @@ def _checked(
     usual = usual_sizes(left, options.intrinsics_sigma)
     rest = left_open(every, usual)
     covariance = covariance.with_combined(rest.of_blocks(loss))
-    untold = untold_scale(every, usual, refined.options.error_priors, rest)
+    untold = untold_scale(every, usual, refined.options.error_priors)
     if options.model_errors == OFF:
         return covariance, [], None, untold
     checks = solution.checks(refined.summary, loss)

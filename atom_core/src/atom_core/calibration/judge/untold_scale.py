@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Mapping, Tuple
+from typing import Mapping, Tuple, Type
 
 from atom_core.calibration.judge.usual_errors import RANGE_SCALES, LeftOpen, left_open
+from atom_core.problem.board_errors import BoardSize
 from atom_core.problem.model_errors import ErrorPriors, ModelError
 from atom_core.solvers.shared_equations import SharedEquations
 
@@ -13,10 +14,7 @@ _TOLD = 0.005  # what is told less exactly, as a part of it, is not told
 
 
 def untold_scale(
-    equations: SharedEquations,
-    usual: Mapping[ModelError, float],
-    priors: ErrorPriors,
-    rest: LeftOpen,
+    equations: SharedEquations, usual: Mapping[ModelError, float], priors: ErrorPriors
 ) -> Tuple[str, ...]:
     """Return a sentence where the boards' size, or the ranges, are all that tells the scale.
 
@@ -24,15 +22,16 @@ def untold_scale(
         equations: at the solution, with all errors that sensors and boards may have.
         usual: standard deviations of those that the solution has not estimated, in their units.
         priors: of those that it has.
-        rest: what the data leave open of the former.
     """
-    if _told_ranges(equations, usual, priors) > _TOLD:
+    # Where sensors see the edges of boards tells nothing of ranges: those that are too long make
+    # boards look large, as wide beams do.
+    if _told_by_data(equations, usual, priors, RANGE_SCALES, True).told_ranges > _TOLD:
         return (
             "nothing in the data tells whether all ranges are too long or too short alike: where "
             "they are 1 % too long, so are all distances; measure one between two sensors, or add "
             "a camera",
         )
-    if rest.told_board_size > _TOLD:
+    if _told_by_data(equations, usual, priors, (BoardSize,), False).told_board_size > _TOLD:
         return (
             "nothing in the data tells how large the boards are: all distances are as right as the "
             "configured `size`, and 1 % of it is 1 % of them; measure the print over many squares, "
@@ -41,19 +40,22 @@ def untold_scale(
     return ()
 
 
-def _told_ranges(
-    equations: SharedEquations, usual: Mapping[ModelError, float], priors: ErrorPriors
-) -> float:
-    """Return how exactly the data tell by what part all ranges are off, whatever is expected.
+def _told_by_data(
+    equations: SharedEquations,
+    usual: Mapping[ModelError, float],
+    priors: ErrorPriors,
+    kinds: Tuple[Type[ModelError], ...],
+    free_borders: bool,
+) -> LeftOpen:
+    """Return what the data leave open, errors of these kinds among what is not estimated.
 
-    Where sensors see the edges of boards tells nothing of it: ranges that are too long make boards
-    look large, as wide beams do.
+    An estimate that is held near what is usual (`--model_errors auto`) tells nothing of the data.
     """
     total = equations.total.copy()
     expected = dict(usual)
     for j, error in enumerate(equations.errors, equations.shared):
         prior = priors.get(error)
-        if type(error) in RANGE_SCALES and prior is not None and prior.sigma >= error.usual:
+        if type(error) in kinds and prior is not None and prior.sigma >= error.usual:
             total[j, j] -= (error.step / prior.sigma) ** 2
             expected[error] = error.usual
-    return left_open(replace(equations, total=total), expected, free_borders=True).told_ranges
+    return left_open(replace(equations, total=total), expected, free_borders)
