@@ -108,6 +108,8 @@ def test_the_multiplier_of_corners_is_of_atoms_weights(copy, capsys):
     (more, _), (less, _) = (residuals(f"--weights atom -rnm {x}") for x in (0.5, 2.0))
     assert more["reprojection"] < less["reprojection"]
     assert more["orthogonal"] > less["orthogonal"]
+    _, said = residuals("--weights atom --intrinsics_sigma 0.1")
+    assert any("--intrinsics_sigma has no effect" in warning for warning in said)
     (usual, _), (same, said) = residuals(""), residuals("-rnm 0.1")
     assert usual == same and any("-rnm has no effect" in warning for warning in said)
     capsys.readouterr()
@@ -289,6 +291,7 @@ def test_whoever_ends_a_phased_run_before_the_solver_gets_no_results(copy, monke
         ("-oas -ias", "leave one out"),
         ("-ctgt --truth x.json", "two truths"),
         ("--truth x.json", "x.json: no such truth file"),
+        ("-uic --complete_only", "leave one of the two out"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(copy, line, words, capsys):

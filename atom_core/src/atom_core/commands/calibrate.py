@@ -232,6 +232,11 @@ def _solver_remarks(options: CalibrationOptions) -> List[str]:
         remarks.append("solved by scipy: run `make build` for the faster ceres")
     if options.solver.corner_divisor != 1.0 and options.solver.weights != ATOM:
         remarks.append("-rnm has no effect without --weights atom: noise is estimated by sensor")
+    usual = CalibrationOptions.intrinsics_sigma
+    if options.solver.weights == ATOM and options.intrinsics_sigma not in (usual, None):
+        remarks.append(
+            "--intrinsics_sigma has no effect with --weights atom, whose weights are no variances"
+        )
     return remarks
 
 

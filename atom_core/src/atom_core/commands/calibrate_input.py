@@ -51,6 +51,11 @@ def read_input(args: argparse.Namespace) -> CalibrationInput:
     biases = joint_biases(args)
     if args.truth and args.comparison_to_ground_truth:
         raise CalibrationError("--truth and -ctgt are two truths; leave one of them out")
+    if args.use_incomplete_collections and args.complete_only:
+        raise CalibrationError(
+            "-uic uses the incomplete collections that --complete_only leaves out; leave one of "
+            "the two out"
+        )
     chosen = common.selected_dataset(args)
     common.refuse_empty(chosen)
     original = _only_anchored(chosen, args)
