@@ -135,5 +135,28 @@ def test_results_without_some_value_are_refused_in_words(made, tmp_path, capsys)
     assert "the report is not made" in line and "residuals" in line
 
 
+@pytest.mark.report
+def test_an_evaluation_is_not_shown_with_a_calibration_that_it_did_not_measure(
+    made, tmp_path, capsys
+):
+    dataset, results = made / "data" / "dataset.json", tmp_path / "results"
+    shutil.copytree(made / "results", results)
+    run(
+        *("evaluate", "--train", results / "atom_calibration.json", "--no_report"),
+        *("--test", dataset, "--output", tmp_path / "evaluation"),
+    )
+    words = ["report", "--evaluation", tmp_path / "evaluation", "--output", tmp_path / "out", "-ow"]
+    run(*words, "--calibration", made / "results")  # the same file elsewhere
+    again = ["calibrate", "--dataset", dataset, "--output", results, "--overwrite", "--no_report"]
+    run(*again, "-nig", "0.01", "0.01")
+    told = refused(capsys, *words, "--calibration", results)
+    assert f"evaluates another calibration than the one in {results}" in told
+    assert "evaluate it again" in told
+    run(*words)
+    assert f"{results} holds another calibration by now" in capsys.readouterr().out
+    text = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert 'id="pairs"' in text and 'id="moved"' not in text
+
+
 def test_a_result_has_to_be_named(capsys):
     assert "--calibration" in refused(capsys, "report")

@@ -36,13 +36,14 @@ def inputs(**files: Optional[Path]) -> List[Dict[str, Any]]:
     found = []
     for what, path in files.items():
         if path is not None and Path(path).is_file():
-            found.append({"what": what, "path": str(path), "sha256": _checksum(Path(path))})
+            found.append({"what": what, "path": str(path), "sha256": checksum(Path(path))})
     return found
 
 
-def _checksum(path: Path) -> str:
-    checksum = hashlib.sha256()
+def checksum(path: Path) -> str:
+    """Return the SHA-256 of a file."""
+    found = hashlib.sha256()
     with path.open("rb") as stream:
         for part in iter(lambda: stream.read(_PART), b""):
-            checksum.update(part)
-    return checksum.hexdigest()
+            found.update(part)
+    return found.hexdigest()

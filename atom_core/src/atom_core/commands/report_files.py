@@ -10,6 +10,7 @@ import zlib
 from pathlib import Path
 from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple
 
+from atom_core.commands.provenance import checksum
 from atom_core.errors import AtomError, OutputError
 from atom_core.io.atomic import write_bytes_atomically
 from atom_core.io.dataset_json import read_dataset
@@ -59,7 +60,7 @@ def read_given(
         changes: documents of `evaluate --compare A B` and of `check --against`.
 
     Raises:
-        ReportError: a folder holds no such result.
+        ReportError: a folder holds no such result, or the evaluation is of another calibration.
     """
     tested = None if evaluation is None else _document(evaluation / EVALUATION_FILE)
     remarks: List[str] = []
@@ -68,6 +69,15 @@ def read_given(
         train = Path(tested["train"])
         if train.name == _DATASET_FILE and (train.parent / CALIBRATION_FILE).is_file():
             calibration = train.parent
+        if calibration is not None and not _is_evaluated(calibration, tested):
+            remarks.append(f"{calibration} holds another calibration by now: it is left out")
+            calibration = train = None
+    elif tested is not None and not _is_evaluated(calibration, tested):
+        raise ReportError(
+            f"{evaluation}: it evaluates another calibration than the one in {calibration}, whose "
+            f"{_DATASET_FILE} is not the file that was evaluated ({tested['train']}); evaluate it "
+            f"again, or leave one of the two out"
+        )
     solved = None if calibration is None else _document(calibration / CALIBRATION_FILE)
     if dataset is None:
         path = train if calibration is None else calibration / _DATASET_FILE
@@ -79,6 +89,13 @@ def read_given(
         remarks += _absent(dataset)
     found = tuple(_checked(path, "evaluate --compare", _CHANGES_KEYS) for path in changes)
     return Given(solved, tested, dataset, residuals, tuple(remarks), found)
+
+
+def _is_evaluated(calibration: Path, tested: Mapping[str, Any]) -> bool:
+    """Tell whether an evaluation is of a calibration; so it is where nobody can know better."""
+    path, known = calibration / _DATASET_FILE, tested.get("inputs") or []
+    trains = [entry.get("sha256") for entry in known if entry.get("what") == "train"]
+    return not trains or not path.is_file() or checksum(path) in trains
 
 
 def _absent(dataset: Dataset) -> List[str]:
