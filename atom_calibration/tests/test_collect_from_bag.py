@@ -244,6 +244,22 @@ def test_a_gap_of_tf_costs_the_collection_in_it_and_is_told(place, make, capsys)
     assert len(read_dataset(place.folder / "dataset.json").collections) == STOPS - 1
 
 
+def test_a_gap_of_the_arm_that_carries_the_board_costs_the_collection_in_it(place, make, capsys):
+    in_hand = CONFIG.replace("{link: board, parent_link: world", "{link: board, parent_link: hand")
+    place.config.write_text(in_hand)
+    content = []
+    for topic, message, time_s in messages(make):
+        if topic == "/tf" and not 102.4 < time_s < 105.2:
+            hand = make.transform("world", "hand", np.eye(4), time_s)
+            message.transforms.append(hand)
+        content.append((topic, message, time_s))
+    assert main(place(content)) == 1
+    assert "no pose of 'world-hand' near time 103.2" in capsys.readouterr().err
+    dataset = read_dataset(place.folder / "dataset.json")
+    assert len(dataset.collections) == 2
+    assert all(Edge("world", "hand") in c.transforms for c in dataset.collections.values())
+
+
 @pytest.mark.parametrize("bad, time_s", [([30], 103.0), ([0], 100.0), ([0, 1, 2], 100.2)])
 def test_an_empty_image_is_left_out_and_told_wherever_it_stands(place, make, capsys, bad, time_s):
     spoiled = list(messages(make))

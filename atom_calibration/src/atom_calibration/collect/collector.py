@@ -12,6 +12,7 @@ import numpy as np
 
 from atom_calibration.collect.joint_positions import joint_states
 from atom_calibration.collect.quality import QUALITY_FILE, QualityLog
+from atom_calibration.collect.repeated_stops import CollectedStops
 from atom_calibration.collect.selection import (
     Moment,
     RecentFrames,
@@ -107,6 +108,7 @@ class Collector:
         between: number of moments that lie between the data, faster than which they follow.
         missed: number of moments that have no data near enough, of those that follow each other.
         stayed: number of stops at the place of the stop before.
+        again: number of stops that were collected before the recording was played again.
         max_skew_s: greatest difference of the stamps in a collection.
         quality: how well each sensor sees the board, and advice.
         apart_ms: by sensor that saw the board and is not in a collection, how long all stamps of
@@ -126,11 +128,12 @@ class Collector:
         self.taken: Counter = Counter(dict.fromkeys(setup.sensors, 0))
         self.reasons: Dict[str, Counter] = {name: Counter() for name in setup.sensors}
         self.refused: List[str] = []
-        self.repeated, self.between, self.missed, self.stayed = 0, 0, 0, 0
+        self.repeated, self.between, self.missed, self.stayed, self.again = 0, 0, 0, 0, 0
         self.apart_ms: Dict[str, List[float]] = {}
         self.quality = QualityLog(setup.config, setup.sensors, setup.patterns, setup.warn)
         self._doubtful: List[Tuple[Moment, str]] = []  # looked like a stop to some sensor
         self._done: List[Moment] = []
+        self._stops = CollectedStops()
 
     @property
     def passed(self) -> List[str]:
@@ -161,8 +164,12 @@ class Collector:
         self._recent.label_again(frame)
 
     def begin_anew(self, moments: Moments) -> None:
-        """Forget the data of the last seconds: time went back. Collections stay."""
+        """Forget the data of the last seconds: time went back. Collections stay.
+
+        Stops of which there is a collection are not taken once more by themselves.
+        """
         self._moments = moments
+        self._stops.begin_anew()
         self._recent.clear()
 
     def finish(self) -> List[str]:
@@ -198,6 +205,7 @@ class Collector:
             return None
         key = write_collection(setup, chosen)
         self._done.append(moment)
+        self._stops.add(key, moment, chosen)
         for name, apart_s in too_far(frames, chosen).items():
             self.apart_ms.setdefault(name, []).append(1000.0 * apart_s)
         self._last = (key, chosen)
@@ -205,10 +213,12 @@ class Collector:
         around_s = 0.0 if setup.at_stops and not asked else _AROUND_S
         speeds = self._recent.speeds(moment.start_s - around_s, moment.end_s + around_s)
         tree = setup.transforms(min(frame.stamp_s for frame in chosen.values()))
+        hangs_on = [(frame.sensor.frame, frame.stamp_s) for frame in chosen.values()]
+        hangs_on += _board_stamps(setup, chosen).items()
         self._ways[key] = [
-            (edge, frame.stamp_s)
-            for frame in chosen.values()
-            for edge in tree.path_here(setup.config.world_link, frame.sensor.frame)
+            (edge, time_s)
+            for frame, time_s in hangs_on
+            for edge in tree.path_here(setup.config.world_link, frame)
         ]
         self.quality.add(key, chosen, speeds, tree)
         self.quality.write(setup.store.folder)
@@ -224,6 +234,7 @@ class Collector:
         self.taken.subtract(self._detected.pop(key, []))
         if self._last[0] == key:
             self._last = ("", {})
+        self._stops.delete(key)
         self._seeds.pop(key, None)
         self._write_seeds()
         self.quality.delete(key)
@@ -247,6 +258,9 @@ class Collector:
         """Tell whether a moment gives the collection before once more."""
         before = self._last[1]
         if self._setup.at_stops:
+            if self._stops.has(moment, chosen):
+                self.again += 1
+                return True
             known = same_place(chosen, before)
             is_later = bool(self._done) and moment.start_s > self._done[-1].end_s
             self.stayed += known and is_later
@@ -309,7 +323,8 @@ def write_collection(setup: Setup, frames: Mapping[str, Frame]) -> str:
     store, key = setup.store, setup.store.next_key
     stamps = {f.sensor.frame: f.stamp_s for f in frames.values()}
     tree = setup.transforms(min(stamps.values()))
-    transforms = edges_at(tree, setup.config.world_link, stamps)
+    boards = _board_stamps(setup, frames)
+    transforms = edges_at(tree, setup.config.world_link, stamps, boards)
     data = {n: _write_data(store.folder, key, frame, setup.warn) for n, frame in frames.items()}
     joints = joint_states(setup.joints, transforms)
     collection = Collection(key, _labels(setup, frames), transforms, joints)
@@ -322,6 +337,15 @@ def write_collection(setup: Setup, frames: Mapping[str, Frame]) -> str:
             write_image(folder / f"{key}_{name}.jpg", frame.ros.draw(frame))
     store.save(StoredCollection(key, document, _initial_boards(setup, frames, transforms)))
     return key
+
+
+def _board_stamps(setup: Setup, frames: Mapping[str, Frame]) -> Dict[str, float]:
+    """Return when boards were seen [s], on the average, by the frame that they hang on."""
+    seen: Dict[str, List[float]] = {}
+    for sensor, pattern in _labels(setup, frames):
+        parent = setup.patterns[pattern].parent_frame
+        seen.setdefault(parent, []).append(frames[sensor].stamp_s)
+    return {frame: float(np.mean(stamps_s)) for frame, stamps_s in seen.items()}
 
 
 def _header(setup: Setup, key: str, transforms: Mapping[Edge, np.ndarray]) -> Mapping[str, Any]:

@@ -274,7 +274,10 @@ class TransformTree:
 
 
 def edges_at(
-    tree: TransformTree, root: str, frame_stamps: Mapping[str, float]
+    tree: TransformTree,
+    root: str,
+    frame_stamps: Mapping[str, float],
+    board_stamps: Optional[Mapping[str, float]] = None,
 ) -> Dict[Edge, np.ndarray]:
     """Return every edge connected to the root, each at the time of the sensor that needs it.
 
@@ -283,13 +286,14 @@ def edges_at(
         root: the world.
         frame_stamps: time of the data [s] by frame of the data. An edge that leads to several
             of them is taken at their mean time, one that leads to none at the mean of all.
+        board_stamps: when boards were seen [s], by the frame that they hang on.
 
     Raises:
-        TransformError: a frame is unknown or not connected, or an edge on the way to a sensor
-            has no pose at that time. Other edges without a pose are left out.
+        TransformError: a frame is unknown or not connected, or an edge on the way to a sensor or
+            a board has no pose at that time. Other edges without a pose are left out.
     """
     wanted: Dict[Edge, List[float]] = {}
-    for frame, stamp in frame_stamps.items():
+    for frame, stamp in [*frame_stamps.items(), *(board_stamps or {}).items()]:
         for edge in tree.path(root, frame):
             wanted.setdefault(edge, []).append(stamp)
     mean = float(np.mean(list(frame_stamps.values())))
