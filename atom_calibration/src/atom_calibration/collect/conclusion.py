@@ -116,6 +116,11 @@ def left_out(collector: Collector, keys: List[str]) -> Iterator[str]:
             f"not taken, since the board stands where it stood at the stop before, as far as its "
             f"sensors tell: {collector.stayed} stop{'s' * (collector.stayed > 1)}"
         )
+    if collector.again:
+        yield (
+            f"not taken, since the recording was played again and they are collected already: "
+            f"{collector.again} stop{'s' * (collector.again > 1)}"
+        )
     if collector.between:
         yield (
             f"{collector.between} moments lie between the data and are not taken: they follow "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from typing import Deque, Dict, Iterable, Iterator, List, Mapping, Optional, Tuple
+from typing import Deque, Dict, Iterable, Iterator, List, Mapping, Optional, Protocol, Tuple
 
 import numpy as np
 
@@ -24,6 +24,14 @@ _EPSILON_S = 1e-6
 _AROUND_STOP_S = 1.0  # what a camera saw so shortly before or after a stop tells about it too
 _DENSEST_DATA_S = 0.19  # of a sensor; more often than that, only the labels are remembered
 _SILENT_S = 0.5  # a sensor whose newest data are so much older is not waited for
+
+
+class HasSightings(Protocol):
+    """Something that tells where a sensor saw the boards, as a `Frame` does."""
+
+    @property
+    def sightings(self) -> Mapping[str, Sighting]:
+        """Where each board was seen, by pattern."""
 
 
 @dataclass(frozen=True)
@@ -390,7 +398,7 @@ def check_still(
         )
 
 
-def same_place(frames: Mapping[str, Frame], before: Mapping[str, Frame]) -> bool:
+def same_place(frames: Mapping[str, HasSightings], before: Mapping[str, HasSightings]) -> bool:
     """Tell whether the board stands where it stood, as far as any sensor saw it both times."""
     moved = [
         motion(before[name].sightings[pattern], sighting)

@@ -279,7 +279,10 @@ class LiveCollector:
             self._guarded(partial(self.collector.add, frame))
 
     def _begin_anew(self) -> None:
-        rospy.logwarn("time went back: what was not collected until then is forgotten")
+        rospy.logwarn(
+            "time went back: what was not collected until then is forgotten; stops that were are "
+            "not taken by themselves again (Save takes them)"
+        )
         self._order.clear()
         for pair in self._pairs:
             with pair.lock:
