@@ -88,6 +88,15 @@ def test_a_start_from_elsewhere_is_where_reset_returns_to(make_guess):
     np.testing.assert_array_equal(guess.value("camera"), MOVED)
 
 
+def test_a_start_from_elsewhere_is_left_to_be_saved(make_guess, tmp_path):
+    guess, output = make_guess(), tmp_path / "guess.urdf.xacro"
+    guess.start_from({CAMERA: MOVED})
+    assert guess.unsaved == ["camera"]  # the description has it elsewhere
+    kept = guess.keep_unsaved(output)
+    values = read_description(kept).robot.transforms()
+    np.testing.assert_allclose(values[CAMERA], MOVED, atol=1e-6)
+
+
 def test_saving_keeps_the_macros_where_only_plain_joints_change(make_guess, tmp_path):
     guess = make_guess()
     guess.set("camera", MOVED)

@@ -90,11 +90,13 @@ class FirstGuess:
         self._values[edge] = self._initial[edge]
 
     def start_from(self, values: Mapping[Edge, np.ndarray]) -> List[str]:
-        """Take values from elsewhere, to which resetting shall return; return names without one."""
+        """Take values from elsewhere, to which resetting shall return; return names without one.
+
+        The description has others, so that they are not saved yet.
+        """
         for edge in self._initial:
             if edge in values:
                 self._values[edge] = self._initial[edge] = np.array(values[edge], dtype=float)
-                self._saved[edge] = self._initial[edge]
         return [name for name, edge in self.edges.items() if edge not in values]
 
     def fixed_transforms(self) -> Dict[Edge, np.ndarray]:
@@ -103,7 +105,7 @@ class FirstGuess:
 
     @property
     def unsaved(self) -> List[str]:
-        """Names of what was moved since it was saved, or since the start."""
+        """Names of what is elsewhere than in what was saved, or in the description."""
         return [
             name
             for name, edge in self.edges.items()

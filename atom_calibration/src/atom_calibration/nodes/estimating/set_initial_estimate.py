@@ -84,7 +84,7 @@ def _run(args: argparse.Namespace) -> int:
     kept = guess.keep_unsaved(output)
     if kept is not None:
         sys.stderr.write(
-            f"{NODE}: {', '.join(moved)} moved and were not saved; they are in {kept}: rename it "
+            f"{NODE}: nobody saved where {', '.join(moved)} was put; that is in {kept}: rename it "
             f"to {output.name}, or begin with description_file:={kept}\n"
         )
     return code
