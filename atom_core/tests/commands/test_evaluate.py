@@ -57,11 +57,11 @@ def test_pairs_and_selections(evaluate):
 
 
 def test_a_test_set_that_was_calibrated_with_is_told(evaluate, capsys):
-    evaluate("-csf", "000", "001")
-    told = capsys.readouterr().out
-    assert (
-        "2 of 2 collections of the test set are those that were calibrated with (000, 001)" in told
-    )
+    _, output = evaluate("-csf", "000", "001")
+    told = "2 of 2 collections of the test set are those that were calibrated with (000, 001)"
+    assert f"warning: {told}" in capsys.readouterr().out
+    (warning,) = result(output)["warnings"]  # the report shows it above the figures
+    assert warning.startswith(told)
     one, other = (random_scene(seed, collections=3).dataset for seed in (1, 2))
     assert shared_collections(one, other) == []
     assert shared_collections(one, one.selected(collections=["001"])) == ["001"]

@@ -111,6 +111,7 @@ def run(args: argparse.Namespace) -> int:
     measured = Measured(train, test, evaluation, truth, annotations)
     found = chosen_baselines(args, measured, sensors)
     document = evaluation_document(evaluation, compared, found.hand_eye, found.rigs)
+    document["warnings"] = _warnings(train, test)
     document["annotations_in_doubt"] = doubts
     document["baselines_left_out"] = [*found.remarks, *found.missed]
     document["options"] = common.options_document(args)
@@ -120,14 +121,7 @@ def run(args: argparse.Namespace) -> int:
     print(evaluation_report(evaluation, compared, args.verbose, found.hand_eye, found.rigs))
     print("".join(f"{remark}\n" for remark in found.remarks), end="")
     print(f"\nresults: {folder.resolve()}\n")
-    shared = shared_collections(train, test)
-    if shared:
-        print(
-            f"warning: {len(shared)} of {len(test.collections)} collections of the test set are "
-            f"those that were calibrated with ({_few(shared)}): errors on them are too "
-            f"small; record a test set of its own\n"
-        )
-    for sentence in doubts:
+    for sentence in (*document["warnings"], *doubts):
         print(f"warning: {sentence}\n")
     print_verdict(evaluation_verdict(evaluation))
     if not args.no_report:
@@ -183,6 +177,18 @@ def _write(
         for name, dataset in found.datasets.items():
             write_dataset(dataset, folder / name)
         write_json_atomically(folder / RESULT_FILE, document, sort_keys=False)
+
+
+def _warnings(train: Dataset, test: Dataset) -> List[str]:
+    """Return a sentence where the test set is what was calibrated with."""
+    shared = shared_collections(train, test)
+    if not shared:
+        return []
+    return [
+        f"{len(shared)} of {len(test.collections)} collections of the test set are those that were "
+        f"calibrated with ({_few(shared)}): errors on them are too small; record a test set of its "
+        f"own"
+    ]
 
 
 def _few(names: List[str]) -> str:

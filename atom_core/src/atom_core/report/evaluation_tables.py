@@ -46,8 +46,8 @@ def evaluation_report(
         range_pair_table([r for r in measured if not _has_poses(r)], compared),
         *[collection_table(r) for r in measured if verbose],
         averages_table(evaluation, compared),
-        single_camera_table(evaluation.single),
-        spread_table(evaluation.spread),
+        single_camera_table(evaluation.single, () if compared is None else compared.single),
+        spread_table(evaluation.spread, () if compared is None else compared.spread),
         skipped_table([*shown, *evaluation.spread]),
     ]
     if evaluation.ground_truth is not None:
@@ -155,11 +155,20 @@ def ground_truth_table(ground_truth: GroundTruth, compared: Optional[GroundTruth
     return text_table(headers, rows, "Errors against the truth")
 
 
-def single_camera_table(results: Sequence[SingleCamera]) -> str:
-    """Return one line for each camera and pattern; empty if there is none."""
+def single_camera_table(
+    results: Sequence[SingleCamera], compared: Sequence[SingleCamera] = ()
+) -> str:
+    """Return one line for each camera and pattern; empty if there is none.
+
+    Args:
+        results: of the calibration under test.
+        compared: of another calibration; empty: there is none.
+    """
+    others = {(result.sensor, result.pattern): result.measured for result in compared}
     headers = ["camera", "pattern", "board", "coll.", "corners", "mean [px]", "RMS [px]"]
     with_truth = any(result.at_truth is not None for result in results)
     headers += ["mean at truth"] if with_truth else []
+    headers += ["RMS of the other"] if compared else []
     rows: List[List[Any]] = []
     for result in results:
         if result.measured is None:
@@ -170,17 +179,27 @@ def single_camera_table(results: Sequence[SingleCamera]) -> str:
         figures = [_mean(m), m.rms]
         if with_truth:
             figures.append(None if result.at_truth is None else _mean(result.at_truth))
+        if compared:
+            other = others.get((result.sensor, result.pattern))
+            figures.append(None if other is None else other.rms)
         names = [result.sensor, result.pattern, kind]
         rows.append([*names, *counts, *map(three_digits, figures)])
     title = f"Cameras by themselves: reprojection ({_AVERAGED})"
     return text_table(headers, rows, title) if rows else ""
 
 
-def spread_table(results: Sequence[PairResult]) -> str:
-    """Return how far apart each camera's collections put a board; empty if there is nothing."""
+def spread_table(results: Sequence[PairResult], compared: Sequence[PairResult] = ()) -> str:
+    """Return how far apart each camera's collections put a board; empty if there is nothing.
+
+    Args:
+        results: of the calibration under test.
+        compared: of another calibration; empty: there is none.
+    """
+    others = {result.pair: result.measured for result in compared}
     headers = ["camera", "pairs of coll.", "corners", "RMS [px]", "apart [mm]", "turned [deg]"]
     with_truth = any(result.at_truth is not None for result in results)
     headers += ["at truth [px]", "[mm]", "[deg]"] if with_truth else []
+    headers += ["of the other [mm]"] if compared else []
     rows: List[List[Any]] = []
     for result in results:
         if result.measured is None:
@@ -190,6 +209,9 @@ def spread_table(results: Sequence[PairResult]) -> str:
         for m in both:
             figures = (None,) * 3 if m is None else (m.rms, m.translation_mm, m.rotation_deg)
             row += map(three_digits, figures)
+        if compared:
+            other = others.get(result.pair)
+            row.append(None if other is None else three_digits(other.translation_mm))
         rows.append(row)
     title = "Spread of fixed boards: from one collection to another"
     return text_table(headers, rows, title) if rows else ""

@@ -336,7 +336,8 @@ def making_section(given: Given) -> List[Section]:
     for title, document in (("calibrate", given.calibration), ("evaluate", given.evaluation)):
         if document is None:
             continue
-        blocks += [Text(warning, warns=True) for warning in document.get("warnings", [])]
+        if document is given.calibration:  # those of an evaluation stand beside its figures
+            blocks += [Text(warning, warns=True) for warning in document.get("warnings", [])]
         blocks += _versions(title, document)
         options = document.get("options", {})
         rows = [[name, _plain(value)] for name, value in options.items() if value not in (None, [])]

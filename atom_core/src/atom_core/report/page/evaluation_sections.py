@@ -16,6 +16,7 @@ from atom_core.report.page.blocks import (
     Table,
     Text,
 )
+from atom_core.report.page.camera_sections import camera_tables
 from atom_core.report.page.given import Document, Given, verdict_of
 from atom_core.report.tables import ABSENT, three_digits
 
@@ -27,16 +28,19 @@ def pairs_section(given: Given) -> List[Section]:
     document = given.evaluation
     if document is None:
         return []
-    blocks: List[Block] = [*_verdicts(document), _averages(document)]
+    blocks: List[Block] = [Text(told, warns=True) for told in document.get("warnings", [])]
+    blocks += _verdicts(document)
+    blocks += [_averages(document)] if document["averages"] else []
     pairs = [pair for pair in document["pairs"] if not pair["reverse"]]
     measured = [pair for pair in pairs if pair["skipped"] is None]
     blocks += _bars(measured, document)
     baselines = dict(_baselines(document))
     for unit in dict.fromkeys(pair["unit"] for pair in measured):
         blocks.append(_pairs([p for p in measured if p["unit"] == unit], baselines, unit))
+    blocks += camera_tables(document)
     skipped = [
         [pair["source"], pair["target"], pair["kind"], pair["skipped"]]
-        for pair in pairs
+        for pair in [*pairs, *document.get("between_collections", [])]
         if pair["skipped"] is not None
     ]
     if skipped:
@@ -136,9 +140,10 @@ def truth_section(given: Given) -> List[Section]:
     if not documents:
         return []
     document = documents[0]
+    entries = {**document.get("baselines", {}), "compared with": document.get("compared_with")}
     others = {
         name: entry["ground_truth"]
-        for name, entry in document.get("baselines", {}).items()
+        for name, entry in entries.items()
         if isinstance(entry, Mapping) and entry.get("ground_truth")
     }
     rows = []
@@ -147,7 +152,12 @@ def truth_section(given: Given) -> List[Section]:
         cells += [_in_words(of_one.get(name)) for of_one in others.values()]
         rows.append(["mean" if name == "mean" else name, *cells])
     columns = ["sensor", "off by [mm]", "turned by [deg]", *others]
-    note = "Against the sensor that is held. Baselines: millimetres and degrees."
+    note = (
+        "In relation to the sensor that is held, or to the first one; where this is itself "
+        "estimated, or alone, it stands with the error of its own edge. Mean: without a reference "
+        "that was held."
+    )
+    note += " Baselines: millimetres and degrees." if others else ""
     table = Table("Error of each sensor", columns, rows, note=note)
     return [Section("truth", "Against the truth", [table])]
 
