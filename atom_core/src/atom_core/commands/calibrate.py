@@ -13,6 +13,7 @@ from atom_core.calibration.calibrate import Calibration, calibrate
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.description import description_caveats
 from atom_core.calibration.prepare.joints import select_joints
+from atom_core.calibration.prepare.preparation import free_edges
 from atom_core.commands import common
 from atom_core.commands.atom_options import CALIBRATE, add_meaningless_options, without_ros
 from atom_core.commands.calibrate_input import CalibrationInput, read_input
@@ -97,7 +98,10 @@ def run(args: argparse.Namespace, watcher: Optional[Watcher] = None) -> int:
     options = _with_selections(options, args, given)
     description = _description(args, given.dataset.config.description_file)
     if not isinstance(description, DescriptionError):
-        of_description = description_caveats(given.dataset, description.robot, description.path)
+        free = free_edges(given.dataset, options)
+        of_description = description_caveats(
+            given.dataset, free, description.robot, description.path
+        )
         given = replace(given, dataset=given.dataset.with_caveats(of_description))
     load_seconds = time.perf_counter() - began
     phases = Phases(watcher) if args.phased_execution else None

@@ -9,8 +9,10 @@ from typing import Dict, List, Mapping, Sequence, Tuple
 
 import numpy as np
 
+from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.preflight import preflight
 from atom_core.calibration.prepare.description import description_caveats
+from atom_core.calibration.prepare.preparation import free_edges
 from atom_core.commands import common
 from atom_core.commands.drift_check import calibration_of, drift_of
 from atom_core.commands.verdict_output import print_next, print_verdict
@@ -113,7 +115,8 @@ def _with_description(dataset: Dataset) -> Tuple[Dataset, List[str]]:
     try:
         if configured:
             description = read_description(configured)
-            caveats = description_caveats(dataset, description.robot, description.path)
+            free = free_edges(dataset, CalibrationOptions())
+            caveats = description_caveats(dataset, free, description.robot, description.path)
             return dataset.with_caveats(caveats), []
     except DescriptionError as error:
         return dataset, [f"optimized.urdf.xacro will not be written: {error}"]

@@ -6,7 +6,7 @@ A sensor's own edge is calibrated; what lies between it and the world, or its da
 from __future__ import annotations
 
 import math
-from typing import Dict, Iterator, List, Mapping, NamedTuple, Set, Tuple
+from typing import Dict, Iterator, List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
@@ -39,27 +39,51 @@ def edges_apart(dataset: Dataset, others: Mapping[Edge, np.ndarray]) -> List[Edg
         dataset: of it those edges that are not estimated and never move.
         others: ``parent_T_child`` (4, 4) by edge; edges that are not in it are passed over.
     """
+    estimated = {sensor.edge for sensor in dataset.sensors.values()}
+    estimated |= {edge for _, edge in dataset.config.estimated_edges}
+    believed = {
+        edge: sensors
+        for edge, sensors in sensors_by_edge(dataset).items()
+        if edge not in estimated and dataset.edge_types.get(edge) != MULTIPLE
+    }
+    pairs = {e: (others[e], dataset.first_value(e)) for e in believed if e in others}
+    return poses_apart(pairs, believed)
+
+
+def poses_apart(
+    pairs: Mapping[Edge, Tuple[np.ndarray, np.ndarray]], sensors: Mapping[Edge, Sequence[str]]
+) -> List[EdgeApart]:
+    """Return the edges whose two values ``parent_T_child`` (4, 4) are not the same.
+
+    Args:
+        pairs: both values, by edge.
+        sensors: names of those that hang on it, by edge.
+    """
     found = []
-    for edge, sensors in _believed_edges(dataset).items():
-        if edge not in others:
-            continue
-        apart_m, apart_rad = se3.pose_difference(others[edge], dataset.first_value(edge))
+    for edge, (one, other) in pairs.items():
+        apart_m, apart_rad = se3.pose_difference(one, other)
         if apart_m > _SAME_M or apart_rad > _SAME_RAD:
-            found.append(EdgeApart(edge, apart_m, apart_rad, tuple(sensors)))
+            found.append(EdgeApart(edge, apart_m, apart_rad, tuple(sensors[edge])))
     return found
 
 
-def _believed_edges(dataset: Dataset) -> Dict[Edge, List[str]]:
-    """Return the sensors on whose way to the world an edge is that is not estimated, by edge."""
-    estimated: Set[Edge] = {sensor.edge for sensor in dataset.sensors.values()}
-    estimated |= {edge for _, edge in dataset.config.estimated_edges}
-    believed: Dict[Edge, List[str]] = {}
+def sensors_by_edge(dataset: Dataset, with_boards: bool = False) -> Dict[Edge, List[str]]:
+    """Return the sensors on whose way to the world an edge is, by edge.
+
+    Args:
+        dataset: whose.
+        with_boards: count the ways to the boards that a sensor sees, too.
+    """
+    found: Dict[Edge, List[str]] = {}
     graph = dataset.graph
-    for name, sensor in dataset.sensors.items():
-        for edge in _way(graph, dataset.world, sensor.frame):
-            if edge not in estimated and dataset.edge_types.get(edge) != MULTIPLE:
-                believed.setdefault(edge, []).append(name)
-    return believed
+    ways = {name: [sensor.frame] for name, sensor in dataset.sensors.items()}
+    seen = {(key.sensor, key.pattern) for key, _ in dataset.detections()} if with_boards else set()
+    for sensor, pattern in sorted(seen):
+        ways[sensor].append(dataset.patterns[pattern].parent_frame)
+    for name, frames in ways.items():
+        for edge in dict.fromkeys(e for frame in frames for e in _way(graph, dataset.world, frame)):
+            found.setdefault(edge, []).append(name)
+    return found
 
 
 def _way(graph: FrameGraph, world: str, frame: str) -> Iterator[Edge]:

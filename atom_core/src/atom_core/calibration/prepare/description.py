@@ -3,35 +3,79 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import List
+from typing import Dict, List, Set, Tuple
 
-from atom_core.model.believed_edges import edges_apart
+import numpy as np
+
+from atom_core.model.believed_edges import poses_apart, sensors_by_edge
 from atom_core.model.caveats import Caveat
-from atom_core.model.dataset import Dataset
+from atom_core.model.dataset import MULTIPLE, Dataset
+from atom_core.model.joints import MOVING_TYPES, JointState
 from atom_core.model.robot import FIXED, RobotDescription
+from atom_core.model.transforms import Edge
+from atom_core.problem.builder import FreeEdges
 
 
-def description_caveats(dataset: Dataset, robot: RobotDescription, path: Path) -> List[Caveat]:
+def description_caveats(
+    dataset: Dataset, free: FreeEdges, robot: RobotDescription, path: Path
+) -> List[Caveat]:
     """Return which sensors a calibrated description would put elsewhere than the dataset has them.
 
-    It is written with the estimated edges alone; all others stay as they are in it.
+    It is written with the edges of sensors and with what is estimated; all others, and the other
+    joints, stay as they are in it.
 
     Args:
         dataset: to be calibrated.
+        free: what is estimated.
         robot: what the answer is to be written into.
         path: its file.
     """
-    fixed = {
-        joint.edge: joint.parent_T_child(0.0)
-        for joint in robot.joints.values()
-        if joint.type == FIXED
-    }
+    written = _written(dataset, free)
+    ways = sensors_by_edge(dataset, with_boards=True)
+    believed = {edge: sensors for edge, sensors in ways.items() if edge not in written}
+    pairs = {**_fixed(dataset, believed, robot), **_moving(dataset, believed, robot)}
     return [
         Caveat(
             apart.sensors,
             f"the description ({path}) has '{apart.edge}' {apart.words} from where the transforms "
             f"of the data have it, and a calibrated one is as far off",
-            "correct the description, or what published the transforms and collect again",
+            "where an earlier calibration moved it, give --description the optimized.urdf.xacro of "
+            "that one; else correct the description, or what published the transforms and collect "
+            "again",
         )
-        for apart in edges_apart(dataset, fixed)
+        for apart in poses_apart(pairs, believed)
     ]
+
+
+def _written(dataset: Dataset, free: FreeEdges) -> Set[Edge]:
+    joints = {name: j.edge for c in dataset.collections.values() for name, j in c.joints.items()}
+    return {
+        *(sensor.edge for sensor in dataset.sensors.values()),
+        *free.additional_tfs.values(),
+        *(joints[name] for name in free.joints if name in joints),
+    }
+
+
+def _fixed(
+    dataset: Dataset, edges: Dict[Edge, List[str]], robot: RobotDescription
+) -> Dict[Edge, Tuple[np.ndarray, np.ndarray]]:
+    """Return what description and data say of edges that never move."""
+    joints = {joint.edge: joint for joint in robot.joints.values() if joint.type == FIXED}
+    still = [e for e in edges if e in joints and dataset.edge_types.get(e) != MULTIPLE]
+    return {e: (joints[e].parent_T_child(), dataset.first_value(e)) for e in still}
+
+
+def _moving(
+    dataset: Dataset, edges: Dict[Edge, List[str]], robot: RobotDescription
+) -> Dict[Edge, Tuple[np.ndarray, np.ndarray]]:
+    """Return what description and data say of joints, where they stood at first."""
+    states: Dict[Edge, JointState] = {}
+    for collection in dataset.collections.values():
+        for state in collection.joints.values():
+            states.setdefault(state.edge, state)
+    joints = {joint.edge: joint for joint in robot.joints.values() if joint.type in MOVING_TYPES}
+    return {
+        edge: (joints[edge].parent_T_child(states[edge].position), states[edge].parent_T_child)
+        for edge in edges
+        if edge in joints and edge in states
+    }
