@@ -41,6 +41,7 @@ from atom_core.io.seeds import SEEDS_FILE, Seed, write_seeds
 from atom_core.model.caveats import Caveat
 from atom_core.model.config import CalibrationConfig
 from atom_core.model.dataset import Collection, Dataset
+from atom_core.model.joints import JointState
 from atom_core.model.labels import Label
 from atom_core.model.pattern import Pattern
 from atom_core.model.robot import Joint
@@ -82,6 +83,7 @@ class Setup:
         joints: of the description, whose positions are recorded, by name.
         caveats: returns what is in doubt by now, to be kept with the dataset.
         contradicted: edges of which messages contradict each other, as far as is known by now.
+        see_joints: is told the joints of each collection, and its time [s].
     """
 
     config: CalibrationConfig
@@ -96,6 +98,9 @@ class Setup:
     joints: Mapping[str, Joint] = field(default_factory=dict)
     caveats: Callable[[], Tuple[Caveat, ...]] = field(default=lambda: ())
     contradicted: Mapping[Edge, Contradiction] = field(default_factory=dict)
+    see_joints: Callable[[float, Mapping[str, JointState]], None] = field(
+        default=lambda _time_s, _joints: None
+    )
 
 
 class Collector:
@@ -222,6 +227,7 @@ class Collector:
         ]
         self.quality.add(key, chosen, speeds, tree)
         self.quality.write(setup.store.folder)
+        setup.caveats()  # which tells what is new
         return key
 
     def delete(self, key: str) -> None:
@@ -327,6 +333,7 @@ def write_collection(setup: Setup, frames: Mapping[str, Frame]) -> str:
     transforms = edges_at(tree, setup.config.world_link, stamps, boards)
     data = {n: _write_data(store.folder, key, frame, setup.warn) for n, frame in frames.items()}
     joints = joint_states(setup.joints, transforms)
+    setup.see_joints(float(np.mean(list(stamps.values()))), joints)
     collection = Collection(key, _labels(setup, frames), transforms, joints)
     document = collection_document(collection, setup.sensors, setup.patterns, data)
     if not store.has_header:

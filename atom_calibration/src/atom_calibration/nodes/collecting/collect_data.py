@@ -19,6 +19,7 @@ from atom_calibration.collect.caveats import CaveatLog
 from atom_calibration.collect.collector import WRITTEN_BESIDE, Setup
 from atom_calibration.collect.conclusion import conclude, give_up
 from atom_calibration.collect.joint_positions import described_joints
+from atom_calibration.collect.joint_watch import JointWatch
 from atom_calibration.collect.stamps import check_received
 from atom_calibration.errors import CollectionError
 from atom_calibration.nodes.collecting.collector_state import StateBoard
@@ -31,6 +32,7 @@ from atom_calibration.runtime.options import (
     add_receive_time_option,
 )
 from atom_calibration.runtime.status import STATUS_FILE, write_begun, write_status
+from atom_calibration.sources.joint_readings import LiveJoints
 from atom_calibration.sources.live_topics import LiveTopics, wait_for
 from atom_calibration.sources.live_transforms import LiveTransforms
 from atom_calibration.sources.receipts import ReceiptTimes
@@ -87,9 +89,16 @@ def _collect(args: argparse.Namespace, config: CalibrationConfig, store: Collect
 
     joints = described_joints(config, warn)  # takes its time; a recording begins once it is heard
     transforms, labels = LiveTransforms(), LabelSubscribers(config, board)
+    joint_watch = JointWatch(LiveJoints().around)
     with LiveTopics(config) as topics:
         rig = _rig_when_there(config, topics, transforms, warn, args.patience)
-        caveats = CaveatLog(rig, config, transforms.at(0.0), lambda: transforms.doubtful, warn)
+        caveats = CaveatLog(
+            rig,
+            config,
+            transforms.at(0.0),
+            lambda: [*transforms.doubtful, *joint_watch.doubtful],
+            warn,
+        )
         for warning in (*config.warnings, *rig.warnings):
             warn(warning)
         caveats.now()
@@ -106,6 +115,7 @@ def _collect(args: argparse.Namespace, config: CalibrationConfig, store: Collect
             joints=joints,
             caveats=caveats.now,
             contradicted=transforms.contradicted,
+            see_joints=joint_watch.see,
         )
         check_received(args.use_receive_time, rig.sensors)
         receipts = ReceiptTimes(args.use_receive_time)

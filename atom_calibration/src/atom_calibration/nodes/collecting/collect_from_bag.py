@@ -4,18 +4,11 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections import Counter, deque
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
-from itertools import islice
 from pathlib import Path
 from typing import (
-    Any,
     Callable,
     Collection,
-    Deque,
     Dict,
-    Iterator,
     List,
     Mapping,
     NamedTuple,
@@ -25,7 +18,6 @@ from typing import (
 )
 
 import numpy as np
-import rospy
 from tqdm import tqdm
 
 from atom_calibration.collect.caveats import CaveatLog
@@ -33,6 +25,7 @@ from atom_calibration.collect.collector import WRITTEN_BESIDE, Collector, Moment
 from atom_calibration.collect.conclusion import conclude, give_up
 from atom_calibration.collect.expectation import PointExpectation
 from atom_calibration.collect.joint_positions import described_joints
+from atom_calibration.collect.joint_watch import JointWatch
 from atom_calibration.collect.selection import StopMoments, TimedMoments
 from atom_calibration.collect.stamps import (
     check_clocks,
@@ -41,22 +34,19 @@ from atom_calibration.collect.stamps import (
     receipt_lags_s,
     start_lag_s,
 )
-from atom_calibration.errors import CollectionError, MessageError
+from atom_calibration.errors import CollectionError
 from atom_calibration.labels.frame_labeler import FrameLabeler
-from atom_calibration.messages.headers import stamp_s
-from atom_calibration.modalities.frames import Frame, decode
+from atom_calibration.nodes.collecting.bag_frames import labeled_frames
 from atom_calibration.runtime.options import add_receive_time_option
 from atom_calibration.sources.bag_parts import name_of, remark_on_parts
 from atom_calibration.sources.bag_reader import BagReader
 from atom_calibration.sources.bag_transforms import BagTransforms
-from atom_calibration.sources.contradictions import MessageWatch
 from atom_calibration.sources.described_bag import SAVED, check_described, transforms_of_bag
+from atom_calibration.sources.joint_readings import BagJoints
 from atom_calibration.sources.rig import Rig, rig_from_bag
-from atom_core import opencv
 from atom_core.cli import BAD_INPUT, INTERRUPTED
 from atom_core.commands.common import add_option, add_output_options
 from atom_core.commands.option_parser import OptionParser, examples
-from atom_core.commands.progress import progress
 from atom_core.errors import AtomError
 from atom_core.io.collections import CollectionStore
 from atom_core.io.config_yaml import read_config
@@ -69,11 +59,7 @@ EXAMPLE = """
 rosrun atom_calibration collect_from_bag --config config.yml --bag train.bag --output dataset
 rosrun atom_calibration collect_from_bag -c config.yml -b train.bag -o dataset --seeds seeds.yaml
 """
-_LOOK_AHEAD = 12  # messages that are decoded and, if images, labeled beforehand
-_WORKERS = 2
 _BEYOND_S = 1.0  # clocks and delays may put data so far beyond what was recorded
-_MOST_BAD_MESSAGES = 3  # of a sensor that are told one by one
-_TRIED = 200  # messages of a sensor of which one must be readable
 
 
 def main(argv: Optional[Sequence[str]] = None) -> int:
@@ -114,7 +100,11 @@ def collect_from_bag(args: argparse.Namespace) -> int:
         first_s = bag.start_s - transforms.lag_s
         check_described(described, transforms, rig, config, first_s)
         tree = transforms.at(first_s)
-        caveats = CaveatLog(rig, config, tree, lambda: transforms.doubtful, _warn)
+        joints = described_joints(config, _warn)
+        joint_watch = JointWatch(BagJoints(bag, joints if described is None else ()).around)
+        caveats = CaveatLog(
+            rig, config, tree, lambda: [*transforms.doubtful, *joint_watch.doubtful], _warn
+        )
         lags_s = _lags_s(bag, rig, args.use_receive_time)
         tf_lag_s = transforms.lag_s if transforms.moving else None
         clocks = check_clocks(lags_s, tf_lag_s, args.use_receive_time)
@@ -127,9 +117,8 @@ def collect_from_bag(args: argparse.Namespace) -> int:
         lag_s = start_lag_s(lags_s, tf_lag_s)
         stamps_s = bag.start_s - lag_s, bag.end_s - lag_s
         _check_times(args.times or [], stamps_s)
-        joints = described_joints(config, _warn)
         recording = Recording(
-            config, bag, rig, patterns, transforms, labeler, stamps_s, joints, caveats
+            config, bag, rig, patterns, transforms, labeler, stamps_s, joints, joint_watch, caveats
         )
         _announce(bag, rig)
         store = CollectionStore.create(args.output, args.overwrite, WRITTEN_BESIDE)
@@ -137,12 +126,7 @@ def collect_from_bag(args: argparse.Namespace) -> int:
             collector, keys = _collected(args, recording, store)
             labeler.settle()
             if labeler.relocated:
-                for text in labeler.relocated.values():
-                    _warn(text)
-                _warn("the bag is read once more, with that in mind")
-                labeler.begin_anew()
-                store.begin_anew()
-                collector, keys = _collected(args, recording, store)
+                collector, keys = _collected_anew(args, recording, store)
             return conclude(store, collector, keys, print, _warn)
         finally:
             give_up(store, _warn)
@@ -170,15 +154,8 @@ class Recording(NamedTuple):
     labeler: FrameLabeler
     stamps_s: Tuple[float, float]
     joints: Mapping[str, Joint]
+    joint_watch: JointWatch
     caveats: CaveatLog
-
-
-class _Waiting(NamedTuple):
-    """A message that is being decoded."""
-
-    sensor: str
-    stamp_s: float
-    future: Future
 
 
 def _setup(args: argparse.Namespace, recording: Recording, store: CollectionStore) -> Setup:
@@ -196,6 +173,7 @@ def _setup(args: argparse.Namespace, recording: Recording, store: CollectionStor
         recording.joints,
         recording.caveats.now,
         recording.transforms.contradicted,
+        recording.joint_watch.see,
     )
 
 
@@ -203,16 +181,28 @@ def _collected(
     args: argparse.Namespace, recording: Recording, store: CollectionStore
 ) -> Tuple[Collector, List[str]]:
     """Read the bag once; return the collector and the keys of its collections."""
-    config, bag, rig, _, transforms, labeler, stamps_s, _, _ = recording
+    config, bag, rig, _, transforms, labeler, stamps_s, *_ = recording
     setup = _setup(args, recording, store)
     moments = _moments(args, config, stamps_s)
     collector, expectation = Collector(setup, moments), PointExpectation(setup)
     keys: List[str] = []
-    for frame in labeled_frames(bag, rig, labeler, transforms, args.use_receive_time):
+    for frame in labeled_frames(bag, rig, labeler, transforms, args.use_receive_time, _warn):
         expectation.add(frame)
         keys += collector.add(frame)
     keys += collector.finish()
     return collector, keys
+
+
+def _collected_anew(
+    args: argparse.Namespace, recording: Recording, store: CollectionStore
+) -> Tuple[Collector, List[str]]:
+    """Read the bag once more, since sensors are not where the transforms have them."""
+    for text in recording.labeler.relocated.values():
+        _warn(text)
+    _warn("the bag is read once more, with that in mind")
+    recording.labeler.begin_anew()
+    store.begin_anew()
+    return _collected(args, recording, store)
 
 
 def _lags_s(bag: BagReader, rig: Rig, received: Collection[str]) -> Dict[str, float]:
@@ -232,101 +222,6 @@ def _check_times(times_s: Sequence[float], stamps_s: Tuple[float, float]) -> Non
                 f"--times: at time {time_s:.3f} nothing was recorded; the recording has data from "
                 f"{first_s:.3f} to {last_s:.3f} (their stamps)"
             )
-
-
-def labeled_frames(
-    bag: BagReader,
-    rig: Rig,
-    labeler: FrameLabeler,
-    transforms: BagTransforms,
-    received: Collection[str] = (),
-) -> Iterator[Frame]:
-    """Yield every frame of the bag, labeled, in the order of recording.
-
-    The stamps of sensors in ``received`` are replaced by the times of receipt.
-
-    Messages are decoded, images labeled, clouds and depths prepared by threads a few messages
-    ahead; what needs the result of the frame before it, the tracking of range sensors, is done
-    here.
-    """
-    opencv.use_one_thread()
-    bad: Counter = Counter()
-    good: Counter = Counter()
-    total = sum(bag.counts[topic] for topic in rig.topics)
-    with ThreadPoolExecutor(_WORKERS) as pool, progress(total, bag.path.name, "messages") as bar:
-        for future in _ahead(pool, bag, rig, labeler, received):
-            bar.update()
-            try:
-                frame = future.result()
-            except MessageError as error:
-                bad[error.sensor] += 1
-                if not good[error.sensor] and bad[error.sensor] == 1:
-                    _check_others(bag, rig, error)
-                if bad[error.sensor] <= _MOST_BAD_MESSAGES:
-                    _warn(f"a message is left out: {error}")
-                continue
-            good[frame.sensor.name] += 1
-            yield labeler.label(frame, transforms.at(frame.stamp_s))
-
-
-def _check_others(bag: BagReader, rig: Rig, error: MessageError) -> None:
-    """Refuse a sensor whose first message cannot be read, and none of those after it.
-
-    Raises:
-        MessageError: the one that the first message gave.
-    """
-    for topic, sensor in rig.topics.items():
-        if sensor.name == error.sensor:
-            for found in islice(bag.messages([topic]), _TRIED):
-                with suppress(MessageError):
-                    decode(sensor, found.message)
-                    return
-    raise error
-
-
-def _ahead(
-    pool: ThreadPoolExecutor,
-    bag: BagReader,
-    rig: Rig,
-    labeler: FrameLabeler,
-    received: Collection[str],
-) -> Iterator[Future]:
-    waiting: Deque[_Waiting] = deque()
-    watch = MessageWatch(bag.path, rig.infos, bag.start_s)
-    try:
-        for found in bag.messages([*rig.topics, *rig.infos]):
-            if found.topic in rig.infos:
-                watch.see_info(*found)
-                continue
-            sensor = rig.topics[found.topic]
-            if sensor.name in received:
-                found.message.header.stamp = rospy.Time.from_sec(found.recorded_s)
-            watch.see(sensor, found.message, found.recorded_s)
-            future = pool.submit(_prepared, labeler, sensor, found.message)
-            _put_in_order(waiting, _Waiting(sensor.name, stamp_s(found.message), future))
-            if len(waiting) > _LOOK_AHEAD:
-                yield waiting.popleft().future
-        while waiting:
-            yield waiting.popleft().future
-    finally:
-        for entry in waiting:
-            entry.future.cancel()
-
-
-def _put_in_order(waiting: Deque[_Waiting], last: _Waiting) -> None:
-    """Append an entry; where drivers send out of order, those of its sensor change places."""
-    waiting.append(last)
-    place = len(waiting) - 1
-    for before in reversed(range(place)):
-        if waiting[before].sensor == last.sensor:
-            if waiting[before].stamp_s <= last.stamp_s:
-                break
-            waiting[place], waiting[before] = waiting[before], waiting[place]
-            place = before
-
-
-def _prepared(labeler: FrameLabeler, sensor: Any, message: Any) -> Frame:
-    return labeler.prepare(decode(sensor, message))
 
 
 def _moments(

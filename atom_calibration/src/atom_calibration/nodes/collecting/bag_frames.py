@@ -1,0 +1,132 @@
+"""The frames of a bag, labeled, in the order of recording."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from itertools import islice
+from typing import Any, Callable, Collection, Deque, Iterator, NamedTuple
+
+import rospy
+
+from atom_calibration.errors import MessageError
+from atom_calibration.labels.frame_labeler import FrameLabeler
+from atom_calibration.messages.headers import stamp_s
+from atom_calibration.modalities.frames import Frame, decode
+from atom_calibration.sources.bag_reader import BagReader
+from atom_calibration.sources.bag_transforms import BagTransforms
+from atom_calibration.sources.contradictions import MessageWatch
+from atom_calibration.sources.rig import Rig
+from atom_core import opencv
+from atom_core.commands.progress import progress
+
+_LOOK_AHEAD = 12  # messages that are decoded and, if images, labeled beforehand
+_WORKERS = 2
+_MOST_BAD_MESSAGES = 3  # of a sensor that are told one by one
+_TRIED = 200  # messages of a sensor of which one must be readable
+
+
+class _Waiting(NamedTuple):
+    """A message that is being decoded."""
+
+    sensor: str
+    stamp_s: float
+    future: Future
+
+
+def labeled_frames(
+    bag: BagReader,
+    rig: Rig,
+    labeler: FrameLabeler,
+    transforms: BagTransforms,
+    received: Collection[str],
+    warn: Callable[[str], None],
+) -> Iterator[Frame]:
+    """Yield every frame of the bag, labeled, in the order of recording.
+
+    The stamps of sensors in ``received`` are replaced by the times of receipt. ``warn`` is told
+    what is left out.
+
+    Messages are decoded, images labeled, clouds and depths prepared by threads a few messages
+    ahead; what needs the result of the frame before it, the tracking of range sensors, is done
+    here.
+    """
+    opencv.use_one_thread()
+    bad: Counter = Counter()
+    good: Counter = Counter()
+    total = sum(bag.counts[topic] for topic in rig.topics)
+    with ThreadPoolExecutor(_WORKERS) as pool, progress(total, bag.path.name, "messages") as bar:
+        for future in _ahead(pool, bag, rig, labeler, received):
+            bar.update()
+            try:
+                frame = future.result()
+            except MessageError as error:
+                bad[error.sensor] += 1
+                if not good[error.sensor] and bad[error.sensor] == 1:
+                    _check_others(bag, rig, error)
+                if bad[error.sensor] <= _MOST_BAD_MESSAGES:
+                    warn(f"a message is left out: {error}")
+                continue
+            good[frame.sensor.name] += 1
+            yield labeler.label(frame, transforms.at(frame.stamp_s))
+
+
+def _check_others(bag: BagReader, rig: Rig, error: MessageError) -> None:
+    """Refuse a sensor whose first message cannot be read, and none of those after it.
+
+    Raises:
+        MessageError: the one that the first message gave.
+    """
+    for topic, sensor in rig.topics.items():
+        if sensor.name == error.sensor:
+            for found in islice(bag.messages([topic]), _TRIED):
+                with suppress(MessageError):
+                    decode(sensor, found.message)
+                    return
+    raise error
+
+
+def _ahead(
+    pool: ThreadPoolExecutor,
+    bag: BagReader,
+    rig: Rig,
+    labeler: FrameLabeler,
+    received: Collection[str],
+) -> Iterator[Future]:
+    waiting: Deque[_Waiting] = deque()
+    watch = MessageWatch(bag.path, rig.infos, bag.start_s)
+    try:
+        for found in bag.messages([*rig.topics, *rig.infos]):
+            if found.topic in rig.infos:
+                watch.see_info(*found)
+                continue
+            sensor = rig.topics[found.topic]
+            if sensor.name in received:
+                found.message.header.stamp = rospy.Time.from_sec(found.recorded_s)
+            watch.see(sensor, found.message, found.recorded_s)
+            future = pool.submit(_prepared, labeler, sensor, found.message)
+            _put_in_order(waiting, _Waiting(sensor.name, stamp_s(found.message), future))
+            if len(waiting) > _LOOK_AHEAD:
+                yield waiting.popleft().future
+        while waiting:
+            yield waiting.popleft().future
+    finally:
+        for entry in waiting:
+            entry.future.cancel()
+
+
+def _put_in_order(waiting: Deque[_Waiting], last: _Waiting) -> None:
+    """Append an entry; where drivers send out of order, those of its sensor change places."""
+    waiting.append(last)
+    place = len(waiting) - 1
+    for before in reversed(range(place)):
+        if waiting[before].sensor == last.sensor:
+            if waiting[before].stamp_s <= last.stamp_s:
+                break
+            waiting[place], waiting[before] = waiting[before], waiting[place]
+            place = before
+
+
+def _prepared(labeler: FrameLabeler, sensor: Any, message: Any) -> Frame:
+    return labeler.prepare(decode(sensor, message))
