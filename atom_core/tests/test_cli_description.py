@@ -9,7 +9,7 @@ from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.io.urdf import read_description
-from atom_core.synthetic import scenes
+from atom_core.synthetic import driving, scenes
 
 
 def test_a_description_is_written_with_the_calibrated_edges(tmp_path):
@@ -70,3 +70,21 @@ def _urdf_of(dataset):
             f'    <origin xyz="{xyz}" rpy="{rpy}"/>\n  </joint>'
         )
     return "\n".join(lines + ["</robot>", ""])
+
+
+def test_a_transform_with_a_pose_in_each_collection_is_not_one_of_the_description(tmp_path):
+    pytest.importorskip("atom_core._core", reason="native module is not built: make build")
+    scene = driving.vehicle_before_a_board(0, odometry=True, off=0.05)
+    dataset = read_dataset(write_dataset_folder(scene.dataset, tmp_path / "data", name="train"))
+    (tmp_path / "rig.urdf").write_text(_urdf_of(dataset))  # the vehicle at its first place
+    words = ["--dataset", dataset.source, "--description", tmp_path / "rig.urdf"]
+    assert main(["calibrate", *map(str, words), "--output", str(tmp_path / "out")]) == 0
+    before, after = (
+        read_description(path).robot.joint_between(*driving.ODOMETRY)
+        for path in (tmp_path / "rig.urdf", tmp_path / "out" / "optimized.urdf.xacro")
+    )
+    assert (before.parent_T_child_at_zero == after.parent_T_child_at_zero).all()
+    warnings = json.loads((tmp_path / "out" / "calibration.json").read_text())["warnings"]
+    assert any("'world-base' is not written to optimized" in warning for warning in warnings)
+    parameters = (tmp_path / "out" / "atom_calibration_params.yml").read_text()
+    assert "# 'odom' has a pose of its own in each collection: here is the first." in parameters

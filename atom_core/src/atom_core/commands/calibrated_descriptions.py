@@ -10,13 +10,14 @@ import numpy as np
 from atom_core.errors import DescriptionError
 from atom_core.io.urdf import Description, write_calibrated_description
 from atom_core.io.urdf_boards import BoardLink, with_boards
-from atom_core.model.dataset import board_edge
+from atom_core.model.dataset import MULTIPLE, board_edge
 from atom_core.model.transforms import Edge
 from atom_core.report.calibration_results import CalibrationResults
 from atom_core.report.edge_comments import edge_comments
 
 DESCRIPTION_FILE, WITH_BOARDS_FILE = "optimized.urdf.xacro", "optimized_w_pattern.urdf.xacro"
 DESCRIPTION_FILES = (DESCRIPTION_FILE, WITH_BOARDS_FILE)
+_OF_EACH = "it moves, and has a pose of its own in each collection"
 
 
 def write_descriptions(
@@ -42,7 +43,8 @@ def _write_description(
 ) -> List[str]:
     edges, origins = _written_values(results)
     report = write_calibrated_description(description, edges, path, edge_comments(results), origins)
-    missing = [*report.missing, *report.missing_joints]
+    of_each = [(edge, _OF_EACH) for edge in _of_each_collection(results)]
+    missing = [*report.missing, *report.missing_joints, *of_each]
     remarks = [f"'{what}' is not written to {path.name}: {why}" for what, why in missing]
     if report.flattened:
         remarks.append(f"{path.name} is the expanded description: {report.reason}")
@@ -90,5 +92,12 @@ def _written_values(
 ) -> Tuple[Dict[Edge, np.ndarray], Dict[str, np.ndarray]]:
     """Return what a description is given: poses of edges, and origins of joints by name."""
     joints, dataset = results.calibration.free.joints, results.calibration.dataset
-    edges = {edge.edge: edge.parent_T_child for edge in results.edges}
+    of_each = _of_each_collection(results)
+    edges = {e.edge: e.parent_T_child for e in results.edges if e.edge not in of_each}
     return edges, {name: dataset.joint(name).corrected_origin for name in joints}
+
+
+def _of_each_collection(results: CalibrationResults) -> List[Edge]:
+    """Return the edges that have no one pose: of what moves between the collections."""
+    types = results.calibration.dataset.edge_types
+    return [e.edge for e in results.edges if types.get(e.edge) == MULTIPLE and not e.sensors]

@@ -10,7 +10,7 @@ import yaml
 
 from atom_core.geometry import se3
 from atom_core.io.atomic import write_text_atomically
-from atom_core.model.dataset import Dataset
+from atom_core.model.dataset import MULTIPLE, Dataset
 from atom_core.model.joints import JointSelection
 from atom_core.model.transforms import Edge
 
@@ -44,7 +44,11 @@ def write_parameters_yaml(
             name: {parameter: dataset.joint(name).parameters[parameter] for parameter in parameters}
             for name, parameters in joints.items()
         }
-    text = _HEADER + yaml.safe_dump(document, sort_keys=False, default_flow_style=None)
+    header = _HEADER
+    for name, edge in additional.items():
+        if dataset.edge_types.get(edge) == MULTIPLE:
+            header += f"# '{name}' has a pose of its own in each collection: here is the first.\n"
+    text = header + yaml.safe_dump(document, sort_keys=False, default_flow_style=None)
     write_text_atomically(path, text)
 
 
