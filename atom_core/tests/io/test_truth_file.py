@@ -172,6 +172,18 @@ def test_what_is_no_truth_is_refused_by_name(tmp_path, name, text):
         read_any_truth(tmp_path / name)
 
 
+@pytest.mark.parametrize("kind", ["floating", "planar"])
+def test_a_link_of_which_a_description_does_not_say_where_it_is_is_passed_over(
+    kind, rig, dataset, tmp_path
+):
+    urdf = as_urdf(rig.truth, tmp_path / "rig.urdf")
+    adrift = '<link name="adrift"/>' + joint("sways", kind, "root", "adrift", np.eye(4))
+    urdf.write_text(urdf.read_text().replace("</robot>", adrift + "</robot>"))
+    edges_agree(read_any_truth(urdf), rig.truth)
+    assert not any(edge.child == "adrift" for edge in read_any_truth(urdf).edges)
+    assert cli.main(["check", "-json", str(dataset), "--against", str(urdf)]) == 0
+
+
 def test_a_truth_without_a_sensors_edge_is_refused(rig, tmp_path, dataset, capsys):
     other = as_urdf(scenes.hand_eye(0, collections=2).truth, tmp_path / "other.urdf")
     line = ["calibrate", "-json", str(dataset), "--truth", str(other), "-o", str(tmp_path / "out")]

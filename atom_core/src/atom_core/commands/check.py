@@ -150,9 +150,9 @@ def _moved(edges: Sequence[MovedEdge]) -> Dict[str, str]:
 
 
 def _described(path: Path) -> Dict[Edge, np.ndarray]:
-    """Return ``parent_T_child`` (4, 4) of all joints of a description, at zero."""
+    """Return ``parent_T_child`` (4, 4) of the joints of a description that has it, at zero."""
     joints = read_description(path).robot.joints.values()
-    return {Edge(j.parent_link, j.child_link): j.parent_T_child(0.0) for j in joints}
+    return {j.edge: j.parent_T_child() for j in joints if j.has_one_position}
 
 
 def _compare(dataset: Dataset, described: Mapping[Edge, np.ndarray]) -> List[MovedEdge]:

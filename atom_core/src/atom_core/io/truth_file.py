@@ -110,7 +110,9 @@ def _of_description(path: Path) -> Truth:
     robot = read_description(path).robot
     edges, joints = {}, {}
     for name, joint in robot.joints.items():
-        origin = joint.parent_T_child(0.0)
+        if not joint.has_one_position:
+            continue  # where such a link is, a description does not say
+        origin = joint.parent_T_child()
         if joint.type in MOVING_TYPES:
             values = (*origin[:3, 3], *se3.rpy_from_rotation(origin[:3, :3]))
             numbers = dict(zip(ORIGIN_PARAMETERS, (float(v) for v in values)))

@@ -83,6 +83,11 @@ class Joint:
         return Edge(self.parent_link, self.child_link)
 
     @property
+    def has_one_position(self) -> bool:
+        """Tell whether one number says where its child link is: not so planar and floating ones."""
+        return self.type in _TYPES_WITH_ONE_POSITION
+
+    @property
     def moved_by(self) -> str:
         """Return the name of the joint whose position moves it: its own, or that it mimics."""
         return self.name if self.mimic is None else self.mimic.joint
@@ -97,7 +102,7 @@ class Joint:
         Raises:
             DescriptionError: a planar or floating joint, whose position is not one number.
         """
-        if self.type not in _TYPES_WITH_ONE_POSITION:
+        if not self.has_one_position:
             raise DescriptionError(
                 f"joint '{self.name}' is {self.type}: one position does not say where its child "
                 f"link '{self.child_link}' is; take that transform from tf"
@@ -187,7 +192,7 @@ class RobotDescription:
         return {
             joint.edge: joint.parent_T_child(self._position(joint, positions))
             for joint in self.joints.values()
-            if joint.type in _TYPES_WITH_ONE_POSITION
+            if joint.has_one_position
         }
 
     def _position(self, joint: Joint, positions: Mapping[str, float]) -> float:
