@@ -40,6 +40,23 @@ def test_a_packages_launch_file_without_a_dataset_opens_rviz_alone(node):
     assert nodes(path, NO_RVIZ) == {f"/{node}"}, "which says that it needs a dataset"
 
 
+@pytest.mark.parametrize(
+    ("path", "arguments"),
+    [
+        (LAUNCH / "collect_data.launch", ["config:=a", "output_folder:=b", "bag:=c"]),
+        (LAUNCH / "transform_corrector.launch", ["json:=a.json"]),
+        (EXAMPLE / "collect_data.launch", ["output_folder:=b"]),
+        (EXAMPLE / "set_initial_estimate.launch", []),
+    ],
+)
+def test_nodes_have_the_names_that_documents_say_in_whichever_namespace(
+    path, arguments, monkeypatch
+):
+    before = nodes(path, *arguments)
+    monkeypatch.setenv("ROS_NAMESPACE", "robot")
+    assert nodes(path, *arguments) == before
+
+
 def test_without_an_output_the_program_is_told_none():
     assert "--output" not in words_of("/calibrate", "calibrate.launch", "dataset:=a.json")
     words = words_of("/calibrate", "calibrate.launch", "dataset:=a.json", "output:=b")

@@ -145,6 +145,11 @@ def arguments() -> List[str]:
     return [_HOME.sub(lambda found: found.group(1) + os.path.expanduser("~/"), w) for w in words]
 
 
+def remappings() -> List[str]:
+    """Return the words of the command line that remap topics, for nodes that this one starts."""
+    return [word for word in sys.argv[1:] if ":=" in word and not word.startswith("_")]
+
+
 def run(name: str, parser: argparse.ArgumentParser, work: Work) -> int:
     """Run a node with the arguments of the command line; return its exit code."""
     args = parser.parse_args(arguments())

@@ -56,7 +56,7 @@ class LiveTopics:
 
     def look(self) -> None:
         """Ask the master anew."""
-        self.types = published_types()
+        self.types = published_types(self._wanted)
         for topic in self._wanted:
             kind = message_class(self.types.get(topic, ""))
             if kind is not None and topic not in self._subscribers:
@@ -80,8 +80,10 @@ class LiveTopics:
     def absent(self, topic: str, types: Sequence[str], whose: str) -> NotYetError:
         """Return the error that nobody publishes a topic, with those that might be meant."""
         similar = sorted(name for name, kind in self.types.items() if kind in types)
+        heard = rospy.resolve_name(topic)
+        remapped = "" if heard == topic else f", remapped to {heard},"
         return NotYetError(
-            f"topic {topic} ({whose}) is not published; topics of {' or '.join(types)}: "
+            f"topic {topic} ({whose}){remapped} is not published; topics of {' or '.join(types)}: "
             f"{', '.join(similar) or 'none'}; start the sensor or the bag, or correct topic_name"
         )
 
@@ -95,16 +97,23 @@ class LiveTopics:
             self._early.setdefault(topic, deque(maxlen=_KEPT)).append(message)
 
 
-def published_types() -> Dict[str, str]:
+def published_types(wanted: Sequence[str] = ()) -> Dict[str, str]:
     """Return the types of all topics that are published now.
+
+    Args:
+        wanted: topics that have the type of what they are remapped to, for this node.
 
     Raises:
         NotYetError: the master does not answer, perhaps not for long.
     """
     try:
-        return {name: kind for name, kind in rospy.get_published_topics() if kind != "*"}
+        types = {name: kind for name, kind in rospy.get_published_topics() if kind != "*"}
     except OSError:
         raise NotYetError("the ROS master does not answer") from None
+    heard = {topic: rospy.resolve_name(topic) for topic in wanted}
+    remapped = {topic: name for topic, name in heard.items() if name != topic}
+    known = {topic: types[name] for topic, name in remapped.items() if name in types}
+    return {**{n: kind for n, kind in types.items() if n not in remapped}, **known}
 
 
 def message_class(name: str) -> Optional[type]:

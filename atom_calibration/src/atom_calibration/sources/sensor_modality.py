@@ -23,8 +23,9 @@ def modality_of_sensor(
     """
 
     def by_topic() -> Optional[str]:
-        types = published_types()
-        known = [modality_of(entry, types.get(topic, "")) for topic in candidate_topics(entry)]
+        topics = candidate_topics(entry)
+        types = published_types(topics)
+        known = [modality_of(entry, types.get(topic, "")) for topic in topics]
         found: List[str] = [modality for modality in known if modality is not None]
         if not found:
             raise NotYetError(

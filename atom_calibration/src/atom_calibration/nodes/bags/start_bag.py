@@ -74,7 +74,8 @@ def _everybody_listens(config: CalibrationConfig) -> bool:
     _, _, state = rospy.get_master().getSystemState()
     listeners = {topic: set(nodes) for topic, nodes in state[1]}
     for name, entry in config.sensors.items():
-        nodes = set().union(*(listeners.get(topic, set()) for topic in candidate_topics(entry)))
+        topics = [rospy.resolve_name(topic) for topic in candidate_topics(entry)]
+        nodes = set().union(*(listeners.get(topic, set()) for topic in topics))
         for node in (f"/{labeler_of(name)}", COLLECTOR):
             if node not in nodes:
                 raise NotYetError(f"node {node} does not listen to sensor '{name}' yet")

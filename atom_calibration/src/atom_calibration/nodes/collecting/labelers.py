@@ -67,7 +67,8 @@ class _Labelers:
             raise CollectionError(f"{program} is not found; is the workspace built and sourced?")
         node = labeler_of(sensor)
         # A session of its own: a Ctrl-C reaches it through `end` only, when it is told once.
-        process = subprocess.Popen([places[0], *words, f"__name:={node}"], start_new_session=True)
+        command = [places[0], *words, *running.remappings(), f"__name:={node}"]
+        process = subprocess.Popen(command, start_new_session=True)
         self._running[node] = process
         number = len(self._running)
         sys.stdout.write(f"process[{node}-{number}]: started with pid [{process.pid}]\n")
