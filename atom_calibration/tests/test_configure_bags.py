@@ -3,6 +3,7 @@
 from copy import deepcopy
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 import rosbag
 from livox_messages import livox_message
@@ -128,6 +129,37 @@ def test_joints_that_no_topic_tells_are_played_from_tf(package, make, tmp_path, 
     remaps, from_bag = playbag(package)
     assert from_bag == ("" if arm_too else "--moving_joints shoulder")
     assert ("/arm/joint_states" in remaps) == arm_too
+
+
+@pytest.mark.parametrize("modality", ["", "rgb"])
+def test_depth_images_that_are_not_called_so_are_refused_with_what_to_write(
+    package, capsys, make, tmp_path, modality
+):
+    depth_mm = np.full((48, 64), 900, np.uint16)
+    content = [
+        (topic.replace("/compressed", ""), make.image(depth_mm, "16UC1", "camera_optical", t), t)
+        if topic.endswith("/compressed")
+        else (topic, message, t)
+        for topic, message, t in _messages(package)
+    ]
+    bag = make.bag(tmp_path / "depth.bag", content)
+    edit_config(package, "    modality:\n", f"    modality: {modality}\n")
+    assert configure(package, "--bag", str(bag)) == 2
+    key = "topic_name" if modality else "modality"
+    (told,) = [line for line in capsys.readouterr().err.splitlines() if "warning" not in line]
+    assert f": sensors.camera.{key} does not fit the data in the bag: sensor 'camera'" in told
+    assert "set `modality: depth` for this sensor" in told
+    if not modality:
+        edit_config(package, "    modality: \n", "    modality: depth\n")
+        assert configure(package, "--bag", str(bag)) == 0
+
+
+def test_a_damaged_first_message_is_no_reason_to_refuse(package, make, tmp_path):
+    content = list(_messages(package))
+    first = next(m for topic, m, _ in content if topic.endswith("/compressed"))
+    first.data = first.data[:100]
+    bag = make.bag(tmp_path / "damaged.bag", content)
+    assert configure(package, "--bag", str(bag)) == 0
 
 
 def test_livox_messages_that_rviz_cannot_show_are_told(package, capsys, make, tmp_path):

@@ -30,6 +30,7 @@ from atom_calibration.runtime.graph_names import check_graph_names
 from atom_calibration.sources.bag_reader import BagReader
 from atom_calibration.sources.bag_transforms import tf_topics
 from atom_calibration.sources.joint_topics import JOINT_STATE
+from atom_calibration.sources.readable import why_unreadable
 from atom_calibration.sources.rig import sensor_from_bag
 from atom_calibration.sources.sound_transforms import SoundTransforms
 from atom_core.errors import AtomError
@@ -110,9 +111,13 @@ def bag_facts(
         try:
             topic, sensor = sensor_from_bag(name, entry, bag)
             frame_id = frame_name(bag.first(topic).header.frame_id)
+            unreadable = None if sensor is None else why_unreadable(bag, topic, sensor)
         except AtomError as error:
             findings.problem((*path, "topic_name"), f"does not fit the bag: {error}")
             continue
+        if unreadable is not None:
+            key = "topic_name" if entry.modality else "modality"
+            findings.problem((*path, key), f"does not fit the data in the bag: {unreadable}")
         topics[name] = topic
         modalities[name] = modality_of(entry, bag.types[topic])
         if sensor is None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
-from itertools import islice
 from typing import Any, Callable, Collection, Deque, Iterator, NamedTuple
 
 import rospy
@@ -17,6 +15,7 @@ from atom_calibration.modalities.frames import Frame, decode
 from atom_calibration.sources.bag_reader import BagReader
 from atom_calibration.sources.bag_transforms import BagTransforms
 from atom_calibration.sources.contradictions import MessageWatch
+from atom_calibration.sources.readable import why_unreadable
 from atom_calibration.sources.rig import Rig
 from atom_core import opencv
 from atom_core.commands.progress import progress
@@ -24,7 +23,6 @@ from atom_core.commands.progress import progress
 _LOOK_AHEAD = 12  # messages that are decoded and, if images, labeled beforehand
 _WORKERS = 2
 _MOST_BAD_MESSAGES = 3  # of a sensor that are told one by one
-_TRIED = 200  # messages of a sensor of which one must be readable
 
 
 class _Waiting(NamedTuple):
@@ -64,7 +62,7 @@ def labeled_frames(
             except MessageError as error:
                 bad[error.sensor] += 1
                 if not good[error.sensor] and bad[error.sensor] == 1:
-                    _check_others(bag, rig, error)
+                    _check_others(bag, rig, error.sensor)
                 if bad[error.sensor] <= _MOST_BAD_MESSAGES:
                     warn(f"a message is left out: {error}")
                 continue
@@ -72,19 +70,16 @@ def labeled_frames(
             yield labeler.label(frame, transforms.at(frame.stamp_s))
 
 
-def _check_others(bag: BagReader, rig: Rig, error: MessageError) -> None:
+def _check_others(bag: BagReader, rig: Rig, sensor: str) -> None:
     """Refuse a sensor whose first message cannot be read, and none of those after it.
 
     Raises:
         MessageError: the one that the first message gave.
     """
-    for topic, sensor in rig.topics.items():
-        if sensor.name == error.sensor:
-            for found in islice(bag.messages([topic]), _TRIED):
-                with suppress(MessageError):
-                    decode(sensor, found.message)
-                    return
-    raise error
+    for topic, known in rig.topics.items():
+        error = why_unreadable(bag, topic, known) if known.name == sensor else None
+        if error is not None:
+            raise error
 
 
 def _ahead(
