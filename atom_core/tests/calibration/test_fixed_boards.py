@@ -9,8 +9,11 @@ from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.judge.judgement import INCONSISTENT
 from atom_core.calibration.preflight import preflight
 from atom_core.calibration.prepare.fixed_boards import check_fixed_boards
+from atom_core.calibration.prepare.input_changes import with_first_boards
 from atom_core.errors import CalibrationError
 from atom_core.geometry import se3
+from atom_core.io.dataset_entries import transform_document
+from atom_core.model.dataset import board_edge
 from atom_core.problem.measurements import read_measurements
 from atom_core.report.check_verdict import check_verdict
 from atom_core.report.verdict import WRONG
@@ -105,3 +108,19 @@ def test_a_sensor_that_a_joint_below_its_edge_moves_does_not_stand_still():
     check_fixed_boards(fixed, [m for m in read if m.key.sensor == "rgb_1"])
     with pytest.raises(CalibrationError, match="sensor 'rgb_2', which stands still"):
         check_fixed_boards(fixed, read)
+
+
+def test_a_fixed_board_is_held_at_one_place_though_a_part_of_the_dataset_knows_it():
+    """As where a calibrated dataset and one as collected are merged."""
+    dataset = configured(scenes.hand_eye(0, collections=4).dataset, fixed=True)
+    (pattern,) = dataset.patterns.values()
+    edge, known = board_edge(pattern), se3.from_rpy(np.array([0.0, 0.1, 1.5]), np.zeros(3))
+    first = {"detected": True, **transform_document(edge, np.eye(4))}
+    stored = {pattern.name: {"transforms_initial": dict.fromkeys(dataset.collections, first)}}
+    raw = replace(dataset, document={"patterns": stored})
+    begun, told = with_first_boards(raw)
+    assert all(np.array_equal(c.transforms[edge], np.eye(4)) for c in begun.collections.values())
+    assert "where one sensor saw it first" in told[0]
+    held, told = with_first_boards(raw.with_transforms({"002": {edge: known}}))
+    assert all(np.array_equal(c.transforms[edge], known) for c in held.collections.values())
+    assert told == []

@@ -25,7 +25,8 @@ class JointBias(NamedTuple):
 def with_first_boards(dataset: Dataset) -> Tuple[Dataset, List[str]]:
     """Return the dataset with a pose of every board, for those that lack it the collector's first.
 
-    A board that is fixed gets one pose, that of the first collection that has one.
+    A board that is fixed gets one pose: the dataset's where a collection has it, as where a part of
+    a merged one was calibrated; else that of the first collection that has one.
 
     Returns:
         The dataset, and a remark for each pattern whose first poses are taken.
@@ -37,6 +38,10 @@ def with_first_boards(dataset: Dataset) -> Tuple[Dataset, List[str]]:
     for name, pattern in dataset.patterns.items():
         edge = board_edge(pattern)
         lacking = [key for key, c in dataset.collections.items() if edge not in c.transforms]
+        if pattern.fixed and 0 < len(lacking) < len(dataset.collections):
+            known = {edge: dataset.first_value(edge)}
+            dataset = dataset.with_transforms(dict.fromkeys(lacking, known))
+            continue
         first = _first_poses(dataset, name) if lacking else {}
         if pattern.fixed and first:
             first = dict.fromkeys(lacking, next(iter(first.values())))
