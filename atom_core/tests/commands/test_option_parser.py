@@ -69,6 +69,24 @@ def test_values_after_an_equals_sign_and_negative_numbers_are_values(parser):
     assert args.joint_bias_values == [-0.02, -0.001, -0.5, 2.0]
 
 
+def test_an_option_that_stands_twice_is_told_since_its_first_values_are_lost(parser, capsys):
+    words = ["-jbv", "1", "2", "--output", "a", "--joint_bias_values=3", "-o", "b", "-v", "-v"]
+    args = parser.parse_args(words)
+    assert args.joint_bias_values == [3.0] and args.output == "b"
+    assert sorted(capsys.readouterr().err.splitlines()) == [
+        "run: note: --joint_bias_values stands 2 times, and the last alone counts; write all "
+        "values behind one",
+        "run: note: -o stands 2 times, and the last alone counts; leave the others out",
+    ]
+
+
+def test_an_option_that_may_stand_several_times_is_not_remarked(parser, capsys):
+    add_option(parser, "prior", action="append", nargs=2)
+    words = ["--prior", "a", "1", "--prior", "b", "2", "-ss", "1"]
+    assert parser.parse_args(words).prior == [["a", "1"], ["b", "2"]]
+    assert capsys.readouterr().err == ""
+
+
 def test_words_with_spaces_and_words_behind_a_command_are_left_alone(capsys):
     made = OptionParser(prog="tool")
     made.add_argument("--version", action="version", version="1")

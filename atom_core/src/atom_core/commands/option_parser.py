@@ -84,8 +84,9 @@ class OptionParser(argparse.ArgumentParser):
     ) -> Tuple[argparse.Namespace, List[str]]:
         """Parse words; unknown options are refused with their nearest, unless they pass."""
         words = list(sys.argv[1:] if args is None else args)
-        parsed, rest = super().parse_known_args(self._in_full(words), namespace)
-        for note in vars(parsed).pop(NOTES, []):
+        full = self._in_full(words)
+        parsed, rest = super().parse_known_args(full, namespace)
+        for note in [*vars(parsed).pop(NOTES, []), *self._given_twice(full)]:
             print(f"{self._command}: note: {note}", file=sys.stderr)
         return parsed, rest
 
@@ -106,6 +107,25 @@ class OptionParser(argparse.ArgumentParser):
     @property
     def _command(self) -> str:
         return self.prog.split(" ")[-1]
+
+    def _given_twice(self, words: Sequence[str]) -> List[str]:
+        """Return a note on each option whose first values are lost, since others follow."""
+        known: Dict[str, argparse.Action] = self._option_string_actions
+        typed: Dict[int, List[str]] = {}
+        for name in (word.partition("=")[0] for word in words):
+            action = known.get(name)
+            if action is not None and action.nargs != 0 and action.dest != NOTES:
+                typed.setdefault(id(action), []).append(name)
+        twice = {
+            action: typed[id(action)]
+            for action in dict.fromkeys(known.values())
+            if len(typed.get(id(action), ())) > 1 and not isinstance(action, argparse._AppendAction)
+        }
+        return [
+            f"{names[-1]} stands {len(names)} times, and the last alone counts; "
+            f"{'leave the others out' if action.nargs is None else 'write all values behind one'}"
+            for action, names in twice.items()
+        ]
 
     def _in_full(self, words: List[str]) -> List[str]:
         """Return the words with all options written in full."""
