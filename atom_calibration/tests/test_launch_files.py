@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from atom_calibration.nodes.collecting import collect_data
+
 LAUNCH = Path(__file__).resolve().parents[1] / "launch"
 EXAMPLE = Path(__file__).resolve().parents[2] / "atom_examples" / "collab_cell" / "launch"
 NO_RVIZ = "rviz:=false"
@@ -38,6 +40,21 @@ def test_a_packages_launch_file_without_a_dataset_opens_rviz_alone(node):
     assert nodes(path) == {"/rviz"}
     assert nodes(path, "dataset:=a.json") == {"/rviz", f"/{node}"}
     assert nodes(path, NO_RVIZ) == {f"/{node}"}, "which says that it needs a dataset"
+
+
+def test_collecting_takes_atoms_words_as_well():
+    atoms = ["config_file:=a", "bag_file:=b", "bag_start:=7", "ow:=true", "output_folder:=c"]
+    words = words_of("/collect_data", "collect_data.launch", *atoms)
+    assert words[words.index("--config") + 1] == "a"
+    assert {"--overwrite", "--all_messages"} <= set(words), "as with overwrite, and a recording"
+    assert {"--start=7", "--bag=b"} <= set(words_of("/play_bag", "collect_data.launch", *atoms))
+
+
+def test_collecting_without_a_configuration_says_so(capsys):
+    with pytest.raises(SystemExit) as end:
+        collect_data.parser().parse_args(["--config", "", "--output", "a"])
+    assert end.value.code == 2
+    assert "no configuration; say config:=FILE" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

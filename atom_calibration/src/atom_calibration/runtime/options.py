@@ -33,10 +33,17 @@ def add_config_option(parser: argparse.ArgumentParser) -> None:
         "-cfg",
         "--config_file",
         required=True,
-        type=Path,
+        type=config_path,
         metavar="FILE",
         help="the calibration's config.yml",
     )
+
+
+def config_path(text: str) -> Path:
+    """Return the path of a configuration; launch files give an empty one if they have none."""
+    if not text:
+        raise argparse.ArgumentTypeError("no configuration; say config:=FILE")
+    return Path(text)
 
 
 def add_labeling_options(parser: argparse.ArgumentParser) -> None:

@@ -30,6 +30,7 @@ from atom_calibration.runtime.options import (
     add_all_messages_option,
     add_marker_size_option,
     add_receive_time_option,
+    config_path,
 )
 from atom_calibration.runtime.status import STATUS_FILE, write_begun, write_status
 from atom_calibration.sources.joint_readings import LiveJoints
@@ -196,7 +197,7 @@ def parser() -> argparse.ArgumentParser:
         "-c",
         "--calibration_file",
         required=True,
-        type=Path,
+        type=config_path,
         metavar="FILE",
         help="the calibration's config.yml",
     )
