@@ -5,6 +5,8 @@ import json
 import pytest
 
 from atom_core.cli import main
+from atom_core.commands import calibrated_descriptions
+from atom_core.errors import DescriptionError
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.dataset_writer import write_dataset_folder
@@ -88,3 +90,23 @@ def test_a_transform_with_a_pose_in_each_collection_is_not_one_of_the_descriptio
     assert any("'world-base' is not written to optimized" in warning for warning in warnings)
     parameters = (tmp_path / "out" / "atom_calibration_params.yml").read_text()
     assert "# 'odom' has a pose of its own in each collection: here is the first." in parameters
+
+
+def test_a_description_that_cannot_be_written_costs_no_other_result(tmp_path, monkeypatch):
+    pytest.importorskip("atom_core._core", reason="native module is not built: make build")
+    scene = scenes.random_scene(0, depth=0, lidar3d=0, collections=6)
+    dataset = read_dataset(write_dataset_folder(scene.dataset, tmp_path / "data", name="train"))
+    (tmp_path / "rig.urdf").write_text(_urdf_of(dataset))
+    words = ["--dataset", dataset.source, "--description", tmp_path / "rig.urdf", "-ow"]
+    line = ["calibrate", *map(str, words), "--output", str(tmp_path / "out")]
+    assert main(line) == 0 and (tmp_path / "out" / "optimized.urdf.xacro").exists()
+
+    def refuse(*_):
+        raise DescriptionError("rig.urdf: it is as it is")
+
+    monkeypatch.setattr(calibrated_descriptions, "write_calibrated_description", refuse)
+    assert main(line) == 0
+    assert not (tmp_path / "out" / "optimized.urdf.xacro").exists()  # nor that of before
+    document = json.loads((tmp_path / "out" / "calibration.json").read_text())
+    said = "optimized.urdf.xacro is not written: rig.urdf: it is as it is"
+    assert document["status"] == "converged" and said in document["warnings"]

@@ -78,6 +78,16 @@ def test_what_is_written_reads_back_exactly(tmp_path):
             np.testing.assert_allclose(origin_of(written, edge), pose, atol=1e-14)
 
 
+@pytest.mark.parametrize("metres", [1e3, 5e5, 4.6e6, 1e8])
+def test_places_on_a_map_are_written_to_the_last_digit(tmp_path, metres):
+    description = describe(tmp_path, PLAIN)
+    pose = some_pose(7)
+    pose[:3, 3] = metres * np.array([1.0, 0.123456789123456789, -1.0 / 3.0])
+    write_calibrated_description(description, {CAMERA: pose}, tmp_path / "out.urdf")
+    written = origin_of(read_description(tmp_path / "out.urdf"), CAMERA)
+    np.testing.assert_allclose(written[:3, 3], pose[:3, 3], rtol=0.0, atol=1e-12)
+
+
 @pytest.mark.parametrize("offset", [0.0, 1e-12, 1e-9, 1e-8, 1e-7, 1e-5, 1e-3])
 def test_looking_straight_up_or_down_reads_back_too(tmp_path, offset):
     description = describe(tmp_path, PLAIN)

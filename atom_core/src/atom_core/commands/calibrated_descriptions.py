@@ -34,7 +34,10 @@ def write_descriptions(
     """
     if isinstance(description, DescriptionError):
         return [f"{DESCRIPTION_FILE} is not written: {description}"]
-    remarks = _write_description(folder / DESCRIPTION_FILE, results, description)
+    try:
+        remarks = _write_description(folder / DESCRIPTION_FILE, results, description)
+    except DescriptionError as error:  # all other results are as good without it
+        remarks = [f"{DESCRIPTION_FILE} is not written: {error}"]
     return remarks + _write_with_boards(folder / WITH_BOARDS_FILE, results, description)
 
 

@@ -23,6 +23,7 @@ COMMENT_MARK = "calibration:"
 # as it stands, or is there several times.
 _TRANSPARENT_TAGS = ("robot", "xacro:if", "xacro:unless")
 _MACRO_TAGS_WITHOUT_PREFIX = ("insert_block", "include", "if", "unless")
+_SAME = 1e-12  # m or rad
 _ATTRIBUTE = re.compile(rb"\s+([^\s=/>]+)\s*=\s*(?:\"([^\"]*)\"|'([^']*)')")
 
 
@@ -194,6 +195,12 @@ def _comment(text: str) -> bytes:
 def _numbers(values: np.ndarray) -> bytes:
     """Return numbers to the 15 digits that a double keeps, as short as can be; zero has no sign.
 
-    An angle of 0.5 that comes back from its matrix is no 0.5000000000000001 so.
+    An angle of 0.5 that comes back from its matrix is no 0.5000000000000001 so. Where they are too
+    few, as for places on a map, all digits are written.
     """
-    return " ".join(repr(float(f"{value:.15g}") + 0.0) for value in values).encode()
+    return " ".join(map(_number, values)).encode()
+
+
+def _number(value: float) -> str:
+    short = float(f"{value:.15g}")
+    return repr((short if abs(short - value) <= _SAME else float(value)) + 0.0)
