@@ -1,5 +1,7 @@
 """Where an output stands is told as an absolute path, also where a relative one was typed."""
 
+import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -9,7 +11,9 @@ from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.synthetic import scenes
 
 sys.path.insert(0, str(Path(__file__).parent))  # command_line, which the tests share
-from command_line import run  # noqa: E402
+from command_line import refused, run  # noqa: E402
+
+from atom_core.commands import calibrate  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -46,3 +50,44 @@ def test_it_is_absolute(made, capsys, monkeypatch, words, output):
     capsys.readouterr()
     run(*words.split())
     assert f"{made}/{output}" in capsys.readouterr().out
+
+
+@pytest.fixture
+def read_only(monkeypatch):
+    """Return a function that lets a folder take nothing more, as one of another user."""
+
+    def close(folder):
+        real = os.access
+        monkeypatch.setattr(os, "access", lambda path, mode: path != folder and real(path, mode))
+
+    return close
+
+
+@pytest.mark.parametrize(
+    "place", [["--output", "{closed}/out/run_1"], ["--output", "{closed}"], []]
+)
+def test_a_folder_that_takes_nothing_is_told_before_the_work(
+    made, tmp_path, monkeypatch, capsys, read_only, place
+):
+    closed = tmp_path / "closed"
+    shutil.copytree(made / "one", closed)
+    read_only(closed)
+    monkeypatch.setattr(calibrate, "read_input", None)  # nothing is even read
+    words = ["calibrate", "--dataset", closed / "dataset.json", "-ow"]
+    line = refused(capsys, *words, *(word.format(closed=closed) for word in place))
+    assert "cannot be written (permission denied)" in line and str(closed) in line
+    assert not (closed / "out").exists()
+
+
+def test_a_file_amid_the_path_of_a_folder_is_told_before_the_work(made, monkeypatch, capsys):
+    monkeypatch.setattr(calibrate, "read_input", None)
+    dataset = made / "one" / "dataset.json"
+    line = refused(capsys, "calibrate", "--dataset", dataset, "--output", dataset / "out")
+    assert "a part of the path is a file" in line
+
+
+def test_the_folder_of_a_short_table_is_asked_for_before_the_work(made, monkeypatch, capsys):
+    monkeypatch.setattr(calibrate, "read_input", None)
+    words = ["calibrate", "--dataset", made / "one" / "dataset.json", "-ctgt"]
+    line = refused(capsys, *words, "-sfrn", made / "no" / "short.csv")
+    assert "short.csv: its folder is not there" in line

@@ -170,6 +170,8 @@ def _checked_folder(args: argparse.Namespace) -> Path:
     short = _short_file(args)
     if short is not None and short.exists() and not args.overwrite:
         raise OutputError(f"{short}: exists already; add --overwrite, or another -sfrn FILE")
+    if short is not None and short.parent != args.output and not short.parent.is_dir():
+        raise OutputError(f"{short}: its folder is not there; create it, or another -sfrn FILE")
     if args.output:
         common.refuse_occupied(args.output, args.overwrite)
         return Path(args.output)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Dict, List, Optional, Protocol, Sequence
 
 from atom_core.errors import DatasetError, OutputError
+from atom_core.io.atomic import refuse_unwritable
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset
 from atom_core.model.selection import select_names
@@ -179,10 +180,12 @@ def refuse_empty(dataset: Dataset) -> None:
 
 
 def refuse_occupied(folder: Path, overwrite: bool) -> None:
-    """Refuse a folder that holds something, before any work is done; nothing is created.
+    """Refuse a folder that holds something or takes nothing, before any work is done.
+
+    Nothing is created.
 
     Raises:
-        OutputError: naming the folder and --overwrite.
+        OutputError: naming the folder and --overwrite, or why nothing can be written there.
     """
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder}: a file is in the way; choose another folder for --output")
@@ -191,6 +194,7 @@ def refuse_occupied(folder: Path, overwrite: bool) -> None:
             f"{folder}: the folder is not empty; add --overwrite to replace the results in it, "
             f"or choose another one"
         )
+    refuse_unwritable(folder)
 
 
 def empty_folder(folder: Path) -> None:
@@ -221,6 +225,7 @@ def refuse_results_beside(dataset: Path, names: Sequence[str], overwrite: bool) 
         OutputError: naming what is in the way.
     """
     folder = dataset.parent
+    refuse_unwritable(folder)
     if dataset.name in names:
         raise OutputError(
             f"{dataset}: the result beside it would have its own name and replace it; choose a "

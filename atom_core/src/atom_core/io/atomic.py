@@ -170,11 +170,23 @@ def prepare_output_folder(path: PathLike, overwrite: bool = False) -> Path:
             f"{folder}: the folder is not empty; add --overwrite to replace the files in it, or "
             f"choose another one"
         )
-    if not os.access(folder, os.W_OK | os.X_OK):
-        read_only = os.statvfs(folder).f_flag & os.ST_RDONLY
+    refuse_unwritable(folder)
+    return folder
+
+
+def refuse_unwritable(folder: Path) -> None:
+    """Refuse a folder in which nothing can be written, or made where it is absent; nothing is made.
+
+    Raises:
+        OutputError: naming the folder, and why.
+    """
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not there.is_dir():
+        raise output_error(folder, OSError(errno.ENOTDIR, os.strerror(errno.ENOTDIR)))
+    if not os.access(there, os.W_OK | os.X_OK):
+        read_only = os.statvfs(there).f_flag & os.ST_RDONLY
         number = errno.EROFS if read_only else errno.EACCES
         raise output_error(folder, OSError(number, os.strerror(number)))
-    return folder
 
 
 def _write_and_sync(temporary: Path, target: Path, data: bytes) -> None:
