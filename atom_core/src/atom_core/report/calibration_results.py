@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, replace
 from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
@@ -41,6 +42,7 @@ from atom_core.report.edge_results import (
     selected_edges,
 )
 from atom_core.report.verdict import names_in_words
+from atom_core.solvers.stops import stops_of
 
 # What is not seen at all gets these instead of infinity, which JSON does not have.
 _LARGEST_SIGMA, _LARGEST_SIGMA_M = 1e12, 1e6
@@ -94,6 +96,7 @@ class SensorResult:
     Attributes:
         name, modality: of the sensor.
         detections: how many were used.
+        boards: in how many places boards were in these.
         outliers: how many of its corners and points are.
         residuals: statistics over all collections.
         border_inset_steps: how far inside the border its limit points are, in steps of sampling.
@@ -106,6 +109,7 @@ class SensorResult:
     name: str
     modality: str
     detections: int
+    boards: int
     outliers: int
     residuals: Residuals
     border_inset_steps: float
@@ -205,7 +209,7 @@ def calibration_results(
         solver_name=solver_name,
         edges=tuple(edge_result(calibration, edge) for edge in selected_edges(calibration)),
         joints=joint_results(calibration),
-        sensors={n: _sensor(calibration, n, table, outliers) for n in calibration.dataset.sensors},
+        sensors=_sensors(calibration, table, outliers),
         collections=_collections(calibration, table),
         model_errors=_model_errors(calibration),
         propagation=_propagation(calibration),
@@ -323,13 +327,25 @@ def _model_error(
     )
 
 
-def _sensor(calibration: Calibration, name: str, table: Table, outliers: Outliers) -> SensorResult:
+def _sensors(calibration: Calibration, table: Table, outliers: Outliers) -> Dict[str, SensorResult]:
+    problem = calibration.problem
+    stops = stops_of(problem, calibration.summary.x)
+    seen = {(key.sensor, key.pattern, stops[key.collection]) for key in problem.detections}
+    boards = Counter(sensor for sensor, _, _ in seen)
+    names = calibration.dataset.sensors
+    return {name: _sensor(calibration, name, boards[name], table, outliers) for name in names}
+
+
+def _sensor(
+    calibration: Calibration, name: str, boards: int, table: Table, outliers: Outliers
+) -> SensorResult:
     problem, summary = calibration.problem, calibration.summary
     mine = [i for i, block in enumerate(problem.residual_blocks) if block.sensor == name]
     return SensorResult(
         name=name,
         modality=calibration.dataset.sensors[name].modality,
         detections=sum(key.sensor == name for key in problem.detections),
+        boards=boards,
         outliers=outliers.counts.get(name, 0),
         residuals={kind: table[(name, kind, None)] for kind in kinds_of(table, name)},
         border_inset_steps=sum(summary.inset_steps[i] for i in mine),

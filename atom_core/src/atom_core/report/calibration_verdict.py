@@ -287,7 +287,7 @@ def _of_the_data(sensor: SensorResult) -> List[Finding]:
         told = "none of its detections was used: it stands where it stood before"
         return [Finding(WRONG, told, "see what `check` says of its data")]
     found = []
-    if sensor.detections < FEWEST_BOARDS:
+    if sensor.boards < FEWEST_BOARDS:
         told = "too few boards to tell by how much they disagree"
         found.append(Finding(WEAK, told, MORE_BOARDS))
     for kind, statistics in sensor.residuals.items():
@@ -362,7 +362,7 @@ def _facts(
     elif edge is not None and results.has_combined_sigmas and not _of_the_place(results, edge):
         metres, radians = _sigmas(results, edge)
         facts.append(f"known to {length(metres)} and {angle(radians)}")
-    facts.append(counted(sensor.detections, "board"))
+    facts.append(counted(sensor.boards, "board"))
     facts += [
         f"{_WORDS[kind]} {_distance(kind, statistics.mean)} {_FROM[kind]}"
         for kind, statistics in sensor.residuals.items()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Iterable, Iterator, List, NamedTuple, Sequence, Tuple
+from typing import Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -97,6 +97,12 @@ class SharedEquations:
     free: np.ndarray
     stated: np.ndarray
 
+    def of_collections(
+        self, names: Tuple[str, ...], parts: Tuple[CollectionPart, ...], gradient: np.ndarray
+    ) -> SharedEquations:
+        """Return the same total, as others say it: by name their parts, and gradient (g, m)."""
+        return replace(self, collections=names, parts=parts, gradient=gradient)
+
     def without_fields(self) -> SharedEquations:
         """Return what is said where the errors of fields are held."""
         m = len(self.total) - self.of_fields
@@ -117,6 +123,7 @@ def shared_equations(
     sigmas: Sequence[np.ndarray],
     priors: ErrorPriors,
     common: Sequence[float],
+    repeated: Optional[np.ndarray] = None,
 ) -> SharedEquations:
     """Return the reduced equations.
 
@@ -128,8 +135,9 @@ def shared_equations(
         priors: of some model errors.
         common: by residual block, standard deviation of what all rows of a detection have in
             common, in its unit; for it a detection counts less than the number of its rows.
+        repeated: as of `shares_of`.
     """
-    shares = shares_of(problem, sigmas, common)
+    shares = shares_of(problem, sigmas, common, repeated)
     if any(common):
         equations = tempered(problem, equations, shares, scalars.x)
     size = equations.layout.shared * BLOCK_SIZE
@@ -180,15 +188,26 @@ def _of_no_collection(
 
 
 def shares_of(
-    problem: Problem, sigmas: Sequence[np.ndarray], common: Iterable[float]
+    problem: Problem,
+    sigmas: Sequence[np.ndarray],
+    common: Iterable[float],
+    repeated: Optional[np.ndarray] = None,
 ) -> List[np.ndarray]:
     """Return for each residual block (m,): the part of its weight that each detection has.
 
-    The mean of n rows with noise sigma and a common part c has the variance sigma^2 / n + c^2.
+    The mean of n rows with noise sigma and a common part c has the variance sigma^2 / n + c^2, and
+    so has that of k detections with one c, of n rows together, if c^2 is k times as large in each.
+
+    Args:
+        problem: whose rows.
+        sigmas: for each residual block, (n,).
+        common: by residual block, c.
+        repeated: (d,) k of each detection; None: c is its own.
     """
     shares = []
     for block, sigma, part in zip(problem.residual_blocks, sigmas, common):
-        shares.append(1.0 / (1.0 + block.sums((part / sigma) ** 2)[1]))
+        detection, excess = block.sums((part / sigma) ** 2)
+        shares.append(1.0 / (1.0 + excess * (1.0 if repeated is None else repeated[detection])))
     return shares
 
 

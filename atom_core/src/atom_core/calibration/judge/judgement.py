@@ -9,6 +9,7 @@ import numpy as np
 
 from atom_core.calibration.judge.ambiguity import ambiguity
 from atom_core.calibration.judge.exclusion import Exclusion, exclusions
+from atom_core.calibration.judge.few_stops import few_stops
 from atom_core.calibration.judge.misfit import Misfit, misfits
 from atom_core.calibration.judge.places import Displaced, displaced, exchanged
 from atom_core.calibration.judge.priors import (
@@ -32,7 +33,7 @@ from atom_core.calibration.refine.candidates import usual_sizes
 from atom_core.calibration.refine.error_words import unusual
 from atom_core.calibration.refine.layer_checks import layer_checks
 from atom_core.calibration.refine.model_checks import ModelCheck
-from atom_core.calibration.refine.model_errors import COMMON, checked, suggestion
+from atom_core.calibration.refine.model_errors import checked, suggestion
 from atom_core.calibration.refine.moved_sensors import Motion, moved_sensors
 from atom_core.calibration.refine.moving_edges import MovingEdge, moving_edges
 from atom_core.calibration.refine.moving_parts import unusual_parts
@@ -44,7 +45,6 @@ from atom_core.model.dataset import Dataset
 from atom_core.model.pattern import BoardKey
 from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.problem import Problem
-from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION
 from atom_core.solvers.base import (
     CONVERGED,
     FAILED,
@@ -54,7 +54,8 @@ from atom_core.solvers.base import (
 )
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.reweighting import covariance_of
-from atom_core.solvers.robust_covariance import FEWEST, degrees_of_freedom, sigma_factors
+from atom_core.solvers.robust_covariance import degrees_of_freedom, sigma_factors
+from atom_core.solvers.stops import stops_of
 
 _OF_SCATTER = 0.7  # part of what an arm that is off explains, each collection by itself
 _STRONG = 3.0  # sigmas by which what is not estimated may move an edge, and what is be unusual
@@ -203,7 +204,7 @@ def _examined(
         moved = None
     if moved is not None and moved.is_clear:  # what else seems to be wrong may be its trace only
         checks, moving = [], []
-    remarks = (*_few_collections(refined.solver.problem), *sizes)
+    remarks = (*few_stops(stops_of(refined.solver.problem, summary.x)), *sizes)
     return Examined(covariance, unfit, checks, moving, moved, remarks)
 
 
@@ -270,10 +271,10 @@ def _checked(
     """Return the covariance, robust and combined, the model checks, what moved, what is untold."""
     loss, estimated = refined.options.loss, tuple(refined.summary.model_errors)
     solution = checked(initial, refined.solver, refined.summary, refined.options, with_fields=True)
-    equations = solution.equations
-    factors = sigma_factors(equations, solution.cautious, estimated)
+    equations, by_stop = solution.equations, solution.by_stop
+    factors = sigma_factors(*by_stop, estimated)
     of_errors = dict(zip(estimated, factors[equations.shared :]))
-    freedom = degrees_of_freedom(len(equations.collections))
+    freedom = degrees_of_freedom(len(by_stop[0].collections))
     of_blocks = factors[: BLOCK_SIZE * equations.blocks]
     covariance = covariance.robust(of_blocks, of_errors, freedom)
     every = solution.with_fields
@@ -294,19 +295,6 @@ def _checked(
         return covariance, checks, None, untold
     moved = moved_sensors(initial, refined.solver, refined.summary, loss, solution, checks)
     return covariance, checks, moved, untold
-
-
-def _few_collections(problem: Problem) -> Tuple[str, ...]:
-    """Return a sentence where the sigmas rest on what was assumed of the detections alone."""
-    count = len({key.collection for key in problem.detections})
-    if count >= FEWEST:
-        return ()
-    return (
-        f"{count} collection(s) do not tell by their differences how sure the answer is: its "
-        f"sigmas assume that each detection is off as a whole by {COMMON[REPROJECTION]:g} px, by "
-        f"{1e3 * COMMON[ORTHOGONAL]:g} mm across the board, and by {1e3 * COMMON[BORDER]:g} mm "
-        f"along it, beside its noise; collect {FEWEST} or more",
-    )
 
 
 def _moving(

@@ -7,6 +7,7 @@ changing, or that differs from collection to collection.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Mapping, NamedTuple, Optional, Sequence
 
 import numpy as np
@@ -102,6 +103,7 @@ def changed_focus(
         moves: those of them that are clear, by name.
         others: the checks of single errors.
     """
+    changes_of = partial(_changes, dataset, solution.stops)
     cautious = [
         error
         for error in solution.cautious.errors
@@ -109,7 +111,7 @@ def changed_focus(
     ]
     most = ALIKE * max((step.gain for step in moves.values()), default=0.0)
     found = [
-        _change(_changes(dataset, solution.cautious, error), error.target, motions, len(cautious))
+        _change(changes_of(solution.cautious, error), error.target, motions, len(cautious))
         for error in cautious
     ]
     clear = [
@@ -120,7 +122,7 @@ def changed_focus(
     if not clear:
         return None
     change, error = max(clear, key=lambda one: one[0].gain)
-    again = _again(_changes(dataset, solution.equations, error), error.target, change)
+    again = _again(changes_of(solution.equations, error), error.target, change)
     explained = max((check.gain for check in others), default=0.0)
     if again.gain < MORE * explained + BY_CHANCE:
         return None
@@ -130,7 +132,7 @@ def changed_focus(
     move, or_moved_m = moves.get(error.target), None
     if move is not None and move.gain > change.gain - _APART:
         or_moved_m = float(np.linalg.norm(move.value[TRANSLATION]))
-    places = motions.keys[step.last], motions.keys[step.first]
+    places = motions.places(step)
     return Refocused(error.target, *places, part, again.gain, step.creeps, False, or_moved_m)
 
 
@@ -148,15 +150,18 @@ class _Change(NamedTuple):
     gain: float
 
 
-def _changes(dataset: Dataset, shared: SharedEquations, error: CameraError) -> Changes:
+def _changes(
+    dataset: Dataset, stops: Mapping[str, str], shared: SharedEquations, error: CameraError
+) -> Changes:
     """Return a focal length as what may have changed, beside the one that all collections have."""
     order = order_of(dataset, shared)
     own = shared.shared + shared.errors.index(error)
     numbers = np.append(np.arange(BLOCK_SIZE * shared.blocks), own)
     said = shared_parts(shared, order, numbers)
     column = CollectionColumns(said[:, :, -1:], said[:, -1:, -1:], shared.gradient[order][:, [own]])
-    return Changes(
-        tuple(shared.collections[i] for i in order),
+    return Changes.of_stops(
+        [shared.collections[i] for i in order],
+        stops,
         {error.target: column},
         inverse(shared.total[np.ix_(numbers, numbers)]),
         said,

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Dict, List, Optional, Sequence, Tuple
+from typing import Dict, List, Mapping, Optional, Sequence, Tuple
+
+import numpy as np
 
 from atom_core.calibration.refine.candidates import (
     candidates,
@@ -29,6 +31,7 @@ from atom_core.solvers.detection_noise import weighted_by_detections
 from atom_core.solvers.reweighting import solve_again
 from atom_core.solvers.scalar_columns import scalars_of
 from atom_core.solvers.shared_equations import SharedEquations, shared_equations, shares_of
+from atom_core.solvers.stops import by_stop, repeats, stops_of
 
 _MOST = 12
 # What the rows of a detection may have in common, be the sensor and the labels ever so good: what
@@ -47,6 +50,8 @@ class CheckedSolution:
         with_fields: as it was weighted, with the errors that differ from ray to ray as well, where
             they were asked for.
         layers: what the data say of LiDARs' layers, likewise.
+        stops: the first collection of its stop by collection.
+        repeated: (d,) how often each detection's stop has it.
     """
 
     equations: SharedEquations
@@ -54,10 +59,17 @@ class CheckedSolution:
     cautious: SharedEquations
     with_fields: SharedEquations
     layers: Tuple[LayerSums, ...]
+    stops: Mapping[str, str]
+    repeated: np.ndarray
 
     def checks(self, summary: SolverSummary, loss: str) -> List[ModelCheck]:
         """Return the model errors that the data show, what explains most first."""
-        return model_checks(self.equations, self.cautious, tuple(summary.model_errors), loss)
+        return model_checks(*self.by_stop, tuple(summary.model_errors), loss)
+
+    @property
+    def by_stop(self) -> Tuple[SharedEquations, SharedEquations]:
+        """The equations, as weighted and cautious, of stops instead of collections."""
+        return by_stop(self.equations, self.stops), by_stop(self.cautious, self.stops)
 
 
 def checked(
@@ -90,13 +102,16 @@ def checked(
     common = summary.common or [0.0] * len(blocks)
     at_least = [max(part, COMMON[block.kind]) for part, block in zip(common, blocks)]
     whole = shared_equations(problem, equations, scalars, sigmas, priors, common)
-    few = scalars.without_fields()
+    few, stops = scalars.without_fields(), stops_of(problem, x)
+    repeated = repeats(problem, stops)
     return CheckedSolution(
         whole.without_fields(),
         tuple(at_least),
-        shared_equations(problem, equations, few, sigmas, priors, at_least),
+        shared_equations(problem, equations, few, sigmas, priors, at_least, repeated),
         whole,
         layer_sums(problem, scalars, shares_of(problem, sigmas, common)),
+        stops,
+        repeated,
     )
 
 

@@ -161,9 +161,10 @@ def moved_sensors(
     if len(solution.cautious.collections) < 2 * FEWEST:
         return None
     equations = solver.equations(summary.x, summary.sigmas, loss)
-    shares = shares_of(solver.problem, summary.sigmas, solution.common)
+    shares = shares_of(solver.problem, summary.sigmas, solution.common, solution.repeated)
     with_common = tempered(solver.problem, equations, shares, summary.x)
-    cautious = _motions(dataset, solver.problem, summary.x, with_common, solution.cautious)
+    problem, x, stops = solver.problem, summary.x, solution.stops
+    cautious = _motions(dataset, problem, x, with_common, solution.cautious, stops)
     best = _clearest(cautious, _unplaced(dataset, solver.problem))
     refocused = changed_focus(dataset, solution, cautious, best, others)
     if refocused is not None or not best:
@@ -171,7 +172,7 @@ def moved_sensors(
     name, step = _most_telling(best)
     shares = shares_of(solver.problem, summary.sigmas, summary.common or [0.0] * len(shares))
     as_weighted = tempered(solver.problem, equations, shares, summary.x)
-    again = _motions(dataset, solver.problem, summary.x, as_weighted, solution.equations)
+    again = _motions(dataset, problem, x, as_weighted, solution.equations, stops)
     found = step_between(again, name, step.last, step.first, step.creeps)
     explained = max((check.gain for check in others), default=0.0)
     if found is None:
@@ -184,7 +185,7 @@ def moved_sensors(
     if step.is_of_all:
         beside = _beside(dataset, name)
         return Misplaced((name, *alike), beside, shift, turn, found.gain, is_clear)
-    places = cautious.keys[step.last], cautious.keys[step.first]
+    places = cautious.places(step)
     how = step.stood_still, step.creeps
     return Moved((name, *alike), *places, shift, turn, found.gain, *how)
 
@@ -208,6 +209,7 @@ def _motions(
     x: np.ndarray,
     equations: NormalEquations,
     shared: SharedEquations,
+    stops: Mapping[str, str],
 ) -> Changes:
     """Return the motions, at the vector x."""
     order = order_of(dataset, shared)
@@ -220,7 +222,8 @@ def _motions(
     numbers = np.arange(BLOCK_SIZE * shared.blocks)
     of_all = inverse(shared.total[: len(numbers), : len(numbers)])
     of_shared = shared_parts(shared, order, numbers)
-    return Changes(keys, columns, of_all, of_shared, shared.gradient[order, : len(numbers)])
+    gradient = shared.gradient[order, : len(numbers)]
+    return Changes.of_stops(keys, stops, columns, of_all, of_shared, gradient)
 
 
 def _turns_and_shifts(

@@ -7,7 +7,7 @@ explains is compared with how much the collections differ beside it.
 
 from __future__ import annotations
 
-from typing import Dict, List, NamedTuple, Optional, Tuple
+from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 from scipy import special
@@ -25,28 +25,65 @@ _LOOSE = 5.0  # so much more than noise, or so little beside the step, differ th
 
 
 class Changes(NamedTuple):
-    """Numbers that may have changed, beside s shared ones, in the order of g collections.
+    """Numbers that may have changed, beside s shared ones, in the order of g stops.
+
+    A stop is one collection, or some that follow one another with all boards where they were: what
+    goes wrong there goes wrong in all of them, and tells of no change.
 
     Attributes:
-        keys: of the collections.
+        keys: of the first collection of each stop.
+        ends: of the last one.
         columns: of what may have changed, by its name.
         inverse_of_all: (s, s) inverse of all information of the shared numbers.
-        of_shared: (g, s, s) what each collection says of these.
+        of_shared: (g, s, s) what each stop says of these.
         gradient: (g, s) likewise.
     """
 
     keys: Tuple[str, ...]
+    ends: Tuple[str, ...]
     columns: Dict[str, CollectionColumns]
     inverse_of_all: np.ndarray
     of_shared: np.ndarray
     gradient: np.ndarray
+
+    @classmethod
+    def of_stops(
+        cls,
+        keys: Sequence[str],
+        stops: Mapping[str, str],
+        columns: Mapping[str, CollectionColumns],
+        inverse_of_all: np.ndarray,
+        of_shared: np.ndarray,
+        gradient: np.ndarray,
+    ) -> Changes:
+        """Return the changes, given what each collection says, and the stop of each."""
+        count = len(keys)
+        starts = [i for i in range(count) if i == 0 or stops[keys[i]] != stops[keys[i - 1]]]
+
+        def added(values: np.ndarray) -> np.ndarray:
+            return values if len(starts) == count else np.add.reduceat(values, starts, axis=0)
+
+        return cls(
+            tuple(keys[i] for i in starts),
+            tuple(keys[i - 1] for i in [*starts[1:], count]),
+            {n: CollectionColumns(*(added(v) for v in own)) for n, own in columns.items()},
+            inverse_of_all,
+            added(of_shared),
+            added(gradient),
+        )
+
+    def places(self, step: Step) -> Tuple[str, str]:
+        """Return the collections right before and after a step; of what creeps, first and last."""
+        if step.creeps:
+            return self.keys[step.last], self.ends[step.first]
+        return self.ends[step.last], self.keys[step.first]
 
 
 class Step(NamedTuple):
     """A change of k numbers between two collections.
 
     Attributes:
-        last, first: indices of the collections before and after it that tell of it; -1 and 0: it
+        last, first: indices of the stops before and after it that tell of it; -1 and 0: it
             comes before all of them. Of what creeps, the first and the last that tell.
         value: (k,) by how much.
         gain: what it explains: by how much the cost (twice the negative logarithm of the
