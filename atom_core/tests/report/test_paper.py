@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from atom_core.report.page.blocks import Chart, Picture
+from atom_core.report.page.blocks import Chart, Page, Picture, SensorLine
 from atom_core.report.page.paper import BOTTOM, LEFT, TOP, Paper
+from atom_core.report.page.pdf import cover
 
 
 def chart(names=("a", "b")):
@@ -89,3 +90,23 @@ def test_what_follows_an_ended_sheet_is_on_the_next():
     paper.end_sheet()
     paper.section("first", ["line"], [])
     assert [len(sheet.texts) for sheet in paper.sheets] == [0, 2]
+
+
+def test_the_first_sheets_hold_every_sensor_however_many_there_are():
+    names = [f"rgb_{i}" for i in range(60)]
+    lines = [SensorLine(n, "rgb", "weak", "weak", "known to 15 mm", f"tilt {n}") for n in names]
+    page = Page("Report", "weak", "rgb_1 is weak", "", lines, None, (), [("status", "converged")])
+    paper = Paper()
+    cover(paper, page)
+    written = "\n".join(lines_of(paper))
+    assert all(f"{n} (rgb): WEAK" in written and f"tilt {n}" in written for n in names)
+    for sheet in paper.sheets:
+        assert np.all(boxes_of(sheet) >= BOTTOM - 0.01) and np.all(boxes_of(sheet) <= 1.0)
+
+
+def test_dollars_in_a_path_are_no_formula():
+    paper, path = Paper(), "/data/$\\nowhere$/train.json"
+    cover(paper, Page("Report", "good", path, "", (), None, (), [("calibrated from", path)]))
+    paper.section(path, [path], [chart(), Chart(path, path, lambda axes: None)])
+    for sheet in paper.sheets:
+        sheet.canvas.draw()  # an unknown word of a formula ends it with an error

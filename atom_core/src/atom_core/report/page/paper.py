@@ -67,7 +67,7 @@ class Paper:
         first = _room_for(paragraphs[0]) if paragraphs else _ROW
         self._make_room(_HEADING + first)
         place = {"fontsize": _HEADING_SIZE, "weight": "bold", "va": "top"}
-        self.sheets[-1].text(LEFT, self._free, title, **place)
+        self.sheets[-1].text(LEFT, self._free, literal(title), **place)
         self._free -= _HEADING
         for paragraph in paragraphs:
             self._paragraph(paragraph)
@@ -87,7 +87,7 @@ class Paper:
             count = int((self._free - BOTTOM) / LINE + 1e-6)
             text, left = "\n".join(left[:count]), left[count:]
             look = {"fontsize": TEXT_SIZE, "va": "top", "family": "monospace"}
-            self.sheets[-1].text(LEFT, self._free, text, **look)
+            self.sheets[-1].text(LEFT, self._free, literal(text), **look)
             self._free -= LINE * (text.count("\n") + 1)
         self._free -= LINE
 
@@ -120,7 +120,13 @@ class Paper:
             _make_room_for_names(sheet, axes, x)
             if isinstance(axes.xaxis.get_major_locator(), AutoLocator):
                 axes.xaxis.set_major_locator(MaxNLocator(_TICKS))
-        axes.set_title(textwrap.fill(item.title, _TITLE_COLUMNS), fontsize=_TITLE_SIZE)
+        title = textwrap.fill(item.title, _TITLE_COLUMNS)
+        axes.set_title(literal(title), fontsize=_TITLE_SIZE)
+
+
+def literal(text: str) -> str:
+    """Return a text as matplotlib must get it to draw it as it is: two `$` are no formula."""
+    return text.replace("$", r"\$")
 
 
 def _make_room_for_names(sheet: Figure, axes: Any, left: float) -> None:

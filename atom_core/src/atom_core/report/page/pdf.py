@@ -24,10 +24,11 @@ from atom_core.report.page.blocks import (
     Viewer,
 )
 from atom_core.report.page.html import STYLE
-from atom_core.report.page.paper import BOTTOM, SIZE_IN, TOP, Item, Paper
+from atom_core.report.page.paper import BOTTOM, SIZE_IN, TOP, Item, Paper, literal
 from atom_core.report.tables import text_table
 
 _COLUMNS = 108  # of a page of text
+_LINE = 8 * 1.5 / (72.0 * SIZE_IN[1])  # of the first sheets, as a part of the height
 _HIGHEST, _LOWEST_TOP = 0.6, 0.35  # of the view of the rig, as parts of the height
 _WIDE = 124  # columns of a table, up to the margin
 _CELL_COLUMNS = 60  # of a table; longer cells have several lines
@@ -49,7 +50,7 @@ def pdf(page: Page) -> bytes:
     small = {**STYLE, "font.size": 7.5, "pdf.compression": 9}
     with rc_context(small), PdfPages(stream, metadata=metadata) as written:
         paper = Paper()
-        _cover(paper, page)
+        cover(paper, page)
         paper.end_sheet()
         for section in page.sections:
             lines, items = _told(section.blocks)
@@ -59,9 +60,10 @@ def pdf(page: Page) -> bytes:
     return stream.getvalue()
 
 
-def _cover(paper: Paper, page: Page) -> None:
+def cover(paper: Paper, page: Page) -> None:
+    """Write the first sheets: the verdict, a line for each sensor, and the rig."""
     figure = paper.new_sheet()
-    figure.text(0.07, 0.955, page.title, fontsize=15, weight="bold")
+    figure.text(0.07, 0.955, literal(page.title), fontsize=15, weight="bold")
     colour = _COLOURS.get(page.grade, _COLOURS["unknown"])
     lines = textwrap.wrap(page.sentence, 84)
     height = 0.035 + 0.016 * len(lines)
@@ -71,19 +73,33 @@ def _cover(paper: Paper, page: Page) -> None:
     band.set_yticks([])
     look = {"color": _INK_ON.get(page.grade, "white"), "transform": band.transAxes, "va": "top"}
     band.text(0.015, 0.93, page.grade.upper(), fontsize=11, weight="bold", **look)
-    band.text(0.015, 0.93 - 0.022 / height, "\n".join(lines), fontsize=9, **look)
+    band.text(0.015, 0.93 - 0.022 / height, literal("\n".join(lines)), fontsize=9, **look)
     told = [f"{name}: {value}" for name, value in page.facts] + [page.also]
     for sensor in page.sensors:
         told.append("")
         told.append(f"{sensor.name} ({sensor.modality}): {sensor.word.upper()}. {sensor.why}")
         told += [f"    What to do: {sensor.advice}"] if sensor.advice else []
-    text, top = _wrapped(told), 0.915 - height
-    figure.text(0.07, top, text, fontsize=8, va="top", linespacing=1.25)
+    figure, free = _written(paper, figure, _wrapped(told).split("\n"), 0.915 - height)
     if page.viewer is not None:
-        free = top - (text.count("\n") + 2) * 8 * 1.5 / (72.0 * SIZE_IN[1])
         if free < _LOWEST_TOP:
             figure, free = paper.new_sheet(), TOP
         _draw_rig(figure, page.viewer.still, free)
+
+
+def _written(paper: Paper, sheet: Figure, lines: Sequence[str], top: float) -> Tuple[Figure, float]:
+    """Write lines below a height, on as many sheets as they need.
+
+    Returns:
+        The last sheet, and up to which height it is empty.
+    """
+    left = list(lines)
+    while True:
+        count = int((top - BOTTOM) / _LINE)
+        text, left = "\n".join(left[:count]), left[count:]
+        sheet.text(0.07, top, literal(text), fontsize=8, va="top", linespacing=1.25)
+        if not left:
+            return sheet, top - (text.count("\n") + 2) * _LINE
+        sheet, top = paper.new_sheet(), TOP
 
 
 def _draw_rig(figure: Figure, still: Chart, top: float) -> None:
