@@ -3,6 +3,8 @@
 #include <QFontMetrics>
 #include <algorithm>
 
+#include "logic/presence.h"
+
 namespace atom_rviz {
 namespace {
 
@@ -30,6 +32,7 @@ QString shortened(const QString& text, const QFontMetrics& metrics, int width) {
 Page::Page(const std::string& node, const std::vector<std::string>& watched_services,
            const QString& absent, QWidget* parent)
     : QWidget(parent), node_(node), watched_services_(watched_services), absent_(absent) {
+  if (!watched_services_.empty()) watched_services_.push_back(first_service(node));
   for (QLabel* label : {status_, message_}) {
     label->setWordWrap(true);
     label->setTextInteractionFlags(Qt::TextSelectableByMouse);
@@ -44,10 +47,12 @@ void Page::subscribe() {
 
 void Page::show_master(const MasterStatus& status) {
   if (watched_services_.empty()) return;
-  const auto found = status.offered.find(watched_services_.front());
-  node_runs_ = status.reachable && found != status.offered.end() && found->second;
+  const Presence presence = presence_of(node_, watched_services_.front(), status.offered);
+  node_runs_ = status.reachable && presence == Presence::kRunning;
   if (!status.reachable) {
     show_status("There is no ROS master at " + ros::master::getURI() + ". Waiting for it...");
+  } else if (presence == Presence::kStarting) {
+    show_status("The node is starting. What it waits for is told below.");
   } else if (!node_runs_) {
     status_->setText(absent_);
   }

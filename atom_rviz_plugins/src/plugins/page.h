@@ -39,7 +39,8 @@ class Page : public QWidget {
   /// Whether the node runs.
   bool node_runs() const { return node_runs_; }
 
-  /// Services the master is asked for; the node runs where the first of them is offered.
+  /// Services the master is asked for; the node runs where the first of them is offered, and is
+  /// there where the last one is.
   const std::vector<std::string>& watched_services() const { return watched_services_; }
 
  protected:
@@ -105,7 +106,7 @@ class Page : public QWidget {
 
  private:
   const std::string node_;
-  const std::vector<std::string> watched_services_;
+  std::vector<std::string> watched_services_;
   const QString absent_;
   std::vector<ros::Subscriber> subscribers_;
   bool node_runs_ = false;
