@@ -67,6 +67,31 @@ def test_corners_are_right_or_refused(case, board):
         assert np.abs(error).max() < 3.0  # in the right order
 
 
+@pytest.mark.parametrize("board", list(BOARDS))
+def test_a_corner_that_the_edge_of_a_shadow_moves_is_left_out(board):
+    """A chessboard is found whole, and such a corner was kept, by up to 7 px off."""
+    config, left_out = BOARDS[board], 0
+    pattern = pattern_from_config("board", config)
+    labeler = RgbLabeler(Sensor("c", RGB, "c", Edge("world", "c"), CAMERA), pattern, config)
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        pose = pose_of(pattern, rng)
+        clean = render(CAMERA, [((pattern, config), pose)], border_grey=230)[..., 0]
+        everywhere = CAMERA.project(
+            se3.apply(pose, pattern.corners_of(np.arange(pattern.corner_count)))
+        )
+        at, angle = everywhere[rng.integers(len(everywhere))], rng.uniform(0.0, np.pi)
+        y, x = np.mgrid[0 : CAMERA.height, 0 : CAMERA.width]
+        beyond = (x - at[0]) * np.cos(angle) + (y - at[1]) * np.sin(angle)
+        light = (0.75 * clean + 25.0) * (1.0 - 0.35 * (1.0 + np.tanh(beyond)))
+        found = labeler.label(exposed(light.astype(np.uint8), Exposure(**USUAL), rng))
+        assert found.detected, found.reason
+        off_px = np.linalg.norm(found.label.pixels - everywhere[found.label.ids], axis=1)
+        assert off_px.max() < 1.2
+        left_out += len(everywhere) - len(found.label.ids)
+    assert left_out > 0 or board == "charuco"
+
+
 def over_exposed(config, configured):
     """Label a picture of a ChArUco, of which next to no marker is read, by a configuration."""
     pattern = pattern_from_config("board", config)

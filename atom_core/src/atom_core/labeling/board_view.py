@@ -13,6 +13,8 @@ from atom_core.labeling.view_axis import axis_about
 _RANSAC_ITERATIONS, _RANSAC_CONFIDENCE = 500, 0.999
 _NEIGHBOURS = 6
 _HALF_SQUARE = 0.5
+_FAR_OFF_PX, _FAR_OFF_SIGMAS = 0.6, 5.0  # from what the neighbours say
+_NEXT = (1, 2, -1, -2)
 _NEAREST = 1e-3  # of the depth of the board's origin: what lies behind the camera stays far out
 
 
@@ -88,3 +90,43 @@ class BoardView:
         if homography is None:
             raise ValueError("the points found do not determine where the board is")
         return homography, mask.ravel().astype(bool)
+
+
+def off_their_neighbours(
+    board: np.ndarray, pixels: np.ndarray, good: np.ndarray, camera: Optional[Camera]
+) -> np.ndarray:
+    """Return (n,) bool: corners whose misfit differs from that of the corners around them.
+
+    What a lens bends, of which the camera's intrinsics say nothing, is no misfit of a corner.
+    """
+    off = np.zeros(len(board), dtype=bool)
+    chosen = np.flatnonzero(good)
+    if len(chosen) < 8:
+        return off
+    try:
+        view = BoardView(board[chosen], pixels[chosen], camera)
+    except ValueError:
+        return off
+    misfit = pixels[chosen] - view.without_correction(board[chosen])
+    away = np.linalg.norm(board[chosen, None] - board[None, chosen], axis=2)
+    near = (away > 0) & (away < 2.3)
+    around = np.array(
+        [np.median(misfit[n], axis=0) if n.any() else m for m, n in zip(misfit, near)]
+    )
+    size = np.linalg.norm(misfit - around, axis=1)
+    sigma = 1.4826 * np.median(size) / 1.18  # median of a Rayleigh distribution
+    in_line = np.linalg.norm(misfit - _in_line(board[chosen], misfit, around), axis=1)
+    off[chosen] = np.minimum(size, in_line) > max(_FAR_OFF_PX, _FAR_OFF_SIGMAS * sigma)
+    return off
+
+
+def _in_line(board: np.ndarray, misfit: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+    """Return misfits (n, 2) [px] as the two next corners in each direction have them, in line."""
+    cell = np.rint(board - board.min(axis=0)).astype(int) + 2
+    grid = np.full((*(cell.max(axis=0) + 3), 2), np.nan)
+    grid[tuple(cell.T)] = misfit
+    said = [otherwise]
+    for step in ((1, 0), (0, 1), (1, 1), (1, -1)):
+        ahead, beyond, behind, farther = (grid[tuple((cell + i * np.array(step)).T)] for i in _NEXT)
+        said += [2.0 * ahead - beyond, 2.0 * behind - farther, 0.5 * (ahead + behind)]
+    return np.nanmedian(np.stack(said), axis=0)

@@ -17,7 +17,8 @@ import numpy as np
 from atom_core import opencv as cv2
 from atom_core.aruco import detect_markers, marker_squares
 from atom_core.geometry.camera import Camera
-from atom_core.labeling.board_view import BoardView
+from atom_core.labeling.board_view import BoardView, off_their_neighbours
+from atom_core.labeling.likely_lens import likely_lens
 from atom_core.labeling.marker_search import (
     Likenesses,
     likenesses,
@@ -38,7 +39,6 @@ _LEAST_QUALITY, _LEAST_CONTRAST = 0.75, 5.0
 _LEAST_PITCH_PX = 4.5  # between lines of corners: below it nothing exact can be said
 _LARGEST_MOVE_SQUARES, _LARGEST_MOVE_PX = 0.15, 4.0
 _DISPLACED_WORTH, _LEAST_LEAD = 2, 2  # of a marker, in corners; of the right layout, in corners
-_FAR_OFF_PX, _FAR_OFF_SIGMAS = 0.6, 5.0  # from what the neighbours say
 AUTO, LEGACY, CURRENT = "auto", True, False
 
 
@@ -110,6 +110,7 @@ class CharucoFinder:
         if len(ids) < LEAST_MARKERS:
             why = self._mirrored(smooth, alike) or _few(len(ids), twice, self.dictionary)
             return _none(len(ids), why)
+        camera = self._likely_lens(grey, ids, outlines, camera)
         measured = self._measured(ids, outlines, camera)
         if measured is not None and measured.contradicts(self.marker_share):
             return _none(len(ids), self._other_share(measured))
@@ -137,6 +138,18 @@ class CharucoFinder:
             return _none(len(ids), why)
         views += self._fitting(ids, outlines, self._rivals(ids), camera)
         return self._of_the_right_layout(grey, views, len(ids), camera)
+
+    def _likely_lens(
+        self, grey: np.ndarray, ids: np.ndarray, outlines: np.ndarray, camera: Optional[Camera]
+    ) -> Optional[Camera]:
+        """Return the camera, with a lens where it has none and the board is bent."""
+        for layout in self.layouts:
+            board, known = _on_squares(ids, layout, self.marker_share)
+            pixels = outlines[known].reshape(-1, 2)
+            lens = likely_lens(camera, board, pixels, (grey.shape[1], grey.shape[0]))
+            if lens is not camera:
+                return lens
+        return camera
 
     def _rivals(self, ids: np.ndarray) -> List[Layout]:
         """Return other boards on which most markers may stand as on this one.
@@ -325,7 +338,7 @@ class CharucoFinder:
             ids, corners = _refined(grey, view, board, gap, first_is_black, 3)
             in_view = len(ids)
             good = _acceptable(corners, view.axes_px(board[ids]))
-            good &= ~_off_their_neighbours(board[ids], corners.pixels, good, camera)
+            good &= ~off_their_neighbours(board[ids], corners.pixels, good, camera)
         kept = Corners(*(values[good] for values in vars(corners).values()))
         return FoundCorners(ids[good], kept, markers, int(np.sum(~good)), in_view)
 
@@ -359,17 +372,24 @@ def _fit(
 
     Markers that the board has not are of something else; where they are many, so are the others.
     """
-    squares = marker_squares(layout.columns + 1, layout.rows + 1, layout.legacy)
-    known = ids < len(squares)
+    board, known = _on_squares(ids, layout, marker_share)
     if np.sum(known) < max(LEAST_MARKERS, _LEAST_OWN * len(ids)):
         return None, np.zeros(0, dtype=bool)
-    corner = 0.5 + 0.5 * marker_share * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    board = (squares[ids[known]][:, None, :] + corner).reshape(-1, 2)
     try:
         view = BoardView(board, outlines[known].reshape(-1, 2), camera)
     except ValueError:
         return None, np.zeros(0, dtype=bool)
     return view, view.inliers.reshape(-1, 4).all(axis=1)
+
+
+def _on_squares(
+    ids: np.ndarray, layout: Layout, marker_share: float
+) -> Tuple[np.ndarray, np.ndarray]:
+    """Return the corners (4 m, 2) of the markers that a layout has [squares], and which it has."""
+    squares = marker_squares(layout.columns + 1, layout.rows + 1, layout.legacy)
+    known = ids < len(squares)
+    corner = 0.5 + 0.5 * marker_share * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    return (squares[ids[known]][:, None, :] + corner).reshape(-1, 2), known
 
 
 def _refined(
@@ -395,30 +415,6 @@ def _acceptable(corners: Corners, axes_px: np.ndarray) -> np.ndarray:
         np.minimum(_LARGEST_MOVE_SQUARES * side, _LARGEST_MOVE_PX), 1.0
     )
     return good & (corners.quality >= _LEAST_QUALITY) & (corners.contrast >= _LEAST_CONTRAST)
-
-
-def _off_their_neighbours(
-    board: np.ndarray, pixels: np.ndarray, good: np.ndarray, camera: Optional[Camera]
-) -> np.ndarray:
-    """Return (n,) bool: corners whose misfit differs from that of the corners around them."""
-    off = np.zeros(len(board), dtype=bool)
-    chosen = np.flatnonzero(good)
-    if len(chosen) < 8:
-        return off
-    try:
-        view = BoardView(board[chosen], pixels[chosen], camera)
-    except ValueError:
-        return off
-    misfit = pixels[chosen] - view.without_correction(board[chosen])
-    away = np.linalg.norm(board[chosen, None] - board[None, chosen], axis=2)
-    near = (away > 0) & (away < 2.3)
-    difference = np.array(
-        [m - np.median(misfit[n], axis=0) if n.any() else np.zeros(2) for m, n in zip(misfit, near)]
-    )
-    size = np.linalg.norm(difference, axis=1)
-    sigma = 1.4826 * np.median(size) / 1.18  # median of a Rayleigh distribution
-    off[chosen] = size > max(_FAR_OFF_PX, _FAR_OFF_SIGMAS * sigma)
-    return off
 
 
 def _few(count: int, twice: int, dictionary: str) -> str:

@@ -9,8 +9,10 @@ import numpy as np
 from atom_core import opencv as cv2
 from atom_core.errors import LabelingError
 from atom_core.labeling.base import Labeled, nothing
+from atom_core.labeling.board_view import off_their_neighbours
 from atom_core.labeling.charuco import CharucoFinder
 from atom_core.labeling.chessboard import ChessboardFinder, mirror_shows
+from atom_core.labeling.likely_lens import likely_lens
 from atom_core.model.config import PatternConfig
 from atom_core.model.labels import RgbLabel
 from atom_core.model.pattern import CHARUCO, Pattern
@@ -96,11 +98,17 @@ class RgbLabeler:
         corners, reason, starts_black = self._chessboard.find(grey)
         if corners is None:
             return nothing(RGB, reason)
-        ids = np.arange(self.pattern.corner_count)
+        row, column = np.divmod(np.arange(self.pattern.corner_count), self.pattern.columns)
+        board, everywhere = np.column_stack([column, row]).astype(float), row >= 0
+        size_px = (grey.shape[1], grey.shape[0])
+        camera = likely_lens(self.sensor.camera, board, corners.pixels, size_px)
+        kept = ~off_their_neighbours(board, corners.pixels, everywhere, camera)
+        ids = np.flatnonzero(kept)
         quality: Dict[str, float] = {
             "corners": float(len(ids)),
-            "in_view": float(len(ids)),
-            "mean_quality": _mean(corners.quality),
+            "in_view": float(len(kept)),
+            "dropped": float(len(kept) - len(ids)),
+            "mean_quality": _mean(corners.quality[kept]),
         }
         if mirror_shows(self.pattern.columns, self.pattern.rows):
             quality[STARTS_BLACK] = float(starts_black)
@@ -113,9 +121,9 @@ class RgbLabeler:
                 f"numbered as if it stood upright in the image"
             )
         return Labeled(
-            RgbLabel(ids, corners.pixels),
+            RgbLabel(ids, corners.pixels[kept]),
             quality=quality,
-            item_quality=corners.quality,
+            item_quality=corners.quality[kept],
             warnings=tuple(warnings),
         )
 
