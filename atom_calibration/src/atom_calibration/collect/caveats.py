@@ -23,6 +23,7 @@ class CaveatLog:
         tree: TransformTree,
         doubtful: Callable[[], Sequence[DoubtfulEdge]],
         warn: Callable[[str], None],
+        further: Callable[[], Sequence[Caveat]] = tuple,
     ):
         """Begin with what is known of the rig.
 
@@ -32,11 +33,12 @@ class CaveatLog:
             tree: transforms at the beginning.
             doubtful: returns the transforms that are in doubt by now.
             warn: is told each caveat, and each doubtful transform, once.
+            further: returns what else has come into doubt by now.
 
         Raises:
             TransformError: the rig's frames do not hang together as the configuration says.
         """
-        self._doubtful, self._warn = doubtful, warn
+        self._doubtful, self._further, self._warn = doubtful, further, warn
         self._told: Set[str] = set()
         try:
             self._first = (*rig.caveats, *check_frames(rig, config, tree))
@@ -48,7 +50,7 @@ class CaveatLog:
 
     def now(self) -> Tuple[Caveat, ...]:
         """Return all caveats by now; tell those that are new."""
-        caveats = list(self._first)
+        caveats = [*self._first, *self._further()]
         for doubt in self._doubtful():
             sensors = tuple(name for name, way in self._ways.items() if _is_on(doubt, way))
             if sensors:

@@ -8,6 +8,7 @@ from typing import Any, Callable, Collection, Deque, Iterator, NamedTuple
 
 import rospy
 
+from atom_calibration.collect.clock_watch import ClockWatch
 from atom_calibration.errors import MessageError
 from atom_calibration.labels.frame_labeler import FrameLabeler
 from atom_calibration.messages.headers import stamp_s
@@ -39,12 +40,13 @@ def labeled_frames(
     labeler: FrameLabeler,
     transforms: BagTransforms,
     received: Collection[str],
+    clocks: ClockWatch,
     warn: Callable[[str], None],
 ) -> Iterator[Frame]:
     """Yield every frame of the bag, labeled, in the order of recording.
 
-    The stamps of sensors in ``received`` are replaced by the times of receipt. ``warn`` is told
-    what is left out.
+    The stamps of sensors in ``received`` are replaced by the times of receipt. ``clocks``
+    are told the stamps, ``warn`` what is left out.
 
     Messages are decoded, images labeled, clouds and depths prepared by threads a few messages
     ahead; what needs the result of the frame before it, the tracking of range sensors, is done
@@ -55,7 +57,7 @@ def labeled_frames(
     good: Counter = Counter()
     total = sum(bag.counts[topic] for topic in rig.topics)
     with ThreadPoolExecutor(_WORKERS) as pool, progress(total, bag.path.name, "messages") as bar:
-        for future in _ahead(pool, bag, rig, labeler, received):
+        for future in _ahead(pool, bag, rig, labeler, received, clocks):
             bar.update()
             try:
                 frame = future.result()
@@ -88,6 +90,7 @@ def _ahead(
     rig: Rig,
     labeler: FrameLabeler,
     received: Collection[str],
+    clocks: ClockWatch,
 ) -> Iterator[Future]:
     waiting: Deque[_Waiting] = deque()
     watch = MessageWatch(bag.path, rig.infos, bag.start_s)
@@ -100,6 +103,7 @@ def _ahead(
             if sensor.name in received:
                 found.message.header.stamp = rospy.Time.from_sec(found.recorded_s)
             watch.see(sensor, found.message, found.recorded_s)
+            clocks.note(sensor.name, stamp_s(found.message), found.recorded_s)
             future = pool.submit(_prepared, labeler, sensor, found.message)
             _put_in_order(waiting, _Waiting(sensor.name, stamp_s(found.message), future))
             if len(waiting) > _LOOK_AHEAD:

@@ -21,6 +21,7 @@ import numpy as np
 from tqdm import tqdm
 
 from atom_calibration.collect.caveats import CaveatLog
+from atom_calibration.collect.clock_watch import ClockWatch
 from atom_calibration.collect.collector import WRITTEN_BESIDE, Collector, Moments, Setup
 from atom_calibration.collect.conclusion import conclude, give_up
 from atom_calibration.collect.expectation import PointExpectation
@@ -44,6 +45,7 @@ from atom_calibration.sources.bag_transforms import BagTransforms
 from atom_calibration.sources.described_bag import SAVED, check_described, transforms_of_bag
 from atom_calibration.sources.joint_readings import BagJoints
 from atom_calibration.sources.rig import Rig, rig_from_bag
+from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.cli import BAD_INPUT, INTERRUPTED
 from atom_core.commands.common import add_option, add_output_options
 from atom_core.commands.option_parser import OptionParser, examples
@@ -101,16 +103,14 @@ def collect_from_bag(args: argparse.Namespace) -> int:
         check_described(described, transforms, rig, config, first_s)
         tree = transforms.at(first_s)
         joints = described_joints(config, _warn)
-        joint_watch = JointWatch(BagJoints(bag, joints if described is None else ()).around)
-        caveats = CaveatLog(
-            rig, config, tree, lambda: [*transforms.doubtful, *joint_watch.doubtful], _warn
-        )
+        told = BagJoints(bag, joints if described is None else ())
+        watches = _watches(rig, config, tree, transforms, told)
         lags_s = _lags_s(bag, rig, args.use_receive_time)
         tf_lag_s = transforms.lag_s if transforms.moving else None
         clocks = check_clocks(lags_s, tf_lag_s, args.use_receive_time)
         for warning in (*config.warnings, *rig.warnings, *remarks, *clocks):
             _warn(warning)
-        caveats.now()
+        watches.caveats.now()
         patterns = {n: pattern_from_config(n, p) for n, p in config.calibration_patterns.items()}
         seeds = read_seeds(args.seeds, rig.sensors) if args.seeds else []
         labeler = FrameLabeler(config, rig.sensors, patterns, seeds, args.automatic_seeds == "on")
@@ -118,7 +118,7 @@ def collect_from_bag(args: argparse.Namespace) -> int:
         stamps_s = bag.start_s - lag_s, bag.end_s - lag_s
         _check_times(args.times or [], stamps_s)
         recording = Recording(
-            config, bag, rig, patterns, transforms, labeler, stamps_s, joints, joint_watch, caveats
+            config, bag, rig, patterns, transforms, labeler, stamps_s, joints, watches
         )
         _announce(bag, rig)
         store = CollectionStore.create(args.output, args.overwrite, WRITTEN_BESIDE)
@@ -143,6 +143,38 @@ def _announce(bag: BagReader, rig: Rig) -> None:
     )
 
 
+class Watches(NamedTuple):
+    """What looks for contradictions while a bag is read, and tells them."""
+
+    joints: JointWatch
+    clocks: ClockWatch
+    caveats: CaveatLog
+
+
+def _watches(
+    rig: Rig,
+    config: CalibrationConfig,
+    tree: TransformTree,
+    transforms: BagTransforms,
+    told: BagJoints,
+) -> Watches:
+    """Return what looks for contradictions in a bag; what there is now is told.
+
+    Raises:
+        TransformError: the rig's frames do not hang together as the configuration says.
+    """
+    joints, clocks = JointWatch(told.around), ClockWatch(rig.sensors)
+    caveats = CaveatLog(
+        rig,
+        config,
+        tree,
+        lambda: [*transforms.doubtful, *joints.doubtful],
+        _warn,
+        lambda: clocks.caveats,
+    )
+    return Watches(joints, clocks, caveats)
+
+
 class Recording(NamedTuple):
     """A bag, and what is known of it; ``stamps_s``: of its first and last data."""
 
@@ -154,8 +186,7 @@ class Recording(NamedTuple):
     labeler: FrameLabeler
     stamps_s: Tuple[float, float]
     joints: Mapping[str, Joint]
-    joint_watch: JointWatch
-    caveats: CaveatLog
+    watches: Watches
 
 
 def _setup(args: argparse.Namespace, recording: Recording, store: CollectionStore) -> Setup:
@@ -171,9 +202,9 @@ def _setup(args: argparse.Namespace, recording: Recording, store: CollectionStor
         not (args.times or args.interval),
         _warn,
         recording.joints,
-        recording.caveats.now,
+        recording.watches.caveats.now,
         recording.transforms.contradicted,
-        recording.joint_watch.see,
+        recording.watches.joints.see,
     )
 
 
@@ -186,7 +217,9 @@ def _collected(
     moments = _moments(args, config, stamps_s)
     collector, expectation = Collector(setup, moments), PointExpectation(setup)
     keys: List[str] = []
-    for frame in labeled_frames(bag, rig, labeler, transforms, args.use_receive_time, _warn):
+    recording.watches.clocks.begin_anew()
+    clocks, received = recording.watches.clocks, args.use_receive_time
+    for frame in labeled_frames(bag, rig, labeler, transforms, received, clocks, _warn):
         expectation.add(frame)
         keys += collector.add(frame)
     keys += collector.finish()
