@@ -45,6 +45,7 @@ from atom_core.model.dataset import Dataset
 from atom_core.model.pattern import BoardKey
 from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.problem import Problem
+from atom_core.problem.residuals import REPROJECTION
 from atom_core.solvers.base import (
     CONVERGED,
     FAILED,
@@ -282,7 +283,8 @@ def _checked(
     usual = usual_sizes(left, options.intrinsics_sigma)
     rest = left_open(every, usual)
     covariance = covariance.with_combined(rest.of_blocks(loss))
-    untold = untold_scale(every, usual, refined.options.error_priors)
+    cameras = any(b.kind == REPROJECTION for b in refined.solver.problem.residual_blocks)
+    untold = untold_scale(every, usual, refined.options.error_priors, cameras)
     if options.model_errors == OFF:
         return covariance, [], None, untold
     checks = solution.checks(refined.summary, loss)

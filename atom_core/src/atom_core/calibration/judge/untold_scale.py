@@ -14,7 +14,10 @@ _TOLD = 0.005  # what is told less exactly, as a part of it, is not told
 
 
 def untold_scale(
-    equations: SharedEquations, usual: Mapping[ModelError, float], priors: ErrorPriors
+    equations: SharedEquations,
+    usual: Mapping[ModelError, float],
+    priors: ErrorPriors,
+    with_cameras: bool,
 ) -> Tuple[str, ...]:
     """Return a sentence where the boards' size, or the ranges, are all that tells the scale.
 
@@ -22,10 +25,17 @@ def untold_scale(
         equations: at the solution, with all errors that sensors and boards may have.
         usual: standard deviations of those that the solution has not estimated, in their units.
         priors: of those that it has.
+        with_cameras: corners are among what was measured.
     """
     # Where sensors see the edges of boards tells nothing of ranges: those that are too long make
     # boards look large, as wide beams do.
     if _told_by_data(equations, usual, priors, RANGE_SCALES, True).told_ranges > _TOLD:
+        if with_cameras:
+            return (
+                "the data hardly tell whether all ranges are too long or too short alike: 1 % may "
+                "go unnoticed; collect more boards that cameras and range sensors see together, "
+                "near and far, or measure a distance between two sensors",
+            )
         return (
             "nothing in the data tells whether all ranges are too long or too short alike: where "
             "they are 1 % too long, so are all distances; measure one between two sensors, or add "
