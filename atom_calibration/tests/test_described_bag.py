@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import rospy
 from sensor_msgs.msg import JointState
 from stand_in_rig import CONFIG, STOPS, messages, refusal
 
@@ -128,6 +129,27 @@ def test_degrees_are_named(place, make, tmp_path, capsys):
     assert "joint 'slide' is at 90 rad, far beyond its limits (0 to 9 rad" in refusal(
         arguments, capsys
     )
+
+
+def test_limits_that_a_description_does_not_give_are_none(place, make, tmp_path):
+    arm = URDF.replace('"slide" type="prismatic"', '"slide" type="revolute"')
+    arm = arm.replace('<limit lower="0" upper="9"', "<limit", 1)
+    content = list(joints(make))
+    for topic, message, _ in content:
+        if topic == "/joint_states":
+            message.position = [2.0, 0.0]
+    assert main([*place(content), "--description", str(description(tmp_path, arm))]) == 0
+
+
+def test_positions_without_stamps_are_of_when_they_were_received(place, make, tmp_path):
+    content = list(joints(make))
+    for topic, message, _ in content:
+        if topic == "/joint_states":
+            message.header.stamp = rospy.Time()
+    assert main([*place(content), "--description", str(description(tmp_path))]) == 0
+    for collection, seconds in lidar_places(place):
+        arm_m = collection.transforms[Edge("world", "arm")][0, 3]
+        assert arm_m == pytest.approx(0.1 * seconds, abs=1e-3)
 
 
 def test_tf_static_alone_counts_where_it_connects_all_and_else_the_description_does(

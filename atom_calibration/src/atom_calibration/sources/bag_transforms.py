@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Optional, Tuple
 
 import numpy as np
+from rospy import Time
 
 from atom_calibration.errors import TransformError
 from atom_calibration.messages.headers import stamp_s
@@ -130,7 +131,8 @@ class BagTransforms:
             self._static.update({edge_of(m): m for m in described.fixed})
         lag_s = bag.receipt_lag_s(topics.moving, _newest_s) if topics.moving else None
         if lag_s is None and described is not None and described.topics:
-            lag_s = bag.receipt_lag_s(described.topics, stamp_s)
+            # Without stamps, the times of receipt are those of the positions.
+            lag_s = bag.receipt_lag_s(described.topics, lambda m: stamp_s(m) or None) or 0.0
         self.moving = lag_s is not None
         self.lag_s = 0.0 if lag_s is None or abs(lag_s) <= _LATENCY_S else lag_s
         self._window: Tuple[float, float] = (np.inf, -np.inf)
@@ -184,6 +186,8 @@ class BagTransforms:
                 yield found.topic, self._counting(found)
         if self._described is not None and self._described.topics:
             for found in self._bag.messages(self._described.topics, start_s, end_s):
+                if found.message.header.stamp.is_zero():
+                    found.message.header.stamp = Time.from_sec(found.recorded_s)
                 yield found.topic, self._described.transforms(found.message, found.topic)
 
     def _all_recorded(self) -> Dict[Edge, Recorded]:

@@ -97,6 +97,8 @@ class DescribedEdges:
             limits, position = joint.limits, known.get(joint.name)
             if position is None or joint.type != REVOLUTE or limits is None:
                 continue
+            if limits.lower >= limits.upper:  # URDF has 0 where they are not given
+                continue
             if not limits.lower - _BEYOND_RAD <= position <= limits.upper + _BEYOND_RAD:
                 raise MessageError(
                     f"joint '{joint.name}' is at {position:.4g} rad, far beyond its limits "
