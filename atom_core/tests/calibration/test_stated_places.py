@@ -3,6 +3,7 @@
 Something else gives way: its intrinsics, an error of its ranges, the sensors beside it.
 """
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,8 @@ from atom_core.geometry import se3
 from atom_core.report.calibration_results import calibration_results
 from atom_core.report.calibration_verdict import calibration_verdict
 from atom_core.report.verdict import GOOD, WEAK, WRONG
-from atom_core.synthetic import scenes
+from atom_core.synthetic import mistakes, scenes
+from atom_core.synthetic.driving import vehicle_before_a_board
 
 OFF = se3.from_rpy(np.array([0.008, 0.0, 0.0]), np.radians([0.0, 0.3, 0.0]))
 NEAR = (0.001, 0.001)  # how well a prior says that a place is known [m], [rad]
@@ -89,3 +91,44 @@ def test_a_range_offset_that_makes_up_for_a_wrong_prior_is_not_good(rig):
     assert "its prior" in verdict.sensors["lidar_1"].sentence
     _, verdict = answered(off(dataset, truth, ""), priors={"lidar_1": NEAR})
     assert verdict.sensors["lidar_1"].grade == GOOD
+
+
+@pytest.fixture(scope="module")
+def vehicle():
+    return vehicle_before_a_board(0, anchored="rgb_1")
+
+
+def turned(dataset, truth, degrees):
+    return off(dataset, truth, "rgb_1", se3.from_rpy(np.zeros(3), np.radians([0.0, degrees, 0.0])))
+
+
+@pytest.mark.parametrize("degrees", [0.5, 2.0])
+def test_who_is_held_elsewhere_is_named_first_with_how_far(vehicle, degrees):
+    """Its image centre, and motions of the vehicle, were named instead."""
+    calibration, verdict = answered(turned(vehicle.dataset, vehicle.truth, degrees))
+    assert verdict.grade == WRONG
+    assert calibration.message.startswith("rgb_1 is held where the description has it")
+    assert f"and {degrees:.2g} deg from there: as some direction is open" in calibration.message
+    free, _ = answered(vehicle.dataset, ignore_anchored_sensor=True)
+    assert free.status == "rank_deficient"  # it drives on a floor: heights are open
+    assert {check.error.target for check in calibration.checks} <= {"rgb_1"}
+    assert calibration.contradictions[0] in calibration.message
+    assert len(calibration.contradictions) > 1
+
+
+def test_who_is_held_on_an_arm_is_named_first(hand):
+    calibration, _ = answered(hand, anchor_sensors=("rgb_1",))
+    assert calibration.message.startswith("rgb_1 is held where the description has it")
+    assert re.search(r", (7\.9|8)\d* mm and 0\.3 deg from there: release it", calibration.message)
+
+
+def test_what_is_wrong_elsewhere_is_not_blamed_on_who_is_held(vehicle):
+    wrong = {
+        "rgb_2": mistakes.with_scaled_focal_length(vehicle.dataset, "rgb_2", 1.01),
+        "pattern_1": mistakes.with_scaled_boards(vehicle.dataset, 1.03),
+        "rgb_1": mistakes.with_shifted_centre(vehicle.dataset, "rgb_1", 10.0),
+    }
+    for name, dataset in wrong.items():
+        calibration, _ = answered(dataset)
+        assert name in calibration.message.partition(";")[0], calibration.message
+        assert not calibration.message.startswith("rgb_1 is held"), name

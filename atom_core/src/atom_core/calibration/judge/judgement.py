@@ -20,6 +20,8 @@ from atom_core.calibration.judge.priors import (
     prior_results,
 )
 from atom_core.calibration.judge.reasons import Solution
+from atom_core.calibration.judge.released import Released, Tried, released
+from atom_core.calibration.judge.released import why as why_released
 from atom_core.calibration.judge.stated_places import StatedPlaces, stated_places
 from atom_core.calibration.judge.untold_scale import untold_scale
 from atom_core.calibration.judge.usual_errors import left_open
@@ -163,7 +165,12 @@ def judge(
     also = _if_a_fixed_board_moved(dataset, problem) if unfit or moving or out else ""
     contradicted = tuple(why + also for why in reasons) if _is_answer(refined) else ()
     stated = stated_places(dataset, problem, refined.free)
-    status, message = _verdict(refined, weak, contradicted, stated.likely_cause)
+    likely_cause = stated.likely_cause
+    elsewhere = _released(chosen, refined, options, make_solver, stated) if contradicted else ()
+    if elsewhere:
+        contradicted = (why_released(elsewhere, reasons[0]), *contradicted)
+        likely_cause, checks = "", [c for c in checks if c.error.target in stated.held]
+    status, message = _verdict(refined, weak, contradicted, likely_cause)
     return Judgement(
         dataset,
         covariance,
@@ -207,6 +214,29 @@ def _examined(
         checks, moving = [], []
     remarks = (*few_stops(stops_of(refined.solver.problem, summary.x)), *sizes)
     return Examined(covariance, unfit, checks, moving, moved, remarks)
+
+
+def _released(
+    chosen: ChosenStart,
+    refined: Refined,
+    options: CalibrationOptions,
+    make_solver: SolverFactory,
+    stated: StatedPlaces,
+) -> Tuple[Released, ...]:
+    """Return the sensors that are held and of which each, if it were free, leaves nothing amiss."""
+    start = chosen.solution.start
+
+    def look_at(other: Refined) -> Tried:
+        covariance = covariance_of(other.solver, other.summary, other.options)
+        dataset, x = answer(chosen, other), other.summary.x
+        solution = Solution(dataset, other.solver.problem, x)
+        weak = weak_directions(solution, covariance, *options.undetermined_limit)
+        found = _examined(dataset, start.initial, other, options, covariance, make_solver)
+        covariance, unfit, checks, moving, moved, _ = found
+        of_model = _contradictions(other, options, covariance, unfit, checks, moving)
+        return Tried(not unfit and not _with_motion(of_model, moved), bool(weak))
+
+    return released(start.initial, start.measurements, refined, stated.held, make_solver, look_at)
 
 
 def _contradictions(
