@@ -130,13 +130,17 @@ def _master_pid() -> Optional[int]:
 
 
 def arguments() -> List[str]:
-    """Return the words of the command line, without those that roslaunch adds.
+    """Return the words of the command line as the user means them, without roslaunch's own."""
+    return as_the_user_means([str(word) for word in rospy.myargv(sys.argv)[1:]])
+
+
+def as_the_user_means(words: List[str]) -> List[str]:
+    """Return words whose paths are the user's, if roslaunch has started this process.
 
     roslaunch starts nodes in ROS's own folder. Relative paths are those of where the user stands,
     as with any other command: the process goes there. `~/` is the home folder, which the shell
     leaves as it is behind `:=`.
     """
-    words = [str(word) for word in rospy.myargv(sys.argv)[1:]]
     if not any(word.startswith("__log:=") for word in sys.argv):
         return words
     stands = os.environ.get("PWD", "")

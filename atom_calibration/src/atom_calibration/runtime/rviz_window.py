@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 import os
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import NoReturn, Sequence
 
 import rospkg
 
+from atom_core.commands.common import add_option
 from atom_core.errors import OutputError
 from atom_core.io.atomic import write_text_atomically
 
@@ -31,6 +33,17 @@ def become_rviz(layout: Path, rest: Sequence[str]) -> NoReturn:
         os.execvpe("rviz", ["rviz", "-d", str(layout), *rest], variables)
     except OSError as error:
         raise OutputError(f"rviz cannot be started ({error.strerror}); is it installed?") from None
+
+
+def add_layout_option(parser: argparse.ArgumentParser) -> None:
+    """Add the option for a layout that is there already."""
+    add_option(
+        parser,
+        "layout",
+        default="",
+        metavar="FILE",
+        help="a layout in place of the one that is made; it gets the frame that RViz keeps still",
+    )
 
 
 def written_layout(name: str, text: str) -> Path:

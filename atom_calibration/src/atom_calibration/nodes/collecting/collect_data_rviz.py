@@ -13,7 +13,7 @@ from typing import Optional, Sequence
 
 from atom_calibration.configure.render import collecting_view
 from atom_calibration.runtime import options, running
-from atom_calibration.runtime.rviz_window import become_rviz, written_layout
+from atom_calibration.runtime.rviz_window import add_layout_option, become_rviz, written_layout
 from atom_calibration.sources.sensor_modality import modality_of_sensor
 from atom_core.commands.option_parser import OptionParser
 from atom_core.io.config_yaml import read_config
@@ -23,12 +23,15 @@ NAME = "collect_data_rviz"
 
 def main(argv: Optional[Sequence[str]] = None) -> int:
     """Become RViz; return an exit code only if that fails."""
-    args, rest = _parser().parse_known_args(sys.argv[1:] if argv is None else argv)
-    return running.guarded(NAME, lambda: _run(args.config, rest))
+    words = running.as_the_user_means(sys.argv[1:]) if argv is None else argv
+    args, rest = _parser().parse_known_args(words)
+    return running.guarded(NAME, lambda: _run(args.config, args.layout, rest))
 
 
-def _run(config_file: Path, rest: Sequence[str]) -> int:
+def _run(config_file: Path, layout: str, rest: Sequence[str]) -> int:
     config = read_config(config_file)
+    if layout:
+        become_rviz(Path(layout), ["-f", config.world_link, *rest])
     sensors = {}
     for name, entry in config.sensors.items():
         if entry.modality is None:
@@ -52,4 +55,5 @@ def _parser() -> argparse.ArgumentParser:
         epilog=f"example: rosrun atom_calibration {NAME} -cfg config.yml",
     )
     options.add_config_option(parser)
+    add_layout_option(parser)
     return parser

@@ -12,7 +12,7 @@ from typing import Optional, Sequence
 
 from atom_calibration.configure.render import correcting_view
 from atom_calibration.runtime import running
-from atom_calibration.runtime.rviz_window import become_rviz, written_layout
+from atom_calibration.runtime.rviz_window import add_layout_option, become_rviz, written_layout
 from atom_core.commands.common import add_dataset_option
 from atom_core.commands.option_parser import OptionParser
 from atom_core.io.dataset_json import read_dataset
@@ -22,13 +22,16 @@ NAME = "dataset_playback_rviz"
 
 def main(argv: Optional[Sequence[str]] = None) -> int:
     """Become RViz; return an exit code only if that fails."""
-    args, rest = _parser().parse_known_args(sys.argv[1:] if argv is None else argv)
-    return running.guarded(NAME, lambda: _run(args.dataset, rest))
+    words = running.as_the_user_means(sys.argv[1:]) if argv is None else argv
+    args, rest = _parser().parse_known_args(words)
+    return running.guarded(NAME, lambda: _run(args.dataset, args.layout, rest))
 
 
-def _run(dataset: Path, rest: Sequence[str]) -> int:
-    layout = written_layout("dataset_playback", correcting_view(read_dataset(dataset)))
-    become_rviz(layout, rest)
+def _run(path: Path, layout: str, rest: Sequence[str]) -> int:
+    dataset = read_dataset(path)
+    if layout:
+        become_rviz(Path(layout), ["-f", dataset.world, *rest])
+    become_rviz(written_layout("dataset_playback", correcting_view(dataset)), rest)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -40,4 +43,5 @@ def _parser() -> argparse.ArgumentParser:
         epilog=f"example: rosrun atom_calibration {NAME} -json dataset.json",
     )
     add_dataset_option(parser)
+    add_layout_option(parser)
     return parser
