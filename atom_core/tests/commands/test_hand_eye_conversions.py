@@ -146,6 +146,24 @@ def test_poses_are_read_with_tabs_and_few_digits(tmp_path):
         np.testing.assert_allclose(read(exact), poses, atol=1e-13)
 
 
+@pytest.mark.parametrize(
+    "read, text, factor, words",
+    [
+        (read_rwhe_poses, rwhe_text, 1000.0, "seem to be in millimetres; write them in metres"),
+        (read_tabb_poses, tabb_text, 0.001, "seem to be in metres; write them in millimetres"),
+    ],
+)
+def test_poses_in_the_other_ones_unit_are_refused(tmp_path, read, text, factor, words):
+    """A real arm's, in mm before RWHE's metres: a camera 97 m off, and its labels were blamed."""
+    poses = [se3.transform(np.eye(3), np.array([0.5, 0.1 * i, 0.6])) for i in range(3)]
+    for one in poses:
+        one[:3, 3] *= factor
+    path = tmp_path / "poses.txt"
+    path.write_text(text(poses))
+    with pytest.raises(DatasetError, match=words):
+        read(path)
+
+
 def test_images_belong_to_the_line_of_their_number(made, tmp_path):
     """As many images as lines: in their order. Fewer: image n to line n."""
     folder, scene = made

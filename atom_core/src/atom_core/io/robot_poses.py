@@ -18,6 +18,8 @@ from atom_core.io.paths import unread
 _MM_PER_M = 1000.0
 _ROUNDED = 1e-3  # entries of a rotation that was written with few digits
 _DIGITS = ".17g"
+# A robot's hand moves farther than the shorter, and stays within the longer, of these [m].
+_LEAST_REACH_M, _MOST_REACH_M = 0.01, 50.0
 
 
 def read_rwhe_poses(path: Path) -> List[np.ndarray]:
@@ -29,7 +31,14 @@ def read_rwhe_poses(path: Path) -> List[np.ndarray]:
     lines = [line for line in _text(path).splitlines() if line.strip()]
     if not lines:
         raise DatasetError(f"{path}: holds no pose; it must have a line of 16 numbers for each")
-    return [_pose(_numbers(line, path), f"{path}:{i + 1}") for i, line in enumerate(lines)]
+    poses = [_pose(_numbers(line, path), f"{path}:{i + 1}") for i, line in enumerate(lines)]
+    reach = _reach_m(poses)
+    if reach > _MOST_REACH_M:
+        raise DatasetError(
+            f"{path}: the hand is up to {reach:.4g} m from the robot's base, so that its lengths "
+            f"seem to be in millimetres; write them in metres"
+        )
+    return poses
 
 
 def rwhe_text(base_T_hand: Sequence[np.ndarray]) -> str:
@@ -55,6 +64,12 @@ def read_tabb_poses(path: Path) -> List[np.ndarray]:
         matrix = values.reshape(4, 4).copy()
         matrix[:3, 3] /= _MM_PER_M
         poses.append(se3.inverse(_pose(matrix.ravel(), f"{path}, pose {index}")))
+    reach = _reach_m(poses)
+    if 0.0 < reach < _LEAST_REACH_M:
+        raise DatasetError(
+            f"{path}: the hand is never more than {_MM_PER_M * reach:.3g} mm from the robot's "
+            f"base, so that its lengths seem to be in metres; write them in millimetres"
+        )
     return poses
 
 
@@ -66,6 +81,10 @@ def tabb_text(base_T_hand: Sequence[np.ndarray]) -> str:
         matrix[:3, 3] *= _MM_PER_M
         text += "".join(_line(row) for row in matrix) + "\n"
     return text
+
+
+def _reach_m(base_T_hand: Sequence[np.ndarray]) -> float:
+    return max(float(np.linalg.norm(pose[:3, 3])) for pose in base_T_hand)
 
 
 def _line(values: np.ndarray) -> str:
