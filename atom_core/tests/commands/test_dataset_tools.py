@@ -215,6 +215,21 @@ def test_edges_that_stand_still_in_both_stay_fixed(path, tmp_path, capsys):
     assert "warning" not in capsys.readouterr().out
 
 
+def test_joints_that_a_calibration_has_corrected_in_one_of_two_datasets_are_told(tmp_path, capsys):
+    scene = arm.camera_on_arm(0, errors={"elbow": {"position_bias": 0.02}}, collections=4)
+    raw = write_dataset_folder(scene.dataset, tmp_path / "raw", name="raw")
+    solved = scene.dataset.with_joint_parameters({"elbow": {"position_bias": 0.02}})
+    calibrated = write_dataset_folder(solved, tmp_path / "calibrated", name="calibrated")
+    run("merge_atom_datasets", "-ds1", calibrated, "-ds2", raw, "-dof", tmp_path / "new")
+    assert f"warning: elbow of {raw} have another origin, bias or axis" in capsys.readouterr().out
+    merged = tmp_path / "new" / "dataset.json"
+    line = refused(capsys, "calibrate", "-json", merged, "-o", tmp_path / "out")
+    assert "differ between collections 000 and 004" in line
+    assert "merge datasets as they were collected" in line
+    run("merge_atom_datasets", "-ds1", raw, "-ds2", raw, "-dof", tmp_path / "same")
+    assert "another origin" not in capsys.readouterr().out
+
+
 def test_datasets_without_their_images_can_be_merged(path, tmp_path, capsys):
     parts = parts_of(path)
     count = len(document_of(parts[1])["collections"])

@@ -11,7 +11,7 @@ from atom_core.errors import OutputError
 from atom_core.evaluation.same_data import shared_collections
 from atom_core.io.atomic import prepare_output_folder
 from atom_core.io.dataset_json import read_dataset
-from atom_core.io.dataset_tools import absent_files, edges_apart, merged
+from atom_core.io.dataset_tools import absent_files, edges_apart, joints_apart, merged
 from atom_core.io.dataset_writer import write_with_copies
 from atom_core.model.dataset import Dataset
 
@@ -57,6 +57,7 @@ def run(args: argparse.Namespace) -> int:
     print(described(write_with_copies(folder, document, copies), document))
     _warn_of_absent_files(first, second)
     _warn_of_moved_tfs(first, second)
+    _warn_of_joints(first, second)
     twice = shared_collections(first, second)
     if twice:
         print(
@@ -88,3 +89,13 @@ def _warn_of_moved_tfs(first: Dataset, second: Dataset) -> None:
                 f"{first.source}: each collection keeps a pose of its own; if it was not moved, "
                 f"give '{entry.edge}' the type 'fixed' under 'transforms'"
             )
+
+
+def _warn_of_joints(first: Dataset, second: Dataset) -> None:
+    apart = joints_apart(first, second)
+    if apart:
+        print(
+            f"warning: {', '.join(apart)} of {second.source} have another origin, bias or axis "
+            f"than in {first.source}, as where one of the two was calibrated: together they contradict "
+            f"each other; merge both as they were collected"
+        )

@@ -215,6 +215,21 @@ def edges_apart(first: Dataset, second: Dataset) -> List[Edge]:
     return [edge for edge in still if _stands_apart(edge, first, second)]
 
 
+def joints_apart(first: Dataset, second: Dataset) -> List[str]:
+    """Return joints whose parameters, axis, type or links are others in the second dataset."""
+
+    def geometry(dataset: Dataset, name: str) -> Tuple[Hashable, ...]:
+        joint = dataset.joint(name)
+        return (joint.edge, joint.type, *joint.axis, *joint.parameters.values())
+
+    names: List[Dict[str, None]] = [
+        {name: None for c in data.collections.values() for name in c.joints}
+        for data in (first, second)
+    ]
+    both = [name for name in names[0] if name in names[1]]
+    return [name for name in both if geometry(first, name) != geometry(second, name)]
+
+
 def _stands_apart(edge: Edge, first: Dataset, second: Dataset) -> bool:
     values = [
         collection.transforms[edge]

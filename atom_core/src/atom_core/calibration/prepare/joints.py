@@ -120,15 +120,17 @@ def _check_joint(dataset: Dataset, name: str) -> None:
             f"joint '{name}' is to be calibrated, but {where}; collect again with the joint in "
             f"the configuration, or hold all joints with --hold_joints"
         )
-    first, *others = [c.joints[name] for c in dataset.collections.values()]
-    for other in others:
+    (key, first), *others = [(k, c.joints[name]) for k, c in dataset.collections.items()]
+    for other_key, other in others:
         same = (first.edge, first.type, first.parameters) == (
             *(other.edge, other.type, other.parameters),
         )
         if not same or not np.allclose(first.axis, other.axis):
             raise CalibrationError(
-                f"joint '{name}': origin, axis, type or links differ between collections, but hold "
-                f"for all of them; these collections are not of one robot"
+                f"joint '{name}': origin, bias, axis, type or links differ between collections "
+                f"{key} and {other_key}, but hold for all; they are of two robots, or one of them "
+                f"was calibrated: merge datasets as they were collected, or leave one side out "
+                f"with -csf"
             )
 
 
