@@ -96,6 +96,6 @@ def _warn_of_joints(first: Dataset, second: Dataset) -> None:
     if apart:
         print(
             f"warning: {', '.join(apart)} of {second.source} have another origin, bias or axis "
-            f"than in {first.source}, as where one of the two was calibrated: together they contradict "
-            f"each other; merge both as they were collected"
+            f"than in {first.source}, as where one of the two was calibrated: together they "
+            f"contradict each other; merge both as they were collected"
         )
