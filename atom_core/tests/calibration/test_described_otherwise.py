@@ -71,6 +71,24 @@ def test_a_joint_whose_description_turns_about_another_axis_is_named(on_arm):
     assert contradicted(on_arm, robot) == {("wrist_1_link-wrist_2_link", ("rgb_1",))}
 
 
+def test_a_joint_that_the_driver_has_elsewhere_than_the_description_is_named(on_arm):
+    """As where an arm's driver publishes the kinematics of its factory calibration."""
+    robot, edge = robot_of(on_arm), Edge("boom", "forearm")
+    own = se3.from_rpy(np.array([0.0, 0.002, 0.0]), np.zeros(3))
+    changes = {key: {edge: c.transforms[edge] @ own} for key, c in on_arm.collections.items()}
+    found = contradicted(on_arm.with_transforms(changes), robot, joints={})
+    assert found == {(str(edge), ("rgb_1",))}
+
+
+def test_a_position_that_came_late_in_one_collection_is_no_other_description(on_arm):
+    robot, (key, *_) = robot_of(on_arm), on_arm.collections
+    collection = on_arm.collections[key]
+    late = replace(collection.joints["elbow"], position=collection.joints["elbow"].position + 0.1)
+    shown = replace(collection, joints={**collection.joints, "elbow": late})
+    dataset = replace(on_arm, collections={**on_arm.collections, key: shown})
+    assert contradicted(dataset, robot, joints={}) == set()
+
+
 def test_what_carries_the_board_is_compared_for_those_who_see_it():
     dataset = arm.board_on_arm(0, errors=ELBOW, collections=6).dataset
     robot = robot_of(dataset)

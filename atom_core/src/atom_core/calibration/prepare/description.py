@@ -7,10 +7,11 @@ from typing import Dict, List, Set, Tuple
 
 import numpy as np
 
+from atom_core.geometry import se3
 from atom_core.model.believed_edges import poses_apart, sensors_by_edge
 from atom_core.model.caveats import Caveat
 from atom_core.model.dataset import MULTIPLE, Dataset
-from atom_core.model.joints import MOVING_TYPES, JointState
+from atom_core.model.joints import MOVING_TYPES
 from atom_core.model.robot import FIXED, RobotDescription
 from atom_core.model.transforms import Edge
 from atom_core.problem.builder import FreeEdges
@@ -68,14 +69,19 @@ def _fixed(
 def _moving(
     dataset: Dataset, edges: Dict[Edge, List[str]], robot: RobotDescription
 ) -> Dict[Edge, Tuple[np.ndarray, np.ndarray]]:
-    """Return what description and data say of joints, where they stood at first."""
-    states: Dict[Edge, JointState] = {}
+    """Return what description and data say of joints, in the middle one of the collections.
+
+    There a position that came late while the robot moved is not taken for a difference.
+    """
+    joints = {joint.edge: joint for joint in robot.joints.values() if joint.type in MOVING_TYPES}
+    pairs: Dict[Edge, List[Tuple[np.ndarray, np.ndarray]]] = {}
     for collection in dataset.collections.values():
         for state in collection.joints.values():
-            states.setdefault(state.edge, state)
-    joints = {joint.edge: joint for joint in robot.joints.values() if joint.type in MOVING_TYPES}
+            edge = state.edge
+            if edge in edges and edge in joints and edge in collection.transforms:
+                described = joints[edge].parent_T_child(state.position)
+                pairs.setdefault(edge, []).append((described, collection.transforms[edge]))
     return {
-        edge: (joints[edge].parent_T_child(states[edge].position), states[edge].parent_T_child)
-        for edge in edges
-        if edge in joints and edge in states
+        edge: sorted(of_edge, key=lambda pair: se3.pose_difference(*pair))[len(of_edge) // 2]
+        for edge, of_edge in pairs.items()
     }
