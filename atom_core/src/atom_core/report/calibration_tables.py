@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from dataclasses import asdict
 from typing import Any, Dict, List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
@@ -11,18 +11,17 @@ from atom_core.calibration.judge.outliers import OUTLIER_SIGMAS, Outlier
 from atom_core.calibration.judge.propagation import PropagatedPoint
 from atom_core.calibration.judge.statistics import Table, kinds_of
 from atom_core.calibration.preflight import Preflight
-from atom_core.calibration.refine.error_words import remedy
 from atom_core.calibration.refine.moving_parts import moving_sentences
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import DetectionKey
 from atom_core.model.transforms import Edge
-from atom_core.problem.model_errors import METRE
 from atom_core.problem.residuals import ORTHOGONAL, REPROJECTION
 from atom_core.report.calibration_results import (
     CalibrationResults,
     GroundTruth,
 )
 from atom_core.report.edge_tables import edge_tables, figure_names, figures, joints_table
+from atom_core.report.model_error_lines import estimated_errors, shown_errors
 from atom_core.report.tables import ABSENT, text_table
 from atom_core.report.trust_report import trust_lines
 from atom_core.report.truth_tables import truth_tables
@@ -30,7 +29,6 @@ from atom_core.report.truth_tables import truth_tables
 _PROPAGATED_M = 2.0  # the distance whose deviations are shown
 _WIDEST_MATRIX = 12  # sensors, that a matrix of them still fits the screen
 _OUTLIERS_NAMED = 3
-_SHOWN_SIGMAS = 2.0  # an expected error of the model that is less is only in the document
 _SHOWN = {"reprojection": ("px", 1.0, 4), "orthogonal": ("mm", 1e3, 2), "border": ("mm", 1e3, 2)}
 
 
@@ -116,37 +114,11 @@ def _intrinsics_table(results: CalibrationResults) -> List[str]:
 
 def _model_error_lines(results: CalibrationResults) -> List[str]:
     """Return what was estimated of the model's errors, and what the data show beside it."""
-    lines = []
-    for error in results.model_errors:
-        if error.family is not None:
-            continue
-        if error.estimated:
-            if error.prior_sigma is None or abs(error.value) > _SHOWN_SIGMAS * error.sigma:
-                lines.append(f"estimated: {error.sentence}")
-        elif error.rivals:
-            others = ", ".join(error.rivals)
-            lines.append(
-                f"the data show: {error.sentence}; these boards cannot tell it from: {others}"
-            )
-        else:
-            lines.append(f"the data show: {error.sentence} ({remedy(error.option)})")
+    errors = [asdict(error) for error in results.model_errors]
+    lines = [f"estimated: {told}" for told in estimated_errors(errors)]
+    lines += [f"the data show: {told}" for told in shown_errors(errors)]
     lines += moving_sentences(results.calibration.free)
-    lines += _families(results)
     return lines + [f"the data show: {edge.why}" for edge in results.calibration.moving]
-
-
-def _families(results: CalibrationResults) -> List[str]:
-    """Return a line for the errors of each sensor that are many and of one sort."""
-    values: Dict[Tuple[str, str, str], List[float]] = {}
-    for error in results.model_errors:
-        if error.family is not None:
-            values.setdefault((error.family, error.target, error.unit), []).append(error.value)
-    lines = []
-    for (family, target, unit), sizes in values.items():
-        rms = math.sqrt(float(np.mean(np.square(sizes))))
-        size = f"{1e3 * rms:.2g} mm" if unit == METRE else f"{100.0 * rms:.2g} %"
-        lines.append(f"estimated: {len(sizes)} {family}s of {target}, {size} each (RMS)")
-    return lines
 
 
 def _propagation_table(results: CalibrationResults) -> List[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, List, Union
+from typing import Any, List, Optional, Union
 
 import numpy as np
 
@@ -21,7 +21,7 @@ def edge_tables(results: CalibrationResults) -> List[str]:
         results: the figures.
     """
     initial = results.calibration.initial
-    rows: List[List[str]] = []
+    rows: List[List[Any]] = []
     for edge in results.edges:
         matrix = edge.parent_T_child
         rpy_deg = np.degrees(se3.rpy_from_rotation(matrix[:3, :3]))
@@ -62,8 +62,13 @@ def _owner(edge: EdgeResult) -> str:
     return owner if edge.collection is None else f"{owner} (sigma: {edge.collection})"
 
 
-def _moved(edge: EdgeResult, started: np.ndarray) -> List[Figure]:
-    """Return how far an edge is from its (4, 4) pose at the start [mm], [deg]."""
+def _moved(edge: EdgeResult, started: np.ndarray) -> List[Optional[Figure]]:
+    """Return how far an edge is from its (4, 4) pose at the start [mm], [deg].
+
+    Of what has a value in each collection nothing: the first, which is here, is often held.
+    """
+    if edge.collection is not None:
+        return [None, None]
     move = se3.inverse(started) @ edge.parent_T_child
     turned = math.degrees(float(se3.rotation_angle(move[:3, :3])))
     return [rounded(1e3 * float(np.linalg.norm(move[:3, 3])), 2), rounded(turned, 3)]

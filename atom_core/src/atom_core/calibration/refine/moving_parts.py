@@ -240,12 +240,24 @@ def unusual_parts(free: FreeEdges, options: CalibrationOptions) -> List[str]:
 def moving_sentences(free: FreeEdges) -> List[str]:
     """Return what was assumed or found of each moving part."""
     return [
-        f"the poses of '{edge.child}' in '{edge.parent}' are off by {1e3 * part.sigma_m:.2g} mm "
-        f"and {np.degrees(part.sigma_rad):.2g} deg along and about each axis "
-        f"({'estimated' if part.is_estimated else 'as given'}); the solution and its sigmas "
-        f"contain it"
+        moving_sentence(edge, (part.sigma_m, part.sigma_rad), part.is_estimated)
         for edge, part in free.moving.items()
     ]
+
+
+def moving_sentence(edge: Edge, sigmas: Tuple[float, float], is_estimated: bool) -> str:
+    """Return what was assumed or found of a moving part.
+
+    Args:
+        edge: whose poses are off.
+        sigmas: standard deviations along each axis [m] and about it [rad].
+        is_estimated: they were found; else given.
+    """
+    return (
+        f"the poses of '{edge.child}' in '{edge.parent}' are off by {1e3 * sigmas[0]:.2g} mm and "
+        f"{np.degrees(sigmas[1]):.2g} deg along and about each axis "
+        f"({'estimated' if is_estimated else 'as given'}); the solution and its sigmas contain it"
+    )
 
 
 def far_parts(free: FreeEdges) -> List[str]:

@@ -11,6 +11,7 @@ import numpy as np
 from atom_core.geometry.camera import Camera
 from atom_core.labeling.guidance import Guidance
 from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION
+from atom_core.report.model_error_lines import shown_errors
 from atom_core.report.page import charts
 from atom_core.report.page.blocks import (
     Block,
@@ -263,10 +264,15 @@ def certainty_section(given: Given) -> List[Section]:
         for weak in document["weak_directions"]
     ]
     blocks += [
-        Text(f"The data show that {error['sentence']} ({error['option']}).", warns=True)
-        for error in document.get("model_errors", [])
-        if not error["estimated"]
+        Text(
+            f"Held by the prior of {', '.join(held['priors'])}: {', '.join(held['parameters'])} "
+            f"(sigma {held['sigma']:.3g} {held['unit']}): {held['why']}"
+        )
+        for held in document.get("held_by_prior", ())
     ]
+    shown = shown_errors(document.get("model_errors", ()))
+    shown += [edge["why"] for edge in document.get("moving_edges", ()) if "why" in edge]
+    blocks += [Text(f"The data show: {told}", warns=True) for told in shown]
     if document.get("propagation"):
         blocks += _propagation(document["propagation"])
     return [Section("certainty", "How sure it is", blocks)] if blocks else []

@@ -54,12 +54,18 @@ class Given:
 
     @cached_property
     def before(self) -> Optional[Dataset]:
-        """The dataset with the edges that the solver started from; None where they are unknown."""
+        """The dataset with the edges that the solver started from; None where they are unknown.
+
+        What has a value for each collection stays: its start is known of the first one alone.
+        """
         if self.dataset is None or self.calibration is None:
             return None
         initial = initial_edges(self.calibration)
         if not initial:
             return None
+        for entry in self.calibration["edges"].values():
+            if entry.get("sigma_collection") is not None:
+                del initial[Edge(entry["parent"], entry["child"])]
         return self.dataset.with_transforms(dict.fromkeys(self.dataset.collections, initial))
 
 

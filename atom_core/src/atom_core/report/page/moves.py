@@ -7,13 +7,16 @@ from typing import Any, Dict, List, Mapping, Optional, Set, Tuple
 
 import numpy as np
 
+from atom_core.calibration.refine.moving_parts import moving_sentence
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset, board_edge
 from atom_core.model.transforms import Edge
+from atom_core.report.model_error_lines import estimated_errors
 from atom_core.report.page.blocks import Block, Branch, Section, Table, Text, Tree
 from atom_core.report.page.given import Document, Given, final_edges, initial_edges
 from atom_core.report.tables import ABSENT
 
+_BY_COLLECTION = "a value for each collection"
 _NO_START = "where the solver started is not in this result: how far edges moved is not known"
 
 
@@ -27,6 +30,11 @@ def moves_section(given: Given) -> List[Section]:
         blocks.append(Text(_NO_START, warns=True))
     if document.get("joints"):
         blocks.append(_joints_table(document["joints"]))
+    blocks += _intrinsics(document)
+    blocks += [Text(f"Estimated: {e}.") for e in estimated_errors(document.get("model_errors", ()))]
+    for part in document.get("moving_parts", ()):
+        edge, sigmas = Edge(part["parent"], part["child"]), (part["sigma_m"], part["sigma_rad"])
+        blocks.append(Text(f"Beside this, {moving_sentence(edge, sigmas, part['estimated'])}."))
     if given.dataset is not None:
         blocks.append(Tree(transform_tree(given.dataset, document)))
     return [Section("moved", "What moved, and by how much", blocks)]
@@ -55,6 +63,8 @@ def _edges_table(document: Document) -> Table:
     for name, entry in document["edges"].items():
         step = distances.get(Edge(entry["parent"], entry["child"]))
         state = "held" if entry["anchored"] else "estimated"
+        if entry.get("sigma_collection") is not None:
+            state, step = _BY_COLLECTION, None
         known = sigmas(entry, combined=True) or sigmas(entry, combined=False)
         figures = [ABSENT] * 2 if step is None else [f"{step[0]:.2f}", f"{step[1]:.3f}"]
         held = [ABSENT] * 2 if entry["anchored"] or known is None else _two(known)
@@ -65,6 +75,8 @@ def _edges_table(document: Document) -> Table:
         "Moved and turned: since the start of the solver. Sigma: one standard deviation, the "
         "largest of three axes, with the usual errors of sensors and boards where these are known."
     )
+    if any(entry.get("sigma_collection") is not None for entry in document["edges"].values()):
+        note += " Of what has a value for each collection, where it is known worst."
     return Table("Edges that were estimated or held", columns, rows, note=note)
 
 
@@ -82,6 +94,18 @@ def _joints_table(joints: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Tabl
             rows.append([joint, name, *numbers, f"{factor * sigma:.3g}", unit])
     columns = ["joint", "parameter", "value", "change", "sigma", "unit"]
     return Table("Joints that were estimated", columns, rows)
+
+
+def _intrinsics(document: Document) -> List[Table]:
+    """Return the table of intrinsics in a list; nothing where none were estimated."""
+    rows = []
+    for name, sensor in document["sensors"].items():
+        for parameter, p in sensor.get("intrinsics", {}).items():
+            digits, unit = (3, "px") if p["unit"] == "px" else (6, "")
+            numbers = [p["value"], p["change"], p.get("combined_sigma", p["sigma"])]
+            rows.append([name, parameter, *(f"{n:.{digits}f}" for n in numbers), unit])
+    columns = ["camera", "parameter", "value", "change", "sigma", "unit"]
+    return [Table("Intrinsics that were estimated", columns, rows)] if rows else []
 
 
 def transform_tree(dataset: Dataset, document: Document) -> List[Branch]:
@@ -113,9 +137,11 @@ def _notes(dataset: Dataset, document: Document) -> Notes:
     distances, found = moved(document), {}
     for entry in document["edges"].values():
         edge = Edge(entry["parent"], entry["child"])
-        names = ", ".join(entry["sensors"])
+        names = ", ".join(entry["sensors"]) or str(edge)
         if entry["anchored"]:
             found[edge] = (f"{names}: held where it was", "held")
+        elif entry.get("sigma_collection") is not None:
+            found[edge] = (f"{names}: {_BY_COLLECTION}", "moved")
         elif edge in distances:
             step = distances[edge]
             found[edge] = (f"{names}: moved {step[0]:.1f} mm, turned {step[1]:.2f} deg", "moved")
