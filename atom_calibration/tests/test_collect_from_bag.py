@@ -272,6 +272,17 @@ def test_an_empty_image_is_left_out_and_told_wherever_it_stands(place, make, cap
     assert list(read_dataset(place.folder / "dataset.json").collections) == ["000", "001", "002"]
 
 
+def test_how_many_messages_are_left_out_is_told_where_they_are_many(place, make, capsys):
+    spoiled = list(messages(make))
+    images = [m for topic, m, _ in spoiled if topic == "/cam/image_raw"]
+    for message in images[3::10]:
+        message.data = b""
+    main(place(spoiled))
+    told = capsys.readouterr().err
+    assert told.count("a message is left out: sensor 'cam'") == 3
+    assert f"sensor 'cam': in all, 8 of {len(images)} messages are left out" in told
+
+
 def test_a_sensor_all_of_whose_images_are_empty_is_refused(place, make, capsys):
     assert main(place()) == 0
     before = read_dataset(place.folder / "dataset.json").document

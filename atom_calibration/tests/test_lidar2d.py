@@ -207,6 +207,19 @@ def test_a_recording_without_a_valid_range_is_refused(scene, make, tmp_path, cap
     assert len(lines) == 1 and "'scanner'" in lines[0] and "no valid range" in lines[0]
 
 
+def test_scans_without_a_return_are_no_damaged_messages(scene, make, tmp_path, capsys):
+    """A robot that turns to the open has nothing in reach for a while, and at the beginning."""
+    write_config(tmp_path / "config.yml", scene.dataset.config)
+    topic = scene.dataset.sensors["scanner"].topic
+    content = list(messages(make, scene.dataset))
+    for sent in [sent for name, sent, _ in content if name == topic][:5]:
+        sent.ranges = [float("inf")] * len(sent.ranges)
+    bag = make.bag(tmp_path / "a.bag", content)
+    words = ["--config", str(tmp_path / "config.yml"), "--bag", str(bag)]
+    assert main([*words, "--output", str(tmp_path / "out")]) == 0
+    assert "left out" not in capsys.readouterr().err
+
+
 # ------------------------------------------------------------------------------ configure
 
 SCANNER = """  scanner:

@@ -15,6 +15,10 @@ class MessageError(AtomError):
         self.sensor = sensor
 
 
+class EmptyMessageError(MessageError):
+    """A message is sound, and its sensor has measured nothing: nothing is within its reach."""
+
+
 class BagError(AtomError):
     """A bag cannot be read, or lacks what was asked of it."""
 

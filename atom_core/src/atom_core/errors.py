@@ -15,6 +15,10 @@ class DatasetError(AtomError):
     """A dataset (its JSON, its data files, its labels) cannot be used as asked."""
 
 
+class NothingMeasuredError(DatasetError):
+    """A sensor has measured nothing at all: nothing is within its reach, or it is covered."""
+
+
 class ConfigError(AtomError):
     """A calibration configuration is malformed or inconsistent."""
 

@@ -6,8 +6,8 @@ from typing import Any
 
 from sensor_msgs.msg import LaserScan as ScanMessage
 
-from atom_calibration.errors import MessageError
-from atom_core.errors import DatasetError
+from atom_calibration.errors import EmptyMessageError, MessageError
+from atom_core.errors import DatasetError, NothingMeasuredError
 from atom_core.model.laser_scan import LaserScan, fields_of, scan_from_fields
 
 LASER_SCAN = "sensor_msgs/LaserScan"
@@ -18,10 +18,13 @@ def laser_scan(message: Any) -> LaserScan:
     """Return the scan of a LaserScan message.
 
     Raises:
-        MessageError: counts and angles do not fit together, or no range is valid.
+        MessageError: counts and angles do not fit together; `EmptyMessageError`: no range is
+            valid.
     """
     try:
         return scan_from_fields({name: getattr(message, name) for name in _FIELDS})
+    except NothingMeasuredError as error:
+        raise EmptyMessageError(str(error)) from None
     except DatasetError as error:
         raise MessageError(str(error)) from None
 

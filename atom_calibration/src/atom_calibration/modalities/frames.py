@@ -98,7 +98,7 @@ def decode(sensor: Sensor, message: Any) -> Frame:
     try:
         frame.data = frame.ros.decode(message)
     except MessageError as error:
-        raise MessageError(f"{frame.place}: {error}", sensor.name) from None
+        raise type(error)(f"{frame.place}: {error}", sensor.name) from None
     return frame
 
 

@@ -7,7 +7,7 @@ from typing import Any, Dict, Mapping, Optional
 
 import numpy as np
 
-from atom_core.errors import DatasetError
+from atom_core.errors import DatasetError, NothingMeasuredError
 
 _COUNT_SLACK = 1.5  # drivers disagree on whether angle_max is the last beam or one beyond it
 _MOST_SLACK = 2.0  # velodyne_laserscan: angle_max is pi, and the beams are whole steps below a turn
@@ -31,7 +31,7 @@ class LaserScan:
         other: fields of the message that are kept for writing (angle_max, times, header).
 
     Raises:
-        DatasetError: the parts do not fit together, or no range is valid.
+        DatasetError: the parts do not fit together; `NothingMeasuredError`: no range is valid.
     """
 
     ranges: np.ndarray
@@ -56,7 +56,7 @@ class LaserScan:
                 f"{self.range_max:g} m; range_min must be 0 or more, and range_max above it"
             )
         if not np.any(self.valid):
-            raise DatasetError(
+            raise NothingMeasuredError(
                 f"the laser scan has no valid range: none of its {len(ranges)} ranges lies between "
                 f"range_min {self.range_min:g} m and range_max {self.range_max:g} m; is the sensor "
                 f"covered, or are the limits in another unit?"

@@ -9,7 +9,7 @@ from typing import Any, Callable, Collection, Deque, Iterator, NamedTuple
 import rospy
 
 from atom_calibration.collect.clock_watch import ClockWatch
-from atom_calibration.errors import MessageError
+from atom_calibration.errors import EmptyMessageError, MessageError
 from atom_calibration.labels.frame_labeler import FrameLabeler
 from atom_calibration.messages.headers import stamp_s
 from atom_calibration.modalities.frames import Frame, decode
@@ -53,8 +53,9 @@ def labeled_frames(
     here.
     """
     opencv.use_one_thread()
-    bad: Counter = Counter()
     good: Counter = Counter()
+    bad: Counter = Counter()
+    empty: Counter = Counter()  # sound, and nothing is in reach
     total = sum(bag.counts[topic] for topic in rig.topics)
     with ThreadPoolExecutor(_WORKERS) as pool, progress(total, bag.path.name, "messages") as bar:
         for future in _ahead(pool, bag, rig, labeler, received, clocks):
@@ -62,14 +63,19 @@ def labeled_frames(
             try:
                 frame = future.result()
             except MessageError as error:
-                bad[error.sensor] += 1
-                if not good[error.sensor] and bad[error.sensor] == 1:
-                    _check_others(bag, rig, error.sensor)
-                if bad[error.sensor] <= _MOST_BAD_MESSAGES:
+                name = error.sensor
+                if not (good[name] or bad[name] or empty[name]):
+                    _check_others(bag, rig, name)
+                (empty if isinstance(error, EmptyMessageError) else bad)[name] += 1
+                if bad[name] <= _MOST_BAD_MESSAGES and not isinstance(error, EmptyMessageError):
                     warn(f"a message is left out: {error}")
                 continue
             good[frame.sensor.name] += 1
             yield labeler.label(frame, transforms.at(frame.stamp_s))
+    for name, count in bad.items():
+        if count > _MOST_BAD_MESSAGES:
+            total = count + good[name] + empty[name]
+            warn(f"sensor '{name}': in all, {count} of {total} messages are left out")
 
 
 def _check_others(bag: BagReader, rig: Rig, sensor: str) -> None:
