@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple, Union
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Set, Tuple, Union
 
 import numpy as np
 
@@ -30,7 +30,8 @@ from atom_core.report.residual_samples import ResidualSample, of_sensor
 from atom_core.report.tables import ABSENT
 
 _MOST_ROWS = 120  # of the detection matrix
-_MOST_OUTLIERS = 40
+_MOST_OUTLIERS, _MOST_UNUSED = 40, 30
+_NOT_SEEN = Cell("·", "none", "not seen")
 _CARRIED_M = 2.0
 _WORDS = {REPROJECTION: "corners", ORTHOGONAL: "points on the board", BORDER: "border points"}
 _SHORT = {REPROJECTION: "corners", ORTHOGONAL: "points", BORDER: "border"}
@@ -132,7 +133,8 @@ def _histogram(name: str, sample: ResidualSample, residual: np.ndarray, unit: st
     what = "x and y error" if sample.kind == REPROJECTION else "residual"
     draw = partial(charts.draw_histogram, values=np.ravel(residual), unit=unit, what=what)
     beyond = int(np.sum(np.abs(residual) > 5.0 * sigma))
-    title = f"{name}: {_WORDS[sample.kind]}; fitted sigma {sigma:.3g} {unit}, {beyond} beyond 5"
+    title = f"{name}: {_WORDS[sample.kind]}; fitted sigma {sigma:.3g} {unit}"
+    title += f"; beyond 5 sigmas: {beyond} of {residual.size}"
     return Chart(title, alt, draw)
 
 
@@ -168,13 +170,24 @@ def detections_section(given: Given) -> List[Section]:
     if document is None:
         return []
     names = list(document["sensors"])
-    rejected = {(r["collection"], r["sensor"]): r for r in document["rejected_detections"]}
+    rejected: Dict[Tuple[str, str], List[str]] = {}
+    for r in document["rejected_detections"]:
+        told = f"left out: {r['reason']}" if _has_one_board(given) else _of_board(r)
+        rejected.setdefault((r["collection"], r["sensor"]), []).append(told)
+    labeled = _labeled(given)
     rows: List[List[Union[str, Cell]]] = []
     for key, collection in list(document["collections"].items())[:_MOST_ROWS]:
-        cells = [_detection(name, collection, rejected.get((key, name))) for name in names]
+        residuals = collection["residuals"]
+        cells = [
+            _detection(residuals.get(n), rejected.get((key, n), []), (key, n) in labeled)
+            for n in names
+        ]
         rows.append([key, *cells])
     total = len(document["collections"])
-    note = "Numbers: corners or points that were used. x: left out, since it contradicts the rest."
+    note = (
+        "Numbers: corners or points that were used. x: left out, since it contradicts the rest; "
+        "with a number, one board of several. o: seen, and not used."
+    )
     if total > _MOST_ROWS:
         note += f" The first {_MOST_ROWS} of {total} collections are shown."
     unused = [
@@ -183,21 +196,42 @@ def detections_section(given: Given) -> List[Section]:
         if value["reason"]
     ]
     table = Table("Boards that each sensor saw", ["collection", *names], rows, True, note)
-    return [Section("detections", "Who saw the board when", [table, *map(Text, unused[:30])])]
+    if len(unused) > _MOST_UNUSED:
+        more = len(unused) - _MOST_UNUSED
+        unused = [*unused[:_MOST_UNUSED], f"and {more} more (calibration.json, collections)"]
+    return [Section("detections", "Who saw the board when", [table, *map(Text, unused)])]
 
 
-def _detection(name: str, collection: Mapping[str, Any], rejected: Any) -> Cell:
-    if rejected is not None:
-        return Cell("x", "wrong", f"left out: {rejected['reason']}")
-    residuals = collection["residuals"].get(name)
+def _has_one_board(given: Given) -> bool:
+    return given.dataset is None or len(given.dataset.patterns) < 2
+
+
+def _of_board(rejected: Mapping[str, Any]) -> str:
+    return f"board '{rejected['pattern']}' is left out: {rejected['reason']}"
+
+
+def _labeled(given: Given) -> Set[Tuple[str, str]]:
+    """Return collection and sensor of each label, as far as the dataset can be read."""
+    if given.dataset is None:
+        return set()
+    return {(key.collection, key.sensor) for key, _ in given.dataset.detections()}
+
+
+def _detection(
+    residuals: Optional[Mapping[str, Any]], rejected: Sequence[str], is_labeled: bool
+) -> Cell:
     if not residuals:
-        return Cell("·", "none", "not seen")
+        if rejected:
+            return Cell("x", "wrong", "; ".join(rejected))
+        return Cell("o", "none", "seen, and not used") if is_labeled else _NOT_SEEN
     count = sum(s["count"] for kind, s in residuals.items() if kind != BORDER)
     told = "; ".join(
         f"{_SHORT[kind]} {millimetres(s['mean'], s['unit'])[0]:.2f} "
         f"{millimetres(0.0, s['unit'])[1]} in the mean"
         for kind, s in residuals.items()
     )
+    if rejected:
+        return Cell(f"{count} x", "wrong", "; ".join([*rejected, told]))
     return Cell(str(count), "seen", told)
 
 
