@@ -56,6 +56,16 @@ def test_two_publishers_of_one_edge_are_in_doubt_and_it_has_no_pose(said, make):
         tree.lookup("world", "arm", 105.0)
 
 
+def test_after_time_went_back_there_are_the_transforms_of_before_for_what_was_seen_then(said, make):
+    transforms = LiveTransforms()
+    for time_s in 100.0 + 0.1 * np.arange(120):
+        said.tf(make.tf("world", "arm", shifted(time_s), time_s))
+    for time_s in 100.0 + 0.1 * np.arange(3):  # a recording is played again, another one
+        said.tf(make.tf("world", "arm", shifted(0.0), time_s))
+    last, first = (transforms.at(t).lookup("world", "arm", t) for t in (111.0, 100.1))
+    assert last[0, 3] == pytest.approx(111.0) and first[0, 3] == 0.0
+
+
 def test_once_one_of_them_has_ended_there_are_poses_again(said, make):
     transforms = LiveTransforms()
     say_two(said, make, 100.0)

@@ -7,6 +7,8 @@ from atom_calibration.collect.collector import Collector, Setup
 from atom_calibration.collect.conclusion import left_out
 from atom_calibration.collect.selection import StopMoments
 from atom_calibration.modalities.frames import Frame
+from atom_calibration.nodes.collecting.live_collector import LiveCollector
+from atom_calibration.sources.receipts import ReceiptTimes
 from atom_calibration.sources.transform_tree import TransformTree
 from atom_core.io.collections import CollectionStore
 from atom_core.labeling.base import Labeled
@@ -21,19 +23,34 @@ PLACES = tuple(DATASET.collections)
 
 
 @pytest.fixture
-def collector(make, tmp_path):
+def setup(make, tmp_path):
     tree = TransformTree(30.0)
     first = DATASET.collections[PLACES[0]]
     tree.add(make.transforms(first.transforms, BEGIN_S).transforms, fixed=True)
     cameras = {name: s for name, s in DATASET.sensors.items() if s.modality == RGB}
     store = CollectionStore.create(tmp_path / "out")
-    setup = Setup(DATASET.config, cameras, DATASET.patterns, lambda _: tree, store)
+    return Setup(DATASET.config, cameras, DATASET.patterns, lambda _: tree, store)
+
+
+@pytest.fixture
+def collector(setup):
     return Collector(setup, StopMoments(DATASET.patterns))
+
+
+class Quiet:
+    """A board on which nobody looks."""
+
+    def __getattr__(self, _name):
+        return lambda *_words: None
 
 
 def play(collector, places=PLACES, noise_px=0.0, rng=None):
     """Show the board at one place after the other; return the keys of what was taken."""
-    keys = []
+    shown = frames(places, noise_px, rng)
+    return [key for frame in shown for key in collector.add(frame)]
+
+
+def frames(places=PLACES, noise_px=0.0, rng=None):
     for tick in range(int(len(places) * STOP_S * 5)):
         stamp_s = BEGIN_S + 0.2 * tick
         labels = DATASET.collections[places[int(0.2 * tick / STOP_S)]].labels
@@ -43,8 +60,7 @@ def play(collector, places=PLACES, noise_px=0.0, rng=None):
             if label is not None:
                 noise = 0.0 if rng is None else noise_px * rng.standard_normal(label.pixels.shape)
                 frame.set_label(PATTERN, Labeled(RgbLabel(label.ids, label.pixels + noise)))
-            keys += collector.add(frame)
-    return keys
+            yield frame
 
 
 def header(stamp_s):
@@ -83,3 +99,14 @@ def test_a_stop_whose_collection_was_deleted_is_taken_when_it_is_played_again(co
 def test_another_place_at_the_same_time_is_another_stop(collector):
     first = play(collector)  # as in a simulation that is reset
     assert len(play_again(collector, PLACES[::-1])) == len(first)
+
+
+@pytest.mark.parametrize("automatic", [True, False])
+def test_the_stop_at_the_end_of_a_recording_is_taken_when_it_is_played_again(setup, automatic):
+    live = LiveCollector(setup, None, Quiet(), automatic, ReceiptTimes([]))
+    for _ in range(2):
+        for frame in frames():
+            if live._order.goes_back(frame):
+                live._begin_anew()
+            live._add(live._order.add(frame))
+    assert live.count == automatic * len(PLACES)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from typing import Any, Deque, Dict, List, Mapping
+from typing import Any, Deque, Dict, List, Mapping, Optional
 
 import rospy
 from tf2_msgs.msg import TFMessage
@@ -34,6 +34,7 @@ class LiveTransforms:
         self._newest_s: Dict[Edge, float] = {}
         self._sound, self._watch = SoundTransforms(rospy.logwarn), EdgeWatch()
         self._tree = self._new_tree()
+        self._before: Optional[TransformTree] = None  # time went back
         self._subscribers = [
             rospy.Subscriber("/tf", TFMessage, self._waiting.append, queue_size=200),
             rospy.Subscriber("/tf_static", TFMessage, self._waiting_static.append, queue_size=100),
@@ -49,13 +50,21 @@ class LiveTransforms:
         """The transforms that have no pose at times, since messages contradict each other."""
         return self._watch.contradicted
 
-    def at(self, _time_s: float) -> TransformTree:
-        """Return the tree, which holds the last half minute."""
+    def at(self, time_s: float) -> TransformTree:
+        """Return the tree, which holds the last half minute.
+
+        Args:
+            time_s: of which time [s]; where that lies ahead by far, since time went back, the
+                tree is that of before.
+        """
         with self._lock:
             while self._waiting_static:
                 self._add_static(self._waiting_static.popleft())
             while self._waiting:
                 self._add(self._waiting.popleft())
+            newest_s = max(self._newest_s.values(), default=time_s)
+            if self._before is not None and time_s > newest_s + _BACK_S:
+                return self._before
             return self._tree
 
     def wait_until(self, time_s: float, patience_s: float) -> None:
@@ -85,6 +94,7 @@ class LiveTransforms:
 
     def _begin_anew(self) -> None:
         self._watch.begin_anew()
+        self._before = self._tree
         self._tree, self._newest_s = self._new_tree(), {}
         self._tree.add(self._static.values(), fixed=True)
 

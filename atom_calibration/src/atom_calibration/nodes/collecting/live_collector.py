@@ -279,10 +279,13 @@ class LiveCollector:
             self._guarded(partial(self.collector.add, frame))
 
     def _begin_anew(self) -> None:
+        """Forget the data of before; the stop that lasted until their end is taken first."""
         rospy.logwarn(
             "time went back: what was not collected until then is forgotten; stops that were are "
             "not taken by themselves again (Save takes them)"
         )
+        self._add(self._order.flush())
+        self._guarded(self.collector.finish)
         self._order.clear()
         for pair in self._pairs:
             with pair.lock:
