@@ -41,10 +41,11 @@ def spread_collection(calibration: Calibration, edge: Edge) -> Optional[str]:
 def usual_sigma(calibration: Calibration, edge: Edge) -> Optional[np.ndarray]:
     """Return (6,) medians over the collections of an edge's standard deviations [rad, m].
 
-    About and along the parent's axes; None where one value holds for all collections.
+    About and along the parent's axes, with usual errors where they are known; None where one
+    value holds for all collections.
     """
     mine = [(i, block) for i, block in _blocks(calibration, edge) if block.collection is not None]
-    spreads = [_of_block(calibration, *block, calibration.covariance) for block in mine]
+    spreads = [_of_block(calibration, *block, calibration.covariance.combined) for block in mine]
     return np.sqrt(np.median([np.diagonal(s) for s in spreads], axis=0)) if spreads else None
 
 

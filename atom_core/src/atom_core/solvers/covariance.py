@@ -83,17 +83,28 @@ class Covariance:
         result.error_sigmas = {e: by_error.get(e, 1.0) * s for e, s in self.error_sigmas.items()}
         return result
 
-    def with_combined(self, systematic: np.ndarray) -> Covariance:
+    def with_combined(
+        self, systematic: np.ndarray, followers: Optional[np.ndarray] = None
+    ) -> Covariance:
         """Return the covariance, and as its `combined` one what is the same in all collections too.
 
         Args:
             systematic: (6 s, 6 s) covariance of that, of the shared blocks' numbers.
+            followers: (k, p) by how much all numbers follow k independent ones of unit variance,
+                which make it; None: what is of one collection follows nothing.
         """
         result, combined = copy.copy(self), copy.copy(self)
         idle = self._layout.idle
         systematic = systematic.copy()
         systematic[idle], systematic[:, idle] = 0.0, 0.0  # they do not vary
         combined._shared = self._shared + systematic / self._scale
+        if followers is not None:
+            parts = [self._layout.split(numbers) for numbers in followers]
+            shared = np.array([part[0] for part in parts]).T  # (6 s, k)
+            local = np.stack([part[1] for part in parts], axis=-1)  # (g, 6 w, k)
+            shared[idle] = 0.0
+            combined._cross = self._cross + local @ shared.T / self._scale
+            combined._local = self._local + local @ np.swapaxes(local, 1, 2) / self._scale
         result._combined = combined
         return result
 

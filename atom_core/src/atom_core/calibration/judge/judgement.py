@@ -312,7 +312,8 @@ def _checked(
     left = (error for error in every.errors if error not in estimated)
     usual = usual_sizes(left, options.intrinsics_sigma)
     rest = left_open(every, usual)
-    covariance = covariance.with_combined(rest.of_blocks(loss))
+    follow = solution.joint and rest.followers(solution.joint, loss)
+    covariance = covariance.with_combined(rest.of_blocks(loss), follow)
     cameras = any(b.kind == REPROJECTION for b in refined.solver.problem.residual_blocks)
     untold = untold_scale(every, usual, refined.options.error_priors, cameras)
     if options.model_errors == OFF:

@@ -18,6 +18,7 @@ from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.board_errors import BoardSize, SeenBorder
 from atom_core.problem.model_errors import DepthScale, ModelError, RangeScale
 from atom_core.solvers import losses
+from atom_core.solvers.scalars import JointScalars
 from atom_core.solvers.shared_equations import SharedEquations
 
 RANGE_SCALES = (RangeScale, DepthScale)
@@ -48,9 +49,32 @@ class LeftOpen(NamedTuple):
         Args:
             loss: robust loss of the equations.
         """
+        return self.gains @ self._spread(loss) @ self.gains.T
+
+    def followers(self, joint: JointScalars, loss: str) -> np.ndarray:
+        """Return (k, p) by how much all numbers follow k independent ones of unit variance.
+
+        Those of single collections, too: where a transform has a value in each.
+
+        Args:
+            joint: of insets and errors, those that are estimated free in it.
+            loss: robust loss of the equations.
+        """
+        place = {error: j for j, error in enumerate(joint.errors)}
+        rest = [place[error] for error in self.errors]
+        held = {j for j, error in enumerate(joint.errors) if isinstance(error, SeenBorder)}
+        base = [j for j in range(len(joint.errors)) if j not in held and j not in rest]
+        scalars = joint.curvature
+        follow = _inverse_of_seen(scalars[np.ix_(base, base)]) @ scalars[np.ix_(base, rest)]
+        gains = joint.gains[rest] - follow.T @ joint.gains[base]
+        values, vectors = np.linalg.eigh(self._spread(loss))
+        return (vectors * np.sqrt(np.maximum(values, 0.0))).T @ gains
+
+    def _spread(self, loss: str) -> np.ndarray:
+        """Return (k, k) the mean squared errors that are left, in the equations' units."""
         # What is far off counts less, and the step falls short.
         step = self.step * losses.step_length(loss)
-        return self.gains @ (self.covariance + np.outer(step, step)) @ self.gains.T
+        return self.covariance + np.outer(step, step)
 
     @property
     def told_board_size(self) -> float:

@@ -17,7 +17,9 @@ from atom_core.calibration.refine.error_words import UNESTIMATED, described, rem
 from atom_core.calibration.refine.layer_checks import LayerSums, layer_sums
 from atom_core.calibration.refine.model_checks import ModelCheck, model_checks
 from atom_core.model.dataset import Dataset
-from atom_core.problem.model_errors import WITH_ALL, ErrorPrior, ModelError
+from atom_core.problem.blocks import ADDITIONAL_TF
+from atom_core.problem.model_errors import WITH_ALL, ErrorPrior, ErrorPriors, ModelError
+from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION
 from atom_core.solvers.base import (
     CONVERGED,
@@ -28,9 +30,16 @@ from atom_core.solvers.base import (
     SolverSummary,
 )
 from atom_core.solvers.detection_noise import weighted_by_detections
+from atom_core.solvers.normal_equations import NormalEquations
 from atom_core.solvers.reweighting import solve_again
-from atom_core.solvers.scalar_columns import scalars_of
-from atom_core.solvers.shared_equations import SharedEquations, shared_equations, shares_of
+from atom_core.solvers.scalar_columns import Scalars, scalars_of
+from atom_core.solvers.scalars import JointScalars, joint_of
+from atom_core.solvers.shared_equations import (
+    SharedEquations,
+    shared_equations,
+    shares_of,
+    tempered,
+)
 from atom_core.solvers.stops import by_stop, repeats, stops_of
 
 _MOST = 12
@@ -52,6 +61,8 @@ class CheckedSolution:
         layers: what the data say of LiDARs' layers, likewise.
         stops: the first collection of its stop by collection.
         repeated: (d,) how often each detection's stop has it.
+        joint: of all scalars beside the poses, where fields were asked for and a transform has a
+            value in each collection; else None.
     """
 
     equations: SharedEquations
@@ -61,6 +72,7 @@ class CheckedSolution:
     layers: Tuple[LayerSums, ...]
     stops: Mapping[str, str]
     repeated: np.ndarray
+    joint: Optional[JointScalars]
 
     def checks(self, summary: SolverSummary, loss: str) -> List[ModelCheck]:
         """Return the model errors that the data show, what explains most first."""
@@ -102,6 +114,7 @@ def checked(
     common = summary.common or [0.0] * len(blocks)
     at_least = [max(part, COMMON[block.kind]) for part, block in zip(common, blocks)]
     whole = shared_equations(problem, equations, scalars, sigmas, priors, common)
+    shares = shares_of(problem, sigmas, common)
     few, stops = scalars.without_fields(), stops_of(problem, x)
     repeated = repeats(problem, stops)
     return CheckedSolution(
@@ -109,10 +122,29 @@ def checked(
         tuple(at_least),
         shared_equations(problem, equations, few, sigmas, priors, at_least, repeated),
         whole,
-        layer_sums(problem, scalars, shares_of(problem, sigmas, common)),
+        layer_sums(problem, scalars, shares),
         stops,
         repeated,
+        _joint(problem, equations, scalars, shares, priors) if with_fields else None,
     )
+
+
+def _joint(
+    problem: Problem,
+    equations: NormalEquations,
+    scalars: Scalars,
+    shares: Sequence[np.ndarray],
+    priors: ErrorPriors,
+) -> Optional[JointScalars]:
+    """Return all scalars beside the poses; None where no transform has a value in each collection.
+
+    Arguments as of `joint_of`, but for the equations, whose detections have their full weights.
+    """
+    blocks = problem.parameters.pose_blocks()
+    if not any(b.kind == ADDITIONAL_TF and b.collection is not None for _, b in blocks):
+        return None
+    weighted = tempered(problem, equations, shares, scalars.x)
+    return joint_of(problem, weighted, scalars, shares, priors)
 
 
 def with_shown_errors(
