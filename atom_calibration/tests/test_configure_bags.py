@@ -194,6 +194,41 @@ def test_what_is_no_transform_and_topics_of_another_robot_are_told_and_passed_ov
     assert "elsewhere" not in said  # the description fits the robot's own
 
 
+def repeated_on_tf(package, child):
+    """Yield the messages of the bag, with a fixed transform on /tf, ten times a second."""
+    content, fixed = list(_messages(package)), []
+    for topic, message, _ in content:
+        if topic == "/tf_static":
+            fixed += [t for t in message.transforms if t.child_frame_id == child]
+            message.transforms = [t for t in message.transforms if t not in fixed]
+        elif topic == "/tf":
+            again = deepcopy(fixed[0])
+            again.header.stamp = message.transforms[0].header.stamp
+            message.transforms.append(again)
+    return content
+
+
+def test_a_mount_that_a_program_repeats_on_tf_is_as_fixed_as_in_tf_static(
+    package, capsys, make, tmp_path
+):
+    bag = make.bag(tmp_path / "repeated.bag", repeated_on_tf(package, "camera_link"))
+    assert configure(package, "--bag", str(bag), "--first_guess", "bag") == 0
+    told = capsys.readouterr()
+    assert "other fixed transforms than the bag: mast-camera_link 100.0 mm" in told.err
+    assert "the origin of mast-camera_link is that of the bag" in told.out
+
+
+def test_one_that_the_description_does_not_have_can_be_estimated(package, capsys, make, tmp_path):
+    bag = make.bag(tmp_path / "repeated.bag", repeated_on_tf(package, "camera_link"))
+    path = package / "calibration" / "rig.urdf.xacro"
+    text = path.read_text()
+    mount = text[text.index('<joint name="camera_mount"') : text.index('<joint name="shoulder"')]
+    links = '<link name="camera_link"/> <link name="camera_optical"/>'
+    path.write_text(text.replace(mount, "").replace(links, ""))
+    assert configure(package, "--bag", str(bag)) == 0
+    assert "'camera_link', which only the bag's transforms have" in capsys.readouterr().err
+
+
 def test_an_edge_that_only_the_driver_publishes_is_told_when_it_shall_be_estimated(package, capsys):
     description = package / "calibration" / "rig.urdf.xacro"
     text = description.read_text("utf-8").replace('<link name="camera_optical"/>', "")

@@ -47,6 +47,7 @@ Locate = Callable[[KeyPath], str]
 _NO_NAME_OF_ROS = re.compile(r"[.-]")
 _CALIBRATED_JOINTS = (REVOLUTE, CONTINUOUS, PRISMATIC)
 _LOOKED_AT_S = 20.0  # of each topic of /tf and /joint_states, which repeat themselves
+_STILL = 1e-9  # between entries of poses that are repeated
 _SAME_M, _SAME_RAD = 1e-4, 1e-4  # between description and bag; more is told
 _LISTED = 8
 
@@ -60,7 +61,8 @@ class BagFacts:
         data_topics: where the data of every sensor are, compressed ones by their full name.
         modalities: of every sensor.
         edges: kind, fixed or multiple, of the edges of /tf_static and /tf.
-        fixed: ``parent_T_child`` (4, 4) of those of /tf_static [m].
+        fixed: ``parent_T_child`` (4, 4) of those of /tf_static, and of those of /tf that stand
+            still in what is looked at [m].
         joints: by topic, the names in /joint_states and in other topics with positions.
         robot: of the description.
     """
@@ -147,6 +149,8 @@ def bag_facts(
     told = set().union(*joints.values())
     missed = {edge for name, edge in awaited.items() if name not in told}
     edges, fixed = _bag_edges(bag, missed, findings)
+    # As a static_transform_publisher of tf1 repeats a mount.
+    edges.update({s.edge: FIXED for s in config.sensors.values() if s.edge in fixed})
     robot = None if description is None else description.robot
     return BagFacts(sensors, topics, modalities, edges, fixed, joints, robot)
 
@@ -253,11 +257,16 @@ def _bag_edges(
             for message in sound.of(found.message.transforms, topic):
                 edges.setdefault(edge_of(message), FIXED)
                 fixed[edge_of(message)] = transform_matrix(message)
+    still: Dict[Edge, Optional[np.ndarray]] = {}  # None: it moves
     for topic in topics.moving:
         for heard in _beginnings(bag, [topic], lambda: awaited <= set(edges)):
             for message in sound.of(heard.transforms, topic):
-                edges.setdefault(edge_of(message), MULTIPLE)
-    return edges, fixed
+                edge, pose = edge_of(message), transform_matrix(message)
+                edges.setdefault(edge, MULTIPLE)
+                first = still.setdefault(edge, pose)
+                if first is not None and not np.allclose(first, pose, 0.0, _STILL):
+                    still[edge] = None
+    return edges, {**{edge: pose for edge, pose in still.items() if pose is not None}, **fixed}
 
 
 def _bag_joints(bag: BagReader, awaited: Set[str]) -> Dict[str, Set[str]]:
