@@ -10,7 +10,7 @@ of one kind, and shared by all items of a detection, which count as the few numb
 
 from __future__ import annotations
 
-from typing import Dict, List, Sequence, Tuple
+from typing import Dict, List, Mapping, Sequence, Tuple
 
 import numpy as np
 
@@ -45,12 +45,14 @@ def settled(
     alone = distances_alone(solver.problem, summary.x, initial, loss, setup.make)
     noise = [_noise(block, own) for block, own in zip(blocks, alone)]
     sigmas: Sequence[np.ndarray] = initial
+    beyond: Mapping[str, float] = {}
     for _ in range(_ROUNDS):
         summary = solve_with_sigmas(solver, setup.options, summary, sigmas)
         if summary.interrupted:
             break
-        sigmas = _sigmas(blocks, noise, distances(solver, summary.x, sigmas))
-    return summary, (_remark(blocks, noise),)
+        beyond = _beyond_noise(blocks, noise, distances(solver, summary.x, sigmas))
+        sigmas = _sigmas(blocks, noise, beyond)
+    return summary, (_remark(blocks, beyond),)
 
 
 def _noise(block: ResidualBlock, alone: np.ndarray) -> float:
@@ -62,15 +64,15 @@ def _noise(block: ResidualBlock, alone: np.ndarray) -> float:
     return max(middle * float(np.sqrt(rows / redundancy)), SMALLEST_SIGMA[block.kind])
 
 
-def _sigmas(
-    blocks: Sequence[ResidualBlock],
-    noise: Sequence[float],
-    joint: Sequence[np.ndarray],
-) -> List[np.ndarray]:
-    """Return for each block the sigmas (n,) at which its detections count as what they tell.
+def _beyond_noise(
+    blocks: Sequence[ResidualBlock], noise: Sequence[float], joint: Sequence[np.ndarray]
+) -> Dict[str, float]:
+    """Return by kind the variance that the joint fit leaves beyond the noise of labels.
 
-    Errors of size e that all n rows of a detection share leave of them the information of k
-    independent numbers, k of a pose: as much as independent errors of variance e^2 n / k.
+    Args:
+        blocks: of the problem.
+        noise: the standard deviation of each block's labels.
+        joint: for each block, distances (n,) in the joint fit.
     """
     shared: Dict[str, List[np.ndarray]] = {}
     for block, own_sigma, together in zip(blocks, noise, joint):
@@ -79,20 +81,37 @@ def _sigmas(
         if np.median(excess) < _NOTHING * own_sigma**2:
             excess = np.zeros_like(excess)
         shared.setdefault(block.kind, []).append(excess)
+    middles = {kind: float(np.median(np.concatenate(each))) for kind, each in shared.items()}
+    return {kind: max(middle, 0.0) for kind, middle in middles.items()}
+
+
+def _sigmas(
+    blocks: Sequence[ResidualBlock], noise: Sequence[float], beyond: Mapping[str, float]
+) -> List[np.ndarray]:
+    """Return for each block the sigmas (n,) at which its detections count as what they tell.
+
+    Errors of size e that all n rows of a detection share leave of them the information of k
+    independent numbers, k of a pose: as much as independent errors of variance e^2 n / k.
+    """
     found = []
     for block, own_sigma in zip(blocks, noise):
-        excess_square = max(float(np.median(np.concatenate(shared[block.kind]))), 0.0)
         rows = block.dimension * float(np.median(np.bincount(block.detection)[block.detection]))
         share = max(rows / _NUMBERS[block.kind], 1.0)
-        sigma = np.sqrt(own_sigma**2 + share * excess_square)
+        sigma = np.sqrt(own_sigma**2 + share * beyond[block.kind])
         found.append(block.sigma * (sigma / float(np.median(block.sigma))))
     return found
 
 
-def _remark(blocks: Sequence[ResidualBlock], noise: Sequence[float]) -> str:
+def _remark(blocks: Sequence[ResidualBlock], beyond: Mapping[str, float]) -> str:
+    """Return what is not told; that cameras contradict the rest only where they do."""
     names = list(dict.fromkeys(block.sensor for block in blocks))
-    return (
+    told = (
         f"the data do not tell by how much each of {', '.join(names)} scatters (the sigmas do not "
-        f"settle): the noise of their labels alone was taken, and beyond it the same scatter for "
-        f"all sensors of a kind; the sensors contradict each other, look at their intrinsics"
+        f"settle): the noise of their labels alone was taken"
     )
+    if not any(beyond.values()):
+        return f"{told}; beyond it nothing is left, the sensors agree; more boards tell more"
+    told = f"{told}, and beyond it the same scatter for all sensors of a kind"
+    if not beyond.get(REPROJECTION):  # few points on a border fit a pose of their own anyway
+        return f"{told}; more boards tell more"
+    return f"{told}; the cameras contradict the rest, look at their intrinsics"
