@@ -8,7 +8,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
-from atom_calibration.nodes.bags.joint_states import TOPIC, add_noise, list_joints
+from atom_calibration.nodes.bags.joint_states import add_noise, list_joints
+
+TOPIC = "/joint_states"
 
 
 @pytest.fixture
@@ -55,6 +57,39 @@ def test_only_the_positions_of_these_joints_change(bag, tmp_path, capsys):
             assert list(after.velocity) == list(before.velocity)
         else:
             assert str(after) == str(before)
+
+
+def test_joints_of_a_namespace_are_biased_where_collecting_reads_them(tmp_path, capsys):
+    """A robot's own namespace counts; what its arm is told to do, and what is merged, does not."""
+    path, copy = tmp_path / "mopi.bag", tmp_path / "biased.bag"
+    told = {
+        "/mopi/joint_states": JointState(name=["a"], position=[0.1]),
+        "/mopi/joint_command": JointState(name=["a"], position=[0.3]),
+        "/base/joint_states": JointState(name=["w"], position=[1.0]),
+        TOPIC: JointState(name=["w"], position=[1.0]),
+    }
+    with rosbag.Bag(str(path), "w") as bag:
+        for topic, message in told.items():
+            bag.write(topic, message, rospy.Time.from_sec(10.0))
+    assert list_joints(["-bfi", str(path)]) == 0
+    assert sorted(capsys.readouterr().out.splitlines()[:2]) == ["a", "w"]
+    assert noise(path, "-bfo", copy, "-jn", "a", "w", "-jb", "0.5", "0.25") == 0
+    assert "2 messages of " in capsys.readouterr().out
+    found = {topic: message.position[0] for topic, message, _ in entries(copy)}
+    assert found == {
+        "/mopi/joint_states": pytest.approx(0.6),
+        "/mopi/joint_command": 0.3,
+        "/base/joint_states": 1.0,
+        TOPIC: 1.25,
+    }
+
+
+def test_a_bag_without_joints_is_refused(tmp_path, capsys):
+    path = tmp_path / "still.bag"
+    with rosbag.Bag(str(path), "w") as bag:
+        bag.write("/other", String("x"), rospy.Time.from_sec(10.0))
+    assert list_joints(["-bfi", str(path)]) == 2
+    assert "no topic of sensor_msgs/JointState" in capsys.readouterr().err
 
 
 def test_that_tf_has_no_bias_is_told_with_the_option_that_uses_it(bag, tmp_path, capsys):

@@ -1,4 +1,7 @@
-"""Positions of joints in bags: which joints there are, and copies with a bias added."""
+"""Positions of joints in bags: which joints there are, and copies with a bias added.
+
+They stand where collecting reads them: on /joint_states, or else on topics of a namespace.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ import argparse
 import copy
 import sys
 from pathlib import Path
-from typing import Any, Dict, List, Mapping, Optional, Sequence
+from typing import Any, Dict, FrozenSet, List, Mapping, Optional, Sequence, Set
 
 import numpy as np
 import rospy
@@ -16,11 +19,11 @@ from atom_calibration.runtime import running
 from atom_calibration.sources.bag_reader import open_bag
 from atom_calibration.sources.bag_transforms import TF
 from atom_calibration.sources.bag_writer import new_bag
+from atom_calibration.sources.joint_topics import JOINT_STATE, counting
 from atom_core.commands.common import add_option
 from atom_core.commands.option_parser import OptionParser
 from atom_core.errors import OutputError
 
-TOPIC = "/joint_states"
 _BEGIN_S = 5.0  # of a bag, in which all joints are expected to be seen
 
 
@@ -74,15 +77,24 @@ def joint_names(path: Path) -> List[str]:
     Raises:
         BagError: the bag cannot be read, or has none.
     """
-    found: Dict[str, None] = {}
+    return list(dict.fromkeys(name for names in _topics(path).values() for name in names))
+
+
+def _topics(path: Path) -> Dict[str, List[str]]:
+    """Return the joints by the topic that counts for them, in the order of the messages."""
+    found: Dict[str, Dict[str, None]] = {}
     with open_bag(path) as bag:
+        types = bag.get_type_and_topic_info().topics
+        topics = [topic for topic, told in types.items() if told.msg_type == JOINT_STATE]
         begin_s = bag.get_start_time() if bag.get_message_count() else 0.0
         end = rospy.Time.from_sec(begin_s + _BEGIN_S)
-        for _, message, _ in bag.read_messages(topics=[TOPIC], end_time=end):
-            found.update(dict.fromkeys(message.name))
-    if not found:
-        raise BagError(f"{path}: there are no {TOPIC} in its first {_BEGIN_S:g} s")
-    return list(found)
+        for topic, message, _ in bag.read_messages(topics=topics, end_time=end) if topics else ():
+            found.setdefault(topic, {}).update(dict.fromkeys(message.name))
+    if not any(found.values()):
+        raise BagError(f"{path}: no topic of {JOINT_STATE} has joints in its first {_BEGIN_S:g} s")
+    every: Set[str] = {name for names in found.values() for name in names}
+    counts: Dict[str, FrozenSet[str]] = counting({t: {*n} for t, n in found.items()}, every)
+    return {topic: [n for n in found[topic] if n in names] for topic, names in counts.items()}
 
 
 def _add_noise(args: argparse.Namespace) -> int:
@@ -104,15 +116,16 @@ def _add_noise(args: argparse.Namespace) -> int:
     for name in args.joint_names:
         if name not in there:
             raise BagError(f"{args.bagfile_in}: no joint '{name}'; there are: {', '.join(there)}")
-    changed = biased_copy(
-        args.bagfile_in, args.bagfile_out, dict(zip(args.joint_names, args.joint_biases))
-    )
-    sys.stdout.write(f"{args.bagfile_out}: {changed} messages of {TOPIC} changed\n")
+    wanted = dict(zip(args.joint_names, args.joint_biases))
+    changed = biased_copy(args.bagfile_in, args.bagfile_out, wanted)
+    topics = [t for t, names in _topics(args.bagfile_in).items() if {*names} & {*wanted}]
+    named = ", ".join(topics)
+    sys.stdout.write(f"{args.bagfile_out}: {changed} messages of {named} changed\n")
     with open_bag(args.bagfile_out) as bag:
         if bag.get_message_count(TF):
             sys.stdout.write(
                 f"its {TF} still has the robot without the bias, and is what `collect_from_bag` "
-                f"uses: add --description there, so that {TOPIC} moves the robot\n"
+                f"uses: add --description there, so that {named} moves the robot\n"
             )
     return 0
 
@@ -123,10 +136,11 @@ def biased_copy(source: Path, target: Path, biases: Mapping[str, float]) -> int:
     Raises:
         OutputError: it cannot be written; nothing is left of it.
     """
-    changed = 0
+    changed, topics = 0, _topics(source)
     with open_bag(source) as bag, new_bag(target) as written:
         for topic, message, time, header in bag.read_messages(return_connection_header=True):
-            biased = _biased(message, biases) if topic == TOPIC else message
+            mine = {name: biases[name] for name in topics.get(topic, ()) if name in biases}
+            biased = _biased(message, mine) if mine else message
             changed += biased is not message
             written.write(topic, biased, time, connection_header=header)
     return changed
