@@ -62,6 +62,22 @@ def test_data_that_are_late_for_want_of_speed_blame_no_clock(clock, cloud):
     assert not told and "too slow" in clocks.why_behind(3.0)
 
 
+@pytest.mark.parametrize("speed", [0.3, 2.0])
+def test_a_recording_that_is_played_at_another_speed_without_a_clock_blames_no_sensor(
+    clock, cloud, speed
+):
+    clocks, told = LiveClocks(["cam", "lidar"], ()), []
+    for tick in range(40):  # the camera has half as many images
+        clock.now_s += 0.1 / speed
+        clocks.note(cloud(100.0 + 0.1 * tick), "lidar")
+        if tick % 2 == 0:
+            clocks.note(cloud(100.0 + 0.1 * tick), "cam")
+        told += clocks.check()
+    (line,) = told
+    assert f"go at {speed:.2f} of the speed" in line and "--clock" in line
+    assert "use_receive_time" not in line
+
+
 def test_a_clock_whose_stamps_are_not_used_is_not_blamed(clock, cloud):
     stamps_s = {"cam": lambda now_s: now_s, "lidar": lambda now_s: now_s + 3.0}
     assert not watched(clock, cloud, stamps_s, ["lidar"])[1]

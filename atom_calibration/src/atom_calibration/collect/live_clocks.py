@@ -13,6 +13,7 @@ from atom_calibration.messages.headers import stamp_s
 
 _UNSET = 3  # data of a sensor without stamps until it is refused
 _TIMED = 10  # data of each sensor that tell its clock
+_SAME_SPEED = 0.15  # of clocks; what busy machines take at once differs more among sensors
 _NOTEWORTHY_S = 0.3  # busy machines take data from their queues so late
 LIVE = Judged(
     "use_receive_time:='{}' (of collect_data.launch)", late_s=_NOTEWORTHY_S, ahead_s=_NOTEWORTHY_S
@@ -48,6 +49,7 @@ class LiveClocks:
             received: sensors whose stamps are not used.
         """
         self._lags_s: Dict[str, List[float]] = {name: [] for name in sensors}
+        self._stamps_s: Dict[str, List[float]] = {}  # of those whose stamps are used
         self._unset: Dict[str, int] = dict.fromkeys(sensors, 0)
         self._received = received
         self._told: Set[str] = set()
@@ -65,6 +67,8 @@ class LiveClocks:
         elif not now.is_zero():
             lag_s = 0.0 if sensor in self._received else now.to_sec() - stamp_s(message)
             self._lags_s[sensor].append(lag_s)
+            if sensor not in self._received:
+                self._stamps_s.setdefault(sensor, []).append(stamp_s(message))
 
     def check(self) -> List[str]:
         """Return what is to be told of the clocks, once, as soon as enough data have come.
@@ -78,6 +82,14 @@ class LiveClocks:
         if self._judged or min(map(len, self._lags_s.values()), default=0) < _TIMED:
             return []
         self._judged = True
+        speed = self._speed()
+        if abs(speed - 1.0) > _SAME_SPEED:
+            self.warnings = [
+                f"the stamps of all sensors go at {speed:.2f} of the speed of ROS's clock, as of a "
+                f"recording that is played faster or slower without /clock, so that nothing tells "
+                f"whether the sensors' clocks agree: use `rosbag play --clock`, with /use_sim_time"
+            ]
+            return self.warnings
         lags_s = {name: float(np.median(lags)) for name, lags in self._lags_s.items()}
         self._apart_s = max(lags_s.values()) - min(lags_s.values())
         try:
@@ -85,6 +97,16 @@ class LiveClocks:
         except CollectionError as error:
             self.warnings = [str(error)]
         return self.warnings
+
+    def _speed(self) -> float:
+        """Return at which speed of ROS's clock the stamps go; 1 where sensors do not agree."""
+        speeds = []
+        for sensor, stamps_s in self._stamps_s.items():
+            stamped_s = stamps_s[-1] - stamps_s[0]
+            passed_s = stamped_s + self._lags_s[sensor][-1] - self._lags_s[sensor][0]
+            speeds.append(stamped_s / passed_s if min(stamped_s, passed_s) > 0.0 else np.nan)
+        speed = float(np.median(speeds)) if speeds else 1.0
+        return speed if np.all(np.abs(np.array(speeds) / speed - 1.0) < _SAME_SPEED) else 1.0
 
     def why_behind(self, behind_s: float) -> str:
         """Return what makes data come so much later than others [s], with the remedy."""
