@@ -9,6 +9,7 @@ import rospy
 from atom_calibration.collect.live_clocks import LiveClocks
 from atom_calibration.errors import CollectionError, MessageError
 from atom_calibration.nodes.collecting.labeler_node import LabelerNode
+from atom_calibration.nodes.collecting.live_collector import LiveCollector
 from atom_calibration.sources.receipts import ReceiptTimes
 
 NOW_S = 1.7e9
@@ -96,6 +97,37 @@ def test_zero_is_a_stamp_when_a_simulation_begins(clock, cloud):
     for _ in range(5):
         clocks.note(cloud(0.0), "lidar")
     assert not clocks.check()
+
+
+def test_a_clock_that_was_left_behind_is_told_once_and_judges_nobody(clock, cloud):
+    clocks, told, stamp_s = LiveClocks(["cam", "lidar"], ()), [], NOW_S
+    clock.now_s = 0.0  # /use_sim_time of an earlier launch file
+    for _ in range(30):
+        stamp_s += 0.1
+        for name in ("cam", "lidar"):
+            clocks.note(cloud(stamp_s), name)
+        told += clocks.check()
+    (line,) = told
+    assert "nobody publishes /clock" in line and "rosparam set use_sim_time false" in line
+
+
+@pytest.mark.parametrize(
+    "begin_s, now_s, stale",
+    [
+        (0.0, 0.0, True),  # no clock ever went
+        (100.0, 100.0, False),  # a recording is paused
+        (100.0, 120.0, True),
+        (100.0, 80.0, True),  # it is played again, without these data
+    ],
+)
+def test_data_that_have_ceased_to_come_are_not_saved(clock, monkeypatch, begin_s, now_s, stale):
+    live = LiveCollector.__new__(LiveCollector)
+    clock.now_s = begin_s
+    live._data_came()
+    clock.now_s = now_s
+    seconds = live.last_data_s + 60.0
+    monkeypatch.setattr("time.monotonic", lambda: seconds)
+    assert live._is_stale() is stale
 
 
 def labeler(received=()):

@@ -15,6 +15,10 @@ _UNSET = 3  # data of a sensor without stamps until it is refused
 _TIMED = 10  # data of each sensor that tell its clock
 _SAME_SPEED = 0.15  # of clocks; what busy machines take at once differs more among sensors
 _NOTEWORTHY_S = 0.3  # busy machines take data from their queues so late
+NO_CLOCK = (
+    "/use_sim_time is set, and nobody publishes /clock: an earlier launch file may have left it "
+    "behind; `rosparam set use_sim_time false`, and start again, or play the recording with --clock"
+)
 LIVE = Judged(
     "use_receive_time:='{}' (of collect_data.launch)", late_s=_NOTEWORTHY_S, ahead_s=_NOTEWORTHY_S
 )
@@ -51,6 +55,7 @@ class LiveClocks:
         self._lags_s: Dict[str, List[float]] = {name: [] for name in sensors}
         self._stamps_s: Dict[str, List[float]] = {}  # of those whose stamps are used
         self._unset: Dict[str, int] = dict.fromkeys(sensors, 0)
+        self._without_clock: Dict[str, int] = dict.fromkeys(sensors, 0)
         self._received = received
         self._told: Set[str] = set()
         self._apart_s = 0.0
@@ -64,7 +69,9 @@ class LiveClocks:
         now = rospy.Time.now()
         if is_unstamped(message):
             self._unset[sensor] += 1
-        elif not now.is_zero():
+        elif now.is_zero():
+            self._without_clock[sensor] += 1
+        else:
             lag_s = 0.0 if sensor in self._received else now.to_sec() - stamp_s(message)
             self._lags_s[sensor].append(lag_s)
             if sensor not in self._received:
@@ -79,6 +86,9 @@ class LiveClocks:
         for sensor, unset in self._unset.items():
             if unset >= _UNSET and not self._lags_s[sensor]:
                 raise CollectionError(without_stamps(sensor))
+        if NO_CLOCK not in self._told and min(self._without_clock.values(), default=0) >= _TIMED:
+            self._told.add(NO_CLOCK)
+            return [NO_CLOCK]
         if self._judged or min(map(len, self._lags_s.values()), default=0) < _TIMED:
             return []
         self._judged = True

@@ -371,10 +371,13 @@ class LiveCollector:
         self._saves.append(_Save(self._order.newest_s, end_wall_s, answer))
 
     def _is_stale(self) -> bool:
-        """Tell whether data have ceased to come; while a recording is paused they have not."""
-        quiet_s = time.monotonic() - (self.last_data_s or 0.0)
-        passed_s = (rospy.Time.now() - self._last_data_time).to_sec()
-        return min(quiet_s, abs(passed_s)) > _STALE_S
+        """Tell whether data have ceased to come; while a recording is paused they have not.
+
+        A clock that never went is no recording's: /use_sim_time was left behind.
+        """
+        quiet_s, now = time.monotonic() - (self.last_data_s or 0.0), rospy.Time.now()
+        passed_s = quiet_s if now.is_zero() else abs((now - self._last_data_time).to_sec())
+        return min(quiet_s, passed_s) > _STALE_S
 
     def _no_data(self) -> str:
         since = "yet" if self.last_data_s is None else f"for more than {_STALE_S:g} s"
