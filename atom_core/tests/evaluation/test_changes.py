@@ -1,5 +1,7 @@
 """Two calibrations against one another."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,8 @@ from atom_core.report.changes_report import (
     changes_table,
     changes_verdict,
 )
+from atom_core.report.page.given import Given
+from atom_core.report.page.trust_sections import changes_section
 
 SIGMA = np.array([1e-4] * 3 + [1e-3] * 3)
 
@@ -115,6 +119,26 @@ def test_a_joint_that_moved_is_named():
     assert document["joints"]["elbow position_bias"]["verdict"] == "moved"
     assert document["verdict"]["grade"] == "wrong"
     assert "elbow position_bias" in changes_table(found)
+
+
+def test_a_joints_one_number_has_a_limit_of_its_own_which_is_told():
+    """Between the two limits a joint has moved, and an edge has not; tables name both."""
+    found = changes([state("a")], [state("a")], [joint(0.02)], [joint(0.024)])
+    (of_joint,) = found.joints
+    assert of_joint.chi_square == pytest.approx(8.0) and of_joint.moved
+    assert found.joint_limit < of_joint.chi_square < found.limit
+    assert f"one number beyond {found.joint_limit:.1f}" in changes_table(found)
+    document = json.loads(json.dumps(changes_document(found, "before", "after")))
+    assert document["joints"]["elbow position_bias"]["chi_square"] == of_joint.chi_square
+    (section,) = changes_section(Given(None, None, changes=(document,)))
+    table = section.blocks[-1]
+    assert table.rows[-1][-1] == "8.00" and "8.00" in changes_table(found)
+    assert (
+        f"beyond {found.limit:.1f} (of a joint's one number {found.joint_limit:.1f})" in table.note
+    )
+    alone = changes([state("a")], [state("a")])
+    assert "one number" not in changes_table(alone)
+    assert changes_document(alone, "a", "b")["limit_chi_square_of_joints"] is None
 
 
 def test_a_full_turn_of_a_joint_is_no_move():

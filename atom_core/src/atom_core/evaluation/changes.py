@@ -59,6 +59,7 @@ class JointChange(NamedTuple):
         unit: m or rad.
         change: the second one minus the first.
         sigma: joint standard deviation.
+        chi_square: of the one number.
         moved: that is more than the limit.
         beyond_usual: it is even with the usual errors of sensors and boards in both.
     """
@@ -67,6 +68,7 @@ class JointChange(NamedTuple):
     unit: str
     change: float
     sigma: float
+    chi_square: float
     moved: bool
     beyond_usual: bool
 
@@ -85,6 +87,7 @@ class Changes:
         joints: likewise parameters of joints.
         limit: of the edges' chi-squares: of rigs that did not move, a hundredth has anything
             beyond.
+        joint_limit: likewise of those of joints' parameters.
         only_in_one: edges and parameters of joints that one of them lacks.
         held: edges that both hold.
         by_collection: edges with a value for each collection, which are other ones elsewhere.
@@ -96,6 +99,7 @@ class Changes:
     held: Tuple[Edge, ...]
     joints: Tuple[JointChange, ...] = ()
     by_collection: Tuple[Edge, ...] = ()
+    joint_limit: float = np.inf
 
     @property
     def compared(self) -> Tuple[Union[EdgeChange, JointChange], ...]:
@@ -148,7 +152,7 @@ def changes(
     old, new = ({str(joint): joint for joint in joints} for joints in (joints_before, joints_after))
     both = [name for name in old if name in new]
     tests = len(estimated) + len(both)
-    limit = limit_of(tests)
+    limit, joint_limit = limit_of(tests), limit_of(tests, 1)
     only = [str(edge) for edge in (*first, *second) if edge not in common]
     only += [name for name in (*old, *new) if name not in both]
     return Changes(
@@ -156,8 +160,9 @@ def changes(
         limit,
         tuple(only),
         tuple(edge for edge in held if edge not in many),
-        tuple(_joint_change(old[name], new[name], limit_of(tests, 1)) for name in both),
+        tuple(_joint_change(old[name], new[name], joint_limit) for name in both),
         tuple(many),
+        joint_limit,
     )
 
 
@@ -167,9 +172,10 @@ def _joint_change(first: ParameterState, second: ParameterState, limit: float) -
         change = float(np.arctan2(np.sin(change), np.cos(change)))
     sigma = np.hypot(first.sigma, second.sigma)
     usual = np.hypot(first.combined_sigma or first.sigma, second.combined_sigma or second.sigma)
-    moved, beyond = (change**2 > limit * max(s**2, LEAST_VARIANCE) for s in (sigma, usual))
+    square, by_usual = (float(change**2 / max(s**2, LEAST_VARIANCE)) for s in (sigma, usual))
+    moved = square > limit
     names = str(first), first.unit, change
-    return JointChange(*names, float(sigma), bool(moved), bool(moved and beyond))
+    return JointChange(*names, float(sigma), square, moved, moved and by_usual > limit)
 
 
 def _change(first: EdgeState, second: EdgeState, limit: float) -> EdgeChange:

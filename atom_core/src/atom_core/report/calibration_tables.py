@@ -290,5 +290,6 @@ class MovedEdge(NamedTuple):
 def moved_report(moved: Sequence[MovedEdge]) -> str:
     """Return the table of ``check --against``."""
     cells = [[m.sensor, str(m.edge), 1e3 * m.translation_m, m.rotation_deg] for m in moved]
-    headers = ["Sensor", "Edge", "Moved [mm]", "Turned [deg]"]
-    return text_table(headers, cells, "Dataset against description", 3)
+    headers = ["Sensor", "Edge", "Apart [mm]", "Turned [deg]"]
+    title = "Mounts in the dataset's transforms against the description (the boards are not asked)"
+    return text_table(headers, cells, title, 3)

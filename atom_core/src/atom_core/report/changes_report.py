@@ -36,10 +36,10 @@ def changes_table(found: Changes) -> str:
         rows.append([*names, *map(three_digits, figures), _verdict(change)])
     rows += [_joint_row(joint) for joint in found.joints]
     lines = [text_table([*headers, ""], rows, "The second calibration against the first")]
-    lines.append(
-        f"moved: chi-square of the six numbers in their joint covariance beyond {found.limit:.1f}, "
-        f"as of one rig in a hundred that did not move"
-    )
+    numbers = f"the six numbers in their joint covariance beyond {found.limit:.1f}"
+    if found.joints:
+        numbers += f", of a joint's one number beyond {found.joint_limit:.1f}"
+    lines.append(f"moved: chi-square of {numbers}, as of one rig in a hundred that did not move")
     lines += [f"held in both, not compared: {edge}" for edge in found.held]
     lines += [
         f"has a value for each collection, not compared: {edge}" for edge in found.by_collection
@@ -49,14 +49,13 @@ def changes_table(found: Changes) -> str:
 
 
 def _joint_row(joint: JointChange) -> List[Any]:
-    square = (joint.change / joint.sigma) ** 2 if joint.sigma > 0.0 else np.nan
     in_mm: List[Any] = ["", ""]
     in_deg: List[Any] = ["", ""]
     if joint.unit == "rad":
         in_deg = [three_digits(np.degrees(v)) for v in (joint.change, joint.sigma)]
     else:
         in_mm = [three_digits(MM_PER_M * v) for v in (joint.change, joint.sigma)]
-    figures = [in_mm[0], in_deg[0], in_mm[1], in_deg[1], three_digits(square)]
+    figures = [in_mm[0], in_deg[0], in_mm[1], in_deg[1], three_digits(joint.chi_square)]
     return [joint.name, "joint", *figures, _verdict(joint)]
 
 
@@ -105,6 +104,7 @@ def changes_document(
         "warnings": list(warnings),
         "false_alarm_rate": FALSE_ALARMS,
         "limit_chi_square": found.limit,
+        "limit_chi_square_of_joints": found.joint_limit if found.joints else None,
         "edges": {
             str(change.edge): {
                 "sensors": list(change.sensors),
@@ -121,6 +121,7 @@ def changes_document(
                 "unit": joint.unit,
                 "change": joint.change,
                 "sigma": joint.sigma,
+                "chi_square": joint.chi_square,
                 **_answer(joint),
             }
             for joint in found.joints

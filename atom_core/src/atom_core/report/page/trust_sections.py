@@ -86,27 +86,28 @@ def _changes(document: Document) -> Table:
         verdict = entry["verdict"].replace("_", " ")
         rows.append([name, verdict, *_sizes(entry), three_digits(entry["chi_square"]) or ABSENT])
     for name, joint in document.get("joints", {}).items():
-        verdict, square = joint["verdict"].replace("_", " "), _square(joint)
-        rows.append([name, verdict, *_size_of_joint(joint), square])
+        verdict, square = joint["verdict"].replace("_", " "), three_digits(joint.get("chi_square"))
+        rows.append([name, verdict, *_size_of_joint(joint), square or ABSENT])
     before = document.get("before", document.get("against"))
     after = document.get("after", document.get("dataset"))
     note = (
-        f"From {before} to {after}. Moved: chi-square beyond {document['limit_chi_square']:.1f}, "
-        f"as of {100.0 * document['false_alarm_rate']:g} rigs in a hundred that did not move."
+        f"From {before} to {after}. Moved: chi-square beyond {document['limit_chi_square']:.1f}"
+        f"{_of_joints(document)}, as of {100.0 * document['false_alarm_rate']:g} rigs in a hundred "
+        f"that did not move."
     )
     columns = ["sensors", "verdict", "shift [mm]", "turn [deg]", "chi-square"]
     return Table("What moved", columns, rows, note=note)
+
+
+def _of_joints(document: Document) -> str:
+    limit = document.get("limit_chi_square_of_joints")
+    return "" if limit is None else f" (of a joint's one number {limit:.1f})"
 
 
 def _size_of_joint(joint: Mapping[str, Any]) -> List[str]:
     if joint["unit"] == "rad":
         return [ABSENT, f"{math.degrees(joint['change']):.3f}"]
     return [f"{1e3 * joint['change']:.2f}", ABSENT]
-
-
-def _square(joint: Mapping[str, Any]) -> str:
-    square = (joint["change"] / joint["sigma"]) ** 2 if joint["sigma"] else math.nan
-    return str(three_digits(square) or ABSENT)
 
 
 def _sizes(entry: Mapping[str, Any]) -> List[str]:
