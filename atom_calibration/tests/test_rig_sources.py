@@ -153,6 +153,24 @@ def test_intrinsics_of_another_camera_of_the_rig_are_in_doubt():
     assert one.sensors == ("right",)
 
 
+def test_the_topic_of_compressed_images_is_refused_with_the_raw_one_to_write():
+    entry = SensorConfig("left_optical", "world", "left", "/left/image_raw/compressed", "rgb")
+    types = {entry.topic_name: "sensor_msgs/CompressedImage"}
+    types["/left/camera_info"] = "sensor_msgs/CameraInfo"
+    bag = SimpleNamespace(types=types, path="a.bag")
+    with pytest.raises(AtomError, match="compressed; write /left/image_raw, of which"):
+        rig_from_bag(SimpleNamespace(sensors={"left": entry}), bag)
+
+
+def test_a_topic_of_no_sensor_is_refused_without_a_modality_that_nobody_wrote():
+    entry = SensorConfig("left_optical", "world", "left", "/left/camera_info", None)
+    types = {entry.topic_name: "sensor_msgs/CameraInfo"}
+    with pytest.raises(AtomError, match="carries sensor_msgs/CameraInfo, it has to be livox"):
+        rig_from_bag(
+            SimpleNamespace(sensors={"left": entry}), SimpleNamespace(types=types, path="a.bag")
+        )
+
+
 def test_two_sensors_of_one_topic_are_refused_by_name():
     bag = source("/points", "sensor_msgs/PointCloud2")
     bag.first = lambda _topic: SimpleNamespace(header=Header(frame_id="lidar"))

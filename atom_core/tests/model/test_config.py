@@ -353,6 +353,7 @@ def test_version_2_with_keys_of_version_3():
     [
         (("version",), 4.5, "this program knows version 3.0"),
         ((*BOARD, "size"), 60, "meant in millimetres"),
+        ((*BOARD, "border_size"), {"x": 40, "y": 30}, "side of 40 metres; is it meant in milli"),
         ((*BOARD, "border_size"), GONE, "border_size is absent and taken as 0"),
         (("calibration_patterns", "small", "dimension", "x"), 8, "upside down"),
     ],

@@ -292,16 +292,17 @@ def _data_topic(name: str, entry: SensorConfig, bag: TopicSource) -> str:
     Recordings often have both of a depth camera; its `/compressed` is mostly JPEG, without depths.
     """
     types = modality_named(entry.modality).message_types if entry.modality else ()
-    known = types or tuple({t for modality in modalities() for t in modality.message_types})
+    known = types or sorted({t for modality in modalities() for t in modality.message_types})
     has_depths = entry.modality and modality_named(entry.modality).measures_range
     raw, colour, depth = _SUFFIXES
     for suffix in (raw, depth, colour) if has_depths else _SUFFIXES:
         topic = entry.topic_name + suffix
         if topic in bag.types:
             if bag.types[topic] not in known:
+                of_modality = f"for modality {entry.modality} " if entry.modality else ""
                 raise BagError(
-                    f"{bag.path}: topic {topic} (sensor '{name}') carries {bag.types[topic]}, for "
-                    f"modality {entry.modality} it has to be {' or '.join(known)}; correct "
+                    f"{bag.path}: topic {topic} (sensor '{name}') carries {bag.types[topic]}, "
+                    f"{of_modality}it has to be {' or '.join(known)}; correct "
                     f"topic_name or modality in the configuration"
                     f"{undecoded({topic: bag.types[topic]}, known)}"
                 )
@@ -311,6 +312,12 @@ def _data_topic(name: str, entry: SensorConfig, bag: TopicSource) -> str:
 
 def _camera(name: str, entry: SensorConfig, bag: TopicSource, of_images: str) -> Camera:
     topic = _info_topic(entry)
+    raw, _, transport = entry.topic_name.rpartition("/")
+    if topic not in bag.types and f"/{transport}" in _SUFFIXES:
+        raise BagError(
+            f"{bag.path}: topic_name of sensor '{name}' is {entry.topic_name}; write {raw}, of "
+            f"which compressed images are found, too, and camera_info beside them"
+        )
     if topic not in bag.types:
         raise bag.absent(topic, [CAMERA_INFO], f"intrinsics of sensor '{name}'")
     try:

@@ -342,6 +342,12 @@ def _advice(config: CalibrationConfig) -> List[Tuple[KeyPath, str]]:
                 f"in metres"
             )
             advice.append(((*path, "size"), text))
+        elif max(pattern.border_sides) > GREATEST_SQUARE_M:
+            text = (
+                f"has a side of {max(pattern.border_sides):g} metres; is it meant in millimetres? "
+                f"Sizes are in metres"
+            )
+            advice.append(((*path, "border" if pattern.border else "border_size"), text))
         if pattern.pattern_type == CHESSBOARD and sum(pattern.dimension) % 2 == 0:
             text = (
                 "makes a board that looks the same upside down, so that its pose is ambiguous; "
