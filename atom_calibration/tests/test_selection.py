@@ -180,6 +180,13 @@ def test_times_are_due_when_all_their_data_have_come():
     assert [m.centre_s for m in moments.finish()] == [2.0]
 
 
+def test_all_times_near_the_end_are_taken_though_stamps_may_lie_far_apart():
+    """Of 13 pictures a second apart, stamps of a collection up to 1 s, the last was lost."""
+    moments, wanted = TimedMoments([0.0, 1.0, 2.0, 3.0], 1.0), [0.0, 1.0, 2.0, 3.0]
+    due = [m.centre_s for t in wanted for m in moments.add(frame("a", t))]
+    assert [*due, *(m.centre_s for m in moments.finish())] == wanted
+
+
 def range_frame(stamp_s):
     """A LiDAR that notices no motion, as of a board that slides in its plane."""
     sensor = Sensor("lidar", LIDAR3D, "lidar", Edge("world", "lidar"), None, "/lidar")

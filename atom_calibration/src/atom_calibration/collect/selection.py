@@ -146,7 +146,7 @@ class TimedMoments:
         """Prepare.
 
         Args:
-            times_s: when, in any order; may be endless if ascending.
+            times_s: when, ascending.
             max_skew_s: greatest difference of the stamps in a collection.
             every_s: the interval at which the times follow each other, if they do.
         """
@@ -161,8 +161,8 @@ class TimedMoments:
             yield self._take()
 
     def finish(self) -> Iterator[Moment]:
-        """Yield nothing: what lies beyond the end has no data, except for the last time."""
-        if self._next is not None:
+        """Yield the times for which later data were awaited: those of the last stretch."""
+        while self._next is not None:
             yield self._take()
 
     def _take(self) -> Moment:
