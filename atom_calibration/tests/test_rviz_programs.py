@@ -7,6 +7,7 @@ import pytest
 
 from atom_calibration.nodes.collecting import collect_data_rviz
 from atom_calibration.nodes.correcting import dataset_playback_rviz
+from atom_calibration.runtime.rviz_window import written_layout
 from atom_core.io.config_yaml import write_config
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.synthetic import scenes
@@ -50,3 +51,16 @@ def test_a_layout_that_is_there_has_the_frame_that_the_file_tells(rviz):
     layout, words = rviz("--layout", "/opt/calibrate.rviz")
     assert str(layout) == "/opt/calibrate.rviz"
     assert words in (["-f", "base_link"], ["-f", scenes.two_cameras().dataset.world])
+
+
+def test_a_layout_that_was_saved_from_rviz_stays_until_another_one_is_made(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setenv("ROS_HOME", str(tmp_path))
+    path = written_layout("collect_data", "Panels: []")
+    assert written_layout("collect_data", "Panels: []") == path and not capsys.readouterr().err
+    path.write_text("Panels: [mine]")
+    assert written_layout("collect_data", "Panels: []").read_text() == "Panels: [mine]"
+    assert f"{path}; remove that file" in capsys.readouterr().err
+    other = written_layout("collect_data", "Panels: [of another rig]")
+    assert other != path and other.read_text() == "Panels: [of another rig]"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import os
+import sys
 from pathlib import Path
 from typing import NoReturn, Sequence
 
@@ -49,11 +50,19 @@ def add_layout_option(parser: argparse.ArgumentParser) -> None:
 def written_layout(name: str, text: str) -> Path:
     """Write a layout below ROS's home folder, once for each content; return its path.
 
+    What a user has saved there from RViz stays, and is told.
+
     Raises:
         OutputError: it cannot be written.
     """
     unique = f"{name}-{hashlib.sha1(text.encode()).hexdigest()[:8]}.rviz"
     path = Path(rospkg.get_ros_home()) / "atom_calibration" / unique
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_text_atomically(path, text)
+    if not path.is_file():
+        write_text_atomically(path, text)
+    elif path.read_bytes() != text.encode("utf-8"):
+        sys.stderr.write(
+            f"RViz has the layout that was saved from it, {path}; remove that file to have the one "
+            f"that is made for these sensors\n"
+        )
     return path
