@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import rospy
 from stand_in_rig import STOPS, messages, refusal
 
 from atom_calibration.nodes.collecting.collect_from_bag import main
@@ -97,6 +98,18 @@ def test_stamps_that_no_driver_set_are_refused_with_the_option(place, make, caps
     assert "the stamps of cam are all zero" in line and "--use_receive_time lidar cam" in line
     assert main([*arguments, "--use_receive_time", "cam", "lidar", "--overwrite"]) == 0
     assert len(read_dataset(place.folder / "dataset.json").collections) == STOPS
+
+
+@pytest.mark.parametrize("unset", [[0], [30, 31, 32]])
+def test_single_messages_without_a_stamp_are_left_out(place, make, capsys, unset):
+    content = list(messages(make))
+    images = [message for topic, message, _ in content if topic == "/cam/image_raw"]
+    for number in unset:
+        images[number].header.stamp = rospy.Time()
+    assert main(place(content)) == 0
+    told = "sensor 'cam', topic /cam/image_raw, received at 10"
+    assert capsys.readouterr().err.count(f"a message is left out: {told}") == len(unset)
+    assert len(read_dataset(place.folder / "dataset.json").collections) == 3
 
 
 def test_receipt_of_an_unknown_sensor_is_refused(place, capsys):

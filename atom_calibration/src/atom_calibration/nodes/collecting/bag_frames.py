@@ -13,16 +13,18 @@ from atom_calibration.errors import EmptyMessageError, MessageError
 from atom_calibration.labels.frame_labeler import FrameLabeler
 from atom_calibration.messages.headers import stamp_s
 from atom_calibration.modalities.frames import Frame, decode
-from atom_calibration.sources.bag_reader import BagReader
+from atom_calibration.sources.bag_reader import BagMessage, BagReader
 from atom_calibration.sources.bag_transforms import BagTransforms
 from atom_calibration.sources.contradictions import MessageWatch
 from atom_calibration.sources.readable import why_unreadable
 from atom_calibration.sources.rig import Rig
 from atom_core import opencv
 from atom_core.commands.progress import progress
+from atom_core.model.sensor import Sensor
 
 _LOOK_AHEAD = 12  # messages that are decoded and, if images, labeled beforehand
 _WORKERS = 2
+_SIMULATION_BEGINS_S = 1.0
 _MOST_BAD_MESSAGES = 3  # of a sensor that are told one by one
 
 
@@ -108,10 +110,14 @@ def _ahead(
             sensor = rig.topics[found.topic]
             if sensor.name in received:
                 found.message.header.stamp = rospy.Time.from_sec(found.recorded_s)
-            watch.see(sensor, found.message, found.recorded_s)
-            clocks.note(sensor.name, stamp_s(found.message), found.recorded_s)
-            future = pool.submit(_prepared, labeler, sensor, found.message)
-            _put_in_order(waiting, _Waiting(sensor.name, stamp_s(found.message), future))
+            if _is_unstamped(found):
+                future = pool.submit(_refuse_unstamped, sensor, found.recorded_s)
+                waiting.append(_Waiting("", found.recorded_s, future))
+            else:
+                watch.see(sensor, found.message, found.recorded_s)
+                clocks.note(sensor.name, stamp_s(found.message), found.recorded_s)
+                future = pool.submit(_prepared, labeler, sensor, found.message)
+                _put_in_order(waiting, _Waiting(sensor.name, stamp_s(found.message), future))
             if len(waiting) > _LOOK_AHEAD:
                 yield waiting.popleft().future
         while waiting:
@@ -119,6 +125,19 @@ def _ahead(
     finally:
         for entry in waiting:
             entry.future.cancel()
+
+
+def _is_unstamped(found: BagMessage) -> bool:
+    """Tell whether data have no stamp; at the beginning of a simulation zero is one."""
+    return bool(found.message.header.stamp.is_zero()) and found.recorded_s > _SIMULATION_BEGINS_S
+
+
+def _refuse_unstamped(sensor: Sensor, recorded_s: float) -> Frame:
+    raise MessageError(
+        f"sensor '{sensor.name}', topic {sensor.topic}, received at {recorded_s:.3f}: its driver "
+        f"has set no stamp (header.stamp)",
+        sensor.name,
+    )
 
 
 def _put_in_order(waiting: Deque[_Waiting], last: _Waiting) -> None:
