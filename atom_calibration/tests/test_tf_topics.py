@@ -84,3 +84,22 @@ def test_a_bag_with_odometry_alone_is_told_of_the_description(place, make, capsy
     odometry = ("/tf", make.tf("odom", "base", np.eye(4), 100.0), 100.0)
     line = refusal(place([odometry, *content]), capsys)
     assert "is in no message of /tf" in line and "collect_from_bag --description" in line
+
+
+def test_a_robot_that_is_started_after_the_recording_costs_what_is_before(place, make, capsys):
+    content = [m for m in messages(make, stops=10) if not (m[0] == "/tf" and m[2] < 115.0)]
+    assert main(place(content)) == 1
+    told = capsys.readouterr().err
+    assert told.count("the transforms are complete 15.0 s after the recording begins only") == 1
+    assert "it has them from time 115.000 to 124.900" in told
+    assert len(read_dataset(place.folder / "dataset.json").collections) == 4
+
+
+def test_transforms_that_are_never_complete_are_refused_as_at_the_beginning(place, make, capsys):
+    content = []
+    for topic, message, time_s in messages(make):
+        if topic == "/tf":
+            message.transforms[0].header.frame_id = "elsewhere"
+        content.append((topic, message, time_s))
+    told = refusal(place(content), capsys)
+    assert "sensor 'lidar'" in told and "no transform connects" in told

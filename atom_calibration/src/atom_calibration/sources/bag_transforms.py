@@ -190,6 +190,10 @@ class BagTransforms:
                     found.message.header.stamp = Time.from_sec(found.recorded_s)
                 yield found.topic, self._described.transforms(found.message, found.topic)
 
+    def begins_s(self) -> List[float]:
+        """Return when edges that move are told for the first time [s], in order."""
+        return sorted({recorded.first_s for recorded in self._all_recorded().values()})
+
     def _all_recorded(self) -> Dict[Edge, Recorded]:
         """Return all edges that move, at any time; the bag is read for it once."""
         if self._recorded is None:

@@ -11,7 +11,7 @@ from atom_calibration.sources.bag_transforms import BagTransforms, tf_topics
 from atom_calibration.sources.described_edges import JOINT_STATE, DescribedEdges
 from atom_calibration.sources.rig import Rig
 from atom_calibration.sources.sound_transforms import SoundTransforms
-from atom_calibration.sources.transform_tree import DEFAULT_MAX_GAP_S
+from atom_calibration.sources.transform_tree import DEFAULT_MAX_GAP_S, TransformTree
 from atom_core.io.urdf import read_description
 from atom_core.model.config import CalibrationConfig
 
@@ -43,7 +43,8 @@ def transforms_of_bag(
     remarks = [topics.remark] if topics.remark else []
     if description is None and topics:
         transforms = BagTransforms(bag, sound=sound)
-        if transforms.moving or not bag.topics_of([JOINT_STATE]) or _connects(transforms, config):
+        joints = bag.topics_of([JOINT_STATE])
+        if transforms.moving or not joints or _connects(transforms.at(0.0), config):
             return transforms, None, remarks
     file = _saved(config, config_file) if description in (None, SAVED) else str(description)
     if file is None and description is None:
@@ -81,9 +82,37 @@ def check_described(
     described.check(config.world_link, needed, transforms.at(time_s).placed)
 
 
-def _connects(transforms: BagTransforms, config: CalibrationConfig) -> bool:
-    """Tell whether /tf_static alone places all sensors and the boards' parents."""
-    tree = transforms.at(0.0)
+def complete_from_s(
+    transforms: BagTransforms,
+    config: CalibrationConfig,
+    start_s: float,
+    warn: Callable[[str], None],
+) -> float:
+    """Return from when on a bag's transforms place all sensors and the boards' parents [s].
+
+    A robot may have been started after the recording was. Where they are never complete it is the
+    beginning, so that what is missing there is told.
+
+    Args:
+        transforms: of the bag.
+        config: the calibration.
+        start_s: when the recording begins [s].
+        warn: is told where they begin later.
+    """
+    if _connects(transforms.at(start_s), config):
+        return start_s
+    for begin_s in transforms.begins_s():
+        if begin_s > start_s and _connects(transforms.at(begin_s), config):
+            warn(
+                f"the transforms are complete {begin_s - start_s:.1f} s after the recording begins "
+                f"only; what is before gives no collection"
+            )
+            return begin_s
+    return start_s
+
+
+def _connects(tree: TransformTree, config: CalibrationConfig) -> bool:
+    """Tell whether a tree places all sensors and the boards' parents."""
     frames = [sensor.link for sensor in config.sensors.values()]
     frames += [pattern.parent_link for pattern in config.calibration_patterns.values()]
     try:

@@ -42,7 +42,12 @@ from atom_calibration.runtime.options import add_receive_time_option
 from atom_calibration.sources.bag_parts import name_of, remark_on_parts
 from atom_calibration.sources.bag_reader import BagReader
 from atom_calibration.sources.bag_transforms import BagTransforms
-from atom_calibration.sources.described_bag import SAVED, check_described, transforms_of_bag
+from atom_calibration.sources.described_bag import (
+    SAVED,
+    check_described,
+    complete_from_s,
+    transforms_of_bag,
+)
 from atom_calibration.sources.joint_readings import BagJoints
 from atom_calibration.sources.rig import Rig, rig_from_bag
 from atom_calibration.sources.transform_tree import TransformTree
@@ -99,7 +104,7 @@ def collect_from_bag(args: argparse.Namespace) -> int:
         transforms, described, remarks = transforms_of_bag(
             bag, args.description, config, args.config, _warn
         )
-        first_s = bag.start_s - transforms.lag_s
+        first_s = complete_from_s(transforms, config, bag.start_s - transforms.lag_s, _warn)
         check_described(described, transforms, rig, config, first_s)
         tree = transforms.at(first_s)
         joints = described_joints(config, _warn)
