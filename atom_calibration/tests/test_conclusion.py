@@ -26,6 +26,11 @@ def test_boards_that_never_stood_still_are_the_reason_where_collections_are_take
     assert text.endswith("the board never stood still in view (cam: no board)")
 
 
+def test_of_single_pictures_that_all_show_the_board_the_options_that_take_them_are_named(tmp_path):
+    text = said(tmp_path, asked=True, reasons={})
+    assert text.endswith("collect_from_bag --times or --interval")
+
+
 def test_where_nobody_asked_for_a_collection_that_is_the_reason(tmp_path):
     text = said(tmp_path, asked=False)
     assert "nobody asked for one" in text and "--automatic" in text

@@ -76,6 +76,11 @@ def why_none(collector: Collector, asked: bool) -> str:
         f"{name}: {_most_often(reasons)}" for name, reasons in collector.reasons.items() if reasons
     )
     whys = [*collector.refused, *collector.passed, "the board never stood still in view"]
+    if len(whys) == 1 and not never:  # it was seen in all that came
+        return (
+            f"{whys[0]}: hold it still at each place; of a recording of single pictures, take "
+            f"those of given times: collect_from_bag --times or --interval"
+        )
     return f"{whys[0]} ({never})" if never else whys[0]
 
 
