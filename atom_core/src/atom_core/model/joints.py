@@ -73,7 +73,12 @@ class JointState:
     @property
     def parent_T_child(self) -> np.ndarray:
         """(4, 4) pose of the child link in the parent link."""
-        return self.origin @ self.motion(self.parameters[POSITION_BIAS] + self.position)
+        return self.origin @ self.moved
+
+    @property
+    def moved(self) -> np.ndarray:
+        """(4, 4) pose of the child link in the joint's frame at position zero."""
+        return self.motion(self.parameters[POSITION_BIAS] + self.position)
 
     @property
     def corrected_origin(self) -> np.ndarray:

@@ -113,6 +113,7 @@ class ModelError(ABC):
     usual: ClassVar[float] = 0.02  # standard deviation among real sensors and boards, in its unit
     is_scalar: ClassVar[bool] = True  # whether it is estimated beside the poses
     stands_alone: ClassVar[bool] = True  # False: one of many that are never named one by one
+    is_named: ClassVar[bool] = True  # False: much like others, it is in combined sigmas alone
 
     @abstractmethod
     def derivatives(self, rows: Rows) -> Optional[np.ndarray]:
@@ -325,6 +326,25 @@ class JointWave(JointPositionError):
     def name(self) -> str:
         """What it is, without whose."""
         return f"joint wave with the {PHASES[self.phase]}"
+
+
+@dataclass(frozen=True)
+class JointTilt(JointPositionError):
+    """How far a joint's axis is turned from its description, about an axis across it [rad].
+
+    It is like an offset of a neighbour that turns about nearly the same line, and not named.
+
+    Attributes:
+        across: 0 or 1, which of two axes.
+    """
+
+    across: int
+
+    kind = "joint_tilt"
+    unit = RADIAN
+    usual = 0.0005
+    option = ""
+    is_named = False
 
 
 def rows_of(

@@ -1,12 +1,14 @@
 """Joints whose positions are off: by the same in all collections, in proportion, or in a wave.
 
+And joints whose axes are not where the description has them.
+
 Their numbers belong to the chain, unlike other errors of the model: they change the detections'
 poses. An offset is estimated as the joint's `position_bias` (`problem/joint_blocks.py`).
 """
 
 from __future__ import annotations
 
-from typing import Dict, List
+from typing import Dict, List, Mapping
 
 import numpy as np
 
@@ -19,6 +21,7 @@ from atom_core.problem.model_errors import (
     JointOffset,
     JointPositionError,
     JointScale,
+    JointTilt,
     JointWave,
     PrismaticOffset,
 )
@@ -45,10 +48,32 @@ def joint_candidates(dataset: Dataset, problem: Problem) -> List[JointPositionEr
             continue
         if not all(_is_told(dataset, key, joints[key]) for key in used):
             continue
-        twists = _twists(dataset, problem, first)
+        axis = np.zeros(6)
+        axis[TRANSLATION if first.is_prismatic else ROTATION] = first.axis  # the same in the child
+        twists = _twists(dataset, problem, first.edge, dict.fromkeys(joints, axis))
         if np.any(twists):
             positions = np.array([joints[key.collection].position for key in problem.detections])
             found += _errors_of(name, first, twists, positions)
+            found += _tilts_of(dataset, problem, name, joints)
+    return found
+
+
+def _tilts_of(
+    dataset: Dataset, problem: Problem, name: str, joints: Mapping[str, JointState]
+) -> List[JointPositionError]:
+    """Return the turns of a joint's axis about two axes across it; none where it stands still."""
+    states = list(joints.values())
+    if np.ptp([state.position for state in states]) <= _STILL:
+        return []
+    _, _, axes = np.linalg.svd(states[0].axis[None])
+    found: List[JointPositionError] = []
+    for across, axis in enumerate(axes[1:]):
+        turn = np.append(axis, np.zeros(3))
+        in_child = {
+            key: se3.adjoint(se3.inverse(state.moved)) @ turn for key, state in joints.items()
+        }
+        twists = _twists(dataset, problem, states[0].edge, in_child)
+        found.append(JointTilt(name, twists, across))
     return found
 
 
@@ -81,18 +106,26 @@ def _is_told(dataset: Dataset, collection: str, joint: JointState) -> bool:
     return transform is not None and np.allclose(transform, joint.parent_T_child, atol=_SAME)
 
 
-def _twists(dataset: Dataset, problem: Problem, joint: JointState) -> np.ndarray:
-    """Return (d, 6): how the detections' poses change, in their sensors, with the joint."""
-    graph, axis = dataset.graph, np.zeros(6)
-    axis[TRANSLATION if joint.is_prismatic else ROTATION] = joint.axis  # the same in the child
+def _twists(
+    dataset: Dataset, problem: Problem, joint: Edge, in_child: Mapping[str, np.ndarray]
+) -> np.ndarray:
+    """Return (d, 6): how the detections' poses change, in their sensors, with a joint's child.
+
+    Args:
+        dataset: with the solution in its transforms.
+        problem: whose detections.
+        joint: its edge.
+        in_child: by collection the child's own twist (6,).
+    """
+    graph = dataset.graph
     twists = np.zeros((len(problem.detections), 6))
     ways: Dict[Edge, float] = {}
     for d, key in enumerate(problem.detections):
         frame, pattern = dataset.sensors[key.sensor].frame, dataset.patterns[key.pattern].frame
         chain = graph.chain(frame, pattern)
         ways = {step.edge: -1.0 if step.inverted else 1.0 for step in chain}
-        if joint.edge in ways:
+        if joint in ways:
             collection = dataset.collections[key.collection]
-            sensor_T_child = pose(collection, graph, frame, joint.edge.child)
-            twists[d] = ways[joint.edge] * (se3.adjoint(sensor_T_child) @ axis)
+            sensor_T_child = pose(collection, graph, frame, joint.child)
+            twists[d] = ways[joint] * (se3.adjoint(sensor_T_child) @ in_child[key.collection])
     return twists

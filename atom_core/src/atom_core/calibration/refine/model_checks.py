@@ -135,7 +135,7 @@ class _Step:
         self._equations, self._length = equations, losses.step_length(loss)
         place = {e: equations.shared + i for i, e in enumerate(equations.errors)}
         base = [*range(equations.shared), *(place[e] for e in taken)]
-        self.candidates = [e for e in equations.errors if e not in taken]
+        self.candidates = [e for e in equations.errors if e not in taken and e.is_named]
         rest = [place[e] for e in self.candidates]
         self._most = np.array([e.most / e.step for e in self.candidates])
         total = equations.total
