@@ -39,6 +39,7 @@ from atom_core.solvers.base import SolverOptions
 from atom_core.synthetic import degenerate, mistakes, paper_cell, scenes
 from atom_core.synthetic.board import charuco
 from atom_core.synthetic.dataset import make_dataset
+from atom_core.synthetic.driving import arm_between_boards
 from atom_core.synthetic.noise import Noise
 from atom_core.synthetic.rig import Rig, Room
 from atom_core.synthetic.scanners import cell_with_scanners
@@ -304,6 +305,25 @@ def test_where_nothing_depends_on_the_calibration_nothing_is_good():
     alone = scenes.random_scene(0, rgb=1, depth=0, lidar3d=0, collections=4).dataset
     verdict = evaluation_verdict(evaluate(alone, alone))
     assert verdict.grade == WEAK and "nothing was measured" in verdict.sentence
+
+
+def test_a_camera_on_an_arm_agrees_with_nobody_and_disagrees_with_nobody():
+    """It is told by what it is measured with: boards that stay."""
+    scene = scenes.hand_eye(3, collections=6, disturbance=(0.1, 0.1))
+    true = scene.dataset.with_transforms(
+        dict.fromkeys(scene.dataset.collections, scene.truth.edges)
+    )
+    verdict = evaluation_verdict(evaluate(true, true))
+    assert verdict.grade == GOOD and verdict.sentence.endswith("stay are found in one place")
+    verdict = evaluation_verdict(evaluate(scene.dataset, scene.dataset))
+    assert verdict.grade == WRONG
+    assert re.search(r": boards that stay are up to \d+ mm apart \(rgb_1\); ", verdict.sentence)
+
+
+def test_sensors_that_were_not_compared_are_not_said_to_agree():
+    dataset = arm_between_boards(3).dataset
+    verdict = evaluation_verdict(evaluate(dataset, dataset))
+    assert verdict.grade == GOOD and verdict.sentence.endswith("no two sensors were compared")
 
 
 # ---- a dataset before it is calibrated

@@ -221,16 +221,25 @@ def _sentence(grade: str, pairs: Sequence[_Judged], sensors: Dict[str, SensorVer
     if not pairs:
         return "nothing was measured that depends on the calibration"
     if grade == GOOD:
-        return "the calibration holds on this test set: the sensors agree with one another"
+        return f"the calibration holds on this test set: {_what_agrees(pairs)}"
     if grade == WEAK:
         return f"use it with care: {_are(names)} weak on this test set"
     if _most_are_wrong(sensors):
         largest = max(pairs, key=lambda pair: pair.size_m)
-        return (
-            f"this is no calibration of these sensors: they disagree by up to "
-            f"{length(largest.size_m)} ({largest.source} and {largest.target}); {_NOT_CALIBRATED}"
-        )
+        whose, size = f"{largest.source} and {largest.target}", length(largest.size_m)
+        what = f"they disagree by up to {size} ({whose})"
+        if largest.source == largest.target:
+            what = f"boards that stay are up to {size} apart ({largest.source})"
+        return f"this is no calibration of these sensors: {what}; {_NOT_CALIBRATED}"
     return f"do not use it: {_are(names)} wrong on this test set"
+
+
+def _what_agrees(pairs: Sequence[_Judged]) -> str:
+    """Return what was found in one place: by several sensors, or by each in several collections."""
+    if any(pair.source != pair.target for pair in pairs):
+        return "the sensors agree with one another"
+    compared = "" if len({pair.source for pair in pairs}) == 1 else "; no two sensors were compared"
+    return f"boards that stay are found in one place{compared}"
 
 
 def _most_are_wrong(sensors: Mapping[str, SensorVerdict]) -> bool:
