@@ -37,9 +37,12 @@ Cell seed_cell(const SensorState& sensor) {
   return {"by hand", Tone::kPlain, "set by hand: " + text + unit};
 }
 
-Cell age_cell(const SensorState& sensor, double now_s) {
+Cell age_cell(const SensorState& sensor, double now_s,
+              const std::map<std::string, double>& same_for_s) {
   if (sensor.stamp.isZero()) return {"no data yet", Tone::kBad, "nothing came on " + sensor.topic};
-  const double age_s = now_s - sensor.stamp.toSec();
+  const auto same = same_for_s.find(sensor.name);
+  double age_s = now_s - sensor.stamp.toSec();
+  if (same != same_for_s.end() && (age_s > same->second || age_s < -kAhead_s)) age_s = same->second;
   if (age_s > kOld_s) {
     return {formatted("%.0f s", age_s), Tone::kBad, "nothing came for a while on " + sensor.topic};
   }
@@ -51,7 +54,8 @@ std::string seen_text(const PatternState& pattern) {
   return pattern.possible > 0 ? seen + " of " + count_text(pattern.possible) : seen;
 }
 
-Row sensor_row(const SensorState& sensor, const PatternState* pattern, bool named, double now_s) {
+Row sensor_row(const SensorState& sensor, const PatternState* pattern, bool named,
+               const Cell& age) {
   const bool detected = pattern && pattern->detected;
   const std::string reason = pattern ? pattern->reason : "no labels came yet";
   const std::string how = detected ? pattern->view : reason;
@@ -61,7 +65,7 @@ Row sensor_row(const SensorState& sensor, const PatternState* pattern, bool name
           {{sensor.name, Tone::kPlain, sensor.modality + " on " + sensor.topic, sensor.colour},
            sees,
            seed_cell(sensor),
-           age_cell(sensor, now_s),
+           age,
            {how, Tone::kPlain, how}}};
   if (named) {
     const std::string name = pattern ? pattern->pattern_name : "";
@@ -138,17 +142,19 @@ std::string size_text(double value, const std::string& unit) {
   return text + std::string(unit == "m" ? " mm" : " " + unit);
 }
 
-Table sensor_table(const CollectorState& state, double now_s) {
+Table sensor_table(const CollectorState& state, double now_s,
+                   const std::map<std::string, double>& same_for_s) {
   const bool named =
       std::any_of(state.sensors.begin(), state.sensors.end(),
                   [](const SensorState& sensor) { return sensor.patterns.size() > 1; });
   Table table{{"sensor", "sees", "seed", "age", "how well"}, {}};
   if (named) table.header.insert(table.header.begin() + 1, "pattern");
   for (const auto& sensor : state.sensors) {
+    const Cell age = age_cell(sensor, now_s, same_for_s);
     for (const auto& pattern : sensor.patterns) {
-      table.rows.push_back(sensor_row(sensor, &pattern, named, now_s));
+      table.rows.push_back(sensor_row(sensor, &pattern, named, age));
     }
-    if (sensor.patterns.empty()) table.rows.push_back(sensor_row(sensor, nullptr, named, now_s));
+    if (sensor.patterns.empty()) table.rows.push_back(sensor_row(sensor, nullptr, named, age));
   }
   return table;
 }

@@ -6,6 +6,7 @@
 #include <atom_calibration/CollectorState.h>
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -44,9 +45,12 @@ struct Table {
 /// Sensors while data are collected: a row for each sensor and pattern; the pattern has a column
 /// where there are several.
 ///
-/// Labels older than `kOld_s` at `now_s` are said to be old: their sensor is silent.
-Table sensor_table(const atom_calibration::CollectorState& state, double now_s);
+/// Labels older than `kOld_s` at `now_s` are said to be old: their sensor is silent. Stamps may be
+/// of another clock, so none is older than it has been the newest for, `same_for_s` by sensor.
+Table sensor_table(const atom_calibration::CollectorState& state, double now_s,
+                   const std::map<std::string, double>& same_for_s = {});
 constexpr double kOld_s = 3.0;
+constexpr double kAhead_s = 1.0;  // stamps that lie further ahead are of another clock, too
 
 /// The detection matrix: collections down, sensors across, in each cell the number of points or
 /// corners; several patterns of a sensor are added up, and told apart by the hint.

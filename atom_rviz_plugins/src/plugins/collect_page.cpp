@@ -80,8 +80,10 @@ void CollectPage::lay_out() {
 
 void CollectPage::listen() {
   take<atom_calibration::CollectorState>(
-      "state",
-      [this](const atom_calibration::CollectorStateConstPtr& message) { state_ = message; });
+      "state", [this](const atom_calibration::CollectorStateConstPtr& message) {
+        state_ = message;
+        ages_.note(*message, ros::WallTime::now().toSec());
+      });
   take<atom_calibration::CollectionStates>(
       "collections", [this](const atom_calibration::CollectionStatesConstPtr& message) {
         collections_ = message;
@@ -92,7 +94,8 @@ void CollectPage::listen() {
 void CollectPage::show_all() {
   if (state_) {
     sensors_->blockSignals(true);
-    sensors_->show_table(sensor_table(*state_, ros::Time::now().toSec()));
+    const double clock_s = ros::WallTime::now().toSec();
+    sensors_->show_table(sensor_table(*state_, ros::Time::now().toSec(), ages_.at(clock_s)));
     sensors_->blockSignals(false);
     if (node_runs()) show_status(collector_line(*state_));
     if (!is_waiting() && state_->message != last_message_) {

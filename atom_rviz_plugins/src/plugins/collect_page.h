@@ -10,6 +10,7 @@
 #include <atom_calibration/CollectorState.h>
 #endif
 
+#include "logic/data_ages.h"
 #include "plugins/guidance_view.h"
 #include "plugins/page.h"
 #include "plugins/table_view.h"
@@ -42,6 +43,7 @@ class CollectPage : public Page {
 
   atom_calibration::CollectorStateConstPtr state_;
   atom_calibration::CollectionStatesConstPtr collections_;
+  DataAges ages_;
   bool collections_changed_ = false;
   std::set<std::string> known_;  // collections that were there before
   bool heard_ = false;           // the collections have been told once
