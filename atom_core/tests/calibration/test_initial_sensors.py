@@ -8,6 +8,7 @@ import pytest
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.start.hand_eye import MovingView, solve_hand_eye
+from atom_core.calibration.start.initial_sensors import _turn
 from atom_core.calibration.start.pose_votes import Statement, consensus
 from atom_core.calibration.start.starts import estimate_sensors
 from atom_core.errors import CalibrationError
@@ -104,12 +105,33 @@ def test_hand_eye_without_motion_is_not_found():
         scenes.two_cameras,
         scenes.hand_eye,
         scenes.board_on_arm,
+        scenes.hand_beside_others,
     ],
 )
 def test_sensors_are_placed_from_the_boards_they_share(scene):
     simulated = scene(0, disturbance=FAR)
     error = edge_errors(estimate_sensors(simulated.dataset), simulated.truth)
     assert np.max(error[:, 0]) < 0.25 and np.max(error[:, 1]) < 0.25
+
+
+def test_an_arm_before_a_board_that_is_carried_is_placed_by_the_cameras_beside_it():
+    """Nothing is held, and no board stays: the other cameras take the place of one that does."""
+    scene = scenes.hand_beside_others(1, collections=14, disturbance=FAR)
+    error = edge_errors(estimate_sensors(scene.dataset), scene.truth)
+    assert np.max(error[:, 0]) < 0.25 and np.max(error[:, 1]) < 0.25
+    result = calibrate(scene.dataset, NO_GUESS)
+    assert result.status == "converged" and not any("do not tell" in w for w in result.warnings)
+    assert np.max(edge_errors(result.dataset, scene.truth)[:, 0]) < 0.01
+
+
+def test_sensors_that_do_not_turn_place_nothing_by_their_motion():
+    """Two that stand still say nothing of each other but by boards that a third one has placed."""
+    still = [MovingView(np.eye(4), np.eye(4)[None])] * 5
+    turn = se3.from_rpy(np.zeros(3), np.array([0.0, 0.0, 0.5]))
+    about_one_axis = [*still, MovingView(turn, np.eye(4)[None])]
+    assert not _turn(still) and not _turn(about_one_axis)
+    tilt = se3.from_rpy(np.zeros(3), np.array([0.3, 0.0, 0.0]))
+    assert _turn([*about_one_axis, MovingView(tilt, np.eye(4)[None])])
 
 
 def test_the_description_is_not_used():

@@ -301,6 +301,30 @@ def hand_eye(seed: int = 0, *, aim_m: float = 0.1, **options: Any) -> SyntheticD
     return _finish("hand_eye", rig, poses, rng, chosen, patterns=patterns, motion=moving)
 
 
+def hand_beside_others(seed: int = 0, **options: Any) -> SyntheticDataset:
+    """Simulate a camera on a flange, a camera and a LiDAR on the base; the board is carried about.
+
+    Nothing is anchored: the arm's motion ties all of them to the base.
+    """
+    rng, chosen = np.random.default_rng([seed, 109]), SceneOptions(seed=seed, **options)
+    flange_T_link = jittered(se3.from_rpy(np.array([0.05, 0.0, 0.08]), np.zeros(3)), 0.02, 0.2, rng)
+    structure, centre = _base(rng), (0.0, 0.0, 1.0)
+    mounts = [camera_mount("rgb_1", RGB, _FLANGE, flange_T_link, COLOUR_CAMERA)]
+    for name, modality, bearing in (("rgb_2", RGB, -0.5), ("lidar_1", LIDAR3D, 0.4)):
+        eye = _around(centre, bearing, rng)
+        mounts.append(_mounted(name, modality, eye, centre, structure, rng))
+    rig = assemble("world", structure, mounts, room=_ROOM)
+    boards: List[np.ndarray] = []
+    moving: List[Dict[Edge, np.ndarray]] = []
+    for _ in range(chosen.collections):
+        boards.append(_before(centre, rng, bearings=(-0.3, 0.3), spread_m=0.2))
+        eye = _around((0.0, 0.0, 0.6), rng.uniform(-0.5, 0.5), rng, metres=1.6)
+        world_T_link = looking_at(eye, boards[-1][:3, 3], rng.uniform(-1.0, 1.0))
+        moving.append(_flange_at(rig, world_T_link @ se3.inverse(flange_T_link)))
+    poses = {"pattern_1": boards}
+    return _finish("hand_beside_others", rig, poses, rng, chosen, motion=moving)
+
+
 def board_on_arm(
     seed: int = 0, *, modality: str = RGB, sensors: int = 1, spread_m: float = 0.2, **options: Any
 ) -> SyntheticDataset:

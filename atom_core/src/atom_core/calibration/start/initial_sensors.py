@@ -10,6 +10,7 @@ first. A sensor on an arm that nothing known sees together with is found from it
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import permutations
 from typing import Dict, FrozenSet, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
 
 import numpy as np
@@ -37,6 +38,7 @@ Boards = Mapping[BoardKey, Sequence[np.ndarray]]
 # is gained by waiting for more sensors; below the second both are worth a solve.
 _CLEAR, _CLOSE = 2.0, 0.7
 _MOST_DOUBTFUL = 4
+_LEAST_TURN_RAD = 0.1  # root of the sum of squares about a second axis
 
 
 @dataclass(frozen=True)
@@ -171,7 +173,7 @@ class _Growth:
     def run(self) -> None:
         """Find one edge after the other, as long as any can be found."""
         while any(edge not in self.known for edge in self.edges):
-            found = self._votes() or self._motions()
+            found = self._votes() or self._motions() or self._motions_beside()
             if not found:
                 self._give_up()
                 return
@@ -257,6 +259,47 @@ class _Growth:
                 found = se3.inverse(X) if cuts[0].inverted else X
                 return [_Found(edge, found, None, np.inf)]
         return []
+
+    def _motions_beside(self) -> List[_Found]:
+        """Return an edge that is found from its own motion beside another that is not known, too.
+
+        Of a board that both see, wherever it is carried: L U R D = M V S E gives
+        V = (M^-1 L) U (R D E^-1 S^-1), in which U moves before V as before a board that stays.
+        """
+        seen_by: Dict[Tuple[str, BoardKey], List[Tuple[Edge, Sighting]]] = {}
+        for s in self.sightings:
+            unknown = self._unknown(s)
+            if len(unknown) == 1 and s.identifies_board and len(s.poses):
+                seen_by.setdefault((s.collection, s.board), []).append((unknown[0], s))
+        pairs: Dict[Tuple[Edge, Edge], List[MovingView]] = {}
+        sure: Dict[Edge, Sighting] = {}
+        for together in seen_by.values():
+            for (mine, one), (its, other) in permutations(together, 2):
+                if mine != its:
+                    sure.setdefault(mine, one)
+                    view = self._beside(one, other, mine, its)
+                    pairs.setdefault((mine, its), []).append(view)
+        for (mine, _), views in sorted(pairs.items(), key=lambda item: -len(item[1])):
+            one = sure[mine]
+            X = solve_hand_eye(views, one.outline) if _turn(views) else None
+            if X is not None:
+                inverted = split(self.dataset, one, mine).inverted
+                return [_Found(mine, se3.inverse(X) if inverted else X, None, np.inf)]
+        return []
+
+    def _beside(self, one: Sighting, other: Sighting, mine: Edge, its: Edge) -> MovingView:
+        cut, beside = split(self.dataset, one, mine), split(self.dataset, other, its)
+        ends = [se3.inverse(beside.after @ pose_) for pose_ in other.poses]
+        H = [cut.after @ pose_ @ end for pose_ in one.poses for end in ends]
+        return MovingView(se3.inverse(beside.before) @ cut.before, np.array(H))
+
+
+def _turn(views: Sequence[MovingView]) -> bool:
+    """Tell whether what moves between the views turns about more than one axis."""
+    rotations = np.array([view.G[:3, :3] for view in views])
+    turns = se3.rotation_vector_from_rotation(rotations[0].T @ rotations)
+    singular = np.linalg.svd(turns, compute_uv=False)
+    return len(views) > 2 and bool(singular[1] > _LEAST_TURN_RAD)
 
 
 def _held_boards(dataset: Dataset, sightings: Sequence[Sighting]) -> Boards:
