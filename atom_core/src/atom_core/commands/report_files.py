@@ -72,7 +72,7 @@ def read_given(
         if calibration is not None and not _is_evaluated(calibration, tested):
             remarks.append(f"{calibration} holds another calibration by now: it is left out")
             calibration = train = None
-    elif tested is not None and not _is_evaluated(calibration, tested):
+    elif tested and calibration and not _is_evaluated(calibration, tested):
         raise ReportError(
             f"{evaluation}: it evaluates another calibration than the one in {calibration}, whose "
             f"{_DATASET_FILE} is not the file that was evaluated ({tested['train']}); evaluate it "

@@ -248,7 +248,7 @@ def _contradictions(
     moving: Sequence[MovingEdge],
 ) -> List[str]:
     """Return what of the model the data contradict, the likeliest cause first."""
-    reasons = [suggestion(check) for check in strong(checks, covariance)]
+    reasons = [suggestion(c, refined.solver.problem) for c in strong(checks, covariance)]
     reasons += _unusual(refined, options, covariance) + unusual_parts(refined.free, options)
     if unfit:  # else it is noise that the sigmas know of
         reasons = [*_of_held_boards(refined), *(edge.why for edge in moving), *reasons]
@@ -312,7 +312,7 @@ def _checked(
     left = (error for error in every.errors if error not in estimated)
     usual = usual_sizes(left, options.intrinsics_sigma)
     rest = left_open(every, usual)
-    follow = solution.joint and rest.followers(solution.joint, loss)
+    follow = None if solution.joint is None else rest.followers(solution.joint, loss)
     covariance = covariance.with_combined(rest.of_blocks(loss), follow)
     cameras = any(b.kind == REPROJECTION for b in refined.solver.problem.residual_blocks)
     untold = untold_scale(every, usual, refined.options.error_priors, cameras)
