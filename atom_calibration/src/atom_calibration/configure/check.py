@@ -6,14 +6,11 @@ import difflib
 import re
 from dataclasses import dataclass, replace
 from typing import (
-    Any,
     Callable,
     Dict,
-    Iterator,
     List,
     Mapping,
     Optional,
-    Sequence,
     Set,
     Tuple,
     Union,
@@ -21,18 +18,15 @@ from typing import (
 
 import numpy as np
 
+from atom_calibration.configure.bag_contents import bag_edges, bag_joints
 from atom_calibration.configure.tree import MULTIPLE, TransformGraph
 from atom_calibration.messages.clouds import POINT_CLOUD
 from atom_calibration.messages.headers import frame_name
-from atom_calibration.messages.poses import edge_of, transform_matrix
 from atom_calibration.modalities.table import modality_of
 from atom_calibration.runtime.graph_names import check_graph_names
 from atom_calibration.sources.bag_reader import BagReader
-from atom_calibration.sources.bag_transforms import tf_topics
-from atom_calibration.sources.joint_topics import JOINT_STATE
 from atom_calibration.sources.readable import why_unreadable
 from atom_calibration.sources.rig import sensor_from_bag
-from atom_calibration.sources.sound_transforms import SoundTransforms
 from atom_core.errors import AtomError
 from atom_core.geometry import se3
 from atom_core.io.urdf import Description
@@ -46,8 +40,6 @@ Locate = Callable[[KeyPath], str]
 
 _NO_NAME_OF_ROS = re.compile(r"[.-]")
 _CALIBRATED_JOINTS = (REVOLUTE, CONTINUOUS, PRISMATIC)
-_LOOKED_AT_S = 20.0  # of each topic of /tf and /joint_states, which repeat themselves
-_STILL = 1e-9  # between entries of poses that are repeated
 _SAME_M, _SAME_RAD = 1e-4, 1e-4  # between description and bag; more is told
 _LISTED = 8
 
@@ -126,18 +118,7 @@ def bag_facts(
             findings.warn(path, f"({bag.types[topic]}) is shown but not calibrated: no labels")
         else:
             sensors[name] = sensor
-        if _NO_NAME_OF_ROS.search(topic):
-            findings.warn(
-                (*path, "topic_name"),
-                "has '-' or '.', which RViz and every C++ node refuse; remap it to be shown (it "
-                "is labeled all the same)",
-            )
-        if modalities[name] == LIDAR3D and bag.types[topic] != POINT_CLOUD:
-            findings.warn(
-                (*path, "topic_name"),
-                f"carries {bag.types[topic]}, which is labeled, and which RViz cannot show; the "
-                f"driver's PointCloud2 (xfer_format 0) it can",
-            )
+        _warn_of_display(path, topic, bag.types[topic], modalities[name], findings)
         if frame_id != entry.link:
             findings.problem(
                 (*path, "link"),
@@ -145,14 +126,32 @@ def bag_facts(
                 f"'{frame_id}' (header.frame_id); write that, or correct topic_name",
             )
     awaited = {} if description is None else _needed_joints(config, description)
-    joints = _bag_joints(bag, set(awaited))
+    joints = bag_joints(bag, set(awaited))
     told = set().union(*joints.values())
     missed = {edge for name, edge in awaited.items() if name not in told}
-    edges, fixed = _bag_edges(bag, missed, findings)
+    edges, fixed = bag_edges(bag, missed, findings.warnings.append)
     # As a static_transform_publisher of tf1 repeats a mount.
     edges.update({s.edge: FIXED for s in config.sensors.values() if s.edge in fixed})
     robot = None if description is None else description.robot
     return BagFacts(sensors, topics, modalities, edges, fixed, joints, robot)
+
+
+def _warn_of_display(
+    path: KeyPath, topic: str, kind: str, modality: Optional[str], findings: Findings
+) -> None:
+    """Tell what RViz cannot show of a topic with messages of a kind."""
+    if _NO_NAME_OF_ROS.search(topic):
+        findings.warn(
+            (*path, "topic_name"),
+            "has '-' or '.', which RViz and every C++ node refuse; remap it to be shown (it "
+            "is labeled all the same)",
+        )
+    if modality == LIDAR3D and kind != POINT_CLOUD:
+        findings.warn(
+            (*path, "topic_name"),
+            f"carries {kind}, which is labeled, and which RViz cannot show; the "
+            f"driver's PointCloud2 (xfer_format 0) it can",
+        )
 
 
 def check_rig(
@@ -228,56 +227,6 @@ def _needed_joints(config: CalibrationConfig, description: Description) -> Dict[
                 needed[joint.moved_by] = joint.edge
             joint = robot.joint_above(joint.parent_link)
     return needed
-
-
-def _beginnings(
-    bag: BagReader, topics: Sequence[str], complete: Callable[[], bool]
-) -> Iterator[Any]:
-    """Yield a while of the messages of each topic, and further ones until all is there."""
-    for topic in topics:
-        first_s = None
-        for found in bag.messages([topic]):
-            first_s = found.recorded_s if first_s is None else first_s
-            if found.recorded_s > first_s + _LOOKED_AT_S and complete():
-                break
-            yield found.message
-
-
-def _bag_edges(
-    bag: BagReader, awaited: Set[Edge], findings: Findings
-) -> Tuple[Dict[Edge, str], Dict[Edge, np.ndarray]]:
-    edges: Dict[Edge, str] = {}
-    fixed: Dict[Edge, np.ndarray] = {}
-    topics = tf_topics(bag)
-    if topics.remark:
-        findings.warnings.append(f"{bag.path}: {topics.remark}")
-    sound = SoundTransforms(lambda why: findings.warnings.append(f"{bag.path}: {why}"))
-    for topic in topics.fixed:
-        for found in bag.messages([topic]):
-            for message in sound.of(found.message.transforms, topic):
-                edges.setdefault(edge_of(message), FIXED)
-                fixed[edge_of(message)] = transform_matrix(message)
-    still: Dict[Edge, Optional[np.ndarray]] = {}  # None: it moves
-    for topic in topics.moving:
-        for heard in _beginnings(bag, [topic], lambda: awaited <= set(edges)):
-            for message in sound.of(heard.transforms, topic):
-                edge, pose = edge_of(message), transform_matrix(message)
-                edges.setdefault(edge, MULTIPLE)
-                first = still.setdefault(edge, pose)
-                if first is not None and not np.allclose(first, pose, 0.0, _STILL):
-                    still[edge] = None
-    return edges, {**{edge: pose for edge, pose in still.items() if pose is not None}, **fixed}
-
-
-def _bag_joints(bag: BagReader, awaited: Set[str]) -> Dict[str, Set[str]]:
-    """Return the joints by topic."""
-    joints: Dict[str, Set[str]] = {topic: set() for topic in bag.topics_of([JOINT_STATE])}
-    known: Set[str] = set()
-    for topic, names in joints.items():
-        for heard in _beginnings(bag, [topic], lambda: awaited <= known):
-            names.update(heard.name)
-            known.update(heard.name)
-    return joints
 
 
 # --- the transforms ---------------------------------------------------------------------------
