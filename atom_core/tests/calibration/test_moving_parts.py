@@ -17,6 +17,8 @@ from atom_core.problem.parameters import Parameters
 from atom_core.report.calibration_results import calibration_results
 from atom_core.solvers.choice import SOLVERS, solver_factory
 from atom_core.synthetic import arm, paper_cell, scenes
+from atom_core.synthetic.driving import ODOMETRY, vehicle_before_a_board
+from atom_core.synthetic.mistakes import with_scaled_boards
 from atom_core.synthetic.realism import PLAIN
 
 DEG = float(np.radians(1.0))
@@ -301,3 +303,23 @@ def test_ten_good_arms(kind):
     assert np.mean([f.off_m for f in found]) < 0.8 * np.mean(believed)
     held = np.mean(np.abs([f.in_sigmas for f in found]) < 1.96)
     assert 0.85 <= held <= 1.0
+
+
+@pytest.mark.parametrize("factor, told", [(1.02, "long"), (0.98, "short")])
+def test_motions_of_another_scale_are_a_cause_beside_a_board_of_another_size(factor, told):
+    """Wheels of another radius: the board alone was named, to be estimated."""
+    dataset = vehicle_before_a_board(0).dataset
+    scaled = {}
+    for key, collection in dataset.collections.items():
+        at = collection.transforms[ODOMETRY]
+        scaled[key] = {ODOMETRY: se3.transform(at[:3, :3], factor * at[:3, 3])}
+    message = calibrate(dataset.with_transforms(scaled)).message
+    size = "larger" if told == "long" else "smaller"
+    cause = f"% {size} than described (or /tf tells motions that much too {told}"
+    assert cause in message, message
+
+
+def test_a_board_of_another_size_before_what_stands_still_is_that_alone():
+    scene = scenes.random_scene(0, rgb=2, depth=0, lidar3d=1, collections=16)
+    message = calibrate(with_scaled_boards(scene.dataset, 1.03)).message
+    assert "than described" in message and "/tf" not in message

@@ -18,9 +18,10 @@ from atom_core.calibration.refine.layer_checks import LayerSums, layer_sums
 from atom_core.calibration.refine.model_checks import ModelCheck, model_checks
 from atom_core.model.dataset import Dataset
 from atom_core.problem.blocks import ADDITIONAL_TF
+from atom_core.problem.board_errors import BoardSize
 from atom_core.problem.model_errors import WITH_ALL, ErrorPrior, ErrorPriors, ModelError
 from atom_core.problem.problem import Problem
-from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION
+from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION, RangeBlock
 from atom_core.solvers.base import (
     CONVERGED,
     SIGMA,
@@ -43,6 +44,7 @@ from atom_core.solvers.shared_equations import (
 from atom_core.solvers.stops import by_stop, repeats, stops_of
 
 _MOST = 12
+_STILL = 1e-4  # entries of a transform [m, 1] that does not move
 # What the rows of a detection may have in common, be the sensor and the labels ever so good: what
 # is less than that is called no error of the model [px, m, m].
 COMMON = {REPROJECTION: 0.05, ORTHOGONAL: 0.001, BORDER: 0.002}
@@ -264,9 +266,17 @@ def remarks_on(
     return remarks
 
 
-def suggestion(check: ModelCheck) -> str:
-    """Return one sentence: what the data show, and which option estimates it."""
+def suggestion(check: ModelCheck, problem: Optional[Problem] = None) -> str:
+    """Return one sentence: what the data show, and which option estimates it.
+
+    Args:
+        check: what they show.
+        problem: whose data; None: nothing moves in it.
+    """
     sentence = described(check.error, check.value, check.sigma)
+    if isinstance(check.error, BoardSize) and problem and _scaled_by_motions(problem):
+        told = "long" if check.value > 0 else "short"
+        sentence += f" (or /tf tells motions that much too {told}: wheels, an arm's links)"
     if check.rivals:
         others = ", ".join(rival.title for rival in check.rivals)
         scalars = all(error.is_scalar for error in (check.error, *check.rivals))
@@ -274,3 +284,13 @@ def suggestion(check: ModelCheck) -> str:
         sentence = f"{sentence}; these boards cannot tell it from: {others}{room}"
         return sentence if check.error.option else f"{sentence}; {UNESTIMATED}"
     return f"{sentence}: {remedy(check.error.option)}"
+
+
+def _scaled_by_motions(problem: Problem) -> bool:
+    """Tell whether what moves tells the scale, and no range sensor does."""
+    if any(isinstance(block, RangeBlock) for block in problem.residual_blocks):
+        return False
+    held: Dict[Tuple[str, str], List[np.ndarray]] = {}
+    for key, constants in zip(problem.detections, problem.chains.constants):
+        held.setdefault((key.sensor, key.pattern), []).append(constants)
+    return any(float(np.max(np.ptp(each, axis=0))) > _STILL for each in held.values())
