@@ -53,6 +53,7 @@ def test_a_camera_that_is_held_on_an_arm_is_named_as_a_cause(hand):
     calibration, verdict = answered(hand, anchor_sensors=("rgb_1",))
     assert verdict.grade == WRONG
     assert "rgb_1 is held where the description has it" in calibration.message
+    assert "leave it out of -as" in calibration.message  # -ias does not release what -as holds
     free, verdict = answered(hand)
     assert verdict.grade == GOOD and not free.stated.names
 

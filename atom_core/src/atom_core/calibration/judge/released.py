@@ -133,11 +133,11 @@ def why(found: Sequence[Released], otherwise: str) -> str:
             f"are known: {otherwise}"
         )
     far = f"{1e3 * found[0].translation_m:.3g} mm and {np.degrees(found[0].rotation_rad):.2g} deg"
-    remedy = "release it (-ias)"
+    remedy = "release it (-ias, or leave it out of -as)"
     if found[0].is_open:
         remedy = (
             f"as some direction is open then, state how well its place is known instead "
-            f"(-ias {OPTION} {names} SIGMA_M SIGMA_RAD)"
+            f"(-ias, or out of -as, and {OPTION} {names} SIGMA_M SIGMA_RAD)"
         )
     return (
         f"{names} is held where the description has it (anchored_sensor, -as), and all fits "
