@@ -191,10 +191,13 @@ class DatasetPlaybackTest(PlaybackCase):
         for pixel in ((20.5, 30.0), (200.0, 35.0)):
             self.stroke(CAMERA, pixel=pixel)
         self.assertIn("top side, 2 points; saved to annotation_", self.state.message)
-        drawn = colour_image(self.latest[topic])
-        rows, columns = np.nonzero(np.any(drawn != before, axis=2))
-        self.assertLess(abs(columns.mean() - 110), 8)
-        self.assertLess(abs(rows.mean() - 32), 8)
+
+        def both_are_drawn():  # in the latest picture, which may be of the first point still
+            drawn = colour_image(self.latest[topic])
+            places = np.nonzero(np.any(drawn != before, axis=2))
+            return np.allclose(np.mean(places, axis=1), [32, 110], rtol=0.0, atol=8)
+
+        until(both_are_drawn, "both points in the picture")
         self.stroke(CAMERA, "n")
         self.stroke(CAMERA, pixel=(210.0, 150.0))
         lines = read_lines(file, [PATTERN], PATTERN, self.sensors[CAMERA].camera)

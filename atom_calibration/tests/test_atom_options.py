@@ -83,12 +83,18 @@ def test_every_option_of_atom_is_known_by_both_names(node, option, capsys):
     if len(values) > 1 and values[0] == "lambda":
         values = [option.example]
     for name in option.names:
-        args = make().parse_args([*needed.split(), name, *values])
+        args = make().parse_args([*_without(needed.split(), option.names), name, *values])
         note = capsys.readouterr().err
         if option.ours is None:
             assert note == f"{node}: note: {option.note}\n"
         else:
             assert not note and getattr(args, option.ours) not in (None, False)
+
+
+def _without(words, names):
+    """Return a command line without an option and its value."""
+    places = [i for i, word in enumerate(words) if word in names]
+    return [word for i, word in enumerate(words) if i not in places and i - 1 not in places]
 
 
 @pytest.mark.parametrize(
