@@ -13,6 +13,7 @@ from atom_core.io.collections import CollectionStore
 from atom_core.io.earlier_run import PREVIOUS_FOLDER, has_earlier_run
 
 DONE, NOT_ACCEPTABLE = 0, 1
+_OF_CHESSBOARDS = "inner corners is seen"  # in the reason why a chessboard is not found
 
 
 def conclude(
@@ -81,7 +82,9 @@ def why_none(collector: Collector, asked: bool) -> str:
             f"{whys[0]}: hold it still at each place; of a recording of single pictures, take "
             f"those of given times: collect_from_bag --times or --interval"
         )
-    return f"{whys[0]} ({never})" if never else whys[0]
+    counted = "; dimension counts inner corners, one less than squares along each side"
+    hint = counted if _OF_CHESSBOARDS in never else ""
+    return f"{whys[0]} ({never}{hint})" if never else whys[0]
 
 
 def bad_sensors(collector: Collector) -> Iterator[str]:
