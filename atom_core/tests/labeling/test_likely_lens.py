@@ -67,9 +67,11 @@ def test_a_lens_is_looked_for_only_where_there_is_none_and_something_is_bent():
     points = np.column_stack([0.06 * (board - [5.5, 4.0]), np.full(len(board), 0.45)])
     size = (1280, 800)
     straight, bent = UNKNOWN.project(points), LENSES["wide"].project(points)
-    assert likely_lens(UNKNOWN, board, straight, size) is UNKNOWN
-    assert likely_lens(LENSES["wide"], board, straight, size) is LENSES["wide"]
+    assert likely_lens(UNKNOWN, [(board, straight)], size) is UNKNOWN
+    assert likely_lens(LENSES["wide"], [(board, straight)], size) is LENSES["wide"]
     for camera in (UNKNOWN, None):
-        assert likely_lens(camera, board, bent, size).model == "equidistant"
+        assert likely_lens(camera, [(board, bent)], size).model == "equidistant"
     scattered = np.random.default_rng(0).uniform(0.0, 700.0, (len(board), 2))
-    assert likely_lens(UNKNOWN, board, scattered, size) is UNKNOWN
+    assert likely_lens(UNKNOWN, [(board, scattered)], size) is UNKNOWN
+    wrong = (board[:, ::-1], straight)  # no lens is tried where one layout is straight
+    assert likely_lens(UNKNOWN, [wrong, (board, straight)], size) is UNKNOWN

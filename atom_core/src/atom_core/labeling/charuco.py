@@ -143,13 +143,11 @@ class CharucoFinder:
         self, grey: np.ndarray, ids: np.ndarray, outlines: np.ndarray, camera: Optional[Camera]
     ) -> Optional[Camera]:
         """Return the camera, with a lens where it has none and the board is bent."""
+        placed = []
         for layout in self.layouts:
             board, known = _on_squares(ids, layout, self.marker_share)
-            pixels = outlines[known].reshape(-1, 2)
-            lens = likely_lens(camera, board, pixels, (grey.shape[1], grey.shape[0]))
-            if lens is not camera:
-                return lens
-        return camera
+            placed.append((board, outlines[known].reshape(-1, 2)))
+        return likely_lens(camera, placed, (grey.shape[1], grey.shape[0]))
 
     def _rivals(self, ids: np.ndarray) -> List[Layout]:
         """Return other boards on which most markers may stand as on this one.

@@ -7,7 +7,7 @@ corners are looked for; no label has anything of it.
 
 from __future__ import annotations
 
-from typing import Optional, Tuple
+from typing import Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -19,26 +19,30 @@ _LEAST_POINTS = 24
 _BENT_PX, _CLEARLY = 1.0, 0.5  # mean misfit without a lens; what of it one may leave
 _FARTHEST_PX = 20.0  # of a misfit that counts
 
+Placed = Tuple[np.ndarray, np.ndarray]
+
 
 def likely_lens(
-    camera: Optional[Camera], board: np.ndarray, pixels: np.ndarray, size_px: Tuple[int, int]
+    camera: Optional[Camera], layouts: Sequence[Placed], size_px: Tuple[int, int]
 ) -> Optional[Camera]:
     """Return the camera, or one with the lens that straightens a board, where it has none.
 
     Args:
         camera: its intrinsics, if known.
-        board: (n, 2) points in the board's plane [squares].
-        pixels: (n, 2) where they were found [px].
+        layouts: for each way in which the board may be laid out, (n, 2) points in its plane
+            [squares], and (n, 2) where they were found [px].
         size_px: width and height of the image.
     """
-    if len(board) < _LEAST_POINTS or (camera is not None and not _is_plain(camera)):
+    enough = [placed for placed in layouts if len(placed[0]) >= _LEAST_POINTS]
+    if not enough or (camera is not None and not _is_plain(camera)):
         return camera
-    plain = _misfit_px(camera, board, pixels)
+    misfits = [_misfit_px(camera, *placed) for placed in enough]
+    plain, placed = min(misfits), enough[int(np.argmin(misfits))]
     if plain <= _BENT_PX:
         return camera
     K = _usual(size_px) if camera is None else camera.K
     lenses = [_fisheye(K, size_px, factor) for factor in _FOCAL_LENGTHS]
-    left = [_misfit_px(lens, board, pixels) for lens in lenses]
+    left = [_misfit_px(lens, *placed) for lens in lenses]
     best = int(np.argmin(left))
     return lenses[best] if left[best] <= _CLEARLY * plain else camera
 

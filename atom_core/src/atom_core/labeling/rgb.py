@@ -101,7 +101,7 @@ class RgbLabeler:
         row, column = np.divmod(np.arange(self.pattern.corner_count), self.pattern.columns)
         board, everywhere = np.column_stack([column, row]).astype(float), row >= 0
         size_px = (grey.shape[1], grey.shape[0])
-        camera = likely_lens(self.sensor.camera, board, corners.pixels, size_px)
+        camera = likely_lens(self.sensor.camera, [(board, corners.pixels)], size_px)
         kept = ~off_their_neighbours(board, corners.pixels, everywhere, camera)
         ids = np.flatnonzero(kept)
         quality: Dict[str, float] = {
