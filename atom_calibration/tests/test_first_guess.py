@@ -128,13 +128,23 @@ def test_a_joint_of_a_macro_costs_the_macros_but_not_the_old_file(make_guess, tm
 def test_a_start_from_a_dataset_is_near_the_truth_whatever_its_transforms_say(tmp_path):
     scene = scenes.two_cameras(disturbance=(1.0, 1.0))
     path = write_dataset_folder(scene.dataset, tmp_path / "dataset", name="two cameras")
-    values = values_from_dataset(path)
+    values, remarks = values_from_dataset(path)
+    assert remarks == ()
     held, found = (sensor.edge for sensor in scene.dataset.sensors.values())
     np.testing.assert_allclose(values[held], scene.dataset.first_value(held), atol=1e-12)
     (start,) = (np.linalg.inv(scene.dataset.first_value(e)) @ scene.truth.edges[e] for e in [found])
     off = np.linalg.inv(values[found]) @ scene.truth.edges[found]
     assert np.linalg.norm(start[:3, 3]) > 0.9
     assert np.linalg.norm(off[:3, 3]) < 0.05
+
+
+def test_a_sensor_that_the_data_do_not_place_is_named(tmp_path):
+    scene = scenes.hand_eye(0, collections=2)  # too few to tell a hand by its motion
+    path = write_dataset_folder(scene.dataset, tmp_path / "dataset", name="hand")
+    values, (remark,) = values_from_dataset(path)
+    (edge,) = values
+    assert "'rgb_1': the data alone do not tell where it stands" in remark
+    np.testing.assert_allclose(values[edge], scene.dataset.first_value(edge), atol=1e-12)
 
 
 def test_a_dataset_that_is_none_is_told(tmp_path):

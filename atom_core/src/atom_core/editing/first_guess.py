@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Dict, List, Mapping, Optional, Tuple
+from typing import Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 import numpy as np
 
-from atom_core.calibration.start.starts import estimate_sensors
+from atom_core.calibration.start.starts import sensors_from_data
 from atom_core.errors import ConfigError
 from atom_core.io.atomic import write_text_atomically
 from atom_core.io.dataset_json import read_dataset
@@ -152,17 +152,30 @@ class FirstGuess:
         return Saved(report, original)
 
 
-def values_from_dataset(path: Path) -> Dict[Edge, np.ndarray]:
-    """Return where the data alone put the sensors: ``parent_T_child`` (4, 4) [m] by edge.
+class PlacedSensors(NamedTuple):
+    """Where the data alone put the sensors.
 
-    Sensors that are held, and those that the data do not place, keep the dataset's value.
+    Attributes:
+        values: ``parent_T_child`` (4, 4) [m] by edge.
+        remarks: which sensors the data do not place.
+    """
+
+    values: Dict[Edge, np.ndarray]
+    remarks: Tuple[str, ...]
+
+
+def values_from_dataset(path: Path) -> PlacedSensors:
+    """Return where the data alone put the sensors.
+
+    Those that are held, and those that the data do not place, keep the dataset's value.
 
     Raises:
         AtomError: the dataset cannot be read, or its boards do not tie the sensors together.
     """
     dataset = read_dataset(path)
-    placed = estimate_sensors(dataset)
-    return {sensor.edge: placed.first_value(sensor.edge) for sensor in dataset.sensors.values()}
+    placed = sensors_from_data(dataset)
+    edges = (sensor.edge for sensor in dataset.sensors.values())
+    return PlacedSensors({e: placed.dataset.first_value(e) for e in edges}, placed.remarks)
 
 
 def _editable(

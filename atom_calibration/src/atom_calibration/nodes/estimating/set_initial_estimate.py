@@ -70,7 +70,9 @@ def _run(args: argparse.Namespace) -> int:
     check_graph_names([*config.sensors, *guess.edges])
     remarks = [f"{remark}, so it has no marker" for remark in guess.remarks]
     if args.from_dataset:
-        missing = guess.start_from(values_from_dataset(Path(args.from_dataset)))
+        placed = values_from_dataset(Path(args.from_dataset))
+        missing = guess.start_from(placed.values)
+        remarks += placed.remarks
         remarks += [
             f"'{name}' is not in {args.from_dataset} and starts where the description has it"
             for name in missing

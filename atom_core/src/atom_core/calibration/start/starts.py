@@ -17,7 +17,7 @@ from atom_core.calibration.prepare.preparation import Prepared, prepare
 from atom_core.calibration.start.boards import initial_boards, placed, settle_boards
 from atom_core.calibration.start.disturb import disturbed
 from atom_core.calibration.start.finite import check_finite
-from atom_core.calibration.start.initial_sensors import sensors_from_boards
+from atom_core.calibration.start.initial_sensors import SensorEstimate, sensors_from_boards
 from atom_core.errors import CalibrationError
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset
@@ -281,6 +281,12 @@ def estimate_sensors(dataset: Dataset, options: Optional[CalibrationOptions] = N
     Raises:
         AtomError: sensors that no shared board connects, or data that cannot be read.
     """
+    return sensors_from_data(dataset, options).dataset
+
+
+def sensors_from_data(
+    dataset: Dataset, options: Optional[CalibrationOptions] = None
+) -> SensorEstimate:
+    """Do what ``estimate_sensors`` does, and say which sensors are not placed."""
     prepared = prepare(dataset, options or CalibrationOptions())
-    estimate = sensors_from_boards(prepared.dataset, prepared.measurements, prepared.free)
-    return estimate.dataset
+    return sensors_from_boards(prepared.dataset, prepared.measurements, prepared.free)
