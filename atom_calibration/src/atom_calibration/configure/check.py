@@ -22,7 +22,7 @@ from atom_calibration.configure.bag_contents import bag_edges, bag_joints
 from atom_calibration.configure.tree import MULTIPLE, TransformGraph
 from atom_calibration.messages.clouds import POINT_CLOUD
 from atom_calibration.messages.headers import frame_name
-from atom_calibration.modalities.table import modality_of
+from atom_calibration.modalities.table import is_labeled, modality_of, ros_modality
 from atom_calibration.runtime.graph_names import check_graph_names
 from atom_calibration.sources.bag_reader import BagReader
 from atom_calibration.sources.readable import why_unreadable
@@ -33,7 +33,7 @@ from atom_core.io.urdf import Description
 from atom_core.model.config import CalibrationConfig, EdgeConfig, SensorConfig
 from atom_core.model.config_section import KeyPath
 from atom_core.model.robot import CONTINUOUS, FIXED, PRISMATIC, REVOLUTE, RobotDescription
-from atom_core.model.sensor import LIDAR3D, Sensor
+from atom_core.model.sensor import Sensor
 from atom_core.model.transforms import Edge
 
 Locate = Callable[[KeyPath], str]
@@ -146,7 +146,9 @@ def _warn_of_display(
             "has '-' or '.', which RViz and every C++ node refuse; remap it to be shown (it "
             "is labeled all the same)",
         )
-    if modality == LIDAR3D and kind != POINT_CLOUD:
+    if modality is None or not is_labeled(modality):
+        return
+    if ros_modality(modality).display == "cloud" and kind != POINT_CLOUD:
         findings.warn(
             (*path, "topic_name"),
             f"carries {kind}, which is labeled, and which RViz cannot show; the "
