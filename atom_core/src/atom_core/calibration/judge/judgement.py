@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import Dict, List, Mapping, Sequence, Tuple
 
 import numpy as np
 
 from atom_core.calibration.judge.ambiguity import ambiguity
+from atom_core.calibration.judge.examination import examined, of_the_model
 from atom_core.calibration.judge.exclusion import Exclusion, exclusions
-from atom_core.calibration.judge.few_stops import few_stops
-from atom_core.calibration.judge.misfit import Misfit, misfits
+from atom_core.calibration.judge.misfit import Misfit
 from atom_core.calibration.judge.places import Displaced, displaced, exchanged
 from atom_core.calibration.judge.priors import (
     HeldDirection,
@@ -20,69 +20,33 @@ from atom_core.calibration.judge.priors import (
     prior_results,
 )
 from atom_core.calibration.judge.reasons import Solution
-from atom_core.calibration.judge.released import Released, Tried, released
+from atom_core.calibration.judge.released import Tried, released
 from atom_core.calibration.judge.released import why as why_released
 from atom_core.calibration.judge.stated_places import StatedPlaces, stated_places
-from atom_core.calibration.judge.untold_scale import untold_scale
-from atom_core.calibration.judge.usual_errors import left_open
 from atom_core.calibration.judge.weak_directions import (
     WeakDirection,
     weak_directions,
     weak_model_errors,
 )
-from atom_core.calibration.options import DESCRIPTION, OFF, CalibrationOptions
-from atom_core.calibration.refine.candidates import usual_sizes
-from atom_core.calibration.refine.error_words import unusual
-from atom_core.calibration.refine.layer_checks import layer_checks
+from atom_core.calibration.options import DESCRIPTION, CalibrationOptions
 from atom_core.calibration.refine.model_checks import ModelCheck
-from atom_core.calibration.refine.model_errors import checked, suggestion
-from atom_core.calibration.refine.moved_sensors import Motion, moved_sensors
-from atom_core.calibration.refine.moving_edges import MovingEdge, moving_edges
-from atom_core.calibration.refine.moving_parts import unusual_parts
+from atom_core.calibration.refine.moving_edges import MovingEdge
 from atom_core.calibration.refine.refinement import Refined
-from atom_core.calibration.refine.wave_checks import wave_checks
 from atom_core.calibration.start.boards import solved_dataset
 from atom_core.calibration.start.starts import ChosenStart, InitialProblem
 from atom_core.model.dataset import Dataset
 from atom_core.model.pattern import BoardKey
-from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.problem import Problem
-from atom_core.problem.residuals import REPROJECTION
 from atom_core.solvers.base import (
     CONVERGED,
     FAILED,
     NOT_CONVERGED,
-    SIGMA,
     SolverFactory,
 )
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.reweighting import covariance_of
-from atom_core.solvers.robust_covariance import degrees_of_freedom, sigma_factors
-from atom_core.solvers.stops import stops_of
 
-_OF_SCATTER = 0.7  # part of what an arm that is off explains, each collection by itself
-_STRONG = 3.0  # sigmas by which what is not estimated may move an edge, and what is be unusual
 RANK_DEFICIENT, INCONSISTENT = "rank_deficient", "inconsistent"
-
-
-class Examined(NamedTuple):
-    """What the data say of the model.
-
-    Attributes:
-        covariance: robust and combined.
-        unfit: sensors that fit far worse than by themselves.
-        checks: errors of the model that show.
-        moving: transforms of moving parts that do not fit.
-        moved: a sensor or a board that was moved meanwhile, or is not where its edge puts it.
-        remarks: what the user should know of the sigmas.
-    """
-
-    covariance: Covariance
-    unfit: Sequence[Misfit] = ()
-    checks: Sequence[ModelCheck] = ()
-    moving: Sequence[MovingEdge] = ()
-    moved: Optional[Motion] = None
-    remarks: Tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -151,79 +115,54 @@ def judge(
     """
     start, summary, problem = chosen.solution.start, refined.summary, refined.solver.problem
     covariance = covariance_of(refined.solver, summary, refined.options)
-    solution = Solution(answer(chosen, refined), problem, summary.x)
-    dataset = solution.dataset
+    dataset = answer(chosen, refined)
+    solution = Solution(dataset, problem, summary.x)
     weak = _weak(chosen, refined, solution, covariance, options)
-    found = _examined(dataset, start.initial, refined, options, covariance, make_solver)
-    covariance, unfit, checks, moving, moved, remarks = found
-    known = tuple(prior_results(problem.parameters, summary.x, covariance))
+    found = examined(dataset, start.initial, refined, options, covariance, make_solver)
+    known = tuple(prior_results(problem.parameters, summary.x, found.covariance))
     out = exclusions(start.initial, start.measurements, refined.rejected)
     places = described if options.initial_guess == DESCRIPTION else dataset
-    of_model = _contradictions(refined, options, covariance, unfit, checks, moving)
-    reasons = exchanged(places, dataset) + _with_motion(of_model, moved)
-    reasons += contradictions(known) + [m.why for m in unfit] + [e.why for e in out]
-    also = _if_a_fixed_board_moved(dataset, problem) if unfit or moving or out else ""
+    reasons = exchanged(places, dataset) + of_the_model(refined, options, found)
+    reasons += contradictions(known) + [m.why for m in found.unfit] + [e.why for e in out]
+    also = _if_a_fixed_board_moved(dataset, problem) if found.unfit or found.moving or out else ""
     contradicted = tuple(why + also for why in reasons) if _is_answer(refined) else ()
     stated = stated_places(dataset, problem, refined.free)
-    likely_cause = stated.likely_cause
-    elsewhere = _released(chosen, refined, options, make_solver, stated) if contradicted else ()
-    if elsewhere:
-        contradicted = (why_released(elsewhere, reasons[0]), *contradicted)
-        likely_cause, checks = "", [c for c in checks if c.error.target in stated.held]
-    status, message = _verdict(refined, weak, contradicted, likely_cause)
+    why_held = _why_held(chosen, refined, options, make_solver, stated, reasons)
+    cause = "" if why_held else stated.likely_cause
+    status, message = _verdict(refined, weak, why_held + contradicted, cause)
     return Judgement(
         dataset,
-        covariance,
+        found.covariance,
         weak_directions=tuple(weak),
-        held_directions=_held(solution, refined, covariance, options, make_solver),
+        held_directions=_held(solution, refined, found.covariance, options, make_solver),
         priors=known,
-        misfits=tuple(unfit),
+        misfits=found.unfit,
         exclusions=tuple(out),
-        checks=tuple(checks),
-        moving=tuple(moving),
+        checks=tuple(c for c in found.checks if not why_held or c.error.target in stated.held),
+        moving=found.moving,
         displaced=tuple(displaced(places, dataset)),
         stated=stated,
         status=status,
         message=message,
-        contradictions=contradicted,
-        remarks=remarks,
+        contradictions=why_held + contradicted,
+        remarks=found.remarks,
     )
 
 
-def _examined(
-    dataset: Dataset,
-    initial: Dataset,
-    refined: Refined,
-    options: CalibrationOptions,
-    covariance: Covariance,
-    make_solver: SolverFactory,
-) -> Examined:
-    """Return what the data say of the model; nothing unless the solver has converged."""
-    summary, loss = refined.summary, options.solver.loss
-    if summary.status != CONVERGED:
-        return Examined(covariance)
-    unfit = misfits(refined.solver, summary.x, summary.sigmas, loss, make_solver)
-    if options.solver.weights != SIGMA:
-        return Examined(covariance, unfit)
-    covariance, checks, moved, sizes = _checked(initial, refined, options, covariance)
-    moving = _moving(dataset, refined, options, checks)
-    scatter = max((edge.gain for edge in moving), default=0.0)
-    if moved is not None and moved.gain < _OF_SCATTER * scatter:
-        moved = None
-    if moved is not None and moved.is_clear:  # what else seems to be wrong may be its trace only
-        checks, moving = [], []
-    remarks = (*few_stops(stops_of(refined.solver.problem, summary.x)), *sizes)
-    return Examined(covariance, unfit, checks, moving, moved, remarks)
-
-
-def _released(
+def _why_held(
     chosen: ChosenStart,
     refined: Refined,
     options: CalibrationOptions,
     make_solver: SolverFactory,
     stated: StatedPlaces,
-) -> Tuple[Released, ...]:
-    """Return the sensors that are held and of which each, if it were free, leaves nothing amiss."""
+    reasons: Sequence[str],
+) -> Tuple[str, ...]:
+    """Return the sensors that are held and of which each, if it were free, leaves nothing amiss.
+
+    In a sentence; () where there are none, or no reasons why something is amiss.
+    """
+    if not reasons or not _is_answer(refined):
+        return ()
     start = chosen.solution.start
 
     def look_at(other: Refined) -> Tried:
@@ -231,37 +170,13 @@ def _released(
         dataset, x = answer(chosen, other), other.summary.x
         solution = Solution(dataset, other.solver.problem, x)
         weak = weak_directions(solution, covariance, *options.undetermined_limit)
-        found = _examined(dataset, start.initial, other, options, covariance, make_solver)
-        covariance, unfit, checks, moving, moved, _ = found
-        of_model = _contradictions(other, options, covariance, unfit, checks, moving)
-        return Tried(not unfit and not _with_motion(of_model, moved), bool(weak))
+        found = examined(dataset, start.initial, other, options, covariance, make_solver)
+        amiss = found.unfit or of_the_model(other, options, found)
+        return Tried(not amiss, bool(weak))
 
-    return released(start.initial, start.measurements, refined, stated.held, make_solver, look_at)
-
-
-def _contradictions(
-    refined: Refined,
-    options: CalibrationOptions,
-    covariance: Covariance,
-    unfit: Sequence[Misfit],
-    checks: Sequence[ModelCheck],
-    moving: Sequence[MovingEdge],
-) -> List[str]:
-    """Return what of the model the data contradict, the likeliest cause first."""
-    reasons = [suggestion(c, refined.solver.problem) for c in strong(checks, covariance)]
-    reasons += _unusual(refined, options, covariance) + unusual_parts(refined.free, options)
-    if unfit:  # else it is noise that the sigmas know of
-        reasons = [*_of_held_boards(refined), *(edge.why for edge in moving), *reasons]
-    return reasons
-
-
-def _with_motion(reasons: List[str], moved: Optional[Motion]) -> List[str]:
-    """Return the reasons with that of a motion: first, or beside an error that tells as much."""
-    if moved is not None and moved.is_clear:
-        return [moved.why, *reasons]
-    if moved is not None and reasons:
-        return [f"{reasons[0]}; or {moved.why}", *reasons[1:]]
-    return reasons
+    names = stated.held
+    elsewhere = released(start.initial, start.measurements, refined, names, make_solver, look_at)
+    return (why_released(elsewhere, reasons[0]),) if elsewhere else ()
 
 
 def _weak(
@@ -294,91 +209,6 @@ def _held(
     solver = make_solver(solution.problem.without_priors())
     of_data = covariance_of(solver, refined.summary, refined.options)
     return tuple(held_directions(solution, covariance, of_data, *options.undetermined_limit))
-
-
-def _checked(
-    initial: Dataset, refined: Refined, options: CalibrationOptions, covariance: Covariance
-) -> Tuple[Covariance, List[ModelCheck], Optional[Motion], Tuple[str, ...]]:
-    """Return the covariance, robust and combined, the model checks, what moved, what is untold."""
-    loss, estimated = refined.options.loss, tuple(refined.summary.model_errors)
-    solution = checked(initial, refined.solver, refined.summary, refined.options, with_fields=True)
-    equations, by_stop = solution.equations, solution.by_stop
-    factors = sigma_factors(*by_stop, estimated)
-    of_errors = dict(zip(estimated, factors[equations.shared :]))
-    freedom = degrees_of_freedom(len(by_stop[0].collections))
-    of_blocks = factors[: BLOCK_SIZE * equations.blocks]
-    covariance = covariance.robust(of_blocks, of_errors, freedom)
-    every = solution.with_fields
-    left = (error for error in every.errors if error not in estimated)
-    usual = usual_sizes(left, options.intrinsics_sigma)
-    rest = left_open(every, usual)
-    follow = None if solution.joint is None else rest.followers(solution.joint, loss)
-    covariance = covariance.with_combined(rest.of_blocks(loss), follow)
-    cameras = any(b.kind == REPROJECTION for b in refined.solver.problem.residual_blocks)
-    untold = untold_scale(every, usual, refined.options.error_priors, cameras)
-    if options.model_errors == OFF:
-        return covariance, [], None, untold
-    checks = solution.checks(refined.summary, loss)
-    checks += layer_checks(
-        refined.solver, refined.summary, loss, equations, solution.layers, checks
-    )
-    checks += wave_checks(initial, refined.solver, refined.summary, refined.options, checks)
-    checks = sorted(checks, key=lambda check: -check.gain)
-    if refined.free.anchor_patterns:  # boards in a wrong place look like anything
-        return covariance, checks, None, untold
-    moved = moved_sensors(initial, refined.solver, refined.summary, loss, solution, checks)
-    return covariance, checks, moved, untold
-
-
-def _moving(
-    dataset: Dataset, refined: Refined, options: CalibrationOptions, checks: Sequence[ModelCheck]
-) -> List[MovingEdge]:
-    """Return the moving transforms that do not fit, where no single error explains as much."""
-    if options.model_errors == OFF:
-        return []
-    summary, loss = refined.summary, refined.options.loss
-    explained = max((check.gain for check in checks), default=0.0)
-    found = moving_edges(dataset, refined.solver, summary.x, summary.sigmas, loss)
-    return [edge for edge in found if edge.gain > 2.0 * explained]
-
-
-def strong(checks: Sequence[ModelCheck], covariance: Covariance) -> List[ModelCheck]:
-    """Return the checks that would move any edge by more than three of its sigmas.
-
-    All of them where none does so by itself, but all together do.
-    """
-    limits = _STRONG * np.sqrt(np.maximum(np.diagonal(covariance.shared), 1e-30))
-    moves = [check.moves[: len(limits)] for check in checks]
-    alone = [check for check, move in zip(checks, moves) if np.any(np.abs(move) > limits)]
-    if alone or not checks:
-        return alone
-    return list(checks) if np.any(np.abs(np.sum(moves, axis=0)) > limits) else []
-
-
-def _unusual(refined: Refined, options: CalibrationOptions, covariance: Covariance) -> List[str]:
-    """Return why, where an error that was expected to be usual had to be far more.
-
-    Then what was expected decided how it is shared with others, and not the data.
-    """
-    values, sigmas = refined.summary.model_errors, covariance.error_sigmas
-    priors = {e: prior for e, prior in refined.options.error_priors.items() if e in values}
-    # What was given more room, since it is not told from another, is unusual all the same.
-    room = usual_sizes([e for e, p in priors.items() if p.mean == 0.0], options.intrinsics_sigma)
-    priors = {e: p._replace(sigma=min(p.sigma, room.get(e, p.sigma))) for e, p in priors.items()}
-    off = {e: abs(values[e] - prior.mean) / prior.sigma for e, prior in priors.items()}
-    far = [e for e in off if e.stands_alone and off[e] > _STRONG]
-    far.sort(key=lambda e: -off[e])
-    return [unusual(e, values[e], sigmas.get(e, 0.0), priors[e]) for e in far]
-
-
-def _of_held_boards(refined: Refined) -> Tuple[str, ...]:
-    """Return a sentence where boards are held: their wrong place looks like any other error."""
-    if not refined.free.anchor_patterns:
-        return ()
-    return (
-        "the sensors do not fit the boards where these are held (--anchor_patterns); leave the "
-        "option out, and the boards are estimated",
-    )
 
 
 def _if_a_fixed_board_moved(dataset: Dataset, problem: Problem) -> str:

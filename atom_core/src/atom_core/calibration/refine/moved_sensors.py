@@ -161,17 +161,17 @@ def moved_sensors(
     if len(solution.cautious.collections) < 2 * FEWEST:
         return None
     equations = solver.equations(summary.x, summary.sigmas, loss)
-    shares = shares_of(solver.problem, summary.sigmas, solution.common, solution.repeated)
-    with_common = tempered(solver.problem, equations, shares, summary.x)
     problem, x, stops = solver.problem, summary.x, solution.stops
+    shares = shares_of(problem, summary.sigmas, solution.common, solution.repeated)
+    with_common = tempered(problem, equations, shares, x)
     cautious = _motions(dataset, problem, x, with_common, solution.cautious, stops)
-    best = _clearest(cautious, _unplaced(dataset, solver.problem))
+    best = _clearest(cautious, _unplaced(dataset, problem))
     refocused = changed_focus(dataset, solution, cautious, best, others)
     if refocused is not None or not best:
         return refocused
     name, step = _most_telling(best)
-    shares = shares_of(solver.problem, summary.sigmas, summary.common or [0.0] * len(shares))
-    as_weighted = tempered(solver.problem, equations, shares, summary.x)
+    shares = shares_of(problem, summary.sigmas, summary.common or [0.0] * len(shares))
+    as_weighted = tempered(problem, equations, shares, x)
     again = _motions(dataset, problem, x, as_weighted, solution.equations, stops)
     found = step_between(again, name, step.last, step.first, step.creeps)
     explained = max((check.gain for check in others), default=0.0)
@@ -185,9 +185,8 @@ def moved_sensors(
     if step.is_of_all:
         beside = _beside(dataset, name)
         return Misplaced((name, *alike), beside, shift, turn, found.gain, is_clear)
-    places = cautious.places(step)
     how = step.stood_still, step.creeps
-    return Moved((name, *alike), *places, shift, turn, found.gain, *how)
+    return Moved((name, *alike), *cautious.places(step), shift, turn, found.gain, *how)
 
 
 def _unplaced(dataset: Dataset, problem: Problem) -> List[str]:

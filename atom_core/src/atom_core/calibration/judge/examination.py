@@ -1,0 +1,195 @@
+"""What the data say of the model of the sensors, at a solution."""
+
+from __future__ import annotations
+
+from typing import List, NamedTuple, Optional, Sequence, Tuple
+
+import numpy as np
+
+from atom_core.calibration.judge.few_stops import few_stops
+from atom_core.calibration.judge.misfit import Misfit, misfits
+from atom_core.calibration.judge.untold_scale import untold_scale
+from atom_core.calibration.judge.usual_errors import left_open
+from atom_core.calibration.options import OFF, CalibrationOptions
+from atom_core.calibration.refine.candidates import usual_sizes
+from atom_core.calibration.refine.error_words import unusual
+from atom_core.calibration.refine.layer_checks import layer_checks
+from atom_core.calibration.refine.model_checks import ModelCheck
+from atom_core.calibration.refine.model_errors import checked, suggestion
+from atom_core.calibration.refine.moved_sensors import Motion, moved_sensors
+from atom_core.calibration.refine.moving_edges import MovingEdge, moving_edges
+from atom_core.calibration.refine.moving_parts import unusual_parts
+from atom_core.calibration.refine.refinement import Refined
+from atom_core.calibration.refine.wave_checks import wave_checks
+from atom_core.model.dataset import Dataset
+from atom_core.problem.blocks import BLOCK_SIZE
+from atom_core.problem.residuals import REPROJECTION
+from atom_core.solvers.base import CONVERGED, SIGMA, SolverFactory
+from atom_core.solvers.covariance import Covariance
+from atom_core.solvers.robust_covariance import degrees_of_freedom, sigma_factors
+from atom_core.solvers.stops import stops_of
+
+_OF_SCATTER = 0.7  # part of what an arm that is off explains, each collection by itself
+_STRONG = 3.0  # sigmas by which what is not estimated may move an edge, and what is be unusual
+
+
+class Examined(NamedTuple):
+    """What the data say of the model.
+
+    Attributes:
+        covariance: robust and combined.
+        unfit: sensors that fit far worse than by themselves.
+        checks: errors of the model that show.
+        moving: transforms of moving parts that do not fit.
+        moved: a sensor or a board that was moved meanwhile, or is not where its edge puts it.
+        remarks: what the user should know of the sigmas.
+    """
+
+    covariance: Covariance
+    unfit: Tuple[Misfit, ...] = ()
+    checks: Tuple[ModelCheck, ...] = ()
+    moving: Tuple[MovingEdge, ...] = ()
+    moved: Optional[Motion] = None
+    remarks: Tuple[str, ...] = ()
+
+
+def examined(
+    dataset: Dataset,
+    initial: Dataset,
+    refined: Refined,
+    options: CalibrationOptions,
+    covariance: Covariance,
+    make_solver: SolverFactory,
+) -> Examined:
+    """Return what the data say of the model; nothing unless the solver has converged."""
+    summary, loss = refined.summary, options.solver.loss
+    if summary.status != CONVERGED:
+        return Examined(covariance)
+    unfit = tuple(misfits(refined.solver, summary.x, summary.sigmas, loss, make_solver))
+    if options.solver.weights != SIGMA:
+        return Examined(covariance, unfit)
+    covariance, checks, moved, sizes = _checked(initial, refined, options, covariance)
+    moving = _moving(dataset, refined, options, checks)
+    scatter = max((edge.gain for edge in moving), default=0.0)
+    if moved is not None and moved.gain < _OF_SCATTER * scatter:
+        moved = None
+    if moved is not None and moved.is_clear:  # what else seems to be wrong may be its trace only
+        checks, moving = [], []
+    remarks = (*few_stops(stops_of(refined.solver.problem, summary.x)), *sizes)
+    return Examined(covariance, unfit, tuple(checks), tuple(moving), moved, remarks)
+
+
+def of_the_model(refined: Refined, options: CalibrationOptions, found: Examined) -> List[str]:
+    """Return what is wrong with the sensors, and what was moved, the likeliest first."""
+    covariance, unfit, checks, moving, moved, _ = found
+    return _with_motion(_contradictions(refined, options, covariance, unfit, checks, moving), moved)
+
+
+def _contradictions(
+    refined: Refined,
+    options: CalibrationOptions,
+    covariance: Covariance,
+    unfit: Sequence[Misfit],
+    checks: Sequence[ModelCheck],
+    moving: Sequence[MovingEdge],
+) -> List[str]:
+    """Return what of the model the data contradict, the likeliest cause first."""
+    reasons = [suggestion(c, refined.solver.problem) for c in strong(checks, covariance)]
+    reasons += _unusual(refined, options, covariance) + unusual_parts(refined.free, options)
+    if unfit:  # else it is noise that the sigmas know of
+        reasons = [*_of_held_boards(refined), *(edge.why for edge in moving), *reasons]
+    return reasons
+
+
+def _with_motion(reasons: List[str], moved: Optional[Motion]) -> List[str]:
+    """Return the reasons with that of a motion: first, or beside an error that tells as much."""
+    if moved is not None and moved.is_clear:
+        return [moved.why, *reasons]
+    if moved is not None and reasons:
+        return [f"{reasons[0]}; or {moved.why}", *reasons[1:]]
+    return reasons
+
+
+def _checked(
+    initial: Dataset, refined: Refined, options: CalibrationOptions, covariance: Covariance
+) -> Tuple[Covariance, List[ModelCheck], Optional[Motion], Tuple[str, ...]]:
+    """Return the covariance, robust and combined, the model checks, what moved, what is untold."""
+    loss, estimated = refined.options.loss, tuple(refined.summary.model_errors)
+    solution = checked(initial, refined.solver, refined.summary, refined.options, with_fields=True)
+    equations, by_stop = solution.equations, solution.by_stop
+    factors = sigma_factors(*by_stop, estimated)
+    of_errors = dict(zip(estimated, factors[equations.shared :]))
+    freedom = degrees_of_freedom(len(by_stop[0].collections))
+    of_blocks = factors[: BLOCK_SIZE * equations.blocks]
+    covariance = covariance.robust(of_blocks, of_errors, freedom)
+    every = solution.with_fields
+    left = (error for error in every.errors if error not in estimated)
+    usual = usual_sizes(left, options.intrinsics_sigma)
+    rest = left_open(every, usual)
+    follow = None if solution.joint is None else rest.followers(solution.joint, loss)
+    covariance = covariance.with_combined(rest.of_blocks(loss), follow)
+    cameras = any(b.kind == REPROJECTION for b in refined.solver.problem.residual_blocks)
+    untold = untold_scale(every, usual, refined.options.error_priors, cameras)
+    if options.model_errors == OFF:
+        return covariance, [], None, untold
+    checks = solution.checks(refined.summary, loss)
+    checks += layer_checks(
+        refined.solver, refined.summary, loss, equations, solution.layers, checks
+    )
+    checks += wave_checks(initial, refined.solver, refined.summary, refined.options, checks)
+    checks = sorted(checks, key=lambda check: -check.gain)
+    if refined.free.anchor_patterns:  # boards in a wrong place look like anything
+        return covariance, checks, None, untold
+    moved = moved_sensors(initial, refined.solver, refined.summary, loss, solution, checks)
+    return covariance, checks, moved, untold
+
+
+def _moving(
+    dataset: Dataset, refined: Refined, options: CalibrationOptions, checks: Sequence[ModelCheck]
+) -> List[MovingEdge]:
+    """Return the moving transforms that do not fit, where no single error explains as much."""
+    if options.model_errors == OFF:
+        return []
+    summary, loss = refined.summary, refined.options.loss
+    explained = max((check.gain for check in checks), default=0.0)
+    found = moving_edges(dataset, refined.solver, summary.x, summary.sigmas, loss)
+    return [edge for edge in found if edge.gain > 2.0 * explained]
+
+
+def strong(checks: Sequence[ModelCheck], covariance: Covariance) -> List[ModelCheck]:
+    """Return the checks that would move any edge by more than three of its sigmas.
+
+    All of them where none does so by itself, but all together do.
+    """
+    limits = _STRONG * np.sqrt(np.maximum(np.diagonal(covariance.shared), 1e-30))
+    moves = [check.moves[: len(limits)] for check in checks]
+    alone = [check for check, move in zip(checks, moves) if np.any(np.abs(move) > limits)]
+    if alone or not checks:
+        return alone
+    return list(checks) if np.any(np.abs(np.sum(moves, axis=0)) > limits) else []
+
+
+def _unusual(refined: Refined, options: CalibrationOptions, covariance: Covariance) -> List[str]:
+    """Return why, where an error that was expected to be usual had to be far more.
+
+    Then what was expected decided how it is shared with others, and not the data.
+    """
+    values, sigmas = refined.summary.model_errors, covariance.error_sigmas
+    priors = {e: prior for e, prior in refined.options.error_priors.items() if e in values}
+    # What was given more room, since it is not told from another, is unusual all the same.
+    room = usual_sizes([e for e, p in priors.items() if p.mean == 0.0], options.intrinsics_sigma)
+    priors = {e: p._replace(sigma=min(p.sigma, room.get(e, p.sigma))) for e, p in priors.items()}
+    off = {e: abs(values[e] - prior.mean) / prior.sigma for e, prior in priors.items()}
+    far = [e for e in off if e.stands_alone and off[e] > _STRONG]
+    far.sort(key=lambda e: -off[e])
+    return [unusual(e, values[e], sigmas.get(e, 0.0), priors[e]) for e in far]
+
+
+def _of_held_boards(refined: Refined) -> Tuple[str, ...]:
+    """Return a sentence where boards are held: their wrong place looks like any other error."""
+    if not refined.free.anchor_patterns:
+        return ()
+    return (
+        "the sensors do not fit the boards where these are held (--anchor_patterns); leave the "
+        "option out, and the boards are estimated",
+    )
