@@ -183,8 +183,9 @@ def test_a_disturbed_robot_disturbs_the_answer(tmp_path, capsys):
 )
 def test_what_cannot_be_solved_is_refused_in_one_line(data, tmp_path, capsys, more, words):
     assert solve("cv_eye_in_hand", data[True], tmp_path / "a.json", *more) == 2
-    error = capsys.readouterr().err
-    assert words in error and error.count("\n") == 1
+    lines = capsys.readouterr().err.splitlines()
+    (error,) = (line for line in lines if ": note: " not in line)  # of an option that stands twice
+    assert words in error
     assert not (tmp_path / "a.json").exists()
 
 
