@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from atom_core.labeling import chessboard
+from atom_core.labeling import chessboard, chessboard_detection
 from atom_core.labeling.chessboard import ChessboardFinder, mirror_shows
 from atom_core.synthetic import scenes
 from atom_core.synthetic.board_pictures import chessboard_pictures, corner_errors
@@ -203,6 +203,18 @@ def test_of_two_boards_none_is_taken(mirrored):
         other = picture.image[:, ::-1] if mirrored else picture.image
         found = ChessboardFinder(*picture.config.dimension).find(np.hstack([picture.image, other]))
         assert found.corners is None and "two chessboards of" in found.reason
+
+
+def test_a_second_board_that_one_detector_misses_is_found_by_the_other(monkeypatch):
+    """The right picture of OpenCV's first pair beside the left one was taken for no board."""
+    monkeypatch.setattr(chessboard_detection, "_sectors", lambda *_: (False, None))
+    squares = np.kron(np.indices((6, 8)).sum(axis=0) % 2, np.ones((40, 40))) * 200 + 30
+    board = np.pad(squares, 60, constant_values=230).astype(np.uint8)
+    both = np.hstack([board, board])
+    corners = np.stack(np.meshgrid(np.arange(1, 8), np.arange(1, 6)), axis=-1) * 40 + 59.5
+    _, other = chessboard_detection.detect_another(both, corners)
+    middle = corners.mean(axis=(0, 1)) + [board.shape[1], 0]
+    np.testing.assert_allclose(other.mean(axis=0), middle, atol=1.0)
 
 
 def test_half_a_second_board_does_no_harm():
