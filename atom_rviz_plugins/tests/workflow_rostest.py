@@ -27,6 +27,7 @@ FOLDER = Path(__file__).resolve().parent
 sys.path[:0] = [str(FOLDER), f"{rospkg.RosPack().get_path('atom_calibration')}/tests"]
 
 from live_scene import COLLECTIONS, LiveRig, LiveScene, Process  # noqa: E402
+from marker_drag import NEAR_M, drag_marker  # noqa: E402
 from marker_hand import MarkerHand  # noqa: E402
 from orbit_view import OrbitView, cloud, layout  # noqa: E402
 from screen import Screen, end, middle, style_sheet  # noqa: E402
@@ -58,8 +59,6 @@ KEYS = [f"{number:03d}" for number in range(len(COLLECTIONS))]
 CORRECTED = "dataset_corrected.json"
 SAVE, SAVE_LABELS = (1, 200, 100), (1, 200, 101)  # the colours of the panel's buttons
 LIDAR, DEPTH = "lidar_1", "depth_1"
-ARROW_M = 0.28  # from the marker's middle to the middle of an arrow
-NEAR_M = 0.04  # a seed that is dragged to the middle of the board comes so near
 
 
 class WorkflowTest(unittest.TestCase):
@@ -139,7 +138,7 @@ class WorkflowTest(unittest.TestCase):
             view.look_for(self.screen)
 
         look()
-        self.drag(view, marker, target, look)
+        drag_marker(self.screen, view, self.world_T_sensor(LIDAR), marker, target, look)
         wait_until(lambda: self.is_detected(LIDAR), self.why)
         label = self.labels[LIDAR].message
         np.testing.assert_allclose(label.manual_seed, target, atol=NEAR_M)
@@ -333,37 +332,6 @@ class WorkflowTest(unittest.TestCase):
         self.finished()
 
     # ---- helpers
-
-    def drag(self, view, marker, target, look_anew):
-        """Drag a marker along its axes by mouse until it is where it shall be.
-
-        RViz sees under the mouse what its last frame had there, which may be before the marker or
-        the mouse came. Such a drag turns the view, and nothing would be where it was.
-        """
-        world_T_sensor = self.world_T_sensor(LIDAR)
-        end_s = time.monotonic() + PATIENCE_S
-        while time.monotonic() < end_s:
-            for axis in np.eye(3):
-                way_m = float((target - marker.position) @ axis)
-                if abs(way_m) < NEAR_M / 2:
-                    continue
-                arrow = marker.position + np.sign(way_m) * ARROW_M * axis
-                ends = se3.apply(world_T_sensor, np.array([arrow, arrow + way_m * axis]))
-                before = marker.position
-                self.screen.drag(*view.pixel(ends))
-                if not self.moves_within(marker, before, 3.0):
-                    look_anew()
-                    break
-            if np.abs(marker.position - target).max() < NEAR_M:
-                return
-        raise AssertionError(f"the marker is at {marker.position}, not at {target}")
-
-    def moves_within(self, marker, before, seconds):
-        """Tell whether a marker comes to be elsewhere within a time."""
-        end_s = time.monotonic() + seconds
-        while np.array_equal(marker.position, before) and time.monotonic() < end_s:
-            time.sleep(0.05)
-        return not np.array_equal(marker.position, before)
 
     def save_collection(self, names):
         """Click the panel's button when everybody sees the board; these collections are there."""
