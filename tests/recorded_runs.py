@@ -57,11 +57,11 @@ RUNS = (
     Run(
         "`.ci/run` (`make test`)",
         "2026-11-28",
-        "f57d535",
-        "whole, from a fresh clone, with what ccache and mypy knew, nothing beside it: 7,408 tests "
-        "of pytest, 26 programs of ctest, 753 tests with Noetic's versions and lint passed, "
-        "8 min 50 s since set-up on two cores (20 min wanted); on a slower machine of the day "
-        "before, with some 400 tests fewer, 19 min 46 s",
+        "8d3ab2b",
+        "whole, from a fresh clone, with what ccache and mypy knew, nothing beside it: 7,584 tests "
+        "of pytest, 26 programs of ctest, 758 tests with Noetic's versions and lint passed, "
+        "8 min 55 s since set-up on two cores (20 min wanted); on a slower machine of the day "
+        "before, with some 600 tests fewer, 19 min 46 s",
     ),
     Run(
         "`make test-debian11`",
@@ -73,10 +73,10 @@ RUNS = (
         "(58 skipped), the four C++ tests under the address and undefined sanitizers, "
         "`calibrate.test` and the three tests in RViz. **Failed**: two tests of a command line "
         "that gave an option twice (mended in feb10de, on every platform); in the slower run, "
-        "beside some twenty busy processes, RViz let a marker be dragged once too late. Runs "
-        "before had found a simulator that could not run with the MuJoCo of Python 3.9 (3.3.7), "
-        "pictures with their principal point upside down there, and a selection nested 100,000 "
-        "deep that ended the process; all mended",
+        "beside some twenty busy processes, the drag of a marker that turned the view (9a66978). "
+        "Runs before had found a simulator that could not run with the MuJoCo of Python 3.9 "
+        "(3.3.7), pictures with their principal point upside down there, and a selection nested "
+        "100,000 deep that ended the process; all mended",
     ),
     Run(
         "`make test-opencv-versions`",
@@ -146,7 +146,10 @@ RUNS = (
         "2bdd455",
         "seven times, not 20 (each took 6 to 9 min so): all 26 programs passed in six of them. In "
         "one a test of playback looked at a picture before its last point was drawn; it waits for "
-        "that now (e7d8dd6). On 26 November (4ae05fe) drags of the live cell's board came after a "
+        "that now (e7d8dd6). RViz by mouse and keys alone, 22 times more beside RViz's like: in "
+        "one, as in one `make test` of the day, a drag began before RViz had drawn the arrow under "
+        "the mouse, and turned the view instead, so that all further drags missed; the test looks "
+        "anew then (9a66978). On 26 November (4ae05fe) drags of the live cell's board came after a "
         "reset; the test does not depend on that now (9c04768). On 27 November one board in one "
         "of eleven plays of the regression was missed beside six busy processes; mended in "
         "7e950d3, and then every label of twelve such plays, five of them with processes stopped "
