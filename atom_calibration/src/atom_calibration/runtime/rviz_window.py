@@ -7,15 +7,35 @@ import hashlib
 import os
 import sys
 from pathlib import Path
-from typing import NoReturn, Sequence
+from typing import Callable, NoReturn, Optional, Sequence
 
 import rospkg
 
+from atom_calibration.runtime import running
 from atom_core.commands.common import add_option
 from atom_core.errors import OutputError
 from atom_core.io.atomic import write_text_atomically
 
 X11_SYNC = "libatom_x11_sync.so"  # why it is preloaded: atom_rviz_plugins/README.md
+
+
+def main_of(
+    name: str,
+    parser: argparse.ArgumentParser,
+    run: Callable[[argparse.Namespace, Sequence[str]], int],
+    argv: Optional[Sequence[str]],
+) -> int:
+    """Parse a command line, of which RViz gets what is for it; return an exit code if that fails.
+
+    Args:
+        name: of the program.
+        parser: of its own options.
+        run: becomes RViz, given these and the rest.
+        argv: None: the command line of the process.
+    """
+    words = running.as_the_user_means(sys.argv[1:]) if argv is None else argv
+    args, rest = parser.parse_known_args(words)
+    return running.guarded(name, lambda: run(args, rest))
 
 
 def become_rviz(layout: Path, rest: Sequence[str]) -> NoReturn:

@@ -11,7 +11,7 @@ from atom_core.errors import OutputError
 from atom_core.evaluation.same_data import shared_collections
 from atom_core.io.atomic import prepare_output_folder
 from atom_core.io.dataset_json import read_dataset
-from atom_core.io.dataset_tools import absent_files, edges_apart, joints_apart, merged
+from atom_core.io.dataset_tools import absent_files, edges_elsewhere, joints_apart, merged
 from atom_core.io.dataset_writer import write_with_copies
 from atom_core.model.dataset import Dataset
 
@@ -81,7 +81,7 @@ def _warn_of_absent_files(*datasets: Dataset) -> None:
 
 
 def _warn_of_moved_tfs(first: Dataset, second: Dataset) -> None:
-    apart = edges_apart(first, second)
+    apart = edges_elsewhere(first, second)
     for name, entry in first.config.additional_tfs.items():
         if entry.edge in apart:
             print(

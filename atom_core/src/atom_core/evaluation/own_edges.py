@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from typing import Collection, FrozenSet, Optional
 
-from atom_core.errors import DatasetError
 from atom_core.evaluation.mixed import not_measured
 from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import Edge
@@ -33,11 +32,7 @@ def own_edge_between(
     """
     if not own:
         return None
-    try:
-        chain = dataset.graph.chain(target, source)
-    except DatasetError:  # who measures says so
-        return None
-    return next((step.edge for step in chain if step.edge in own), None)
+    return next((e for e in dataset.graph.edges_between(target, source) if e in own), None)
 
 
 def why_own(edge: Edge) -> str:

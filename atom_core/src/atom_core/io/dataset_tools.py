@@ -198,7 +198,7 @@ def merged(first: Dataset, second: Dataset) -> Tuple[Dict[str, Any], List[Copied
     return document, files
 
 
-def edges_apart(first: Dataset, second: Dataset) -> List[Edge]:
+def edges_elsewhere(first: Dataset, second: Dataset) -> List[Edge]:
     """Return edges that each dataset has still, but not in the same place as the other one.
 
     Those of sensors and boards are passed over: the former are estimated as one wherever their
@@ -245,7 +245,7 @@ def _typed(
 ) -> Dict[str, Any]:
     """Return the entries of both documents' edges, with types that hold for both."""
     entries = {**(addition.get("transforms") or {}), **(document.get("transforms") or {})}
-    moving = {*edges_apart(first, second)}
+    moving = {*edges_elsewhere(first, second)}
     for data in (first, second):
         moving |= {edge for edge, kind in data.edge_types.items() if kind == MULTIPLE}
     moving -= {sensor.edge for sensor in first.sensors.values()}

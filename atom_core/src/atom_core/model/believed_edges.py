@@ -6,14 +6,13 @@ A sensor's own edge is calibrated; what lies between it and the world, or its da
 from __future__ import annotations
 
 import math
-from typing import Dict, Iterator, List, Mapping, NamedTuple, Sequence, Tuple
+from typing import Dict, List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
-from atom_core.errors import DatasetError
 from atom_core.geometry import se3
 from atom_core.model.dataset import MULTIPLE, Dataset
-from atom_core.model.transforms import Edge, FrameGraph
+from atom_core.model.transforms import Edge
 
 _SAME_M, _SAME_RAD = 0.001, math.radians(0.05)
 
@@ -81,15 +80,7 @@ def sensors_by_edge(dataset: Dataset, with_boards: bool = False) -> Dict[Edge, L
     for sensor, pattern in sorted(seen):
         ways[sensor].append(dataset.patterns[pattern].parent_frame)
     for name, frames in ways.items():
-        for edge in dict.fromkeys(e for frame in frames for e in _way(graph, dataset.world, frame)):
+        edges = (edge for frame in frames for edge in graph.edges_between(dataset.world, frame))
+        for edge in dict.fromkeys(edges):
             found.setdefault(edge, []).append(name)
     return found
-
-
-def _way(graph: FrameGraph, world: str, frame: str) -> Iterator[Edge]:
-    """Yield the edges between two frames; none where nothing connects them."""
-    try:
-        chain = graph.chain(world, frame)
-    except DatasetError:
-        return
-    yield from (edge for edge, _ in chain)

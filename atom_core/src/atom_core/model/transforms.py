@@ -59,6 +59,13 @@ class FrameGraph:
             self._chains[key] = self._search(target, source)
         return self._chains[key]
 
+    def edges_between(self, target: str, source: str) -> Tuple[Edge, ...]:
+        """Return the edges of the chain between two frames; none where nothing connects them."""
+        try:
+            return tuple(step.edge for step in self.chain(target, source))
+        except DatasetError:
+            return ()
+
     def hangs_below(self, frame: str, edge: Edge) -> bool:
         """Tell whether a frame is on the child's side of an edge, and moves with its value.
 

@@ -7,6 +7,7 @@ the answer hangs on chance is seen from stop to stop.
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Dict, List, Mapping, NamedTuple, Sequence, Tuple
 
 import numpy as np
@@ -94,23 +95,20 @@ def _seen(problem: Problem, x: np.ndarray, of_detection: np.ndarray, count: int)
 def repeats(problem: Problem, stops: Mapping[str, str]) -> np.ndarray:
     """Return (d,) how many detections of its stop each one's sensor has of its pattern."""
     places = [(stops[k.collection], k.sensor, k.pattern) for k in problem.detections]
-    counts: Dict[Tuple[str, str, str], int] = {}
-    for place in places:
-        counts[place] = counts.get(place, 0) + 1
+    counts = Counter(places)
     return np.array([counts[place] for place in places])
 
 
 def by_stop(equations: SharedEquations, stops: Mapping[str, str]) -> SharedEquations:
     """Return what each stop says, under the name of its first collection."""
-    names = list(dict.fromkeys(stops[name] for name in equations.collections))
-    if len(names) == len(equations.collections):
-        return equations
-    members: List[List[int]] = [[] for _ in names]
+    members: Dict[str, List[int]] = {}
     for i, name in enumerate(equations.collections):
-        members[names.index(stops[name])].append(i)
-    parts = tuple(_together([equations.parts[i] for i in mine]) for mine in members)
-    gradient = np.array([equations.gradient[mine].sum(axis=0) for mine in members])
-    return equations.of_collections(tuple(names), parts, gradient)
+        members.setdefault(stops[name], []).append(i)
+    if len(members) == len(equations.collections):
+        return equations
+    parts = tuple(_together([equations.parts[i] for i in mine]) for mine in members.values())
+    gradient = np.array([equations.gradient[mine].sum(axis=0) for mine in members.values()])
+    return equations.of_collections(tuple(members), parts, gradient)
 
 
 def _together(parts: Sequence[CollectionPart]) -> CollectionPart:

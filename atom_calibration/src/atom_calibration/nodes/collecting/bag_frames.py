@@ -76,8 +76,8 @@ def labeled_frames(
             yield labeler.label(frame, transforms.at(frame.stamp_s))
     for name, count in bad.items():
         if count > _MOST_BAD_MESSAGES:
-            total = count + good[name] + empty[name]
-            warn(f"sensor '{name}': in all, {count} of {total} messages are left out")
+            of_sensor = count + good[name] + empty[name]
+            warn(f"sensor '{name}': in all, {count} of {of_sensor} messages are left out")
 
 
 def _check_others(bag: BagReader, rig: Rig, sensor: str) -> None:

@@ -13,7 +13,12 @@ from typing import Optional, Sequence
 
 from atom_calibration.configure.render import collecting_view
 from atom_calibration.runtime import options, running
-from atom_calibration.runtime.rviz_window import add_layout_option, become_rviz, written_layout
+from atom_calibration.runtime.rviz_window import (
+    add_layout_option,
+    become_rviz,
+    main_of,
+    written_layout,
+)
 from atom_calibration.sources.sensor_modality import modality_of_sensor
 from atom_core.commands.option_parser import OptionParser
 from atom_core.io.config_yaml import read_config
@@ -23,15 +28,13 @@ NAME = "collect_data_rviz"
 
 def main(argv: Optional[Sequence[str]] = None) -> int:
     """Become RViz; return an exit code only if that fails."""
-    words = running.as_the_user_means(sys.argv[1:]) if argv is None else argv
-    args, rest = _parser().parse_known_args(words)
-    return running.guarded(NAME, lambda: _run(args.config, args.layout, rest))
+    return main_of(NAME, _parser(), _run, argv)
 
 
-def _run(config_file: Path, layout: str, rest: Sequence[str]) -> int:
-    config = read_config(config_file)
-    if layout:
-        become_rviz(Path(layout), ["-f", config.world_link, *rest])
+def _run(args: argparse.Namespace, rest: Sequence[str]) -> int:
+    config = read_config(args.config)
+    if args.layout:
+        become_rviz(Path(args.layout), ["-f", config.world_link, *rest])
     sensors = {}
     for name, entry in config.sensors.items():
         if entry.modality is None:

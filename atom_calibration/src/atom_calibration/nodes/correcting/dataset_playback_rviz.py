@@ -6,13 +6,16 @@ Whatever else is given goes to RViz.
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Optional, Sequence
 
 from atom_calibration.configure.render import correcting_view
-from atom_calibration.runtime import running
-from atom_calibration.runtime.rviz_window import add_layout_option, become_rviz, written_layout
+from atom_calibration.runtime.rviz_window import (
+    add_layout_option,
+    become_rviz,
+    main_of,
+    written_layout,
+)
 from atom_core.commands.common import add_dataset_option
 from atom_core.commands.option_parser import OptionParser
 from atom_core.io.dataset_json import read_dataset
@@ -22,15 +25,13 @@ NAME = "dataset_playback_rviz"
 
 def main(argv: Optional[Sequence[str]] = None) -> int:
     """Become RViz; return an exit code only if that fails."""
-    words = running.as_the_user_means(sys.argv[1:]) if argv is None else argv
-    args, rest = _parser().parse_known_args(words)
-    return running.guarded(NAME, lambda: _run(args.dataset, args.layout, rest))
+    return main_of(NAME, _parser(), _run, argv)
 
 
-def _run(path: Path, layout: str, rest: Sequence[str]) -> int:
-    dataset = read_dataset(path)
-    if layout:
-        become_rviz(Path(layout), ["-f", dataset.world, *rest])
+def _run(args: argparse.Namespace, rest: Sequence[str]) -> int:
+    dataset = read_dataset(args.dataset)
+    if args.layout:
+        become_rviz(Path(args.layout), ["-f", dataset.world, *rest])
     become_rviz(written_layout("dataset_playback", correcting_view(dataset)), rest)
 
 

@@ -27,7 +27,6 @@ from atom_core.problem.residuals import REPROJECTION
 from atom_core.solvers.base import CONVERGED, SIGMA, SolverFactory
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.robust_covariance import degrees_of_freedom, sigma_factors
-from atom_core.solvers.stops import stops_of
 
 _OF_SCATTER = 0.7  # part of what an arm that is off explains, each collection by itself
 _STRONG = 3.0  # sigmas by which what is not estimated may move an edge, and what is be unusual
@@ -68,14 +67,13 @@ def examined(
     unfit = tuple(misfits(refined.solver, summary.x, summary.sigmas, loss, make_solver))
     if options.solver.weights != SIGMA:
         return Examined(covariance, unfit)
-    covariance, checks, moved, sizes = _checked(initial, refined, options, covariance)
+    covariance, checks, moved, remarks = _checked(initial, refined, options, covariance)
     moving = _moving(dataset, refined, options, checks)
     scatter = max((edge.gain for edge in moving), default=0.0)
     if moved is not None and moved.gain < _OF_SCATTER * scatter:
         moved = None
     if moved is not None and moved.is_clear:  # what else seems to be wrong may be its trace only
         checks, moving = [], []
-    remarks = (*few_stops(stops_of(refined.solver.problem, summary.x)), *sizes)
     return Examined(covariance, unfit, tuple(checks), tuple(moving), moved, remarks)
 
 
@@ -129,7 +127,8 @@ def _checked(
     follow = None if solution.joint is None else rest.followers(solution.joint, loss)
     covariance = covariance.with_combined(rest.of_blocks(loss), follow)
     cameras = any(b.kind == REPROJECTION for b in refined.solver.problem.residual_blocks)
-    untold = untold_scale(every, usual, refined.options.error_priors, cameras)
+    untold = few_stops(solution.stops)
+    untold += untold_scale(every, usual, refined.options.error_priors, cameras)
     if options.model_errors == OFF:
         return covariance, [], None, untold
     checks = solution.checks(refined.summary, loss)

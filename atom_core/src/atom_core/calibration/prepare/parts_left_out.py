@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from typing import Container, Dict, Iterable, List, Set, Tuple
 
-from atom_core.errors import DatasetError
 from atom_core.model.dataset import Dataset
 from atom_core.model.joints import JointSelection
 from atom_core.model.transforms import Edge
@@ -62,8 +60,5 @@ def _only_of_others(dataset: Dataset) -> Set[Edge]:
 
 def _ways(dataset: Dataset, frames: Iterable[str]) -> Set[Edge]:
     """Return the edges from the world to frames, of those that it is connected with."""
-    graph, edges = dataset.graph, set()
-    for frame in frames:
-        with suppress(DatasetError):
-            edges |= {step.edge for step in graph.chain(dataset.world, frame)}
-    return edges
+    graph = dataset.graph
+    return {edge for frame in frames for edge in graph.edges_between(dataset.world, frame)}
