@@ -13,7 +13,13 @@ from atom_core.labeling.chessboard import ChessboardFinder
 
 def said(tmp_path, asked, **found):
     collector = SimpleNamespace(
-        **{"reasons": {"cam": Counter({"no board": 3})}, "refused": [], "passed": [], **found},
+        **{
+            "reasons": {"cam": Counter({"no board": 3})},
+            "refused": [],
+            "passed": [],
+            "deleted": 0,
+            **found,
+        },
         withdraw=lambda: None,
     )
     with pytest.raises(CollectionError) as error:
@@ -50,3 +56,10 @@ def test_where_nobody_asked_for_a_collection_that_is_the_reason(tmp_path):
 
 def test_a_collection_that_was_asked_for_and_refused_is_the_reason(tmp_path):
     assert "its stamps" in said(tmp_path, asked=False, refused=["its stamps are apart"])
+
+
+@pytest.mark.parametrize("asked", [True, False])
+def test_where_all_collections_were_deleted_nothing_else_is_the_reason(tmp_path, asked):
+    """It was told that nobody had asked for one, or that the board had never stood still."""
+    text = said(tmp_path, asked, deleted=3)
+    assert text.endswith("no collection is left: 3 taken, and deleted again")

@@ -92,6 +92,7 @@ def test_stops_of_a_recording_that_is_played_again_are_not_taken_twice(collector
 def test_a_stop_whose_collection_was_deleted_is_taken_when_it_is_played_again(collector):
     first = play(collector)
     collector.delete(first[1])
+    assert collector.deleted == 1
     assert len(play_again(collector)) == 1
     assert play_again(collector) == []
 

@@ -114,6 +114,7 @@ class Collector:
         missed: number of moments that have no data near enough, of those that follow each other.
         stayed: number of stops at the place of the stop before.
         again: number of stops that were collected before the recording was played again.
+        deleted: number of collections that somebody had removed.
         max_skew_s: greatest difference of the stamps in a collection.
         quality: how well each sensor sees the board, and advice.
         apart_ms: by sensor that saw the board and is not in a collection, how long all stamps of
@@ -134,6 +135,7 @@ class Collector:
         self.reasons: Dict[str, Counter] = {name: Counter() for name in setup.sensors}
         self.refused: List[str] = []
         self.repeated, self.between, self.missed, self.stayed, self.again = 0, 0, 0, 0, 0
+        self.deleted = 0
         self.apart_ms: Dict[str, List[float]] = {}
         self.quality = QualityLog(setup.config, setup.sensors, setup.patterns, setup.warn)
         self._doubtful: List[Tuple[Moment, str]] = []  # looked like a stop to some sensor
@@ -236,6 +238,10 @@ class Collector:
         Raises:
             DatasetError: there is none of that key.
         """
+        self._remove(key)
+        self.deleted += 1
+
+    def _remove(self, key: str) -> None:
         self._setup.store.delete(key)
         self.taken.subtract(self._detected.pop(key, []))
         if self._last[0] == key:
@@ -255,7 +261,7 @@ class Collector:
             for edge, time_s in self._ways[key]:
                 contradiction = self._setup.contradicted.get(edge)
                 if contradiction is not None and contradiction.covers(time_s):
-                    self.delete(key)
+                    self._remove(key)
                     self.refused.append(contradiction.sentence)
                     self._setup.warn(f"collection {key} is removed: {contradiction.sentence}")
                     break

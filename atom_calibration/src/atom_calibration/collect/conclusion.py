@@ -46,8 +46,9 @@ def conclude(
     collector.withdraw()
     keys = [key for key in keys if key in store.keys]
     if not keys:
+        is_there = "is left" if collector.deleted else "was taken"
         raise CollectionError(
-            f"{store.folder}: no collection was taken: {why_none(collector, asked)}"
+            f"{store.folder}: no collection {is_there}: {why_none(collector, asked)}"
         )
     collector.keep_caveats()
     path, _ = store.assemble()
@@ -68,6 +69,9 @@ def conclude(
 
 def why_none(collector: Collector, asked: bool) -> str:
     """Return why there is no collection; the arguments are those of `conclude`."""
+    if collector.deleted:
+        others = "".join(f"; {why}" for why in collector.refused[:1])
+        return f"{collector.deleted} taken, and deleted again{others}"
     if not (asked or collector.refused or collector.passed):
         return (
             "nobody asked for one; take them with Save in the panel or in the menu of the ball, "
