@@ -11,13 +11,16 @@ from typing import NamedTuple
 import pytest
 
 from atom_core.calibration.calibrate import calibrate
+from atom_core.calibration.judge.examination import pull_sigma
 from atom_core.calibration.options import AUTO, CalibrationOptions
 from atom_core.calibration.refine.model_errors import suggestion
 from atom_core.errors import CalibrationError
 from atom_core.report.calibration_results import calibration_results
 from atom_core.report.stated_errors import stated_errors
 from atom_core.solvers.choice import default_solver
+from atom_core.synthetic import random_scene
 from atom_core.synthetic.faults import FAULTS, cell, exchanged, with_fault
+from atom_core.synthetic.mistakes import with_scaled_boards
 
 SIGMAS, RIGHT_M = 3.0, 0.020
 FIRST = 2
@@ -157,6 +160,25 @@ def test_what_auto_shares_out_by_what_is_usual_is_named(fault, cause):
     result = calibrate(scene.dataset, CalibrationOptions(model_errors=AUTO))
     assert result.status == "inconsistent"
     assert re.match(f"{cause}that is .* times what is usual", result.message)
+
+
+def test_an_error_that_its_prior_holds_back_is_named_before_it_is_three_times_what_is_usual():
+    """A board 1 % large was made 0.5 % smaller, the depths 1 % longer: *good*, and 20 mm off."""
+    scene = random_scene(1, collections=16, disturbance=(0.05, 0.05))
+    dataset = with_scaled_boards(scene.dataset, 1.01)
+    result = calibrate(dataset, CalibrationOptions(model_errors=AUTO))
+    assert result.status == "inconsistent"
+    assert re.match(f"{SMALLER} than described; that is 2.* times what is usual", result.message)
+    free = CalibrationOptions(model_errors=AUTO, board_size=("pattern_1",))
+    measured = calibrate(dataset, free)
+    assert measured.status == "converged" and is_right(measured, scene)
+
+
+def test_what_the_data_tell_in_part_is_pulled_in_part():
+    assert pull_sigma(1.0, 0.0, 0.0) == 1.0  # it is where the data have it
+    assert pull_sigma(1.0, 0.6, 0.6) == pytest.approx(0.8)
+    assert pull_sigma(1.0, 0.6, 0.7) == pytest.approx((0.64 + 0.49 - 0.36) ** 0.5)
+    assert pull_sigma(1.0, 1.0, 1.0) == 0.1  # the data tell nothing, and what moves it is rounding
 
 
 @pytest.mark.long

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import List, NamedTuple, Optional, Sequence, Tuple
+from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -23,12 +23,14 @@ from atom_core.calibration.refine.refinement import Refined
 from atom_core.calibration.refine.wave_checks import wave_checks
 from atom_core.model.dataset import Dataset
 from atom_core.problem.blocks import BLOCK_SIZE
+from atom_core.problem.model_errors import ModelError
 from atom_core.problem.residuals import REPROJECTION
 from atom_core.solvers.base import CONVERGED, SIGMA, SolverFactory
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.robust_covariance import degrees_of_freedom, sigma_factors
 
 _OF_SCATTER = 0.7  # part of what an arm that is off explains, each collection by itself
+_LEAST_TOLD = 0.1  # part of its prior by which data move an error, to tell anything of it
 _STRONG = 3.0  # sigmas by which what is not estimated may move an edge, and what is be unusual
 
 
@@ -178,10 +180,31 @@ def _unusual(refined: Refined, options: CalibrationOptions, covariance: Covarian
     # What was given more room, since it is not told from another, is unusual all the same.
     room = usual_sizes([e for e, p in priors.items() if p.mean == 0.0], options.intrinsics_sigma)
     priors = {e: p._replace(sigma=min(p.sigma, room.get(e, p.sigma))) for e, p in priors.items()}
-    off = {e: abs(values[e] - prior.mean) / prior.sigma for e, prior in priors.items()}
+    of_model = covariance.of_model.error_sigmas
+    off: Dict[ModelError, float] = {}
+    for error, prior in priors.items():
+        spread = prior.sigma
+        if error in room and abs(values[error]) > prior.sigma:
+            spread = pull_sigma(prior.sigma, of_model.get(error, 0.0), sigmas.get(error, 0.0))
+        off[error] = abs(values[error] - prior.mean) / spread
     far = [e for e in off if e.stands_alone and off[e] > _STRONG]
     far.sort(key=lambda e: -off[e])
     return [unusual(e, values[e], sigmas.get(e, 0.0), priors[e]) for e in far]
+
+
+def pull_sigma(expected: float, of_model: float, sigma: float) -> float:
+    """Return how far an estimate is usually pulled away from where its prior has it, by data.
+
+    What the data tell in part follows them in part: an estimate at twice what is usual, and sure
+    to no more than that, means that they have it far beyond.
+
+    Args:
+        expected: standard deviation of the prior.
+        of_model: of the estimate, as the noise has it.
+        sigma: likewise, as the collections have it.
+    """
+    variance = expected**2 - of_model**2 + max(sigma**2 - of_model**2, 0.0)
+    return float(np.sqrt(np.clip(variance, (_LEAST_TOLD * expected) ** 2, expected**2)))
 
 
 def _of_held_boards(refined: Refined) -> Tuple[str, ...]:
