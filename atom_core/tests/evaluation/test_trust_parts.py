@@ -165,7 +165,8 @@ def test_why_a_part_has_no_answer_is_told(monkeypatch, dataset, status, why):
 def test_only_what_can_be_trusted_is_asked(monkeypatch, dataset, status, asked):
     replaced(
         monkeypatch,
-        _halves=lambda whole, parts: ["half"],
+        stops_of=lambda problem, x: {problem: x},
+        _halves=lambda whole, stops, parts: ["half"] if stops == {"problem": "x"} else [],
         _left_out=lambda c, whole, parts, name: None if name == "depth_1" else name,
         _loops=lambda whole, parts: parts.untold.extend(["why", "other", "why"]) or ["x", "y"],
         measured_detections=lambda whole: {},
@@ -184,7 +185,7 @@ def test_only_what_can_be_trusted_is_asked(monkeypatch, dataset, status, asked):
 # ---- two halves
 
 
-def halves(monkeypatch, dataset, refused=()):
+def halves(monkeypatch, dataset, refused=(), stops=None):
     """Return what two halves differ in, why not, and the collections of each."""
     solved_of = []
 
@@ -200,7 +201,7 @@ def halves(monkeypatch, dataset, refused=()):
 
     replaced(monkeypatch, _solved=solve, edge_difference=differ)
     parts = parts_of(dataset)
-    return module._halves(dataset, parts), parts.untold, solved_of
+    return module._halves(dataset, stops or {}, parts), parts.untold, solved_of
 
 
 def test_eight_collections_are_halved_in_turn_and_held_edges_are_not_told(monkeypatch, dataset):
@@ -214,6 +215,27 @@ def test_eight_collections_are_halved_in_turn_and_held_edges_are_not_told(monkey
 def test_seven_collections_are_not_halved(monkeypatch, dataset):
     seven = dataset.selected(collections=list(dataset.collections)[:7])
     assert halves(monkeypatch, seven) == ([], ["two halves: 7 collections, it takes 8"], [])
+
+
+def test_pictures_of_one_stop_are_in_one_half(monkeypatch, dataset):
+    """They share what is wrong there: apart, both halves would be wrong alike, and agree."""
+    collections = {
+        f"{key}{picture}": collection
+        for key, collection in dataset.collections.items()
+        for picture in "ab"
+    }
+    twice = replace(dataset, collections=collections)
+    stops = {key: f"{key[:-1]}a" for key in collections}
+    _, untold, (even, odd) = halves(monkeypatch, twice, stops=stops)
+    assert {key[:-1] for key in even} == set(list(dataset.collections)[::2])
+    assert {key[:-1] for key in odd} == set(list(dataset.collections)[1::2])
+    assert len(even) == len(odd) == len(dataset.collections) and untold == []
+
+
+def test_eight_pictures_of_four_stops_are_not_halved(monkeypatch, dataset):
+    stops = {key: f"{int(key) // 2}" for key in dataset.collections}
+    why = "two halves: 8 collections in 4 place(s) only, it takes 8"
+    assert halves(monkeypatch, dataset, stops=stops) == ([], [why], [])
 
 
 @pytest.mark.parametrize("refused", [(0,), (1,), (0, 1)])

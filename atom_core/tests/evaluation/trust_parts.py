@@ -30,5 +30,10 @@ def replaced(monkeypatch, **functions):
 def calibration_of(anchored=("rgb_1",), additional=(), dataset=None, unused=(), status=CONVERGED):
     free = SimpleNamespace(anchored_sensors=anchored, additional_tfs=dict.fromkeys(additional))
     return SimpleNamespace(
-        free=free, dataset=dataset, unused=dict.fromkeys(unused, "why"), status=status
+        free=free,
+        dataset=dataset,
+        unused=dict.fromkeys(unused, "why"),
+        status=status,
+        problem="problem",
+        summary=SimpleNamespace(x="x"),
     )

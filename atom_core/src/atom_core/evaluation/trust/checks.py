@@ -43,10 +43,11 @@ from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.measurements import Measured, measured_detections
 from atom_core.solvers.base import CONVERGED
+from atom_core.solvers.stops import stops_of
 
 FALSE_ALARMS = 0.01  # of each of the three questions
 FEWEST_BOARDS = 4  # two sensors have in common, for a loop
-FEWEST_COLLECTIONS = 8  # to be halved
+FEWEST_STOPS = 8  # to be halved
 WORSE = 1.5  # times as far off as in the joint solution: what a sensor sees is not predicted
 _TRUSTED = (CONVERGED, INCONSISTENT)  # a contradiction is what is asked about
 
@@ -124,7 +125,7 @@ def trust_checks(calibration: Calibration, asked: Optional[CalibrationOptions] =
     whole = calibration.dataset.selected(collections=_used(calibration))
     options = _options(calibration, asked or CalibrationOptions())
     parts = _Parts(whole, options, measured_detections(whole), untold)
-    halves = _halves(whole, parts)
+    halves = _halves(whole, stops_of(calibration.problem, calibration.summary.x), parts)
     left_out = [
         found
         for name in whole.sensors
@@ -230,13 +231,21 @@ def _solved(dataset: Dataset, parts: _Parts, what: str, **changed: Any) -> Optio
 # ---- two halves
 
 
-def _halves(dataset: Dataset, parts: _Parts) -> List[Compared]:
-    keys = list(dataset.collections)
-    if len(keys) < FEWEST_COLLECTIONS:
-        parts.untold.append(f"two halves: {len(keys)} collections, it takes {FEWEST_COLLECTIONS}")
+def _halves(dataset: Dataset, stops: Mapping[str, str], parts: _Parts) -> List[Compared]:
+    """Compare two halves; pictures of one stop, which share what is wrong there, stay together."""
+    collections: Dict[str, List[str]] = {}
+    for key in dataset.collections:
+        collections.setdefault(stops.get(key, key), []).append(key)
+    places = list(collections.values())
+    if len(places) < FEWEST_STOPS:
+        few = len(places) < len(dataset.collections)
+        where = f" in {len(places)} place(s) only" if few else ""
+        what = f"{len(dataset.collections)} collections{where}, it takes {FEWEST_STOPS}"
+        parts.untold.append(f"two halves: {what}")
         return []
+    halves = ([key for keys in places[i::2] for key in keys] for i in (0, 1))
     one, other = (
-        _solved(dataset.selected(collections=keys[i::2]), parts, "two halves") for i in (0, 1)
+        _solved(dataset.selected(collections=keys), parts, "two halves") for keys in halves
     )
     if one is None or other is None:
         return []
