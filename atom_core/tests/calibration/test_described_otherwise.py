@@ -121,3 +121,17 @@ def test_the_mount_of_another_sensor_is_compared_where_that_is_not_used():
     mount = dataset.sensors["rgb_1"].edge
     assert contradicted(dataset, robot) == set()
     assert contradicted(alone, robot) == {(str(mount), ("depth_1",))}
+
+
+def test_an_edge_that_is_several_joints_of_the_description_is_compared_with_all_of_them(on_arm):
+    """As of a RealSense: camera_link, 15 mm beside it the colour frame, turned the optical one."""
+    robot, sensor = robot_of(on_arm), on_arm.sensors["rgb_1"]
+    whole = robot.joints[f"{sensor.frame}_joint"]
+    beside = se3.transform(np.eye(3), np.array([0.0, 0.015, 0.0]))
+    for first, different in ((np.eye(4), False), (beside, True)):
+        one = replace(whole, name="one", child_link="colour_frame", parent_T_child_at_zero=first)
+        other = replace(whole, parent_link="colour_frame")
+        joints = {**robot.joints, one.name: one, other.name: other}
+        two = replace(robot, links=(*robot.links, "colour_frame"), joints=joints)
+        edge = str(whole.edge)
+        assert contradicted(on_arm, two) == ({(edge, ("rgb_1",))} if different else set())

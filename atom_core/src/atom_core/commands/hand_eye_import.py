@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
-from typing import Any, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Dict, Mapping, Optional, Tuple
 
 import numpy as np
 
 from atom_core.commands import common
-from atom_core.errors import ConfigError, DatasetError
-from atom_core.geometry import se3
+from atom_core.commands.hand_eye_frames import Frames, config_of_cameras, frames_of
+from atom_core.errors import DatasetError
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics_from_boards import camera_of_boards
 from atom_core.io.atomic import prepare_output_folder
@@ -26,9 +25,6 @@ from atom_core.model.dataset import MULTIPLE, Collection, Dataset, DataSource
 from atom_core.model.labels import Label, RgbLabel
 from atom_core.model.pattern import Pattern, pattern_from_config
 from atom_core.model.sensor import RGB, Sensor
-from atom_core.model.transforms import Edge
-
-_OPTICAL = se3.from_rpy(np.zeros(3), np.array([-np.pi / 2, 0.0, -np.pi / 2]))
 
 Labels = Dict[Tuple[str, int, str], RgbLabel]  # by camera, number, pattern
 
@@ -73,56 +69,37 @@ def add_import_options(parser: argparse.ArgumentParser) -> None:
 def import_folder(args: argparse.Namespace, content: RobotImages) -> int:
     """Make the dataset, write it, and say what was found."""
     common.refuse_occupied(args.output, args.overwrite)
-    config = _config_of(read_config(args.config), list(content.images))
-    hand, base = _frames(config, args)
+    config, remarks = config_of_cameras(read_config(args.config), list(content.images))
+    frames = frames_of(config, args)
     patterns = {n: pattern_from_config(n, e) for n, e in config.calibration_patterns.items()}
-    known = {name: read_camera_info(Path(path)) for name, path in args.camera_info}
+    known = _known_cameras(args, content)
     sensors, labels = {}, {}
     for name in content.images:
         camera, found = _camera(name, config, patterns, content, known.get(name))
         sensors[name] = _sensor(name, config, camera)
         labels.update(found)
-    dataset = _dataset(args.output, config, sensors, labels, content, Edge(base, hand))
+    dataset = _dataset(args.output, config, sensors, labels, content, frames)
     _write(dataset, content, args)
+    for remark in (*remarks, *frames.remarks):
+        print(remark)
     path = (args.output / DATASET_FILE).resolve()
     print(f"{path}: {len(sensors)} cameras, {len(dataset.collections)} poses")
     return 0
 
 
-def _config_of(config: CalibrationConfig, cameras: List[str]) -> CalibrationConfig:
-    """Return the configuration of these cameras alone."""
-    for name in cameras:
-        if name not in config.sensors:
-            known = ", ".join(config.sensors)
-            raise ConfigError(f"camera '{name}' is not in the configuration; there are: {known}")
-    kept = {name: config.sensors[name] for name in cameras}
-    anchor = config.anchored_sensor if config.anchored_sensor in kept else None
-    return replace(config, sensors=kept, anchored_sensor=anchor)
-
-
-def _frames(config: CalibrationConfig, args: argparse.Namespace) -> Tuple[str, str]:
-    """Return the frames of hand and base.
+def _known_cameras(args: argparse.Namespace, content: RobotImages) -> Dict[str, Camera]:
+    """Return the cameras whose intrinsics are given, by name.
 
     Raises:
-        ConfigError: the configuration does not tell them, or hangs something on neither.
+        DatasetError: a file cannot be used, or there are no images of its camera.
     """
-    base = args.base_link or config.world_link
-    entries: Mapping[str, Any] = {**config.sensors, **config.calibration_patterns}
-    parents = {name: entry.parent_link for name, entry in entries.items()}
-    others = sorted(set(parents.values()) - {base, config.world_link})
-    hand = args.hand_link or (others[0] if len(others) == 1 else None)
-    if hand is None:
-        raise ConfigError(
-            f"the parents of cameras and boards do not tell which frame is the hand "
-            f"({', '.join(others) or 'all are ' + base}); name it with --hand_link"
-        )
-    for name, parent in parents.items():
-        if parent not in (base, hand, config.world_link):
-            raise ConfigError(
-                f"'{name}' has the parent_link '{parent}', and the robot's poses connect only "
-                f"'{base}' and '{hand}'; correct it, or --hand_link and --base_link"
+    for name, path in args.camera_info:
+        if name not in content.images:
+            raise DatasetError(
+                f"--camera_info {name} {path}: there are no images of a camera '{name}'; there "
+                f"are of: {', '.join(content.images)}"
             )
-    return hand, base
+    return {name: read_camera_info(Path(path)) for name, path in args.camera_info}
 
 
 def _sensor(name: str, config: CalibrationConfig, camera: Camera) -> Sensor:
@@ -195,21 +172,16 @@ def _dataset(
     sensors: Mapping[str, Sensor],
     labels: Labels,
     content: RobotImages,
-    arm: Edge,
+    frames: Frames,
 ) -> Dataset:
-    constant = {sensor.edge: np.eye(4) for sensor in sensors.values()}
-    for sensor in sensors.values():
-        if sensor.frame != sensor.edge.child:
-            constant[Edge(sensor.edge.child, sensor.frame)] = _OPTICAL
-    if arm.parent != config.world_link:
-        constant[Edge(config.world_link, arm.parent)] = np.eye(4)
+    constant = {**{sensor.edge: np.eye(4) for sensor in sensors.values()}, **frames.fixed}
     collections, files = {}, {}
     for number, base_T_hand in content.base_T_hand.items():
         key = f"{number:03d}"
         seen: Dict[Tuple[str, str], Label] = {
             (camera, p): label for (camera, n, p), label in labels.items() if n == number
         }
-        collections[key] = Collection(key, seen, {arm: base_T_hand, **constant})
+        collections[key] = Collection(key, seen, {frames.arm: base_T_hand, **constant})
         for camera, of_camera in content.images.items():
             if number in of_camera:
                 files[key, camera] = of_camera[number]
@@ -220,7 +192,7 @@ def _dataset(
         sensors=sensors,
         patterns=patterns,
         collections=collections,
-        edge_types={arm: MULTIPLE},
+        edge_types={frames.arm: MULTIPLE},
         data=_Images(files),
     )
 

@@ -1,9 +1,14 @@
-"""Intrinsics in the YAML files of ROS's ``camera_calibration``."""
+"""Intrinsics in the YAML files of ROS's ``camera_calibration``, and of OpenCV's programs.
+
+OpenCV's have a first line that is no YAML, tags on matrices, and no name of the model: a fisheye
+is told by ``fisheye_model: 1``, other models by how many coefficients there are.
+"""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
-from typing import Any
+from typing import Any, Mapping
 
 import numpy as np
 from ruamel.yaml.error import YAMLError
@@ -14,6 +19,9 @@ from atom_core.io.paths import unread
 from atom_core.io.structure import OTHER_KIND
 from atom_core.io.yaml_text import load_yaml_1_2
 
+_OF_OPENCV = re.compile(r"\A\s*%YAML:1\.0[^\n]*\n|!!opencv-matrix")
+_PLUMB_BOB_COEFFICIENTS = 5
+
 
 def read_camera_info(path: Path) -> Camera:
     """Return the camera of a file with image_width, camera_matrix, distortion_coefficients ...
@@ -22,19 +30,31 @@ def read_camera_info(path: Path) -> Camera:
         DatasetError: the file is absent, or no such file.
     """
     try:
-        document: Any = load_yaml_1_2(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8-sig")
+        document: Any = load_yaml_1_2(_OF_OPENCV.sub("", text))
+        if not isinstance(document, Mapping):
+            raise ValueError("it is empty" if document is None else "it has no names of values")
+        D = np.array(document["distortion_coefficients"]["data"], dtype=float).ravel()
         return Camera(
             width=int(document["image_width"]),
             height=int(document["image_height"]),
             K=np.array(document["camera_matrix"]["data"], dtype=float),
-            D=np.array(document["distortion_coefficients"]["data"], dtype=float),
-            model=str(document.get("distortion_model", "plumb_bob")),
+            D=D,
+            model=str(document.get("distortion_model", _unnamed_model(document, D))),
         )
     except OSError as error:
         reason = unread(path, error)
         raise DatasetError(f"{path}: the intrinsics cannot be read ({reason})") from None
     except (YAMLError, *OTHER_KIND) as error:
-        what = str(error).splitlines()[0] if str(error) else "it is empty"
+        what = (str(error).splitlines() or [type(error).__name__])[0]
+        lacks = "it lacks " if isinstance(error, KeyError) else ""
         raise DatasetError(
-            f"{path}: is no file of intrinsics as camera_calibration writes it ({what})"
+            f"{path}: is no file of intrinsics as camera_calibration or OpenCV writes it "
+            f"({lacks}{what})"
         ) from None
+
+
+def _unnamed_model(document: Mapping[str, Any], D: np.ndarray) -> str:
+    if int(document.get("fisheye_model", 0)):
+        return "equidistant"
+    return "rational_polynomial" if np.any(D[_PLUMB_BOB_COEFFICIENTS:]) else "plumb_bob"

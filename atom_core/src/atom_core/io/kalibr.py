@@ -46,7 +46,7 @@ def read_camchain(path: Path) -> List[ChainCamera]:
         DatasetError: the file is absent, no camchain, or of a camera model that is not known.
     """
     try:
-        document: Any = load_yaml_1_2(path.read_text(encoding="utf-8"))
+        document: Any = load_yaml_1_2(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise DatasetError(f"{path}: the camchain cannot be read ({unread(path, error)})") from None
     except (YAMLError, ValueError) as error:

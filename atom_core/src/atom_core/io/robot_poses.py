@@ -93,7 +93,7 @@ def _line(values: np.ndarray) -> str:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")  # as editors on Windows begin a file
     except OSError as error:
         reason = unread(path, error)
         raise DatasetError(f"{path}: the robot's poses cannot be read ({reason})") from None

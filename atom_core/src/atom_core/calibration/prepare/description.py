@@ -13,7 +13,7 @@ from atom_core.model.caveats import Caveat
 from atom_core.model.dataset import MULTIPLE, Dataset
 from atom_core.model.joints import MOVING_TYPES
 from atom_core.model.robot import FIXED, RobotDescription
-from atom_core.model.transforms import Edge
+from atom_core.model.transforms import Edge, FrameGraph, chain_transform
 from atom_core.problem.builder import FreeEdges
 
 
@@ -34,7 +34,8 @@ def description_caveats(
     written = _written(dataset, free)
     ways = sensors_by_edge(dataset, with_boards=True)
     believed = {edge: sensors for edge, sensors in ways.items() if edge not in written}
-    pairs = {**_fixed(dataset, believed, robot), **_moving(dataset, believed, robot)}
+    fixed = _fixed(dataset, believed, robot, written)
+    pairs = {**fixed, **_moving(dataset, believed, robot)}
     return [
         Caveat(
             apart.sensors,
@@ -58,12 +59,22 @@ def _written(dataset: Dataset, free: FreeEdges) -> Set[Edge]:
 
 
 def _fixed(
-    dataset: Dataset, edges: Dict[Edge, List[str]], robot: RobotDescription
+    dataset: Dataset, edges: Dict[Edge, List[str]], robot: RobotDescription, written: Set[Edge]
 ) -> Dict[Edge, Tuple[np.ndarray, np.ndarray]]:
-    """Return what description and data say of edges that never move."""
-    joints = {joint.edge: joint for joint in robot.joints.values() if joint.type == FIXED}
-    still = [e for e in edges if e in joints and dataset.edge_types.get(e) != MULTIPLE]
-    return {e: (joints[e].parent_T_child(), dataset.first_value(e)) for e in still}
+    """Return what description and data say of edges that never move.
+
+    An edge of the data may be several joints of the description, one behind the other.
+    """
+    types = {joint.edge: joint.type for joint in robot.joints.values()}
+    graph, transforms, links = FrameGraph(types), robot.transforms(), set(robot.links)
+    pairs: Dict[Edge, Tuple[np.ndarray, np.ndarray]] = {}
+    for edge in edges:
+        if dataset.edge_types.get(edge) == MULTIPLE or not {edge.parent, edge.child} <= links:
+            continue
+        chain = graph.chain(edge.parent, edge.child)
+        if all(types[step.edge] == FIXED and step.edge not in written for step in chain):
+            pairs[edge] = chain_transform(chain, transforms), dataset.first_value(edge)
+    return pairs
 
 
 def _moving(
