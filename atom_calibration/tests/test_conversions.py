@@ -20,7 +20,7 @@ from atom_calibration.messages.clouds import (
 )
 from atom_calibration.messages.images import colour_image, depth_image
 from atom_calibration.messages.poses import edge_of, transform_matrix
-from atom_calibration.messages.scans import LASER_SCAN, laser_scan
+from atom_calibration.messages.scans import laser_scan
 from atom_calibration.sources.bag_reader import BagReader
 from atom_core.model.transforms import Edge
 
@@ -279,7 +279,7 @@ def test_the_real_padded_cloud_equals_rosbags_own_decoding(real_data):
         assert len(points) == message.width > 35000
         for column, name in enumerate(names):
             np.testing.assert_array_equal(points[name].astype(float), reference[:, column])
-    scans = [m for m in found if m._type == LASER_SCAN]
+    scans = [m for m in found if m._type == "sensor_msgs/LaserScan"]
     assert all(len(laser_scan(m).points) == len(m.ranges) for m in scans)
 
 

@@ -144,8 +144,6 @@ def test_json_names_the_number_that_is_not_finite(tmp_path, bad):
     with pytest.raises(OutputError, match=r"rows\.1\.mean"):
         write_json_atomically(path, {"rows": [{"mean": 1.0}, {"mean": bad}]})
     assert path.read_text() == "old"
-    write_json_atomically(path, {"rows": [bad]}, allow_nan=True)
-    json.loads(path.read_text())
 
 
 def test_json_refuses_what_it_cannot_hold_before_writing(tmp_path):

@@ -13,7 +13,6 @@ from atom_calibration.modalities.frames import Frame
 from atom_core.labeling.stillness import (
     DEFAULT_OPTIONS,
     Sighting,
-    StillnessOptions,
     Stop,
     StopDetector,
     motion,
@@ -63,12 +62,12 @@ class StopMoments:
     camera saw the board long enough to tell.
     """
 
-    def __init__(self, patterns: Iterable[str], options: StillnessOptions = DEFAULT_OPTIONS):
+    def __init__(self, patterns: Iterable[str]):
         """Start with nothing seen."""
-        self._cameras = {name: StopDetector(options) for name in patterns}
-        self._range = {name: StopDetector(options) for name in patterns}
+        self._cameras = {name: StopDetector() for name in patterns}
+        self._range = {name: StopDetector() for name in patterns}
         self._seen_s: Dict[Tuple[str, str], Deque[float]] = {}  # by camera and pattern
-        self.memory_s = options.take_after_s + options.longest_pause_s
+        self.memory_s = DEFAULT_OPTIONS.take_after_s + DEFAULT_OPTIONS.longest_pause_s
 
     def add(self, frame: Frame) -> Iterator[Moment]:
         """Take note of a frame; yield the stops that have become certain."""
@@ -365,9 +364,7 @@ def too_far(frames: List[Frame], chosen: Mapping[str, Frame]) -> Dict[str, float
     return lasting_s
 
 
-def check_still(
-    frames: Mapping[str, Frame], recent: RecentFrames, moment: Moment, sigmas: float = 1.0
-) -> None:
+def check_still(frames: Mapping[str, Frame], recent: RecentFrames, moment: Moment) -> None:
     """Refuse frames between whose stamps the board moved by more than a label can tell.
 
     Raises:
@@ -390,7 +387,7 @@ def check_still(
             f"it stood still during the {1000 * skew:.0f} ms between the stamps; hold it longer"
         )
     (sensor, _), fastest = max(speeds.items(), key=lambda item: item[1])
-    if fastest * skew > sigmas:
+    if fastest * skew > 1.0:
         raise CollectionError(
             f"time {min(stamps):.3f}: the board moved by {fastest * skew:.1f} sigmas of the labels "
             f"of sensor '{sensor}' during the {1000 * skew:.0f} ms between the stamps; hold it "

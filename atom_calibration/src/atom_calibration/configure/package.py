@@ -10,7 +10,7 @@ from typing import List, Optional, Sequence
 from xml.etree import ElementTree
 
 from atom_core.errors import ConfigError
-from atom_core.io.paths import PackageResolver, package_folder, resolve_path
+from atom_core.io.paths import package_folder, resolve_path
 
 CONFIG_FOLDERS = ("calibration", "config")  # ATOM's, and that of the suite's own examples
 _VARIABLE = re.compile(r"\$\{?(\w+)\}?")
@@ -61,22 +61,19 @@ class CalibrationPackage:
         return f"{self.find}/{inside.as_posix()}"
 
 
-def find_package(
-    name: str, config_name: Optional[str] = None, resolve_package: Optional[PackageResolver] = None
-) -> CalibrationPackage:
+def find_package(name: str, config_name: Optional[str] = None) -> CalibrationPackage:
     """Return a calibration package.
 
     Args:
         name: of the ROS package, or a folder: that of a package, or one below it.
         config_name: the configuration's name in the package, or its path; config.yml when None.
-        resolve_package: folder of a package by name; ROS's when None.
 
     Raises:
         ConfigError: there is no such package or configuration.
     """
     folder = Path(name)
     if not folder.is_dir():
-        folder = package_folder(name, resolve_package)
+        folder = package_folder(name)
     folder = folder.resolve()
     root = next((f for f in (folder, *folder.parents) if (f / "package.xml").is_file()), None)
     if root is None:

@@ -30,11 +30,6 @@ class TreeEdge:
     joint: Optional[str] = None
     from_bag: bool = False
 
-    @property
-    def dynamic(self) -> bool:
-        """Whether it moves."""
-        return self.kind != FIXED
-
 
 class TransformGraph:
     """Which frame hangs on which.

@@ -10,7 +10,6 @@ from atom_calibration.errors import EmptyMessageError, MessageError
 from atom_core.errors import DatasetError, NothingMeasuredError
 from atom_core.model.laser_scan import LaserScan, fields_of, scan_from_fields
 
-LASER_SCAN = "sensor_msgs/LaserScan"
 _FIELDS = tuple(name for name in ScanMessage.__slots__ if name != "header")
 
 

@@ -96,9 +96,9 @@ def sphere(frame: str, diameter_m: float, colour: Colour, alpha: float = 0.8) ->
     return marker
 
 
-def axes(frame: str, length_m: float, namespace: str = "axes") -> Marker:
+def axes(frame: str, length_m: float) -> Marker:
     """Return the axes of a frame: x red, y green, z blue."""
-    marker = _marker(Marker.LINE_LIST, frame, namespace, (1.0, 1.0, 1.0), 1.0)
+    marker = _marker(Marker.LINE_LIST, frame, "axes", (1.0, 1.0, 1.0), 1.0)
     marker.scale.x = 0.05 * length_m
     ends = np.eye(3) * length_m
     marker.points = _points(np.array([p for end in ends for p in (np.zeros(3), end)]))

@@ -248,13 +248,13 @@ def _unless_interrupted(draw: Callable[[], None]) -> None:
         os.kill(os.getpid(), heard[0])
 
 
-def refuse_reports(folder: Path, overwrite: bool, names: Sequence[str] = REPORT_FILES) -> None:
+def refuse_reports(folder: Path, overwrite: bool) -> None:
     """Refuse a folder that holds a report already.
 
     Raises:
         OutputError: naming it and --overwrite.
     """
-    there = [name for name in names if (folder / name).exists()]
+    there = [name for name in REPORT_FILES if (folder / name).exists()]
     if there and not overwrite:
         raise OutputError(
             f"{folder}: there is a report already ({', '.join(there)}); add --overwrite to replace "

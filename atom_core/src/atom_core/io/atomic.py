@@ -109,7 +109,6 @@ def write_json_atomically(
     *,
     sort_keys: bool = True,
     indent: Optional[int] = 2,
-    allow_nan: bool = False,
 ) -> None:
     """Write a document as JSON; see `write_bytes_atomically`.
 
@@ -118,14 +117,13 @@ def write_json_atomically(
         document: mappings, lists, numbers, texts; numpy numbers and arrays become plain ones.
         sort_keys: write keys in alphabetical order.
         indent: spaces per level, None for one line.
-        allow_nan: write NaN and Infinity, which strict JSON readers refuse.
 
     Raises:
         OutputError: the file cannot be written, or a number is not finite (the message names it).
     """
     try:
         text = json.dumps(
-            document, sort_keys=sort_keys, indent=indent, allow_nan=allow_nan, default=_plain
+            document, sort_keys=sort_keys, indent=indent, allow_nan=False, default=_plain
         )
     except ValueError as error:
         place = _first_non_finite(document)

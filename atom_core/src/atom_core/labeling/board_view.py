@@ -41,7 +41,6 @@ class BoardView:
         self._homography, self.inliers = self._fit(board, pixels)
         self._known = board[self.inliers]
         self._misfit = pixels[self.inliers] - self.without_correction(self._known)
-        self.misfit_px = float(np.median(np.linalg.norm(self._misfit, axis=1)))
 
     def project(self, board: np.ndarray) -> np.ndarray:
         """Return pixels (n, 2) of board points (n, 2) [squares]."""

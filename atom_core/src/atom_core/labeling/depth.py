@@ -96,7 +96,7 @@ class DepthLabeler:
         Args:
             data: (height, width) [m]; NaN, infinite or 0 where there is no depth (`to_metres`); or
                 what `prepare` returns.
-            seed: (2,) pixel x, y on the board; None: search the image for it (`find_board`).
+            seed: (2,) pixel x, y on the board; None: search the image for it.
             polygon: (n, 2) pixels; what lies outside is not looked at.
 
         Returns:
@@ -122,14 +122,6 @@ class DepthLabeler:
         self._check_unit(depth_m, seed)
         reason = _why_specks(depth_m, view)
         return nothing(DEPTH, reason, found.quality) if reason else found
-
-    def find_board(self, depth_m: np.ndarray) -> Labeled:
-        """Search the image for a region of the board's size; the one that fits best.
-
-        Args:
-            depth_m: (height, width) [m], NaN where there is no depth.
-        """
-        return _found_in(self._view(depth_m))
 
     def _view(self, depth_m: np.ndarray) -> DepthView:
         half_size, square_m = self.pattern.border.half_size, self.pattern.square_m

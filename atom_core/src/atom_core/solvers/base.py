@@ -207,7 +207,6 @@ class SolverSummary:
         cost_initial, cost_final: with the final weights and loss.
         sigmas: for each residual block, (n,) standard deviations in its unit, as used last.
         scales: for each residual block, the factor on its initial sigmas.
-        robust_weights: for each residual block, (n,) in 0..1.
         inset_steps: for each residual block, how many steps of sampling the limit points are
             expected inside the border; 0 for other kinds.
         interrupted: True when it was stopped from outside.
@@ -225,7 +224,6 @@ class SolverSummary:
     cost_final: float
     sigmas: Tuple[np.ndarray, ...]
     scales: Tuple[float, ...]
-    robust_weights: Tuple[np.ndarray, ...]
     inset_steps: Tuple[float, ...]
     interrupted: bool = False
     common: Tuple[float, ...] = ()

@@ -92,7 +92,6 @@ def weighted_by_detections(
         cost_final=losses.total_cost(options.loss, squares),
         sigmas=sigmas,
         scales=tuple(float(s) for s in scales * summary.scales),
-        robust_weights=tuple(losses.weight(options.loss, square) for square in squares),
         inset_steps=tuple(float(v) for v in state.insets),
         model_errors=in_units(errors, state.errors),
         common=tuple(float(v) for v in state.common),

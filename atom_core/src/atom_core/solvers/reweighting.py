@@ -283,7 +283,6 @@ def _summary(
         scales=tuple(
             float(np.median(s / b.sigma)) for s, b in zip(sigmas, solver.problem.residual_blocks)
         ),
-        robust_weights=tuple(losses.weight(options.loss, s) for s in last),
         inset_steps=tuple(float(v) for v in insets),
         interrupted=end.interrupted,
     )
@@ -294,7 +293,6 @@ def _summary(
             status=FAILED,
             message="the solver ended worse than it started; the start is kept",
             cost_final=cost_initial,
-            robust_weights=tuple(losses.weight(options.loss, s) for s in first),
         )
     return summary
 

@@ -132,7 +132,7 @@ class SetInitialEstimate:
         self._names = names  # lives as long as the node
         self._fixed = rospy.Publisher("/tf_static", TFMessage, queue_size=10, latch=True)
         self._server = MarkerServer(NODE)
-        self._markers = self._sensor_markers(config, scale)
+        self._markers = self._sensor_markers(scale)
         self._menu = MenuSphere(
             self._server,
             config.world_link,
@@ -176,7 +176,7 @@ class SetInitialEstimate:
         self._follow()
         return "everything is where it was at the start"
 
-    def _sensor_markers(self, config: CalibrationConfig, scale: float) -> Dict[str, PoseMarker]:
+    def _sensor_markers(self, scale: float) -> Dict[str, PoseMarker]:
         made: Dict[str, PoseMarker] = {}
         by_edge: Dict[Any, List[str]] = {}
         for name, edge in self._guess.edges.items():
