@@ -20,7 +20,11 @@ from atom_core.geometry import se3  # noqa: E402
 from atom_core.io.config_yaml import write_config  # noqa: E402
 from atom_core.io.dataset_json import read_dataset  # noqa: E402
 from atom_core.io.dataset_writer import write_dataset_folder  # noqa: E402
-from atom_core.io.hand_eye_folders import numbered_images, read_rwhe_folder  # noqa: E402
+from atom_core.io.hand_eye_folders import (  # noqa: E402
+    numbered_images,
+    read_rwhe_folder,
+    read_tabb_folder,
+)
 from atom_core.io.robot_poses import read_rwhe_poses, read_tabb_poses, rwhe_text, tabb_text  # noqa: E402
 from atom_core.model.config import EdgeConfig, JointConfig, PriorConfig  # noqa: E402
 from atom_core.model.dataset import pose  # noqa: E402
@@ -324,3 +328,76 @@ def test_intrinsics_of_a_camera_without_images_are_refused(made, tmp_path, capsy
     given = ["--camera_info", "rgb_l", tmp_path / "camera.yaml"]
     line = refused(capsys, *from_layout(made[0], "rwhe", tmp_path / "new", *given))
     assert "there are no images of a camera 'rgb_l'; there are of: rgb_1" in line
+
+
+def test_images_keep_their_poses_whatever_the_collections_are_called(made, tmp_path):
+    """Numbers within names were taken for their order: three of nine images got other poses."""
+    folder, scene = made
+    names = ["b1", "a1", "c20", "a3", "x", "b7", "a07"]
+    shutil.copytree(folder / "data", tmp_path / "data")
+    path = tmp_path / "data" / "dataset.json"
+    document = json.loads(path.read_text())
+    for part in (document, *document["patterns"].values()):
+        key = "collections" if "collections" in part else "transforms_initial"
+        part[key] = dict(zip(names, part[key].values()))
+    path.write_text(json.dumps(document))
+    run("convert_to_tabb_dataset", *to(tmp_path, "tabb"), "-hl", FLANGE)
+    images = dict(zip(contents_of_images(folder / "data"), world_T_flange(scene.dataset)))
+    read = read_tabb_folder(tmp_path / "tabb")
+    assert len(read.base_T_hand) == len(names)
+    for number, found in read.base_T_hand.items():
+        wanted = images[read.images[CAMERA][number].read_bytes()]
+        np.testing.assert_allclose(found, wanted, atol=1e-12)
+
+
+def contents_of_images(data):
+    """Return the content of the images of a dataset's folder, in the order of its collections."""
+    return [path.read_bytes() for path in sorted(data.glob(f"{CAMERA}_*.jpg"))]
+
+
+@pytest.mark.parametrize(
+    "text, sides_m",
+    [
+        ("60mm", (0.06,)),
+        ("0.06m\n", (0.06,)),
+        ("0.06", (0.06,)),
+        ("60", (0.06,)),
+        ("6 cm\r\n", (0.06,)),
+        ("sixty", None),
+        (".", None),
+        ("-3", None),
+        ("", None),
+    ],
+)
+def test_the_square_of_a_folder_is_read_with_its_unit(made, tmp_path, text, sides_m):
+    folder = tmp_path / "rwhe"
+    shutil.copytree(made[0] / "rwhe", folder)
+    (folder / "squaresize.txt").write_text(text)
+    board = read_rwhe_folder(folder, CAMERA).board
+    assert (None if board is None else board.sides_m) == sides_m
+
+
+@pytest.mark.parametrize(
+    "layout, name, old, new, words",
+    [
+        ("rwhe", "squaresize.txt", "0.06m", "0.0625m", "squares of 62.5 mm, and in"),
+        ("tabb", "calibration_object.txt", "width 60", "width 61", "squares of 60 x 61 mm"),
+        ("tabb", "calibration_object.txt", "width 11", "width 12", "8 x 12 inner corners"),
+        ("tabb", "calibration_object.txt", "width 60", "width 60.01", None),
+        ("tabb", "calibration_object.txt", "chess_", "board_", None),
+    ],
+)
+def test_a_board_that_is_another_one_beside_the_images_is_told(
+    made, tmp_path, capsys, layout, name, old, new, words
+):
+    folder, _ = made
+    shutil.copytree(folder / layout, tmp_path / layout)
+    shutil.copy(folder / "config.yml", tmp_path / "config.yml")
+    file = tmp_path / layout / name
+    assert old in file.read_text()
+    file.write_text(file.read_text().replace(old, new))
+    run(*from_layout(tmp_path, layout, tmp_path / "new"))
+    said = capsys.readouterr().out
+    assert (f"warning: {file}: " in said) == (words is not None)
+    if words is not None:
+        assert words in said and "'pattern_1' has 60 mm, 11 x 8; correct what is wrong" in said

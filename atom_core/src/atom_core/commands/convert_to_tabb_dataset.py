@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from typing import Dict
 
 from atom_core.commands import common
 from atom_core.commands.hand_eye_export import (
@@ -22,6 +23,7 @@ from atom_core.io.hand_eye_folders import (
     tabb_board_text,
 )
 from atom_core.io.robot_poses import tabb_text
+from atom_core.model.dataset import Dataset
 
 EXAMPLE = "python3 -m atom_core convert_to_tabb_dataset -json dataset.json -out tabb -hl flange"
 _USUAL_HAND = "ee_link"
@@ -51,10 +53,10 @@ def run(args: argparse.Namespace) -> int:
             raise DatasetError(f"{args.dataset}: frame '{frame}' is in no transform; see {option}")
     poses = robot_poses(dataset, base, args.hand_link)
     files = {(c, key): image_file(dataset, key, c) for c in cameras for key in dataset.collections}
-    folder = prepare_output_folder(args.output, args.overwrite)
+    folder, numbers = prepare_output_folder(args.output, args.overwrite), _numbers(dataset)
     for (camera, key), path in files.items():
         (folder / TABB_IMAGES / camera).mkdir(parents=True, exist_ok=True)
-        copy_atomically(path, folder / TABB_IMAGES / camera / f"image{key}{path.suffix}")
+        copy_atomically(path, folder / TABB_IMAGES / camera / f"image{numbers[key]}{path.suffix}")
     (pattern,) = dataset.patterns.values()
     write_text_atomically(folder / TABB_BOARD, tabb_board_text(pattern))
     details = f"{args.dataset.name}: {len(poses)} poses of {args.hand_link} in {base}\n"
@@ -62,3 +64,13 @@ def run(args: argparse.Namespace) -> int:
     write_text_atomically(folder / TABB_POSES, tabb_text(poses))
     print(f"{folder.resolve()}: {len(poses)} poses, images of {', '.join(cameras)}")
     return 0
+
+
+def _numbers(dataset: Dataset) -> Dict[str, str]:
+    """Return what images are numbered by: names of collections, or places where not all count.
+
+    Poses belong to images in the order of their numbers.
+    """
+    if all(key.isdigit() for key in dataset.collections):
+        return {key: key for key in dataset.collections}
+    return {key: str(place) for place, key in enumerate(dataset.collections, 1)}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any, Dict, Mapping, Optional, Tuple
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from atom_core.io.atomic import prepare_output_folder
 from atom_core.io.camera_info_yaml import read_camera_info
 from atom_core.io.config_yaml import read_config
 from atom_core.io.dataset_writer import DATASET_FILE, new_document, write_with_copies
-from atom_core.io.hand_eye_folders import RobotImages
+from atom_core.io.hand_eye_folders import RobotImages, ToldBoard
 from atom_core.io.images import read_image
 from atom_core.labeling.rgb import RgbLabeler
 from atom_core.model.config import CalibrationConfig
@@ -25,6 +25,9 @@ from atom_core.model.dataset import MULTIPLE, Collection, Dataset, DataSource
 from atom_core.model.labels import Label, RgbLabel
 from atom_core.model.pattern import Pattern, pattern_from_config
 from atom_core.model.sensor import RGB, Sensor
+
+_MM_PER_M = 1000.0
+_SAME_SIDE = 1e-3  # of a square: sides that differ by a smaller part are one, rounded
 
 Labels = Dict[Tuple[str, int, str], RgbLabel]  # by camera, number, pattern
 
@@ -80,7 +83,7 @@ def import_folder(args: argparse.Namespace, content: RobotImages) -> int:
         labels.update(found)
     dataset = _dataset(args.output, config, sensors, labels, content, frames)
     _write(dataset, content, args)
-    for remark in (*remarks, *frames.remarks):
+    for remark in (*remarks, *frames.remarks, *_remarks_on_board(content.board, patterns)):
         print(remark)
     path = (args.output / DATASET_FILE).resolve()
     print(f"{path}: {len(sensors)} cameras, {len(dataset.collections)} poses")
@@ -100,6 +103,30 @@ def _known_cameras(args: argparse.Namespace, content: RobotImages) -> Dict[str, 
                 f"are of: {', '.join(content.images)}"
             )
     return {name: read_camera_info(Path(path)) for name, path in args.camera_info}
+
+
+def _remarks_on_board(told: Optional[ToldBoard], patterns: Mapping[str, Pattern]) -> List[str]:
+    """Return a sentence where no board of the configuration is the one that the folder tells of."""
+    if told is None:
+        return []
+    sized = [p for p in patterns.values() if _is_near(told.sides_m, p.square_m)]
+    counted = [p for p in sized if told.corners in ((), tuple(sorted((p.columns, p.rows))))]
+    if counted:
+        return []
+    sides = " x ".join(f"{_MM_PER_M * side:.6g}" for side in dict.fromkeys(told.sides_m))
+    corners = f", {' x '.join(map(str, told.corners))} inner corners" if told.corners else ""
+    configured = "; ".join(
+        f"'{name}' has {_MM_PER_M * p.square_m:.6g} mm, {p.columns} x {p.rows}"
+        for name, p in patterns.items()
+    )
+    return [
+        f"warning: {told.path}: squares of {sides} mm{corners}, and in the configuration "
+        f"{configured}; correct what is wrong: all lengths are as right as the board's"
+    ]
+
+
+def _is_near(sides_m: Sequence[float], square_m: float) -> bool:
+    return all(abs(side - square_m) <= _SAME_SIDE * square_m for side in sides_m)
 
 
 def _sensor(name: str, config: CalibrationConfig, camera: Camera) -> Sensor:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Dict, List, Mapping, NamedTuple, Sequence
+from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -22,6 +22,21 @@ TABB_POSES, TABB_BOARD, TABB_DETAILS = (
 TABB_IMAGES = "images"
 _ENDINGS = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm")
 _MM_PER_M = 1000.0
+_PER_M = {"mm": _MM_PER_M, "cm": 100.0, "m": 1.0}
+
+
+class ToldBoard(NamedTuple):
+    """The board as a file beside the images has it.
+
+    Attributes:
+        path: the file.
+        sides_m: of a square.
+        corners: inner ones along its two sides, the fewer first; empty where it does not tell.
+    """
+
+    path: Path
+    sides_m: Tuple[float, ...]
+    corners: Tuple[int, ...] = ()
 
 
 class RobotImages(NamedTuple):
@@ -30,10 +45,12 @@ class RobotImages(NamedTuple):
     Attributes:
         images: files by camera and by the number in their names.
         base_T_hand: (4, 4) [m] by the same numbers.
+        board: what the folder says of it; None where it says nothing.
     """
 
     images: Mapping[str, Mapping[int, Path]]
     base_T_hand: Mapping[int, np.ndarray]
+    board: Optional[ToldBoard] = None
 
 
 def read_rwhe_folder(folder: Path, camera: str) -> RobotImages:
@@ -46,16 +63,16 @@ def read_rwhe_folder(folder: Path, camera: str) -> RobotImages:
         DatasetError: there are no images, or one has no pose.
     """
     images = numbered_images(folder)
-    poses = read_rwhe_poses(folder / RWHE_POSES)
+    poses, board = read_rwhe_poses(folder / RWHE_POSES), _rwhe_board(folder / RWHE_SQUARE)
     if len(images) == len(poses):
-        return RobotImages({camera: images}, dict(zip(images, poses)))
+        return RobotImages({camera: images}, dict(zip(images, poses)), board)
     without = [number for number in images if not 1 <= number <= len(poses)]
     if without:
         raise DatasetError(
             f"{images[without[0]]}: {RWHE_POSES} has {len(poses)} lines, and none for image "
             f"{without[0]}; image n belongs to line n"
         )
-    return RobotImages({camera: images}, {number: poses[number - 1] for number in images})
+    return RobotImages({camera: images}, {n: poses[n - 1] for n in images}, board)
 
 
 def read_tabb_folder(folder: Path) -> RobotImages:
@@ -76,7 +93,43 @@ def read_tabb_folder(folder: Path) -> RobotImages:
             f"{folder / TABB_POSES}: {len(poses)} poses for {len(numbers)} numbers of images; each "
             f"number needs one"
         )
-    return RobotImages(images, dict(zip(numbers, poses)))
+    return RobotImages(images, dict(zip(numbers, poses)), _tabb_board(folder / TABB_BOARD))
+
+
+def _rwhe_board(path: Path) -> Optional[ToldBoard]:
+    """Return the board of ``squaresize.txt``: a length with its unit.
+
+    Where it has none it is in metres, or in millimetres where no square is as many metres large.
+    """
+    words = re.fullmatch(r"([\d.eE+-]+)\s*(mm|cm|m|)", _text_of(path).strip())
+    try:
+        length = float(words[1]) if words else 0.0
+    except ValueError:
+        return None
+    if words is None or length <= 0.0:
+        return None
+    unit = words[2] or ("m" if length < 1.0 else "mm")
+    return ToldBoard(path, (length / _PER_M[unit],))
+
+
+def _tabb_board(path: Path) -> Optional[ToldBoard]:
+    """Return the board of ``calibration_object.txt``, as `tabb_board_text` writes it."""
+    words = _text_of(path).split()
+    told = dict(zip(words[::2], words[1::2]))
+    try:
+        sides_m = [float(told[f"chess_mm_{side}"]) / _MM_PER_M for side in ("height", "width")]
+        corners = sorted(int(told[f"chess_{side}"]) for side in ("height", "width"))
+    except (KeyError, ValueError):
+        return None
+    return ToldBoard(path, tuple(sides_m), tuple(corners))
+
+
+def _text_of(path: Path) -> str:
+    """Return the text of a file that may be absent; nothing where it cannot be read."""
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError):
+        return ""
 
 
 def numbered_images(folder: Path) -> Dict[int, Path]:
