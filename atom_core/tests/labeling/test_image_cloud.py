@@ -80,7 +80,6 @@ def test_the_label_of_an_image_has_the_clouds_indices(with_seed):
     assert np.all(cloud.on_board[clear])
     middle = np.nanmean(points[cloud.on_board & ~cloud.mixed], axis=0)
     assert np.linalg.norm(found.next_seed - middle) < 0.02
-    assert found.item_quality.shape == found.label.indices.shape
     away = np.linalg.norm(points[found.label.limit_indices] - middle, axis=1)
     assert np.all(away > BORDER.half_size.min() - 0.05)
     assert np.all(away < np.linalg.norm(BORDER.half_size) + 0.05)

@@ -172,7 +172,6 @@ def test_the_label_of_a_plain_scene_is_the_true_one():
         assert labeled.quality["line_rms_m"] == pytest.approx(0.01 * np.cos(turn), abs=0.003)
         assert labeled.quality["incidence_deg"] == pytest.approx(np.degrees(abs(turn)), abs=1.5)
         assert np.linalg.norm(labeled.next_seed - made.middle) < 0.02
-        assert labeled.item_quality.shape == labeled.label.indices.shape
 
 
 @pytest.mark.parametrize("turn", np.radians([-60.0, 0.0, 35.0]))

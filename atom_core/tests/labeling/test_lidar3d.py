@@ -392,14 +392,6 @@ def test_same_input_same_output_whatever_was_called_before():
         assert a.quality == b.quality
 
 
-def test_quality_of_points_falls_with_their_distance_to_the_plane():
-    cloud = scan(Scene(pose(EYE), before()), 17)
-    found = label(cloud)
-    assert found.item_quality.shape == found.label.indices.shape
-    assert np.all((found.item_quality >= 0) & (found.item_quality <= 1))
-    assert 0.6 < np.mean(found.item_quality) < 0.85
-
-
 @pytest.mark.parametrize("distance", [2.0, 2.5, 3.5])
 def test_expected_points_are_those_that_come(distance):
     model = LidarModel(azimuth_steps=1800)

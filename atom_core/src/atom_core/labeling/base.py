@@ -23,8 +23,6 @@ class Labeled:
         label: of the board; empty when it was not detected.
         reason: why it was not detected, one sentence for the user; empty when it was.
         quality: figures by name, the unit in the name (``plane_rms_m``); also of rejected boards.
-        item_quality: (n,) for each corner or index of the label, 0 worthless to 1 faultless; None
-            where the modality knows none.
         next_seed: where to look for the board in the next data: (2,) pixel of a depth image,
             (3,) point [m] of a cloud; None where the modality needs none or nothing was found.
         warnings: what the user should know though a label was found.
@@ -36,7 +34,6 @@ class Labeled:
     label: Label
     reason: str = ""
     quality: Mapping[str, float] = field(default_factory=dict)
-    item_quality: Optional[np.ndarray] = None
     next_seed: Optional[np.ndarray] = None
     warnings: Tuple[str, ...] = ()
     unsure: Optional[Labeled] = None

@@ -128,7 +128,7 @@ def refilled(labeler: DepthLabeler, depth_m: np.ndarray, polygon: np.ndarray) ->
         return found
     limit = found.label.limit_indices
     kept = limit[~_cut_by_polygon(depth_m, mask, limit)]
-    return replace(found, label=replace(found.label, limit_indices=kept), item_quality=None)
+    return replace(found, label=replace(found.label, limit_indices=kept))
 
 
 def _first_found(

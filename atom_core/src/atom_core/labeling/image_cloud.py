@@ -15,7 +15,6 @@ import numpy as np
 from scipy.linalg import rq
 
 from atom_core.geometry.camera import Camera
-from atom_core.geometry.plane import fit_plane
 from atom_core.labeling.base import Labeled, nothing
 from atom_core.labeling.depth import DepthLabeler
 from atom_core.model.labels import RangeLabel
@@ -27,7 +26,6 @@ _FIT_POINTS = 2000
 _MOST_OFF_PX = 1.0  # RMS of the pixels that the map tells
 _LEAP = 8.0  # times the usual step from point to point
 _LEAST_LEAPS = 8  # ends of rows that are seen
-_INLIER_SIGMAS = 3.0
 _WIDEST_DEG = 75.0  # from the middle of the image
 
 
@@ -117,9 +115,7 @@ def _in_cloud(found: Labeled, points: np.ndarray) -> Labeled:
     """Return a label of the image as one of the cloud (n, 3) [m]."""
     assert isinstance(found.label, RangeLabel)
     inside = np.asarray(points, dtype=float)[found.label.indices]
-    centre, normal, rms_m = fit_plane(inside)
-    worth = 1.0 - np.abs((inside - centre) @ normal) / max(_INLIER_SIGMAS * rms_m, 1e-6)
-    return replace(found, item_quality=np.clip(worth, 0.0, 1.0), next_seed=centre)
+    return replace(found, next_seed=inside.mean(axis=0))
 
 
 def _row_length(points: np.ndarray, valid: np.ndarray) -> int:

@@ -402,13 +402,10 @@ def _away(cut: Cut, point: np.ndarray) -> float:
 
 def _labeled(cut: Cut) -> Labeled:
     indices = cut.indices
-    order = np.argsort(indices)
     limit = [index for index, end in zip(indices[[0, -1]], cut.ends) if end.kind == EDGE]
-    worth = 1.0 - np.abs(cut.residual_m) / (_SIGMAS * max(cut.sigma_m, 1e-6))
     return Labeled(
-        RangeLabel(indices[order], np.unique(np.array(limit, dtype=int))),
+        RangeLabel(np.sort(indices), np.unique(np.array(limit, dtype=int))),
         quality=_quality(cut),
-        item_quality=np.clip(worth, 0.0, 1.0)[order],
         next_seed=np.append(cut.middle, 0.0),
     )
 

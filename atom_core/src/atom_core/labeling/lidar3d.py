@@ -14,7 +14,6 @@ import numpy as np
 
 from atom_core import native
 from atom_core.errors import LabelingError
-from atom_core.geometry import se3
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.labeling.base import Labeled, nothing
 from atom_core.labeling.image_cloud import ImageCloud, as_image, label_in_image
@@ -25,7 +24,6 @@ from atom_core.model.pattern import Pattern
 from atom_core.model.sensor import LIDAR3D, Sensor
 
 _RING_FIELDS = ("ring", "channel", "line", "laser_id")  # as drivers call it
-_INLIER_SIGMAS = 3.0
 _FIGURES = (
     *("plane_sigma_m", "border_rms_m", "measured_width_m", "measured_height_m"),
     *("expected_points", "visible", "hidden", "through"),
@@ -384,12 +382,9 @@ def _found(cloud: Cloud, segment: Mapping[str, Any], by_layers: bool, alike: int
         return FoundBoard(nothing(LIDAR3D, segment["reason"], quality), sensor_T_centre)
     label = RangeLabel(segment["indices"], segment["limit_indices"])
     points = np.asarray(cloud.points, dtype=float)[label.indices]
-    off_plane = se3.apply(se3.inverse(sensor_T_centre), points)[:, 2]
-    worth = 1.0 - np.abs(off_plane) / (_INLIER_SIGMAS * segment["plane_sigma_m"])
     labeled = Labeled(
         label,
         quality=quality,
-        item_quality=np.clip(worth, 0.0, 1.0),
         next_seed=points.mean(axis=0),
         warnings=(several,) if alike > 1 else (),
     )

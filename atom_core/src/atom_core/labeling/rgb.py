@@ -60,7 +60,7 @@ class RgbLabeler:
             seed: not used.
 
         Returns:
-            Corners with ``item_quality``; at least a quarter of the pattern's, or none.
+            Corners; at least a quarter of the pattern's, or none.
             ``quality``: ``corners``, ``in_view``, ``dropped``, ``markers``, ``mean_quality``; of
             chessboards that differ from their mirror image ``starts_black``, 1 or 0.
 
@@ -92,7 +92,7 @@ class RgbLabeler:
             )
             return nothing(RGB, reason, quality)
         label = RgbLabel(found.ids, found.corners.pixels)
-        return Labeled(label, quality=quality, item_quality=found.corners.quality)
+        return Labeled(label, quality=quality)
 
     def _label_chessboard(self, grey: np.ndarray) -> Labeled:
         corners, reason, starts_black = self._chessboard.find(grey)
@@ -123,7 +123,6 @@ class RgbLabeler:
         return Labeled(
             RgbLabel(ids, corners.pixels[kept]),
             quality=quality,
-            item_quality=corners.quality[kept],
             warnings=tuple(warnings),
         )
 
