@@ -74,6 +74,33 @@ def test_nodes_have_the_names_that_documents_say_in_whichever_namespace(
     assert nodes(path, *arguments) == before
 
 
+@pytest.mark.parametrize(
+    ("path", "arguments"),
+    [
+        (LAUNCH / "collect_data.launch", ["config:=a", "output_folder:=b"]),
+        (LAUNCH / "dataset_playback.launch", []),
+        (LAUNCH / "calibrate.launch", []),
+        (
+            LAUNCH / "calibrate_from_bag.launch",
+            "config:=a bag:=b output:=c world:=w rviz:=1".split(),
+        ),
+        (EXAMPLE / "playbag.launch", ["bag_file:=b"]),
+    ],
+)
+def test_a_layout_of_the_users_is_looked_for_where_the_user_stands(
+    path, arguments, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("PWD", str(tmp_path))
+    monkeypatch.setenv("HOME", "/home/me")
+    for given, opened in (
+        ("my.rviz", tmp_path / "my.rviz"),
+        ("~/my.rviz", "/home/me/my.rviz"),
+        ("/opt/my~/a.rviz", "/opt/my~/a.rviz"),
+    ):
+        words = words_of("/rviz", path, *arguments, f"rviz_file:={given}")
+        assert words[words.index("-d") + 1] == str(opened)
+
+
 def test_without_an_output_the_program_is_told_none():
     assert "--output" not in words_of("/calibrate", "calibrate.launch", "dataset:=a.json")
     words = words_of("/calibrate", "calibrate.launch", "dataset:=a.json", "output:=b")
