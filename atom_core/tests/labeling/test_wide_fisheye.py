@@ -1,4 +1,4 @@
-"""ChArUcos at the rim of a fisheye, where x/z about its optical axis says nothing any more."""
+"""ChArUcos far off a fisheye's axis, where x/z about it says little, and at the rim nothing."""
 
 import sys
 from pathlib import Path
@@ -23,15 +23,17 @@ CONFIG = charuco()
 PATTERN = pattern_from_config("pattern_1", CONFIG)
 
 
-def held(angle_deg, rpy_deg=(0.0, 0.0, 0.0)):
-    """Return ``camera_T_pattern`` of a board 0.8 m away that faces the camera, but for a turn."""
+def held(angle_deg, rpy_deg=(0.0, 0.0, 0.0), distance_m=0.8):
+    """Return ``camera_T_pattern`` of a board that faces the camera, but for a turn."""
     angle = np.radians(angle_deg)
     z = np.array([np.sin(angle), 0.1, np.cos(angle)])
     x = np.array([np.cos(angle), 0.0, -np.sin(angle)])
     z /= np.linalg.norm(z)
     rotation = np.column_stack([x, np.cross(z, x), z])
     rotation = rotation @ se3.rotation_from_rpy(np.radians(rpy_deg))
-    return se3.transform(rotation, 0.8 * z - rotation @ np.append(PATTERN.border.centre, 0.0))
+    return se3.transform(
+        rotation, distance_m * z - rotation @ np.append(PATTERN.border.centre, 0.0)
+    )
 
 
 def picture(pose):
@@ -54,6 +56,19 @@ def test_corners_are_exact_up_to_the_rim_of_a_fisheye(angle_deg, rpy_deg):
     assert np.all(seen[:, 2] > 0.0)  # what lies beside the camera is of no use as a label
 
 
+@pytest.mark.parametrize("angle_deg", [55, 65])
+@pytest.mark.parametrize("rpy_deg", [(0.0, 55.0, 0.0), (55.0, 0.0, 0.0)], ids=["yaw", "pitch"])
+def test_small_markers_far_off_the_axis_stand_as_on_their_board(angle_deg, rpy_deg):
+    pose = held(angle_deg, rpy_deg, distance_m=1.4)
+    found = labeler(CONFIG, FISHEYE).label(picture(pose))
+    assert found.detected, found.reason
+    off_px = found.label.pixels - FISHEYE.project(
+        se3.apply(pose, PATTERN.corners_of(found.label.ids))
+    )
+    assert len(found.label.ids) >= 0.8 * PATTERN.corner_count
+    assert np.sqrt(np.mean(np.sum(off_px**2, axis=1))) <= 0.25
+
+
 def test_an_axis_of_its_own_has_the_same_pixels_and_a_board_amid_the_image_has_none():
     off = np.radians([70.0, 80.0, 88.0, 100.0])
     points = np.column_stack([np.sin(off), 0.2 * np.ones(4), np.cos(off)])
@@ -64,7 +79,8 @@ def test_an_axis_of_its_own_has_the_same_pixels_and_a_board_amid_the_image_has_n
     assert axis.camera_R_view is not None and np.max(np.abs(flat)) < 1.0
     assert np.allclose(axis.project(flat), pixels, atol=1e-6)
     assert axis.of_use(flat).tolist() == [True, True, True, False]
-    assert axis_about(FISHEYE, pixels[:1]).camera_R_view is None
+    near = FISHEYE.project(np.array([[0.5, 0.1, 1.0]]))
+    assert axis_about(FISHEYE, near).camera_R_view is None
 
 
 def units(points):

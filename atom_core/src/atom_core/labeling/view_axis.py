@@ -1,7 +1,8 @@
-"""Rays of pixels as x/z and y/z about an axis near them, at the rim of a wide fisheye.
+"""Rays of pixels as x/z and y/z about an axis near them, off the middle of a fisheye's image.
 
-About the optical axis a pixel 82 degrees off it weighs fifty times as much as one in the middle,
-and beyond 90 degrees there is no x/z at all.
+About the optical axis a pixel 55 degrees off it weighs three times as much as one in the middle,
+so that the outlines of small markers seem to lie off the board; one 82 degrees off weighs fifty
+times as much, and beyond 90 degrees there is no x/z at all.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import numpy as np
 
 from atom_core.geometry.camera import Camera
 
-_RIM_DEG = 78.0  # off the optical axis; it serves for a board that does not reach as far
+_OFF_AXIS_DEG = 30.0  # of the optical axis: within it no pixel weighs more than 4/3 of another
 _FARTHEST_DEG = 89.0  # for a corner: what takes labels has x/z about the optical axis
 _NEAREST = 1e-3  # of z, where a ray does not meet the plane z = 1
 
@@ -59,7 +60,7 @@ def axis_about(camera: Camera, pixels: np.ndarray) -> ViewAxis:
     rays = camera.unit_rays(pixels)
     middle = rays.mean(axis=0)
     x = np.array([-middle[1], middle[0], 0.0])  # at right angles to both axes
-    if np.all(rays[:, 2] > np.cos(np.radians(_RIM_DEG))) or not x.any():
+    if np.all(rays[:, 2] > np.cos(np.radians(_OFF_AXIS_DEG))) or not x.any():
         return ViewAxis(camera)
     middle, x = middle / np.linalg.norm(middle), x / np.linalg.norm(x)
     return ViewAxis(camera, np.column_stack([x, np.cross(middle, x), middle]))
