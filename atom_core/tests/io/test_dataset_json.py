@@ -271,6 +271,26 @@ def test_detected_with_empty_lists_is_not_detected(document, read, sensor, first
     assert (key, sensor) not in {(k.collection, k.sensor) for k, _ in read(document).detections()}
 
 
+@pytest.mark.parametrize("sensor", ["rgb_1", "lidar_1", "depth_1"])
+def test_a_label_that_does_not_say_detected_is_what_its_indices_are(
+    document, read, sensor, first_label
+):
+    before = read(document).collections
+    for collection in document["collections"].values():
+        del collection["labels"]["pattern_1"][sensor]["detected"]
+    for key, collection in read(document).collections.items():
+        assert collection.labels.keys() == before[key].labels.keys()
+
+
+@pytest.mark.parametrize("sensor", ["rgb_1", "lidar_1", "depth_1"])
+def test_null_in_a_label_is_an_empty_list(document, read, sensor, first_label):
+    label, key = first_label(document, sensor)
+    label["idxs_limit_points"] = None
+    assert read(document).collections[key].labels[(sensor, "pattern_1")].detected
+    label["idxs"] = None
+    assert (sensor, "pattern_1") not in read(document).collections[key].labels
+
+
 def test_repeated_and_foreign_limit_indices(document, read, first_label):
     label, key = first_label(document, "lidar_1")
     label["idxs_limit_points"] = [7] * 16 + [0]

@@ -157,6 +157,7 @@ def test_a_configuration_that_is_absent_or_wrong(document, refusal):
         (("collections", "000", "labels", "pattern_1"), []),
         (("collections", "000", "labels", "pattern_1", "rgb_1"), None),
         (("collections", "000", "labels", "pattern_1", "rgb_1"), {"detected": True, "idxs": 3}),
+        (("collections", "000", "labels", "pattern_1", "rgb_1"), {"detected": "False", "idxs": []}),
         (("collections", "000", "transforms"), [1]),
         (("collections", "000", "data"), "x"),
         (("sensors", "rgb_1", "camera_info"), []),

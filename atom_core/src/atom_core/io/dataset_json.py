@@ -41,7 +41,7 @@ from atom_core.io.dataset_version import check_version, newer_version
 from atom_core.io.earliest_layout import completed, is_before_version_2
 from atom_core.io.edge_types import edge_types
 from atom_core.io.json_text import load_json
-from atom_core.io.label_json import is_old_layout, with_label
+from atom_core.io.label_json import is_old_layout, says_detected, with_label
 from atom_core.io.paths import looked_for
 from atom_core.io.pattern_entries import pattern_of_entry, with_borders
 from atom_core.io.together import finish_interrupted
@@ -325,7 +325,7 @@ class _Reader:
             for sensor_name, value in by_sensor.items():
                 if not isinstance(value, Mapping):
                     continue  # null where nothing was seen
-                if sensor_name in sensors and value.get("detected"):
+                if sensor_name in sensors and says_detected(value):
                     where = f"collection {key}, sensor '{sensor_name}', pattern '{pattern_name}'"
                     label = self._label(value, sensors[sensor_name], patterns[pattern_name], where)
                     if label.detected:

@@ -6,6 +6,7 @@ from typing import Any, Mapping
 
 from atom_core.errors import DatasetError
 from atom_core.io.structure import (
+    FLAG,
     LIST,
     MAP,
     NUMBER,
@@ -60,7 +61,12 @@ _DATA = keys(
     header=or_null(keys(stamp=or_null(_STAMP), frame_id=_TEXT_OR_NULL)),
     ranges=or_null(LIST),
 )
-_LABEL = keys(idxs=or_null(LIST), idxs_limit_points=or_null(LIST), edge_idxs=or_null(LIST))
+_LABEL = keys(
+    detected=or_null(FLAG),
+    idxs=or_null(LIST),
+    idxs_limit_points=or_null(LIST),
+    edge_idxs=or_null(LIST),
+)
 _COLLECTION = keys(
     data=or_null(each(or_null(_DATA))),
     labels=or_null(each(MAP)),  # of a sensor, or by sensor: the reader tells them apart

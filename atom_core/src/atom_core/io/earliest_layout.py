@@ -15,6 +15,7 @@ import numpy as np
 from atom_core import opencv as cv2
 from atom_core.errors import DatasetError
 from atom_core.io.dataset_version import CURRENT_VERSION
+from atom_core.io.label_json import says_detected
 from atom_core.model.modality import modality_of_message
 
 PATTERN_NAME = "pattern_1"
@@ -244,7 +245,7 @@ class _Gaps:
             label = ((collection.get("labels") or {}).get(name) or {}).get(sensor) or {}
             corners = label.get("idxs") or []
             whole = all(isinstance(c, Mapping) and {"x", "y"} <= set(c) for c in corners)
-            if label.get("detected") and corners and whole:
+            if says_detected(label) and corners and whole:
                 found.append((key, label))
         return found
 

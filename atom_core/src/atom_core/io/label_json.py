@@ -34,6 +34,11 @@ def with_label(stored: Mapping[str, Any], dataset: Dataset, key: DetectionKey) -
     return by_pattern
 
 
+def says_detected(label: Mapping[str, Any]) -> bool:
+    """Tell whether a label says that something was seen; one without ``detected`` has indices."""
+    return bool(label.get("detected", label.get("idxs")))
+
+
 def is_old_layout(
     labels: Mapping[str, Any], sensors: Mapping[str, Any], patterns: Mapping[str, Any]
 ) -> bool:
@@ -70,8 +75,9 @@ def _corner_document(label: Label) -> Dict[str, Any]:
 
 
 def _read_corner_label(value: Mapping[str, Any], pattern: Pattern) -> RgbLabel:
-    ids = _indices([entry["id"] for entry in value["idxs"]])
-    pixels = np.array([[e["x"], e["y"]] for e in value["idxs"]], dtype=float).reshape(-1, 2)
+    corners = value["idxs"] or []
+    ids = _indices([corner["id"] for corner in corners])
+    pixels = np.array([[c["x"], c["y"]] for c in corners], dtype=float).reshape(-1, 2)
     bad = ~np.all(np.isfinite(pixels), axis=1)
     if np.any(bad):
         raise ValueError(
@@ -86,8 +92,8 @@ def _read_corner_label(value: Mapping[str, Any], pattern: Pattern) -> RgbLabel:
 
 
 def _read_range_label(value: Mapping[str, Any], _: Pattern) -> RangeLabel:
-    limit = value.get("idxs_limit_points", value.get("edge_idxs", []))
-    return RangeLabel(_indices(value["idxs"]), _indices(limit))
+    limit = value.get("idxs_limit_points", value.get("edge_idxs"))
+    return RangeLabel(_indices(value["idxs"] or []), _indices(limit or []))
 
 
 def _indices(values: Any) -> np.ndarray:
