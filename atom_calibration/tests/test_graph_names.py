@@ -1,10 +1,14 @@
 """Names with `-` and `.`: one rule for topics, services and nodes, in Python and in RViz."""
 
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 import yaml
+from masters import running_master
 
 from atom_calibration.configure.render import collecting_view
 from atom_calibration.runtime.graph_names import check_graph_names, graph_name
@@ -56,3 +60,27 @@ def _config(name):
         "world_link": "base",
     }
     return CalibrationConfig.from_document(document, "config.yml", lambda path: "config.yml:1")
+
+
+NAMES_OF_A_NODE = """
+import rospy
+from atom_calibration.runtime import running
+running.start("collect_data")
+print(rospy.get_name(), rospy.resolve_name("~state"), rospy.Publisher("~state", rospy.AnyMsg).name)
+rospy.signal_shutdown("done")
+"""
+
+
+@pytest.mark.slow
+def test_a_node_has_its_name_in_whichever_namespace_the_shell_stands(tmp_path):
+    pytest.importorskip("rospy")
+    with running_master(tmp_path) as variables:
+        said = subprocess.run(
+            [sys.executable, "-c", NAMES_OF_A_NODE],
+            env={**os.environ, **variables, "ROS_NAMESPACE": "robot"},
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=True,
+        ).stdout
+    assert said.split() == ["/collect_data", "/collect_data/state", "/collect_data/state"]

@@ -69,12 +69,16 @@ def end_waiting() -> None:
 def start(name: str) -> None:
     """Become a node; SIGINT and SIGTERM then only ask it to end, so that it can finish its work.
 
+    Its name is /NAME in whichever namespace the shell stands (ROS_NAMESPACE): the panel and RViz's
+    layouts know nodes by these names.
+
     Raises:
         ConfigError: there is no master, or it is lost while the node registers with it.
     """
     _hear_signals()
     _watches[:] = [MasterWatch(check_master(), _stop, _end_without_master)]
     try:
+        rospy.names._set_caller_id(f"/{name}")
         rospy.init_node(name, disable_signals=True)
     except rospy.ROSInitException:
         if not lost() and _master_pid() is not None:
