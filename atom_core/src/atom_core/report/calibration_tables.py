@@ -25,6 +25,7 @@ from atom_core.report.model_error_lines import estimated_errors, shown_errors
 from atom_core.report.tables import ABSENT, text_table
 from atom_core.report.trust_report import trust_lines
 from atom_core.report.truth_tables import truth_tables
+from atom_core.report.verdict import is_open, sigma_in_words
 
 _PROPAGATED_M = 2.0  # the distance whose deviations are shown
 _WIDEST_MATRIX = 12  # sensors, that a matrix of them still fits the screen
@@ -64,8 +65,8 @@ def calibration_report(
     parts += [f"warning: {warning}" for warning in results.warnings]
     for weak in calibration.weak_directions:
         parts.append(
-            f"undetermined: {', '.join(weak.parameters)} (sigma {weak.sigma:.3g} {weak.unit}): "
-            f"{weak.why}"
+            f"undetermined: {', '.join(weak.parameters)} "
+            f"({sigma_in_words(weak.sigma, weak.unit)}): {weak.why}"
         )
     parts += [
         f"held by prior of {', '.join(held.priors)}: {', '.join(held.parameters)} (sigma "
@@ -139,6 +140,8 @@ def _propagation_table(results: CalibrationResults) -> List[str]:
 
 
 def _deviation(point: PropagatedPoint) -> str:
+    if is_open(point.combined_sigma_m, "m"):
+        return "open"
     if point.combined_sigma_px is not None:
         return f"{point.combined_sigma_px:.2f} px"
     return f"{1e3 * point.combined_sigma_m:.2f} mm"

@@ -33,6 +33,8 @@ from atom_core.report.verdict import (
     caveats_first,
     counted,
     is_named,
+    is_open,
+    known_to,
     length,
     names_in_words,
     pixels,
@@ -130,8 +132,9 @@ def _transforms(results: CalibrationResults) -> List[Finding]:
         if edge.sensors or not _is_poorly_known(results, edge):
             continue
         metres, radians = _sigmas(results, edge)
-        told = f"'{names[edge.edge]}' ({edge.edge}) is known to {length(metres)} and "
-        told += f"{angle(radians)} only"
+        known = known_to(metres, radians)
+        verb = " is" if known.startswith("known") else ":"
+        told = f"'{names[edge.edge]}' ({edge.edge}){verb} {known}"
         told += " in most collections" if edge.usual_sigma is not None else ""
         more = "the data leave a part of it to its prior (`held_by_prior`)"
         more = more if edge.held else "collect more boards that are seen across it"
@@ -153,7 +156,9 @@ def _joints(results: CalibrationResults) -> List[Finding]:
             limits, words = (KNOWN_M, length) if p.unit == "m" else (KNOWN_RAD, angle)
             sigma = p.combined_sigma if results.has_combined_sigmas else p.sigma
             if limits.grade(sigma) != GOOD:
-                told = f"{p.name} of joint {name} is known to {words(sigma)} only"
+                open_ = is_open(sigma, p.unit)
+                known = "not determined" if open_ else f"known to {words(sigma)} only"
+                told = f"{p.name} of joint {name} is {known}"
                 found.append(Finding(WEAK, f"{told}: move that joint more between collections"))
     return found
 
@@ -229,8 +234,10 @@ def _of_the_status(results: CalibrationResults, name: str) -> List[Finding]:
     if calibration.status == RANK_DEFICIENT:
         opened = [w for w in calibration.weak_directions if is_named(name, " ".join(w.parameters))]
         if opened:
-            size = length(opened[0].sigma) if opened[0].unit == "m" else angle(opened[0].sigma)
-            told = f"the data leave its place open, by some {size}"
+            weak = opened[0]
+            size = length(weak.sigma) if weak.unit == "m" else angle(weak.sigma)
+            by = "" if is_open(weak.sigma, weak.unit) else f", by some {size}"
+            told = f"the data leave its place open{by}"
             return [Finding(WEAK, told, "collect what the first line misses, or hold it (-as)")]
     if _contradiction(calibration) and not _accused(results, name):
         advice = "settle the contradiction first, then calibrate again"
@@ -307,8 +314,7 @@ def _of_the_place(results: CalibrationResults, edge: Optional[EdgeResult]) -> Li
     if edge is None or not _is_poorly_known(results, edge):
         return []
     metres, radians = _sigmas(results, edge)
-    told = f"known to {length(metres)} and {angle(radians)} only"
-    return [Finding(WEAK, told, MORE_BOARDS)]
+    return [Finding(WEAK, known_to(metres, radians), MORE_BOARDS)]
 
 
 def _of_a_stated_place(results: CalibrationResults, sensor: SensorResult) -> List[Finding]:

@@ -12,6 +12,9 @@ from atom_core.problem.blocks import ROTATION, TRANSLATION
 from atom_core.report.calibration_results import CalibrationResults
 from atom_core.report.edge_results import EdgeResult, ParameterResult
 from atom_core.report.tables import Figure, rounded, text_table
+from atom_core.report.verdict import is_open
+
+_OPEN = Figure("open")
 
 
 def edge_tables(results: CalibrationResults) -> List[str]:
@@ -52,6 +55,7 @@ def edge_tables(results: CalibrationResults) -> List[str]:
             "sigma: what differs between collections; combined: with usual errors of sensors and "
             "boards, too: rely on these; "
         )
+    meaning += "open: not determined; " if any(_OPEN in row for row in rows) else ""
     title = f"How well they are known ({meaning}the largest of three axes)"
     return [poses, text_table(headers, rows, title)]
 
@@ -77,8 +81,9 @@ def _moved(edge: EdgeResult, started: np.ndarray) -> List[Optional[Figure]]:
 def _sigmas(edge: EdgeResult, with_combined: bool) -> List[Figure]:
     found = []
     for sigma in (edge.sigma, *([edge.combined_sigma] if with_combined else [])):
-        found.append(rounded(1e3 * float(np.max(sigma[TRANSLATION])), 2))
-        found.append(rounded(math.degrees(float(np.max(sigma[ROTATION]))), 3))
+        metres, radians = (float(np.max(sigma[part])) for part in (TRANSLATION, ROTATION))
+        found.append(_OPEN if is_open(metres, "m") else rounded(1e3 * metres, 2))
+        found.append(_OPEN if is_open(radians, "rad") else rounded(math.degrees(radians), 3))
     return found
 
 

@@ -38,6 +38,8 @@ RESIDUAL = {  # mean distance at the solution [px, m, m]
     "orthogonal": Limits(0.02, 0.05),
     "border": Limits(0.03, 0.1),
 }
+# Known no better [m], [rad], it is not known at all: larger figures tell of rounding alone.
+OPEN_M, OPEN_RAD = 10.0, math.radians(90.0)
 OUTLIER_SHARE = Limits(0.1, 0.3)  # of a sensor's corners and points, beyond four sigmas
 FEWEST_BOARDS = FEWEST  # with fewer detections of a sensor it is weak
 
@@ -161,6 +163,29 @@ def length(metres: float) -> str:
 def angle(radians: float) -> str:
     """Return an angle in degrees, to two digits."""
     return f"{_short(math.degrees(radians))} deg"
+
+
+def known_to(metres: float, radians: float) -> str:
+    """Return how well a place [m] and a direction [rad] are known, where they are."""
+    if metres >= OPEN_M and radians >= OPEN_RAD:
+        return "neither its place nor its direction is determined"
+    if metres >= OPEN_M:
+        return f"its place is not determined, its direction known to {angle(radians)}"
+    if radians >= OPEN_RAD:
+        return f"its direction is not determined, its place known to {length(metres)}"
+    return f"known to {length(metres)} and {angle(radians)} only"
+
+
+def is_open(sigma: float, unit: str) -> bool:
+    """Tell whether a standard deviation [m], [rad] says no more than that nothing is known."""
+    return sigma >= {"m": OPEN_M, "rad": OPEN_RAD}.get(unit, math.inf)
+
+
+def sigma_in_words(sigma: float, unit: str) -> str:
+    """Return "sigma 0.21 m", or, of what is open, only beyond what it is."""
+    if is_open(sigma, unit):
+        return f"sigma beyond {OPEN_M:g} m" if unit == "m" else f"sigma beyond {OPEN_RAD:.1f} rad"
+    return f"sigma {sigma:.3g} {unit}"
 
 
 def pixels(value: float) -> str:

@@ -28,6 +28,7 @@ from atom_core.report.page.given import Document, Given
 from atom_core.report.page.views import Sighting
 from atom_core.report.residual_samples import ResidualSample, of_sensor
 from atom_core.report.tables import ABSENT
+from atom_core.report.verdict import is_open, sigma_in_words
 
 _MOST_ROWS = 120  # of the detection matrix
 _MOST_OUTLIERS, _MOST_UNUSED = 40, 30
@@ -291,8 +292,8 @@ def certainty_section(given: Given) -> List[Section]:
         return []
     blocks: List[Block] = [
         Text(
-            f"Not determined: {', '.join(weak['parameters'])} (sigma {weak['sigma']:.3g} "
-            f"{weak['unit']}): {weak['why']}",
+            f"Not determined: {', '.join(weak['parameters'])} "
+            f"({sigma_in_words(weak['sigma'], weak['unit'])}): {weak['why']}",
             warns=True,
         )
         for weak in document["weak_directions"]
@@ -320,10 +321,11 @@ def _propagation(pairs: Sequence[Mapping[str, Any]]) -> List[Block]:
     for pair in pairs:
         where = pair["source"], pair["target"]
         point = min(pair["points"], key=lambda p: abs(p["distance_m"] - _CARRIED_M))
-        own[where] = f"{1e3 * point.get('combined_sigma_m', point['sigma_m']):.1f}"
+        metres = point.get("combined_sigma_m", point["sigma_m"])
+        own[where] = "open" if is_open(metres, "m") else f"{1e3 * metres:.1f}"
         pixels = point.get("combined_sigma_px", point["sigma_px"])
         if pixels is not None:
-            image[where] = f"{pixels:.1f}"
+            image[where] = "open" if is_open(metres, "m") else f"{pixels:.1f}"
     note = (
         f"A point that the sensor of the row sees {_CARRIED_M:g} m away, told to the sensor of the "
         "column: how far off it may be there, one standard deviation, with the usual errors of "
