@@ -40,8 +40,9 @@ SHOWN = {
         *("converged: ", "", "verdict: ", "  depth_1", "  lidar_1", _LEFT_OUT, "  rgb_3"),
     ),
     "evaluate": (
-        *("Averages over", "kind ", "------", "rgb-rgb", "depth-rgb", "lidar3d-rgb"),
-        *("lidar3d-depth", "lidar3d-lidar3d ", "lidar3d-lidar3d_common"),
+        *("Averages over", "kind ", "------", "rgb-rgb", "depth-rgb ", "depth-rgb_plane"),
+        *("lidar3d-rgb ", "lidar3d-rgb_plane", "lidar3d-depth ", "lidar3d-depth_plane"),
+        *("lidar3d-lidar3d ", "lidar3d-lidar3d_common"),
         *("lidar3d-lidar3d_limit", "lidar3d-lidar3d_plane", "", "verdict: ", _LEFT_OUT),
     ),
 }

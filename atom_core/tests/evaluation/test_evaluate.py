@@ -140,8 +140,11 @@ def test_averages_leave_reverse_pairs_out(noisy):
     assert counted == {
         "rgb-rgb": 3,
         "lidar3d-rgb": 9,
+        "lidar3d-rgb_plane": 9,
         "depth-rgb": 3,
+        "depth-rgb_plane": 3,
         "lidar3d-depth": 3,
+        "lidar3d-depth_plane": 3,
         "lidar3d-lidar3d": 3,
         "lidar3d-lidar3d_common": 3,
         "lidar3d-lidar3d_limit": 3,
@@ -165,8 +168,11 @@ def test_the_paper_cell_takes_seconds(noisy):
 def test_several_depth_sensors_are_compared_with_each_other():
     scene = random_scene(1, rgb=0, depth=2, lidar3d=0, noise=Noise.none())
     evaluation = evaluate(scene.dataset, scene.dataset)
-    assert [r.pair.kind.name for r in evaluation.pairs] == ["depth-depth", "depth-depth"]
-    assert [r.pair.reverse for r in evaluation.pairs] == [False, True]
+    assert [(r.pair.kind.name, r.pair.reverse) for r in evaluation.pairs] == [
+        (kind, reverse)
+        for kind in ("depth-depth", "depth-depth_plane")
+        for reverse in (False, True)
+    ]
     assert all(r.measured.rms < 2.0 for r in evaluation.pairs)
 
 
@@ -333,13 +339,14 @@ def test_pairs_go_source_before_target_in_the_order_of_the_configuration(noisy):
     assert reversible == {"rgb-rgb", "lidar3d-lidar3d_limit", "lidar3d-lidar3d_plane"}
     assert {pair.kind.name for pair in pairs} == {
         k.name for k in pair_kinds() if {k.source, k.target} <= {"rgb", "depth", "lidar3d"}
-    } - {"depth-depth"}
+    } - {"depth-depth", "depth-depth_plane"}
 
 
 @pytest.mark.parametrize("text", ["rgb_1:lidar_2", "lidar_2:rgb_1"])
 def test_a_pair_may_be_named_in_either_order(noisy, text):
-    (pair,) = pairs_of(noisy.dataset.sensors, [text])
-    assert (pair.source, pair.target, pair.reverse) == ("lidar_2", "rgb_1", False)
+    pairs = pairs_of(noisy.dataset.sensors, [text])
+    assert [pair.kind.name for pair in pairs] == ["lidar3d-rgb", "lidar3d-rgb_plane"]
+    assert {(p.source, p.target, p.reverse) for p in pairs} == {("lidar_2", "rgb_1", False)}
 
 
 @pytest.mark.parametrize("text", ["rgb_1:rgb_9", "depth_1:depth_1"])

@@ -4,11 +4,8 @@ import numpy as np
 import pytest
 
 from atom_core.evaluation.observed import NotMeasurableError
-from atom_core.evaluation.scan_pairs import (
-    cut_to_plane_of_corners,
-    cut_to_plane_of_points,
-    cuts_in_one_plane,
-)
+from atom_core.evaluation.plane_pairs import to_plane_of_corners, to_plane_of_points
+from atom_core.evaluation.scan_pairs import cuts_in_one_plane
 from atom_core.geometry import se3
 from atom_core.model.labels import DetectionKey, RangePoints
 
@@ -47,7 +44,7 @@ def other_T_scan():
 def test_a_cut_20_mm_off_the_plane_of_points_is_20_mm_off_on_either_side(height_m, other_T_scan):
     board = se3.apply(other_T_scan, SQUARE_M)
     seen = Seen(raised(LINE_M, height_m), board)
-    errors = cut_to_plane_of_points(seen, SCAN, OTHER, other_T_scan)
+    errors = to_plane_of_points(seen, SCAN, OTHER, other_T_scan)
     np.testing.assert_allclose(errors.distances, 1000.0 * abs(height_m), atol=1e-9)
     assert errors.distances.shape == (len(LINE_M),) and errors.offsets is None
 
@@ -55,17 +52,17 @@ def test_a_cut_20_mm_off_the_plane_of_points_is_20_mm_off_on_either_side(height_
 def test_of_a_cut_askew_each_point_has_its_own_height_above_the_points_plane(other_T_scan):
     cut = np.array([[5.0, 2.0, -0.001], [0.0, -3.0, 0.004]])
     seen = Seen(cut, se3.apply(other_T_scan, SQUARE_M))
-    errors = cut_to_plane_of_points(seen, SCAN, OTHER, other_T_scan)
+    errors = to_plane_of_points(seen, SCAN, OTHER, other_T_scan)
     np.testing.assert_allclose(errors.distances, [1.0, 4.0], atol=1e-9)
 
 
 @pytest.mark.parametrize("few", [SQUARE_M[:2], LINE_M])
 def test_points_without_a_plane_are_named_by_their_sensor(few):
     with pytest.raises(NotMeasurableError, match="the points of 'other' have no plane: .+"):
-        cut_to_plane_of_points(Seen(LINE_M, few), SCAN, OTHER, IDENTITY)
+        to_plane_of_points(Seen(LINE_M, few), SCAN, OTHER, IDENTITY)
 
 
-@pytest.mark.parametrize("measure", [cut_to_plane_of_points, cuts_in_one_plane])
+@pytest.mark.parametrize("measure", [to_plane_of_points, cuts_in_one_plane])
 def test_a_sensor_without_a_labeled_point_is_named(measure):
     for cut, other, name in ((LINE_M[:0], SQUARE_M, "scan"), (LINE_M, SQUARE_M[:0], "other")):
         with pytest.raises(NotMeasurableError, match=f"'{name}' has no labeled point"):
@@ -77,7 +74,7 @@ def test_the_board_s_plane_by_corners_is_z_zero_of_its_own_frame(other_T_scan):
     in_board = np.array([[0.3, 0.1, 0.005], [-2.0, 0.4, -0.007], [0.1, 9.0, 0.0]])
     cut = se3.apply(se3.inverse(other_T_scan) @ camera_T_pattern, in_board)
     seen = Seen(cut, camera_T_pattern=camera_T_pattern)
-    errors = cut_to_plane_of_corners(seen, SCAN, OTHER, other_T_scan)
+    errors = to_plane_of_corners(seen, SCAN, OTHER, other_T_scan)
     np.testing.assert_allclose(errors.distances, [5.0, 7.0, 0.0], atol=1e-9)
 
 

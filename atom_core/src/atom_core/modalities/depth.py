@@ -8,6 +8,7 @@ import numpy as np
 
 from atom_core.evaluation.label_quality import quality_of_points
 from atom_core.evaluation.pairs import PairKind, border_in_depth_image, border_in_image
+from atom_core.evaluation.plane_pairs import to_plane_of_corners, to_plane_of_points
 from atom_core.geometry.rays import camera_rays
 from atom_core.io.data_formats import DEPTH_IMAGES
 from atom_core.io.label_json import range_label_format
@@ -44,8 +45,12 @@ DEPTH_CAMERA = Modality(
     quality=quality_of_points,
     pairs=(
         PairKind("depth-rgb", DEPTH, RGB, "border_reprojection", "px", False, border_in_image),
+        PairKind("depth-rgb_plane", DEPTH, RGB, "point_to_plane", "mm", False, to_plane_of_corners),
         PairKind(
             "depth-depth", DEPTH, DEPTH, "border_reprojection", "px", True, border_in_depth_image
+        ),
+        PairKind(
+            "depth-depth_plane", DEPTH, DEPTH, "point_to_plane", "mm", True, to_plane_of_points
         ),
     ),
     synthetic=SyntheticSensor(_mount, simulated.observe, simulated.outlook, simulated.errors),

@@ -9,11 +9,8 @@ import numpy as np
 
 from atom_core.evaluation.label_quality import METRES, LabelQuality, quality_of_distances
 from atom_core.evaluation.pairs import PairKind, border_in_depth_image, border_in_image
-from atom_core.evaluation.scan_pairs import (
-    cut_to_plane_of_corners,
-    cut_to_plane_of_points,
-    cuts_in_one_plane,
-)
+from atom_core.evaluation.plane_pairs import to_plane_of_corners, to_plane_of_points
+from atom_core.evaluation.scan_pairs import cuts_in_one_plane
 from atom_core.geometry import se3
 from atom_core.geometry.line import fit_line
 from atom_core.geometry.rays import spinning_rays
@@ -109,17 +106,15 @@ def _errors(realism: Realism, _: Sensor, __: Any, rng: np.random.Generator) -> R
 
 _PAIRS = (
     PairKind("lidar2d-rgb", LIDAR2D, RGB, "border_reprojection", "px", False, border_in_image),
-    PairKind(
-        "lidar2d-rgb_plane", LIDAR2D, RGB, "point_to_plane", "mm", False, cut_to_plane_of_corners
-    ),
+    PairKind("lidar2d-rgb_plane", LIDAR2D, RGB, "point_to_plane", "mm", False, to_plane_of_corners),
     PairKind(
         "lidar2d-depth", LIDAR2D, DEPTH, "border_reprojection", "px", False, border_in_depth_image
     ),
     PairKind(
-        "lidar2d-depth_plane", LIDAR2D, DEPTH, "point_to_plane", "mm", False, cut_to_plane_of_points
+        "lidar2d-depth_plane", LIDAR2D, DEPTH, "point_to_plane", "mm", False, to_plane_of_points
     ),
     PairKind(
-        "lidar2d-lidar3d", LIDAR2D, LIDAR3D, "point_to_plane", "mm", False, cut_to_plane_of_points
+        "lidar2d-lidar3d", LIDAR2D, LIDAR3D, "point_to_plane", "mm", False, to_plane_of_points
     ),
     PairKind(  # two lines are nearly in one plane in many wrong calibrations, too
         "lidar2d-lidar2d",

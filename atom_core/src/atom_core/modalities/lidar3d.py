@@ -14,6 +14,7 @@ from atom_core.evaluation.pairs import (
     nearest_points,
     points_to_plane,
 )
+from atom_core.evaluation.plane_pairs import to_plane_of_corners, to_plane_of_points
 from atom_core.geometry.rays import spinning_rays
 from atom_core.io.data_formats import CLOUDS
 from atom_core.io.label_json import range_label_format
@@ -50,8 +51,12 @@ _COMMON_FLOOR = (
 
 _PAIRS = (
     PairKind("lidar3d-rgb", LIDAR3D, RGB, "border_reprojection", "px", False, border_in_image),
+    PairKind("lidar3d-rgb_plane", LIDAR3D, RGB, "point_to_plane", "mm", False, to_plane_of_corners),
     PairKind(
         "lidar3d-depth", LIDAR3D, DEPTH, "border_reprojection", "px", False, border_in_depth_image
+    ),
+    PairKind(
+        "lidar3d-depth_plane", LIDAR3D, DEPTH, "point_to_plane", "mm", False, to_plane_of_points
     ),
     PairKind(
         _AMONG_THEMSELVES, LIDAR3D, LIDAR3D, "nearest_point", "mm", False, nearest_points, _FLOOR
