@@ -1,1 +1,1 @@
-"""Results for people: tables in plain text, CSV files."""
+"""Results for people and programs: verdicts, tables, JSON, CSV, and the page in `page`."""
