@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, Mapping
+from typing import Any, Dict, Mapping, Optional
 
 import numpy as np
 
@@ -10,6 +10,8 @@ from atom_core.geometry import se3
 from atom_core.model.joints import ORIGIN_PARAMETERS, POSITION_BIAS, JointState
 from atom_core.model.modality import Modality, modality_named, modality_of_message
 from atom_core.model.transforms import Edge
+
+_SAME = 1e-6  # rad; a calibration computes the transform of a joint from its numbers
 
 
 def modality_of_entry(entry: Mapping[str, Any]) -> Modality:
@@ -56,12 +58,42 @@ def lay_over(stored: Dict[str, Any], name: str, edge: Edge, matrix: np.ndarray) 
     stored[name] = {**stored.get(name, {}), **transform_document(edge, matrix)}
 
 
-def joint_of_entry(value: Mapping[str, Any]) -> JointState:
-    """Return the joint of a collection's entry."""
+def edge_of_joint(value: Mapping[str, Any]) -> Edge:
+    """Return the edge of a joint's entry."""
+    return Edge(value["parent_link"], value["child_link"])
+
+
+def joint_of_entry(
+    value: Mapping[str, Any], parent_T_child: Optional[np.ndarray] = None
+) -> JointState:
+    """Return the joint of a collection's entry.
+
+    Args:
+        value: the entry.
+        parent_T_child: (4, 4) that stands beside it in the collection's transforms. ATOM's
+            `calibrate` turns about moving axes, roll first, where URDF has fixed ones; where the
+            two differ, and the transform is ATOM's, that is what the angles are taken for.
+    """
+    joint = _joint_about_fixed_axes(value)
+    if parent_T_child is None or _turned_from(joint, parent_T_child) <= _SAME:
+        return joint
+    roll, pitch, yaw = np.diag([joint.parameters[name] for name in ORIGIN_PARAMETERS[3:]])
+    turns = [se3.rotation_from_rpy(angles) for angles in (roll, pitch, yaw)]
+    rpy = se3.rpy_from_rotation(turns[0] @ turns[1] @ turns[2])
+    of_atom = joint.with_parameters(dict(zip(ORIGIN_PARAMETERS[3:], (float(v) for v in rpy))))
+    return of_atom if _turned_from(of_atom, parent_T_child) <= _SAME else joint
+
+
+def _turned_from(joint: JointState, parent_T_child: np.ndarray) -> float:
+    """Return the angle [rad] between where a joint says that its child is and a transform."""
+    return se3.pose_difference(joint.parent_T_child, parent_T_child)[1]
+
+
+def _joint_about_fixed_axes(value: Mapping[str, Any]) -> JointState:
     parameters = {name: float(value[name]) for name in ORIGIN_PARAMETERS}
     parameters[POSITION_BIAS] = float(value.get(POSITION_BIAS, 0.0))
     return JointState(
-        edge=Edge(value["parent_link"], value["child_link"]),
+        edge=edge_of_joint(value),
         type=value["joint_type"],
         axis=np.array([value[f"axis_{axis}"] for axis in "xyz"], dtype=float),
         position=float(value["position"]),
@@ -80,3 +112,25 @@ def joint_document(joint: JointState) -> Dict[str, Any]:
         **joint.parameters,
         **{f"axis_{axis}": float(v) for axis, v in zip("xyz", joint.axis)},
     }
+
+
+def joints_document(
+    stored: Mapping[str, Any], joints: Mapping[str, JointState], names: Mapping[Edge, str]
+) -> Dict[str, Any]:
+    """Return the joints of a collection as it is stored, those that have changed as they are now.
+
+    Args:
+        stored: the collection's document, as it was read.
+        joints: by name, as they are now.
+        names: of its transforms, by their edge.
+    """
+    documents = dict(stored.get("joints") or {})
+    for name, joint in joints.items():
+        old = documents.get(name)
+        if old is not None:
+            beside = (stored.get("transforms") or {}).get(names.get(edge_of_joint(old)))
+            pose = None if beside is None else pose_of_entry(beside)
+            if joint_of_entry(old, pose).parameters == joint.parameters:
+                continue
+        documents[name] = {**(old or {}), **joint_document(joint)}
+    return documents

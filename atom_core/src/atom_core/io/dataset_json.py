@@ -29,8 +29,9 @@ from atom_core.io.camera_entries import (
 from atom_core.io.caveats import caveats_of
 from atom_core.io.data_files import FileDataSource, data_path
 from atom_core.io.dataset_entries import (
-    joint_document,
+    edge_of_joint,
     joint_of_entry,
+    joints_document,
     lay_over,
     modality_of_entry,
     pose_of_entry,
@@ -272,18 +273,21 @@ class _Reader:
             check_images(self.document["sensors"], entry.get("data") or {}, sensors)
         except ValueError as error:
             raise self.fail(f"collection {key}, {error}") from None
+        transforms = self.transforms(key, entry)
         return Collection(
             key=key,
             labels=self.labels(key, entry, sensors, patterns),
-            transforms=self.transforms(key, entry),
-            joints=self.joints(key, entry),
+            transforms=transforms,
+            joints=self.joints(key, entry, transforms),
         )
 
-    def joints(self, key: str, entry: Mapping[str, Any]) -> Dict[str, JointState]:
+    def joints(
+        self, key: str, entry: Mapping[str, Any], transforms: Mapping[Edge, np.ndarray]
+    ) -> Dict[str, JointState]:
         joints = {}
         for name, value in (entry.get("joints") or {}).items():
             try:
-                joints[name] = joint_of_entry(value)
+                joints[name] = joint_of_entry(value, transforms.get(edge_of_joint(value)))
             except KeyError as error:
                 raise self.fail(f"collection {key}, joint '{name}' lacks {error}") from None
             except (ValueError, TypeError) as error:
@@ -371,12 +375,8 @@ def document_of(dataset: Dataset, relabeled: Iterable[DetectionKey] = ()) -> Dic
             lay_over(stored, names.get(edge, str(edge)), edge, matrix)
         kept[key]["transforms"] = stored
         if collection.joints:
-            joints = dict(kept[key].get("joints") or {})
-            for name, joint in collection.joints.items():
-                old = joints.get(name)
-                if old is None or joint_of_entry(old).parameters != joint.parameters:
-                    joints[name] = {**(old or {}), **joint_document(joint)}
-            kept[key]["joints"] = joints
+            before = document["collections"][key]
+            kept[key]["joints"] = joints_document(before, collection.joints, names)
     for detection in relabeled:
         entry = kept[detection.collection]
         entry["labels"] = with_label(entry.get("labels") or {}, dataset, detection)
