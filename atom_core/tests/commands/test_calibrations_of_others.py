@@ -35,17 +35,22 @@ def made(tmp_path_factory):
     return folder, true
 
 
-def camchain(true, model="radtan", coefficients=(0.1, -0.02, 0.001, 0.002)):
-    """Return what Kalibr writes of the three cameras, the second one first."""
+def camchain(true, model="radtan", coefficients=None, turned=False):
+    """Return what Kalibr writes of the three cameras, the second one first.
+
+    The coefficients are those of the cameras, or others; with ``turned`` poses are inverted.
+    """
     collection, chain, before = next(iter(true.collections.values())), {}, None
     for i, name in enumerate(("rgb_2", "rgb_1", "rgb_3")):
         sensor = true.sensors[name]
         entry = {"camera_model": "pinhole", "distortion_model": model}
-        entry.update(intrinsics=[500.0 + i, 501.0, 320.0, 240.0])
-        entry.update(distortion_coeffs=list(coefficients), rostopic=sensor.topic)
+        K, D = sensor.camera.K, sensor.camera.D[:4].tolist()
+        entry.update(intrinsics=[K[0, 0] + 0.001 * i, K[1, 1], K[0, 2], K[1, 2]])
+        entry.update(distortion_coeffs=list(coefficients or D), rostopic=sensor.topic)
         entry.update(resolution=[sensor.camera.width, sensor.camera.height])
         if before:
-            entry["T_cn_cnm1"] = pose(collection, true.graph, sensor.frame, before).tolist()
+            pair = (before, sensor.frame) if turned else (sensor.frame, before)
+            entry["T_cn_cnm1"] = pose(collection, true.graph, *pair).tolist()
         chain[f"cam{i}"], before = entry, sensor.frame
     return chain
 
@@ -68,12 +73,11 @@ def test_a_camchain_places_its_cameras_against_the_anchored_one(made, tmp_path):
         np.testing.assert_array_equal(
             found.collections[key].transforms[edge], collection.transforms[edge]
         )
-    camera = found.sensors["rgb_2"].camera
-    assert (camera.model, camera.K[0, 0], list(camera.D)) == (
-        *("plumb_bob", 500.0, [0.1, -0.02, 0.001, 0.002, 0.0]),
-    )
+    camera, own = found.sensors["rgb_2"].camera, true.sensors["rgb_2"].camera
+    assert (camera.model, camera.K[0, 0]) == ("plumb_bob", own.K[0, 0])
+    assert list(camera.D) == [*own.D[:4], 0.0]
     info = found.document["sensors"]["rgb_3"]["camera_info"]
-    assert info["P"][0] == info["K"][0] == 502.0
+    assert info["P"][0] == info["K"][0] == true.sensors["rgb_3"].camera.K[0, 0] + 0.002
 
 
 def test_a_camchain_says_so_where_the_anchored_camera_hangs_on_another(made, capsys, tmp_path):
@@ -93,9 +97,32 @@ def test_fisheyes_keep_their_model(made, tmp_path):
     chain = tmp_path / "chain.yaml"
     chain.write_text(json.dumps(camchain(true, "equi", (0.01, 0.02, 0.03, 0.04))))
     line = ["kalibr_stereo_calib", "-json", folder / "wrong" / "dataset.json", "-k", chain]
-    run(*line, "-o", tmp_path / "out.json")
+    run(*line, "-o", tmp_path / "out.json", code=1)  # of which the labels are not
     camera = read_dataset(tmp_path / "out.json").sensors["rgb_1"].camera
     assert camera.model == "equidistant" and list(camera.D) == [0.01, 0.02, 0.03, 0.04]
+
+
+def test_a_chain_that_the_labels_refute_is_called_wrong(made, tmp_path, capsys):
+    """Metres off, with exit code 0 and no word: poses inverted, in millimetres, cameras exchanged.
+
+    An inverted one is told as that.
+    """
+    folder, true = made
+    path, told = tmp_path / "chain.yaml", "with all its poses inverted it fits"
+    line = ["kalibr_stereo_calib", "-json", folder / "wrong" / "dataset.json", "-k", path]
+    in_mm = camchain(true)
+    for name in ("cam1", "cam2"):
+        for row in in_mm[name]["T_cn_cnm1"][:3]:
+            row[3] *= 1e3
+    exchanged = ["--cameras", "rgb_3", "rgb_1", "rgb_2"]
+    for i, (chain, more, inverted) in enumerate(
+        ((camchain(true, turned=True), [], True), (in_mm, [], False), (in_mm, exchanged, False))
+    ):
+        path.write_text(json.dumps(chain))
+        run(*line, "-o", tmp_path / f"{i}.json", *more, code=1)
+        said = capsys.readouterr().err
+        assert f"{path}: the chain is wrong here: 'rgb_" in said and "does not agree with" in said
+        assert (told in said) == inverted
 
 
 def test_chains_that_do_not_fit_are_refused(made, tmp_path, capsys):

@@ -1,6 +1,7 @@
 """One pair of sensors by OpenCV or ICP, as ATOM's commands have it."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -98,3 +99,33 @@ def test_of_two_cameras_on_one_another_the_carried_one_is_calibrated(made, capsy
     run(*line, "-lc", "rgb_2", "-rc", "rgb_1")
     metres, degrees = error_of(tmp_path / "o.json", true, "rgb_2", "rgb_1")
     assert metres < 1e-3 and degrees < 0.05
+
+
+def test_icp_far_from_the_truth_is_called_wrong(made, capsys):
+    """A third of a metre off, with exit code 0 and no word."""
+    path, true = made
+    line = ["icp_calibration", "-json", path, "-ss", "lidar_2", "-st", "lidar_1", "--overwrite"]
+    run(*line, "-nig", "0.6", "0.6", code=1)
+    said = capsys.readouterr().err
+    for kind in ("average", "best"):
+        found = path.with_name(f"ICPCalibration_lidar_2_to_lidar_1_{kind}.json")
+        assert error_of(found, true, "lidar_2", "lidar_1")[0] > 0.3
+        assert f"the answer of '{kind}' is wrong: 'lidar_1' does not agree with lidar_2" in said
+
+
+def test_a_stereo_answer_that_the_labels_refute_is_called_wrong(made, tmp_path, capsys):
+    """As where a board is numbered from another side in some pictures of one camera."""
+    dataset = read_dataset(made[0])
+    collections = dict(dataset.collections)
+    for key in list(collections)[::2]:
+        labels = dict(collections[key].labels)
+        label = labels["rgb_2", "pattern_1"]
+        turned = replace(label, pixels=label.pixels[::-1].copy())
+        collections[key] = replace(
+            collections[key], labels={**labels, ("rgb_2", "pattern_1"): turned}
+        )
+    path = write_dataset_folder(
+        replace(dataset, collections=collections), tmp_path / "d", name="turned"
+    )
+    run("cv_stereo_calib", "-json", path, "-lc", "rgb_2", "-rc", "rgb_1", code=1)
+    assert "cv_stereo_calib: the answer is wrong: 'rgb_1' does not" in capsys.readouterr().err

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from atom_core.commands import common
 from atom_core.commands.atom_options import AtomOption, add_meaningless_options
 from atom_core.commands.dataset_output import add_overwrite_option, refuse_existing
-from atom_core.commands.pair_calibration import pose_table, read_pair, with_source
+from atom_core.commands.pair_calibration import pose_table, read_pair, refuted, with_source
 from atom_core.errors import DatasetError
 from atom_core.evaluation.baselines.stereo import stereo_baseline
 from atom_core.geometry import se3
@@ -39,7 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Solve with the intrinsics as they are, and put the left camera where it was found."""
+    """Solve with the intrinsics as they are, and put the left camera where it was found.
+
+    1: the labels contradict the answer.
+    """
     left, right = args.left_camera, args.right_camera
     target = args.output or sibling(args.dataset, _RESULT)
     refuse_existing(args.dataset, [target], args.overwrite)
@@ -51,7 +55,15 @@ def run(args: argparse.Namespace) -> int:
     (link,) = rig.links
     found = link.target_T_source
     right_T_left = found if link.source == left else se3.inverse(found)
-    write_dataset(with_source(dataset, left, right, right_T_left), target)
+    solved = with_source(dataset, left, right, right_T_left)
+    write_dataset(solved, target)
     print(pose_table(dataset, left, right, [("OpenCV", right_T_left, link.collections)]))
     print(f"\nresults: {target.resolve()}")
-    return 0
+    doubt = refuted(solved, [left, right])
+    if doubt:
+        print(
+            f"cv_stereo_calib: the answer is wrong: {doubt}; look at the labels and intrinsics of "
+            f"both, or calibrate",
+            file=sys.stderr,
+        )
+    return 1 if doubt else 0

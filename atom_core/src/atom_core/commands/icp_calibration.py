@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from typing import Dict
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from atom_core.commands import common
 from atom_core.commands.atom_options import AtomOption, add_meaningless_options
 from atom_core.commands.dataset_output import add_overwrite_option, refuse_existing
-from atom_core.commands.pair_calibration import pose_table, read_pair, with_source
+from atom_core.commands.pair_calibration import pose_table, read_pair, refuted, with_source
 from atom_core.errors import DatasetError
 from atom_core.evaluation.baselines.icp import ALIGNED, AVERAGE, BEST, INITIAL, icp_baselines
 from atom_core.evaluation.baselines.links import Link
@@ -61,7 +62,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Solve collection by collection; write the average, and the one with the smallest error."""
+    """Solve collection by collection; write the average, and the one with the smallest error.
+
+    1: the labels contradict both.
+    """
     source, target = args.sensor_source, args.sensor_target
     name = f"ICPCalibration_{source}_to_{target}"
     files = {kind: sibling(args.dataset, f"{name}_{kind}.json") for kind in (AVERAGE, BEST)}
@@ -70,16 +74,24 @@ def run(args: argparse.Namespace) -> int:
     if [dataset.sensors[s].modality for s in (source, target)] == [DEPTH, DEPTH]:
         raise DatasetError(f"{args.dataset}: two depth cameras have no such baseline; calibrate")
     links = _links(dataset, args)
-    poses = {}
+    poses, doubts = {}, {}
     for kind, link in links.items():
         found = link.target_T_source
         poses[kind] = found if link.source == source else se3.inverse(found)
-        write_dataset(with_source(dataset, source, target, poses[kind]), files[kind])
+        solved = with_source(dataset, source, target, poses[kind])
+        write_dataset(solved, files[kind])
+        doubts[kind] = refuted(solved, [source, target])
     rows = [(kind, pose, links[kind].collections) for kind, pose in poses.items()]
     print(pose_table(dataset, source, target, rows))
     for path in files.values():
         print(f"results: {path.resolve()}")
-    return 0
+    for kind in (kind for kind, doubt in doubts.items() if doubt):
+        print(
+            f"icp_calibration: the answer of '{kind}' is wrong: {doubts[kind]}; begin with the "
+            f"boards on one another (-ma), or calibrate",
+            file=sys.stderr,
+        )
+    return 1 if all(doubts.values()) else 0
 
 
 def _links(dataset: Dataset, args: argparse.Namespace) -> Dict[str, Link]:

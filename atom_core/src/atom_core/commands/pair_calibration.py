@@ -9,10 +9,13 @@ import numpy as np
 
 from atom_core.errors import DatasetError
 from atom_core.evaluation.baselines.links import check_separable, edge_value
+from atom_core.evaluation.evaluate import evaluate
 from atom_core.geometry import se3
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset
+from atom_core.report.evaluation_verdict import evaluation_verdict
 from atom_core.report.tables import text_table
+from atom_core.report.verdict import WRONG
 
 _MM_PER_M = 1000.0
 
@@ -50,6 +53,21 @@ def with_source(dataset: Dataset, source: str, target: str, pose: np.ndarray) ->
     """
     edge = {dataset.sensors[source].edge: edge_value(dataset, target, source, pose)}
     return dataset.with_transforms(dict.fromkeys(dataset.collections, edge))
+
+
+def refuted(solved: Dataset, sensors: Sequence[str]) -> str:
+    """Return a clause that says how far an answer is from the dataset's own labels.
+
+    Args:
+        solved: the dataset with the answer.
+        sensors: those that it places, and the one that stays.
+
+    Returns:
+        Nothing where no two of them are as far apart as no calibration leaves them.
+    """
+    verdicts = evaluation_verdict(evaluate(solved, solved, sensors=list(sensors))).sensors
+    wrong = (f"'{n}' {v.sentence}" for n, v in verdicts.items() if v.grade == WRONG)
+    return next(wrong, "")
 
 
 def pose_table(dataset: Dataset, source: str, target: str, rows: Sequence[tuple]) -> str:

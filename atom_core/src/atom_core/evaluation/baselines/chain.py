@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import List, Mapping, Sequence
+from typing import Dict, List, Mapping, Sequence
+
+import numpy as np
 
 from atom_core.errors import DatasetError
 from atom_core.evaluation.baselines.links import (
@@ -121,6 +123,18 @@ def with_chain(dataset: Dataset, chain: Mapping[str, ChainCamera]) -> Dataset:
     for name, link in chain.items():
         sensors[name] = replace(sensors[name], camera=link.camera)
     return replace(moved, sensors=sensors)
+
+
+def turned_round(chain: Mapping[str, ChainCamera]) -> Dict[str, ChainCamera]:
+    """Return a chain whose poses of each camera in the one before are inverted."""
+    found: Dict[str, ChainCamera] = {}
+    first_T_before = first_T_turned = np.eye(4)
+    for name, link in chain.items():
+        camera_T_before = se3.inverse(link.first_T_camera) @ first_T_before
+        first_T_turned = first_T_turned @ camera_T_before
+        first_T_before = link.first_T_camera
+        found[name] = link._replace(first_T_camera=first_T_turned)
+    return found
 
 
 def chain_remarks(dataset: Dataset, chain: Mapping[str, ChainCamera]) -> List[str]:
