@@ -8,9 +8,11 @@ import pytest
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
+from atom_core.calibration.refine import changed_focus
 from atom_core.geometry import se3
 from atom_core.model.labels import RgbLabel
 from atom_core.solvers.choice import SOLVERS
+from atom_core.solvers.shared_equations import inverse
 from atom_core.synthetic import paper_cell, scenes
 from atom_core.synthetic.cell import cell_rig
 from atom_core.synthetic.mistakes import with_moved_sensor
@@ -95,3 +97,24 @@ def test_intrinsics_that_are_wrong_all_the_time_are_no_change(cell, label):
     result = calibrate(replace(cell.dataset, sensors=sensors))
     assert "rgb_2" in result.message and result.status == "inconsistent"
     assert not re.search(TOLD, result.message)
+
+
+@pytest.mark.parametrize("cameras", [3, 6])
+def test_shared_numbers_are_inverted_once_however_many_cameras(monkeypatch, cameras):
+    inverted = []
+    monkeypatch.setattr(changed_focus, "inverse", lambda m: inverted.append(1) or inverse(m))
+    scene = scenes.random_scene(2, rgb=cameras, depth=0, lidar3d=0, collections=12)
+    calibrate(scene.dataset)
+    assert len(inverted) == 1
+
+
+@pytest.mark.parametrize("seen", [True, False])
+def test_a_bordered_inverse_is_the_inverse_of_the_whole(seen):
+    rows = np.random.default_rng(5).normal(size=(30, 7)) * np.logspace(-2, 3, 7)
+    rows[:, 3] = 0.0  # what nothing sees
+    rows[:, -1] *= seen
+    whole = rows.T @ rows
+    found = changed_focus.bordered(inverse(whole[:-1, :-1]), whole[:, -1])
+    wanted = inverse(whole)
+    scale = np.sqrt(np.diagonal(wanted))
+    assert np.allclose(found / scale / scale[:, None], wanted / scale / scale[:, None], atol=1e-9)

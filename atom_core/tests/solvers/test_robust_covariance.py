@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from atom_core.problem.model_errors import RangeOffset
+from atom_core.solvers.collection_part import CollectionPart
 from atom_core.solvers.robust_covariance import (
     FEWEST,
     _jackknife_variance,
@@ -15,7 +16,7 @@ from atom_core.solvers.robust_covariance import (
     sigma_factors,
     wider_by_students_t,
 )
-from atom_core.solvers.shared_equations import CollectionPart, SharedEquations
+from atom_core.solvers.shared_equations import SharedEquations
 
 ERROR, HELD = RangeOffset("lidar_1"), RangeOffset("depth_1")
 LEFT_OUT = 0.95

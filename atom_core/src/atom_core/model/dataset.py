@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Container, Dict, Iterable, Iterator, Mapping, Optional, Tuple, TypeVar
 
@@ -88,7 +89,7 @@ class Dataset:
         """The root frame."""
         return self.config.world_link
 
-    @property
+    @cached_property
     def graph(self) -> FrameGraph:
         """The frames of all collections, and the patterns below their parents."""
         edges = {edge: None for c in self.collections.values() for edge in c.transforms}

@@ -40,6 +40,7 @@ class FrameGraph:
         """Build the graph; an edge may be named more than once."""
         self._neighbours: Dict[str, Dict[str, Step]] = {}
         self._chains: Dict[Tuple[str, str], Chain] = {}
+        self._came_by: Dict[str, Dict[str, Tuple[str, Step]]] = {}
         for edge in edges:
             self._neighbours.setdefault(edge.parent, {})[edge.child] = Step(edge, False)
             self._neighbours.setdefault(edge.child, {})[edge.parent] = Step(edge, True)
@@ -78,16 +79,9 @@ class FrameGraph:
         for frame in (target, source):
             if frame not in self._neighbours and target != source:
                 raise DatasetError(f"frame '{frame}' is in no transform of the dataset")
-        came_by: Dict[str, Tuple[str, Step]] = {}
-        queue = deque([target])
-        while queue:
-            frame = queue.popleft()
-            if frame == source:
-                break
-            for neighbour, step in self._neighbours.get(frame, {}).items():
-                if neighbour not in came_by and neighbour != target:
-                    came_by[neighbour] = (frame, step)
-                    queue.append(neighbour)
+        if target not in self._came_by:
+            self._came_by[target] = self._spread(target)
+        came_by = self._came_by[target]
         steps = []
         frame = source
         while frame != target:
@@ -98,6 +92,18 @@ class FrameGraph:
             frame, step = came_by[frame]
             steps.append(step)
         return tuple(reversed(steps))
+
+    def _spread(self, target: str) -> Dict[str, Tuple[str, Step]]:
+        """Return, by frame that hangs together with one, the next towards it and the step there."""
+        came_by: Dict[str, Tuple[str, Step]] = {}
+        queue = deque([target])
+        while queue:
+            frame = queue.popleft()
+            for neighbour, step in self._neighbours.get(frame, {}).items():
+                if neighbour not in came_by and neighbour != target:
+                    came_by[neighbour] = (frame, step)
+                    queue.append(neighbour)
+        return came_by
 
 
 class Loop(NamedTuple):

@@ -8,7 +8,6 @@ wrong within one: how much they differ tells how sure the answer is without any 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Iterable, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
@@ -17,6 +16,7 @@ from atom_core.problem.blocks import BLOCK_SIZE
 from atom_core.problem.camera_blocks import STATE_SIZE, TWIST_SIZE
 from atom_core.problem.model_errors import ErrorPriors, ModelError
 from atom_core.problem.problem import Problem
+from atom_core.solvers.collection_part import CollectionPart
 from atom_core.solvers.error_columns import prior_row
 from atom_core.solvers.normal_equations import (
     DetectionParts,
@@ -28,40 +28,7 @@ from atom_core.solvers.normal_equations import (
 from atom_core.solvers.scalar_columns import Scalars
 
 _AT_A_TIME, _ENTRIES = 64, 2_000_000  # collections, and numbers, of columns that are in memory
-_FLOOR = 1e-12  # of a matrix scaled to a unit diagonal: what is below is rounding
-
-
-class CollectionPart(NamedTuple):
-    """What a collection says of those k shared numbers that it depends on.
-
-    Attributes:
-        numbers: (k,) which.
-        upper: (k (k + 1) / 2,) upper triangle of its information, row by row.
-    """
-
-    numbers: np.ndarray
-    upper: np.ndarray
-
-    @classmethod
-    def of(cls, numbers: np.ndarray, information: np.ndarray) -> CollectionPart:
-        """Return the part that information (k, k) makes."""
-        return cls(numbers, information[_triangle(len(numbers))])
-
-    @property
-    def information(self) -> np.ndarray:
-        """(k, k)."""
-        k = len(self.numbers)
-        full = np.empty((k, k))
-        row, column = _triangle(k)
-        full[row, column] = self.upper
-        full[column, row] = self.upper
-        return full
-
-
-@lru_cache(maxsize=4)
-def _triangle(size: int) -> Tuple[np.ndarray, np.ndarray]:
-    row, column = np.triu_indices(size)
-    return row, column
+FLOOR = 1e-12  # of a matrix scaled to a unit diagonal: what is below is rounding
 
 
 @dataclass(frozen=True)
@@ -444,4 +411,4 @@ def inverse(matrix: np.ndarray) -> np.ndarray:
     """Return the inverse of a symmetric matrix (m, m); what nothing sees gets a huge variance."""
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(matrix), 1e-30))
     values, vectors = np.linalg.eigh(matrix * scale[:, None] * scale)
-    return (vectors / np.maximum(values, _FLOOR)) @ vectors.T * scale[:, None] * scale
+    return (vectors / np.maximum(values, FLOOR)) @ vectors.T * scale[:, None] * scale

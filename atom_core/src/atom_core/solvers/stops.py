@@ -13,7 +13,8 @@ from typing import Dict, List, Mapping, NamedTuple, Sequence, Tuple
 import numpy as np
 
 from atom_core.problem.problem import Problem
-from atom_core.solvers.shared_equations import CollectionPart, SharedEquations
+from atom_core.solvers.collection_part import CollectionPart
+from atom_core.solvers.shared_equations import SharedEquations
 
 _NEAR, _TURNED_RAD = 0.01, float(np.radians(1.0))  # part of the distance; what is less is the same
 _AT_A_TIME = 64  # collections beside all

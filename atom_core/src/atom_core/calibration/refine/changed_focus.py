@@ -32,7 +32,7 @@ from atom_core.model.dataset import Dataset
 from atom_core.problem.blocks import BLOCK_SIZE, TRANSLATION
 from atom_core.problem.model_errors import CameraError
 from atom_core.solvers.detection_columns import CollectionColumns
-from atom_core.solvers.shared_equations import SharedEquations, inverse
+from atom_core.solvers.shared_equations import FLOOR, SharedEquations, inverse
 
 _FOCAL_LENGTH = "focal_length"  # label of its error
 _LEAST, _MOST = 0.001, 0.5  # change of a focal length, as a part of it
@@ -103,16 +103,18 @@ def changed_focus(
         moves: those of them that are clear, by name.
         others: the checks of single errors.
     """
-    changes_of = partial(_changes, dataset, solution.stops)
+    said_by = partial(_Said, dataset, solution.stops)
     cautious = [
         error
         for error in solution.cautious.errors
         if isinstance(error, CameraError) and error.label == _FOCAL_LENGTH
     ]
     most = ALIKE * max((step.gain for step in moves.values()), default=0.0)
+    if not cautious:
+        return None
+    said = said_by(solution.cautious)
     found = [
-        _change(changes_of(solution.cautious, error), error.target, motions, len(cautious))
-        for error in cautious
+        _change(said.changes(error), error.target, motions, len(cautious)) for error in cautious
     ]
     clear = [
         (change, error)
@@ -122,7 +124,7 @@ def changed_focus(
     if not clear:
         return None
     change, error = max(clear, key=lambda one: one[0].gain)
-    again = _again(changes_of(solution.equations, error), error.target, change)
+    again = _again(said_by(solution.equations).changes(error), error.target, change)
     explained = max((check.gain for check in others), default=0.0)
     if again.gain < MORE * explained + BY_CHANCE:
         return None
@@ -150,23 +152,57 @@ class _Change(NamedTuple):
     gain: float
 
 
-def _changes(
-    dataset: Dataset, stops: Mapping[str, str], shared: SharedEquations, error: CameraError
-) -> Changes:
-    """Return a focal length as what may have changed, beside the one that all collections have."""
-    order = order_of(dataset, shared)
-    own = shared.shared + shared.errors.index(error)
-    numbers = np.append(np.arange(BLOCK_SIZE * shared.blocks), own)
-    said = shared_parts(shared, order, numbers)
-    column = CollectionColumns(said[:, :, -1:], said[:, -1:, -1:], shared.gradient[order][:, [own]])
-    return Changes.of_stops(
-        [shared.collections[i] for i in order],
-        stops,
-        {error.target: column},
-        inverse(shared.total[np.ix_(numbers, numbers)]),
-        said,
-        shared.gradient[np.ix_(order, numbers)],
-    )
+class _Said:
+    """What collections say of the shared blocks' numbers, beside which a focal length may change.
+
+    There are far more of those than of focal lengths, so that they are gathered and inverted once
+    for all cameras.
+    """
+
+    def __init__(self, dataset: Dataset, stops: Mapping[str, str], shared: SharedEquations):
+        """Gather it, in the order of the dataset."""
+        self._shared, self._stops, self._order = shared, stops, order_of(dataset, shared)
+        size = BLOCK_SIZE * shared.blocks
+        self._numbers = np.arange(size)
+        self._parts = np.zeros((len(self._order), size + 1, size + 1))
+        self._parts[:, :-1, :-1] = shared_parts(shared, self._order, self._numbers)
+        self._inverse = inverse(shared.total[:size, :size])
+
+    def changes(self, error: CameraError) -> Changes:
+        """Return a focal length as what may change, beside the one that all collections have.
+
+        They hold until the next ones are asked for.
+        """
+        shared, said = self._shared, self._parts
+        own = shared.shared + shared.errors.index(error)
+        numbers = np.append(self._numbers, own)
+        for part, which in zip(said, self._order):
+            part[:, -1] = part[-1] = shared.parts[which].column(own, numbers)
+        gradient = shared.gradient[self._order][:, numbers]
+        column = CollectionColumns(said[:, :, -1:], said[:, -1:, -1:], gradient[:, -1:])
+        return Changes.of_stops(
+            [shared.collections[i] for i in self._order],
+            self._stops,
+            {error.target: column},
+            bordered(self._inverse, shared.total[numbers, own]),
+            said,
+            gradient,
+        )
+
+
+def bordered(inverse_of: np.ndarray, column: np.ndarray) -> np.ndarray:
+    """Return the inverse (m + 1, m + 1) of a matrix with a further row and column, as `inverse`.
+
+    Args:
+        inverse_of: (m, m) inverse of the matrix without them.
+        column: (m + 1,) the further column, which ends with the corner.
+    """
+    follow = inverse_of @ column[:-1]
+    left = max(column[-1] - column[:-1] @ follow, FLOOR * max(column[-1], 1e-30))
+    with_minus_one = np.append(follow, -1.0)
+    result = np.outer(with_minus_one, with_minus_one) / left
+    result[:-1, :-1] += inverse_of
+    return result
 
 
 def _change(changes: Changes, camera: str, motions: Changes, cameras: int) -> Optional[_Change]:
