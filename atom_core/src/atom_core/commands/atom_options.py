@@ -81,7 +81,8 @@ CALIBRATE = (
     _same("as", "anchor_sensors", "rgb_1"),
     _same(
         *("ap", "anchor_patterns"),
-        remark="where the dataset has them; in a raw one, where a sensor saw them first",
+        remark="where the dataset has them, without collections that lack them; in a raw one, "
+        "where a sensor saw them first",
     ),
     _same(
         *("gtpp", "ground_truth_pattern_poses"),

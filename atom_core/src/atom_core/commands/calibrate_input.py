@@ -12,6 +12,7 @@ from atom_core.calibration.prepare.input_changes import (
     is_inclined,
     with_biased_joints,
     with_first_boards,
+    with_known_boards,
     without_partial_detections,
 )
 from atom_core.commands import common
@@ -69,6 +70,9 @@ def read_input(args: argparse.Namespace) -> CalibrationInput:
     if args.remove_partial_detections:
         dataset, count = without_partial_detections(dataset)
         remarks.append(f"{count} labels of cameras lack corners and are not used (-rpd)")
+    if args.anchor_patterns:
+        dataset, of_boards = with_known_boards(dataset)
+        remarks += of_boards
     if args.ground_truth_pattern_poses:
         check_boards_known(dataset)
     if args.anchor_patterns:

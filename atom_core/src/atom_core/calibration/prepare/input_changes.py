@@ -10,6 +10,7 @@ from atom_core.errors import CalibrationError, DatasetError
 from atom_core.io.dataset_entries import pose_of_entry
 from atom_core.model.dataset import Dataset, board_edge
 from atom_core.model.joints import JOINT_PARAMETERS, POSITION_BIAS
+from atom_core.model.transforms import Edge
 
 _STRAIGHT_RAD = 1e-6  # of a joint's origin, whose own axes and the parent's are then the same
 
@@ -22,27 +23,63 @@ class JointBias(NamedTuple):
     value: float
 
 
-def with_first_boards(dataset: Dataset) -> Tuple[Dataset, List[str]]:
-    """Return the dataset with a pose of every board, for those that lack it the collector's first.
+def with_known_boards(dataset: Dataset) -> Tuple[Dataset, List[str]]:
+    """Return the dataset with what it knows of boards of which it places some, as calibrated.
 
-    A board that is fixed gets one pose: the dataset's where a collection has it, as where a part of
-    a merged one was calibrated; else that of the first collection that has one.
+    A board that is fixed has one pose. Of one that is moved, what was seen where the dataset has no
+    pose of it is left out: the collector's first one would stand beside those of a calibration.
 
     Returns:
-        The dataset, and a remark for each pattern whose first poses are taken.
-
-    Raises:
-        DatasetError: a first pose is malformed.
+        The dataset, and a remark for each pattern of which something is left out.
     """
     remarks = []
     for name, pattern in dataset.patterns.items():
         edge = board_edge(pattern)
-        lacking = [key for key, c in dataset.collections.items() if edge not in c.transforms]
-        if pattern.fixed and 0 < len(lacking) < len(dataset.collections):
+        lacking = _lacking(dataset, edge)
+        if not 0 < len(lacking) < len(dataset.collections):
+            continue
+        if pattern.fixed:
             known = {edge: dataset.first_value(edge)}
             dataset = dataset.with_transforms(dict.fromkeys(lacking, known))
             continue
-        first = _first_poses(dataset, name) if lacking else {}
+        of_pattern = {
+            key: dict.fromkeys(
+                place for place in dataset.collections[key].labels if place[1] == name
+            )
+            for key in lacking
+        }
+        left_out = [key for key, labels in of_pattern.items() if labels]
+        for key in left_out:
+            dataset = dataset.with_labels(key, of_pattern[key])
+        if left_out:
+            remarks.append(
+                f"pattern '{name}' is held where the dataset has it (-ap); it is left out in "
+                f"collections {', '.join(left_out)}, in which the dataset does not place it"
+            )
+    return dataset, remarks
+
+
+def _lacking(dataset: Dataset, edge: Edge) -> List[str]:
+    return [key for key, c in dataset.collections.items() if edge not in c.transforms]
+
+
+def with_first_boards(dataset: Dataset) -> Tuple[Dataset, List[str]]:
+    """Return the dataset with a pose of every board: its own, else the collector's first ones.
+
+    A board that is fixed gets the first pose of the first collection that has one.
+
+    Returns:
+        The dataset, and a remark for each pattern whose first poses are taken, or of which
+        something is left out (`with_known_boards`).
+
+    Raises:
+        DatasetError: a first pose is malformed.
+    """
+    dataset, remarks = with_known_boards(dataset)
+    for name, pattern in dataset.patterns.items():
+        edge = board_edge(pattern)
+        lacking = _lacking(dataset, edge)
+        first = _first_poses(dataset, name) if len(lacking) == len(dataset.collections) else {}
         if pattern.fixed and first:
             first = dict.fromkeys(lacking, next(iter(first.values())))
         taken = {key: {edge: first[key]} for key in lacking if key in first}
