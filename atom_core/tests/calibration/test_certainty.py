@@ -12,7 +12,7 @@ from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.judge.propagation import propagate
 from atom_core.calibration.judge.weak_directions import edge_covariance
 from atom_core.geometry import se3
-from atom_core.geometry.depth_noise import depth_sigma_m
+from atom_core.geometry.expected_noise import depth_sigma_m
 from atom_core.model.dataset import pose
 from atom_core.model.sensor import RGB
 from atom_core.model.truth import with_truth

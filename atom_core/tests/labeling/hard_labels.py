@@ -9,7 +9,7 @@ from hard_scenes import IMAGES, KINDS, LARGE, Frame, Plate, middle_of
 from lidar_scenes import ranges_of, scan
 
 from atom_core.geometry import se3
-from atom_core.geometry.depth_noise import depth_sigma_m
+from atom_core.geometry.expected_noise import depth_sigma_m
 from atom_core.labeling.base import Labeled
 from atom_core.labeling.depth import DepthLabeler
 from atom_core.labeling.lidar3d import Cloud, Lidar3dLabeler

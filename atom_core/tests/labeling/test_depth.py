@@ -5,7 +5,7 @@ import pytest
 
 from atom_core.errors import LabelingError
 from atom_core.geometry import se3
-from atom_core.geometry.depth_noise import depth_sigma_m
+from atom_core.geometry.expected_noise import depth_sigma_m
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.labeling.base import labeler_for
 from atom_core.labeling.depth import DepthLabeler, DepthOptions, to_metres

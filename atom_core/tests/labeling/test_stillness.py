@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
+from atom_core.geometry.expected_noise import CORNER_SIGMA_PX, LIDAR_SIGMA_M
 from atom_core.labeling.stillness import (
-    CORNER_SIGMA_PX,
     LIDAR_NOISE,
-    LIDAR_SIGMA_M,
     CornerSighting,
     StillnessOptions,
     StopDetector,

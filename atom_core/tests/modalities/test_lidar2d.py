@@ -15,13 +15,13 @@ from atom_core.evaluation.evaluate import evaluate
 from atom_core.evaluation.ground_truth import ground_truth_errors
 from atom_core.evaluation.label_quality import label_quality
 from atom_core.geometry import se3
+from atom_core.geometry.expected_noise import LIDAR_SIGMA_M
 from atom_core.geometry.line import fit_line
 from atom_core.io.dataset_json import read_dataset
 from atom_core.io.dataset_writer import write_dataset_folder
 from atom_core.model.dataset import pose
 from atom_core.model.pattern import pattern_from_config
 from atom_core.problem.measurements import read_measurements
-from atom_core.problem.range_measurement import LIDAR_SIGMA_M
 from atom_core.problem.residuals import OrthogonalBlock
 from atom_core.report.calibration_results import calibration_results
 from atom_core.solvers.choice import SOLVERS

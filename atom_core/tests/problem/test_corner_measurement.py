@@ -7,10 +7,10 @@ import pytest
 
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
+from atom_core.geometry.expected_noise import CORNER_SIGMA_PX
 from atom_core.model.labels import DetectionKey
 from atom_core.model.sensor import RGB
 from atom_core.problem.corner_measurement import (
-    CORNER_SIGMA_PX,
     M_PER_PX,
     NO_PLACE,
     CornerMeasurement,

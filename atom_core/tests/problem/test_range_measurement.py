@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from atom_core.geometry import se3
+from atom_core.geometry.expected_noise import LIDAR_SIGMA_M
 from atom_core.model.dataset import DataSource, pose
 from atom_core.model.labels import DetectionKey, RangeLabel
 from atom_core.problem.range_measurement import (
-    LIDAR_SIGMA_M,
     POINTS_LOOKED_AT,
     measured_in_cloud,
     measured_in_depth_image,

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from atom_core.geometry import se3
+from atom_core.geometry.expected_noise import LIDAR_SIGMA_M
 from atom_core.geometry.line import LineFit
 from atom_core.model.dataset import DataSource
 from atom_core.model.labels import DetectionKey, RangeLabel, RangePoints
 from atom_core.model.laser_scan import LaserScan
 from atom_core.model.sensor import LIDAR2D
-from atom_core.problem.range_measurement import LIDAR_SIGMA_M
 from atom_core.problem.residuals import BorderBlock, OrthogonalBlock
 from atom_core.problem.scan_measurement import (
     _moved_onto,

@@ -12,7 +12,7 @@ import numpy as np
 
 from atom_core import opencv as cv2
 from atom_core.errors import LabelingError
-from atom_core.geometry.depth_noise import depth_sigma_m
+from atom_core.geometry.expected_noise import depth_sigma_m
 from atom_core.labeling.base import Labeled
 from atom_core.labeling.depth import DepthLabeler, DepthOptions
 from atom_core.labeling.polygon import inside_polygon, polygon_mask

@@ -11,7 +11,7 @@ from typing import NamedTuple, Optional, Tuple
 import numpy as np
 
 from atom_core import opencv as cv2
-from atom_core.geometry.depth_noise import depth_sigma_m
+from atom_core.geometry.expected_noise import depth_sigma_m
 from atom_core.labeling.depth_view import (
     QUANTUM_M,
     DepthView,

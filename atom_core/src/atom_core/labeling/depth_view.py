@@ -9,7 +9,7 @@ import numpy as np
 
 from atom_core import opencv as cv2
 from atom_core.geometry.camera import Camera
-from atom_core.geometry.depth_noise import depth_sigma_m
+from atom_core.geometry.expected_noise import depth_sigma_m
 from atom_core.geometry.plane import plane_basis
 
 _SPECK_M, _SPECK_SIGMAS = 0.02, 8.0  # by which neighbours are alike

@@ -11,8 +11,8 @@ from typing import ClassVar, Optional
 
 import numpy as np
 
+from atom_core.geometry.expected_noise import LIDAR_SIGMA_M
 from atom_core.geometry.line import fit_line
-from atom_core.labeling.stillness import LIDAR_SIGMA_M
 
 # Noise across and of the direction, two numbers, stays below this square in 99 of 100 pairs.
 _MOST_NOISE_SQUARE = 9.2

@@ -12,11 +12,9 @@ from typing import Any, Callable, ClassVar, Dict, NamedTuple, Optional, Protocol
 
 import numpy as np
 
-from atom_core.geometry.depth_noise import depth_sigma_m
+from atom_core.geometry.expected_noise import CORNER_SIGMA_PX, LIDAR_SIGMA_M, depth_sigma_m
 from atom_core.geometry.plane import fit_plane, plane_basis
 
-CORNER_SIGMA_PX = 0.3
-LIDAR_SIGMA_M = 0.010
 # A label's centre wanders in the plane as points at the border, or a LiDAR's whole layer, come and
 # go: so many sigmas are nothing unusual.
 _BESIDE_SIGMAS, _BESIDE_SIGMAS_OF_LAYERS = 4.0, 15.0

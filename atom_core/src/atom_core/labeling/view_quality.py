@@ -15,8 +15,9 @@ from scipy.special import erf
 from atom_core import opencv as cv2
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
+from atom_core.geometry.expected_noise import CORNER_SIGMA_PX
 from atom_core.labeling.smear import smear_of
-from atom_core.labeling.stillness import CORNER_SIGMA_PX, CornerSighting
+from atom_core.labeling.stillness import CornerSighting
 from atom_core.model.config import PatternConfig
 from atom_core.model.labels import RgbLabel
 from atom_core.model.pattern import CHARUCO, Pattern

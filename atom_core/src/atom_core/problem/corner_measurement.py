@@ -10,6 +10,7 @@ import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
+from atom_core.geometry.expected_noise import CORNER_SIGMA_PX
 from atom_core.geometry.pose_solvers import planar_poses
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import DetectionKey, RgbLabel
@@ -17,8 +18,6 @@ from atom_core.model.sensor import Sensor
 from atom_core.problem.measurements import Measurement, repeated
 from atom_core.problem.residuals import ReprojectionBlock, ResidualBlock
 
-# Standard deviation to begin with; each sensor's is re-estimated from its residuals.
-CORNER_SIGMA_PX = 0.3
 M_PER_PX = 0.1 / 30.0  # how metres and pixels are weighed against each other
 _MIN_CORNERS = 6
 NO_POSE = "the corners fit no board pose"

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
-from atom_core.geometry.depth_noise import depth_sigma_m
+from atom_core.geometry.expected_noise import LIDAR_SIGMA_M, depth_sigma_m
 from atom_core.geometry.plane import fit_plane, plane_basis
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.model.dataset import Dataset, range_points
@@ -20,9 +20,6 @@ from atom_core.model.sensor import Sensor
 from atom_core.problem.measurements import Measurement, repeated
 from atom_core.problem.residuals import BorderBlock, OrthogonalBlock, ResidualBlock
 
-# Standard deviation to begin with (depth: ``depth_sigma_m``); each sensor's is re-estimated from
-# its residuals.
-LIDAR_SIGMA_M = 0.010
 POINTS_LOOKED_AT = 200  # of a detection's points on the board
 _GRAZING = 0.05  # cosine of the incidence below which a plane is hit nowhere in particular
 _PLANE_LIMIT_M = 0.05

@@ -13,12 +13,12 @@ from typing import List, Optional, Sequence, Tuple
 
 import numpy as np
 
+from atom_core.geometry.expected_noise import LIDAR_SIGMA_M
 from atom_core.geometry.line import LineFit, fit_line
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import DetectionKey, RangePoints
 from atom_core.model.sensor import Sensor
 from atom_core.problem.range_measurement import (
-    LIDAR_SIGMA_M,
     RangeMeasurement,
     range_blocks,
     range_measurement,

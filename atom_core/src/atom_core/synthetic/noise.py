@@ -7,7 +7,7 @@ from typing import Mapping
 
 import numpy as np
 
-from atom_core.geometry import depth_noise
+from atom_core.geometry import expected_noise
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Noise:
 
     def depth_sigma_m(self, z_m: np.ndarray) -> np.ndarray:
         """Return the standard deviation (n,) of z-depths (n,) [m]."""
-        return self.depth_scale * depth_noise.depth_sigma_m(z_m)
+        return self.depth_scale * expected_noise.depth_sigma_m(z_m)
 
     def round(self, values: np.ndarray) -> np.ndarray:
         """Return values (any shape) as a file would keep them."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from atom_core.geometry.depth_noise import depth_sigma_m
+from atom_core.geometry.expected_noise import depth_sigma_m
 
 
 @pytest.mark.parametrize(
