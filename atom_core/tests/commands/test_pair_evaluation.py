@@ -117,3 +117,23 @@ def test_only_complete_collections_count_unless_asked(data, tmp_path, capsys):
     else:
         rows = list(csv.reader((tmp_path / "b.csv").read_text().splitlines()))
         assert [row[0] for row in rows] == ["Collection #", first, "Averages"]
+
+
+def test_partial_labels_leave_a_collection_to_the_other_sensors(data, tmp_path):
+    """As in ATOM: `-rpd` comes after the question which collections are complete."""
+    path, _ = data
+    document = json.loads(path.read_text())
+    for collection in document["collections"].values():
+        of_camera = collection["labels"]["pattern_1"]["rgb_1"]
+        of_camera["idxs"] = of_camera["idxs"][1:]  # this camera keeps no whole label
+    partial = path.with_name("partial.json")
+    partial.write_text(json.dumps(document))
+    tables = []
+    for options in ([], ["-rpd"]):
+        table = tmp_path / f"{len(tables)}.csv"
+        line = line_of("lidar_to_depth_evaluation", partial, "lidar_1", "depth_1")
+        assert cli.main([*line, "-sfrn", str(table), *options]) == 0
+        tables.append(table.read_text())
+    assert tables[0] == tables[1]
+    line = line_of("rgb_to_rgb_evaluation", partial, "rgb_1", "rgb_2")
+    assert cli.main([*line, "-rpd"]) == 2  # it measures what is left out

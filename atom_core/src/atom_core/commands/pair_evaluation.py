@@ -229,6 +229,8 @@ def _annotations(args: argparse.Namespace, test: Dataset) -> Borders:
 def test_set(args: argparse.Namespace, sensors: Sequence[str] = ()) -> Dataset:
     """Read the test set and reduce it as ATOM does: complete collections, unless -uic is given.
 
+    A label that lacks corners does not make a collection incomplete, also where it is not used.
+
     Raises:
         DatasetError: it lacks one of some sensors, or no collection is complete.
     """
@@ -243,8 +245,6 @@ def test_set(args: argparse.Namespace, sensors: Sequence[str] = ()) -> Dataset:
                 f"{args.test_json}: there is no sensor '{name}'; there are: "
                 f"{', '.join(test.sensors)}"
             )
-    if args.remove_partial_detections:
-        test, _ = without_partial_detections(test)
     if not args.use_incomplete_collections:
         complete = [key for key in test.collections if is_complete(test, key)]
         if not complete:
@@ -252,6 +252,8 @@ def test_set(args: argparse.Namespace, sensors: Sequence[str] = ()) -> Dataset:
                 f"{args.test_json}: in no collection all sensors see all patterns; add -uic"
             )
         test = test.selected(collections=complete)
+    if args.remove_partial_detections:
+        test, _ = without_partial_detections(test, sensors or None)
     return test.selected(patterns=select_names(test.patterns, args.pattern_name, "pattern"))
 
 

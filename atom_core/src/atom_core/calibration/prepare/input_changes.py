@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Dict, List, NamedTuple, Sequence, Tuple
+from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -125,11 +125,17 @@ def check_boards_known(dataset: Dataset) -> None:
             )
 
 
-def without_partial_detections(dataset: Dataset) -> Tuple[Dataset, int]:
+def without_partial_detections(
+    dataset: Dataset, needed: Optional[Sequence[str]] = None
+) -> Tuple[Dataset, int]:
     """Return the dataset without cameras' labels that lack corners, and how many they are.
 
+    Args:
+        dataset: with all labels.
+        needed: sensors that must keep some; all if None.
+
     Raises:
-        CalibrationError: a camera has no others.
+        CalibrationError: one of these cameras has no others.
     """
     partial = [
         key
@@ -141,7 +147,7 @@ def without_partial_detections(dataset: Dataset) -> Tuple[Dataset, int]:
     of_collection: Dict[str, Dict[Tuple[str, str], None]] = {}
     whole = {key.sensor for key, _ in dataset.detections() if key not in removed}
     for key in partial:
-        if key.sensor not in whole:
+        if key.sensor not in whole and (needed is None or key.sensor in needed):
             raise CalibrationError(
                 f"--remove_partial_detections: all labels of sensor '{key.sensor}' lack corners, "
                 f"it would see nothing; leave the option out"
