@@ -401,3 +401,22 @@ def test_a_board_that_is_another_one_beside_the_images_is_told(
     assert (f"warning: {file}: " in said) == (words is not None)
     if words is not None:
         assert words in said and "'pattern_1' has 60 mm, 11 x 8; correct what is wrong" in said
+
+
+@pytest.mark.parametrize("layout", ["rwhe", "tabb"])
+@pytest.mark.parametrize("inverted", [False, True])
+def test_poses_that_the_images_fit_inverted_are_told(made, tmp_path, capsys, layout, inverted):
+    """`calibrate` called the answer wrong, and had the arm's own calibration looked at."""
+    folder, _ = made
+    shutil.copytree(folder / layout, tmp_path / layout)
+    shutil.copy(folder / "config.yml", tmp_path / "config.yml")
+    name, read, text = {
+        "rwhe": ("RobotPosesVec.txt", read_rwhe_poses, rwhe_text),
+        "tabb": ("robot_cali.txt", read_tabb_poses, tabb_text),
+    }[layout]
+    if inverted:
+        path = tmp_path / layout / name
+        path.write_text(text([se3.inverse(one) for one in read(path)]))
+    run(*from_layout(tmp_path, layout, tmp_path / "new"))
+    said = f"the robot's poses are inverted, by the images of '{CAMERA}'"
+    assert (said in capsys.readouterr().out) == inverted

@@ -9,6 +9,7 @@ from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
 import numpy as np
 
 from atom_core.commands import common
+from atom_core.commands.hand_eye_check import remarks_on_poses
 from atom_core.commands.hand_eye_frames import Frames, config_of_cameras, frames_of
 from atom_core.errors import DatasetError
 from atom_core.geometry.camera import Camera
@@ -83,7 +84,8 @@ def import_folder(args: argparse.Namespace, content: RobotImages) -> int:
         labels.update(found)
     dataset = _dataset(args.output, config, sensors, labels, content, frames)
     _write(dataset, content, args)
-    for remark in (*remarks, *frames.remarks, *_remarks_on_board(content.board, patterns)):
+    remarks += [*frames.remarks, *_remarks_on_board(content.board, patterns)]
+    for remark in (*remarks, *remarks_on_poses(dataset, frames.arm)):
         print(remark)
     path = (args.output / DATASET_FILE).resolve()
     print(f"{path}: {len(sensors)} cameras, {len(dataset.collections)} poses")
