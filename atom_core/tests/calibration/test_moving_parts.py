@@ -18,7 +18,11 @@ from atom_core.report.calibration_results import calibration_results
 from atom_core.solvers.choice import SOLVERS, solver_factory
 from atom_core.synthetic import arm, paper_cell, scenes
 from atom_core.synthetic.driving import ODOMETRY, vehicle_before_a_board
-from atom_core.synthetic.mistakes import with_scaled_boards
+from atom_core.synthetic.mistakes import (
+    with_edge_off,
+    with_scaled_boards,
+    with_scaled_focal_length,
+)
 from atom_core.synthetic.realism import PLAIN
 
 DEG = float(np.radians(1.0))
@@ -323,3 +327,16 @@ def test_a_board_of_another_size_before_what_stands_still_is_that_alone():
     scene = scenes.random_scene(0, rgb=2, depth=0, lidar3d=1, collections=16)
     message = calibrate(with_scaled_boards(scene.dataset, 1.03)).message
     assert "than described" in message and "/tf" not in message
+
+
+@pytest.mark.parametrize("collections", [8, 16])
+def test_a_focal_length_that_is_wrong_before_an_arm_that_is_off_is_told_beside_it(collections):
+    """Beside the arm as it is told it was 5.9 +- 0.9 % too long, or not to be seen."""
+    scene = scenes.hand_eye(0, collections=collections)
+    rng = np.random.default_rng([0, 9])
+    off = with_edge_off(scene.dataset, "flange", 0.003, 1.0, rng)
+    result = calibrate(with_scaled_focal_length(off, "rgb_1", 1.05))
+    assert result.message.startswith("the poses of 'flange' in 'rig_base' do not fit")
+    (check,) = result.checks
+    assert check.error.title == "focal length of rgb_1"
+    assert check.value == pytest.approx(np.log(1.0 / 1.05), abs=0.01)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
@@ -18,15 +19,22 @@ from atom_core.calibration.refine.model_checks import ModelCheck
 from atom_core.calibration.refine.model_errors import checked, suggestion
 from atom_core.calibration.refine.moved_sensors import Motion, moved_sensors
 from atom_core.calibration.refine.moving_edges import MovingEdge, moving_edges
-from atom_core.calibration.refine.moving_parts import unusual_parts
+from atom_core.calibration.refine.moving_parts import (
+    MovingSolution,
+    unusual_parts,
+    with_moving_parts,
+)
 from atom_core.calibration.refine.refinement import Refined
 from atom_core.calibration.refine.wave_checks import wave_checks
 from atom_core.model.dataset import Dataset
+from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import BLOCK_SIZE
+from atom_core.problem.measurements import Measurement
 from atom_core.problem.model_errors import ModelError
 from atom_core.problem.residuals import REPROJECTION
-from atom_core.solvers.base import CONVERGED, SIGMA, SolverFactory
+from atom_core.solvers.base import CONVERGED, SIGMA, SolverFactory, SolverSetup
 from atom_core.solvers.covariance import Covariance
+from atom_core.solvers.reweighting import covariance_of
 from atom_core.solvers.robust_covariance import degrees_of_freedom, sigma_factors
 
 _OF_SCATTER = 0.7  # part of what an arm that is off explains, each collection by itself
@@ -77,6 +85,40 @@ def examined(
     if moved is not None and moved.is_clear:  # what else seems to be wrong may be its trace only
         checks, moving = [], []
     return Examined(covariance, unfit, tuple(checks), tuple(moving), moved, remarks)
+
+
+def beside_moving_parts(
+    found: Examined,
+    initial: Dataset,
+    measurements: Sequence[Measurement],
+    refined: Refined,
+    options: CalibrationOptions,
+    make_solver: SolverFactory,
+) -> Examined:
+    """Return the same, with the errors that show where moving parts that do not fit have room.
+
+    What an arm is off by may look like an error of a sensor or a board beside it, or hide one.
+
+    Args:
+        found: what the data say where the parts are where the dataset has them.
+        initial: what the problem was built from.
+        measurements: at least those of its detections.
+        refined: the solution.
+        options: what the user asked for.
+        make_solver: which solver.
+    """
+    if not found.unfit or not found.moving:
+        return found
+    parts = {Edge(edge.last_parent, edge.child): None for edge in found.moving}
+    before = MovingSolution(refined.solver, refined.summary, refined.free)
+    setup = SolverSetup(refined.options, make_solver)
+    after = with_moving_parts(initial, measurements, before, parts, setup)
+    if after.solver is before.solver or after.summary.status != CONVERGED:
+        return found
+    other = replace(refined, solver=after.solver, summary=after.summary, free=after.free)
+    covariance = covariance_of(after.solver, after.summary, refined.options)
+    _, checks, _, _ = _checked(initial, other, options, covariance)
+    return found._replace(checks=tuple(checks))
 
 
 def of_the_model(refined: Refined, options: CalibrationOptions, found: Examined) -> List[str]:

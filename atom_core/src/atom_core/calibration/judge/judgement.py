@@ -8,7 +8,12 @@ from typing import Dict, List, Mapping, Sequence, Tuple
 import numpy as np
 
 from atom_core.calibration.judge.ambiguity import ambiguity
-from atom_core.calibration.judge.examination import examined, of_the_model
+from atom_core.calibration.judge.examination import (
+    Examined,
+    beside_moving_parts,
+    examined,
+    of_the_model,
+)
 from atom_core.calibration.judge.exclusion import Exclusion, exclusions
 from atom_core.calibration.judge.misfit import Misfit
 from atom_core.calibration.judge.places import Displaced, displaced, exchanged
@@ -118,7 +123,7 @@ def judge(
     dataset = answer(chosen, refined)
     solution = Solution(dataset, problem, summary.x)
     weak = _weak(chosen, refined, solution, covariance, options)
-    found = examined(dataset, start.initial, refined, options, covariance, make_solver)
+    found = _examined(dataset, start, refined, options, covariance, make_solver)
     known = tuple(prior_results(problem.parameters, summary.x, found.covariance))
     out = exclusions(start.initial, start.measurements, refined.rejected)
     places = described if options.initial_guess == DESCRIPTION else dataset
@@ -147,6 +152,20 @@ def judge(
         contradictions=why_held + contradicted,
         remarks=found.remarks,
     )
+
+
+def _examined(
+    dataset: Dataset,
+    start: InitialProblem,
+    refined: Refined,
+    options: CalibrationOptions,
+    covariance: Covariance,
+    make_solver: SolverFactory,
+) -> Examined:
+    """Return what the data say of the model, also where moving parts that do not fit have room."""
+    found = examined(dataset, start.initial, refined, options, covariance, make_solver)
+    given = start.initial, start.measurements
+    return beside_moving_parts(found, *given, refined, options, make_solver)
 
 
 def _why_held(
