@@ -10,6 +10,11 @@ alone is.
 
 With ``--new 6``, six new boards in place of three; as many as before to calibrate with.
 
+With ``--exact``, LiDARs have 1 mm of noise, and the ends of their layers lie on the board's border: what
+is missed then, no label of a LiDAR could find.
+
+    nice -n 10 python3 tests/benchmarks/bench_drift.py --exact --kinds "two cameras, LiDAR"
+
 With ``--known``, rigs of whose sensors and boards the calibration finds errors as well, or how far
 an arm is off: the new boards are read with them. There a sensor is shifted by 20 mm or turned by
 1 deg.
@@ -54,6 +59,8 @@ from atom_core.report.edge_results import selected_edges
 from atom_core.report.tables import text_table
 from atom_core.solvers.base import CONVERGED
 from atom_core.synthetic import paper_cell, scenes
+from atom_core.synthetic.memory import Sampling
+from atom_core.synthetic.noise import Noise
 from atom_core.synthetic.realism import PLAIN, ROUGH
 from atom_core.synthetic.scenes import random_scene
 
@@ -66,6 +73,7 @@ KINDS = {
     "two cameras, LiDAR": {"rgb": 2, "depth": 0, "lidar3d": 1},
 }
 MOVES = {"none": (0.0, 0.0), "2 mm": (0.002, 0.0), "0.1 deg": (0.0, float(np.radians(0.1)))}
+EXACT_LIDARS = {"noise": Noise(lidar_m=0.001), "sampling": Sampling(exact_border=True)}
 LARGER = {"none": (0.0, 0.0), "20 mm": (0.02, 0.0), "1 deg": (0.0, float(np.radians(1.0)))}
 AN_ARM = replace(PLAIN, moving_edge_sigma_m=0.0005, moving_edge_sigma_rad=0.0009)
 KNOWN = {
@@ -76,8 +84,14 @@ KNOWN = {
 Answers = Dict[str, Tuple[bool, bool]]  # by move: anything moved, that sensor alone
 
 
-def asked(seed: int, sensors: Mapping[str, int], boards: int = NEW) -> Optional[Answers]:
-    """Return what is said of each move of a rig; None where too few boards are seen by all."""
+def asked(seed: int, sensors: Mapping[str, Any], boards: int = NEW) -> Optional[Answers]:
+    """Return what is said of each move of a rig; None where too few boards are seen by all.
+
+    Args:
+        seed: of the rig.
+        sensors: how many of each modality, and other options of `random_scene`.
+        boards: how many new ones.
+    """
     dataset = random_scene(seed, collections=TRAINED + boards, **sensors).dataset
     whole = [k for k, c in dataset.collections.items() if len(c.labels) == len(dataset.sensors)]
     if len(whole) < boards:
@@ -217,6 +231,9 @@ def main() -> None:
     parser.add_argument("--rigs", type=int, default=200)
     parser.add_argument("--kinds", nargs="+", choices=list(KINDS), default=list(KINDS))
     parser.add_argument("--new", type=int, default=NEW, metavar="BOARDS", help="new boards")
+    parser.add_argument(
+        "--exact", action="store_true", help="LiDARs that tell more than any real one"
+    )
     parser.add_argument("--known", action="store_true", help="where errors are known")
     parser.add_argument("--cell", type=Path, metavar="FOLDER", help="of `make results`")
     parser.add_argument("--output", type=Path, default=ROOT / "bench_output")
@@ -225,7 +242,8 @@ def main() -> None:
         document = figures_of_cell(args.cell)
     else:
         kinds = list(KNOWN) if args.known else args.kinds
-        document = figures_of_kinds(args.rigs, kinds, args.new)
+        options = EXACT_LIDARS if args.exact else {}
+        document = figures_of_kinds(args.rigs, kinds, args.new, options)
     moves = [name for name in (LARGER if args.known else MOVES) if name != "none"]
     args.output.mkdir(parents=True, exist_ok=True)
     write_json_atomically(args.output / "drift.json", document, indent=1)
@@ -239,15 +257,18 @@ def main() -> None:
     print(text_table(headers, rows, f"Has the rig moved? {args.new} new boards"))
 
 
-def figures_of_kinds(rigs: int, kinds: List[str], boards: int) -> Dict[str, Any]:
-    """Return the shares over some rigs of each kind."""
+def figures_of_kinds(
+    rigs: int, kinds: List[str], boards: int, options: Mapping[str, Any]
+) -> Dict[str, Any]:
+    """Return the shares over some rigs of each kind; options as of `random_scene`."""
     document = {}
     for kind in kinds:
         print(kind, flush=True)
         if kind in KNOWN:
             document[kind] = figures(rigs, partial(asked_of_known, scene=KNOWN[kind]))
         else:
-            document[kind] = figures(rigs, partial(asked, sensors=KINDS[kind], boards=boards))
+            sensors = {**KINDS[kind], **options}
+            document[kind] = figures(rigs, partial(asked, sensors=sensors, boards=boards))
     return document
 
 
