@@ -10,7 +10,7 @@ alone is.
 
 With ``--new 6``, six new boards in place of three; as many as before to calibrate with.
 
-With ``--exact``, LiDARs have 1 mm of noise, and the ends of their layers lie on the board's border: what
+With ``--exact``, LiDARs have 1 mm of noise, and the ends of layers lie on the border: what
 is missed then, no label of a LiDAR could find.
 
     nice -n 10 python3 tests/benchmarks/bench_drift.py --exact --kinds "two cameras, LiDAR"
