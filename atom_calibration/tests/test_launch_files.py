@@ -50,6 +50,39 @@ def test_collecting_takes_atoms_words_as_well():
     assert {"--start=7", "--bag=b"} <= set(words_of("/play_bag", "collect_data.launch", *atoms))
 
 
+@pytest.mark.parametrize(
+    ("name", "arguments", "switches"),
+    [
+        ("calibrate.launch", ["dataset:=a"], ["overwrite", "stay", "rviz"]),
+        (
+            "calibrate_from_bag.launch",
+            ["config:=a", "bag:=b", "output:=c"],
+            ["overwrite", "report", "rviz"],
+        ),
+        (
+            "collect_data.launch",
+            ["config:=a", "output_folder:=b"],
+            ["overwrite", "ow", "automatic", "pictures", "all_messages", "rviz"],
+        ),
+        ("dataset_playback.launch", ["dataset:=a"], ["overwrite", "rviz"]),
+        ("transform_corrector.launch", ["json:=a"], ["overwrite", "two_dimensional", "rviz"]),
+    ],
+)
+def test_what_is_neither_true_nor_false_is_refused_and_not_taken_for_yes(name, arguments, switches):
+    loader = pytest.importorskip("roslaunch.xmlloader").XmlLoader()
+    config = pytest.importorskip("roslaunch.config").ROSLaunchConfig
+
+    def loaded(*more):
+        argv = [*arguments, *more]
+        loader.load(str(LAUNCH / name), config(), argv=argv, verbose=False)
+
+    for switch in switches:
+        for word in ("true", "false", "True", "0"):
+            loaded(f"{switch}:={word}")
+        with pytest.raises(ValueError, match="no is not a 'bool' type"):
+            loaded(f"{switch}:=no")
+
+
 def test_collecting_without_a_configuration_says_so(capsys):
     with pytest.raises(SystemExit) as end:
         collect_data.parser().parse_args(["--config", "", "--output", "a"])
