@@ -326,6 +326,18 @@ def test_a_modality_that_only_the_message_type_tells(document, read):
     assert read(document).sensors["lidar_1"].modality == "lidar3d"
 
 
+@pytest.mark.parametrize(
+    "key, value", [("parent_link", "base"), ("link", "rgb_2_link"), ("modality", "depth")]
+)
+def test_a_sensor_that_is_another_one_in_the_configuration_is_told(document, read, key, value):
+    assert not [text for text in read(document).warnings if "rgb_2" in text]
+    document["calibration_config"]["sensors"]["rgb_2"][key] = value
+    dataset = read(document)
+    (told,) = [text for text in dataset.warnings if "rgb_2" in text]
+    assert f"{key} '{value}'" in told and "the sensor's own is used" in told
+    assert dataset.sensors["rgb_2"].edge.parent == "rgb_2_post"
+
+
 def test_types_of_edges(document, read):
     name = next(iter(document["transforms"]))
     document["transforms"][name]["type"] = MULTIPLE

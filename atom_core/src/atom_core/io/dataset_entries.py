@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, Mapping, Optional
+from typing import Any, Dict, List, Mapping, Optional
 
 import numpy as np
 
 from atom_core.geometry import se3
+from atom_core.model.config import SensorConfig
 from atom_core.model.joints import ORIGIN_PARAMETERS, POSITION_BIAS, JointState
 from atom_core.model.modality import Modality, modality_named, modality_of_message
 from atom_core.model.transforms import Edge
 
+_ALIKE = {  # keys of a sensor's configuration, and where its own entry says the same
+    "link": "parent",
+    "parent_link": "calibration_parent",
+    "child_link": "calibration_child",
+    "modality": "modality",
+}
 _SAME = 1e-6  # rad; a calibration computes the transform of a joint from its numbers
 
 
@@ -31,6 +38,19 @@ def modality_of_entry(entry: Mapping[str, Any]) -> Modality:
             f"{by_message.name}; correct one of them"
         )
     return kind
+
+
+def other_than_configured(
+    name: str, entry: Mapping[str, Any], configured: Optional[SensorConfig]
+) -> List[str]:
+    """Return a sentence on each key of which a sensor's entry and the configuration differ."""
+    return [
+        f"sensor '{name}' has {own} '{entry[own]}', and the configuration of this dataset {key} "
+        f"'{getattr(configured, key)}'; the sensor's own is used, correct one of the two"
+        for key, own in _ALIKE.items()
+        if getattr(configured, key, None) and entry.get(own)
+        if getattr(configured, key) != entry[own]
+    ]
 
 
 def pose_of_entry(entry: Mapping[str, Any]) -> np.ndarray:

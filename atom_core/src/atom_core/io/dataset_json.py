@@ -34,6 +34,7 @@ from atom_core.io.dataset_entries import (
     joints_document,
     lay_over,
     modality_of_entry,
+    other_than_configured,
     pose_of_entry,
 )
 from atom_core.io.dataset_structure import check_dataset_structure
@@ -229,6 +230,7 @@ class _Reader:
         entry = self.document["sensors"][name]
         try:
             kind = modality_of_entry(entry)
+            self.warnings += other_than_configured(name, entry, config.sensors.get(name))
             camera = camera_of_entry(entry["camera_info"]) if kind.has_camera_info else None
             if camera is not None:
                 self.note_lens(name, camera, entry)
