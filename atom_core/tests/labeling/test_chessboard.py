@@ -1,15 +1,21 @@
 """Chessboards of any polarity, size and turn: found, in the right order, exact."""
 
+import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from atom_core.labeling import chessboard, chessboard_detection
-from atom_core.labeling.chessboard import ChessboardFinder, mirror_shows
-from atom_core.synthetic import scenes
-from atom_core.synthetic.board_pictures import chessboard_pictures, corner_errors
+sys.path.insert(0, str(Path(__file__).parent))
+
+from rgb_labelers import labeler, without_intrinsics  # noqa: E402
+
+from atom_core.labeling import chessboard, chessboard_detection  # noqa: E402
+from atom_core.labeling.chessboard import ChessboardFinder, mirror_shows  # noqa: E402
+from atom_core.synthetic import scenes  # noqa: E402
+from atom_core.synthetic.board import chessboard as board_of  # noqa: E402
+from atom_core.synthetic.board_pictures import chessboard_pictures, corner_errors  # noqa: E402
 
 CAMERA = scenes.COLOUR_CAMERA
 
@@ -18,7 +24,7 @@ def label_all(pictures):
     """Return errors (n, 2) [px] by blur, and how many pictures there are and were found."""
     errors, count, found = {}, 0, 0
     for picture in pictures:
-        corners, reason, _ = ChessboardFinder(*picture.config.dimension).find(picture.image)
+        corners, reason, *_ = ChessboardFinder(*picture.config.dimension).find(picture.image)
         count += 1
         if corners is None:
             assert "no chessboard" in reason or "hidden or blurred" in reason
@@ -44,7 +50,7 @@ def test_any_board_is_found_in_its_order_and_without_bias(count):
 def test_a_grid_that_a_detector_puts_beside_the_board_is_put_right():
     """Of this small board of 3 x 4 corners one finds four lines of four, one of them the margin."""
     *_, picture = chessboard_pictures(CAMERA, 83, 3)
-    corners, reason, _ = ChessboardFinder(*picture.config.dimension).find(picture.image)
+    corners, reason, *_ = ChessboardFinder(*picture.config.dimension).find(picture.image)
     assert corners is not None, reason
     error, ordered = corner_errors(picture, corners.pixels)
     assert ordered and np.max(np.abs(error)) < 0.5
@@ -193,6 +199,30 @@ def test_a_corner_that_the_detector_puts_elsewhere_is_put_right(monkeypatch):
     cv2.circle(image, tuple(int(v) for v in grid[0, 0]), 9, 130, -1)
     found = ChessboardFinder(7, 5).find(image)
     assert found.corners is None and "corner 0 of the chessboard is hidden" in found.reason
+
+
+def test_a_detector_that_is_three_pixels_off_leaves_no_corner_there(monkeypatch):
+    """The outlines of squares that blur parts end there."""
+    image, grid = flat_board(5, 4, False, side=30)
+    off = np.where(np.arange(4)[:, None, None] < 3, [-2.3, -1.8], 0.0)
+    monkeypatch.setattr(chessboard, "detect", lambda *_: (grid + off).reshape(-1, 2))
+    found = without_intrinsics(labeler(board_of(dimension=(5, 4)))).label(image)
+    assert found.label.ids.tolist() == list(range(20))
+    np.testing.assert_allclose(found.label.pixels, grid.reshape(-1, 2), atol=0.1)
+
+
+def test_a_corner_that_the_picture_does_not_confirm_is_no_label(monkeypatch):
+    image, grid = flat_board(7, 5, False)
+    cv2.circle(image, tuple(int(v) for v in grid[2, 3]), 9, 130, -1)
+    shifted = grid.copy()
+    shifted[2, 3] += [0.4, 0.3]
+    monkeypatch.setattr(chessboard, "detect", lambda *_: shifted.reshape(-1, 2))
+    found = without_intrinsics(labeler(board_of(dimension=(7, 5)))).label(image)
+    assert found.label.ids.tolist() == [i for i in range(35) if i != 2 * 7 + 3]
+    np.testing.assert_allclose(
+        found.label.pixels, np.delete(grid.reshape(-1, 2), 17, axis=0), atol=0.1
+    )
+    assert found.quality["dropped"] == 1.0
 
 
 @pytest.mark.sampled(1)

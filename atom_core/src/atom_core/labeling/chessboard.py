@@ -17,7 +17,7 @@ _LEAST_QUALITY = 0.8
 _LEAST_LINE_QUALITY = 0.5  # median of a row or column of corners
 _LEAST_OUTER_SHARE = 0.75  # of all corners' median: the print's edge is no line of corners
 _ITERATIONS = 6
-_LARGEST_MOVE_PX = 2.5
+_LARGEST_MOVE_PX, _LARGEST_MOVE_SQUARES = 2.5, 0.12
 _FARTHEST_SQUARES = 0.15  # of an unclear corner from where its neighbours say it is
 _FREE = 0.5  # no marker stands beside the edges
 _BEYOND_QUALITY, _BEYOND_MOVE_SQUARES = 0.9, 0.15  # a corner that the board should not have
@@ -27,12 +27,14 @@ _LEAST_CORNERS, _LARGEST_BOARD = 3, 40  # along a side
 class FoundBoard(NamedTuple):
     """The corners of a chessboard in the order of their ids, or the reason why there are none.
 
-    ``starts_black`` tells whether the square before corner 0 is black.
+    ``starts_black`` tells whether the square before corner 0 is black; ``exact`` (n,) bool which
+    corners the picture confirms: the others stand about where the detector has them.
     """
 
     corners: Optional[Corners]
     reason: str = ""
     starts_black: bool = True
+    exact: Optional[np.ndarray] = None
 
 
 def mirror_shows(columns: int, rows: int) -> bool:
@@ -90,7 +92,7 @@ class ChessboardFinder:
         """
         grid = self._oriented(grey, grid)
         black = _starts_black(grey, grid)
-        corners, wrong = _refine(grey, grid, black)
+        corners, poor, wrong = _refine(grey, grid, black)
         exact = corners.pixels.reshape(grid.shape)
         if not _clear(corners.quality.reshape(grid.shape[:2])):
             return self._of_another_size(grey, exact, is_sure)
@@ -104,7 +106,7 @@ class ChessboardFinder:
             if again.shape == grid.shape and not is_sure:
                 return self._labeled(grey, again, is_sure=True)
             return self._another(*whole)
-        return FoundBoard(corners, starts_black=black)
+        return FoundBoard(corners, starts_black=black, exact=~poor)
 
     def _of_another_size(self, grey: np.ndarray, grid: np.ndarray, is_sure: bool) -> FoundBoard:
         """Return the board of which a grid has lines that are none; mostly it is another one."""
@@ -114,7 +116,7 @@ class ChessboardFinder:
             if not is_sure and not np.array_equal(again, grid):
                 return self._labeled(grey, again, is_sure=True)
         elif min(rows, columns) >= _LEAST_CORNERS:
-            corners, wrong = _refine(grey, again, _starts_black(grey, again))
+            corners, _, wrong = _refine(grey, again, _starts_black(grey, again))
             if _clear(corners.quality.reshape(rows, columns)) and not wrong.any():
                 return self._another(columns, rows)
         return FoundBoard(None, f"no chessboard of {self._size()} inner corners is seen clearly")
@@ -163,39 +165,44 @@ def _starts_black(grey: np.ndarray, grid: np.ndarray) -> bool:
     return bool(values[number % 2 == 0].mean() < values[number % 2 == 1].mean())
 
 
-def _refine(grey: np.ndarray, grid: np.ndarray, starts_black: bool) -> Tuple[Corners, np.ndarray]:
-    """Return the exact corners, and (n,) bool which of them are neither confirmed nor plausible.
+def _refine(
+    grey: np.ndarray, grid: np.ndarray, starts_black: bool
+) -> Tuple[Corners, np.ndarray, np.ndarray]:
+    """Return the exact corners, which are not confirmed (n,), and of these which are implausible.
 
     A detector may put a corner beside its place, mostly at the board's end: where the refit fails,
     it is made again where the neighbours say that the corner is.
     """
     corners = _refit(grey, grid, starts_black)
-    failed = _failed(corners)
+    side_px = np.mean([np.linalg.norm(_along(grid, i), axis=-1) for i in (0, 1)], axis=0).ravel()
+    failed = _failed(corners, side_px)
     if not failed.any() or failed.all():
-        return corners, failed
+        return corners, failed, failed
     known = np.where(failed[:, None], np.nan, corners.pixels).reshape(grid.shape)
     likely = _from_neighbours(known)
     start = np.where(np.isfinite(known), known, np.where(np.isfinite(likely), likely, grid))
     again = _refit(grey, start, starts_black)
-    mended = failed & ~_failed(again)
+    mended = failed & ~_failed(again, side_px)
     pixels = np.where(mended[:, None], again.pixels, corners.pixels)
-    # where that fails too the detector's own corner stands, as a poor one, if it can be right
+    # where that fails too the detector's own corner stands, if it can be right: it is no label,
+    # but the others keep their numbers
     poor = failed & ~mended
     pixels = np.where(poor[:, None], grid.reshape(-1, 2), pixels)
-    side_px = np.linalg.norm(_along(grid, 0), axis=-1) + np.linalg.norm(_along(grid, 1), axis=-1)
     off_px = np.linalg.norm(grid - likely, axis=-1).ravel()
-    wrong = poor & ~(off_px <= np.maximum(_FARTHEST_SQUARES * side_px.ravel() / 2.0, 1.0))
+    wrong = poor & ~(off_px <= np.maximum(_FARTHEST_SQUARES * side_px, 1.0))
     chosen = Corners(
         pixels,
         np.where(mended, again.quality, corners.quality),
         np.where(mended, again.contrast, corners.contrast),
         np.where(mended, again.moved_px, np.where(poor, 0.0, corners.moved_px)),
     )
-    return chosen, wrong
+    return chosen, poor, wrong
 
 
-def _failed(corners: Corners) -> np.ndarray:
-    return (corners.quality < _LEAST_QUALITY) | (corners.moved_px > _LARGEST_MOVE_PX)
+def _failed(corners: Corners, side_px: np.ndarray) -> np.ndarray:
+    """Return (n,) bool: what is no corner, or another one; squares' sides (n,) [px]."""
+    farthest_px = np.maximum(_LARGEST_MOVE_PX, _LARGEST_MOVE_SQUARES * side_px)
+    return (corners.quality < _LEAST_QUALITY) | (corners.moved_px > farthest_px)
 
 
 def _from_neighbours(known: np.ndarray) -> np.ndarray:

@@ -95,14 +95,14 @@ class RgbLabeler:
         return Labeled(label, quality=quality)
 
     def _label_chessboard(self, grey: np.ndarray) -> Labeled:
-        corners, reason, starts_black = self._chessboard.find(grey)
-        if corners is None:
+        corners, reason, starts_black, exact = self._chessboard.find(grey)
+        if corners is None or exact is None:
             return nothing(RGB, reason)
         row, column = np.divmod(np.arange(self.pattern.corner_count), self.pattern.columns)
-        board, everywhere = np.column_stack([column, row]).astype(float), row >= 0
+        board = np.column_stack([column, row]).astype(float)
         size_px = (grey.shape[1], grey.shape[0])
         camera = likely_lens(self.sensor.camera, [(board, corners.pixels)], size_px)
-        kept = ~off_their_neighbours(board, corners.pixels, everywhere, camera)
+        kept = exact & ~off_their_neighbours(board, corners.pixels, exact, camera)
         ids = np.flatnonzero(kept)
         quality: Dict[str, float] = {
             "corners": float(len(ids)),
