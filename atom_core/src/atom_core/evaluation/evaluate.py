@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import Collection, Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Collection, Dict, Iterator, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
 from atom_core.evaluation.between_collections import spreads
+from atom_core.evaluation.board_displacement import Displacement, board_displacement
 from atom_core.evaluation.ground_truth import GroundTruth, ground_truth_errors
 from atom_core.evaluation.mixed import mixed_dataset
 from atom_core.evaluation.observed import Borders, NotMeasurableError, Observed
@@ -156,7 +157,15 @@ def _evaluate_pair(
         at_truth=None if true is None else _floor(pair, observed, true),
         unmeasured=reasons,
         unseen=sum(e.unseen for e in errors.values()),
+        displacement=_displacement(pair, observed, mixed),
     )
+
+
+def _displacement(pair: Pair, observed: Observed, mixed: Dataset) -> Optional[Displacement]:
+    """Return how far the planes of the boards have the source elsewhere, where they are asked."""
+    if not pair.kind.by_planes or pair.reverse:
+        return None
+    return board_displacement(observed, list(_seen_by_both(pair, mixed)))
 
 
 def _floor(pair: Pair, observed: Observed, true: Dataset) -> Optional[PairFigures]:
@@ -175,10 +184,23 @@ def pair_errors(
         dataset: with the calibrated edges.
         given: ``target_T_source`` (4, 4) in their place; None: as the dataset has it.
     """
-    source, target = dataset.sensors[pair.source], dataset.sensors[pair.target]
-    graph = dataset.graph
     errors: Dict[Tuple[str, str], Errors] = {}
     reasons: Dict[str, str] = {}
+    for source, target, target_T_source in _seen_by_both(pair, dataset, given):
+        try:
+            errors[(source.collection, source.pattern)] = pair.kind.measure(
+                observed, source, target, target_T_source
+            )
+        except NotMeasurableError as reason:
+            reasons[source.collection] = str(reason)
+    return errors, {key: why for key, why in reasons.items() if not _has(errors, key)}
+
+
+def _seen_by_both(
+    pair: Pair, dataset: Dataset, given: Optional[np.ndarray] = None
+) -> Iterator[Tuple[DetectionKey, DetectionKey, np.ndarray]]:
+    """Yield the source's and the target's detections of a board, and ``target_T_source`` (4, 4)."""
+    source, target = dataset.sensors[pair.source], dataset.sensors[pair.target]
     for key, collection in dataset.collections.items():
         shared = [
             pattern
@@ -189,18 +211,13 @@ def pair_errors(
             continue
         target_T_source = given
         if target_T_source is None:
-            target_T_source = pose(collection, graph, target.frame, source.frame)
+            target_T_source = pose(collection, dataset.graph, target.frame, source.frame)
         for pattern in shared:
-            try:
-                errors[(key, pattern)] = pair.kind.measure(
-                    observed,
-                    DetectionKey(key, pair.source, pattern),
-                    DetectionKey(key, pair.target, pattern),
-                    target_T_source,
-                )
-            except NotMeasurableError as reason:
-                reasons[key] = str(reason)
-    return errors, {key: why for key, why in reasons.items() if not _has(errors, key)}
+            yield (
+                DetectionKey(key, pair.source, pattern),
+                DetectionKey(key, pair.target, pattern),
+                target_T_source,
+            )
 
 
 def _has(errors: Mapping[Tuple[str, str], Errors], collection: str) -> bool:

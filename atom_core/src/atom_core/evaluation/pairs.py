@@ -37,6 +37,8 @@ class PairKind:
             the calibration, and judges none. Empty: nothing does.
         proves: a small figure tells that both sensors are right. Without, only a large one tells
             something, that one of them is wrong.
+        by_planes: it shows errors across boards only, and nothing else tells those along them: how
+            the boards are tilted tells how far the sensors are apart (`board_displacement`).
     """
 
     name: str
@@ -48,6 +50,7 @@ class PairKind:
     measure: Measure
     floor: str = ""
     proves: bool = True
+    by_planes: bool = False
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Dict, List, Mapping, Optional, Tuple
 
+from atom_core.evaluation.board_displacement import Displacement
 from atom_core.evaluation.pairs import Pair
 from atom_core.evaluation.statistics import Errors, Figures, figures, mean_of
 
@@ -53,6 +54,8 @@ class PairResult:
         skipped: why nothing was measured.
         unmeasured: why, of collections in which both detect the same pattern.
         unseen: points that the target image does not show.
+        displacement: how far the boards' planes have the source elsewhere; None where they were
+            not asked.
     """
 
     pair: Pair
@@ -61,6 +64,7 @@ class PairResult:
     skipped: Optional[str] = None
     unmeasured: Mapping[str, str] = field(default_factory=dict)
     unseen: int = 0
+    displacement: Optional[Displacement] = None
 
 
 def summarised(errors: Mapping[Tuple[str, str], Errors]) -> PairFigures:

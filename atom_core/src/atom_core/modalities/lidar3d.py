@@ -89,6 +89,7 @@ _PAIRS = (
         "mm",
         True,
         points_to_plane,
+        by_planes=True,
     ),
 )
 

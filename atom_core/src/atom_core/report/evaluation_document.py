@@ -6,6 +6,7 @@ from dataclasses import asdict
 from typing import Any, Dict, Optional, Sequence
 
 from atom_core.evaluation.baselines.comparison import RigComparison
+from atom_core.evaluation.board_displacement import Displacement
 from atom_core.evaluation.evaluate import Average, Evaluation
 from atom_core.evaluation.hand_eye_comparison import CALIBRATION, HandEyeComparison
 from atom_core.evaluation.results import PairFigures, PairResult
@@ -125,6 +126,17 @@ def pair_document(result: PairResult) -> Dict[str, Any]:
         "per_collection": {key: _present(value) for key, value in per_collection.items()},
         "not_measured": dict(result.unmeasured),
         "skipped": result.skipped,
+        **({} if result.displacement is None else {"displacement": _moved(result.displacement)}),
+    }
+
+
+def _moved(found: Displacement) -> Dict[str, Any]:
+    return {
+        "shift_m": found.shift_m.tolist(),
+        "turn_rad": found.turn_rad.tolist(),
+        "sigma_m": found.sigma_m,
+        "sigma_rad": found.sigma_rad,
+        "told": found.told,
     }
 
 

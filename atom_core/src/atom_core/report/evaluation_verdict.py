@@ -8,10 +8,12 @@ from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence
 
 import numpy as np
 
+from atom_core.evaluation.board_displacement import Displacement
 from atom_core.evaluation.evaluate import Evaluation
 from atom_core.evaluation.results import PairFigures, PairResult
 from atom_core.report.verdict import (
     AT_M,
+    BESIDE_M,
     BETWEEN_CAMERAS_M,
     BETWEEN_CAMERAS_PX,
     BOARD_APART_M,
@@ -37,13 +39,16 @@ from atom_core.report.verdict import (
 )
 
 _NOT_CALIBRATED = "give the atom_calibration.json that `calibrate` wrote as --train"
+_LITTLE = "which proves little: it may be as small with a wrong calibration"
+_OTHER_SENSOR = "test it beside a camera, a depth camera or a 3D LiDAR, too"
+_TILTED = "test with more boards that both see, tilted up, down and to both sides"
 _AGAIN = "look at its labels in both sets, then calibrate it with more boards"
 
 
 class _Judged(NamedTuple):
     """A measured pair: its grade, how far off it is in words, and as a length [m].
 
-    A good one that does not prove anything speaks for no sensor (`PairKind.proves`).
+    A good one that does not prove anything speaks for no sensor: what to do for a proof.
     """
 
     source: str
@@ -51,7 +56,7 @@ class _Judged(NamedTuple):
     grade: str
     words: str
     size_m: float
-    proves: bool = True
+    to_prove: Optional[str] = None
 
 
 def evaluation_verdict(evaluation: Evaluation) -> Verdict:
@@ -94,7 +99,9 @@ def _judged(evaluation: Evaluation, result: PairResult) -> Optional[_Judged]:
     if kind.unit == "mm":
         words = f"{length(value / 1e3)} off the plane{beyond}"
         grade = OFF_PLANE_M.grade(value / 1e3)
-        return _Judged(pair.source, pair.target, grade, words, value / 1e3, kind.proves)
+        to_prove = None if kind.proves else _OTHER_SENSOR
+        judged = _Judged(pair.source, pair.target, grade, words, value / 1e3, to_prove)
+        return judged if result.displacement is None else _by_planes(judged, result.displacement)
     focal_px = evaluation.px_per_rad.get(pair.target)
     if focal_px is None:
         return None
@@ -105,6 +112,18 @@ def _judged(evaluation: Evaluation, result: PairResult) -> Optional[_Judged]:
     grade = min(metres.grade(size_m), least.grade(value), key=GRADES.index)
     words = f"{pixels(value)}{beyond}, {length(size_m)} at {AT_M:g} m"
     return _Judged(pair.source, pair.target, grade, words, size_m)
+
+
+def _by_planes(judged: _Judged, found: Displacement) -> _Judged:
+    """Return the worse of two: points off planes, and where these planes have the source."""
+    beside_m = found.turned_rad * BESIDE_M
+    size_m = max(found.apart_m, beside_m)
+    grade = worst([judged.grade, OFF_PLANE_M.grade(size_m)])
+    if OFF_PLANE_M.grade(size_m) != GOOD and size_m > judged.size_m:
+        moved = f"{length(found.apart_m)} and {angle(found.turned_rad)}"
+        words = f"the boards' planes have it {moved} elsewhere"
+        return judged._replace(grade=grade, words=words, size_m=size_m)
+    return judged if found.told else judged._replace(to_prove=_TILTED)
 
 
 def _beyond_the_floor(result: PairResult) -> float:
@@ -138,7 +157,7 @@ def _blamed(pairs: Sequence[_Judged]) -> Dict[str, str]:
     The sensor whose pairs are bad most often goes first, until no bad pair is left; of equal ones
     all go, since nothing tells which of them is wrong.
     """
-    pairs = [pair for pair in pairs if pair.proves or pair.grade != GOOD]
+    pairs = [pair for pair in pairs if pair.to_prove is None or pair.grade != GOOD]
     blamed: Dict[str, str] = {}
     for grade in (WRONG, WEAK):
         while True:
@@ -180,7 +199,11 @@ def _sensor(
         told = _told("can be compared with no sensor that is right here, only with", name, mine)
         findings.append(Finding(WEAK, told, _AGAIN))
         return _with_truth(evaluation, name, findings, "")
-    return _with_truth(evaluation, name, findings, _told("agrees with", name, others))
+    told = _told("agrees with", name, others)
+    if others and all(pair.to_prove for pair in others):
+        findings.append(Finding(WEAK, f"{told}, {_LITTLE}", others[0].to_prove))
+        told = ""
+    return _with_truth(evaluation, name, findings, told)
 
 
 def _with_truth(

@@ -50,6 +50,7 @@ AT_M = 2.0
 BETWEEN_CAMERAS_M, BETWEEN_CAMERAS_PX = Limits(0.004, 0.02), Limits(2.0, 6.0)
 RANGE_IN_IMAGE_M, RANGE_IN_IMAGE_PX = Limits(0.02, 0.06), Limits(4.0, 10.0)
 OFF_PLANE_M = Limits(0.025, 0.06)
+BESIDE_M = 1.0  # a turn counts as the way of what is so far beside the boards' middle [m]
 BOARD_APART_M = Limits(0.01, 0.05)
 TRUE_M, TRUE_RAD = Limits(0.01, 0.03), Limits(math.radians(0.25), math.radians(1.0))
 
