@@ -55,7 +55,7 @@ def add_labeling_options(parser: argparse.ArgumentParser) -> None:
         default="on",
         help="predict seeds from the cameras and search the board (default: on)",
     )
-    add_option(parser, "seeds", type=_optional_path, metavar="FILE", help="seeds given by hand")
+    add_option(parser, "seeds", type=optional_path, metavar="FILE", help="seeds given by hand")
     add_option(
         parser,
         "rate",
@@ -91,7 +91,8 @@ def add_receive_time_option(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _optional_path(text: str) -> Optional[Path]:
+def optional_path(text: str) -> Optional[Path]:
+    """Return None for the empty text that a launch file passes for what is not given."""
     return Path(text) if text else None
 
 

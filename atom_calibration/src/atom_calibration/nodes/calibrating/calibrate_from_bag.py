@@ -16,7 +16,7 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 from atom_calibration.nodes.calibrating.calibration_view import CalibrationView
 from atom_calibration.nodes.collecting import collect_from_bag
 from atom_calibration.runtime import running
-from atom_calibration.runtime.options import add_receive_time_option
+from atom_calibration.runtime.options import add_receive_time_option, optional_path
 from atom_calibration.runtime.status import STATUS_FILE, write_begun, write_status
 from atom_calibration.show.view_options import add_view_options, take_view_options
 from atom_calibration.sources.described_bag import SAVED
@@ -121,21 +121,16 @@ def _texts(options: List[object], args: argparse.Namespace) -> List[str]:
     return [str(option) for option in options] + (["--overwrite"] if args.overwrite else [])
 
 
-def _optional_path(text: str) -> Optional[Path]:
-    """Return None for the empty text that a launch file passes for what is not given."""
-    return Path(text) if text else None
-
-
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     made = OptionParser(prog="calibrate_from_bag", description=__doc__, epilog=examples(EXAMPLE))
     add_option(made, "config", required=True, type=Path, metavar="FILE", help="config.yml")
     collect_from_bag.add_bag_option(made)
     add_option(made, "output", "-o", required=True, type=Path, metavar="DIR", help="results")
-    add_option(made, "seeds", type=_optional_path, metavar="FILE", help="seeds given by hand")
-    collect_from_bag.add_description_option(made, _optional_path)
+    add_option(made, "seeds", type=optional_path, metavar="FILE", help="seeds given by hand")
+    collect_from_bag.add_description_option(made, optional_path)
     add_receive_time_option(made)
-    add_option(made, "truth", type=_optional_path, metavar="FILE", help="a simulation's truth")
+    add_option(made, "truth", type=optional_path, metavar="FILE", help="a simulation's truth")
     add_option(made, "overwrite", "-ow", action="store_true", help="replace earlier results")
     add_report_option(made)
     add_view_options(made)

@@ -248,7 +248,7 @@ class _Judge:
     def _blamed(self, fits: BoardFits, left: Sequence[int]) -> Tuple[List[int], float]:
         """Return the one without which the others agree best, and the chi-square that it saves.
 
-        None when they agree as it is; several when nothing tells which of them it is.
+        Nobody where they agree as it is; several when nothing tells which of them it is.
         """
         choices = [d for d in left if not self._kept(d)]
         without = {d: fits.disagreement([o for o in left if o != d]) for d in choices}
