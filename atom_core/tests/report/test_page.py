@@ -146,7 +146,7 @@ def test_the_scene_has_sensors_where_they_are_and_boards_where_sensors_saw_them(
         for name, text in texts.items():
             label_seen = [s for s in seen[name] if s.key.collection == first]
             if label_seen:  # points of this sensor lie on the board
-                corners, points = boards[first], decoded(text)
+                corners, points = boards[first], decoded(text, scene["unit_m"])
                 normal = np.cross(corners[1] - corners[0], corners[3] - corners[0])
                 heights = (points - corners[0]) @ normal / np.linalg.norm(normal)
                 near = np.linalg.norm(points - corners.mean(axis=0), axis=1) < 0.25
@@ -164,6 +164,44 @@ def test_ellipsoids_are_standard_deviations_so_many_times(given):
         lengths = np.linalg.norm(sensor["ellipsoid"]["axes"], axis=1)
         sigmas = np.array(edge["combined_sigma_translation_m"])
         assert lengths == pytest.approx(scene["magnification"] * sigmas, abs=2e-4)
+
+
+def carried(given, places):
+    """Return results whose rig and boards stand elsewhere in the world, by collection (3,) [m]."""
+    dataset, edges = given.dataset, {}
+    for place, (key, collection) in zip(places, given.dataset.collections.items()):
+        there = se3.transform(np.eye(3), np.array(place))
+        roots = {e: m for e, m in collection.transforms.items() if e.parent == dataset.world}
+        edges[key] = {edge: there @ matrix for edge, matrix in roots.items()}
+    return Given(given.calibration, None, dataset.with_transforms(edges), ())
+
+
+@pytest.mark.parametrize("far", [(300.0, -200.0, 0.0), (5e5, 4e6, 100.0)])
+def test_a_rig_far_from_the_worlds_origin_is_drawn_as_one_beside_it(given, far):
+    """As in a map: with its points, and where the world's origin is at the axes."""
+    moved = carried(given, [far] * len(given.dataset.collections))
+    near, scene = (rig_scene(one, sightings(one.dataset)) for one in (given, moved))
+    for at, title in zip(far, scene["axes"]):
+        sign, number = re.fullmatch(r"[xyz](?: ([-+]) (\d+))? \[m\]", title).groups()
+        assert float(number or 0.0) * (1 if sign == "-" else -1) == pytest.approx(at, abs=5.0)
+    gap = np.subtract(near["boards"][0]["corners"][0], scene["boards"][0]["corners"][0])
+    assert np.allclose(gap, np.rint(gap), atol=2e-4)
+    for one, other in zip(near["sensors"], scene["sensors"]):
+        assert np.allclose(np.subtract(one["place"], other["place"]), gap, atol=2e-4)
+    for key, texts in near["points"].items():
+        for name, text in texts.items():
+            points = decoded(text, near["unit_m"]) - gap
+            drawn = decoded(scene["points"][key][name], scene["unit_m"])
+            assert len(drawn) == len(points) and np.allclose(points, drawn, atol=0.0021)
+
+
+def test_points_of_a_rig_that_is_hundreds_of_metres_wide_are_kept(given):
+    places = [(60.0 * i, 0.0, 0.0) for i in range(len(given.dataset.collections))]
+    driven = carried(given, places)
+    near, scene = (rig_scene(one, sightings(one.dataset)) for one in (given, driven))
+    for key, texts in near["points"].items():
+        for name, text in texts.items():
+            assert len(text) == len(scene["points"][key][name])
 
 
 # ---- pictures

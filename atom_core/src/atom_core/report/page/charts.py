@@ -279,7 +279,6 @@ def draw_scene(axes: Any, scene: Mapping[str, Any], points: List[np.ndarray]) ->
         axes.set_xlim(middle[0] - half, middle[0] + half)
         axes.set_ylim(middle[1] - half, middle[1] + half)
         axes.set_zlim(middle[2] - half, middle[2] + half)
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
-    axes.set_zlabel("z [m]")
+    for named, title in zip((axes.set_xlabel, axes.set_ylabel, axes.set_zlabel), scene["axes"]):
+        named(title)
     axes.view_init(elev=28, azim=-60)

@@ -91,7 +91,7 @@ def _viewer(given: Given, seen: Dict[str, List[Sighting]]) -> Optional[Viewer]:
         return None
     scene = rig_scene(given, seen)
     first = scene["points"].get(scene["collections"][0], {}) if scene["collections"] else {}
-    points: List[np.ndarray] = [decoded(text) for text in first.values()]
+    points: List[np.ndarray] = [decoded(text, scene["unit_m"]) for text in first.values()]
     draw = partial(charts.draw_scene, scene=scene, points=points)
     alt = (
         f"The rig: {len(scene['sensors'])} sensors before (dotted) and after, and "

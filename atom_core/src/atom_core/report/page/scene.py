@@ -17,7 +17,8 @@ from atom_core.report.page.views import Sighting, cloud, world_T_frame
 MOST_COLLECTIONS, MOST_POINTS = 30, 1500  # of the points shown; points of a sensor and collection
 _MOST_BOARDS = 200
 _MAGNIFICATIONS = (1, 3, 10, 30, 100, 300, 1000)
-_UNIT_M = 0.002  # points are kept as whole multiples
+_UNIT_M = 0.002  # points are kept as whole multiples, of a longer one where all is farther apart
+_LARGEST = int(np.iinfo(np.int16).max)
 _ICON = 0.09  # size of a sensor by its usual distance to boards
 _RING = 24  # sides of a circle
 
@@ -25,7 +26,9 @@ Lines = List[Optional[List[float]]]  # points of polylines, None between two of 
 
 
 def rig_scene(given: Given, seen: Dict[str, List[Sighting]]) -> Dict[str, Any]:
-    """Return the scene as plain values for JSON.
+    """Return the scene as plain values for JSON, with places [m] as seen from its origin.
+
+    That is the world's, unless the rig is too far away for a viewer's single precision.
 
     Args:
         given: results with a dataset.
@@ -53,12 +56,17 @@ def rig_scene(given: Given, seen: Dict[str, List[Sighting]]) -> Dict[str, Any]:
                 **shapes,
             }
         )
-    points = _points(dataset)
+    boards = _boards(dataset)
+    origin, unit_m = _origin_and_unit(sensors, boards, size)
+    points = _points(dataset, origin, unit_m)
+    if np.any(origin):
+        _move(sensors, boards, origin)
     return {
         "sensors": sensors,
-        "boards": _boards(dataset),
+        "boards": boards,
+        "axes": [_axis(name, float(at)) for name, at in zip("xyz", origin)],
         "magnification": magnification,
-        "unit_m": _UNIT_M,
+        "unit_m": unit_m,
         "points": points,
         "collections": list(points),
         "size_m": size,
@@ -174,8 +182,53 @@ def shown_collections(dataset: Dataset, most: int = MOST_COLLECTIONS) -> List[st
     return keys[:: max(1, -(-len(keys) // most))]
 
 
-def _points(dataset: Dataset) -> Dict[str, Dict[str, str]]:
-    """Return points in the world by collection and sensor, as base64 of int16 in `_UNIT_M`."""
+def _origin_and_unit(
+    sensors: Sequence[Dict[str, Any]], boards: Sequence[Dict[str, Any]], size: float
+) -> Tuple[np.ndarray, float]:
+    """Return the scene's origin (3,) in the world [m], and the unit of its points [m].
+
+    Points in the whole box around sensors and boards, which is what the viewer shows, can be told.
+    """
+    lines = [one.get(word) or [] for one in sensors for word in ("before", "after")]
+    places = [point for line in lines for point in line if point is not None]
+    places += [corner for board in boards for corner in board["corners"]]
+    if not places:
+        return np.zeros(3), _UNIT_M
+    low, high = np.min(places, axis=0), np.max(places, axis=0)
+    margin = 0.08 * (high - low) + size  # as of the viewer
+    low, high = low - margin, high + margin
+    origin, reach = np.zeros(3), float(np.max(np.abs([low, high])))
+    if reach > _LARGEST * _UNIT_M:
+        origin = np.rint(0.5 * (low + high))
+        reach = float(np.max(np.abs([low - origin, high - origin])))
+    return origin, max(_UNIT_M, reach / _LARGEST)
+
+
+def _move(
+    sensors: Sequence[Dict[str, Any]], boards: Sequence[Dict[str, Any]], origin: np.ndarray
+) -> None:
+    """Make all places those seen from an origin (3,) in the world [m]."""
+
+    def moved(line: Lines) -> Lines:
+        return [None if point is None else _rounded(np.subtract(point, origin)) for point in line]
+
+    for one in sensors:
+        one.update({w: moved(one[w]) for w in ("before", "after") if one[w] is not None})
+        one.update({w: moved([one[w]])[0] for w in ("place",) if w in one})
+        if one["ellipsoid"] is not None:
+            one["ellipsoid"]["centre"] = moved([one["ellipsoid"]["centre"]])[0]
+    for board in boards:
+        board["corners"] = moved(board["corners"])
+
+
+def _axis(name: str, origin_m: float) -> str:
+    """Return the title of an axis, which tells where the world's origin is."""
+    sign = "-" if origin_m > 0.0 else "+"
+    return f"{name} [m]" if origin_m == 0.0 else f"{name} {sign} {abs(origin_m):.0f} [m]"
+
+
+def _points(dataset: Dataset, origin: np.ndarray, unit_m: float) -> Dict[str, Dict[str, str]]:
+    """Return points from the origin by collection and sensor, as base64 of int16 in the unit."""
     found: Dict[str, Dict[str, str]] = {}
     for key in shown_collections(dataset):
         for name, sensor in dataset.sensors.items():
@@ -188,14 +241,13 @@ def _points(dataset: Dataset) -> Dict[str, Dict[str, str]]:
                 points = cloud(sensor, dataset.data.read(key, name), MOST_POINTS)
             except DatasetError:  # a damaged file costs its points, not the report
                 continue
-            limits = np.iinfo(np.int16)
-            whole = np.rint(se3.apply(frame, points) / _UNIT_M)
-            whole = whole[np.all((whole >= limits.min) & (whole <= limits.max), axis=1)]
+            whole = np.rint((se3.apply(frame, points) - origin) / unit_m)
+            whole = whole[np.all(np.abs(whole) <= _LARGEST, axis=1)]
             data = whole.astype("<i2").tobytes()
             found.setdefault(key, {})[name] = base64.b64encode(data).decode("ascii")
     return found
 
 
-def decoded(text: str) -> np.ndarray:
-    """Return points (n, 3) [m] of what `rig_scene` keeps of a cloud."""
-    return np.frombuffer(base64.b64decode(text), dtype="<i2").reshape(-1, 3) * _UNIT_M
+def decoded(text: str, unit_m: float) -> np.ndarray:
+    """Return points (n, 3) [m] from the scene's origin, of what `rig_scene` keeps of a cloud."""
+    return np.frombuffer(base64.b64decode(text), dtype="<i2").reshape(-1, 3) * unit_m

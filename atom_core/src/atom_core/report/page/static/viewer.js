@@ -130,14 +130,14 @@
 
   function layout() {
     const spans = ranges.map((range) => range[1] - range[0]), longest = Math.max(...spans);
-    const axis = (n, title) => ({
-      range: ranges[n], title: { text: title }, backgroundcolor: "#ffffff",
+    const axis = (n) => ({
+      range: ranges[n], title: { text: scene.axes[n] }, backgroundcolor: "#ffffff",
       gridcolor: "#dde3e6", zerolinecolor: "#c9d1d6", showspikes: false,
     });
     return {
       showlegend: false, margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "#ffffff",
       scene: {
-        xaxis: axis(0, "x [m]"), yaxis: axis(1, "y [m]"), zaxis: axis(2, "z [m]"),
+        xaxis: axis(0), yaxis: axis(1), zaxis: axis(2),
         aspectmode: "manual", dragmode: "turntable", camera: camera(),
         aspectratio: {
           x: (1.5 * spans[0]) / longest, y: (1.5 * spans[1]) / longest, z: (1.5 * spans[2]) / longest,
