@@ -139,8 +139,8 @@ def _facts(
     if path.is_dir():
         findings.problem(
             ("bag_file",),
-            f"is the folder {path}, a recording of ROS 2; convert it to a .bag file, e.g. with "
-            f"`rosbags-convert` of the Python package rosbags",
+            f"is the folder {path}, as recordings of ROS 2 are; name a .bag file, or convert it to "
+            f"one, e.g. with `rosbags-convert` of the Python package rosbags",
         )
         return None
     try:
