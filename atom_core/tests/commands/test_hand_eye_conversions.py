@@ -420,3 +420,21 @@ def test_poses_that_the_images_fit_inverted_are_told(made, tmp_path, capsys, lay
     run(*from_layout(tmp_path, layout, tmp_path / "new"))
     said = f"the robot's poses are inverted, by the images of '{CAMERA}'"
     assert (said in capsys.readouterr().out) == inverted
+
+
+@pytest.mark.parametrize("layout", ["rwhe", "tabb"])
+def test_images_of_an_earlier_conversion_do_not_stay_beside_those_of_this(
+    made, tmp_path, layout, capsys
+):
+    """Programs pair images and poses in their order, and take all that lie there."""
+    folder, _ = made
+    output = tmp_path / "out"
+    words = [f"convert_to_{layout}_dataset", *to(folder, output)]
+    frames = {"rwhe": ["-e", CAMERA, "-sf", "world", "-tf", FLANGE, "-sd"], "tabb": ["-hl", FLANGE]}
+    words += frames[layout]
+    run(*words)
+    before = {path: path.read_bytes() for path in output.rglob("*") if path.is_file()}
+    run(*words, "-ow")
+    line = refused(capsys, *words, "-ow", "-csf", "!000")
+    assert "of another conversion" in line
+    assert before == {path: path.read_bytes() for path in output.rglob("*") if path.is_file()}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
+from typing import Dict, Mapping
 
 from scipy.io import savemat
 
@@ -11,12 +13,19 @@ from atom_core.commands.hand_eye_export import (
     add_export_options,
     check_camera,
     exported_dataset,
+    folder_for,
     image_file,
     robot_poses,
 )
 from atom_core.errors import DatasetError
-from atom_core.io.atomic import copy_atomically, prepare_output_folder, write_text_atomically
-from atom_core.io.hand_eye_folders import RWHE_MATLAB, RWHE_POSES, RWHE_SQUARE, matlab_poses
+from atom_core.io.atomic import copy_atomically, write_text_atomically
+from atom_core.io.hand_eye_folders import (
+    RWHE_CORNERS,
+    RWHE_MATLAB,
+    RWHE_POSES,
+    RWHE_SQUARE,
+    matlab_poses,
+)
 from atom_core.io.robot_poses import rwhe_text
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import RgbLabel
@@ -50,26 +59,32 @@ def run(args: argparse.Namespace) -> int:
             f"{args.dataset}: {len(dataset.patterns)} patterns, and this layout knows one board"
         )
     poses = robot_poses(dataset, args.source_frame, args.target_frame)
-    files = {key: image_file(dataset, key, args.eye) for key in dataset.collections}
-    folder = prepare_output_folder(args.output, args.overwrite)
-    for number, path in enumerate(files.values(), 1):  # image n belongs to line n
-        copy_atomically(path, folder / f"{number}{path.suffix}")
+    images = [image_file(dataset, key, args.eye) for key in dataset.collections]
+    # image n belongs to line n
+    copies = {args.output / f"{n}{path.suffix}": path for n, path in enumerate(images, 1)}
+    corners = _corner_files(dataset, args) if args.save_detections else {}
+    folder = folder_for(args, {*copies, *corners.values()})
+    for copy, path in copies.items():
+        copy_atomically(path, copy)
     (pattern,) = dataset.patterns.values()
     write_text_atomically(folder / RWHE_SQUARE, f"{pattern.square_m:g}m\n")
     write_text_atomically(folder / RWHE_POSES, rwhe_text(poses))
     savemat(str(folder / RWHE_MATLAB), matlab_poses(poses))
     if args.save_detections:
-        _write_corners(dataset, args)
+        _write_corners(dataset, args.eye, corners)
     print(f"{folder.resolve()}: {len(poses)} images with their poses, image n with line n")
     return 0
 
 
-def _write_corners(dataset: Dataset, args: argparse.Namespace) -> None:
+def _corner_files(dataset: Dataset, args: argparse.Namespace) -> Dict[str, Path]:
+    return {key: args.output / RWHE_CORNERS / f"{key}.txt" for key in dataset.collections}
+
+
+def _write_corners(dataset: Dataset, camera: str, files: Mapping[str, Path]) -> None:
     (pattern,) = dataset.patterns
-    below = args.output / "detections"
-    below.mkdir(exist_ok=True)
     for key, collection in dataset.collections.items():
-        label = collection.labels.get((args.eye, pattern))
+        label = collection.labels.get((camera, pattern))
         pixels = label.pixels.tolist() if isinstance(label, RgbLabel) else []
         text = "".join(f"{x!r} {y!r}\n" for x, y in pixels)
-        write_text_atomically(below / f"{key}.txt", text)
+        files[key].parent.mkdir(exist_ok=True)
+        write_text_atomically(files[key], text)

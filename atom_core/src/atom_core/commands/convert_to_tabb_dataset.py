@@ -10,11 +10,12 @@ from atom_core.commands.hand_eye_export import (
     add_export_options,
     cameras_of,
     exported_dataset,
+    folder_for,
     image_file,
     robot_poses,
 )
 from atom_core.errors import DatasetError
-from atom_core.io.atomic import copy_atomically, prepare_output_folder, write_text_atomically
+from atom_core.io.atomic import copy_atomically, write_text_atomically
 from atom_core.io.hand_eye_folders import (
     TABB_BOARD,
     TABB_DETAILS,
@@ -53,10 +54,15 @@ def run(args: argparse.Namespace) -> int:
             raise DatasetError(f"{args.dataset}: frame '{frame}' is in no transform; see {option}")
     poses = robot_poses(dataset, base, args.hand_link)
     files = {(c, key): image_file(dataset, key, c) for c in cameras for key in dataset.collections}
-    folder, numbers = prepare_output_folder(args.output, args.overwrite), _numbers(dataset)
-    for (camera, key), path in files.items():
-        (folder / TABB_IMAGES / camera).mkdir(parents=True, exist_ok=True)
-        copy_atomically(path, folder / TABB_IMAGES / camera / f"image{numbers[key]}{path.suffix}")
+    numbers, images = _numbers(dataset), args.output / TABB_IMAGES
+    copies = {
+        images / camera / f"image{numbers[key]}{path.suffix}": path
+        for (camera, key), path in files.items()
+    }
+    folder = folder_for(args, copies)
+    for copy, path in copies.items():
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        copy_atomically(path, copy)
     (pattern,) = dataset.patterns.values()
     write_text_atomically(folder / TABB_BOARD, tabb_board_text(pattern))
     details = f"{args.dataset.name}: {len(poses)} poses of {args.hand_link} in {base}\n"

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any, List
+from typing import Any, Collection, List
 
 import numpy as np
 
 from atom_core.calibration.prepare.input_changes import without_partial_detections
 from atom_core.commands import common
-from atom_core.errors import DatasetError
+from atom_core.errors import DatasetError, OutputError
+from atom_core.io.atomic import prepare_output_folder
 from atom_core.io.data_files import data_path
 from atom_core.io.dataset_json import read_dataset
+from atom_core.io.hand_eye_folders import of_other_images
 from atom_core.model.dataset import Dataset, is_complete, pose
 from atom_core.model.selection import select_names
 
@@ -101,6 +103,26 @@ def image_file(dataset: Dataset, key: str, camera: str) -> Path:
             f"or leave the collection out with -csf"
         )
     return found
+
+
+def folder_for(args: argparse.Namespace, written: Collection[Path]) -> Path:
+    """Make the folder of a conversion.
+
+    Args:
+        args: the options of the command.
+        written: images, and corners, that are to stand in it.
+
+    Raises:
+        OutputError: images of an earlier conversion are in it, which would stay beside these.
+    """
+    others = of_other_images(args.output, written)
+    if others:
+        raise OutputError(
+            f"{args.output}: {others[0].relative_to(args.output)} is of another conversion "
+            f"({len(others)} files), and would be taken for one of this; remove the images, or "
+            f"choose another folder"
+        )
+    return prepare_output_folder(args.output, args.overwrite)
 
 
 def robot_poses(dataset: Dataset, base: str, hand: str) -> List[np.ndarray]:

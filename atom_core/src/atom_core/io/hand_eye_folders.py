@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import Collection, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from atom_core.model.pattern import Pattern
 
 RWHE_POSES, RWHE_SQUARE = "RobotPosesVec.txt", "squaresize.txt"
 RWHE_MATLAB, RWHE_MATLAB_NAME = "RobotPoses.mat", "handposes"
+RWHE_CORNERS = "detections"
 TABB_POSES, TABB_BOARD, TABB_DETAILS = (
     "robot_cali.txt",
     "calibration_object.txt",
@@ -153,6 +154,21 @@ def numbered_images(folder: Path) -> Dict[int, Path]:
     if not found:
         raise DatasetError(f"{folder}: there are no images in it")
     return dict(sorted(found.items()))
+
+
+def of_other_images(folder: Path, written: Collection[Path]) -> List[Path]:
+    """Return images and corners in a folder of a layout that are not those to be written.
+
+    Programs take all that lie there for one set, image by image with the poses.
+    """
+    below = (folder, folder / RWHE_CORNERS, *sorted((folder / TABB_IMAGES).glob("*")))
+    files = [path for place in below if place.is_dir() for path in sorted(place.iterdir())]
+    return [
+        path
+        for path in files
+        if path not in written
+        and (path.suffix.lower() in _ENDINGS or path.parent.name == RWHE_CORNERS)
+    ]
 
 
 def tabb_board_text(pattern: Pattern) -> str:
