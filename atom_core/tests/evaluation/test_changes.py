@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from atom_core.evaluation.changes import changes, held_apart, limit_of
+from atom_core.evaluation.changes import changes, held_apart, held_elsewhere, limit_of
 from atom_core.evaluation.spreads import spreads_of
 from atom_core.geometry import se3
 from atom_core.model.edge_state import EdgeState, ParameterState
@@ -71,6 +71,27 @@ def test_what_is_held_or_in_one_only_is_not_compared():
     assert [edge.child for edge in found.held] == ["held"]
     assert list(found.only_in_one) == ["base-gone", "base-new"]
     assert held_apart([state("a", True)], [state("a")]) == [Edge("base", "a")]
+
+
+def test_of_a_sensor_that_one_of_the_two_lacks_nothing_is_told():
+    found = changes([state("a"), state("gone")], [state("a")])
+    assert not found.moved and changes_verdict(found).grade == "weak"
+    assert changes_sentence(found).endswith("of gone nothing is told: it is in one of the two only")
+
+
+def test_where_all_seem_to_have_moved_it_may_be_the_one_that_is_held():
+    held, still, moved = state("held", True), state("b"), state("a", pose=shifted(0.1))
+    found = changes([held, state("a")], [held, moved])
+    assert "a moved (or held, against which the others are told)" in changes_sentence(found)
+    found = changes([held, state("a"), still], [held, moved, still])
+    assert changes_sentence(found).endswith("differ: a moved")
+
+
+def test_what_is_held_in_two_places_is_named_with_how_far():
+    before, after = [state("held", True), state("a")], [state("held", True, shifted(0.005))]
+    ((found, error),) = held_elsewhere(before, [*after, state("a", pose=shifted(0.1))])
+    assert found.edge.child == "held" and error.translation_m == pytest.approx(0.005)
+    assert not held_elsewhere(before, [state("held", True, shifted(1e-6)), state("a")])
 
 
 def test_the_limit_is_that_of_six_numbers_shared_by_the_edges():

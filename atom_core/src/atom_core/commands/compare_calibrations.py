@@ -8,11 +8,11 @@ from typing import List
 
 from atom_core.commands import common
 from atom_core.errors import DatasetError
-from atom_core.evaluation.changes import Changes, changes, held_apart
+from atom_core.evaluation.changes import Changes, changes, held_apart, held_elsewhere
 from atom_core.io.atomic import prepare_output_folder, write_json_atomically
 from atom_core.io.calibration_json import StoredCalibration, read_calibration
 from atom_core.report.changes_report import changes_document, changes_sentence, changes_table
-from atom_core.report.verdict import names_in_words
+from atom_core.report.verdict import angle, length, names_in_words
 from atom_core.solvers.base import CONVERGED
 
 RESULT_FILE = "comparison.json"
@@ -64,7 +64,8 @@ def compared(first: StoredCalibration, second: StoredCalibration) -> Changes:
     """Return what differs.
 
     Raises:
-        DatasetError: one holds what the other estimates, or they have no edge in common.
+        DatasetError: one holds what the other estimates, both hold it in different places, or they
+            have no edge in common.
     """
     before, after = first.edges, second.edges
     apart = held_apart(before, after)
@@ -72,6 +73,12 @@ def compared(first: StoredCalibration, second: StoredCalibration) -> Changes:
         raise DatasetError(
             f"{second.path}: '{apart[0]}' is held in one of the two and estimated in the other; "
             f"calibrate both with the same --anchor_sensors"
+        )
+    for state, error in held_elsewhere(before, after):
+        raise DatasetError(
+            f"{second.path}: '{state.edge}' is held {length(error.translation_m)} and "
+            f"{angle(error.rotation_rad)} from where {first.path} holds it, and all others are "
+            f"told in relation to it; calibrate both from the same description"
         )
     if not {state.edge for state in before} & {state.edge for state in after}:
         raise DatasetError(

@@ -15,6 +15,7 @@ from atom_core.model.transforms import Edge
 
 FALSE_ALARMS = 0.01  # of rigs that did not move
 TOLD_M, TOLD_RAD = 0.02, float(np.radians(1.0))  # what is not noticed at this size is not told
+_ONE_PLACE = 1e-4  # m, rad: digits that a description rounds
 _NOTICED = 5.6  # standard deviations that are beyond the limit in 95 % of cases
 
 
@@ -90,6 +91,8 @@ class Changes:
         joint_limit: likewise of those of joints' parameters.
         only_in_one: edges and parameters of joints that one of them lacks.
         held: edges that both hold.
+        lacking: sensors that one of them lacks, and parameters of joints.
+        reference: sensors that both hold.
         by_collection: edges with a value for each collection, which are other ones elsewhere.
     """
 
@@ -100,6 +103,8 @@ class Changes:
     joints: Tuple[JointChange, ...] = ()
     by_collection: Tuple[Edge, ...] = ()
     joint_limit: float = np.inf
+    lacking: Tuple[str, ...] = ()
+    reference: Tuple[str, ...] = ()
 
     @property
     def compared(self) -> Tuple[Union[EdgeChange, JointChange], ...]:
@@ -153,8 +158,11 @@ def changes(
     both = [name for name in old if name in new]
     tests = len(estimated) + len(both)
     limit, joint_limit = limit_of(tests), limit_of(tests, 1)
-    only = [str(edge) for edge in (*first, *second) if edge not in common]
-    only += [name for name in (*old, *new) if name not in both]
+    edges = [edge for edge in (*first, *second) if edge not in common]
+    parameters = [name for name in (*old, *new) if name not in both]
+    alone = [first.get(edge) or second[edge] for edge in edges]
+    sensors = [name for state in alone for name in state.sensors or (str(state.edge),)]
+    only = [*map(str, edges), *parameters]
     return Changes(
         tuple(_change(first[edge], second[edge], limit) for edge in estimated),
         limit,
@@ -163,6 +171,8 @@ def changes(
         tuple(_joint_change(old[name], new[name], joint_limit) for name in both),
         tuple(many),
         joint_limit,
+        tuple(dict.fromkeys([*sensors, *parameters])),
+        tuple(name for edge in held for name in first[edge].sensors),
     )
 
 
@@ -194,3 +204,17 @@ def held_apart(before: Sequence[EdgeState], after: Sequence[EdgeState]) -> List[
     """Return the edges that one calibration holds and the other estimates."""
     first = {state.edge: state.anchored for state in before}
     return [s.edge for s in after if s.edge in first and first[s.edge] != s.anchored]
+
+
+def held_elsewhere(
+    before: Sequence[EdgeState], after: Sequence[EdgeState]
+) -> List[Tuple[EdgeState, PoseError]]:
+    """Return the edges that both calibrations hold, but not in one place, and how far apart."""
+    first = {state.edge: state for state in before}
+    both = [(first[s.edge], s) for s in after if s.edge in first]
+    apart = [(s, pose_error(f.parent_T_child, s.parent_T_child)) for f, s in both if s.anchored]
+    return [
+        (state, error)
+        for state, error in apart
+        if state.collection is None and max(error.translation_m, error.rotation_rad) > _ONE_PLACE
+    ]

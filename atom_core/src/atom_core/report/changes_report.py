@@ -73,9 +73,17 @@ def changes_sentence(found: Changes) -> str:
     untold = [change.name for change in found.untold]
     if not names and untold:
         return f"nothing is seen to differ, but of {names_in_words(untold)} nothing is told"
+    if not names and found.lacking:
+        return (
+            f"nothing is seen to differ, but of {names_in_words(found.lacking)} nothing is told: "
+            f"{'it is' if len(found.lacking) == 1 else 'they are'} in one of the two only"
+        )
     if not names:
         return "the two calibrations are the same, as far as they can tell"
-    return f"the two calibrations differ: {names_in_words(names)} moved"
+    rival = ""
+    if found.reference and len(names) == len(found.compared):
+        rival = f" (or {names_in_words(found.reference)}, against which the others are told)"
+    return f"the two calibrations differ: {names_in_words(names)} moved{rival}"
 
 
 def changes_verdict(found: Changes, warnings: Sequence[str] = ()) -> Verdict:
@@ -85,7 +93,7 @@ def changes_verdict(found: Changes, warnings: Sequence[str] = ()) -> Verdict:
         found: what differs.
         warnings: why that may not be all.
     """
-    is_all = bool(found.compared) and not found.untold and not warnings
+    is_all = bool(found.compared) and not (found.untold or found.lacking or warnings)
     grade = WRONG if found.moved else GOOD if is_all else WEAK
     return Verdict(grade, changes_sentence(found), {})
 
