@@ -134,6 +134,17 @@ TEST(Names, NoneCoversAnotherAndThoseApartStay) {
   EXPECT_TRUE(shifts_down({}).empty());
 }
 
+TEST(Names, WithoutAPlaceStayAndMoveNoOther) {
+  const double nowhere = std::numeric_limits<double>::quiet_NaN();
+  const std::vector<ScreenLabel> labels = {{nowhere, nowhere, 50, 20},
+                                           {nowhere, nowhere, 50, 20},
+                                           {0, 100, 50, 20},
+                                           {nowhere, 100, 50, 20},
+                                           {0, 100, 50, 20}};
+  const std::vector<double> shifts = shifts_down(labels);
+  EXPECT_EQ(shifts, (std::vector<double>{0.0, 0.0, 0.0, 0.0, 20.0}));
+}
+
 TEST(GuessTable, TellsWhatWasMovedAndHowFarPointsAreOffTheBoard) {
   GuessState state;
   state.output = "first.urdf.xacro";

@@ -28,6 +28,14 @@ TEST(SensorOfCloud, TopicOrWhatStandsBelowIt) {
   EXPECT_EQ(sensor_of_cloud(state, "/left/points_2", "l"), "left_2");
 }
 
+TEST(SensorOfCloud, OfTopicsBelowEachOtherTheNearestIsMeant) {
+  const auto state =
+      state_of({{"front", "lidar3d", "/points", "f"}, {"rear", "lidar3d", "/points/rear", "r"}});
+  EXPECT_EQ(sensor_of_cloud(state, "/points/rear", "r"), "rear");
+  EXPECT_EQ(sensor_of_cloud(state, "/points/rear/labeled", "r"), "rear");
+  EXPECT_EQ(sensor_of_cloud(state, "/points/labeled", "f"), "front");
+}
+
 TEST(SensorOfCloud, ElseTheOnlyLidarWithTheFrame) {
   auto state = state_of({{"left", "lidar3d", "/left/points", "l"}, {"cam", "rgb", "/cam", "l"}});
   EXPECT_EQ(sensor_of_cloud(state, "/filtered", "l"), "left");

@@ -3,13 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <numeric>
 
 namespace atom_rviz {
 
 std::vector<double> shifts_down(const std::vector<ScreenLabel>& labels) {
-  std::vector<std::size_t> order(labels.size());
-  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::vector<std::size_t> order;
+  for (std::size_t i = 0; i < labels.size(); ++i) {
+    if (std::isfinite(labels[i].x) && std::isfinite(labels[i].y)) order.push_back(i);
+  }
   std::stable_sort(order.begin(), order.end(),
                    [&](std::size_t a, std::size_t b) { return labels[a].y < labels[b].y; });
   std::vector<double> shifts(labels.size(), 0.0);

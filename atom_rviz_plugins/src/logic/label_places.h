@@ -15,7 +15,7 @@ struct ScreenLabel {
 };
 
 /// How far each label is moved down, in screen pixels, so that none covers another. The upper ones
-/// stay; labels apart from others do not move.
+/// stay; labels apart from others do not move, nor do those whose place is not finite.
 std::vector<double> shifts_down(const std::vector<ScreenLabel>& labels);
 
 }  // namespace atom_rviz

@@ -17,16 +17,21 @@ bool has_image(const atom_calibration::SensorState& sensor) {
 
 std::string sensor_of_cloud(const atom_calibration::CollectorState& state, const std::string& topic,
                             const std::string& frame_id) {
-  std::string by_frame;
+  std::string by_topic, by_frame;
+  std::size_t longest = 0;  // of the topics that it may stand below, the nearest
   int of_frame = 0;
   for (const auto& sensor : state.sensors) {
     if (has_image(sensor)) continue;
-    if (shows(topic, sensor.topic)) return sensor.name;
+    if (shows(topic, sensor.topic) && sensor.topic.size() > longest) {
+      by_topic = sensor.name;
+      longest = sensor.topic.size();
+    }
     if (sensor.frame_id == frame_id) {
       by_frame = sensor.name;
       ++of_frame;
     }
   }
+  if (!by_topic.empty()) return by_topic;
   return of_frame == 1 ? by_frame : "";
 }
 

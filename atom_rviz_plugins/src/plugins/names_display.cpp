@@ -157,8 +157,9 @@ void NamesDisplay::update(float /*wall_dt*/, float /*ros_dt*/) {
     name.node->setVisible(known);
     if (!known) continue;
     const Ogre::Vector3 in_camera = camera->getViewMatrix(true) * place;
-    name.node->setVisible(in_camera.z < 0.0f);
-    if (in_camera.z >= 0.0f) continue;
+    const bool ahead = in_camera.z < 0.0f;  // false of a place that is no number
+    name.node->setVisible(ahead);
+    if (!ahead) continue;
     const Ogre::Matrix4 projection = camera->getProjectionMatrix();  // also of a view without depth
     const Ogre::Vector3 on_screen = projection * in_camera;
     const Ogre::Vector3 above = projection * (in_camera + Ogre::Vector3::UNIT_Y);
