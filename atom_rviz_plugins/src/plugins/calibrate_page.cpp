@@ -6,6 +6,8 @@
 #include <QHBoxLayout>
 #include <QVBoxLayout>
 
+#include "plugins/tones.h"
+
 namespace atom_rviz {
 
 CalibratePage::CalibratePage(QWidget* parent) : Page("/calibrate/", {}, "", parent) {
@@ -32,9 +34,11 @@ void CalibratePage::lay_out() {
   table_->fit_rows();
   legend_->setWordWrap(true);
   legend_->setText(
-      "<font color='#00823c'>Good</font>, <font color='#b06800'>weak</font>, "
-      "<font color='#be3214'>wrong</font>; in the view white and thin: before. Bars: residuals by "
-      "sensor, in its own scale, and collection; a click leaves one out and solves again.");
+      QString("<font color='%1'>Good</font>, <font color='%2'>weak</font>, <font color='%3'>wrong"
+              "</font>; in the view white and thin: before. Bars: residuals by sensor, in its own "
+              "scale, and collection; a click leaves one out and solves again.")
+          .arg(colour_of(Tone::kGood, palette()).name(), colour_of(Tone::kWeak, palette()).name(),
+               colour_of(Tone::kBad, palette()).name()));
   auto* layout = new QVBoxLayout(this);
   layout->setContentsMargins(4, 4, 4, 4);
   layout->setSpacing(4);
@@ -42,7 +46,7 @@ void CalibratePage::lay_out() {
   layout->addLayout(buttons);
   layout->addWidget(table_);
   layout->addWidget(legend_);
-  layout->addWidget(bars_, 1);
+  layout->addWidget(bars_area_, 1);
   layout->addWidget(message_);
 }
 

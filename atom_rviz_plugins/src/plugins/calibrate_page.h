@@ -10,6 +10,7 @@
 #include "plugins/page.h"
 #include "plugins/residual_bars_view.h"
 #include "plugins/table_view.h"
+#include "plugins/yielding_area.h"
 
 namespace atom_rviz {
 
@@ -30,9 +31,13 @@ class CalibratePage : public Page {
   void choose(int index);
   void leave_out(const QString& sensor, const QString& collection, bool leave_out);
 
+  static constexpr int kLeastBarsWidth = 300;  // in screen pixels
+  static constexpr int kLeastBarsHeight = 90;
+
   atom_calibration::CalibrationState state_;
   TableView* table_ = new TableView;
   ResidualBarsView* bars_ = new ResidualBarsView;
+  YieldingArea* bars_area_ = new YieldingArea(bars_, {kLeastBarsWidth, kLeastBarsHeight});
   QLabel* legend_ = new QLabel;
   QComboBox* shown_ = new QComboBox;
   QPushButton* previous_ = service_button("Previous", "previous_shown", "previous");

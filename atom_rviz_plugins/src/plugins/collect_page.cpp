@@ -73,7 +73,7 @@ void CollectPage::lay_out() {
   layout->addWidget(sensors_);
   layout->addLayout(buttons);
   layout->addWidget(legend_);
-  layout->addWidget(guidance_);
+  layout->addWidget(guidance_area_);
   layout->addWidget(table_, 1);
   layout->addWidget(message_);
 }

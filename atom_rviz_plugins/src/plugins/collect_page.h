@@ -14,6 +14,7 @@
 #include "plugins/guidance_view.h"
 #include "plugins/page.h"
 #include "plugins/table_view.h"
+#include "plugins/yielding_area.h"
 
 namespace atom_rviz {
 
@@ -38,6 +39,8 @@ class CollectPage : public Page {
   void clear_seed();
   void disarm();
   void flash_new_collection();
+  static constexpr int kLeastGuidance = 90;  // three sensors, in screen pixels
+
   template <class Service>
   void call_and_say(const std::string& name, const Service& service, const std::string& done);
 
@@ -53,6 +56,7 @@ class CollectPage : public Page {
   TableView* sensors_ = new TableView;
   TableView* table_ = new TableView;
   GuidanceView* guidance_ = new GuidanceView;
+  YieldingArea* guidance_area_ = new YieldingArea(guidance_, {QWIDGETSIZE_MAX, kLeastGuidance});
   QLabel* legend_ = new QLabel;
   QPushButton* save_ = new QPushButton("Save collection");
   QPushButton* remove_ = new QPushButton("Delete collection");

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "logic/presence.h"
+#include "plugins/tones.h"
 
 namespace atom_rviz {
 namespace {
@@ -73,7 +74,7 @@ void Page::show_message(const std::string& text, bool good) {
   const QString all = QString::fromStdString(text);
   message_->setToolTip(all);
   message_->setText(shortened(all, message_->fontMetrics(), std::max(width() - 20, 200)));
-  message_->setStyleSheet(good ? "" : "color: #be3214");
+  message_->setStyleSheet(good ? "" : "color: " + colour_of(Tone::kBad, palette()).name());
 }
 
 }  // namespace atom_rviz

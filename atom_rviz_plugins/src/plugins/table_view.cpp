@@ -36,6 +36,7 @@ TableView::TableView(QWidget* parent) : QTableWidget(parent) {
 void TableView::show_table(const Table& table) {
   const int row = currentRow();
   const std::string selected = selected_key();
+  const bool resized = rowCount() != static_cast<int>(table.rows.size());
   setRowCount(static_cast<int>(table.rows.size()));
   setColumnCount(static_cast<int>(table.header.size()));
   QStringList header;
@@ -49,9 +50,10 @@ void TableView::show_table(const Table& table) {
   }
   keep_last_heading();
   if (fits_rows_) {
-    const int high = height_of(std::clamp(rowCount(), 1, kMostRows));
-    if (high != minimumHeight()) setFixedHeight(high);
+    const int high = height_of_rows_up_to(kMostRows);
+    if (high != maximumHeight()) setMaximumHeight(high);
   }
+  if (resized) updateGeometry();
   if (selected.empty() || (row == currentRow() && selected == selected_key())) return;
   clearSelection();
   setCurrentCell(-1, -1);
@@ -65,8 +67,8 @@ void TableView::show_table(const Table& table) {
 
 void TableView::fit_rows() {
   fits_rows_ = true;
-  setSizePolicy(QSizePolicy::Expanding, QSizePolicy::Fixed);
-  setMinimumHeight(height_of(1));
+  setSizePolicy(QSizePolicy::Expanding, QSizePolicy::Preferred);
+  setMaximumHeight(height_of_rows_up_to(kMostRows));
 }
 
 // A last section that is stretched is also shrunk: its heading would be cut.
@@ -89,8 +91,18 @@ void TableView::resizeEvent(QResizeEvent* event) {
 }
 
 QSize TableView::sizeHint() const {
-  return fits_rows_ ? QSize(QTableWidget::sizeHint().width(), minimumHeight())
-                    : QTableWidget::sizeHint();
+  const QSize least = minimumSizeHint();
+  return {QTableWidget::sizeHint().width(),
+          fits_rows_ ? height_of_rows_up_to(kMostRows) : least.height()};
+}
+
+QSize TableView::minimumSizeHint() const {
+  const QSize least = QTableWidget::minimumSizeHint();
+  return {least.width(), fits_rows_ ? height_of_rows_up_to(kFewestRows) : least.height()};
+}
+
+int TableView::height_of_rows_up_to(int most) const {
+  return height_of(std::clamp(rowCount(), 1, most));
 }
 
 int TableView::height_of(int rows) const {

@@ -15,13 +15,14 @@ class TableView : public QTableWidget {
 
   void show_table(const Table& table);
 
-  /// Be as high as all rows need, up to twelve of them.
+  /// Be as high as all rows need, up to twelve of them; where the window has less room, of four.
   void fit_rows();
 
   /// Whether there is room for every row.
   bool shows_all_rows() const { return fits_rows_ && rowCount() <= kMostRows; }
 
   QSize sizeHint() const override;
+  QSize minimumSizeHint() const override;
 
   /// Key of the row that is selected; empty when none is.
   std::string selected_key() const;
@@ -31,10 +32,12 @@ class TableView : public QTableWidget {
 
  private:
   static constexpr int kMostRows = 12;
+  static constexpr int kFewestRows = 4;
   static constexpr int kWidestLast = 110;  // in screen pixels, that the last column has at least
 
   void keep_last_heading();
   int height_of(int rows) const;
+  int height_of_rows_up_to(int most) const;
   void show_cell(int row, int column, const std::string& key, const Cell& cell);
 
   bool fits_rows_ = false;

@@ -6,23 +6,17 @@
 #include <QPalette>
 
 #include "logic/tables.h"
+#include "logic/tone_colours.h"
 
 namespace atom_rviz {
 
 /// The colour of a text with a tone.
 inline QColor colour_of(Tone tone, const QPalette& palette) {
-  switch (tone) {
-    case Tone::kGood:
-      return {0, 130, 60};
-    case Tone::kWeak:
-      return {176, 104, 0};
-    case Tone::kBad:
-      return {190, 50, 20};
-    case Tone::kFaint:
-      return palette.color(QPalette::Disabled, QPalette::Text);
-    default:
-      return palette.color(QPalette::Active, QPalette::Text);  // also while it is disabled
-  }
+  const QRgb ground = palette.color(QPalette::Active, QPalette::Base).rgb();
+  const Colour colour = colour_of_tone(tone, ground);
+  if (colour != kNoColour) return QColor(static_cast<QRgb>(colour));
+  if (tone == Tone::kFaint) return palette.color(QPalette::Disabled, QPalette::Text);
+  return palette.color(QPalette::Active, QPalette::Text);  // also while it is disabled
 }
 
 /// The colour of a sensor.
