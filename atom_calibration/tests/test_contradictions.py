@@ -6,6 +6,7 @@ import pytest
 
 pytest.importorskip("rospy")
 
+import rospy
 from sensor_msgs.msg import CompressedImage
 from stand_in_rig import messages, refusal
 from tf2_msgs.msg import TFMessage
@@ -51,6 +52,29 @@ def test_a_recording_in_which_time_jumps_back_is_refused(place, make, capsys):
     again = [(topic, message, time_s + 10.0) for topic, message, time_s in messages(make)]
     line = refusal(place([*once, *again]), capsys)
     assert "its stamps jump back by 7.4 s" in line and "played twice" in line
+
+
+@pytest.mark.parametrize("off_s", [5e5, -4.0])
+@pytest.mark.parametrize("topic", ["/lidar/points", "/cam/image_raw"])
+@pytest.mark.parametrize("which", [slice(20, 21), slice(30, 33), slice(74, 75)])
+def test_a_few_messages_with_a_stamp_far_off_are_left_out(place, make, capsys, topic, off_s, which):
+    content = list(messages(make))
+    strays = [(message, at_s) for name, message, at_s in content if name == topic][which]
+    for message, at_s in strays:
+        message.header.stamp = rospy.Time.from_sec(max(at_s + off_s, 1.0))
+    assert main(place(content)) == 0
+    told = [line for line in capsys.readouterr().err.splitlines() if "its stamp lies" in line]
+    assert len(told) == len(strays) and all(f"topic {topic}, received at" in line for line in told)
+    assert len(read_dataset(place.folder / "dataset.json").collections) == 3
+
+
+def test_data_that_were_only_received_late_are_no_strays(place, make, capsys):
+    content = [
+        (name, message, at_s + 5.0 * (name == "/lidar/points" and at_s > 107.25))
+        for name, message, at_s in messages(make)
+    ]
+    main(place(content))
+    assert "its stamp lies" not in capsys.readouterr().err
 
 
 def test_data_that_change_their_frame_are_refused(place, make, capsys):

@@ -18,6 +18,7 @@ from atom_calibration.sources.bag_transforms import BagTransforms
 from atom_calibration.sources.contradictions import MessageWatch
 from atom_calibration.sources.readable import why_unreadable
 from atom_calibration.sources.rig import Rig
+from atom_calibration.sources.stray_stamps import Placed, StrayStamps
 from atom_core import opencv
 from atom_core.commands.progress import progress
 from atom_core.model.sensor import Sensor
@@ -26,6 +27,11 @@ _LOOK_AHEAD = 12  # messages that are decoded and, if images, labeled beforehand
 _WORKERS = 2
 _SIMULATION_BEGINS_S = 1.0
 _MOST_BAD_MESSAGES = 3  # of a sensor that are told one by one
+_NO_STAMP = "its driver has set no stamp (header.stamp)"
+_FAR_OFF = (
+    "its stamp lies {:+.1f} s off those before and after it, against the times of receipt; was the "
+    "clock set for a moment?"
+)
 
 
 class _Waiting(NamedTuple):
@@ -103,15 +109,14 @@ def _ahead(
     waiting: Deque[_Waiting] = deque()
     watch = MessageWatch(bag.path, rig.infos, bag.start_s)
     try:
-        for found in bag.messages([*rig.topics, *rig.infos]):
+        for found, off_s in _in_turn(bag, rig, received):
             if found.topic in rig.infos:
                 watch.see_info(*found)
                 continue
             sensor = rig.topics[found.topic]
-            if sensor.name in received:
-                found.message.header.stamp = rospy.Time.from_sec(found.recorded_s)
-            if _is_unstamped(found):
-                future = pool.submit(_refuse_unstamped, sensor, found.recorded_s)
+            why = _NO_STAMP if _is_unstamped(found) else _FAR_OFF.format(off_s) if off_s else ""
+            if why:
+                future = pool.submit(_refuse, sensor, found.recorded_s, why)
                 waiting.append(_Waiting("", found.recorded_s, future))
             else:
                 watch.see(sensor, found.message, found.recorded_s)
@@ -127,15 +132,27 @@ def _ahead(
             entry.future.cancel()
 
 
+def _in_turn(bag: BagReader, rig: Rig, received: Collection[str]) -> Iterator[Placed]:
+    """Yield data and intrinsics in the order of recording, with the stamps that are to be used."""
+    strays = StrayStamps()
+    for found in bag.messages([*rig.topics, *rig.infos]):
+        if found.topic in rig.topics and rig.topics[found.topic].name in received:
+            found.message.header.stamp = rospy.Time.from_sec(found.recorded_s)
+        if found.topic in rig.infos or _is_unstamped(found):
+            yield Placed(found)
+        else:
+            yield from strays.pass_on(found)
+    yield from strays.rest()
+
+
 def _is_unstamped(found: BagMessage) -> bool:
     """Tell whether data have no stamp; at the beginning of a simulation zero is one."""
     return bool(found.message.header.stamp.is_zero()) and found.recorded_s > _SIMULATION_BEGINS_S
 
 
-def _refuse_unstamped(sensor: Sensor, recorded_s: float) -> Frame:
+def _refuse(sensor: Sensor, recorded_s: float, why: str) -> Frame:
     raise MessageError(
-        f"sensor '{sensor.name}', topic {sensor.topic}, received at {recorded_s:.3f}: its driver "
-        f"has set no stamp (header.stamp)",
+        f"sensor '{sensor.name}', topic {sensor.topic}, received at {recorded_s:.3f}: {why}",
         sensor.name,
     )
 
