@@ -67,3 +67,12 @@ def test_what_kalibr_cannot_take_is_refused(made, tmp_path, capsys):
     assert not (tmp_path / "out").exists()
     run(*line, "--to", "kalibr")
     assert "the folder is not empty" in refused(capsys, *line, "--to", "kalibr")
+
+
+def test_images_of_an_earlier_conversion_do_not_stay_beside_those_of_this(made, tmp_path, capsys):
+    line = ["convert", "--to", "kalibr", "--dataset", made, "--output", tmp_path / "out"]
+    run(*line)
+    run(*line, "-ow")
+    said = refused(capsys, *line, "-ow", "-csf", "!001")
+    assert "of another conversion (2 files)" in said
+    run(*line[:-1], tmp_path / "other", "-csf", "!001")

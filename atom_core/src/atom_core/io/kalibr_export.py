@@ -12,7 +12,7 @@ from typing import Dict, Iterator, List, NamedTuple, Tuple
 import numpy as np
 
 from atom_core import opencv as cv2
-from atom_core.errors import DatasetError
+from atom_core.errors import DatasetError, OutputError
 from atom_core.io.atomic import write_text_atomically
 from atom_core.io.images import write_image
 from atom_core.model.dataset import Dataset
@@ -83,13 +83,24 @@ class KalibrExport:
         Raises:
             DatasetError: a data file is absent or damaged.
         """
+        for key, number, stamp_ns in self._images():
+            image = self.dataset.data.read(key, self.cameras[number])
+            grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
+            yield Frame(number, stamp_ns, grey)
+
+    def files(self, folder: Path) -> List[Path]:
+        """Return where the images stand in a folder for ``kalibr_bagcreater``."""
+        return [image_file(folder, number, stamp_ns) for _, number, stamp_ns in self._images()]
+
+    def _images(self) -> List[Tuple[str, int, int]]:
+        """Return (collection, number of the camera, stamp [ns]) in the order of time."""
         stamps = _stamps_ns(self.dataset)
-        for key in sorted(stamps, key=lambda key: stamps[key]):
-            for number, name in enumerate(self.cameras):
-                if self.dataset.data.has_data(key, name):
-                    image = self.dataset.data.read(key, name)
-                    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
-                    yield Frame(number, stamps[key], grey)
+        return [
+            (key, number, stamps[key])
+            for key in sorted(stamps, key=lambda key: stamps[key])
+            for number, name in enumerate(self.cameras)
+            if self.dataset.data.has_data(key, name)
+        ]
 
 
 def kalibr_export(dataset: Dataset) -> KalibrExport:
@@ -139,23 +150,36 @@ def write_kalibr_folder(export: KalibrExport, folder: Path) -> int:
 
     Args:
         export: what is handed on.
-        folder: an empty one.
+        folder: without images of other collections, which Kalibr would take for some of these.
 
     Returns:
         The number of images.
 
     Raises:
         DatasetError: a data file is absent or damaged.
-        OutputError: something cannot be written.
+        OutputError: it holds other images, or something cannot be written.
     """
+    here = set(export.files(folder))
+    others = [path for path in sorted(folder.glob("cam*/*.png")) if path not in here]
+    if others:
+        raise OutputError(
+            f"{folder}: {others[0].relative_to(folder)} is of another conversion ({len(others)} "
+            f"files), and Kalibr would take it for one of this; remove the images, or choose "
+            f"another folder"
+        )
     write_text_atomically(folder / TARGET_FILE, target_text(export.pattern))
     count = 0
     for frame in export.frames():
-        place = folder / f"cam{frame.number}"
-        place.mkdir(exist_ok=True)
-        write_image(place / f"{frame.stamp_ns}.png", frame.grey)
+        path = image_file(folder, frame.number, frame.stamp_ns)
+        path.parent.mkdir(exist_ok=True)
+        write_image(path, frame.grey)
         count += 1
     return count
+
+
+def image_file(folder: Path, number: int, stamp_ns: int) -> Path:
+    """Return where the image of a camera at an instant stands."""
+    return folder / f"cam{number}" / f"{stamp_ns}.png"
 
 
 def _stamps_ns(dataset: Dataset) -> Dict[str, int]:
