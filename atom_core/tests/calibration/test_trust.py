@@ -11,8 +11,8 @@ from typing import NamedTuple
 import pytest
 
 from atom_core.calibration.calibrate import calibrate
-from atom_core.calibration.judge.examination import pull_sigma
 from atom_core.calibration.options import AUTO, CalibrationOptions
+from atom_core.calibration.refine.held_back import pull_sigma
 from atom_core.calibration.refine.model_errors import suggestion
 from atom_core.errors import CalibrationError
 from atom_core.report.calibration_results import calibration_results

@@ -14,6 +14,7 @@ from atom_core.calibration.judge.usual_errors import left_open
 from atom_core.calibration.options import OFF, CalibrationOptions
 from atom_core.calibration.refine.candidates import usual_sizes
 from atom_core.calibration.refine.error_words import unusual
+from atom_core.calibration.refine.held_back import pull_sigma
 from atom_core.calibration.refine.layer_checks import layer_checks
 from atom_core.calibration.refine.model_checks import ModelCheck
 from atom_core.calibration.refine.model_errors import checked, suggestion
@@ -38,7 +39,6 @@ from atom_core.solvers.reweighting import covariance_of
 from atom_core.solvers.robust_covariance import degrees_of_freedom, sigma_factors
 
 _OF_SCATTER = 0.7  # part of what an arm that is off explains, each collection by itself
-_LEAST_TOLD = 0.1  # part of its prior by which data move an error, to tell anything of it
 _STRONG = 3.0  # sigmas by which what is not estimated may move an edge, and what is be unusual
 
 
@@ -232,21 +232,6 @@ def _unusual(refined: Refined, options: CalibrationOptions, covariance: Covarian
     far = [e for e in off if e.stands_alone and off[e] > _STRONG]
     far.sort(key=lambda e: -off[e])
     return [unusual(e, values[e], sigmas.get(e, 0.0), priors[e]) for e in far]
-
-
-def pull_sigma(expected: float, of_model: float, sigma: float) -> float:
-    """Return how far an estimate is usually pulled away from where its prior has it, by data.
-
-    What the data tell in part follows them in part: an estimate at twice what is usual, and sure
-    to no more than that, means that they have it far beyond.
-
-    Args:
-        expected: standard deviation of the prior.
-        of_model: of the estimate, as the noise has it.
-        sigma: likewise, as the collections have it.
-    """
-    variance = expected**2 - of_model**2 + max(sigma**2 - of_model**2, 0.0)
-    return float(np.sqrt(np.clip(variance, (_LEAST_TOLD * expected) ** 2, expected**2)))
 
 
 def _of_held_boards(refined: Refined) -> Tuple[str, ...]:

@@ -8,6 +8,7 @@ from typing import Mapping, NamedTuple, Optional, Tuple
 from atom_core.calibration.options import AUTO, SUGGEST, CalibrationOptions
 from atom_core.calibration.prepare.moving_parts import Sigmas
 from atom_core.calibration.refine.deeper_minima import with_boards_in_deepest_minima
+from atom_core.calibration.refine.held_back import cameras_held_back, held_back_in_words
 from atom_core.calibration.refine.intrinsics import with_intrinsics
 from atom_core.calibration.refine.model_errors import (
     remarks_on,
@@ -34,8 +35,15 @@ from atom_core.calibration.start.starts import RoughSolution
 from atom_core.model.transforms import Edge
 from atom_core.problem.builder import FreeEdges
 from atom_core.problem.problem import Problem
-from atom_core.solvers.base import SIGMA, Solver, SolverOptions, SolverSetup, SolverSummary
-from atom_core.solvers.reweighting import solve, solve_again
+from atom_core.solvers.base import (
+    CONVERGED,
+    SIGMA,
+    Solver,
+    SolverOptions,
+    SolverSetup,
+    SolverSummary,
+)
+from atom_core.solvers.reweighting import covariance_of, solve, solve_again
 
 
 class Earlier(NamedTuple):
@@ -88,7 +96,7 @@ def refine(
         earlier: a solution of nearly the same problem, if there is one.
     """
     initial, measurements = rough.start.initial, rough.start.measurements
-    first = _solved(rough, free, options, setup, earlier)
+    first = _with_room_for_cameras(rough, free, options, setup, earlier)
     arms = with_moving_parts(initial, measurements, first, moving, setup)
     summary, unsettled = settled(arms.solver, arms.summary, setup)
     is_auto = options.model_errors == AUTO
@@ -119,6 +127,29 @@ def refine(
     left_out = rejection_warnings(rejected, left)
     told = (*arms.remarks, *remarks, *far_parts(free), *unsettled, *left_out)
     return Refined(solver, summary, free, unused, rejected, rejection.failure, told, setup.options)
+
+
+def _with_room_for_cameras(
+    rough: RoughSolution,
+    free: FreeEdges,
+    options: CalibrationOptions,
+    setup: SolverSetup,
+    earlier: Optional[Earlier],
+) -> MovingSolution:
+    """Return the solution, cameras that contradict what is expected taken to be as far off."""
+    first = _solved(rough, free, options, setup, earlier)
+    if first.summary.status != CONVERGED or not first.free.expected_cameras:
+        return first
+    covariance = covariance_of(first.solver, first.summary, setup.options)
+    parameters, expected = first.solver.problem.parameters, free.expected_cameras
+    wider = cameras_held_back(parameters, first.summary.x, covariance)
+    if not wider:
+        return first
+    roomy = {name: e._replace(sigma=wider.get(name, e.sigma)) for name, e in expected.items()}
+    again = _solved(rough, replace(free, expected_cameras=roomy), options, setup, earlier)
+    if again.summary.status != CONVERGED:
+        return first
+    return replace(again, remarks=(*again.remarks, *held_back_in_words(wider, expected)))
 
 
 def _solved(
