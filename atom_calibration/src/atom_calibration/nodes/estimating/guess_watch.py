@@ -106,8 +106,6 @@ class GuessWatch:
             try:
                 self._look_for_sensors()
                 self._show()
-            except AtomError as error:
-                rospy.logwarn_throttle(10.0, f"clouds are not drawn into the images: {error}")
             except rospy.ROSException:  # the topics are closed: the node ends
                 return
             time.sleep(max(_EVERY_S - (time.monotonic() - began), 0.05))
@@ -161,14 +159,24 @@ class GuessWatch:
         for name, frame in frames.items():
             if frame.sensor.camera is None:
                 continue
-            placed = self._placed(frame.sensor, clouds)
-            if not frame.sensor.kind.measures_range:
-                self._measure(frame, clouds, placed, fits)
-            if self._publishers[name].get_num_connections():
-                self._publish(frame, clouds, placed)
+            try:
+                self._show_in(frame, clouds, fits)
+            except AtomError as error:  # the other cameras are shown
+                text = f"no clouds are drawn into the images of {name}: {error}"
+                rospy.logwarn_throttle_identical(10.0, text)
         if fits != self.fits:
             self.fits = fits
             self._on_change()
+
+    def _show_in(
+        self, frame: Frame, clouds: Dict[str, np.ndarray], fits: Dict[str, BoardFit]
+    ) -> None:
+        """Compare clouds with the boards that a camera sees, and draw them into its image."""
+        placed = self._placed(frame.sensor, clouds)
+        if not frame.sensor.kind.measures_range:
+            self._measure(frame, clouds, placed, fits)
+        if self._publishers[frame.sensor.name].get_num_connections():
+            self._publish(frame, clouds, placed)
 
     def _frames(self) -> Dict[str, Frame]:
         frames: Dict[str, Frame] = {}
