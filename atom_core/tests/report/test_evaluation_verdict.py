@@ -1,5 +1,7 @@
 """What a test set proves of a calibration, and what it does not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -71,3 +73,26 @@ def test_two_scanners_alone_prove_nothing_of_each_other(shift_m):
     verdict = evaluation_verdict(evaluate(train, true))
     assert {verdict.grade, *(s.grade for s in verdict.sensors.values())} == {WEAK}
     assert all("proves little" in sensor.sentence for sensor in verdict.sensors.values())
+
+
+@pytest.mark.parametrize("count, grade", [(0, GOOD), (1, GOOD), (2, GOOD), (4, WEAK), (8, WEAK)])
+def test_a_sensor_that_is_off_in_many_collections_is_not_good_since_it_is_right_in_most(
+    count, grade
+):
+    """One bad label is none of the calibration; a camera that was knocked meanwhile is."""
+    scene = scenes.two_cameras(3, collections=30)
+    true = scene.dataset.with_transforms(
+        dict.fromkeys(scene.dataset.collections, scene.truth.edges)
+    )
+    both = [key for key, collection in true.collections.items() if len(collection.labels) == 2]
+    test = true.selected(collections=both)
+    for key in both[:count]:
+        label = test.collections[key].labels["rgb_2", "pattern_1"]
+        knocked = replace(label, pixels=label.pixels + [60.0, 0.0])
+        test = test.with_labels(key, {("rgb_2", "pattern_1"): knocked})
+    verdict = evaluation_verdict(evaluate(true, test))
+    assert verdict.grade == grade, verdict_lines(verdict)
+    told = f"in {count} of {len(both)} collections"
+    assert all((told in s.sentence) == (grade == WEAK) for s in verdict.sensors.values())
+    with_truth = evaluation_verdict(evaluate(true, test, truth=scene.truth))
+    assert with_truth.grade == GOOD  # then labels are known to be off, not the calibration

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence
+from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from atom_core.report.verdict import (
     BOARD_APART_M,
     GOOD,
     GRADES,
+    ODD,
+    ODD_SHARE,
     OFF_PLANE_M,
     RANGE_IN_IMAGE_M,
     RANGE_IN_IMAGE_PX,
@@ -43,6 +45,9 @@ _LITTLE = "which proves little: it may be as small with a wrong calibration"
 _OTHER_SENSOR = "test it beside a camera, a depth camera or a 3D LiDAR, too"
 _TILTED = "test with more boards that both see, tilted up, down and to both sides"
 _AGAIN = "look at its labels in both sets, then calibrate it with more boards"
+
+
+_Measure = Callable[[float], Tuple[str, str, float]]
 
 
 class _Judged(NamedTuple):
@@ -95,23 +100,62 @@ def _judged(evaluation: Evaluation, result: PairResult) -> Optional[_Judged]:
     value = _beyond_the_floor(result)
     if value == 0.0 and result.at_truth is not None:
         return _Judged(pair.source, pair.target, GOOD, "no farther off than at the truth", 0.0)
+    measure = _measure(evaluation, result)
+    if measure is None:
+        return None
+    grade, words, size_m = measure(value)
     beyond = "" if result.at_truth is None else " more than at the truth"
-    if kind.unit == "mm":
-        words = f"{length(value / 1e3)} off the plane{beyond}"
-        grade = OFF_PLANE_M.grade(value / 1e3)
-        to_prove = None if kind.proves else _OTHER_SENSOR
-        judged = _Judged(pair.source, pair.target, grade, words, value / 1e3, to_prove)
-        return judged if result.displacement is None else _by_planes(judged, result.displacement)
-    focal_px = evaluation.px_per_rad.get(pair.target)
+    to_prove = None if kind.proves else _OTHER_SENSOR
+    judged = _Judged(pair.source, pair.target, grade, f"{words}{beyond}", size_m, to_prove)
+    if result.displacement is not None:
+        judged = _by_planes(judged, result.displacement)
+    return _with_odd_collections(judged, measure, _by_collection(result))
+
+
+def _measure(evaluation: Evaluation, result: PairResult) -> Optional[_Measure]:
+    """Return what makes a grade, words and a length [m] of a pair's RMS; None: nothing can."""
+    if result.pair.kind.unit == "mm":
+        return lambda mm: (
+            OFF_PLANE_M.grade(mm / 1e3),
+            f"{length(mm / 1e3)} off the plane",
+            mm / 1e3,
+        )
+    focal_px = evaluation.px_per_rad.get(result.pair.target)
     if focal_px is None:
         return None
     metres, least = RANGE_IN_IMAGE_M, RANGE_IN_IMAGE_PX
-    if result.measured.translation_mm is not None:  # both are cameras
+    if result.measured is not None and result.measured.translation_mm is not None:  # two cameras
         metres, least = BETWEEN_CAMERAS_M, BETWEEN_CAMERAS_PX
-    size_m = AT_M * value / focal_px
-    grade = min(metres.grade(size_m), least.grade(value), key=GRADES.index)
-    words = f"{pixels(value)}{beyond}, {length(size_m)} at {AT_M:g} m"
-    return _Judged(pair.source, pair.target, grade, words, size_m)
+
+    def in_image(px: float) -> Tuple[str, str, float]:
+        size_m = AT_M * px / float(focal_px or np.nan)
+        grade = min(metres.grade(size_m), least.grade(px), key=GRADES.index)
+        return grade, f"{pixels(px)}, {length(size_m)} at {AT_M:g} m", size_m
+
+    return in_image
+
+
+def _by_collection(result: PairResult) -> List[float]:
+    """Return the RMS of each collection, without the part that stays at the truth."""
+    assert result.measured is not None
+    floors = {} if result.at_truth is None else result.at_truth.per_collection
+    found = result.measured.per_collection.items()
+    least = {key: floors[key].rms if key in floors else 0.0 for key, _ in found}
+    return [math.sqrt(max(value.rms**2 - least[key] ** 2, 0.0)) for key, value in found]
+
+
+def _with_odd_collections(judged: _Judged, measure: _Measure, off: Sequence[float]) -> _Judged:
+    """Return a pair that is weak where it is good as a rule, but not in many collections.
+
+    One bad label is none of the calibration. Several are more: a sensor that was knocked meanwhile,
+    an arm that is off in places, a clock that is late where the board still moved.
+    """
+    odd = [rms for rms in off if measure(rms)[0] == WRONG]
+    if judged.grade != GOOD or len(odd) < ODD or len(odd) <= ODD_SHARE * len(off):
+        return judged
+    _, words, size_m = measure(float(np.median(odd)))
+    told = f"{words} in {len(odd)} of {len(off)} collections, and {judged.words} as a rule"
+    return judged._replace(grade=WEAK, words=told, size_m=size_m)
 
 
 def _by_planes(judged: _Judged, found: Displacement) -> _Judged:

@@ -52,6 +52,7 @@ RANGE_IN_IMAGE_M, RANGE_IN_IMAGE_PX = Limits(0.02, 0.06), Limits(4.0, 10.0)
 OFF_PLANE_M = Limits(0.025, 0.06)
 BESIDE_M = 1.0  # a turn counts as the way of what is so far beside the boards' middle [m]
 BOARD_APART_M = Limits(0.01, 0.05)
+ODD, ODD_SHARE = 2, 0.15  # collections beyond a second limit that are too many, and as a share
 TRUE_M, TRUE_RAD = Limits(0.01, 0.03), Limits(math.radians(0.25), math.radians(1.0))
 
 
