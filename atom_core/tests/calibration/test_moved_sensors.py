@@ -159,6 +159,38 @@ def test_a_sensor_that_creeps_is_named_with_how_far(cell, sensor, shift_m, turn_
     assert float(told.group(2)) == pytest.approx(turn_deg, rel=0.3)
 
 
+def boards_along(scene, sensor, along):
+    """Return the scene whose collections follow in the order of the board's place in a sensor."""
+    frame = cell_rig(SEED).pose(scene.dataset.sensors[sensor].frame)
+    places = {
+        key: se3.apply(se3.inverse(frame), pose[None, :3, 3])[0]
+        for (_, key), pose in scene.truth.boards.items()
+    }
+    keys = sorted(scene.dataset.collections, key=lambda key: along(places[key]))
+    ordered = {key: scene.dataset.collections[key] for key in keys}
+    return replace(scene, dataset=replace(scene.dataset, collections=ordered))
+
+
+@pytest.mark.parametrize(
+    "along, words",
+    [
+        (np.linalg.norm, "nearer or farther one after the other"),
+        (lambda place: place[0] / place[2], "from one side to the other"),
+        (None, None),
+    ],
+    ids=["near to far", "left to right", "mixed"],
+)
+def test_a_creep_among_boards_that_came_in_order_may_be_an_error_of_their_places(
+    cell, along, words
+):
+    """ACFR's real pictures of boards from near to far: a range sensor "crept", by 11 mm."""
+    scene = cell if along is None else boards_along(cell, "rgb_2", along)
+    message = calibrate(creeping(scene, "rgb_2", np.radians(0.3), 0.009)).message
+    assert message.startswith("rgb_2 crept between collections")
+    assert ("it may be an error of" in message) == (words is not None)
+    assert words is None or f"since its boards came {words}" in message
+
+
 def test_a_long_range_is_no_move(cell):
     result = calibrate(with_long_ranges(cell.dataset, "lidar_1", 0.03))
     assert result.message.startswith("lidar_1 reads")

@@ -20,6 +20,7 @@ from atom_core.calibration.refine.changed_focus import Refocused, changed_focus
 from atom_core.calibration.refine.model_checks import ModelCheck
 from atom_core.calibration.refine.model_errors import CheckedSolution
 from atom_core.calibration.refine.moving_edges import moving_runs
+from atom_core.calibration.refine.order_of_places import order_of_places
 from atom_core.calibration.refine.steps import (
     ALIKE,
     BY_CHANCE,
@@ -59,6 +60,7 @@ class Moved(NamedTuple):
         gain: by how much the cost (twice the negative logarithm of the likelihood) would fall.
         stood_still: before and after that; else this is only the largest of many steps.
         crept: little by little, from collection to collection.
+        order: a clause, where what crept may depend on the boards' places instead.
     """
 
     names: Tuple[str, ...]
@@ -69,6 +71,7 @@ class Moved(NamedTuple):
     gain: float
     stood_still: bool
     crept: bool = False
+    order: str = ""
 
     @property
     def is_clear(self) -> bool:
@@ -89,7 +92,7 @@ class Moved(NamedTuple):
         if self.crept:
             return (
                 f"{one} crept between collections {self.last} and {self.first}, by {far} little by "
-                f"little{unsure}: fasten it, let it warm up, and collect again"
+                f"little{unsure}: fasten it, let it warm up, and collect again{self.order}"
             )
         jumped = "; or what /tf says of the parts that move in it jumped (homing, odometry)"
         return (
@@ -181,12 +184,12 @@ def moved_sensors(
     if not is_clear and not (step.is_of_all and found.gain > ALIKE * explained + BY_CHANCE):
         return None
     alike = [n for n, s in best.items() if n != name and s.gain > ALIKE * step.gain]
-    shift, turn = (float(np.linalg.norm(found.value[part])) for part in (TRANSLATION, ROTATION))
+    shift, turn = _sizes(found.value)
+    names, how = (name, *alike), (step.stood_still, step.creeps)
     if step.is_of_all:
-        beside = _beside(dataset, name)
-        return Misplaced((name, *alike), beside, shift, turn, found.gain, is_clear)
-    how = step.stood_still, step.creeps
-    return Moved((name, *alike), *cautious.places(step), shift, turn, found.gain, *how)
+        return Misplaced(names, _beside(dataset, name), shift, turn, found.gain, is_clear)
+    order = order_of_places(dataset, problem, x, names) if step.creeps else ""
+    return Moved(names, *cautious.places(step), shift, turn, found.gain, *how, order)
 
 
 def _unplaced(dataset: Dataset, problem: Problem) -> List[str]:
@@ -326,6 +329,11 @@ def _most_telling(steps: Mapping[str, Step]) -> Tuple[str, Step]:
 
 
 def _is_likely(value: np.ndarray) -> bool:
-    shift, turn = np.linalg.norm(value[TRANSLATION]), np.linalg.norm(value[ROTATION])
+    shift, turn = _sizes(value)
     is_much = shift > _LEAST_M or turn > _LEAST_RAD
     return bool(is_much and shift < _MOST_M and turn < _MOST_RAD)
+
+
+def _sizes(value: np.ndarray) -> Tuple[float, float]:
+    """Return how far six numbers shift [m] and turn [rad]."""
+    return float(np.linalg.norm(value[TRANSLATION])), float(np.linalg.norm(value[ROTATION]))
