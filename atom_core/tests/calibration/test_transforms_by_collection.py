@@ -7,7 +7,7 @@ import pytest
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.judge.weak_directions import edge_covariance
-from atom_core.calibration.options import OFF, CalibrationOptions
+from atom_core.calibration.options import AUTO, OFF, CalibrationOptions
 from atom_core.evaluation.edge_spread import edge_spread, spread_collection, usual_sigma
 from atom_core.geometry import se3
 from atom_core.model.config import EdgeConfig
@@ -18,6 +18,7 @@ from atom_core.report.calibration_results import calibration_results
 from atom_core.report.calibration_verdict import calibration_verdict
 from atom_core.report.verdict import GOOD, WEAK
 from atom_core.synthetic import scenes
+from atom_core.synthetic.driving import vehicle_before_a_board
 from atom_core.synthetic.mistakes import with_scaled_focal_length
 
 BASE, GPS = Edge("world", "rig_base"), Edge("world", "gps")
@@ -135,6 +136,17 @@ def test_usual_errors_of_sensors_are_in_what_is_known_of_it_in_each_collection(r
     assert result.status == "converged"
     assert np.max(in_sigmas(result, true, result.covariance)) > 8.0
     assert np.max(in_sigmas(result, true, result.covariance.combined)) < 2.5
+
+
+def test_it_is_known_where_all_usual_errors_are_estimated_too():
+    """With `--model_errors auto` none is left that it follows: a traceback."""
+    scene = vehicle_before_a_board(0, odometry=True, off=0.01)
+    result = calibrate(scene.dataset, CalibrationOptions(model_errors=AUTO))
+    assert result.status == "converged" and calibration_results(result, "any").edges
+    stated, combined = result.covariance, result.covariance.combined
+    blocks = [i for i, b in result.problem.parameters.pose_blocks() if b.collection is not None]
+    for i in blocks:
+        np.testing.assert_allclose(combined.block(i), stated.block(i))
 
 
 def test_what_it_follows_is_what_the_shared_edges_follow(rig):

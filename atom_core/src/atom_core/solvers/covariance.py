@@ -98,7 +98,7 @@ class Covariance:
         systematic = systematic.copy()
         systematic[idle], systematic[:, idle] = 0.0, 0.0  # they do not vary
         combined._shared = self._shared + systematic / self._scale
-        if followers is not None:
+        if followers is not None and len(followers):
             parts = [self._layout.split(numbers) for numbers in followers]
             shared = np.array([part[0] for part in parts]).T  # (6 s, k)
             local = np.stack([part[1] for part in parts], axis=-1)  # (g, 6 w, k)
