@@ -28,6 +28,18 @@ def test_files_of_a_run_that_was_killed_are_no_edits_of_the_user(tmp_path, monke
     assert (outcome.written, outcome.kept) == (["a", "b"], ["c"])
 
 
+def test_what_another_program_made_is_kept_and_is_no_edit(tmp_path):
+    """As in a package that ATOM has configured."""
+    (tmp_path / "a").write_bytes(b"of ATOM")
+    files = GeneratedFiles(tmp_path, tmp_path / "generated.json")
+    outcome = files.write({"a": b"1", "b": b"1"}, overwrite=False)
+    assert (outcome.kept, outcome.foreign, outcome.written) == (["a"], ["a"], ["b"])
+    assert files.write({"a": b"1"}, overwrite=True).replaced == ["a"]
+    (tmp_path / "a").write_bytes(b"mine")
+    outcome = files.write({"a": b"2"}, overwrite=False)
+    assert (outcome.kept, outcome.foreign) == (["a"], [])
+
+
 def test_the_checksums_of_the_simulated_cell_are_those_of_its_files():
     folder = Path(__file__).resolve().parents[2] / "atom_examples" / "collab_cell"
     sums = json.loads((folder / "config" / "generated.json").read_text("utf-8"))["sha256"]

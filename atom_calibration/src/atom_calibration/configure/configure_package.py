@@ -237,13 +237,15 @@ def _report(
     """Say what was written, and what comes next with the words that name the bag."""
     lines = [f"{package.folder}:"]
     lines += [f"  {name}: written" for name in outcome.written]
-    lines += [f"  {name}: replaced, with your edits" for name in outcome.replaced]
+    lines += [f"  {name}: replaced, as asked" for name in outcome.replaced]
     if outcome.unchanged:
         lines.append(f"  {len(outcome.unchanged)} files as they were")
     lines += [f"  {remark}" for remark in remarks]
     sys.stdout.write("\n".join(lines) + "\n")
     for name in outcome.kept:
-        _tell(f"{name}: has edits of yours and is kept; --overwrite replaces it")
+        foreign = "was not made by this program (but by ATOM, or by hand)"
+        why = foreign if name in outcome.foreign else "has edits of yours"
+        _tell(f"{name}: {why} and is kept; --overwrite replaces it")
     sys.stdout.write(
         f"next: roslaunch {package.name} set_initial_estimate.launch{bag}, or, where the "
         f"description is right to some centimetres,\n"

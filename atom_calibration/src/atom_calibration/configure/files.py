@@ -25,13 +25,15 @@ class Outcome:
     Attributes:
         written: new, or replaced as it was not edited.
         unchanged: had that content already.
-        kept: edited by the user and left alone.
-        replaced: edited by the user and replaced, as asked.
+        kept: edited by the user, or made by another program, and left alone.
+        foreign: of those kept, what this program never wrote, as where ATOM made the package.
+        replaced: edited by the user or made by another program, and replaced, as asked.
     """
 
     written: List[str] = field(default_factory=list)
     unchanged: List[str] = field(default_factory=list)
     kept: List[str] = field(default_factory=list)
+    foreign: List[str] = field(default_factory=list)
     replaced: List[str] = field(default_factory=list)
 
 
@@ -78,6 +80,7 @@ class GeneratedFiles:
                 continue
             if edited and not overwrite:
                 outcome.kept.append(name)
+                outcome.foreign += [] if name in self._sums else [name]
                 continue
             path.parent.mkdir(parents=True, exist_ok=True)
             write_bytes_atomically(path, content)
