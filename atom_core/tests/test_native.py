@@ -40,6 +40,30 @@ def test_descriptions_import_without_the_compiled_module():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+WITHOUT_IT = """
+import sys
+sys.modules["atom_core._core"] = None
+from atom_core import cli
+from atom_core.io.dataset_writer import write_dataset_folder
+from atom_core.synthetic import scenes
+
+write_dataset_folder(scenes.random_scene(1, collections=8).dataset, "data", name="rig")
+data, calibrated = "data/dataset.json", "results/atom_calibration.json"
+assert cli.main(["check", "--dataset", data]) == 0
+assert cli.main(["calibrate", "--dataset", data, "--output", "results", "--no_report"]) == 0
+words = ["--train", calibrated, "--test", data, "--output", "evaluation", "--no_report"]
+assert cli.main(["evaluate", *words]) == 0
+"""
+
+
+def test_a_dataset_is_calibrated_and_evaluated_where_nothing_is_built(tmp_path):
+    command = [sys.executable, "-c", WITHOUT_IT]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "Checking how large boards look in the clouds of lidar_1" in done.stdout + done.stderr
+    assert '"name": "scipy"' in (tmp_path / "results" / "calibration.json").read_text()
+
+
 def test_the_module_is_built():
     """Fails, and says what to do, where the tests of the compiled parts cannot run."""
     native.require("The test suite")

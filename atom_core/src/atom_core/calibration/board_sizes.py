@@ -7,6 +7,7 @@ from typing import Any, Dict, List, Tuple
 import numpy as np
 
 from atom_core import native
+from atom_core.errors import NativeModuleError
 from atom_core.geometry.rectangle import Rectangle
 from atom_core.labeling.board_size import (
     SizeFinding,
@@ -26,14 +27,19 @@ def look_at_boards(dataset: Dataset) -> Tuple[List[MeasuredSide], List[str]]:
     """Return the sides of boards, and a sentence for each sensor to which one is of another size.
 
     The labeler looks again at each labeled cloud. Its outline is laid between the last return on
-    the board and the first beside it, so that it tells more than limit points do. Empty where the
-    compiled module is not built.
+    the board and the first beside it, so that it tells more than limit points do. Where the
+    compiled module is not built, one sentence says that nothing was looked at.
     """
     sides: List[MeasuredSide] = []
     remarks: List[str] = []
-    if not native.available():
-        return sides, remarks
-    for (name, pattern), boards in _labeled(dataset).items():
+    labeled = _labeled(dataset)
+    if labeled:
+        names = ", ".join(dict.fromkeys(name for name, _ in labeled))
+        try:
+            native.require(f"Checking how large boards look in the clouds of {names}")
+        except NativeModuleError as error:
+            return sides, [str(error)]
+    for (name, pattern), boards in labeled.items():
         sensor, border = dataset.sensors[name], dataset.patterns[pattern].border
         see = sensor.kind.seen_boards
         if see is None or dataset.patterns[pattern].square_m > GREATEST_SQUARE_M:
