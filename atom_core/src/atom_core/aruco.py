@@ -64,7 +64,7 @@ def find_squares(
     return np.asarray(ids).ravel().astype(int), outlines, unread
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)
 def marker_bits(dictionary: str) -> np.ndarray:
     """Return the cells (n, s, s) bool of a dictionary's markers, True is white; rims are black."""
     markers = _markers(dictionary)
@@ -128,7 +128,7 @@ def _marker(dictionary: str, number: int, side_px: int) -> np.ndarray:
     return aruco.generateImageMarker(markers, number, side_px)
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)
 def _markers(dictionary: str) -> Any:
     aruco = cv2.aruco
     number = getattr(aruco, dictionary)

@@ -226,7 +226,8 @@ def test_a_board_with_another_number_of_columns_is_named():
 
 
 @pytest.mark.parametrize(
-    "printed, configured", [((12, 9), (11, 8)), ((12, 9), (13, 10)), ((9, 6), (8, 11))]
+    "printed, configured",
+    [((12, 9), (11, 8)), ((12, 9), (13, 10)), ((9, 6), (8, 11)), ((6, 4), (8, 6))],
 )
 def test_the_board_that_is_seen_is_named_with_its_rows(printed, configured):
     config = charuco(dimension=printed)
@@ -234,6 +235,24 @@ def test_the_board_that_is_seen_is_named_with_its_rows(printed, configured):
     found = labeler(charuco(dimension=configured)).label(image)
     columns, rows = printed
     assert not found.detected and f"{{x: {columns}, y: {rows}}} fits" in found.reason
+    assert "swapped" not in found.reason
+
+
+@pytest.mark.parametrize(
+    "printed", ["DICT_4X4_100", "DICT_4X4_250", "DICT_6X6_100", "DICT_7X7_1000"]
+)
+def test_the_dictionary_that_a_board_is_printed_with_is_named(printed):
+    config = charuco(dictionary=printed)
+    found = labeler(charuco()).label(picture(config, held(0.9, (0.2, 0.1, 0.1), config)))
+    enough = f"{printed.rpartition('_')[0]}_100"  # for 54 markers
+    assert not found.detected and f"markers of {enough} stand as on it" in found.reason
+    assert "correct dictionary" in found.reason
+
+
+def test_markers_of_another_dictionary_that_stand_as_on_no_such_board_are_not_named():
+    config = charuco(dimension=(6, 5), dictionary="DICT_4X4_50")
+    found = labeler(charuco()).label(picture(config, held(0.9, (0.2, 0.1, 0.1), config)))
+    assert found.reason == "no marker of DICT_5X5_100 is seen"
 
 
 @pytest.mark.sampled(3)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass
-from typing import List, NamedTuple, Optional, Tuple
+from typing import List, Optional, Tuple
 
 import numpy as np
 
@@ -18,6 +18,15 @@ from atom_core import opencv as cv2
 from atom_core.aruco import detect_markers, marker_squares
 from atom_core.geometry.camera import Camera
 from atom_core.labeling.board_view import BoardView, off_their_neighbours
+from atom_core.labeling.charuco_layout import (
+    CURRENT,
+    LEGACY,
+    Layout,
+    corner_grid,
+    layouts_of,
+    on_squares,
+    rows_needed,
+)
 from atom_core.labeling.likely_lens import likely_lens
 from atom_core.labeling.marker_search import (
     Likenesses,
@@ -27,11 +36,13 @@ from atom_core.labeling.marker_search import (
     smoothed_where_flat,
 )
 from atom_core.labeling.marker_share import MarkerShare, measure_share
+from atom_core.labeling.other_dictionary import dictionary_seen
 from atom_core.labeling.saddle import Corners, refine
 from atom_core.labeling.view_quality import over_exposed_share
 
 LEAST_MARKERS = 3
 _LEAST_FITTING = 0.75  # of the markers, for a layout to be right
+_LEAST_ROOM = 0.5  # of squares without a marker that would be in view: the board has them not
 _LEAST_OWN = 0.5  # of the markers, that the board has at all
 _LEAST_TELLING = 8  # markers that tell of another board: fewer, read wrongly, fit one by chance
 _FEWEST_CORNERS = 2  # of a board, along a side
@@ -39,15 +50,8 @@ _LEAST_QUALITY, _LEAST_CONTRAST = 0.75, 5.0
 _LEAST_PITCH_PX = 4.5  # between lines of corners: below it nothing exact can be said
 _LARGEST_MOVE_SQUARES, _LARGEST_MOVE_PX = 0.15, 4.0
 _DISPLACED_WORTH, _LEAST_LEAD = 2, 2  # of a marker, in corners; of the right layout, in corners
-AUTO, LEGACY, CURRENT = "auto", True, False
-
-
-class Layout(NamedTuple):
-    """How a ChArUco is printed: inner corners, and the layout of an even number of rows."""
-
-    columns: int
-    rows: int
-    legacy: bool
+_NO_MARKERS = np.zeros(0, dtype=int), np.zeros((0, 4, 2))
+AUTO = "auto"
 
 
 @dataclass(frozen=True)
@@ -101,15 +105,15 @@ class CharucoFinder:
         named; where blur may make them look so, both sizes are tried.
         """
         smooth = smoothed_where_flat(grey)
-        ids, outlines, alike, twice = search_markers(smooth, self.dictionary)
+        ids, outlines, alike, twice, unread = search_markers(smooth, self.dictionary)
         if len(ids) < LEAST_MARKERS and alike.negative >= LEAST_MARKERS:
             negative = cv2.bitwise_not(smooth)
             if len(detect_markers(negative, self.dictionary)[0]) > len(ids):
                 grey, smooth = cv2.bitwise_not(grey), negative
-                ids, outlines, alike, twice = search_markers(negative, self.dictionary)
+                ids, outlines, alike, twice, unread = search_markers(negative, self.dictionary)
         if len(ids) < LEAST_MARKERS:
-            why = self._mirrored(smooth, alike) or _few(len(ids), twice, self.dictionary)
-            return _none(len(ids), why)
+            why = self._mirrored(smooth, alike) or self._of_another_dictionary(smooth, unread)
+            return _none(len(ids), why or _few(len(ids), twice, self.dictionary))
         camera = self._likely_lens(grey, ids, outlines, camera)
         measured = self._measured(ids, outlines, camera)
         if measured is not None and measured.contradicts(self.marker_share):
@@ -145,7 +149,7 @@ class CharucoFinder:
         """Return the camera, with a lens where it has none and the board is bent."""
         placed = []
         for layout in self.layouts:
-            board, known = _on_squares(ids, layout, self.marker_share)
+            board, known = on_squares(ids, layout, self.marker_share)
             placed.append((board, outlines[known].reshape(-1, 2)))
         return likely_lens(camera, placed, (grey.shape[1], grey.shape[0]))
 
@@ -157,9 +161,9 @@ class CharucoFinder:
         are seen that only these have.
         """
         columns, rows, _ = self.layouts[0]
-        needed = _rows_needed(ids, columns)
-        others = [*_layouts(columns, rows), *_layouts(columns, rows - 1)[1:]]
-        others += _layouts(columns, needed) if needed > rows else []
+        needed = rows_needed(ids, columns)
+        others = [*layouts_of(columns, rows), *layouts_of(columns, rows - 1)[1:]]
+        others += layouts_of(columns, needed) if needed > rows else []
         return [one for one in others if one not in self.layouts and one.rows >= _FEWEST_CORNERS]
 
     def _measured(
@@ -241,6 +245,19 @@ class CharucoFinder:
                 )
         return ""
 
+    def _of_another_dictionary(self, smooth: np.ndarray, unread: np.ndarray) -> str:
+        """Say that this board is seen, printed with markers of another dictionary, or ''."""
+        columns, rows, _ = self.layouts[0]
+        seen = dictionary_seen(smooth, unread, (columns + 1) * (rows + 1) // 2)
+        ids, outlines = once(*detect_markers(smooth, seen)) if seen else _NO_MARKERS
+        if len(ids) < _LEAST_TELLING or not self._fitting(ids, outlines, self.layouts, None):
+            return ""
+        return (
+            f"no board with markers of {self.dictionary} is seen, but {len(ids)} markers of {seen} "
+            f"stand as on it: correct dictionary (that, or a larger one of its kind), or take the "
+            f"other board out of view"
+        )
+
     def _fitting(
         self,
         ids: np.ndarray,
@@ -260,7 +277,7 @@ class CharucoFinder:
         self, grey: np.ndarray, ids: np.ndarray, outlines: np.ndarray, camera: Optional[Camera]
     ) -> str:
         """Try what is often mistaken in a configuration; name what would fit, or the exposure."""
-        right = self._another_board(ids, outlines, camera)
+        right = self._another_board(grey.shape, ids, outlines, camera)
         if right is not None:
             return self._named(right, len(ids))
         seen = f"{len(ids)} markers of {self.dictionary} are seen, but they do not stand as on this"
@@ -290,13 +307,18 @@ class CharucoFinder:
         return f"{markers} markers are seen, but the board is another: {swapped}{wrong}, {fits}"
 
     def _another_board(
-        self, ids: np.ndarray, outlines: np.ndarray, camera: Optional[Camera]
+        self,
+        shape: Tuple[int, int],
+        ids: np.ndarray,
+        outlines: np.ndarray,
+        camera: Optional[Camera],
     ) -> Optional[Layout]:
         """Return the board that the markers stand as on, of those that are often mistaken for this.
 
         Where a marker stands depends on the number of columns alone. Rows are as many as the
         marker of the highest number needs; more of them may be out of sight, so where the columns
-        are those configured, or its rows, the other number is believed as well.
+        are those configured, or its rows, the other number is believed as well, unless the image
+        (height, width) has room for what would be seen of them.
         """
         if len(ids) < _LEAST_TELLING:
             return None
@@ -305,10 +327,16 @@ class CharucoFinder:
         near = (n + i for i in (-1, 1, -2, 2) for n in (columns, rows))
         stated = {rows: columns, columns: rows}
         for right in (n for n in dict.fromkeys((rows, columns, *near)) if n >= _FEWEST_CORNERS):
-            right_rows = max(_rows_needed(ids, right), stated.get(right, 0), _FEWEST_CORNERS)
+            right_rows = max(rows_needed(ids, right), stated.get(right, 0), _FEWEST_CORNERS)
             layouts = [Layout(right, right_rows, option) for option in (CURRENT, LEGACY)]
             found += self._fitting(ids, outlines, layouts, camera)
-        return min(found, key=lambda fit: fit[2])[0] if found else None
+        if not found:
+            return None
+        layout, view, _ = min(found, key=lambda fit: fit[2])
+        needed = max(rows_needed(ids, layout.columns), _FEWEST_CORNERS)
+        further = corner_grid(layout)[needed * layout.columns :] + 0.5  # in squares beyond them
+        room = _inside(view.project(further), shape) if len(further) else np.zeros(1)
+        return layout._replace(rows=needed) if np.mean(room) > _LEAST_ROOM else layout
 
     def _corners(
         self,
@@ -319,7 +347,7 @@ class CharucoFinder:
         camera: Optional[Camera],
     ) -> FoundCorners:
         """Refine the corners twice: near the markers, then near what the first ones say."""
-        board = _corner_grid(layout)
+        board = corner_grid(layout)
         black = (
             np.arange(len(board)) % layout.columns + np.arange(len(board)) // layout.columns
         ) % 2
@@ -341,24 +369,6 @@ class CharucoFinder:
         return FoundCorners(ids[good], kept, markers, int(np.sum(~good)), in_view)
 
 
-def _layouts(columns: int, rows: int) -> List[Layout]:
-    """Return the layouts of a board: two where its rows of squares are even in number."""
-    even = (rows + 1) % 2 == 0
-    return [Layout(columns, rows, option) for option in (CURRENT, LEGACY) if even or not option]
-
-
-def _rows_needed(ids: np.ndarray, columns: int) -> int:
-    """Return how many rows of corners a board has at least that has all these markers."""
-    squares = 2 * (int(np.max(ids)) + 1)  # every other one has a marker
-    return -(-squares // (columns + 1)) - 1
-
-
-def _corner_grid(layout: Layout) -> np.ndarray:
-    """Return the inner corners (n, 2) in squares from the outer corner of the print."""
-    row, column = np.mgrid[1 : layout.rows + 1, 1 : layout.columns + 1]
-    return np.column_stack([column.ravel(), row.ravel()]).astype(float)
-
-
 def _fit(
     ids: np.ndarray,
     outlines: np.ndarray,
@@ -370,7 +380,7 @@ def _fit(
 
     Markers that the board has not are of something else; where they are many, so are the others.
     """
-    board, known = _on_squares(ids, layout, marker_share)
+    board, known = on_squares(ids, layout, marker_share)
     if np.sum(known) < max(LEAST_MARKERS, _LEAST_OWN * len(ids)):
         return None, np.zeros(0, dtype=bool)
     try:
@@ -378,16 +388,6 @@ def _fit(
     except ValueError:
         return None, np.zeros(0, dtype=bool)
     return view, view.inliers.reshape(-1, 4).all(axis=1)
-
-
-def _on_squares(
-    ids: np.ndarray, layout: Layout, marker_share: float
-) -> Tuple[np.ndarray, np.ndarray]:
-    """Return the corners (4 m, 2) of the markers that a layout has [squares], and which it has."""
-    squares = marker_squares(layout.columns + 1, layout.rows + 1, layout.legacy)
-    known = ids < len(squares)
-    corner = 0.5 + 0.5 * marker_share * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    return (squares[ids[known]][:, None, :] + corner).reshape(-1, 2), known
 
 
 def _refined(
@@ -399,12 +399,16 @@ def _refined(
     iterations: int,
 ) -> Tuple[np.ndarray, Corners]:
     """Return ids and places of the corners expected in the image."""
-    height, width = grey.shape
     expected, axes = view.project(board), view.axes_px(board)
     pitch = np.abs(np.linalg.det(axes)) / np.linalg.norm(axes, axis=1).max(axis=1)
-    seen = np.all((expected >= 2) & (expected <= [width - 3, height - 3]), axis=1)
+    seen = _inside(expected, grey.shape)
     ids = np.flatnonzero(seen & (pitch >= _LEAST_PITCH_PX) & view.of_use(board))
     return ids, refine(grey, expected[ids], axes[ids], gap, first_is_black[ids], iterations)
+
+
+def _inside(pixels: np.ndarray, shape: Tuple[int, int]) -> np.ndarray:
+    """Return (n,) bool, which pixels (n, 2) are in an image (height, width)."""
+    return np.all((pixels >= 2) & (pixels <= [shape[1] - 3, shape[0] - 3]), axis=1)
 
 
 def _acceptable(corners: Corners, axes_px: np.ndarray) -> np.ndarray:

@@ -45,12 +45,14 @@ class FoundSquares(NamedTuple):
         outlines: (n, 4, 2) of the markers [px].
         alike: what other squares look like; none where there are many markers.
         twice: how many markers are seen more than once, and so are not among them.
+        unread: (m, 4, 2) of squares that no marker is read from [px].
     """
 
     ids: np.ndarray
     outlines: np.ndarray
     alike: Likenesses
     twice: int
+    unread: np.ndarray
 
 
 def smoothed_where_flat(grey: np.ndarray) -> np.ndarray:
@@ -81,19 +83,21 @@ def search_markers(smooth: np.ndarray, dictionary: str) -> FoundSquares:
     """
     ids, outlines, unread = find_squares(smooth, dictionary)
     if len(ids) >= _UPSCALE_BELOW:
-        return _found(ids, outlines, Likenesses(0, 0, 0, 0))
+        return _found(ids, outlines, Likenesses(0, 0, 0, 0), unread)
     alike = likenesses(smooth, unread, dictionary)
     if len(ids) > 0 or alike.plain > 0:
         larger = cv2.resize(smooth, None, fx=_UPSCALE, fy=_UPSCALE, interpolation=cv2.INTER_LINEAR)
         more, larger_outlines, _ = find_squares(larger, dictionary, _UPSCALE)
         if len(more) > len(ids):
             ids, outlines = more, (larger_outlines + 0.5) / _UPSCALE - 0.5
-    return _found(ids, outlines, alike)
+    return _found(ids, outlines, alike, unread)
 
 
-def _found(ids: np.ndarray, outlines: np.ndarray, alike: Likenesses) -> FoundSquares:
+def _found(
+    ids: np.ndarray, outlines: np.ndarray, alike: Likenesses, unread: np.ndarray
+) -> FoundSquares:
     single = once(ids, outlines)
-    return FoundSquares(*single, alike, len(np.unique(ids)) - len(single[0]))
+    return FoundSquares(*single, alike, len(np.unique(ids)) - len(single[0]), unread)
 
 
 def once(ids: np.ndarray, outlines: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
@@ -112,7 +116,7 @@ def likenesses(grey: np.ndarray, outlines: np.ndarray, dictionary: str) -> Liken
         dictionary: name of the markers.
     """
     known = marker_bits(dictionary)
-    bits = _bits(grey, outlines, known.shape[1])
+    bits = square_bits(grey, outlines, known.shape[1])
     counts = []
     for mirrored in (False, True):
         for negative in (False, True):
@@ -122,7 +126,7 @@ def likenesses(grey: np.ndarray, outlines: np.ndarray, dictionary: str) -> Liken
     return Likenesses(*counts)
 
 
-def _bits(grey: np.ndarray, outlines: np.ndarray, cells: int) -> np.ndarray:
+def square_bits(grey: np.ndarray, outlines: np.ndarray, cells: int) -> np.ndarray:
     """Return (m, cells, cells) bool, whether each cell of a square is white; flat squares not."""
     side = cells * _CELL_PX
     to = np.array([[0, 0], [side, 0], [side, side], [0, side]], np.float32) - 0.5
