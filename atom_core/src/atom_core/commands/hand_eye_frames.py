@@ -27,12 +27,15 @@ class Frames(NamedTuple):
 
     Attributes:
         arm: base and hand.
-        fixed: ``parent_T_child`` (4, 4) of edges that the robot's poses do not tell.
-        remarks: what of them is taken as usual, a sentence each.
+        fixed: ``parent_T_child`` (4, 4) of edges that the robot's poses do not tell, those of
+            cameras as the description has them.
+        unplaced: cameras of which it does not tell that; they are put at their parents.
+        remarks: what of the edges is taken as usual, a sentence each.
     """
 
     arm: Edge
     fixed: Mapping[Edge, np.ndarray]
+    unplaced: Sequence[str]
     remarks: Sequence[str]
 
 
@@ -99,7 +102,11 @@ def frames_of(config: CalibrationConfig, args: argparse.Namespace) -> Frames:
             frames = (arm.child, arm.parent, world)
             edge, fixed_pose = _fixed_to_arm(described, name, parent, frames, free)
             fixed[edge] = fixed_pose
-    for sensor in config.sensors.values():
+    unplaced = []
+    for name, sensor in config.sensors.items():
+        place, _ = _told(described, sensor.edge, set())
+        unplaced += [name] if place is None else []
+        fixed[sensor.edge] = np.eye(4) if place is None else place
         if sensor.link == sensor.child_link:
             continue
         edge = Edge(sensor.child_link, sensor.link)
@@ -111,7 +118,33 @@ def frames_of(config: CalibrationConfig, args: argparse.Namespace) -> Frames:
                 f"x to the right: {why}; if it does not, the place of '{edge.parent}' is wrong by "
                 f"that: name a description_file that has both"
             )
-    return Frames(arm, fixed, remarks)
+    return Frames(arm, fixed, unplaced, remarks)
+
+
+def without_hold(
+    config: CalibrationConfig, unplaced: Sequence[str]
+) -> Tuple[CalibrationConfig, List[str]]:
+    """Return the configuration in which no camera is held of whose place nothing is known.
+
+    Args:
+        config: of cameras and boards.
+        unplaced: those cameras.
+
+    Returns:
+        With it what was left out, a sentence.
+    """
+    anchor = config.anchored_sensor if config.anchored_sensor in unplaced else None
+    lost = [name for name in config.priors if name in unplaced]
+    if anchor is None and not lost:
+        return config, []
+    what = ["its anchored_sensor"] if anchor else []
+    what += [f"the priors of {', '.join(lost)}"] if lost else []
+    kept = {name: prior for name, prior in config.priors.items() if name not in lost}
+    held = config.anchored_sensor if anchor is None else None
+    return replace(config, anchored_sensor=held, priors=kept), [
+        f"left out of the configuration: {' and '.join(what)}, since no description tells where "
+        f"{', '.join(dict.fromkeys(filter(None, (anchor, *lost))))} is"
+    ]
 
 
 def _parents(config: CalibrationConfig) -> Dict[str, str]:

@@ -10,7 +10,12 @@ import numpy as np
 
 from atom_core.commands import common
 from atom_core.commands.hand_eye_check import remarks_on_poses
-from atom_core.commands.hand_eye_frames import Frames, config_of_cameras, frames_of
+from atom_core.commands.hand_eye_frames import (
+    Frames,
+    config_of_cameras,
+    frames_of,
+    without_hold,
+)
 from atom_core.errors import DatasetError
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics_from_boards import camera_of_boards
@@ -75,6 +80,7 @@ def import_folder(args: argparse.Namespace, content: RobotImages) -> int:
     common.refuse_occupied(args.output, args.overwrite)
     config, remarks = config_of_cameras(read_config(args.config), list(content.images))
     frames = frames_of(config, args)
+    config, told = without_hold(config, frames.unplaced)
     patterns = {n: pattern_from_config(n, e) for n, e in config.calibration_patterns.items()}
     known = _known_cameras(args, content)
     sensors, labels = {}, {}
@@ -84,7 +90,7 @@ def import_folder(args: argparse.Namespace, content: RobotImages) -> int:
         labels.update(found)
     dataset = _dataset(args.output, config, sensors, labels, content, frames)
     _write(dataset, content, args)
-    remarks += [*frames.remarks, *_remarks_on_board(content.board, patterns)]
+    remarks += [*told, *frames.remarks, *_remarks_on_board(content.board, patterns)]
     for remark in (*remarks, *remarks_on_poses(dataset, frames.arm)):
         print(remark)
     path = (args.output / DATASET_FILE).resolve()
@@ -203,14 +209,13 @@ def _dataset(
     content: RobotImages,
     frames: Frames,
 ) -> Dataset:
-    constant = {**{sensor.edge: np.eye(4) for sensor in sensors.values()}, **frames.fixed}
     collections, files = {}, {}
     for number, base_T_hand in content.base_T_hand.items():
         key = f"{number:03d}"
         seen: Dict[Tuple[str, str], Label] = {
             (camera, p): label for (camera, n, p), label in labels.items() if n == number
         }
-        collections[key] = Collection(key, seen, {frames.arm: base_T_hand, **constant})
+        collections[key] = Collection(key, seen, {frames.arm: base_T_hand, **frames.fixed})
         for camera, of_camera in content.images.items():
             if number in of_camera:
                 files[key, camera] = of_camera[number]
