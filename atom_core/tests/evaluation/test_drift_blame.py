@@ -16,6 +16,8 @@ from atom_core.evaluation import drift as module
 from atom_core.evaluation.changes import TOLD_M, TOLD_RAD, limit_of
 from atom_core.evaluation.drift import Drift
 from atom_core.evaluation.spreads import NO_SPREAD, Spread
+from atom_core.model.caveats import Caveat
+from atom_core.report.drift_report import drift_verdict
 from atom_core.solvers.base import CONVERGED, FAILED, NOT_CONVERGED
 
 # ---- what a result says of itself
@@ -25,6 +27,18 @@ from atom_core.solvers.base import CONVERGED, FAILED, NOT_CONVERGED
 def test_an_edge_is_told_where_both_a_shift_and_a_turn_that_matter_are_found(of_m, of_rad):
     found = edge_drift("a", found_m=of_m * TOLD_M, found_rad=of_rad * TOLD_RAD)
     assert found.told == (of_m == of_rad == 1.0)
+
+
+@pytest.mark.parametrize("moved", [(), ("b",)])
+def test_a_sensor_whose_new_data_are_in_doubt_is_not_good_and_the_doubt_is_told_first(moved):
+    doubt = Caveat(("b",), "two programs publish its mount", "record again")
+    still = [(name, 1.0) for name in ("b", "c") if name not in moved]
+    verdict = drift_verdict(result("a", moved=moved, still=still, caveats=(doubt,)))
+    assert verdict.grade == ("wrong" if moved else "weak")
+    assert verdict.sensors["b"].sentence.startswith(doubt.what)
+    assert verdict.sensors["b"].advice == doubt.remedy
+    assert verdict.sensors["c"].grade == verdict.sensors["a"].grade == "good"
+    assert verdict.sentence.endswith("; but the new recording leaves b in doubt")
 
 
 def test_only_moved_edges_are_among_those_that_moved():

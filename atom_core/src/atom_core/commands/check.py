@@ -90,6 +90,7 @@ def run(args: argparse.Namespace) -> int:
                 verdict = replace(verdict, grade=WEAK, sentence=_stands(untold))
         else:
             found = drift_of(dataset, described, calibration, args.against)
+            found = replace(found, caveats=result.caveats)
             verdict = verdict if result.problems and not found.moved else drift_verdict(found)
             print(f"\n{drift_table(found)}")
             if args.output:

@@ -24,6 +24,7 @@ from atom_core.evaluation.edge_errors import PoseError, pose_error
 from atom_core.evaluation.edge_spread import edge_spread, known_spread
 from atom_core.evaluation.rarity import found_from, rarity
 from atom_core.evaluation.spreads import NO_SPREAD, NUMBERS, Spread, joint_covariance
+from atom_core.model.caveats import Caveat
 from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import Edge
 from atom_core.problem.blocks import ROTATION, TRANSLATION
@@ -90,6 +91,7 @@ class Drift:
             so.
         rests_on: the only collection without which nothing is seen to have moved; None: there is
             none, or several.
+        caveats: what puts sensors in doubt, whatever the new boards say; whoever asks adds it.
     """
 
     reference: Tuple[str, ...]
@@ -101,6 +103,7 @@ class Drift:
     left_out: Tuple[Rejected, ...] = ()
     disagreement: Optional[Disagreement] = None
     rests_on: Optional[str] = None
+    caveats: Tuple[Caveat, ...] = ()
 
     @property
     def moved(self) -> Tuple[EdgeDrift, ...]:

@@ -28,6 +28,7 @@ from atom_core.report.verdict import (
     SensorVerdict,
     Verdict,
     angle,
+    caveats_first,
     counted,
     length,
     names_in_words,
@@ -50,10 +51,24 @@ def drift_verdict(found: Drift) -> Verdict:
         sensors.setdefault(name, _untold("the new boards do not tie it to the others"))
     for name in found.reference:
         sensors.setdefault(name, SensorVerdict(GOOD, "the others are told in relation to it"))
+    told = worst(sensor.grade for sensor in sensors.values())
+    sensors = {name: _in_doubt(found, name, sensor) for name, sensor in sensors.items()}
     grade = worst(sensor.grade for sensor in sensors.values())
     sentence = drift_sentence(found)
-    boards = f", as {counted(found.boards, 'new board')} tell" if grade == GOOD else ""
-    return Verdict(grade, f"{sentence}{boards}", sensors)
+    if told == GOOD:
+        sentence += f", as {counted(found.boards, 'new board')} tell"
+    doubtful = [name for c in found.caveats for name in c.sensors if name in sensors]
+    if doubtful:
+        whose = names_in_words(list(dict.fromkeys(doubtful)))
+        sentence += f"; but the new recording leaves {whose} in doubt"
+    return Verdict(grade, sentence, sensors)
+
+
+def _in_doubt(found: Drift, name: str, sensor: SensorVerdict) -> SensorVerdict:
+    """Return the verdict on a sensor with what puts its new data in doubt, first."""
+    known = [] if sensor.grade == GOOD else [Finding(sensor.grade, sensor.sentence, sensor.advice)]
+    facts = sensor.sentence if sensor.grade == GOOD else ""
+    return sensor_verdict(caveats_first(known, name, found.caveats), facts)
 
 
 def _not_told(found: Drift) -> Verdict:
