@@ -340,3 +340,16 @@ def test_a_focal_length_that_is_wrong_before_an_arm_that_is_off_is_told_beside_i
     (check,) = result.checks
     assert check.error.title == "focal length of rgb_1"
     assert check.value == pytest.approx(np.log(1.0 / 1.05), abs=0.01)
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_an_arm_that_is_off_and_whose_joints_imitate_one_another_is_judged(seed):
+    """As where ATOM's users calibrate `origin_yaw` of all joints of an arm."""
+    names = [name for name in arm.JOINT_NAMES if name != "telescope"]
+    off = {"elbow": lambda p: 0.03 * np.sin(3 * p), "wrist_1": lambda p: 0.03 * np.cos(2 * p)}
+    errors = {name: {"origin_yaw": 0.0} for name in names}
+    result = calibrate(
+        arm.camera_on_arm(seed, errors=errors, lacks=off).dataset, CalibrationOptions()
+    )
+    assert result.status == "rank_deficient" and "shoulder_pan" in result.message
+    assert any("do not fit" in sentence for sentence in result.contradictions)

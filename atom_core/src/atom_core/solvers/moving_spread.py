@@ -23,9 +23,9 @@ from atom_core.solvers.base import Solver
 from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.normal_equations import (
     DetectionParts,
-    Factor,
     NormalEquations,
     assembled,
+    least_damped,
 )
 
 LEAST_M, LEAST_RAD = 1e-5, float(np.radians(1e-3))  # a part is not exacter than that
@@ -64,8 +64,10 @@ def estimated_spreads(
     weight, now = parameters.prior_weight.copy(), dict(parts)
     for _ in range(_ROUNDS):
         system = _with_weights(equations, weight, off)
-        right = -system.gradient_shared, -system.gradient_local
-        step = system.layout.join(*Factor(system, 0.0).solve(*right))
+        right, factor = (-system.gradient_shared, -system.gradient_local), least_damped(system)
+        if factor is None:
+            break
+        step = system.layout.join(*factor.solve(*right))
         deviation, covariance = off + parameters.by_block(step), Covariance(system)
         before = dict(now)
         for edge, part in before.items():

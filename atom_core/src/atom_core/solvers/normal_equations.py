@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import List, NamedTuple, Sequence, Tuple
+from typing import List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 from scipy import linalg
@@ -156,6 +156,16 @@ class Factor:
         if len(right):
             right = self._scale * linalg.cho_solve(self._factor, self._scale * right)
         return right, own - self._solved_cross @ right
+
+
+def least_damped(equations: NormalEquations) -> Optional[Factor]:
+    """Return ``H``, factored, damped where the data leave directions open; None where it cannot."""
+    for damping in (0.0, 1e-12, 1e-9, 1e-6):
+        try:
+            return Factor(equations, damping)
+        except np.linalg.LinAlgError:
+            continue
+    return None
 
 
 def _inverse_positive(matrices: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ from atom_core.solvers import losses
 from atom_core.solvers.assessment import Assessment, InsetColumn
 from atom_core.solvers.error_columns import ErrorColumn, prior_row, within_reason
 from atom_core.solvers.insets import MOST_STEPS
-from atom_core.solvers.normal_equations import Factor, NormalEquations, pulled_back
+from atom_core.solvers.normal_equations import NormalEquations, least_damped, pulled_back
 from atom_core.solvers.scalar_columns import Scalars
 from atom_core.solvers.shared_equations import summed_columns
 
@@ -52,7 +52,7 @@ class JointScalars:
     def step_of_poses(self, equations: NormalEquations, scalar_step: np.ndarray) -> np.ndarray:
         """Return the change (p,) of the poses beside a change (k,) of the scalars."""
         layout, step = equations.layout, np.zeros(self.gains.shape[1])
-        factor = _factor(equations)
+        factor = least_damped(equations)
         if factor is not None:
             right = -equations.gradient_shared, -equations.gradient_local
             step = layout.join(*factor.solve(*right))
@@ -95,7 +95,7 @@ def joint_scalars(
         for c in columns
     ]
     flat = np.array([join(*v) for v in vectors])
-    factor, gains = _factor(equations), np.zeros_like(flat)
+    factor, gains = least_damped(equations), np.zeros_like(flat)
     if factor is not None:
         gains = np.array([join(*factor.solve(*v)) for v in vectors])
     gradient = join(equations.gradient_shared, equations.gradient_local)
@@ -138,7 +138,7 @@ def joint_of(
     ]
     size = problem.parameters.size
     flat = np.array([join(*v) for v in vectors]).reshape(-1, size)
-    factor, gains = _factor(equations), np.zeros_like(flat)
+    factor, gains = least_damped(equations), np.zeros_like(flat)
     if factor is not None:
         gains = np.array([join(*factor.solve(*v)) for v in vectors]).reshape(-1, size)
     gradient = join(equations.gradient_shared, equations.gradient_local)
@@ -190,12 +190,3 @@ def better_scalars(
     new[chosen] = np.clip(insets[chosen] + step[: len(chosen)], 0.0, MOST_STEPS)
     of_columns = [column.error for column in error_columns]
     return new, within_reason(of_columns, errors + step[len(chosen) :])
-
-
-def _factor(equations: NormalEquations) -> Optional[Factor]:
-    for damping in (0.0, 1e-12, 1e-9, 1e-6):
-        try:
-            return Factor(equations, damping)
-        except np.linalg.LinAlgError:
-            continue
-    return None
