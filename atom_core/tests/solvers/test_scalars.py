@@ -8,7 +8,8 @@ import pytest
 from atom_core.problem.model_errors import RangeOffset
 from atom_core.solvers.assessment import InsetColumn
 from atom_core.solvers.error_columns import ErrorColumn
-from atom_core.solvers.scalars import JointScalars, _common, _factor
+from atom_core.solvers.normal_equations import least_damped
+from atom_core.solvers.scalars import JointScalars, _common
 
 OFFSET = RangeOffset("a")
 RNG = np.random.default_rng(0)
@@ -74,7 +75,7 @@ def test_without_a_factor_the_poses_follow_the_scalars_alone():
         raise np.linalg.LinAlgError
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("atom_core.solvers.scalars.Factor", refused)
+        patch.setattr("atom_core.solvers.normal_equations.Factor", refused)
         step = scalars.step_of_poses(hopeless, np.array([2.0, -1.0]))
     np.testing.assert_allclose(step, -2.0 * gains[0] + gains[1])
 
@@ -89,8 +90,8 @@ def test_no_more_damping_is_taken_than_is_needed_and_none_above_a_millionth(leas
             raise np.linalg.LinAlgError
         return f"damped by {damping:g}"
 
-    monkeypatch.setattr("atom_core.solvers.scalars.Factor", factor)
-    found = _factor(None)
+    monkeypatch.setattr("atom_core.solvers.normal_equations.Factor", factor)
+    found = least_damped(None)
     assert found == (None if least > 1e-6 else f"damped by {least:g}")
     assert tried == [d for d in (0.0, 1e-12, 1e-9, 1e-6) if d <= least]
 
