@@ -32,6 +32,7 @@ from atom_core.problem.problem import Problem
 from atom_core.solvers.base import SolverSetup, SolverSummary
 from atom_core.solvers.choice import solver_factory
 from atom_core.solvers.covariance import Covariance
+from atom_core.solvers.error_columns import without_rows
 from atom_core.solvers.interrupt import Interrupt
 
 
@@ -155,7 +156,8 @@ def solved(
     starts = find_starts(prepared, options)
     clock.lap("initialise")
     with Interrupt() as interrupt:
-        setup = _setup(dataset, options, interrupt)
+        setup, unseen = _setup(dataset, options, interrupt, starts.problems[0].problem)
+        prepared = replace(prepared, remarks=(*prepared.remarks, *unseen))
         chosen = choose_start(starts, prepared, options, setup)
         chosen = with_half_turns(chosen, starts, prepared, setup)
         refined = refine(chosen.solution, prepared.free, prepared.moving, options, setup, earlier)
@@ -203,12 +205,20 @@ def _relabeled(before: Dataset, after: Dataset) -> Tuple[DetectionKey, ...]:
     return tuple(key for key, label in after.detections() if label is not before.label(key))
 
 
-def _setup(dataset: Dataset, options: CalibrationOptions, interrupt: Interrupt) -> SolverSetup:
-    solver_options = options.solver_options(dataset)
-    progress = interrupt.watching(solver_options.progress)
-    return SolverSetup(
-        replace(solver_options, progress=progress), solver_factory(options.solver_name)
+def _setup(
+    dataset: Dataset, options: CalibrationOptions, interrupt: Interrupt, problem: Problem
+) -> Tuple[SolverSetup, Tuple[str, ...]]:
+    """Return which solver; and what is not estimated though it was to be."""
+    of_solver = options.solver_options(dataset)
+    progress = interrupt.watching(of_solver.progress)
+    unseen = without_rows(problem, of_solver.model_errors, of_solver.error_priors)
+    errors = tuple(error for error in of_solver.model_errors if error not in unseen)
+    of_solver = replace(of_solver, progress=progress, model_errors=errors)
+    said = tuple(
+        f"{option}: no label depends on it, and it is not estimated"
+        for option in dict.fromkeys(error.option for error in unseen)
     )
+    return SolverSetup(of_solver, solver_factory(options.solver_name)), said
 
 
 class _Clock:

@@ -63,6 +63,15 @@ def error_columns(
     return [column for column in columns if column.curvature > 0 or column.error in known]
 
 
+def without_rows(
+    problem: Problem, errors: Sequence[ModelError], known: ErrorPriors
+) -> List[ModelError]:
+    """Return the errors on which no row depends, and of which nothing is known beforehand."""
+    x, sigmas = np.zeros(problem.parameters.size), [b.sigma for b in problem.residual_blocks]
+    seen = {c.error for c in error_columns(problem, x, sigmas, losses.NONE, errors, known)}
+    return [error for error in errors if error not in seen]
+
+
 def row_weight(residual: np.ndarray, sigma: np.ndarray, loss: str) -> np.ndarray:
     """Return (n,): robust weight over sigma squared, of residuals (n, dimension)."""
     return losses.weight(loss, squared_norms(residual, sigma)) / sigma**2
