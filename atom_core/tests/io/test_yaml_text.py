@@ -33,3 +33,10 @@ def test_a_key_that_is_a_list_is_told_with_the_file(tmp_path, read):
     path.write_text(LISTS, encoding="utf-8")
     with pytest.raises(DatasetError, match=r"a\.yaml.*a list or a map stands in place of a key"):
         read(path)
+
+
+@pytest.mark.parametrize("first", ["%YAML:1.0\n", "%YAML:1.0 # as OpenCV wants it\r\n\r\n"])
+def test_the_first_line_of_opencv_s_files_is_passed_over(first):
+    """As users put it on Kalibr's camchains for programs that read these by OpenCV."""
+    assert load_yaml_1_2(f"{first}---\na: 1e-3\n") == {"a": 1e-3}
+    assert load_yaml_1_2(f"{first}a: 1e-3\n") == {"a": 1e-3}

@@ -1,12 +1,11 @@
 """Intrinsics in the YAML files of ROS's ``camera_calibration``, and of OpenCV's programs.
 
-OpenCV's have a first line that is no YAML, tags on matrices, and no name of the model: a fisheye
-is told by ``fisheye_model: 1``, other models by how many coefficients there are.
+OpenCV's have tags on matrices, and no name of the model: a fisheye is told by ``fisheye_model: 1``,
+other models by how many coefficients there are.
 """
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any, Mapping
 
@@ -19,7 +18,7 @@ from atom_core.io.paths import unread
 from atom_core.io.structure import OTHER_KIND
 from atom_core.io.yaml_text import load_yaml_1_2
 
-_OF_OPENCV = re.compile(r"\A\s*%YAML:1\.0[^\n]*\n|!!opencv-matrix")
+_OF_OPENCV = "!!opencv-matrix"  # a map to us
 _PLUMB_BOB_COEFFICIENTS = 5
 
 
@@ -31,7 +30,7 @@ def read_camera_info(path: Path) -> Camera:
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
-        document: Any = load_yaml_1_2(_OF_OPENCV.sub("", text))
+        document: Any = load_yaml_1_2(text.replace(_OF_OPENCV, ""))
         if not isinstance(document, Mapping):
             raise ValueError("it is empty" if document is None else "it has no names of values")
         D = np.array(document["distortion_coefficients"]["data"], dtype=float).ravel()

@@ -6,6 +6,7 @@ values than a computer holds (https://en.wikipedia.org/wiki/Billion_laughs_attac
 
 from __future__ import annotations
 
+import re
 from typing import Any, Dict, List, Optional, Tuple
 
 import yaml
@@ -13,6 +14,7 @@ from ruamel.yaml import YAML
 
 MOST_VALUES = 500_000  # that a file may have, aliases counted as what they stand for
 DEEPEST = 100  # lists and maps within one another
+_OPENCV_LINE = re.compile(r"\A\s*%YAML:1\.0[^\n]*\n")
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml's, where it was built in
 
 
@@ -30,10 +32,13 @@ def load_yaml_1_1(text: str, loader: Any = yaml.SafeLoader) -> Any:
 def load_yaml_1_2(text: str) -> Any:
     """Return a document as YAML 1.2 has it: 1e-3 is a number.
 
+    The first line of OpenCV's files, ``%YAML:1.0``, which is no YAML, is passed over.
+
     Raises:
         ValueError: see `check_yaml_size`; or a key is a list or a map.
         ruamel.yaml.error.YAMLError: it is no YAML.
     """
+    text = _OPENCV_LINE.sub("", text)
     check_yaml_size(text)
     try:
         return YAML(typ="safe", pure=True).load(text)
