@@ -99,24 +99,45 @@ def test_what_cannot_be_measured_is_refused_in_one_line(data, capsys):
         assert words in error and error.count("\n") == 1
 
 
-def test_only_complete_collections_count_unless_asked(data, tmp_path, capsys):
+def without_lidar_2(path, complete):
+    """Write a dataset in which so many collections are complete; return it and their keys."""
+    document = json.loads(path.read_text())
+    whole = []
+    for key, collection in document["collections"].items():
+        labels = collection["labels"]["pattern_1"]
+        if all(label["detected"] for label in labels.values()) and len(whole) < complete:
+            whole.append(key)
+        else:
+            labels["lidar_2"].update(detected=False, idxs=[], idxs_limit_points=[])
+    other = path.with_name(f"complete_{complete}.json")
+    other.write_text(json.dumps(document))
+    assert len(whole) == complete
+    return other, whole
+
+
+def collections_of(csv_file):
+    return [row[0] for row in csv.reader(csv_file.read_text().splitlines())][1:-1]
+
+
+def test_only_complete_collections_count_unless_asked(data, tmp_path):
     """As in ATOM: `-uic` keeps the others."""
     path, pairs = data
-    document = json.loads(path.read_text())
-    first, *others = sorted(document["collections"])
-    for key in others:
-        label = document["collections"][key]["labels"]["pattern_1"]["lidar_2"]
-        label.update(detected=False, idxs=[], idxs_limit_points=[])
-    seen = [s["detected"] for s in document["collections"][first]["labels"]["pattern_1"].values()]
-    other = path.with_name("incomplete.json")
-    other.write_text(json.dumps(document))
+    other, whole = without_lidar_2(path, complete=1)
     line = line_of("rgb_to_rgb_evaluation", other, "rgb_1", "rgb_2")
-    code = cli.main([*line, "-sfrn", str(tmp_path / "b.csv")])
-    if not all(seen):
-        assert code == 2 and "-uic" in capsys.readouterr().err
-    else:
-        rows = list(csv.reader((tmp_path / "b.csv").read_text().splitlines()))
-        assert [row[0] for row in rows] == ["Collection #", first, "Averages"]
+    assert cli.main([*line, "-sfrn", str(tmp_path / "a.csv")]) == 0
+    assert collections_of(tmp_path / "a.csv") == whole
+    assert cli.main([*line, "-uic", "-sfrn", str(tmp_path / "b.csv")]) == 0
+    (both,) = [p for p in pairs if (p["source"], p["target"]) == ("rgb_1", "rgb_2")]
+    assert collections_of(tmp_path / "b.csv") == list(both["per_collection"])
+    assert len(both["per_collection"]) > 1
+
+
+def test_where_no_collection_is_complete_the_option_is_named(data, tmp_path, capsys):
+    other, _ = without_lidar_2(data[0], complete=0)
+    line = line_of("rgb_to_rgb_evaluation", other, "rgb_1", "rgb_2")
+    assert cli.main([*line, "-sfrn", str(tmp_path / "a.csv")]) == 2
+    assert "-uic" in capsys.readouterr().err
+    assert not (tmp_path / "a.csv").exists()
 
 
 def test_partial_labels_leave_a_collection_to_the_other_sensors(data, tmp_path):
