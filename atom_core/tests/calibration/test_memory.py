@@ -1,11 +1,15 @@
 """A calibration that would not fit is refused before anything is read, with the figures."""
 
+import tracemalloc
+
+import numpy as np
 import pytest
 
 from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.prepare import memory
 from atom_core.errors import CalibrationError
-from atom_core.synthetic import scenes
+from atom_core.model.labels import RgbLabel
+from atom_core.synthetic import Sampling, scenes
 
 MACHINE = "MemTotal:  8000 kB\nMemFree:  1000 kB\nMemAvailable:  4000 kB\n"
 
@@ -90,3 +94,30 @@ def test_the_estimate_grows_with_labels_and_solver(dataset):
     half = dataset.selected(collections=list(dataset.collections)[:2])
     whole, scipy = (memory.estimated_bytes(dataset, name) for name in ("ceres", "scipy"))
     assert memory.estimated_bytes(half, "ceres") < whole < scipy
+
+
+def with_a_wrong_label(dataset, key, place):
+    """Return the dataset in which a camera's corners in one collection are elsewhere."""
+    label = dataset.collections[key].labels[place]
+    moved = RgbLabel(label.ids, label.pixels + np.array([60.0, -25.0]))
+    return dataset.with_labels(key, {place: moved})
+
+
+@pytest.mark.parametrize(("depth", "lidar3d"), [(1, 0), (0, 2)])
+def test_the_estimate_is_no_less_than_what_is_taken_and_not_far_more(dataset, depth, lidar3d):
+    """Of a calibration that leaves a detection out, which solves two problems."""
+    calibrate(dataset)  # what is loaded once does not count
+    sampling = Sampling(10**9, labeled_only=True)
+    sensors = {"rgb": 2, "depth": depth, "lidar3d": lidar3d}
+    scene = scenes.random_scene(
+        1, **sensors, collections=24, sampling=sampling, disturbance=(0.03, 0.03)
+    ).dataset
+    place = ("rgb_2", "pattern_1")
+    key = next(key for key, c in scene.collections.items() if len(c.labels) == len(scene.sensors))
+    wrong = with_a_wrong_label(scene, key, place)
+    tracemalloc.start(1)
+    result = calibrate(wrong)
+    taken = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert [(r.key.collection, r.key.sensor) for r in result.rejected] == [(key, "rgb_2")]
+    assert taken < memory.estimated_bytes(wrong, "ceres") < 4 * taken

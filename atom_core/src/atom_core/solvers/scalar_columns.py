@@ -185,7 +185,7 @@ def _part(
         _add_field(field, _summed_by_cell(block, field, root[:, 0], flat), both, gradient, k)
         numbers = np.concatenate([numbers, field.first + np.arange(of_field)])
     scalar = [*range(k), *range(q, both.shape[2])]
-    common = np.swapaxes(both[:, :, k:q], 1, 2)
+    common = np.swapaxes(both[:, :, k:q], 1, 2).copy()  # a view would keep all in memory
     detection = np.array([d for d, _ in block.segments], dtype=int)
     return ScalarPart(index, detection, numbers, both[:, :, scalar], gradient, common)
 

@@ -20,6 +20,8 @@ LIMIT_VARIABLE = "ATOM_MEMORY_LIMIT_MB"
 # what the Jacobians of --solver scipy and their parts need beside them.
 _ITEM = {CORNER: 350, POINT: 200, LIMIT_POINT: 400}
 _DETECTION = 5000
+_FIELDS = 110_000  # of a detection with points in space: how its rows change with errors of rays
+_PROBLEMS = 2  # where detections are left out, the problem before stands beside the next one
 _SCIPY = {CORNER: 200, POINT: 120, LIMIT_POINT: 150}
 _MATRICES = 6  # of the size of the equations that stand beside each other
 _MARGIN = 1.2
@@ -50,16 +52,18 @@ def check_memory(dataset: Dataset, solver_name: str) -> None:
 def estimated_bytes(dataset: Dataset, solver_name: str) -> int:
     """Return about how many bytes a calibration takes beside the dataset itself."""
     counts: Counter[str] = Counter()
-    detections = 0
-    for _, label in dataset.detections():
+    detections = in_space = 0
+    for key, label in dataset.detections():
         detections += 1
+        in_space += dataset.sensors[key.sensor].kind.points is not None
         counts.update(label.counts)
     rows = sum(_ITEM[kind] * count for kind, count in counts.items())
     if solver_name == SCIPY:
         rows += sum(_SCIPY[kind] * count for kind, count in counts.items())
     shared, boards = BLOCK_SIZE * len(dataset.sensors), BLOCK_SIZE * len(dataset.patterns)
     equations = 8 * (shared**2 + len(dataset.collections) * boards * (boards + shared))
-    return int(_MARGIN * (rows + _DETECTION * detections + _MATRICES * equations))
+    rows = _PROBLEMS * (rows + _DETECTION * detections) + _FIELDS * in_space
+    return int(_MARGIN * (rows + _MATRICES * equations))
 
 
 def available_bytes(root: Path = Path("/")) -> Optional[int]:
