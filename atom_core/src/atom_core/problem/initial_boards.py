@@ -74,7 +74,7 @@ def estimate_boards(
     placement: Placement,
     known: Mapping[BoardKey, np.ndarray] = MappingProxyType({}),
 ) -> Dict[BoardKey, np.ndarray]:
-    """Return ``parent_T_pattern`` (4, 4) of every board that some sensor allows to place.
+    """Return ``parent_T_pattern`` (4, 4) of every board that some sensor can place.
 
     Args:
         measurements: all detections.

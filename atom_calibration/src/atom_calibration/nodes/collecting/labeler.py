@@ -32,10 +32,10 @@ from atom_core.model.config import CalibrationConfig, SensorConfig
 def main(modality: str) -> int:
     """Run the labeler of a modality; return its exit code."""
     name = f"{modality}_labeler"
-    return running.run(name, _parser(name), lambda args: _run(name, modality, args))
+    return running.run(name, _parser(name), lambda args: _run(modality, args))
 
 
-def _run(name: str, modality: str, args: argparse.Namespace) -> int:
+def _run(modality: str, args: argparse.Namespace) -> int:
     config = options.config_of_sensor(args.config, args.sensor)
     everyone = read_config(args.config).sensors
     has_seeds = ros_modality(modality).seeds is not None
