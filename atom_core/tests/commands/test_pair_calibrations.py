@@ -129,3 +129,14 @@ def test_a_stereo_answer_that_the_labels_refute_is_called_wrong(made, tmp_path, 
     )
     run("cv_stereo_calib", "-json", path, "-lc", "rgb_2", "-rc", "rgb_1", code=1)
     assert "cv_stereo_calib: the answer is wrong: 'rgb_1' does not" in capsys.readouterr().err
+
+
+def test_where_the_rig_itself_is_a_pair_does_not_tell(tmp_path):
+    """Cameras before a board on an arm whose places in the world are not calibrated yet."""
+    scene = scenes.board_on_arm(2, sensors=2, collections=5)
+    dataset, rng = scene.dataset, np.random.default_rng(0)
+    edge = dataset.sensors["rgb_1"].edge
+    off = dataset.first_value(edge) @ se3.random_move(0.5, 0.5, rng)
+    wrong = dataset.with_transforms(dict.fromkeys(dataset.collections, {edge: off}))
+    path = write_dataset_folder(wrong, tmp_path / "d", name="d")
+    run("cv_stereo_calib", "-json", path, "-lc", "rgb_2", "-rc", "rgb_1")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from typing import Sequence
 
 import numpy as np
@@ -65,7 +66,9 @@ def refuted(solved: Dataset, sensors: Sequence[str]) -> str:
     Returns:
         Nothing where no two of them are as far apart as no calibration leaves them.
     """
-    verdicts = evaluation_verdict(evaluate(solved, solved, sensors=list(sensors))).sensors
+    found = evaluate(solved, solved, sensors=list(sensors))
+    between = replace(found, single=(), spread=())  # where the rig is they say nothing of
+    verdicts = evaluation_verdict(between).sensors
     wrong = (f"'{n}' {v.sentence}" for n, v in verdicts.items() if v.grade == WRONG)
     return next(wrong, "")
 
