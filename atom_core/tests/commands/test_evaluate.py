@@ -67,6 +67,18 @@ def test_a_test_set_that_was_calibrated_with_is_told(evaluate, capsys):
     assert shared_collections(one, one.selected(collections=["001"])) == ["001"]
 
 
+def test_what_the_reader_had_to_tolerate_of_the_test_set_is_told(scene, tmp_path, capsys):
+    train, test = (scene / "test" / name for name in ("dataset.json", "resized.json"))
+    document = json.loads(train.read_text())
+    document["calibration_config"]["calibration_patterns"]["pattern_1"]["size"] *= 1.02
+    test.write_text(json.dumps(document))
+    line = ["evaluate", "--train", train, "--test", test, "--output", tmp_path / "out"]
+    assert main(list(map(str, line))) == 0
+    told = "differ from what the configuration says; the dataset's own are used"
+    shown, warnings = capsys.readouterr().out, result(tmp_path / "out")["warnings"]
+    assert told in shown and any(told in warning for warning in warnings)
+
+
 def test_options_with_dash_and_underscore(evaluate):
     assert evaluate("--sensor-selection-function", "rgb_*")[0] == 0
     assert (

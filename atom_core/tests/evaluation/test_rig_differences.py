@@ -7,12 +7,12 @@ import pytest
 
 from atom_core.errors import DatasetError
 from atom_core.evaluation.evaluate import evaluate
-from atom_core.evaluation.rig_differences import rig_differences
+from atom_core.evaluation.rig_differences import board_differences, rig_differences
 from atom_core.geometry import se3
 from atom_core.geometry.camera import Camera
 from atom_core.report.evaluation_verdict import evaluation_verdict
 from atom_core.report.verdict import GOOD, WEAK
-from atom_core.synthetic import Noise, arm, paper_cell
+from atom_core.synthetic import Noise, arm, mistakes, paper_cell
 
 
 @pytest.fixture(scope="module")
@@ -86,3 +86,16 @@ def test_a_joint_that_stands_elsewhere_is_no_difference():
     standing = replace(on_arm, edge_types={**on_arm.edge_types, joint.edge: "fixed"})
     elsewhere = with_edge_moved(standing, joint.edge, 0.1)
     assert rig_differences(standing, elsewhere) == []
+
+
+@pytest.mark.parametrize("factor, count", [(1.0, 0), (1.0001, 0), (1.02, 1), (1000.0, 1)])
+def test_a_board_that_has_other_sizes_in_the_test_set_is_told(cell, factor, count):
+    told = board_differences(cell, mistakes.with_scaled_boards(cell, factor))
+    assert len(told) == count * len(cell.patterns)
+    for sentence, name in zip(told, cell.patterns):
+        assert sentence.startswith(f"board '{name}' has") and "mm" in sentence
+
+
+def test_another_board_by_another_name_is_no_difference(cell):
+    patterns = {f"other_{name}": pattern for name, pattern in cell.patterns.items()}
+    assert board_differences(cell, replace(cell, patterns=patterns)) == []

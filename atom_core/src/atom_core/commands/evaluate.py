@@ -25,6 +25,7 @@ from atom_core.evaluation.baselines.comparison import Measured
 from atom_core.evaluation.evaluate import Evaluation, evaluate
 from atom_core.evaluation.observed import Borders
 from atom_core.evaluation.pairs import pair_kinds
+from atom_core.evaluation.rig_differences import board_differences
 from atom_core.evaluation.same_data import shared_collections
 from atom_core.io.atomic import (
     prepare_output_folder,
@@ -180,14 +181,21 @@ def _write(
 
 
 def _warnings(train: Dataset, test: Dataset) -> List[str]:
-    """Return a sentence where the test set is what was calibrated with."""
+    """Return what puts the figures in doubt: how the test set was read, and what it is.
+
+    What puts single sensors in doubt is in the verdict.
+    """
+    in_doubt = {caveat.sentence for caveat in test.caveats}
+    told = [warning for warning in test.warnings if warning not in in_doubt]
+    told += board_differences(train, test)
     shared = shared_collections(train, test)
     if not shared:
-        return []
+        return told
     return [
+        *told,
         f"{len(shared)} of {len(test.collections)} collections of the test set are those that were "
         f"calibrated with ({_few(shared)}): errors on them are too small; record a test set of its "
-        f"own"
+        f"own",
     ]
 
 
