@@ -104,6 +104,23 @@ def test_a_bayer_image_keeps_its_colours(make, pattern, red, kind, bits):
     assert colours[4, 4].tolist() == [0, 0, 255]
 
 
+@pytest.mark.parametrize("packed", [".png", ".jpg"])
+@pytest.mark.parametrize(("pattern", "red"), [("rggb", 0), ("grbg", 1), ("gbrg", 2), ("bggr", 3)])
+def test_a_bayer_image_keeps_its_colours_when_it_is_compressed(pattern, red, packed):
+    """compressed_image_transport packs its pixels as if they were grey."""
+    mosaic = np.zeros((16, 16), np.uint8)
+    mosaic[red // 2 :: 2, red % 2 :: 2] = 255
+    _, data = cv2.imencode(packed, mosaic, [cv2.IMWRITE_JPEG_QUALITY, 100])
+    kind = "jpeg" if packed == ".jpg" else "png"
+    message = CompressedImage(format=f"bayer_{pattern}8; {kind} compressed ", data=data.tobytes())
+    assert np.max(np.abs(colour_image(message)[8, 8].astype(int) - [0, 0, 255])) <= 3
+    _, data = cv2.imencode(packed, np.full((16, 16, 3), [0, 0, 255], np.uint8))
+    message = CompressedImage(
+        format=f"bayer_{pattern}8; {kind} compressed bgr8", data=data.tobytes()
+    )
+    assert np.max(np.abs(colour_image(message)[8, 8].astype(int) - [0, 0, 255])) <= 3
+
+
 @pytest.mark.parametrize("encoding, grey", [("yuv422", b"\x80\x50"), ("yuv422_yuy2", b"\x50\x80")])
 def test_yuv_images_share_colours_by_pairs_of_columns(encoding, grey):
     data = grey * 2

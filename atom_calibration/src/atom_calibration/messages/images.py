@@ -71,11 +71,14 @@ def colour_image(message: Any) -> np.ndarray:
         MessageError: the image is empty, cut off, or in an encoding that is not known.
     """
     if message._type == COMPRESSED_IMAGE:
-        _refuse_depth(message.format.split(";")[0].strip())
+        encoding = message.format.split(";")[0].strip()
+        _refuse_depth(encoding)
         # With all bits, since OpenCV takes the upper eight of 16, where a camera of 12 has four.
-        as_stored = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
-        image = _decompressed(message, as_stored)
-        return _eight_bits(image)
+        as_stored = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
+        image = _eight_bits(_decompressed(message, as_stored))
+        # compressed_image_transport packs the pixels of a Bayer pattern as if they were grey
+        of_one = encoding if encoding.startswith("bayer_") and encoding in _COLOURS else "mono8"
+        return image if image.ndim == 3 else _converted(image, _COLOURS[of_one][2])
     _refuse_depth(message.encoding)
     if message.encoding not in _COLOURS:
         raise MessageError(
@@ -90,6 +93,10 @@ def colour_image(message: Any) -> np.ndarray:
         )
     pixels = _pixels(message, kind, channels)
     image = _eight_bits(np.ascontiguousarray(pixels[..., :3]) if channels == 4 else pixels)
+    return _converted(image, conversion)
+
+
+def _converted(image: np.ndarray, conversion: Optional[str]) -> np.ndarray:
     return image if conversion is None else cv2.cvtColor(image, getattr(cv2, conversion))
 
 
