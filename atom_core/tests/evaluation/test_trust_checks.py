@@ -17,6 +17,7 @@ from atom_core.evaluation.trust.relative import (
     stepped,
 )
 from atom_core.geometry import se3
+from atom_core.model.config_entries import PriorConfig
 from atom_core.model.dataset import pose
 from atom_core.report.calibration_document import calibration_document
 from atom_core.report.calibration_results import calibration_results
@@ -136,3 +137,18 @@ def test_parts_begin_where_the_whole_ended():
     )
     assert far.halves[0].sigmas == pytest.approx(plain.halves[0].sigmas, rel=1e-3)
     assert not any("loops" in why for why in plain.untold)  # two sensors have none
+
+
+@pytest.mark.parametrize("where", ["asked for", "configured"])
+def test_parts_are_asked_where_what_they_hold_has_a_prior(where):
+    """Each was refused: "--prior rgb_2: edge ... is not estimated (it is held)"."""
+    dataset = scenes.random_scene(11, **SENSORS).dataset
+    known, options = {"rgb_2": (0.01, 0.01), "depth_1": (0.02, 0.02)}, QUIET
+    if where == "asked for":
+        options = replace(QUIET, priors=known)
+    else:
+        priors = {name: PriorConfig(*sigmas) for name, sigmas in known.items()}
+        dataset = replace(dataset, config=replace(dataset.config, priors=priors))
+    trust = trust_checks(calibrate(dataset, options), options)
+    assert trust.untold == () and len(trust.loops) == 1
+    assert [one.compared.names[0] for one in trust.left_out] == ["rgb_1", "rgb_2", "depth_1"]

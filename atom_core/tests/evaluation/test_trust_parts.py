@@ -92,12 +92,10 @@ def test_options_of_sensors_that_a_part_lacks_are_left_out(dataset):
     names = ("rgb_1", "lidar_1", "depth_1", "rgb_2")
     lists = ("anchor_sensors", "intrinsics", "range_offset", "range_scale")
     lists += ("depth_offset", "depth_scale")
-    priors = {"rgb_1": (1.0, 1.0), "lidar_1": (2.0, 2.0), "a joint": (3.0, 3.0)}
-    options = replace(QUIET, priors=priors, **dict.fromkeys(lists, names))
+    options = replace(QUIET, **dict.fromkeys(lists, names))
     part = dataset.selected(sensors=["rgb_2", "rgb_1"])
     found = module._of_sensors(options, part)
     assert all(getattr(found, name) == ("rgb_1", "rgb_2") for name in lists)
-    assert found.priors == {"rgb_1": (1.0, 1.0), "a joint": (3.0, 3.0)}
     assert module._of_sensors(options, dataset) == options
 
 

@@ -28,7 +28,9 @@ def replaced(monkeypatch, **functions):
 
 
 def calibration_of(anchored=("rgb_1",), additional=(), dataset=None, unused=(), status=CONVERGED):
-    free = SimpleNamespace(anchored_sensors=anchored, additional_tfs=dict.fromkeys(additional))
+    free = SimpleNamespace(
+        anchored_sensors=anchored, additional_tfs=dict.fromkeys(additional), priors={}
+    )
     return SimpleNamespace(
         free=free,
         dataset=dataset,

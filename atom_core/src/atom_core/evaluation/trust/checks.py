@@ -37,6 +37,7 @@ from atom_core.evaluation.trust.relative import (
 )
 from atom_core.evaluation.trust.two_estimates import edge_difference
 from atom_core.geometry import se3
+from atom_core.model.config_entries import PriorConfig
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import DetectionKey
 from atom_core.model.transforms import Edge
@@ -122,7 +123,7 @@ def trust_checks(calibration: Calibration, asked: Optional[CalibrationOptions] =
     if calibration.status not in _TRUSTED:
         why = f"nothing was asked: the calibration is {calibration.status}"
         return Trust((), 0.0, (), 0.0, (), 0.0, (why,))
-    whole = calibration.dataset.selected(collections=_used(calibration))
+    whole = _with_priors(calibration).selected(collections=_used(calibration))
     options = _options(calibration, asked or CalibrationOptions())
     parts = _Parts(whole, options, measured_detections(whole), untold)
     halves = _halves(whole, stops_of(calibration.problem, calibration.summary.x), parts)
@@ -176,6 +177,17 @@ def limit_of(count: int) -> float:
     return float(-special.ndtri(FALSE_ALARMS / (2.0 * BLOCK_SIZE * max(count, 1))))
 
 
+def _with_priors(calibration: Calibration) -> Dataset:
+    """Return the calibrated dataset with all priors in its configuration.
+
+    There they are passed over in parts that hold what they are of; asked for, they are refused.
+    """
+    known = calibration.free.priors.values()
+    priors = {prior.name: PriorConfig(prior.sigma_m, prior.sigma_rad) for prior in known}
+    dataset = calibration.dataset
+    return replace(dataset, config=replace(dataset.config, priors=priors))
+
+
 def _used(calibration: Calibration) -> List[str]:
     return [key for key in calibration.dataset.collections if key not in calibration.unused]
 
@@ -192,6 +204,7 @@ def _options(calibration: Calibration, asked: CalibrationOptions) -> Calibration
         keep_collections=(),
         keep_detections=(),
         only_anchored_sensor=False,
+        priors={},  # they stand in the configuration
     )
 
 
@@ -201,7 +214,6 @@ def _of_sensors(options: CalibrationOptions, dataset: Dataset) -> CalibrationOpt
     def there(names: Sequence[str]) -> Tuple[str, ...]:
         return tuple(name for name in names if name in dataset.sensors)
 
-    gone = set(dataset.config.sensors) - set(dataset.sensors)
     return replace(
         options,
         anchor_sensors=there(options.anchor_sensors),
@@ -210,7 +222,6 @@ def _of_sensors(options: CalibrationOptions, dataset: Dataset) -> CalibrationOpt
         range_scale=there(options.range_scale),
         depth_offset=there(options.depth_offset),
         depth_scale=there(options.depth_scale),
-        priors={name: prior for name, prior in options.priors.items() if name not in gone},
     )
 
 
