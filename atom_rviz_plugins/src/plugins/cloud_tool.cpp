@@ -25,6 +25,11 @@ Eigen::Matrix4d from_ogre(const Ogre::Matrix4& matrix) {
 
 Point2 place_of(const rviz::ViewportMouseEvent& event) { return {event.x + 0.5, event.y + 0.5}; }
 
+double screen_pixels(const rviz::ViewportMouseEvent& event) {
+  const int width = event.panel->width();
+  return width > 0 ? static_cast<double>(event.viewport->getActualWidth()) / width : 1.0;
+}
+
 CloudTool::CloudTool() {
   topic_ = new rviz::RosTopicProperty(
       "Cloud topic", "", "sensor_msgs/PointCloud2",
@@ -57,8 +62,8 @@ std::optional<Projection> CloudTool::projection_of(const sensor_msgs::PointCloud
   Projection projection;
   projection.eye_T_cloud = from_ogre(camera->getViewMatrix(true)) * from_ogre(world_T_cloud);
   projection.clip_T_eye = from_ogre(camera->getProjectionMatrix());
-  projection.widget = {static_cast<double>(event.panel->width()),
-                       static_cast<double>(event.panel->height())};
+  projection.widget = {static_cast<double>(event.viewport->getActualWidth()),
+                       static_cast<double>(event.viewport->getActualHeight())};
   return projection;
 }
 

@@ -50,7 +50,11 @@ class CloudTool : public rviz::Tool {
   CloudWatcher* watcher_ = nullptr;
 };
 
-/// The place of a mouse event in the view: the centre of the screen pixel.
+/// The place of a mouse event in the view: the centre of the screen pixel. RViz counts those that
+/// it draws, of which a dense screen has several for one of Qt's.
 Point2 place_of(const rviz::ViewportMouseEvent& event);
+
+/// How many screen pixels a pixel of Qt's is wide: 2, say, on a dense screen.
+double screen_pixels(const rviz::ViewportMouseEvent& event);
 
 }  // namespace atom_rviz

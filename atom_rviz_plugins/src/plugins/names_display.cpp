@@ -13,6 +13,7 @@
 #include <rviz/view_manager.h>
 #include <rviz/window_manager_interface.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <pluginlib/class_list_macros.hpp>
@@ -144,6 +145,7 @@ void NamesDisplay::update(float /*wall_dt*/, float /*ros_dt*/) {
   if (!viewport) return;
   const double width = viewport->getActualWidth();
   const double height = viewport->getActualHeight();
+  const double line_px = size_px_->getInt() * (width / std::max(panel->width(), 1));  // of screen
   std::vector<Name*> seen;
   std::vector<ScreenLabel> labels;
   std::vector<float> metres;  // of a line
@@ -164,22 +166,22 @@ void NamesDisplay::update(float /*wall_dt*/, float /*ros_dt*/) {
     const Ogre::Vector3 on_screen = projection * in_camera;
     const Ogre::Vector3 above = projection * (in_camera + Ogre::Vector3::UNIT_Y);
     const double metre_px = (above.y - on_screen.y) / 2.0 * height;
-    const double line_m = size_px_->getInt() / metre_px;
+    const double line_m = line_px / metre_px;
     name.node->setPosition(place);
     name.node->setScale(Ogre::Vector3(static_cast<float>(line_m)));
     seen.push_back(&name);
     metres.push_back(static_cast<float>(line_m));
     const double letters = static_cast<double>(name.marker.text.size()) + sizeof(kBeside);
-    const double wide = letters * kLetterShare * size_px_->getInt();
+    const double wide = letters * kLetterShare * line_px;
     const double at = (on_screen.x + 1.0) / 2.0 * width;
     const bool visible = at >= 0.0 && at <= width;
     aside.push_back(visible && at + wide > width ? wide : 0.0);  // else the view would cut it
     labels.push_back(
-        {at - aside.back(), (1.0 - on_screen.y) / 2.0 * height, wide, kLine * size_px_->getInt()});
+        {at - aside.back(), (1.0 - on_screen.y) / 2.0 * height, wide, kLine * line_px});
   }
   const std::vector<double> shifts = shifts_down(labels);
   for (std::size_t i = 0; i < seen.size(); ++i) {
-    const float pixel_m = metres[i] / static_cast<float>(size_px_->getInt());
+    const float pixel_m = metres[i] / static_cast<float>(line_px);
     const Ogre::Vector3 moved(-static_cast<float>(aside[i]) * pixel_m,
                               -static_cast<float>(shifts[i]) * pixel_m, 0.0f);
     seen[i]->text->setLocalTranslation(moved);

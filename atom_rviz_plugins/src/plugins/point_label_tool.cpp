@@ -137,12 +137,13 @@ int PointLabelTool::processMouseEvent(rviz::ViewportMouseEvent& event) {
 }
 
 void PointLabelTool::finish(rviz::ViewportMouseEvent& event) {
-  const bool is_click =
-      std::abs(event.x - from_x_) < kClick_px && std::abs(event.y - from_y_) < kClick_px;
+  const double dense = screen_pixels(event), around_px = kAround_px * dense;
+  const bool is_click = std::abs(event.x - from_x_) < kClick_px * dense &&
+                        std::abs(event.y - from_y_) < kClick_px * dense;
   const Point2 to = place_of(event);
   Rectangle rectangle{{from_x_ + 0.5, from_y_ + 0.5}, to};
   if (is_click) {
-    rectangle = {{to.x - kAround_px, to.y - kAround_px}, {to.x + kAround_px, to.y + kAround_px}};
+    rectangle = {{to.x - around_px, to.y - around_px}, {to.x + around_px, to.y + around_px}};
   }
   choose(event, rectangle);
   highlight();

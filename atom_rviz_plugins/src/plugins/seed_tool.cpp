@@ -13,7 +13,7 @@
 namespace atom_rviz {
 namespace {
 
-constexpr double kRadius_px = 8.0;
+constexpr double kRadius_px = 8.0;  // on a screen that is not dense
 
 }  // namespace
 
@@ -51,11 +51,12 @@ int SeedTool::processMouseEvent(rviz::ViewportMouseEvent& event) {
 void SeedTool::click(const rviz::ViewportMouseEvent& event) {
   std::optional<PointHit> best;
   ShownCloud of_best;
+  const double radius_px = kRadius_px * screen_pixels(event);
   for (const ShownCloud& shown : clouds()) {
     const std::optional<Projection> projection = projection_of(*shown.cloud, event);
     if (!projection) continue;
     try {
-      const auto hit = point_at(*shown.cloud, *projection, place_of(event), kRadius_px);
+      const auto hit = point_at(*shown.cloud, *projection, place_of(event), radius_px);
       if (!hit || (best && !is_better(*hit, *best))) continue;
       best = hit;
       of_best = shown;
