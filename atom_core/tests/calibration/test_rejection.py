@@ -11,8 +11,9 @@ from atom_core.calibration.refine import rejection
 from atom_core.calibration.refine.disagreement import chi_squares
 from atom_core.calibration.refine.rejection import DISAGREES, NO_MAJORITY
 from atom_core.geometry import se3
+from atom_core.model.labels import RgbLabel
 from atom_core.solvers.base import SolverOptions
-from atom_core.solvers.choice import solver_factory
+from atom_core.solvers.choice import SOLVERS, solver_factory
 from atom_core.synthetic import Noise, paper_cell, scenes
 from atom_core.synthetic.cell import cell_rig
 from atom_core.synthetic.mistakes import (
@@ -262,3 +263,20 @@ def test_the_statistic_has_its_distribution():
         sums, freedoms = sums + np.sum(values), freedoms + np.sum(freedom)
     assert freedoms > 1000  # so that the ratio is known to 5 %
     assert sums / freedoms == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_wrong_label_is_left_out_where_the_start_is_right_already(seed, solver):
+    """As of a simulated robot, or a dataset that is calibrated again."""
+    sensors = {"rgb": 2, "depth": 0, "lidar3d": 2}
+    scene = scenes.random_scene(seed, **sensors, collections=24)
+    whole = [k for k, c in scene.dataset.collections.items() if len(c.labels) == 4]
+    label = scene.dataset.collections[whole[0]].labels[("rgb_2", PATTERN)]
+    moved = RgbLabel(label.ids, label.pixels + np.array([60.0, -25.0]))
+    wrong = scene.dataset.with_labels(whole[0], {("rgb_2", PATTERN): moved})
+    result = calibrate(wrong, CalibrationOptions(solver_name=solver))
+    assert result.status == "converged", result.message
+    assert rejected(result) == {(whole[0], "rgb_2")}
+    assert mean_error_m(result, scene) < 0.005

@@ -116,7 +116,24 @@ def solve(
     expected = in_steps(options.model_errors, means)
     if np.any(expected):
         apply_errors(solver, rough.x, options.model_errors, expected)
-    return _reweighted(solver, options, rough, np.ones(count), np.zeros(count), expected)
+    summary = _reweighted(solver, options, rough, np.ones(count), np.zeros(count), expected)
+    finite = np.all(np.isfinite([*summary.scales, summary.cost_final]))
+    if summary.status == FAILED and finite and not summary.interrupted:
+        # The start was better: without a robust loss, gross errors drew the answer away from it.
+        return _from_the_start(solver, options, summary)
+    return summary
+
+
+def _from_the_start(
+    solver: Solver, options: SolverOptions, summary: SolverSummary
+) -> SolverSummary:
+    """Return the solution next to the start, given the sigmas and insets of another one."""
+    start, values = np.zeros(solver.problem.parameters.size), summary.model_errors
+    apply_errors(solver, start, options.model_errors, in_steps(options.model_errors, values))
+    fresh = replace(options, max_iterations=summary.iterations + options.max_iterations)
+    near = _minimise(solver, start, summary.sigmas, fresh, summary.iterations, ROUGH)
+    scales, insets = np.array(summary.scales), np.array(summary.inset_steps)
+    return _reweighted(solver, fresh, near, scales, insets, in_steps(options.model_errors, values))
 
 
 def solve_again(
