@@ -83,6 +83,15 @@ def test_what_is_neither_true_nor_false_is_refused_and_not_taken_for_yes(name, a
             loaded(f"{switch}:=no")
 
 
+@pytest.mark.parametrize("switch", ["paused", "loop", "optimized"])
+def test_a_packages_recording_is_not_paused_by_a_word_that_means_no(switch):
+    loader = pytest.importorskip("roslaunch.xmlloader").XmlLoader()
+    config = pytest.importorskip("roslaunch.config").ROSLaunchConfig()
+    with pytest.raises(ValueError, match="no is not a 'bool' type"):
+        argv = ["bag_file:=b", f"{switch}:=no"]
+        loader.load(str(EXAMPLE / "playbag.launch"), config, argv=argv, verbose=False)
+
+
 def test_collecting_without_a_configuration_says_so(capsys):
     with pytest.raises(SystemExit) as end:
         collect_data.parser().parse_args(["--config", "", "--output", "a"])
@@ -115,7 +124,7 @@ def test_nodes_have_the_names_that_documents_say_in_whichever_namespace(
         (LAUNCH / "calibrate.launch", []),
         (
             LAUNCH / "calibrate_from_bag.launch",
-            "config:=a bag:=b output:=c world:=w rviz:=1".split(),
+            ["config:=a", "bag:=b", "output:=c", "world:=w", "rviz:=1"],
         ),
         (EXAMPLE / "playbag.launch", ["bag_file:=b"]),
     ],
