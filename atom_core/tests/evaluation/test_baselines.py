@@ -22,6 +22,7 @@ from atom_core.evaluation.baselines.links import (
     linked_rig,
     motion_between,
     placed_at,
+    seen_by_both,
     usual_pose,
 )
 from atom_core.evaluation.baselines.pairwise import pairwise_baseline
@@ -29,7 +30,7 @@ from atom_core.evaluation.baselines.stereo import stereo_baseline
 from atom_core.evaluation.evaluate import evaluate
 from atom_core.geometry import se3
 from atom_core.geometry.se3 import pose_difference
-from atom_core.model.dataset import pose
+from atom_core.model.dataset import DataSource, pose
 from atom_core.model.truth import with_truth
 from atom_core.synthetic import Noise, Sampling, scenes
 
@@ -131,6 +132,18 @@ def test_pairs_without_a_common_board_are_told():
     assert rig.unsolved["rgb_1", "rgb_3"] == "they share no board"
     assert any("nothing links" in remark for remark in rig.remarks)
     assert "rgb_3" not in rig.placed
+
+
+def test_pairs_of_which_one_tells_no_boards_name_it(exact):
+    """As where clouds are absent, or a scan is a line: it was "0 boards that both tell" alone."""
+    dataset = exact.dataset.selected(sensors=["rgb_1", "lidar_1"])
+    count = len(seen_by_both(dataset, "lidar_1", "rgb_1"))
+    without = replace(dataset, data=DataSource())
+    why = pairwise_baseline(without).unsolved["lidar_1", "rgb_1"]
+    assert why == (
+        f"0 boards that both tell; it takes 3 ('lidar_1' by itself tells 0 of {count}, its data "
+        f"files are absent and 'rgb_1' by itself tells {count} of {count})"
+    )
 
 
 def test_icp_carries_a_cloud_back_onto_itself(exact):

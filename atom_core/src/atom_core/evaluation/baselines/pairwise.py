@@ -8,7 +8,7 @@ the mean of what each image pair says.
 
 from __future__ import annotations
 
-from typing import Callable, Dict, List, NamedTuple, Optional, Tuple, Union
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -120,7 +120,8 @@ def _by_points(
         in_target = se3.apply(target_T_board, np.array([[*border.centre, 0.0]]))[0]
         middles.append((middle, in_target))
     if len(boards) < FEWEST:
-        return f"{len(boards)} boards that both tell; it takes {FEWEST}"
+        words = " and ".join(_told_by(dataset, observed, keys) for keys in zip(*both))
+        return f"{len(boards)} boards that both tell; it takes {FEWEST} ({words})"
     start = motion_between(*(np.array(side) for side in zip(*middles)))
     if start is None:
         return "the boards' middles lie on a line"
@@ -134,6 +135,15 @@ def _by_points(
     ).x
     of_source, of_target = both[0]
     return Link(of_source.sensor, of_target.sensor, moved(start, step), len(boards))
+
+
+def _told_by(dataset: Dataset, observed: Observed, keys: Sequence[DetectionKey]) -> str:
+    """Return how many boards a sensor's own labels tell, and whether its data files are absent."""
+    told = sum(_pose_of_board(dataset, observed, key) is not None for key in keys)
+    is_range = dataset.sensors[keys[0].sensor].kind.measures_range
+    absent = is_range and not any(dataset.data.has_data(k.collection, k.sensor) for k in keys)
+    why = ", its data files are absent" if absent else ""
+    return f"'{keys[0].sensor}' by itself tells {told} of {len(keys)}{why}"
 
 
 def _residuals(boards: List[_Board], start: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
