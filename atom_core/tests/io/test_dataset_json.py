@@ -258,6 +258,12 @@ def test_absent_joints_and_labels_of_a_sensor(document, read):
     assert "rgb_2" not in {key.sensor for key, _ in read(document).detections()}
 
 
+def test_a_byte_order_mark_that_an_editor_left_is_passed_over(document, tmp_path):
+    path = tmp_path / "dataset.json"
+    path.write_text(dumps(document), encoding="utf-8-sig")
+    assert dumps(document_of(read_dataset(path))) == dumps(document)
+
+
 def test_empty_text_for_nothing(document, read):
     document["calibration_config"].update(additional_tfs="", joints="", anchored_sensor="")
     dataset = read(document)

@@ -96,7 +96,7 @@ def read_document(path: Path) -> Dict[str, Any]:
     if path.suffix in (".yml", ".yaml", ".bag", ".xacro", ".urdf"):
         raise DatasetError(f"{path}: no dataset; give the dataset.json that a collector wrote")
     try:
-        document = load_json(path.read_text(encoding="utf-8"))
+        document = load_json(path.read_text(encoding="utf-8-sig"))
     except UnicodeDecodeError as error:
         raise DatasetError(
             f"{path}: not UTF-8 text ({error.reason} at byte {error.start})"
