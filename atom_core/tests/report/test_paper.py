@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_pdf import RendererPdf
 
-from atom_core.report.page.blocks import Chart, Page, Picture, SensorLine
+from atom_core.report.page.blocks import Chart, Page, Picture, Section, SensorLine
 from atom_core.report.page.paper import BOTTOM, LEFT, TOP, Paper
-from atom_core.report.page.pdf import cover
+from atom_core.report.page.pdf import cover, pdf
 
 
 def chart(names=("a", "b")):
@@ -110,3 +111,30 @@ def test_dollars_in_a_path_are_no_formula():
     paper.section(path, [path], [chart(), Chart(path, path, lambda axes: None)])
     for sheet in paper.sheets:
         sheet.canvas.draw()  # an unknown word of a formula ends it with an error
+
+
+def test_sheets_that_are_full_are_handed_on_and_one_is_in_memory():
+    contents = [[f"line {i}" for i in range(300)], [f"other {i}" for i in range(200)]]
+    kept, full = Paper(), []
+    paper = Paper(full.append)
+    for lines in contents:
+        kept.section("title", lines, [chart()])
+        paper.section("title", lines, [chart()])
+        assert len(paper.sheets) == 1
+    texts = [[text.get_text() for text in sheet.texts] for sheet in [*full, *paper.sheets]]
+    assert texts == [[text.get_text() for text in sheet.texts] for sheet in kept.sheets]
+    assert len(full) > 3
+
+
+def test_a_pdf_keeps_of_an_image_what_it_shows_and_no_whole_sheet(monkeypatch):
+    given = []
+
+    def draw_image(self, gc, x, y, im, *more):
+        given.append(im)
+
+    monkeypatch.setattr(RendererPdf, "draw_image", draw_image)
+    dense = Chart("dots", "dots", lambda axes: axes.scatter([1, 2], [1, 2]), dense=True)
+    section = Section("dots", "Dots", [dense, dense])
+    pdf(Page("Report", "good", "good", "", (), None, [section], [("status", "converged")]))
+    assert len(given) == 2 and all(im.base is None for im in given)
+    assert RendererPdf.draw_image is draw_image

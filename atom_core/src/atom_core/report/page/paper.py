@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from typing import Any, List, Sequence, Union
+from typing import Any, Callable, List, Optional, Sequence, Union
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -35,16 +35,23 @@ class Paper:
     """Begins a new sheet where something does not fit on the one before.
 
     Attributes:
-        sheets: as filled so far.
+        sheets: as filled so far; the last one alone where somebody takes those that are full.
     """
 
-    def __init__(self) -> None:
-        """Begin without a sheet."""
+    def __init__(self, full: Optional[Callable[[Figure], None]] = None):
+        """Begin without a sheet.
+
+        Args:
+            full: takes each sheet that is full; of hundreds, all together need gigabytes.
+        """
         self.sheets: List[Figure] = []
+        self._full = full
         self._free = 0.0  # the height up to which the last sheet is empty
 
     def new_sheet(self) -> Figure:
-        """Begin the next sheet, and return it."""
+        """Begin the next sheet, and return it; the one before is full."""
+        if self._full is not None and self.sheets:
+            self._full(self.sheets.pop())
         sheet = Figure(figsize=SIZE_IN, dpi=130)
         FigureCanvasAgg(sheet)
         self.sheets.append(sheet)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import io
 import textwrap
+from contextlib import contextmanager
 from typing import Any, Iterator, List, Sequence, Tuple, Union
 
+import numpy as np
 from matplotlib import rc_context
-from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.backends.backend_pdf import PdfPages, RendererPdf
 from matplotlib.figure import Figure
 
 from atom_core.report.page.blocks import (
@@ -48,8 +50,8 @@ def pdf(page: Page) -> bytes:
     stream = io.BytesIO()
     metadata = {"Title": page.title, "CreationDate": None}
     small = {**STYLE, "font.size": 7.5, "pdf.compression": 9}
-    with rc_context(small), PdfPages(stream, metadata=metadata) as written:
-        paper = Paper()
+    with rc_context(small), _cut_images(), PdfPages(stream, metadata=metadata) as written:
+        paper = Paper(written.savefig)
         cover(paper, page)
         paper.end_sheet()
         for section in page.sections:
@@ -58,6 +60,21 @@ def pdf(page: Page) -> bytes:
         for sheet in paper.sheets:
             written.savefig(sheet)
     return stream.getvalue()
+
+
+@contextmanager
+def _cut_images() -> Iterator[None]:
+    """Have of each image in memory what is shown: matplotlib keeps a view of a sheet of pixels."""
+    draw = RendererPdf.draw_image
+
+    def draw_copied(self: RendererPdf, gc: Any, x: float, y: float, im: Any, *more: Any) -> None:
+        draw(self, gc, x, y, np.array(im), *more)
+
+    RendererPdf.draw_image = draw_copied
+    try:
+        yield
+    finally:
+        RendererPdf.draw_image = draw
 
 
 def cover(paper: Paper, page: Page) -> None:
