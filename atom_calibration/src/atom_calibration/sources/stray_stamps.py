@@ -38,7 +38,10 @@ class StrayStamps:
         """Take the next message that has a stamp; return what can be said of messages by now."""
         before = self._usual.get(found.topic)
         held = self._held.pop(found.topic, [])
-        if before is None or abs(_lag_s(found) - _lag_s(before)) <= _FAR_S:
+        if before is None:
+            self._usual[found.topic] = found
+            return [Placed(found)]
+        if abs(_lag_s(found) - _lag_s(before)) <= _FAR_S:
             self._usual[found.topic] = found
             return [*(_placed(one, before) for one in held), Placed(found)]
         held.append(found)

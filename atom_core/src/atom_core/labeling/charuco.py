@@ -308,7 +308,7 @@ class CharucoFinder:
 
     def _another_board(
         self,
-        shape: Tuple[int, int],
+        shape: Tuple[int, ...],
         ids: np.ndarray,
         outlines: np.ndarray,
         camera: Optional[Camera],
@@ -406,7 +406,7 @@ def _refined(
     return ids, refine(grey, expected[ids], axes[ids], gap, first_is_black[ids], iterations)
 
 
-def _inside(pixels: np.ndarray, shape: Tuple[int, int]) -> np.ndarray:
+def _inside(pixels: np.ndarray, shape: Tuple[int, ...]) -> np.ndarray:
     """Return (n,) bool, which pixels (n, 2) are in an image (height, width)."""
     return np.all((pixels >= 2) & (pixels <= [shape[1] - 3, shape[0] - 3]), axis=1)
 
