@@ -16,6 +16,7 @@ constexpr double kLeastSpacing = 1e-5;  // of layers that continue; finer ones a
 // that no sensor has are counted by a part of them.
 constexpr double kMostAcross = 2000.0;
 constexpr double kMostBeams = 1e9;
+constexpr int kLeastThrough = 8;  // beams of a layer that show what is behind
 constexpr double kLeastBright = 0.6;  // of what must be visible, where dark squares return nothing
 
 // Beams of some layers that meet the rectangle.
@@ -72,10 +73,10 @@ std::vector<double> LayersBeyond(const Scan& scan, double* weight) {
   return beyond;
 }
 
-// Returns of beams that meet the rectangle: on it, before it, and behind it; and beams without a
-// return from squares that swallow light, between others that are on it.
+// Returns of beams that meet the rectangle: on it, before it, and behind it; beams without a return
+// from squares that swallow light, between others that are on it; and how many layers pass through.
 struct Filling {
-  int there = 0, nearer = 0, farther = 0, dark = 0;
+  int there = 0, nearer = 0, farther = 0, dark = 0, open_layers = 0;
 };
 
 // Beams that are lost between two neighbours on the board, no farther apart than dark squares are
@@ -94,6 +95,10 @@ Filling CountReturns(const BoardSearch& search, const Surface& surface, const Re
   const Eigen::Vector2d half = search.HalfSize();
   const Plane& plane = surface.plane();
   int last = -1;  // return on the board
+  // Of each layer, beams well inside that pass through, and that return. Where layers are dense in
+  // the middle, one of the others is few of all beams, and stands for a large part of the board.
+  const double deep = 0.25 * surface.Tolerance() + margin;
+  std::map<int, std::pair<int, int>> layers;
   for (std::size_t i = 0; i < search.window.points.size(); ++i) {
     const ScanPoint& point = search.At(i);
     Eigen::Vector2d p;
@@ -101,6 +106,10 @@ Filling CountReturns(const BoardSearch& search, const Surface& surface, const Re
     const double distance = SignedDistance(pose.ToBoard(p), half);
     if (distance > 0.0) continue;
     const int side = plane.Side(point);
+    if (distance < -deep && (side > 0 || plane.Holds(point))) {
+      std::pair<int, int>& layer = layers[point.layer];
+      ++(plane.Holds(point) ? layer.second : layer.first);
+    }
     if (plane.Holds(point)) {
       ++filling.there;
       if (last >= 0 && last + 1 == static_cast<int>(i))
@@ -111,6 +120,10 @@ Filling CountReturns(const BoardSearch& search, const Surface& surface, const Re
     } else if (side > 0 && distance < -margin) {
       ++filling.farther;
     }
+  }
+  for (const auto& layer : layers) {
+    const int through = layer.second.first;
+    if (through >= kLeastThrough && through > layer.second.second) ++filling.open_layers;
   }
   return filling;
 }
@@ -148,6 +161,9 @@ bool FillsRectangle(const BoardSearch& search, const Surface& surface, const Rec
   } else if (segment->through > options.most_through) {
     reason = Text("%.0f %% of the beams pass through where the board would be",
                   100.0 * segment->through);
+  } else if (filling.open_layers > 0) {
+    reason = Text("%.0f of the layers pass through where the board would be",
+                  static_cast<double>(filling.open_layers));
   } else if (segment->visible < kLeastBright * options.least_visible ||
              segment->visible + segment->dark < options.least_visible ||
              segment->visible + segment->dark + segment->hidden < options.least_coverage) {

@@ -21,11 +21,14 @@ from atom_core.geometry import se3
 from atom_core.labeling.lidar3d import Cloud, board_at, find_boards
 from atom_core.model.pattern import pattern_from_config
 from atom_core.synthetic import charuco
-from atom_core.synthetic.lidar_models import LIDAR_MODELS
+from atom_core.synthetic.lidar_models import LIDAR_MODELS, LidarModel
 
 pytestmark = pytest.mark.skipif(not native.available(), reason="the compiled core is not built")
 
 EYE = (0.0, 0.0, 1.5)
+DENSE_AMID = (-25, -15.639, -11.31, -8.843, -7.254, -6.148, -5.333, -4.667, -4, -3.667, -3.333)
+DENSE_AMID += (-3, -2.667, -2.333, -2, -1.667, -1.333, -1, -0.667, -0.333, 0, 0.333, 0.667, 1)
+DENSE_AMID += (1.333, 1.667, 2.333, 3.333, 4.667, 7, 10.333, 15)  # of a VLP-32C, and of others
 NOMINAL = pattern_from_config(PATTERN, charuco()).border
 
 
@@ -91,3 +94,31 @@ def test_another_surface_that_crosses_the_plane_of_a_board_does_not_hide_it():
     precision, recall = shares(found.label.indices, cloud)
     assert precision > 0.98
     assert recall > 0.9
+
+
+@pytest.mark.parametrize(
+    "top_m, height_m, away_m",
+    [(0.04, 0.40, 1.7), (0.08, 0.40, 2.0), (0.12, 0.40, 1.7), (0.12, 0.45, 2.4), (0.08, 0.45, 1.7)],
+)
+@pytest.mark.parametrize("width_m", [0.80, 0.815])
+def test_no_layer_passes_through_a_board(width_m, top_m, height_m, away_m):
+    """The front of a cabinet, as wide as the board: the layers below it are few, and say so."""
+    top = EYE[2] + top_m
+    low, high = (away_m, -width_m / 2, top - height_m), (away_m + 0.5, width_m / 2, top)
+    model = LidarModel(rings=32, elevation_deg=DENSE_AMID, azimuth_steps=1800)
+    cloud = scan(Scene(pose(EYE), None, [Box(low, high)], model=model))
+    found = label(cloud, (away_m, 0.0, top_m - height_m / 2))
+    assert not found.detected and "layers pass through where the board would be" in found.reason
+    assert find_boards(Cloud(cloud.points, cloud.ring), BORDER) == []
+
+
+@pytest.mark.parametrize("top_m", [0.04, 0.12, 0.25, 0.4])
+@pytest.mark.parametrize("away_m", [1.2, 1.7, 2.4])
+def test_layers_that_are_dense_in_the_middle_find_the_board_wherever_it_is(top_m, away_m):
+    model = LidarModel(rings=32, elevation_deg=DENSE_AMID, azimuth_steps=1800)
+    board = board_facing(EYE, (away_m, 0.0, EYE[2] + top_m - 0.3), 0.0, turn_deg=15.0)
+    cloud = scan(Scene(pose(EYE), board, model=model))
+    found = label(cloud, cloud.seed)
+    assert found.detected, found.reason
+    precision, recall = shares(found.label.indices, cloud)
+    assert precision > 0.97 and recall > 0.9
