@@ -16,7 +16,7 @@ constexpr double kLeastSpacing = 1e-5;  // of layers that continue; finer ones a
 // that no sensor has are counted by a part of them.
 constexpr double kMostAcross = 2000.0;
 constexpr double kMostBeams = 1e9;
-constexpr int kLeastThrough = 8;  // beams of a layer that show what is behind
+constexpr int kLeastThrough = 8;      // beams of a layer that show what is behind
 constexpr double kLeastBright = 0.6;  // of what must be visible, where dark squares return nothing
 
 // Beams of some layers that meet the rectangle.
