@@ -87,9 +87,14 @@ def by_points(
     monkeypatch.setattr(module, "_pose_of_board", lambda d, o, key: told[key.collection][0])
     monkeypatch.setattr(module, "board_middle", lambda d, key: told[key.collection][1])
     monkeypatch.setattr(module, "_residuals", residuals)
-    patterns = {BOARD: SimpleNamespace(border=BORDER)}
+    kinds = (("lidar", True), ("camera", False))
+    dataset = SimpleNamespace(
+        patterns={BOARD: SimpleNamespace(border=BORDER)},
+        sensors={n: SimpleNamespace(kind=SimpleNamespace(measures_range=r)) for n, r in kinds},
+        data=SimpleNamespace(has_data=lambda collection, sensor: True),
+    )
     points = Labels(np.arange(3.0 * inside).reshape(-1, 3), np.arange(3.0 * limit).reshape(-1, 3))
-    found = module._by_points(SimpleNamespace(patterns=patterns), points, keys)
+    found = module._by_points(dataset, points, keys)
     return found, kept
 
 
@@ -137,7 +142,7 @@ def test_a_board_that_one_does_not_tell_costs_the_later_ones_nothing(monkeypatch
     assert found.collections == 3
     (boards if untold == "board" else middles)[2] = None
     found, _ = by_points(monkeypatch, boards, middles)
-    assert found == "2 boards that both tell; it takes 3"
+    assert found.startswith("2 boards that both tell; it takes 3 ('lidar' by itself tells ")
 
 
 def test_boards_in_a_row_tell_no_start(monkeypatch):
