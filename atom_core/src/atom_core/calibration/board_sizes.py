@@ -28,15 +28,15 @@ def look_at_boards(dataset: Dataset) -> Tuple[List[MeasuredSide], List[str]]:
 
     The labeler looks again at each labeled cloud. Its outline is laid between the last return on
     the board and the first beside it, so that it tells more than limit points do. Where the
-    compiled module is not built, one sentence says that nothing was looked at.
+    compiled module is not built, one sentence says that nothing was looked at. It names no sensor,
+    for it is no remark on one.
     """
     sides: List[MeasuredSide] = []
     remarks: List[str] = []
     labeled = _labeled(dataset)
     if labeled:
-        names = ", ".join(dict.fromkeys(name for name, _ in labeled))
         try:
-            native.require(f"Checking how large boards look in the clouds of {names}")
+            native.require("Checking how large boards look in clouds")
         except NativeModuleError as error:
             return sides, [str(error)]
     for (name, pattern), boards in labeled.items():
