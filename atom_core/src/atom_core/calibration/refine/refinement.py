@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Mapping, NamedTuple, Optional, Tuple
+from functools import partial
+from typing import Callable, Mapping, NamedTuple, Optional, Tuple
 
 from atom_core.calibration.options import AUTO, SUGGEST, CalibrationOptions
 from atom_core.calibration.prepare.moving_parts import Sigmas
@@ -96,17 +97,17 @@ def refine(
         earlier: a solution of nearly the same problem, if there is one.
     """
     initial, measurements = rough.start.initial, rough.start.measurements
-    first = _with_room_for_cameras(rough, free, options, setup, earlier)
+    solved = partial(_solved, rough, options=options, setup=setup, earlier=earlier)
+    first = _with_room_for_cameras(solved, free, setup)
     arms = with_moving_parts(initial, measurements, first, moving, setup)
     summary, unsettled = settled(arms.solver, arms.summary, setup)
+    arms = replace(arms, summary=summary)
     is_auto = options.model_errors == AUTO
     if is_auto:  # first, since what contradicts the others may do so for that reason
-        arms = replace(arms, summary=summary)
         arms = with_shown_joints(initial, measurements, arms, setup)
         arms = with_shown_moving_parts(initial, measurements, arms, setup)
         summary, setup = with_shown_errors(initial, arms.solver, arms.summary, setup)
     elif options.model_errors == SUGGEST and not options.moving_edge_sigma:
-        arms = replace(arms, summary=summary)
         arms = with_usual_moving_parts(initial, measurements, arms, setup)
         summary = arms.summary
     rejection = reject_bad_detections(rough.start, arms.solver, summary, arms.free, options, setup)
@@ -130,14 +131,10 @@ def refine(
 
 
 def _with_room_for_cameras(
-    rough: RoughSolution,
-    free: FreeEdges,
-    options: CalibrationOptions,
-    setup: SolverSetup,
-    earlier: Optional[Earlier],
+    solved: Callable[[FreeEdges], MovingSolution], free: FreeEdges, setup: SolverSetup
 ) -> MovingSolution:
     """Return the solution, cameras that contradict what is expected taken to be as far off."""
-    first = _solved(rough, free, options, setup, earlier)
+    first = solved(free)
     if first.summary.status != CONVERGED or not first.free.expected_cameras:
         return first
     covariance = covariance_of(first.solver, first.summary, setup.options)
@@ -146,7 +143,7 @@ def _with_room_for_cameras(
     if not wider:
         return first
     roomy = {name: e._replace(sigma=wider.get(name, e.sigma)) for name, e in expected.items()}
-    again = _solved(rough, replace(free, expected_cameras=roomy), options, setup, earlier)
+    again = solved(replace(free, expected_cameras=roomy))
     if again.summary.status != CONVERGED:
         return first
     return replace(again, remarks=(*again.remarks, *held_back_in_words(wider, expected)))
