@@ -116,3 +116,11 @@ def test_a_random_move_has_the_length_and_angle_asked_for():
     moved = se3.moved(a_T_b, se3.random_move(0.2, 0.3, rng))
     assert np.linalg.norm(moved[:3, 3] - a_T_b[:3, 3]) == pytest.approx(0.2)
     assert se3.rotation_angle(a_T_b[:3, :3].T @ moved[:3, :3]) == pytest.approx(0.3)
+
+
+def test_stacks_of_poses_differ_as_each_pair_does():
+    poses, others = random_transforms(5), random_transforms(5, seed=1)
+    shifts_m, angles_rad = se3.pose_differences(poses[0], others)
+    each = np.array([se3.pose_difference(poses[0], other) for other in others])
+    np.testing.assert_allclose(np.column_stack([shifts_m, angles_rad]), each, atol=1e-12)
+    np.testing.assert_allclose(se3.pose_differences(poses, poses), 0.0, atol=1e-7)

@@ -371,10 +371,9 @@ def _compare_with_bag(description: Description, facts: BagFacts, findings: Findi
         if above.parent_link != edge.parent:
             differing.append(f"'{edge.child}' hangs on '{edge.parent}'")
             continue
-        move = se3.inverse(above.parent_T_child_at_zero) @ in_bag
-        distance, angle = np.linalg.norm(move[:3, 3]), float(se3.rotation_angle(move[:3, :3]))
-        if distance > _SAME_M or angle > _SAME_RAD:
-            differing.append(f"{edge} {distance * 1e3:.1f} mm, {np.degrees(angle):.2f} deg")
+        shift_m, turn_rad = se3.pose_difference(above.parent_T_child_at_zero, in_bag)
+        if shift_m > _SAME_M or turn_rad > _SAME_RAD:
+            differing.append(f"{edge} {1e3 * shift_m:.1f} mm, {np.degrees(turn_rad):.2f} deg")
     if differing:
         findings.warn(
             ("description_file",),

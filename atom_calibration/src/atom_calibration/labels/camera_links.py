@@ -64,14 +64,10 @@ class CameraLinks:
 
 
 def _brings(motion: np.ndarray, pair: _Pair) -> bool:
-    off = se3.inverse(pair.first) @ motion @ pair.second
-    return bool(
-        se3.rotation_angle(off[:3, :3]) < _SAME_RAD and np.linalg.norm(off[:3, 3]) < _SAME_M
-    )
+    shift_m, turn_rad = se3.pose_difference(pair.first, motion @ pair.second)
+    return shift_m < _SAME_M and turn_rad < _SAME_RAD
 
 
 def _is_near(pose: np.ndarray, other: np.ndarray) -> bool:
-    off = se3.inverse(other) @ pose
-    return bool(
-        se3.rotation_angle(off[:3, :3]) < _APART_RAD and np.linalg.norm(off[:3, 3]) < _APART_M
-    )
+    shift_m, turn_rad = se3.pose_difference(other, pose)
+    return shift_m < _APART_M and turn_rad < _APART_RAD

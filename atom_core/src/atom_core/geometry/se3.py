@@ -187,10 +187,17 @@ def rotation_angle(rotation: np.ndarray) -> np.ndarray:
     return np.linalg.norm(rotation_vector_from_rotation(rotation), axis=-1)
 
 
+def pose_differences(a_T_b: np.ndarray, other_a_T_b: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+    """Return translations (...) [m] and angles (...) [rad] between poses of the same things."""
+    difference = inverse(a_T_b) @ other_a_T_b
+    shifts_m = np.linalg.norm(difference[..., :3, 3], axis=-1)
+    return shifts_m, rotation_angle(difference[..., :3, :3])
+
+
 def pose_difference(a_T_b: np.ndarray, other_a_T_b: np.ndarray) -> Tuple[float, float]:
     """Return the translation [m] and the angle [rad] between two poses (4, 4) of the same thing."""
-    difference = inverse(a_T_b) @ other_a_T_b
-    return float(np.linalg.norm(difference[:3, 3])), float(rotation_angle(difference[:3, :3]))
+    shift_m, angle_rad = pose_differences(a_T_b, other_a_T_b)
+    return float(shift_m), float(angle_rad)
 
 
 def random_rotation(angle_rad: float, rng: np.random.Generator) -> np.ndarray:

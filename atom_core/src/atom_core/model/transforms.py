@@ -137,9 +137,8 @@ def loops(transforms: Transforms) -> Iterator[Loop]:
             tree.append(edge)
             continue
         others = FrameGraph(tree).chain(edge.parent, edge.child)
-        apart = se3.inverse(chain_transform(others, transforms)) @ matrix
-        angle_rad = float(se3.rotation_angle(apart[:3, :3]))
-        yield Loop(edge, others, float(np.linalg.norm(apart[:3, 3])), angle_rad)
+        apart = se3.pose_difference(chain_transform(others, transforms), matrix)
+        yield Loop(edge, others, *apart)
 
 
 def chain_transform(chain: Chain, transforms: Transforms) -> np.ndarray:

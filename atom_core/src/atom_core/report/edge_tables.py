@@ -73,9 +73,8 @@ def _moved(edge: EdgeResult, started: np.ndarray) -> List[Optional[Figure]]:
     """
     if edge.collection is not None:
         return [None, None]
-    move = se3.inverse(started) @ edge.parent_T_child
-    turned = math.degrees(float(se3.rotation_angle(move[:3, :3])))
-    return [rounded(1e3 * float(np.linalg.norm(move[:3, 3])), 2), rounded(turned, 3)]
+    shift_m, turn_rad = se3.pose_difference(started, edge.parent_T_child)
+    return [rounded(1e3 * shift_m, 2), rounded(math.degrees(turn_rad), 3)]
 
 
 def _sigmas(edge: EdgeResult, with_combined: bool) -> List[Figure]:

@@ -242,9 +242,8 @@ class SetInitialEstimate:
             guess = SensorGuess(sensor=name, colour=packed(self._colours[name]))
             guess.held = name not in self._guess.edges
             if not guess.held:
-                change = se3.inverse(self._start[name]) @ self._guess.value(name)
-                guess.moved_m = float(np.linalg.norm(change[:3, 3]))
-                guess.moved_rad = float(se3.rotation_angle(change[:3, :3]))
+                places = self._start[name], self._guess.value(name)
+                guess.moved_m, guess.moved_rad = se3.pose_difference(*places)
             fit = fits.get(name)
             guess.off_board_m = np.nan if fit is None else fit.off.median_m
             if fit is not None:

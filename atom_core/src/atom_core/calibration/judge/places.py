@@ -52,10 +52,9 @@ def displaced(described: Dataset, dataset: Dataset) -> List[Displaced]:
     found = []
     for edge, names in sensors.items():
         before, after = described.first_value(edge), dataset.first_value(edge)
-        change = se3.inverse(before) @ after
-        size = float(np.linalg.norm(change[:3, 3])), float(se3.rotation_angle(change[:3, :3]))
-        if (size[0] > FAR_M or size[1] > FAR_RAD) and not np.array_equal(before, np.eye(4)):
-            found.append(Displaced(edge, tuple(names), *size))
+        shift_m, turn_rad = se3.pose_difference(before, after)
+        if (shift_m > FAR_M or turn_rad > FAR_RAD) and not np.array_equal(before, np.eye(4)):
+            found.append(Displaced(edge, tuple(names), shift_m, turn_rad))
     return found
 
 
@@ -113,7 +112,4 @@ def _largest_difference(some: np.ndarray, others: np.ndarray) -> float:
 
     A turn counts with the length of its arc one metre away. What moves all of them is nothing.
     """
-    changes = se3.inverse(some) @ others
-    shifts_m = np.linalg.norm(changes[..., :3, 3], axis=-1)
-    turns_rad = se3.rotation_angle(changes[..., :3, :3])
-    return float(np.max(np.maximum(shifts_m, turns_rad), initial=0.0))
+    return float(np.max(np.maximum(*se3.pose_differences(some, others)), initial=0.0))

@@ -331,9 +331,8 @@ def _moving_frames(solution: Solution, blocks: Sequence[int]) -> Dict[str, np.nd
         poses = np.array(
             [pose(dataset.collections[key], dataset.graph, dataset.world, frame) for key in used]
         )
-        shifts = np.linalg.norm(poses[:, :3, 3] - poses[0, :3, 3], axis=1)
-        turns = se3.rotation_angle(poses[:, :3, :3] @ poses[0, :3, :3].T)
-        if np.max(shifts) > _STILL_M or np.max(turns) > _STILL_RAD:
+        shifts_m, turns_rad = se3.pose_differences(poses[0], poses)
+        if np.max(shifts_m) > _STILL_M or np.max(turns_rad) > _STILL_RAD:
             moving[frame] = poses
     return moving
 

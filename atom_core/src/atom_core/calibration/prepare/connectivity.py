@@ -127,8 +127,7 @@ def stand_still(dataset: Dataset, frames: Sequence[str], collections: Iterable[s
         poses = np.array([chain_transform(chain, transforms) for transforms in whole])
         if len(poses) == 0:
             continue
-        moved_m = np.linalg.norm(poses[:, :3, 3] - poses[0, :3, 3], axis=1)
-        turned_rad = se3.rotation_angle(poses[0, :3, :3].T @ poses[:, :3, :3])
+        moved_m, turned_rad = se3.pose_differences(poses[0], poses)
         if np.max(moved_m) > _STILL_M or np.max(turned_rad) > _STILL_RAD:
             return False
     return True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Dict, List, Optional, Sequence, Tuple
+from typing import Dict, List, Optional, Sequence
 
 import numpy as np
 
@@ -40,7 +40,7 @@ def check_mounts(
     remarks = []
     for edge, keys in collections.items():
         poses = np.array([dataset.collections[key].transforms[edge] for key in keys])
-        apart_m, apart_rad = _apart(poses, poses[:1])
+        apart_m, apart_rad = se3.pose_differences(poses[:1], poses)
         if np.all((apart_m <= _SAME_M) & (apart_rad <= _SAME_RAD)):
             continue
         sensors = ", ".join(f"'{name}'" for name in dict.fromkeys(names[edge]))
@@ -61,13 +61,6 @@ def check_mounts(
     return remarks
 
 
-def _apart(poses: np.ndarray, others: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
-    """Return the distances [m] and angles [rad] between poses (n, 4, 4) and others."""
-    turns = np.swapaxes(others[:, :3, :3], 1, 2) @ poses[:, :3, :3]
-    apart_m = np.linalg.norm(poses[:, :3, 3] - others[:, :3, 3], axis=1)
-    return apart_m, np.atleast_1d(se3.rotation_angle(turns))
-
-
 def _mover(dataset: Dataset, edge: Edge, keys: Sequence[str], poses: np.ndarray) -> Optional[str]:
     """Return what moves an edge, as the end of a clause; None where it may be an improved guess."""
     positions: Dict[str, List[float]] = {}
@@ -82,7 +75,7 @@ def _mover(dataset: Dataset, edge: Edge, keys: Sequence[str], poses: np.ndarray)
         return None
     if dataset.edge_types.get(edge) in MOVING_TYPES:
         return f", as a {dataset.edge_types[edge]} joint does"
-    apart_m, apart_rad = _apart(poses[1:], poses[:-1])
+    apart_m, apart_rad = se3.pose_differences(poses[:-1], poses[1:])
     steps = int(np.sum((apart_m > _SAME_M) | (apart_rad > _SAME_RAD)))
     often = steps >= _LEAST_STEPS and steps > _MOST_SHARE * len(apart_m)
     return f", {steps} times in {len(poses)} of them" if often else None

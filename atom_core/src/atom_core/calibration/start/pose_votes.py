@@ -64,9 +64,8 @@ def consensus(statements: Sequence[Statement]) -> List[Answer]:
 
 
 def _same(a: np.ndarray, b: np.ndarray) -> bool:
-    apart = np.linalg.norm(a[:3, 3] - b[:3, 3])
-    turned = float(se3.rotation_angle(a[:3, :3].T @ b[:3, :3]))
-    return bool(apart < _ANOTHER_M and turned < _ANOTHER_RAD)
+    shift_m, turn_rad = se3.pose_difference(a, b)
+    return shift_m < _ANOTHER_M and turn_rad < _ANOTHER_RAD
 
 
 class _Judge:

@@ -232,8 +232,7 @@ def moved_sensors(one: RoughSolution, other: RoughSolution) -> Dict[str, float]:
     """
     moved = {}
     for a, b in zip(one.sensor_edges(), other.sensor_edges()):
-        turned = float(se3.rotation_angle(a.pose[:3, :3].T @ b.pose[:3, :3]))
-        apart = max(float(np.linalg.norm(a.pose[:3, 3] - b.pose[:3, 3])), turned)
+        apart = max(se3.pose_difference(a.pose, b.pose))
         if apart > _ELSEWHERE_M:
             moved["+".join(a.names)] = apart
     return moved

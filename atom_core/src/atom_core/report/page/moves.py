@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any, Dict, List, Mapping, Optional, Set, Tuple
 
-import numpy as np
-
 from atom_core.calibration.refine.moving_parts import moving_sentence
 from atom_core.geometry import se3
 from atom_core.model.dataset import Dataset, board_edge
@@ -44,9 +42,8 @@ def moved(document: Document) -> Dict[Edge, Tuple[float, float]]:
     """Return how far each edge is from where it started [mm], [deg]."""
     final, found = final_edges(document), {}
     for edge, start in initial_edges(document).items():
-        step = se3.inverse(start) @ final[edge]
-        turned = math.degrees(float(se3.rotation_angle(step[:3, :3])))
-        found[edge] = 1e3 * float(np.linalg.norm(step[:3, 3])), turned
+        shift_m, turn_rad = se3.pose_difference(start, final[edge])
+        found[edge] = 1e3 * shift_m, math.degrees(turn_rad)
     return found
 
 
