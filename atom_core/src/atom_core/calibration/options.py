@@ -43,6 +43,7 @@ class CalibrationOptions:
             parts of the focal length; None: anywhere. In combined sigmas it counts for all cameras
             (None: 0.005).
         complete_only: use only collections in which every sensor sees every pattern.
+        unused_collections: further collections not to use, and why, by key.
         initial_guess: ``description`` starts from the transforms of the dataset (and leaves them
             where that cannot be right), ``none`` places the sensors from the data alone.
         boards_of_dataset: boards begin where the dataset has them, as an earlier calibration left
@@ -82,6 +83,7 @@ class CalibrationOptions:
     intrinsics: Tuple[str, ...] = ()
     intrinsics_sigma: Optional[float] = 0.005
     complete_only: bool = False
+    unused_collections: Mapping[str, str] = field(default_factory=dict)
     initial_guess: str = DESCRIPTION
     boards_of_dataset: bool = False
     noisy_initial_guess: Tuple[float, float] = (0.0, 0.0)

@@ -271,6 +271,7 @@ def _with_selections(
         keep_collections=_kept_collections(args, dataset),
         keep_detections=_kept_detections(args, dataset),
         joint_biases=given.joint_biases,
+        unused_collections=given.unused,
     )
 
 
@@ -288,7 +289,6 @@ def _options(args: argparse.Namespace) -> CalibrationOptions:
             ignore_anchored_sensor=args.ignore_anchored_sensor,
             anchor_patterns=args.anchor_patterns,
             only_anchored_sensor=args.only_anchored_sensor,
-            complete_only=args.complete_only,
             initial_guess=args.initial_guess,
             noisy_initial_guess=tuple(args.noisy_initial_guess),
             seed=args.sample_seed,

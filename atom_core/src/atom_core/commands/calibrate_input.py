@@ -15,10 +15,11 @@ from atom_core.calibration.prepare.input_changes import (
     with_known_boards,
     without_partial_detections,
 )
+from atom_core.calibration.prepare.preparation import INCOMPLETE
 from atom_core.commands import common
 from atom_core.errors import CalibrationError
 from atom_core.io.truth_file import read_any_truth
-from atom_core.model.dataset import Dataset
+from atom_core.model.dataset import Dataset, is_complete
 from atom_core.model.truth import Truth, truth_of
 
 _YAW = "origin_yaw"
@@ -34,6 +35,7 @@ class CalibrationInput:
         truth: to compare with, if there is one.
         remarks: what the user should know.
         joint_biases: what was added to joints, by joint and parameter [m or rad].
+        unused: collections of which nothing is used, and why, by key.
     """
 
     original: Dataset
@@ -41,6 +43,7 @@ class CalibrationInput:
     truth: Optional[Truth]
     remarks: Tuple[str, ...]
     joint_biases: Mapping[str, Mapping[str, float]]
+    unused: Mapping[str, str]
 
 
 def read_input(args: argparse.Namespace) -> CalibrationInput:
@@ -61,6 +64,7 @@ def read_input(args: argparse.Namespace) -> CalibrationInput:
     common.refuse_empty(chosen)
     original = _only_anchored(chosen, args)
     dataset, remarks = original, _remarks_on_yaw(original)
+    unused = _incomplete(original) if args.complete_only else {}
     if args.comparison_to_ground_truth:
         truth: Optional[Truth] = truth_of(original)
     else:
@@ -70,9 +74,14 @@ def read_input(args: argparse.Namespace) -> CalibrationInput:
     if args.remove_partial_detections:
         dataset, count = without_partial_detections(dataset)
         remarks.append(f"{count} labels of cameras lack corners and are not used (-rpd)")
+        unused.update(_emptied(original, dataset, "all its labels lack corners (-rpd)"))
     if args.anchor_patterns:
+        before = dataset
         dataset, of_boards = with_known_boards(dataset)
         remarks += of_boards
+        unused.update(
+            _emptied(before, dataset, "the dataset does not place what is seen in it (-ap)")
+        )
     if args.ground_truth_pattern_poses:
         check_boards_known(dataset)
     if args.anchor_patterns:
@@ -81,7 +90,19 @@ def read_input(args: argparse.Namespace) -> CalibrationInput:
     dataset, of_joints = with_biased_joints(dataset, biases)
     if (args.save_file_results or args.save_file_results_name) and truth is None:
         remarks.append("-sfr writes errors against the truth: add -ctgt or --truth")
-    return CalibrationInput(original, dataset, truth, (*remarks, *of_joints), _added(biases))
+    remarks += of_joints
+    return CalibrationInput(original, dataset, truth, tuple(remarks), _added(biases), unused)
+
+
+def _incomplete(dataset: Dataset) -> Dict[str, str]:
+    """Return the incomplete collections, and that they are; labels that lack corners are some."""
+    return {key: INCOMPLETE for key in dataset.collections if not is_complete(dataset, key)}
+
+
+def _emptied(before: Dataset, after: Dataset, why: str) -> Dict[str, str]:
+    """Return the collections that have lost their last detection, and why."""
+    seen, left = ({key.collection for key, _ in d.detections()} for d in (before, after))
+    return dict.fromkeys((key for key in before.collections if key in seen - left), why)
 
 
 def _added(biases: Sequence[JointBias]) -> Dict[str, Dict[str, float]]:

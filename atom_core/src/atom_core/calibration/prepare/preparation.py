@@ -41,6 +41,7 @@ from atom_core.problem.range_measurement import RangeMeasurement
 from atom_core.solvers.base import ATOM, SIGMA
 from atom_core.solvers.choice import default_solver
 
+INCOMPLETE = "incomplete (--complete_only)"
 _OTHER_UNIT = 3.0  # labels so many times as large as the board are no bad labels
 _FEW = 2  # detections that may be wrong by themselves
 
@@ -282,12 +283,14 @@ def usable(
     for m in measurements:
         edge = dataset.sensors[m.key.sensor].edge
         seen_by.setdefault((m.key.collection, m.key.pattern), set()).add(edge)
-    for key in dataset.collections:
+    keys = dataset.collections
+    for key in keys:
         boards = [s for (collection, _), s in seen_by.items() if collection == key]
         if not boards:
             unused[key] = "no sensor detected a pattern"
         elif options.complete_only and not is_complete(dataset, key):
-            unused[key] = "incomplete (--complete_only)"
+            unused[key] = INCOMPLETE
+    unused.update((k, why) for k, why in options.unused_collections.items() if k in keys)
 
     def ties(m: Measurement) -> bool:
         if dataset.patterns[m.key.pattern].fixed or alone:
@@ -296,7 +299,7 @@ def usable(
 
     kept = [m for m in measurements if m.key.collection not in unused and ties(m)]
     used = {m.key.collection for m in kept}
-    for key in dataset.collections:
+    for key in keys:
         if key not in used and key not in unused:
             unused[key] = "the board is seen by one sensor only, which ties nothing together"
     return kept, unused
