@@ -57,6 +57,19 @@ def test_a_rig_that_did_not_move_stands(made, tmp_path, capsys):
     assert "exists already" in refused(capsys, *check(made, against, "--output", output))
 
 
+def test_a_calibrated_dataset_serves_where_there_is_no_description(made, tmp_path, capsys):
+    documents = []
+    for name in ("optimized.urdf.xacro", "atom_calibration.json"):
+        run(*check(made, made / "results" / name, "--output", tmp_path / f"{name}.json"))
+        documents.append(json.loads((tmp_path / f"{name}.json").read_text()))
+        del documents[-1]["against"]
+    changes = [[e["chi_square"] for e in d["edges"].values()] for d in documents]
+    np.testing.assert_allclose(*changes, rtol=1e-2)
+    assert "verdict: GOOD. The rig stands as described" in capsys.readouterr().out
+    told = refused(capsys, *check(made, made / "results" / "calibration.json"))
+    assert "neither a robot description nor a dataset" in told
+
+
 @pytest.mark.parametrize("sensor", ["rgb_2", "rgb_1"])
 def test_the_sensor_that_moved_is_named(made, tmp_path, capsys, sensor):
     """Also where it is the one that calibration holds."""

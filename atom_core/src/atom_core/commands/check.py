@@ -19,6 +19,8 @@ from atom_core.commands.verdict_output import print_next, print_verdict
 from atom_core.errors import DescriptionError, OutputError
 from atom_core.geometry import se3
 from atom_core.io.atomic import write_json_atomically
+from atom_core.io.dataset_json import read_dataset
+from atom_core.io.truth_file import is_dataset
 from atom_core.io.urdf import read_description
 from atom_core.model.dataset import Dataset
 from atom_core.model.transforms import Edge
@@ -31,6 +33,7 @@ EXAMPLE = """
 python3 -m atom_core check --dataset data/dataset.json
 python3 -m atom_core check --dataset results/atom_calibration.json --against robot.urdf
 python3 -m atom_core check --dataset new/dataset.json --against results/optimized.urdf.xacro
+python3 -m atom_core check --dataset new/dataset.json --against results/atom_calibration.json
 """
 DRIFT_FILE = "drift.json"
 _MOVED_M, _MOVED_DEG = 0.001, 0.05
@@ -43,8 +46,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser,
         "against",
         type=Path,
-        metavar="URDF",
-        help="compare the calibrated edges with this description: has the rig moved? Where it lies "
+        metavar="FILE",
+        help="compare the calibrated edges with this description, or with those of a calibrated "
+        "dataset: has the rig moved? Where it lies "
         "beside the calibration.json of `calibrate`, the boards of the dataset are asked",
     )
     common.add_option(
@@ -151,9 +155,31 @@ def _moved(edges: Sequence[MovedEdge]) -> Dict[str, str]:
 
 
 def _described(path: Path) -> Dict[Edge, np.ndarray]:
-    """Return ``parent_T_child`` (4, 4) of the joints of a description that has it, at zero."""
+    """Return ``parent_T_child`` (4, 4) of joints at zero, or of edges that are so in a dataset."""
+    if path.suffix.lower() == ".json" and path.is_file():
+        return _standing_edges(path)
     joints = read_description(path).robot.joints.values()
     return {j.edge: j.parent_T_child() for j in joints if j.has_one_position}
+
+
+def _standing_edges(path: Path) -> Dict[Edge, np.ndarray]:
+    """Return ``parent_T_child`` (4, 4) of the edges that have one value in all of a dataset.
+
+    Raises:
+        AtomError: the file is no dataset, or cannot be used.
+    """
+    if not is_dataset(path):
+        raise DescriptionError(
+            f"{path}: is neither a robot description nor a dataset; give the optimized.urdf.xacro "
+            f"or the atom_calibration.json that `calibrate` wrote"
+        )
+    dataset = read_dataset(path)
+    common.refuse_empty(dataset)
+    edges: Dict[Edge, List[np.ndarray]] = {}
+    for collection in dataset.collections.values():
+        for edge, parent_T_child in collection.transforms.items():
+            edges.setdefault(edge, []).append(parent_T_child)
+    return {edge: poses[0] for edge, poses in edges.items() if np.allclose(poses, poses[0])}
 
 
 def _compare(dataset: Dataset, described: Mapping[Edge, np.ndarray]) -> List[MovedEdge]:

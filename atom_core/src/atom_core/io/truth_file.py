@@ -38,7 +38,7 @@ def read_any_truth(path: Path) -> Truth:
     path = Path(path)
     if path.is_file() and path.suffix != ".json" and _first_sign(path) == "<":
         return _of_description(path)
-    if path.is_file() and _is_dataset(path):
+    if path.is_file() and is_dataset(path):
         return _of_dataset(read_dataset(path))
     return read_truth(path)
 
@@ -47,12 +47,13 @@ def _first_sign(path: Path) -> str:
     return path.read_text(encoding="utf-8", errors="replace").lstrip("\ufeff \t\r\n")[:1]
 
 
-def _is_dataset(path: Path) -> bool:
+def is_dataset(path: Path) -> bool:
+    """Tell whether a file, which is there, is a dataset's JSON."""
     try:
-        document = load_json(path.read_text(encoding="utf-8"))
+        document = load_json(path.read_text(encoding="utf-8-sig"))
     except ValueError:
         return False
-    return isinstance(document, dict) and {"sensors", "collections"} <= set(document)
+    return isinstance(document, dict) and {"calibration_config", "collections"} <= set(document)
 
 
 def _of_dataset(dataset: Dataset) -> Truth:
