@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Callable, Dict, Type
+from dataclasses import dataclass
+from typing import Callable, Dict, NamedTuple, Tuple, Type
 
 from atom_core.problem.board_errors import (
     Bend,
@@ -23,7 +24,6 @@ from atom_core.problem.direction_errors import (
 )
 from atom_core.problem.model_errors import (
     AXES,
-    METRE,
     PHASES,
     WITH_ALL,
     CameraError,
@@ -85,221 +85,157 @@ def unusual(error: ModelError, value: float, sigma: float, prior: ErrorPrior) ->
     )
 
 
-def _about(value: float, sigma: float, factor: float, unit: str) -> str:
-    return f"{factor * abs(value):.3g} +- {factor * sigma:.2g} {unit}"
+class _Scale(NamedTuple):
+    """By what a value is multiplied to be in a unit that is told."""
+
+    factor: float
+    unit: str
+
+    def size(self, value: float, sigma: float) -> str:
+        """Return how large it is, as ``29.8 +- 0.4 mm``."""
+        return f"{self.factor * abs(value):.3g} +- {self.factor * sigma:.2g} {self.unit}"
 
 
-def _range_offset(error: ModelError, value: float, sigma: float) -> str:
-    length = "short" if value > 0 else "long"
-    return f"{error.target} reads {_about(value, sigma, 1e3, 'mm')} {length}"
+@dataclass(frozen=True)
+class _Sentence:
+    """What an error means, but for its size.
 
+    Attributes:
+        text: with `{size}`, `{word}`, `{axis}`, `{phase}`, and attributes of `{error}`.
+        scale: of the size.
+        words: which way it is off, at a positive value and at another one.
+    """
 
-def _range_scale(error: ModelError, value: float, sigma: float) -> str:
-    where = "near" if value > 0 else "far"
-    return f"{error.target} reads {_about(value, sigma, 100.0, '%')} too {where}"
+    text: str
+    scale: _Scale
+    words: Tuple[str, str] = ("", "")
 
-
-def _board_size(error: ModelError, value: float, sigma: float) -> str:
-    size = "larger" if value > 0 else "smaller"
-    return f"board {error.target} is {_about(value, sigma, 100.0, '%')} {size} than described"
-
-
-def _board_aspect(error: ModelError, value: float, sigma: float) -> str:
-    longer, shorter = AXES if value > 0 else reversed(AXES)
-    return (
-        f"the print of {error.target} is {_about(2.0 * value, 2.0 * sigma, 100.0, '%')} longer in "
-        f"{longer} beside {shorter} than described: measure its squares along both"
-    )
-
-
-def _print_turn(error: ModelError, value: float, sigma: float) -> str:
-    sign = "+" if value > 0 else "-"
-    return (
-        f"the print of {error.target} is turned on its plate by "
-        f"{_about(value, sigma, math.degrees(1.0), 'deg')} about {sign}z, seen from the border: "
-        f"measure whether its lines run along the plate's edges"
-    )
-
-
-def _border_shift(error: ModelError, value: float, sigma: float) -> str:
-    assert isinstance(error, BorderShift)
-    sign = "+" if value > 0 else "-"
-    return (
-        f"the border of {error.target} lies {_about(value, sigma, 1e3, 'mm')} in "
-        f"{sign}{AXES[error.axis]} of where it is described, seen from the print"
-    )
-
-
-def _border_size(error: ModelError, value: float, sigma: float) -> str:
-    assert isinstance(error, BorderSize)
-    size = "longer" if value > 0 else "shorter"
-    return (
-        f"the border of {error.target} is {_about(2.0 * value, 2.0 * sigma, 1e3, 'mm')} {size} "
-        f"in {AXES[error.axis]} than described"
-    )
-
-
-def _bend(error: ModelError, value: float, sigma: float) -> str:
-    assert isinstance(error, Bend)
-    return (
-        f"board {error.target} is bent by {_about(value, sigma, 1e3, 'mm')} along "
-        f"{AXES[error.axis]}; put it on something stiff"
-    )
+    def __call__(self, error: ModelError, value: float, sigma: float) -> str:
+        """Return the sentence; arguments as of `described`."""
+        return self.text.format(
+            error=error,
+            size=self.scale.size(value, sigma),
+            word=self.words[0 if value > 0 else 1],
+            axis=AXES[getattr(error, "axis", 0)],
+            phase=PHASES[getattr(error, "phase", 0)],
+        )
 
 
 def _camera(error: ModelError, value: float, sigma: float) -> str:
     assert isinstance(error, CameraError)
-    focal_px = float(error.camera.focal_px[0])
-    if error.label == "focal_length":
-        length = "long" if value < 0 else "short"
-        return (
-            f"the focal length of {error.target} is given "
-            f"{_about(math.expm1(-value), sigma, 100.0, '%')} too {length}"
-        )
-    if error.label == "aspect":
-        length = "long" if value < 0 else "short"
-        return (
-            f"fy of {error.target} is given {_about(math.expm1(-value), sigma, 100.0, '%')} too "
-            f"{length} beside fx"
-        )
+    if error.label in ("focal_length", "aspect"):
+        way = "long" if value < 0 else "short"
+        by = f"{_PERCENT.size(math.expm1(-value), sigma)} too {way}"
+        if error.label == "aspect":
+            return f"fy of {error.target} is given {by} beside fx"
+        return f"the focal length of {error.target} is given {by}"
+    in_image = _Scale(float(error.camera.focal_px[0]), "px").size(value, sigma)
     if error.label.startswith("centre"):
-        return (
-            f"the image centre of {error.target} is given "
-            f"{_about(value, sigma, focal_px, 'px')} off in {error.label[-1]}"
-        )
+        return f"the image centre of {error.target} is given {in_image} off in {error.label[-1]}"
     return (
-        f"{error.label} of {error.target} is given {_about(value, sigma, focal_px, 'px')} off, "
-        f"measured at the farthest corner of the image"
-    )
-
-
-def _azimuth_scale(error: ModelError, value: float, sigma: float) -> str:
-    size = "small" if value > 0 else "large"
-    return (
-        f"the azimuths of {error.target} are {_about(value, sigma, 100.0, '%')} too {size} (its "
-        f"angular step, or it turned while it scanned)"
-    )
-
-
-def _azimuth_wave(error: ModelError, value: float, sigma: float) -> str:
-    factor = math.degrees(1.0)
-    return (
-        f"the azimuths of {error.target} have a wave of {_about(value, sigma, factor, 'deg')} over "
-        f"a turn"
-    )
-
-
-def _elevation_offset(error: ModelError, value: float, sigma: float) -> str:
-    size = "low" if value > 0 else "high"
-    found = _about(value, sigma, math.degrees(1.0), "deg")
-    return f"the elevations of {error.target} are {found} too {size}, all around"
-
-
-def _elevation_scale(error: ModelError, value: float, sigma: float) -> str:
-    size = "small" if value > 0 else "large"
-    return f"the elevations of {error.target} are {_about(value, sigma, 100.0, '%')} too {size}"
-
-
-def _depth_focal_length(error: ModelError, value: float, sigma: float) -> str:
-    length = "long" if value < 0 else "short"
-    return (
-        f"the focal length of {error.target} is given {_about(value, sigma, 100.0, '%')} too "
-        f"{length}"
+        f"{error.label} of {error.target} is given {in_image} off, measured at the farthest corner "
+        f"of the image"
     )
 
 
 def _depth_centre(error: ModelError, value: float, sigma: float) -> str:
     assert isinstance(error, DepthCentre)
-    focal_px = float(error.camera.focal_px[error.axis])
-    return (
-        f"the image centre of {error.target} is given {_about(value, sigma, focal_px, 'px')} off "
-        f"in {AXES[error.axis]}"
-    )
+    in_image = _Scale(float(error.camera.focal_px[error.axis]), "px").size(value, sigma)
+    return f"the image centre of {error.target} is given {in_image} off in {AXES[error.axis]}"
 
 
-def _layer_offsets(error: ModelError, value: float, sigma: float) -> str:
-    return (
-        f"the layers of {error.target} read long and short by {_about(value, sigma, 1e3, 'mm')} "
-        f"(RMS) beside one another"
-    )
-
-
-def _joint(error: ModelError, value: float, sigma: float) -> str:
-    factor, unit = (1e3, "mm") if error.unit == METRE else (math.degrees(1.0), "deg")
-    size = "small" if value > 0 else "large"
-    return (
-        f"the positions of joint {error.target} are {_about(value, sigma, factor, unit)} too {size}"
-    )
-
-
-def _joint_scale(error: ModelError, value: float, sigma: float) -> str:
-    more = "more" if value > 0 else "less"
-    return (
-        f"joint {error.target} moves {_about(value, sigma, 100.0, '%')} {more} than its positions "
-        f"say (the ratio of its gear or encoder)"
-    )
-
-
-def _joint_wave(error: ModelError, value: float, sigma: float) -> str:
-    assert isinstance(error, JointWave)
-    lacking = _about(value, sigma, math.degrees(1.0), "deg")
-    sign = "" if value > 0 else "minus "
-    return (
-        f"the positions of joint {error.target} lack {lacking} times {sign}the "
-        f"{PHASES[error.phase]} of its position (the arm bends under its weight, or the encoder is "
-        f"off its axis)"
-    )
-
-
-def _layer_offset(error: ModelError, value: float, sigma: float) -> str:
-    assert isinstance(error, LayerOffset)
-    length = "short" if value > 0 else "long"
-    return (
-        f"the layer of {error.target} at {error.elevation_deg:.1f} deg reads "
-        f"{_about(value, sigma, 1e3, 'mm')} {length}, beside the others"
-    )
-
-
-def _depth_wave(error: ModelError, value: float, sigma: float) -> str:
-    assert isinstance(error, DepthWave)
-    x, y = error.half_waves
-    return (
-        f"the depths of {error.target} have a wave of {_about(value, sigma, 100.0, '%')} across "
-        f"the image, {x} half waves in x and {y} in y"
-    )
-
-
-def _depth_waves(error: ModelError, value: float, sigma: float) -> str:
-    return (
-        f"the depths of {error.target} have waves of {_about(value, sigma, 100.0, '%')} across the "
-        f"image"
-    )
-
-
+_MM, _PERCENT, _DEG = _Scale(1e3, "mm"), _Scale(100.0, "%"), _Scale(math.degrees(1.0), "deg")
+_RANGE_OFFSET = _Sentence("{error.target} reads {size} {word}", _MM, ("short", "long"))
+_RANGE_SCALE = _Sentence("{error.target} reads {size} too {word}", _PERCENT, ("near", "far"))
+_JOINT = "the positions of joint {error.target} are {size} too {word}"
+_SMALL = ("small", "large")
 _WORDS: Dict[Type[ModelError], Callable[[ModelError, float, float], str]] = {
-    RangeOffset: _range_offset,
-    RangeScale: _range_scale,
-    DepthOffset: _range_offset,
-    DepthScale: _range_scale,
-    AzimuthScale: _azimuth_scale,
-    AzimuthWave: _azimuth_wave,
-    ElevationOffset: _elevation_offset,
-    ElevationScale: _elevation_scale,
-    DepthFocalLength: _depth_focal_length,
+    RangeOffset: _RANGE_OFFSET,
+    RangeScale: _RANGE_SCALE,
+    DepthOffset: _RANGE_OFFSET,
+    DepthScale: _RANGE_SCALE,
+    AzimuthScale: _Sentence(
+        "the azimuths of {error.target} are {size} too {word} (its angular step, or it turned "
+        "while it scanned)",
+        _PERCENT,
+        _SMALL,
+    ),
+    AzimuthWave: _Sentence(
+        "the azimuths of {error.target} have a wave of {size} over a turn", _DEG
+    ),
+    ElevationOffset: _Sentence(
+        "the elevations of {error.target} are {size} too {word}, all around",
+        _DEG,
+        ("low", "high"),
+    ),
+    ElevationScale: _Sentence(
+        "the elevations of {error.target} are {size} too {word}", _PERCENT, _SMALL
+    ),
+    DepthFocalLength: _Sentence(
+        "the focal length of {error.target} is given {size} too {word}",
+        _PERCENT,
+        ("short", "long"),
+    ),
     DepthCentre: _depth_centre,
-    BoardSize: _board_size,
-    BoardAspect: _board_aspect,
-    PrintTurn: _print_turn,
-    BorderShift: _border_shift,
-    BorderSize: _border_size,
-    Bend: _bend,
+    BoardSize: _Sentence(
+        "board {error.target} is {size} {word} than described", _PERCENT, ("larger", "smaller")
+    ),
+    BoardAspect: _Sentence(  # its value is what one axis gains and the other loses
+        "the print of {error.target} is {size} longer in {word} than described: measure its "
+        "squares along both",
+        _Scale(2.0 * 100.0, "%"),
+        ("x beside y", "y beside x"),
+    ),
+    PrintTurn: _Sentence(
+        "the print of {error.target} is turned on its plate by {size} about {word}z, seen from "
+        "the border: measure whether its lines run along the plate's edges",
+        _DEG,
+        ("+", "-"),
+    ),
+    BorderShift: _Sentence(
+        "the border of {error.target} lies {size} in {word}{axis} of where it is described, seen "
+        "from the print",
+        _MM,
+        ("+", "-"),
+    ),
+    BorderSize: _Sentence(  # its value is of half the border
+        "the border of {error.target} is {size} {word} in {axis} than described",
+        _Scale(2.0 * 1e3, "mm"),
+        ("longer", "shorter"),
+    ),
+    Bend: _Sentence(
+        "board {error.target} is bent by {size} along {axis}; put it on something stiff", _MM
+    ),
     CameraError: _camera,
-    JointOffset: _joint,
-    PrismaticOffset: _joint,
-    JointScale: _joint_scale,
-    JointWave: _joint_wave,
-    LayerOffset: _layer_offset,
-    DepthWave: _depth_wave,
-    DepthWaves: _depth_waves,
-    LayerOffsets: _layer_offsets,
+    JointOffset: _Sentence(_JOINT, _DEG, _SMALL),
+    PrismaticOffset: _Sentence(_JOINT, _MM, _SMALL),
+    JointScale: _Sentence(
+        "joint {error.target} moves {size} {word} than its positions say (the ratio of its gear "
+        "or encoder)",
+        _PERCENT,
+        ("more", "less"),
+    ),
+    JointWave: _Sentence(
+        "the positions of joint {error.target} lack {size} times {word}the {phase} of its position "
+        "(the arm bends under its weight, or the encoder is off its axis)",
+        _DEG,
+        ("", "minus "),
+    ),
+    LayerOffset: _Sentence(
+        "the layer of {error.target} at {error.elevation_deg:.1f} deg reads {size} {word}, beside "
+        "the others",
+        _MM,
+        ("short", "long"),
+    ),
+    DepthWave: _Sentence(
+        "the depths of {error.target} have a wave of {size} across the image, "
+        "{error.half_waves[0]} half waves in x and {error.half_waves[1]} in y",
+        _PERCENT,
+    ),
+    DepthWaves: _Sentence(
+        "the depths of {error.target} have waves of {size} across the image", _PERCENT
+    ),
+    LayerOffsets: _Sentence(
+        "the layers of {error.target} read long and short by {size} (RMS) beside one another", _MM
+    ),
 }
