@@ -148,3 +148,11 @@ def test_the_folder_of_the_package_says_that_the_environment_is_not_loaded():
     said = subprocess.run(command, capture_output=True, text=True, check=False)
     assert said.returncode == 2 and "source env.bash" in said.stderr
     assert said.stderr.count("\n") == 1 and said.stdout == ""
+
+
+def test_the_home_folder_is_that_of_the_user_where_the_shell_has_left_it(parser, monkeypatch):
+    """In quotes, and behind the sign of equality."""
+    monkeypatch.setenv("HOME", "/home/me")
+    for words in (["--output", "~/a"], ["-o", "~/a"], ["--output=~/a"]):
+        assert parser.parse_args(words).output == "/home/me/a"
+    assert parser.parse_args(["-o", "a~/b"]).output == "a~/b"

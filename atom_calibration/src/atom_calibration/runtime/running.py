@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 import signal
 import sys
 import threading
@@ -16,6 +15,7 @@ import rospy
 
 from atom_calibration.runtime.master_watch import GONE, MasterWatch
 from atom_core.cli import as_typed
+from atom_core.commands.option_parser import at_home
 from atom_core.errors import AtomError, ConfigError
 from atom_core.io.printing import print_any_text
 
@@ -24,7 +24,6 @@ UNACCEPTABLE, BAD_INPUT = 1, 2
 ENDS_LAUNCH = "ATOM_ENDS_LAUNCH"  # set by launch files for the node whose work is all of theirs
 _LAUNCH_ENDS_S = 30.0  # roslaunch gives each of its nodes fifteen seconds
 _ENDS_WITHOUT_MASTER_S = 2.0
-_HOME = re.compile(r"^(--\w+=|)~/")
 _stop = threading.Event()
 _done = threading.Event()  # the node itself is to end, and with it its launch
 _watches: List[MasterWatch] = []
@@ -150,7 +149,7 @@ def as_the_user_means(words: List[str]) -> List[str]:
     stands = os.environ.get("PWD", "")
     if os.path.isdir(stands):
         os.chdir(stands)
-    return [_HOME.sub(lambda found: found.group(1) + os.path.expanduser("~/"), w) for w in words]
+    return [at_home(word) for word in words]
 
 
 def remappings() -> List[str]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import difflib
+import os
 import re
 import sys
 from typing import Any, Dict, List, NoReturn, Optional, Sequence, Tuple
@@ -16,6 +17,7 @@ from atom_core.commands.atom_options import NOTES
 
 _NUMBER = re.compile(r"-(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
 _EMPTY = re.compile(r"^(argument --(\w+)\S*: is empty; give a path)$")
+_HOME = re.compile(r"^(--[\w-]+=|)~/")
 _EXIT_CODE = 2
 _SIMILAR = 0.6
 _NAMED = 3  # similar options that a refusal names
@@ -66,6 +68,14 @@ def examples(lines: str) -> str:
     return "\n  ".join(["example:" if len(each) == 1 else "examples:", *each])
 
 
+def at_home(word: str) -> str:
+    """Return a word whose path begins with the home folder, where the shell has left ``~/``.
+
+    So it does where the word is quoted, and behind ``--output=``.
+    """
+    return _HOME.sub(lambda found: found.group(1) + os.path.expanduser("~/"), word)
+
+
 class OptionParser(argparse.ArgumentParser):
     """An argument parser that takes no option for another one."""
 
@@ -84,7 +94,7 @@ class OptionParser(argparse.ArgumentParser):
     ) -> Tuple[argparse.Namespace, List[str]]:
         """Parse words; unknown options are refused with their nearest, unless they pass."""
         words = list(sys.argv[1:] if args is None else args)
-        full = self._in_full(words)
+        full = self._in_full([at_home(word) for word in words])
         parsed, rest = super().parse_known_args(full, namespace)
         for note in [*vars(parsed).pop(NOTES, []), *self._given_twice(full)]:
             print(f"{self._command}: note: {note}", file=sys.stderr)
