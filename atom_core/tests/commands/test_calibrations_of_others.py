@@ -136,6 +136,7 @@ def test_chains_that_do_not_fit_are_refused(made, tmp_path, capsys):
         (lambda c: c["cam0"].update(resolution=[10, 10]), "has 10 x 10 pixels"),
         (lambda c: c["cam1"].update(T_cn_cnm1=[[2, 0, 0, 0]] * 4), "has no rotation"),
         (lambda c: c.pop("cam0"), "is no camchain"),
+        (lambda c: [c.pop(n) for n in ("cam1", "cam2")], "holds one camera alone"),
     ):
         chain = camchain(true)
         change(chain)

@@ -73,6 +73,8 @@ def test_as_any_editor_saves_it(tmp_path, begins, line_ends):
         ("- 1\n", "it has no names of values"),
         (ROS.split("distortion_model")[0].format(K=K), "it lacks 'distortion_coefficients'"),
         (OPENCV.format(fisheye=0, count=14, D=RATIONAL + [0.1] * 6), "D has 14 numbers"),
+        (OPENCV.format(fisheye=0, count=12, D=RATIONAL + [0.1] * 4), "terms of thin prism are not"),
+        (OPENCV.format(fisheye=0, count=14, D=RATIONAL + [0.0] * 4 + [0.1] * 2), "tilted sensor"),
     ],
 )
 def test_what_is_wrong_is_said(tmp_path, text, words):

@@ -32,6 +32,7 @@ _COEFFICIENTS = {
     "rational_polynomial": (8,),
     "equidistant": (4,),
 }
+_OF_OPENCV = {"thin prism": slice(8, 12), "tilted sensor": slice(12, 14)}  # where in a longer D
 _ALIASES = {"fisheye": "equidistant", "": "plumb_bob", "kannala_brandt4": "equidistant"}
 
 
@@ -310,6 +311,10 @@ def _trim_coefficients(model: str, D: np.ndarray) -> np.ndarray:
     wanted = " or ".join(str(n) for n in lengths)
     fitting = [other for other, n in _COEFFICIENTS.items() if other != model and _has(D, n)]
     hint = f"; they would be of {' or '.join(fitting)}: correct distortion_model" if fitting else ""
+    more = [part for part, place in _OF_OPENCV.items() if np.any(D[place])]
+    if D.size in (12, 14) and not fitting:
+        terms = " and ".join(more)
+        hint = f"; OpenCV's terms of {terms} are not known here: calibrate the camera without them"
     raise ValueError(f"D has {D.size} numbers, the model {model} needs {wanted}{hint}")
 
 

@@ -34,13 +34,9 @@ def read_camera_info(path: Path) -> Camera:
         if not isinstance(document, Mapping):
             raise ValueError("it is empty" if document is None else "it has no names of values")
         D = np.array(document["distortion_coefficients"]["data"], dtype=float).ravel()
-        return Camera(
-            width=int(document["image_width"]),
-            height=int(document["image_height"]),
-            K=np.array(document["camera_matrix"]["data"], dtype=float),
-            D=D,
-            model=str(document.get("distortion_model", _unnamed_model(document, D))),
-        )
+        size = int(document["image_width"]), int(document["image_height"])
+        K = np.array(document["camera_matrix"]["data"], dtype=float)
+        model = str(document.get("distortion_model", _unnamed_model(document, D)))
     except OSError as error:
         reason = unread(path, error)
         raise DatasetError(f"{path}: the intrinsics cannot be read ({reason})") from None
@@ -51,6 +47,10 @@ def read_camera_info(path: Path) -> Camera:
             f"{path}: is no file of intrinsics as camera_calibration or OpenCV writes it "
             f"({lacks}{what})"
         ) from None
+    try:
+        return Camera(*size, K, D, model)
+    except OTHER_KIND as error:
+        raise DatasetError(f"{path}: these intrinsics cannot be used: {error}") from None
 
 
 def _unnamed_model(document: Mapping[str, Any], D: np.ndarray) -> str:

@@ -52,6 +52,11 @@ def read_camchain(path: Path) -> List[ChainCamera]:
     except (YAMLError, ValueError) as error:
         raise DatasetError(f"{path}: is no YAML ({str(error).splitlines()[0]})") from None
     names = [f"cam{i}" for i in range(len(document or ()))]
+    if isinstance(document, Mapping) and list(document) == ["cam0"]:
+        raise DatasetError(
+            f"{path}: holds one camera alone (cam0), which tells no pose of a camera in another "
+            f"one; let Kalibr calibrate two or more together"
+        )
     if not isinstance(document, Mapping) or len(names) < 2 or set(names) != set(document):
         raise DatasetError(f"{path}: is no camchain of Kalibr with cam0, cam1, ...")
     chain: List[ChainCamera] = []
