@@ -1,5 +1,6 @@
 """Moving parts that are not where the dataset says: named, with how far they are off."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from atom_core.calibration.options import CalibrationOptions
 from atom_core.geometry import se3
 from atom_core.model.dataset import board_edge
 from atom_core.synthetic import paper_cell, scenes
+from atom_core.synthetic.mistakes import with_scaled_boards
 from atom_core.synthetic.realism import PLAIN
 from atom_core.synthetic.rig import jittered
 
@@ -40,6 +42,19 @@ def test_an_arm_that_is_off_is_named_with_how_far(seed):
     sigma_m, sigma_rad = planted_sigmas(scene)
     assert found.sigma_m == pytest.approx(sigma_m, rel=0.35)
     assert found.sigma_rad == pytest.approx(sigma_rad, rel=0.35)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_boards_of_another_size_are_named_beside_an_arm_that_is_off(seed):
+    """They were its poses alone, 12 mm off: of a real arm, whose print was 10 % larger, too."""
+    scene = of_an_arm(seed, 0.003, 0.005)
+    told = "as far as the data tell, board pattern_1 is "
+    right = calibrate(scene.dataset)
+    assert told not in right.message and right.status == "inconsistent"
+    wrong = calibrate(with_scaled_boards(scene.dataset, 1.0 / 1.1))
+    larger = re.search(f"{told}([0-9.]+) [+]- ([0-9.]+) % larger than described: m", wrong.message)
+    value, sigma = (float(number) for number in larger.groups())
+    assert abs(value - 10.0) < 3.0 * sigma and sigma < 3.0
 
 
 @pytest.mark.parametrize("seed", range(4))

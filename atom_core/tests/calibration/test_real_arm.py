@@ -1,5 +1,6 @@
 """A camera on a real arm whose poses are wrong by millimetres (ViSP's tutorial on eye-in-hand)."""
 
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from atom_core.calibration.calibrate import calibrate
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.geometry import se3
 from atom_core.report.calibration_results import calibration_results
+from atom_core.synthetic.mistakes import with_scaled_boards
 
 sys.path.insert(0, str(Path(__file__).parent))
 from real_arm import EYE, FOLDER, HAND, PUBLISHED, real_arm  # noqa: E402
@@ -65,3 +67,22 @@ def test_an_arm_that_is_off_makes_no_focal_length_wrong(dataset):
     result = calibrate(replace(dataset, sensors={"camera": fitted}))
     assert result.message.startswith("the poses of 'flange' in 'base' do not fit")
     assert not result.checks and "focal length" not in " ".join(result.contradictions)
+
+
+A4_SQUARE_M = 0.0261  # the sheet is 11.38 x 8.08 squares of its print, and A4
+
+
+@pytest.mark.parametrize("options", [{}, {"moving_edge_sigma": {"flange": None}}], ids=str)
+def test_what_the_arm_tells_of_the_prints_size_is_said(dataset, options):
+    """It was "nothing in the data tells how large the boards are", and 34 mm made of it."""
+    result = calibrate(dataset, CalibrationOptions(**options))
+    (said,) = [warning for warning in result.warnings if "how large the boards are" in warning]
+    larger = re.search(r"board board is ([0-9.]+) [+]- ([0-9.]+) % larger than described", said)
+    value, sigma = (float(number) for number in larger.groups())
+    assert abs(value - 100.0 * (A4_SQUARE_M / 0.0236 - 1.0)) < 2.0 * sigma
+    assert f"to {sigma} % only" in said
+
+
+def test_of_a_print_that_is_as_described_no_other_size_is_said(dataset):
+    right = with_scaled_boards(dataset, A4_SQUARE_M / 0.0236)
+    assert "larger than described" not in " ".join(calibrate(right).warnings)

@@ -178,7 +178,7 @@ def says(sentence, dataset, **options):
 
 
 def says_that_size_is_untold(dataset, **options):
-    return says("tells how large the boards are", dataset, **options)
+    return says(" how large the boards are", dataset, **options)
 
 
 def says_that_ranges_are_untold(dataset, **options):

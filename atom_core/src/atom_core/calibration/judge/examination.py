@@ -13,10 +13,11 @@ from atom_core.calibration.judge.untold_scale import untold_scale
 from atom_core.calibration.judge.usual_errors import left_open
 from atom_core.calibration.options import OFF, CalibrationOptions
 from atom_core.calibration.refine.candidates import usual_sizes
-from atom_core.calibration.refine.error_words import unusual
+from atom_core.calibration.refine.error_words import described, unusual
 from atom_core.calibration.refine.held_back import pull_sigma
+from atom_core.calibration.refine.joint_candidates import sizes_on_moving_parts
 from atom_core.calibration.refine.layer_checks import layer_checks
-from atom_core.calibration.refine.model_checks import ModelCheck
+from atom_core.calibration.refine.model_checks import Hint, ModelCheck
 from atom_core.calibration.refine.model_errors import checked, suggestion
 from atom_core.calibration.refine.moved_sensors import Motion, moved_sensors
 from atom_core.calibration.refine.moving_edges import MovingEdge, moving_edges
@@ -52,6 +53,7 @@ class Examined(NamedTuple):
         moving: transforms of moving parts that do not fit.
         moved: a sensor or a board that was moved meanwhile, or is not where its edge puts it.
         remarks: what the user should know of the sigmas.
+        size_hints: boards that the data may have of another size.
     """
 
     covariance: Covariance
@@ -60,6 +62,7 @@ class Examined(NamedTuple):
     moving: Tuple[MovingEdge, ...] = ()
     moved: Optional[Motion] = None
     remarks: Tuple[str, ...] = ()
+    size_hints: Tuple[Hint, ...] = ()
 
 
 def examined(
@@ -77,14 +80,14 @@ def examined(
     unfit = tuple(misfits(refined.solver, summary.x, summary.sigmas, loss, make_solver))
     if options.solver.weights != SIGMA:
         return Examined(covariance, unfit)
-    covariance, checks, moved, remarks = _checked(initial, refined, options, covariance)
-    moving = _moving(dataset, refined, options, checks)
+    found = _checked(initial, refined, options, covariance)._replace(unfit=unfit)
+    moving, moved = _moving(dataset, refined, options, found.checks), found.moved
     scatter = max((edge.gain for edge in moving), default=0.0)
     if moved is not None and moved.gain < _OF_SCATTER * scatter:
         moved = None
     if moved is not None and moved.is_clear:  # what else seems to be wrong may be its trace only
-        checks, moving = [], []
-    return Examined(covariance, unfit, tuple(checks), tuple(moving), moved, remarks)
+        return found._replace(checks=(), moved=moved)
+    return found._replace(moving=tuple(moving), moved=moved)
 
 
 def beside_moving_parts(
@@ -117,30 +120,29 @@ def beside_moving_parts(
         return found
     other = replace(refined, solver=after.solver, summary=after.summary, free=after.free)
     covariance = covariance_of(after.solver, after.summary, refined.options)
-    _, checks, _, _ = _checked(initial, other, options, covariance)
-    return found._replace(checks=tuple(checks))
+    return found._replace(checks=_checked(initial, other, options, covariance).checks)
 
 
 def of_the_model(refined: Refined, options: CalibrationOptions, found: Examined) -> List[str]:
     """Return what is wrong with the sensors, and what was moved, the likeliest first."""
-    covariance, unfit, checks, moving, moved, _ = found
-    return _with_motion(_contradictions(refined, options, covariance, unfit, checks, moving), moved)
+    return _with_motion(_contradictions(refined, options, found), found.moved)
 
 
-def _contradictions(
-    refined: Refined,
-    options: CalibrationOptions,
-    covariance: Covariance,
-    unfit: Sequence[Misfit],
-    checks: Sequence[ModelCheck],
-    moving: Sequence[MovingEdge],
-) -> List[str]:
+def _contradictions(refined: Refined, options: CalibrationOptions, found: Examined) -> List[str]:
     """Return what of the model the data contradict, the likeliest cause first."""
-    reasons = [suggestion(c, refined.solver.problem) for c in strong(checks, covariance)]
+    covariance = found.covariance
+    reasons = [suggestion(c, refined.solver.problem) for c in strong(found.checks, covariance)]
     reasons += _unusual(refined, options, covariance) + unusual_parts(refined.free, options)
-    if unfit:  # else it is noise that the sigmas know of
-        reasons = [*_of_held_boards(refined), *(edge.why for edge in moving), *reasons]
+    if found.unfit:  # else it is noise that the sigmas know of
+        of_parts = [edge.why + _or_of_size(found.size_hints) for edge in found.moving]
+        reasons = [*_of_held_boards(refined), *of_parts, *reasons]
     return reasons
+
+
+def _or_of_size(hints: Sequence[Hint]) -> str:
+    """Return what else may be why an arm does not fit: boards of another size."""
+    sizes = " and ".join(described(hint.error, hint.value, hint.sigma) for hint in hints)
+    return f"; or, as far as the data tell, {sizes}: measure the print" if hints else ""
 
 
 def _with_motion(reasons: List[str], moved: Optional[Motion]) -> List[str]:
@@ -154,7 +156,7 @@ def _with_motion(reasons: List[str], moved: Optional[Motion]) -> List[str]:
 
 def _checked(
     initial: Dataset, refined: Refined, options: CalibrationOptions, covariance: Covariance
-) -> Tuple[Covariance, List[ModelCheck], Optional[Motion], Tuple[str, ...]]:
+) -> Examined:
     """Return the covariance, robust and combined, the model checks, what moved, what is untold."""
     loss, estimated = refined.options.loss, tuple(refined.summary.model_errors)
     solution = checked(initial, refined.solver, refined.summary, refined.options, with_fields=True)
@@ -167,14 +169,17 @@ def _checked(
     every = solution.with_fields
     left = (error for error in every.errors if error not in estimated)
     usual = usual_sizes(left, options.intrinsics_sigma)
+    usual = sizes_on_moving_parts(usual, initial, refined.free.moving)
     rest = left_open(every, usual)
     follow = None if solution.joint is None else rest.followers(solution.joint, loss)
     covariance = covariance.with_combined(rest.of_blocks(loss), follow)
     cameras = any(b.kind == REPROJECTION for b in refined.solver.problem.residual_blocks)
     untold = few_stops(solution.stops)
-    untold += untold_scale(every, usual, refined.options.error_priors, cameras)
+    hints = solution.size_hints(refined.summary, loss) if options.model_errors != OFF else []
+    untold += untold_scale(every, usual, refined.options.error_priors, cameras, hints)
+    found = Examined(covariance, remarks=untold, size_hints=tuple(hints))
     if options.model_errors == OFF:
-        return covariance, [], None, untold
+        return found
     checks = solution.checks(refined.summary, loss)
     checks += layer_checks(
         refined.solver, refined.summary, loss, equations, solution.layers, checks
@@ -182,9 +187,9 @@ def _checked(
     checks += wave_checks(initial, refined.solver, refined.summary, refined.options, checks)
     checks = sorted(checks, key=lambda check: -check.gain)
     if refined.free.anchor_patterns:  # boards in a wrong place look like anything
-        return covariance, checks, None, untold
+        return found._replace(checks=tuple(checks))
     moved = moved_sensors(initial, refined.solver, refined.summary, loss, solution, checks)
-    return covariance, checks, moved, untold
+    return found._replace(checks=tuple(checks), moved=moved)
 
 
 def _moving(

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Mapping, Tuple, Type
+from typing import Mapping, Sequence, Tuple, Type
 
 from atom_core.calibration.judge.usual_errors import RANGE_SCALES, LeftOpen, left_open
+from atom_core.calibration.refine.error_words import described
+from atom_core.calibration.refine.model_checks import Hint
 from atom_core.problem.board_errors import BoardSize
 from atom_core.problem.model_errors import ErrorPriors, ModelError
 from atom_core.solvers.shared_equations import SharedEquations
 
 _TOLD = 0.005  # what is told less exactly, as a part of it, is not told
+_AT_ALL = 0.2  # a size that is told less exactly is not told at all
 
 
 def untold_scale(
@@ -18,6 +21,7 @@ def untold_scale(
     usual: Mapping[ModelError, float],
     priors: ErrorPriors,
     with_cameras: bool,
+    hints: Sequence[Hint] = (),
 ) -> Tuple[str, ...]:
     """Return a sentence where the boards' size, or the ranges, are all that tells the scale.
 
@@ -26,6 +30,7 @@ def untold_scale(
         usual: standard deviations of those that the solution has not estimated, in their units.
         priors: of those that it has.
         with_cameras: corners are among what was measured.
+        hints: boards that the data may have of another size.
     """
     # Where sensors see the edges of boards tells nothing of ranges: those that are too long make
     # boards look large, as wide beams do.
@@ -41,13 +46,25 @@ def untold_scale(
             "they are 1 % too long, so are all distances; measure one between two sensors, or add "
             "a camera",
         )
-    if _told_by_data(equations, usual, priors, (BoardSize,), False).told_board_size > _TOLD:
+    told = _told_by_data(equations, usual, priors, (BoardSize,), False).told_board_size
+    return (_size_in_words(told, hints),) if told > _TOLD else ()
+
+
+def _size_in_words(told: float, hints: Sequence[Hint]) -> str:
+    """Return what all distances rest on where the boards' size is told this poorly, as a part."""
+    measure = "measure the print over many squares, since printers scale pages"
+    if told > _AT_ALL:
         return (
             "nothing in the data tells how large the boards are: all distances are as right as the "
-            "configured `size`, and 1 % of it is 1 % of them; measure the print over many squares, "
-            "since printers scale pages",
+            f"configured `size`, and 1 % of it is 1 % of them; {measure}"
         )
-    return ()
+    sigma = max([told, *(hint.sigma for hint in hints)])
+    found = [described(hint.error, hint.value, hint.sigma) for hint in hints]
+    seen = f"; as far as they do, {', '.join(found)}" if found else ""
+    return (
+        f"the data tell how large the boards are to {100.0 * sigma:.2g} % only, and 1 % of the "
+        f"configured `size` is 1 % of all distances{seen}: {measure}"
+    )
 
 
 def _told_by_data(

@@ -11,7 +11,7 @@ is tested beside it, until nothing significant is left.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import List, NamedTuple, Optional, Sequence, Tuple
+from typing import List, NamedTuple, Optional, Sequence, Tuple, Type
 
 import numpy as np
 from scipy import special
@@ -22,6 +22,8 @@ from atom_core.solvers import losses
 from atom_core.solvers.shared_equations import SharedEquations, inverse
 
 _CHANCE = 0.01  # of naming anything where the model is right, for all candidates together
+_HINT = 0.05  # of what is a hint only, each error by itself ...
+_UNLIKELY = 3.0  # ... where it is more than so many times what is usual
 _LEVERAGE = 0.9  # no collection counts as deciding more than this of a number
 _DETERMINED = 1e-6  # part of its information that other numbers must leave a candidate
 _SAME = 0.9  # two candidates whose effects are so much alike cannot be told apart ...
@@ -55,6 +57,14 @@ class ModelCheck:
     rival_values: Tuple[float, ...] = ()
 
 
+class Hint(NamedTuple):
+    """A model error that may be one by chance: its value and standard deviation, in its unit."""
+
+    error: ModelError
+    value: float
+    sigma: float
+
+
 def model_checks(
     equations: SharedEquations,
     cautious: SharedEquations,
@@ -80,6 +90,33 @@ def model_checks(
             break
         found.append(best)
     return found
+
+
+def hints(
+    equations: SharedEquations,
+    estimated: Sequence[ModelError],
+    kind: Type[ModelError],
+    loss: str,
+) -> List[Hint]:
+    """Return errors of a kind that the data may show, each beside what is estimated alone.
+
+    Args:
+        equations: as of `model_checks`.
+        estimated: likewise.
+        kind: of errors.
+        loss: robust loss of the equations.
+    """
+    known = [e for e in equations.errors if e in estimated or isinstance(e, SeenBorder)]
+    step = _Step(equations, known, loss)
+    tested = step.tested()
+    values, sigmas = tested.value, tested.sigma
+    unusual = np.abs(values) > _UNLIKELY * np.array([e.usual / e.step for e in step.candidates])
+    shown = tested.determined & (tested.chance < _HINT) & unusual
+    return [
+        Hint(error, error.step * float(values[i]), error.step * float(sigmas[i]))
+        for i, error in enumerate(step.candidates)
+        if isinstance(error, kind) and shown[i]
+    ]
 
 
 def _best(step: _Step, cautious: _Step) -> Optional[ModelCheck]:
@@ -124,6 +161,7 @@ class _Tested(NamedTuple):
     value: np.ndarray
     sigma: np.ndarray
     gain: np.ndarray
+    chance: np.ndarray
     significant: np.ndarray
     determined: np.ndarray
 
@@ -191,4 +229,4 @@ class _Step:
         significant = determined & (chance < _CHANCE / self._independent(determined))
         # What is far off counts less in the equations: the step falls short, and so does its sigma.
         value, sigma = self._length * value, self._length * sigma
-        return _Tested(value, sigma, gain, significant, determined)
+        return _Tested(value, sigma, gain, chance, significant, determined)

@@ -15,7 +15,7 @@ from atom_core.calibration.refine.candidates import (
 )
 from atom_core.calibration.refine.error_words import UNESTIMATED, described, remedy
 from atom_core.calibration.refine.layer_checks import LayerSums, layer_sums
-from atom_core.calibration.refine.model_checks import ModelCheck, model_checks
+from atom_core.calibration.refine.model_checks import Hint, ModelCheck, hints, model_checks
 from atom_core.model.dataset import Dataset
 from atom_core.problem.blocks import ADDITIONAL_TF
 from atom_core.problem.board_errors import BoardSize
@@ -79,6 +79,10 @@ class CheckedSolution:
     def checks(self, summary: SolverSummary, loss: str) -> List[ModelCheck]:
         """Return the model errors that the data show, what explains most first."""
         return model_checks(*self.by_stop, tuple(summary.model_errors), loss)
+
+    def size_hints(self, summary: SolverSummary, loss: str) -> List[Hint]:
+        """Return the boards that the data may have of another size."""
+        return hints(self.by_stop[0], tuple(summary.model_errors), BoardSize, loss)
 
     @property
     def by_stop(self) -> Tuple[SharedEquations, SharedEquations]:
