@@ -8,17 +8,9 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import Dict, Mapping, Optional, Tuple
 
-from atom_core.calibration.judge.exclusion import Exclusion
-from atom_core.calibration.judge.judgement import answer, judge
-from atom_core.calibration.judge.misfit import Misfit
-from atom_core.calibration.judge.places import Displaced
-from atom_core.calibration.judge.priors import HeldDirection, PriorResult
-from atom_core.calibration.judge.stated_places import StatedPlaces
-from atom_core.calibration.judge.weak_directions import WeakDirection
+from atom_core.calibration.judge.judgement import Judgement, answer, judge
 from atom_core.calibration.options import CalibrationOptions
 from atom_core.calibration.prepare.preparation import Prepared, prepare
-from atom_core.calibration.refine.model_checks import ModelCheck
-from atom_core.calibration.refine.moving_edges import MovingEdge
 from atom_core.calibration.refine.refinement import Earlier, Refined, refine
 from atom_core.calibration.refine.rejection import Rejected
 from atom_core.calibration.start.half_turns import with_half_turns
@@ -31,59 +23,31 @@ from atom_core.problem.model_errors import ErrorPriors
 from atom_core.problem.problem import Problem
 from atom_core.solvers.base import SolverSetup, SolverSummary
 from atom_core.solvers.choice import solver_factory
-from atom_core.solvers.covariance import Covariance
 from atom_core.solvers.error_columns import without_rows
 from atom_core.solvers.interrupt import Interrupt
 
 
 @dataclass(frozen=True)
-class Calibration:
-    """The answer, and all that is needed to judge it.
+class Calibration(Judgement):
+    """The answer: what it is worth, and what it was made from.
 
     Attributes:
-        dataset: the input with the calibrated edges and board poses in its transforms.
         initial: the dataset that the solver started from (after any disturbance).
         free: what was estimated and what was held.
-        problem, summary, covariance: of the solver.
-        status: converged, not_converged, rank_deficient, inconsistent or failed.
-        message: one sentence.
-        contradictions: sentences on what of the model the data contradict.
-        weak_directions: what the data leave open.
-        held_directions: what they leave open and priors hold.
-        priors: how far the solution is from each prior.
-        misfits: sensors that the joint solution fits far worse than they fit by themselves.
-        exclusions: sensors of which too much was left out, or all of one sort.
-        checks: errors of the model that the data show, and that were not estimated.
-        moving: transforms of moving parts that do not fit.
-        displaced: edges that end far from where the description has them.
-        stated: sensors whose place was stated though the data could tell it.
+        problem, summary: of the solver.
         error_priors: what was assumed of estimated errors of the model; the others were free.
         unused: why a collection was not used, by key.
         rejected: detections that were left out since they contradict the others.
         relabeled: detections whose corners were renumbered; ``dataset`` has them so.
-        warnings: what the user should know.
+        warnings: what the user should know, of all steps.
         seconds: time by step.
         seed: of the disturbance.
     """
 
-    dataset: Dataset
     initial: Dataset
     free: FreeEdges
     problem: Problem
     summary: SolverSummary
-    covariance: Covariance
-    status: str
-    message: str
-    contradictions: Tuple[str, ...]
-    weak_directions: Tuple[WeakDirection, ...]
-    held_directions: Tuple[HeldDirection, ...]
-    priors: Tuple[PriorResult, ...]
-    misfits: Tuple[Misfit, ...]
-    exclusions: Tuple[Exclusion, ...]
-    checks: Tuple[ModelCheck, ...]
-    moving: Tuple[MovingEdge, ...]
-    displaced: Tuple[Displaced, ...]
-    stated: StatedPlaces
     error_priors: ErrorPriors
     unused: Mapping[str, str]
     rejected: Tuple[Rejected, ...]
@@ -173,24 +137,11 @@ def judged(solution: Solved) -> Calibration:
     clock.lap("covariance")
     steps = (prepared, solution.starts, chosen, refined, judgement)
     return Calibration(
-        dataset=judgement.dataset,
+        **vars(judgement),
         initial=chosen.solution.start.initial,
         free=refined.free,
         problem=refined.solver.problem,
         summary=refined.summary,
-        covariance=judgement.covariance,
-        status=judgement.status,
-        message=judgement.message,
-        contradictions=judgement.contradictions,
-        weak_directions=judgement.weak_directions,
-        held_directions=judgement.held_directions,
-        priors=judgement.priors,
-        misfits=judgement.misfits,
-        exclusions=judgement.exclusions,
-        checks=judgement.checks,
-        moving=judgement.moving,
-        displaced=judgement.displaced,
-        stated=judgement.stated,
         error_priors=refined.options.error_priors,
         unused=refined.unused,
         rejected=refined.rejected,

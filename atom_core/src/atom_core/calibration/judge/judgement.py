@@ -66,7 +66,7 @@ class Judgement:
         priors: how far the solution is from each prior.
         misfits: sensors that the joint solution fits far worse than they fit by themselves.
         exclusions: sensors of which too much was left out, or all of one sort.
-        checks: errors of the model that the data show.
+        checks: errors of the model that the data show, and that were not estimated.
         moving: transforms of moving parts that do not fit.
         displaced: edges that end far from where the description has them, where that was to be
             the start.
