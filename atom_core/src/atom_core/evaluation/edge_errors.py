@@ -123,8 +123,7 @@ def _of_edge(
 def joint_errors(initial: Dataset, solved: Dataset, truth: Truth) -> List[JointError]:
     """Compare the parameters of joints whose truth is known; those that were never off stay out."""
     errors = []
-    known = {name for collection in solved.collections.values() for name in collection.joints}
-    for name in (joint for joint in truth.joints if joint in known):
+    for name in (joint for joint in truth.joints if joint in solved.joints):
         before, after = initial.joint(name), solved.joint(name)
         for parameter, value in truth.joints[name].items():
             pair = before.parameters[parameter] - value, after.parameters[parameter] - value

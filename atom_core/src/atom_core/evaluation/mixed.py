@@ -77,8 +77,8 @@ def calibrated_joints(train: Dataset, test: Dataset) -> Dict[str, Mapping[str, f
         DatasetError: a test collection does not know the position of such a joint.
     """
     changed: Dict[str, Mapping[str, float]] = {}
-    for name in {name for c in train.collections.values() for name in c.joints}:
-        parameters = train.joint(name).parameters
+    for name, joint in train.joints.items():
+        parameters = joint.parameters
         without = [key for key, c in test.collections.items() if name not in c.joints]
         if without and name in train.config.joints:
             raise DatasetError(

@@ -75,9 +75,7 @@ def _sizes(pattern: Pattern) -> str:
 def _of_edges(train: Dataset, test: Dataset) -> List[Caveat]:
     held = {edge for c in train.collections.values() for edge in c.transforms}
     # A joint that stood still in each may stand elsewhere in the other.
-    joints = {
-        j.edge for d in (train, test) for c in d.collections.values() for j in c.joints.values()
-    }
+    joints = {joint.edge for d in (train, test) for joint in d.joints.values()}
     still = [e for e in held - joints if train.edge_types.get(e) != MULTIPLE]
     return [
         Caveat(

@@ -222,11 +222,7 @@ def joints_apart(first: Dataset, second: Dataset) -> List[str]:
         joint = dataset.joint(name)
         return (joint.edge, joint.type, *joint.axis, *joint.parameters.values())
 
-    names: List[Dict[str, None]] = [
-        {name: None for c in data.collections.values() for name in c.joints}
-        for data in (first, second)
-    ]
-    both = [name for name in names[0] if name in names[1]]
+    both = [name for name in first.joints if name in second.joints]
     return [name for name in both if geometry(first, name) != geometry(second, name)]
 
 

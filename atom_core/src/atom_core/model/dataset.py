@@ -145,16 +145,23 @@ class Dataset:
                 )
         return replace(self, collections=collections)
 
+    @cached_property
+    def joints(self) -> Mapping[str, JointState]:
+        """All joints by name, each as it stands in the first collection that has it."""
+        found: Dict[str, JointState] = {}
+        for collection in self.collections.values():
+            found = {**collection.joints, **found}
+        return found
+
     def joint(self, name: str) -> JointState:
         """Return a joint as it stands in the first collection that has it.
 
         Raises:
             DatasetError: no collection has it.
         """
-        for collection in self.collections.values():
-            if name in collection.joints:
-                return collection.joints[name]
-        raise DatasetError(f"{self.source}: joint '{name}' is in no collection's joints")
+        if name not in self.joints:
+            raise DatasetError(f"{self.source}: joint '{name}' is in no collection's joints")
+        return self.joints[name]
 
     def with_labels(self, key: str, changes: Mapping[Tuple[str, str], Optional[Label]]) -> Dataset:
         """Return a copy with labels of a collection replaced, by (sensor, pattern); None: none."""

@@ -58,10 +58,9 @@ def with_truth(dataset: Dataset, truth: Truth) -> Dataset:
 
 def _joints_that_differ(dataset: Dataset, truth: Truth) -> Dict[str, Mapping[str, float]]:
     """Return the true parameters of joints that have others; the others' transforms stay."""
-    known = {name for collection in dataset.collections.values() for name in collection.joints}
     found = {}
-    for name in known & set(truth.joints):
-        now = dataset.joint(name).parameters
+    for name in dataset.joints.keys() & truth.joints.keys():
+        now = dataset.joints[name].parameters
         if any(abs(now[key] - value) > _SAME for key, value in truth.joints[name].items()):
             found[name] = truth.joints[name]
     return found

@@ -50,11 +50,10 @@ def description_caveats(
 
 
 def _written(dataset: Dataset, free: FreeEdges) -> Set[Edge]:
-    joints = {name: j.edge for c in dataset.collections.values() for name, j in c.joints.items()}
     return {
         *(sensor.edge for sensor in dataset.sensors.values()),
         *free.additional_tfs.values(),
-        *(joints[name] for name in free.joints if name in joints),
+        *(joint.edge for name, joint in dataset.joints.items() if name in free.joints),
     }
 
 

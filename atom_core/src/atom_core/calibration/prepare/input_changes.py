@@ -169,11 +169,10 @@ def with_biased_joints(dataset: Dataset, biases: Sequence[JointBias]) -> Tuple[D
     """
     remarks = []
     for bias in biases:
-        known = list(dict.fromkeys(n for c in dataset.collections.values() for n in c.joints))
-        if bias.joint not in known:
+        if bias.joint not in dataset.joints:
             raise CalibrationError(
                 f"--joint_bias_names {bias.joint}: there is no such joint in the dataset; there "
-                f"are: {', '.join(known) or 'none'}"
+                f"are: {', '.join(dataset.joints) or 'none'}"
             )
         if bias.parameter not in JOINT_PARAMETERS:
             raise CalibrationError(

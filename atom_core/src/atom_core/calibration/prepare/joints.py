@@ -40,9 +40,7 @@ def select_joints(
             by name is left without a parameter.
     """
     configured = configured_joints(dataset)
-    known: Dict[str, Tuple[str, ...]]
-    known = {name: JOINT_PARAMETERS for c in dataset.collections.values() for name in c.joints}
-    known.update(configured)
+    known = {**dict.fromkeys(dataset.joints, JOINT_PARAMETERS), **configured}
     by_name = not all(map(is_lambda, [*joints, *parameters]))
     if not known and by_name:
         raise CalibrationError(
@@ -141,7 +139,7 @@ def with_joint_transforms(dataset: Dataset, free: FreeEdges) -> Tuple[Dataset, L
     for name in free.joints:
         edge = dataset.joint(name).edge
         apart = [
-            _apart(before.transforms[edge], after.transforms[edge])
+            se3.pose_difference(before.transforms[edge], after.transforms[edge])
             for before, after in zip(dataset.collections.values(), solved.collections.values())
             if edge in before.transforms
         ]
@@ -153,8 +151,3 @@ def with_joint_transforms(dataset: Dataset, free: FreeEdges) -> Tuple[Dataset, L
                 f"are used"
             )
     return solved, remarks
-
-
-def _apart(one: np.ndarray, other: np.ndarray) -> Tuple[float, float]:
-    turned = float(se3.rotation_angle(one[:3, :3].T @ other[:3, :3]))
-    return float(np.linalg.norm(one[:3, 3] - other[:3, 3])), turned

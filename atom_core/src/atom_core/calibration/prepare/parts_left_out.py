@@ -26,12 +26,10 @@ def without_those_of_others(
     left_out = _only_of_others(dataset)
     if not left_out:
         return additional_tfs, joints
-    edges = {
-        name: joint.edge for c in dataset.collections.values() for name, joint in c.joints.items()
-    }
+    lost = {name for name, joint in dataset.joints.items() if joint.edge in left_out}
     return (
         {name: edge for name, edge in additional_tfs.items() if edge not in left_out},
-        {name: wanted for name, wanted in joints.items() if edges.get(name) not in left_out},
+        {name: wanted for name, wanted in joints.items() if name not in lost},
     )
 
 

@@ -114,10 +114,9 @@ def _targets(dataset: Dataset, free: FreeEdges) -> Dict[str, _Target]:
         )
         why = "it is held" if entry.edge in held else why
         found.append((name, _Target(entry.edge, f"edge '{entry.edge}'", None, why)))
-    known = {n: j.edge for c in dataset.collections.values() for n, j in c.joints.items()}
-    for name, edge in known.items():
+    for name, joint in dataset.joints.items():
         why = None if name in free.joints else "select it with -jsf, or in the configuration"
-        found.append((name, _Target(edge, f"joint '{name}'", name, why)))
+        found.append((name, _Target(joint.edge, f"joint '{name}'", name, why)))
     for pattern in dataset.patterns.values():
         why = "boards are held" if free.anchor_patterns else None
         why = why if pattern.fixed else "as it is carried about, each collection has its own place"

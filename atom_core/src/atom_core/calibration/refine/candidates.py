@@ -87,7 +87,7 @@ def candidates(dataset: Dataset, problem: Problem, x: np.ndarray) -> List[ModelE
         bends = Bend.of_board(name, border)
         for axis, bend in enumerate(bends):
             found += [BorderShift(name, axis), bend]
-    if any(collection.joints for collection in dataset.collections.values()):
+    if dataset.joints:
         found += joint_candidates(solved_dataset(dataset, problem, x, {}), problem)
     return found
 

@@ -40,7 +40,7 @@ def joint_candidates(dataset: Dataset, problem: Problem) -> List[JointPositionEr
     """
     taken = {block.edge for block in problem.parameters.blocks}
     found: List[JointPositionError] = []
-    for name in sorted({name for c in dataset.collections.values() for name in c.joints}):
+    for name in sorted(dataset.joints):
         joints = {k: c.joints[name] for k, c in dataset.collections.items() if name in c.joints}
         first = next(iter(joints.values()))
         used = {key.collection for key in problem.detections}
