@@ -86,14 +86,10 @@ def released(
         edge = initial.sensors[name].edge
         after = solved_dataset(initial, free.solver.problem, free.summary.x, {})
         key = free.solver.problem.detections[0].collection
-        before_T_after = (
-            se3.inverse(initial.collections[key].transforms[edge])
-            @ (after.collections[key].transforms[edge])
-        )
-        shift = float(np.linalg.norm(before_T_after[:3, 3]))
-        turn = float(se3.rotation_angle(before_T_after[:3, :3]))
-        if shift > _LEAST_M or turn > _LEAST_RAD:
-            found.append(Released(name, shift, turn, tried.is_open))
+        places = (dataset.collections[key].transforms[edge] for dataset in (initial, after))
+        shift_m, turn_rad = se3.pose_difference(*places)
+        if shift_m > _LEAST_M or turn_rad > _LEAST_RAD:
+            found.append(Released(name, shift_m, turn_rad, tried.is_open))
     return tuple(found)
 
 
@@ -111,9 +107,7 @@ def _without(
         refined.free,
         anchored_sensors=tuple(n for n in held if initial.sensors[n].edge != edge),
     )
-    used = {*before.detections}
-    kept = [m for m in measurements if m.key in used]
-    solver = make_solver(rebuilt(initial, kept, before, refined.summary.x, free))
+    solver = make_solver(rebuilt(initial, measurements, before, refined.summary.x, free))
     summary = solve_again(solver, refined.options, before, refined.summary)
     return replace(refined, solver=solver, summary=summary, free=free)
 

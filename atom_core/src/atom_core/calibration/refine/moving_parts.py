@@ -156,8 +156,6 @@ def settled_again(
     """Return the solution with spreads estimated anew, when detections were left out."""
     if not any(part.is_estimated for part in solution.free.moving.values()):
         return solution
-    used = {*solution.solver.problem.detections}
-    measurements = [m for m in measurements if m.key in used]
     moving = dict(solution.free.moving)
     found = _settled(initial, measurements, solution, moving, setup)
     return replace(found, remarks=solution.remarks)
@@ -195,17 +193,18 @@ def rebuilt(
     x: np.ndarray,
     free: FreeEdges,
 ) -> Problem:
-    """Return the problem of measurements, from a solution on, with something else free.
+    """Return the problem of the same detections, from a solution on, with something else free.
 
     Args:
         initial: what the problem before was built from.
-        measurements: those to use.
+        measurements: at least those of its detections.
         before: the problem before.
         x: its solution.
         free: what is estimated now.
     """
-    base = solved_dataset(initial, before, x, {})
-    return build_problem(base, measurements, boards_in(base, measurements), free)
+    base, used = solved_dataset(initial, before, x, {}), {*before.detections}
+    kept = [m for m in measurements if m.key in used]
+    return build_problem(base, kept, boards_in(base, kept), free)
 
 
 def _taken(edge: Edge) -> str:

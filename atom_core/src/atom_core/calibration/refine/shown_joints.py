@@ -37,7 +37,7 @@ def with_shown_joints(
         solver, summary, loss = solution.solver, solution.summary, setup.options.loss
         if summary.status != CONVERGED or setup.options.weights != SIGMA:
             break
-        if not any(collection.joints for collection in initial.collections.values()):
+        if not initial.joints:
             break
         checks = checked(initial, solver, summary, setup.options).checks(summary, loss)
         shown = [check for check in checks if not check.rivals]
@@ -46,9 +46,7 @@ def with_shown_joints(
         name, before = shown[0].error.target, solver.problem
         joints = {**solution.free.joints, name: (POSITION_BIAS,)}
         free = replace(solution.free, joints=joints)
-        used = {*before.detections}
-        left = [m for m in measurements if m.key in used]
-        solver = setup.make(rebuilt(initial, left, before, summary.x, free))
+        solver = setup.make(rebuilt(initial, measurements, before, summary.x, free))
         summary = solve_again(solver, setup.options, before, summary)
         if summary.status != CONVERGED:
             break
