@@ -8,7 +8,7 @@ user is told.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Dict, List, Mapping, Sequence, Tuple
 
 import numpy as np
 
@@ -68,49 +68,28 @@ def with_intrinsics(
         # Judged by what the corners tell alone, not by what is expected.
         determined = replace(free, intrinsics=names, expected_cameras={})
         solver = setup.make(build_problem(base, start.measurements, boards, determined))
-        undetermined = _next_to_hold(solver, limit_rad)
+        open_names = _open_names(solver, limit_rad)
+        undetermined = _next_to_hold(names, open_names)
         if not undetermined:
             break
         names = {
             sensor: tuple(n for n in of_one if n != undetermined.get(sensor))
             for sensor, of_one in names.items()
         }
-    open_ones = _open_pinholes(solver, limit_rad)
     determined = replace(determined, expected_cameras=free.expected_cameras)
     solver = setup.make(build_problem(base, start.measurements, boards, determined))
     zero = np.zeros(solver.problem.parameters.size)
     minimum = rough_minimum(solver, zero, setup.options, solution.minimum.iterations)
     remarks = _remarks(base, start.measurements, free.intrinsics, names)
     for sensor, expected in free.expected_cameras.items():
-        if sensor in open_ones:
-            remarks.append(_held_near(sensor, open_ones[sensor], expected.sigma))
+        pinholes = [name for name in open_names.get(sensor, ()) if name in PINHOLE]
+        if pinholes:
+            remarks.append(_held_near(sensor, pinholes, expected.sigma))
     return WithIntrinsics(solver, minimum, determined, tuple(remarks))
 
 
-def _next_to_hold(solver: Solver, limit_rad: float) -> Dict[str, str]:
-    """Return, by camera, the coefficient to hold next."""
-    problem = solver.problem
-    sigmas = [block.sigma for block in problem.residual_blocks]
-    equations = solver.equations(np.zeros(problem.parameters.size), sigmas, losses.NONE)
-    covariance = Covariance(equations)
-    open_ones: Dict[str, bool] = {}
-    candidates: Dict[str, List[str]] = {}
-    for i, block in problem.parameters.camera_blocks():
-        sensor, variance = block.sensor, np.diagonal(covariance.block(i))
-        for place, name in block.free_components:
-            if name not in PINHOLE:
-                candidates.setdefault(sensor, []).append(name)
-                is_open = bool(variance[place] > limit_rad**2)
-                open_ones[sensor] = open_ones.get(sensor, False) or is_open
-    return {
-        sensor: min(names, key=_HELD_FIRST.index)
-        for sensor, names in candidates.items()
-        if open_ones[sensor]
-    }
-
-
-def _open_pinholes(solver: Solver, limit_rad: float) -> Dict[str, List[str]]:
-    """Return, by camera, what of focal lengths and centre the corners alone do not tell."""
+def _open_names(solver: Solver, limit_rad: float) -> Dict[str, List[str]]:
+    """Return, by camera, which of its free intrinsics the corners alone do not tell."""
     problem = solver.problem
     sigmas = [block.sigma for block in problem.residual_blocks]
     equations = solver.equations(np.zeros(problem.parameters.size), sigmas, losses.NONE)
@@ -119,9 +98,23 @@ def _open_pinholes(solver: Solver, limit_rad: float) -> Dict[str, List[str]]:
     for i, block in problem.parameters.camera_blocks():
         variance = np.diagonal(covariance.block(i))
         for place, name in block.free_components:
-            if name in PINHOLE and variance[place] > limit_rad**2:
+            if variance[place] > limit_rad**2:
                 found.setdefault(block.sensor, []).append(name)
     return found
+
+
+def _next_to_hold(names: Names, open_names: Mapping[str, Sequence[str]]) -> Dict[str, str]:
+    """Return, by camera, the coefficient of its distortion to hold next; none where all are told.
+
+    Args:
+        names: the free intrinsics.
+        open_names: those that the corners do not tell.
+    """
+    return {
+        sensor: min((name for name in of_one if name not in PINHOLE), key=_HELD_FIRST.index)
+        for sensor, of_one in names.items()
+        if any(name not in PINHOLE for name in open_names.get(sensor, ()))
+    }
 
 
 def _held_near(sensor: str, names: Sequence[str], sigma: float) -> str:
@@ -158,6 +151,6 @@ def _reach(camera: Camera, sensor: str, measurements: Sequence[Measurement]) -> 
         if isinstance(m, CornerMeasurement) and m.key.sensor == sensor
     ]
     ends = np.array([[x, y] for x in (0, camera.width) for y in (0, camera.height)], dtype=float)
-    farthest: Optional[float] = float(np.max(np.linalg.norm(ends - camera.centre_px, axis=1)))
+    farthest = np.max(np.linalg.norm(ends - camera.centre_px, axis=1))
     reached = np.max(np.linalg.norm(np.concatenate(seen) - camera.centre_px, axis=1))
     return float(reached / farthest)
