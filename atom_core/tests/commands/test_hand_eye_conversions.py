@@ -318,3 +318,12 @@ def test_images_of_an_earlier_conversion_do_not_stay_beside_those_of_this(
     line = refused(capsys, *words, "-ow", "-csf", "!000")
     assert "of another conversion" in line
     assert before == {path: path.read_bytes() for path in output.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("layout", ["rwhe", "tabb"])
+def test_a_dataset_is_not_put_among_the_images_that_it_is_made_of(made, layout, capsys):
+    folder, _ = made
+    images = folder / layout if layout == "rwhe" else folder / layout / "images" / CAMERA
+    before = sorted(images.iterdir())
+    assert "the images themselves" in refused(capsys, *from_layout(folder, layout, images, "-ow"))
+    assert sorted(images.iterdir()) == before

@@ -16,7 +16,7 @@ from atom_core.commands.hand_eye_frames import (
     frames_of,
     without_hold,
 )
-from atom_core.errors import DatasetError
+from atom_core.errors import DatasetError, OutputError
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics_from_boards import camera_of_boards
 from atom_core.io.atomic import prepare_output_folder
@@ -78,6 +78,7 @@ def add_import_options(parser: argparse.ArgumentParser) -> None:
 def import_folder(args: argparse.Namespace, content: RobotImages) -> int:
     """Make the dataset, write it, and say what was found."""
     common.refuse_occupied(args.output, args.overwrite)
+    _refuse_folder_of_images(args.output, content)
     config, remarks = config_of_cameras(read_config(args.config), list(content.images))
     frames = frames_of(config, args)
     config, told = without_hold(config, frames.unplaced)
@@ -96,6 +97,20 @@ def import_folder(args: argparse.Namespace, content: RobotImages) -> int:
     path = (args.output / DATASET_FILE).resolve()
     print(f"{path}: {len(sensors)} cameras, {len(dataset.collections)} poses")
     return 0
+
+
+def _refuse_folder_of_images(folder: Path, content: RobotImages) -> None:
+    """Refuse to put the dataset's copies among the images: they would count as further ones.
+
+    Raises:
+        OutputError: naming the folder.
+    """
+    files = (path for of_camera in content.images.values() for path in of_camera.values())
+    if folder.resolve() in {path.parent.resolve() for path in files}:
+        raise OutputError(
+            f"{folder}: the images themselves are in it, and the dataset's copies would be taken "
+            f"for further ones; choose another folder for --output"
+        )
 
 
 def _known_cameras(args: argparse.Namespace, content: RobotImages) -> Dict[str, Camera]:
