@@ -66,12 +66,28 @@ def test_nothing_is_told_where_no_additional_tf_moves(untyped, read):
     assert dataset.edge_types == {edge: MULTIPLE} and not dataset.warnings
 
 
-def test_a_stored_type_is_believed(document, read):
+def test_a_stored_type_is_believed_and_an_additional_tf_that_contradicts_it_is_told(document, read):
     edge = driven(document, 0.5)
     for entry in document["transforms"].values():
         entry["type"] = "fixed"
     dataset = read(document)
-    assert dataset.edge_types[edge] == "fixed" and not dataset.warnings
+    assert dataset.edge_types[edge] == "fixed"
+    (told,) = dataset.warnings
+    assert "'odom' has the type 'fixed'" in told and "'multiple'" in told
+    driven(document, 1e-4, add_tf=False)
+    assert not read(document).warnings
+
+
+@pytest.mark.parametrize("kind", ["floating", "planar"])
+def test_what_hangs_on_a_joint_that_no_number_places_has_a_pose_in_each_collection(
+    document, read, kind
+):
+    """A dataset has the types of the description's joints; such ones carry odometry."""
+    edge = driven(document, 0.5)
+    document["transforms"]["-".join(edge)]["type"] = kind
+    assert read(document).edge_types[edge] == MULTIPLE
+    driven(document, 0.0)
+    assert read(document).edge_types[edge] == kind
 
 
 @pytest.mark.parametrize("kind", [None, "absent"])
