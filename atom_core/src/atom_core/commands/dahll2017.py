@@ -19,6 +19,7 @@ from atom_core.evaluation.corner_baseline import (
     corner_pairs,
     rms_m,
 )
+from atom_core.geometry.units import MM_PER_M
 from atom_core.io.annotations import annotation_path
 from atom_core.io.dataset_json import read_dataset, write_dataset
 from atom_core.io.lidar_annotations import corners_of, read_picked_sides
@@ -29,7 +30,6 @@ from atom_core.model.sensor import LIDAR3D, RGB
 EXAMPLE = "python3 -m atom_core dahll2017 -d dataset.json -c rgb_1 -l lidar_1 -p pattern_1"
 _METHODS = ("icp_based", "closed_form")
 _TOO_FAR = 0.1  # of the board's shorter side: then corners are paired wrongly
-_MM_PER_M = 1000.0
 _PAIRED = "the corners are paired by the dataset's transforms as they stand"
 _NOT_HERE = (
     AtomOption("nig", "noisy_initial_guess", "0.1 0.1", remark=_PAIRED),
@@ -80,12 +80,12 @@ def run(args: argparse.Namespace) -> int:
     off_m = rms_m(pairs, camera_T_lidar)
     row = (args.method_name, camera_T_lidar, len(pairs))
     print(pose_table(dataset, args.lidar, args.camera, [row]))
-    print(f"\ncorners are {_MM_PER_M * off_m:.1f} mm apart (RMS)\n\nresults: {target.resolve()}")
+    print(f"\ncorners are {MM_PER_M * off_m:.1f} mm apart (RMS)\n\nresults: {target.resolve()}")
     limit_m = _TOO_FAR * 2.0 * float(np.min(dataset.patterns[args.pattern].border.half_size))
     if off_m > limit_m:
         print(
             f"dahll2017: the corners do not fit: they are paired wrongly, or picked on other sides "
-            f"(limit {_MM_PER_M * limit_m:.0f} mm); look at {path.name}, or use calibrate",
+            f"(limit {MM_PER_M * limit_m:.0f} mm); look at {path.name}, or use calibrate",
             file=sys.stderr,
         )
         return 1

@@ -29,6 +29,7 @@ from atom_core.evaluation.observed import Observed
 from atom_core.evaluation.single_camera import single_cameras
 from atom_core.geometry import se3
 from atom_core.geometry.pose_solvers import HAND_EYE_METHODS, ROBOT_WORLD_METHODS, lacking
+from atom_core.geometry.units import MM_PER_M
 from atom_core.io.atomic import write_text_atomically
 from atom_core.io.dataset_json import read_dataset, write_dataset
 from atom_core.io.paths import sibling
@@ -39,7 +40,6 @@ from atom_core.report.atom_csv import short_csv
 from atom_core.report.evaluation_tables import evaluation_report
 from atom_core.report.tables import text_table
 
-_MM_PER_M = 1000.0
 _FAR_WORSE, _FAR_WORSE_PX = 3.0, 1.0  # than the best method: no noise explains it
 _FAR_OFF_RAD = 0.02  # of the best method, 20 mm at a metre: no arm explains it
 _NO_START = "a closed form needs no start that could be disturbed"
@@ -234,7 +234,7 @@ def _views(tool: Tool, dataset: Dataset, args: argparse.Namespace) -> HandEyeVie
 def _show(solved: Dataset, views: HandEyeViews, X: np.ndarray, args: argparse.Namespace) -> None:
     headers = ["pose", "x [mm]", "y [mm]", "z [mm]", "roll [deg]", "pitch [deg]", "yaw [deg]"]
     rpy = np.degrees(se3.rpy_from_rotation(X[:3, :3]))
-    row = [f"{views.frame} in {views.sides.of_camera}", *(_MM_PER_M * X[:3, 3]), *rpy]
+    row = [f"{views.frame} in {views.sides.of_camera}", *(MM_PER_M * X[:3, 3]), *rpy]
     count = f"{len(views.collections)} collections"
     print(text_table(headers, [row], f"OpenCV {args.method_name}, {count}"), "\n")
     print(evaluation_report(evaluate(solved, solved, sensors=[args.camera])))
@@ -250,7 +250,7 @@ def _against_input(
 
 def _show_errors(errors: Sequence[EdgeError]) -> None:
     rows = [
-        [str(e.edge), _MM_PER_M * e.after.translation_m, float(np.degrees(e.after.rotation_rad))]
+        [str(e.edge), MM_PER_M * e.after.translation_m, float(np.degrees(e.after.rotation_rad))]
         for e in errors
     ]
     title = "Errors against the dataset's own transforms"

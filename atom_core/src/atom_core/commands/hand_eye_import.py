@@ -19,6 +19,7 @@ from atom_core.commands.hand_eye_frames import (
 from atom_core.errors import DatasetError, OutputError
 from atom_core.geometry.camera import Camera
 from atom_core.geometry.intrinsics_from_boards import camera_of_boards
+from atom_core.geometry.units import MM_PER_M
 from atom_core.io.atomic import prepare_output_folder
 from atom_core.io.camera_info_yaml import read_camera_info
 from atom_core.io.config_yaml import read_config
@@ -32,7 +33,6 @@ from atom_core.model.labels import Label, RgbLabel
 from atom_core.model.pattern import Pattern, pattern_from_config
 from atom_core.model.sensor import RGB, Sensor
 
-_MM_PER_M = 1000.0
 _SAME_SIDE = 1e-3  # of a square: sides that differ by a smaller part are one, rounded
 
 Labels = Dict[Tuple[str, int, str], RgbLabel]  # by camera, number, pattern
@@ -136,10 +136,10 @@ def _remarks_on_board(told: Optional[ToldBoard], patterns: Mapping[str, Pattern]
     counted = [p for p in sized if told.corners in ((), tuple(sorted((p.columns, p.rows))))]
     if counted:
         return []
-    sides = " x ".join(f"{_MM_PER_M * side:.6g}" for side in dict.fromkeys(told.sides_m))
+    sides = " x ".join(f"{MM_PER_M * side:.6g}" for side in dict.fromkeys(told.sides_m))
     corners = f", {' x '.join(map(str, told.corners))} inner corners" if told.corners else ""
     configured = "; ".join(
-        f"'{name}' has {_MM_PER_M * p.square_m:.6g} mm, {p.columns} x {p.rows}"
+        f"'{name}' has {MM_PER_M * p.square_m:.6g} mm, {p.columns} x {p.rows}"
         for name, p in patterns.items()
     )
     return [

@@ -12,13 +12,12 @@ from atom_core.errors import DatasetError
 from atom_core.evaluation.baselines.links import check_separable, edge_value
 from atom_core.evaluation.evaluate import evaluate
 from atom_core.geometry import se3
+from atom_core.geometry.units import MM_PER_M
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset
 from atom_core.report.evaluation_verdict import evaluation_verdict
 from atom_core.report.tables import text_table
 from atom_core.report.verdict import WRONG
-
-_MM_PER_M = 1000.0
 
 
 def read_pair(args: argparse.Namespace, pair: Sequence[str], kinds: Sequence[str]) -> Dataset:
@@ -86,7 +85,7 @@ def pose_table(dataset: Dataset, source: str, target: str, rows: Sequence[tuple]
     cells = [
         [
             name,
-            *(_MM_PER_M * pose[:3, 3]),
+            *(MM_PER_M * pose[:3, 3]),
             *np.degrees(se3.rpy_from_rotation(pose[:3, :3])),
             collections,
         ]

@@ -18,6 +18,7 @@ from atom_core.evaluation.observed import Borders, Observed
 from atom_core.evaluation.own_edges import own_edges
 from atom_core.evaluation.pairs import Pair, pair_kinds
 from atom_core.evaluation.results import PairResult
+from atom_core.geometry.units import MM_PER_M
 from atom_core.io.atomic import write_text_atomically
 from atom_core.io.dataset_json import read_dataset
 from atom_core.model.dataset import Dataset, is_complete
@@ -27,7 +28,6 @@ from atom_core.report.atom_csv import AVERAGES, csv_text
 from atom_core.report.tables import text_table
 
 _DECIMALS = 4
-_MM_PER_M = 1000.0
 _NOT_HERE = (
     AtomOption(
         *("si", "show_images"),
@@ -262,7 +262,7 @@ def _table(result: PairResult, column: str) -> Tuple[List[str], List[List[Any]]]
     measured, kind = result.measured, result.pair.kind
     assert measured is not None
     in_metres = kind.unit != "px"
-    unit, factor = ("m", 1.0 / _MM_PER_M) if in_metres else ("pix", 1.0)
+    unit, factor = ("m", 1.0 / MM_PER_M) if in_metres else ("pix", 1.0)
     columns: Dict[str, Tuple[str, float]] = {f"RMS ({unit})": ("rms", factor)}
     along = {"err": "mean"} if kind.target == RGB else {"err": "mean", "StDev": "std"}
     for header, figure in along.items():

@@ -7,10 +7,11 @@ from scipy.spatial import ConvexHull, cKDTree
 
 from atom_core.evaluation import metrics
 from atom_core.evaluation.observed import NotMeasurableError, Observed
-from atom_core.evaluation.pairs import MM_PER_M, board_points
+from atom_core.evaluation.pairs import board_points
 from atom_core.evaluation.statistics import Errors
 from atom_core.geometry import se3
 from atom_core.geometry.plane import fit_plane, plane_basis
+from atom_core.geometry.units import MM_PER_M
 from atom_core.model.labels import DetectionKey
 
 

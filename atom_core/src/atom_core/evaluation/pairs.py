@@ -13,11 +13,10 @@ from atom_core.evaluation import metrics
 from atom_core.evaluation.observed import NotMeasurableError, Observed
 from atom_core.evaluation.statistics import Errors
 from atom_core.geometry import se3
+from atom_core.geometry.units import MM_PER_M
 from atom_core.model.labels import DetectionKey
 from atom_core.model.modality import modalities
 from atom_core.model.sensor import Sensor
-
-MM_PER_M = 1000.0
 
 Measure = Callable[[Observed, DetectionKey, DetectionKey, np.ndarray], Errors]
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from atom_core.evaluation.observed import Observed
-from atom_core.evaluation.pairs import MM_PER_M, board_points
+from atom_core.evaluation.pairs import board_points
 from atom_core.evaluation.statistics import Errors
 from atom_core.geometry import se3
+from atom_core.geometry.units import MM_PER_M
 from atom_core.model.labels import DetectionKey
 
 

@@ -9,6 +9,7 @@ from typing import Collection, Dict, List, Mapping, NamedTuple, Optional, Sequen
 import numpy as np
 
 from atom_core.errors import DatasetError
+from atom_core.geometry.units import MM_PER_M
 from atom_core.io.robot_poses import read_rwhe_poses, read_tabb_poses
 from atom_core.model.pattern import Pattern
 
@@ -22,8 +23,7 @@ TABB_POSES, TABB_BOARD, TABB_DETAILS = (
 )
 TABB_IMAGES = "images"
 _ENDINGS = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm")
-_MM_PER_M = 1000.0
-_PER_M = {"mm": _MM_PER_M, "cm": 100.0, "m": 1.0}
+_PER_M = {"mm": MM_PER_M, "cm": 100.0, "m": 1.0}
 
 
 class ToldBoard(NamedTuple):
@@ -118,7 +118,7 @@ def _tabb_board(path: Path) -> Optional[ToldBoard]:
     words = _text_of(path).split()
     told = dict(zip(words[::2], words[1::2]))
     try:
-        sides_m = [float(told[f"chess_mm_{side}"]) / _MM_PER_M for side in ("height", "width")]
+        sides_m = [float(told[f"chess_mm_{side}"]) / MM_PER_M for side in ("height", "width")]
         corners = sorted(int(told[f"chess_{side}"]) for side in ("height", "width"))
     except (KeyError, ValueError):
         return None
@@ -173,7 +173,7 @@ def of_other_images(folder: Path, written: Collection[Path]) -> List[Path]:
 
 def tabb_board_text(pattern: Pattern) -> str:
     """Return ``calibration_object.txt``: sides of a square in mm, numbers of inner corners."""
-    side_mm = _MM_PER_M * pattern.square_m
+    side_mm = MM_PER_M * pattern.square_m
     return (
         f"chess_mm_height {side_mm:g}\nchess_mm_width {side_mm:g}\n"
         f"chess_height {pattern.rows}\nchess_width {pattern.columns}\n"

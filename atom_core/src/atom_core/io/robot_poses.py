@@ -13,9 +13,9 @@ import numpy as np
 
 from atom_core.errors import DatasetError
 from atom_core.geometry import se3
+from atom_core.geometry.units import MM_PER_M
 from atom_core.io.paths import unread
 
-_MM_PER_M = 1000.0
 _ROUNDED = 1e-3  # entries of a rotation that was written with few digits
 _DIGITS = ".17g"
 # A robot's hand moves farther than the shorter, and stays within the longer, of these [m].
@@ -62,12 +62,12 @@ def read_tabb_poses(path: Path) -> List[np.ndarray]:
     poses = []
     for index, values in enumerate(numbers[1:].reshape(count, 16)):
         matrix = values.reshape(4, 4).copy()
-        matrix[:3, 3] /= _MM_PER_M
+        matrix[:3, 3] /= MM_PER_M
         poses.append(se3.inverse(_pose(matrix.ravel(), f"{path}, pose {index}")))
     reach = _reach_m(poses)
     if 0.0 < reach < _LEAST_REACH_M:
         raise DatasetError(
-            f"{path}: the hand is never more than {_MM_PER_M * reach:.3g} mm from the robot's "
+            f"{path}: the hand is never more than {MM_PER_M * reach:.3g} mm from the robot's "
             f"base, so that its lengths seem to be in metres; write them in millimetres"
         )
     return poses
@@ -78,7 +78,7 @@ def tabb_text(base_T_hand: Sequence[np.ndarray]) -> str:
     text = f"{len(base_T_hand)}\n"
     for pose in base_T_hand:
         matrix = se3.inverse(pose)
-        matrix[:3, 3] *= _MM_PER_M
+        matrix[:3, 3] *= MM_PER_M
         text += "".join(_line(row) for row in matrix) + "\n"
     return text
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any, Dict, List, Optional, Sequence
 
 from atom_core.evaluation.baselines.comparison import LinkScore, PairScore, PoseError, RigComparison
+from atom_core.geometry.units import MM_PER_M
 from atom_core.report.tables import text_table, three_digits
-
-MM_PER_M = 1000.0
 
 
 def baseline_document(comparison: RigComparison) -> Dict[str, Any]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from atom_core.evaluation.changes import FALSE_ALARMS, Changes, EdgeChange, JointChange
 from atom_core.evaluation.edge_errors import PoseError
+from atom_core.geometry.units import MM_PER_M
 from atom_core.problem.blocks import ROTATION, TRANSLATION
 from atom_core.report.tables import text_table, three_digits
 from atom_core.report.verdict import (
@@ -19,7 +20,6 @@ from atom_core.report.verdict import (
     verdict_document,
 )
 
-MM_PER_M = 1000.0
 VERSION = "1.0"
 SAME, MOVED, NOT_TOLD = "same", "moved", "not_told"
 

@@ -10,8 +10,8 @@ from atom_core.calibration.refine.rejection import Rejected
 from atom_core.evaluation.changes import FALSE_ALARMS
 from atom_core.evaluation.drift import Drift, EdgeDrift
 from atom_core.evaluation.edge_errors import PoseError
+from atom_core.geometry.units import MM_PER_M
 from atom_core.report.changes_report import (
-    MM_PER_M,
     MOVED,
     NOT_TOLD,
     SAME,

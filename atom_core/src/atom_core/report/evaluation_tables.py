@@ -12,10 +12,10 @@ from atom_core.evaluation.pairs import Pair
 from atom_core.evaluation.results import PairFigures, PairResult
 from atom_core.evaluation.single_camera import SingleCamera
 from atom_core.evaluation.statistics import mean_of
+from atom_core.geometry.units import MM_PER_M
 from atom_core.report.baseline_report import baseline_tables
 from atom_core.report.tables import text_table, three_digits
 
-MM_PER_M = 1000.0
 _AVERAGED = "each figure is the mean of those of the collections"
 _BOARD_POSES = (
     "board trans. and rot.: between the board's pose as the source's image alone has it and as the "
