@@ -12,6 +12,7 @@ from typing import List, NamedTuple, Optional, Sequence, Tuple
 import numpy as np
 
 from atom_core.geometry.rectangle import Rectangle
+from atom_core.geometry.robust_sigma import OF_A_MEDIAN, robust_sigma
 from atom_core.labeling.lidar3d import CloudLike, FoundBoard, Lidar3dOptions, as_cloud, board_at
 from atom_core.model.sensor import WIDEST_BEAM_RAD
 
@@ -66,9 +67,8 @@ def estimate_beam_width(
             break
     count = len(np.unique(sides[:, 0]))
     widths = sides[:, 1]
-    off = np.abs(widths - np.median(widths))
-    scatter = 1.4826 * float(np.median(off))
-    sigma = 1.25 * scatter / np.sqrt(count)  # of a median; sides of one board count once
+    scatter = robust_sigma(widths - np.median(widths))
+    sigma = OF_A_MEDIAN * scatter / np.sqrt(count)  # sides of one board count once
     return BeamWidth(width, sigma, count) if width > _SIGMAS * sigma else None
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from atom_core.errors import LabelingError
 from atom_core.geometry.rectangle import Rectangle
+from atom_core.geometry.robust_sigma import OF_A_MEDIAN, robust_sigma
 from atom_core.labeling.lidar3d import CloudLike, Lidar3dOptions, as_cloud, board_at
 
 OTHER_SIZE = "; the configuration says "  # in each remark about a board of another size
@@ -279,8 +280,8 @@ def _fitted(
     weight, x, sigma = np.ones(len(b)), np.zeros(count), least_sigma
     for _ in range(_ROUNDS):
         x = np.linalg.lstsq(A * weight[:, None], b * weight, rcond=None)[0]
-        off = np.abs(b - A @ x)
-        sigma = max(1.4826 * float(np.median(off)), least_sigma)
+        off = b - A @ x
+        sigma = max(robust_sigma(off), least_sigma)
         weight = 1.0 / np.sqrt(1.0 + (off / (2.0 * sigma)) ** 2)
     # Two sides of one label have their plane and distance in common.
     covariance = 2.0 * sigma**2 * np.linalg.pinv((A * weight[:, None] ** 2).T @ A)
@@ -290,5 +291,5 @@ def _fitted(
 def _median(values: np.ndarray) -> Tuple[float, float]:
     """Return the median and its sigma."""
     median = float(np.median(values))
-    scatter = max(1.4826 * float(np.median(np.abs(values - median))), _LEAST_SIGMA_M)
-    return median, 1.25 * scatter / float(np.sqrt(len(values)))
+    scatter = max(robust_sigma(values - median), _LEAST_SIGMA_M)
+    return median, OF_A_MEDIAN * scatter / float(np.sqrt(len(values)))

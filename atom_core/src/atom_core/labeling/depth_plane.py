@@ -12,6 +12,7 @@ import numpy as np
 
 from atom_core import opencv as cv2
 from atom_core.geometry.expected_noise import depth_sigma_m
+from atom_core.geometry.robust_sigma import robust_sigma
 from atom_core.labeling.depth_view import (
     QUANTUM_M,
     DepthView,
@@ -165,7 +166,7 @@ def grown_plane(rays: np.ndarray, z: np.ndarray, away_px: np.ndarray) -> Optiona
                 return None
             solution = _least_squares(design[use], weight[use], z[use])
             error = (z - 1.0 / np.maximum(design @ solution, 1e-3)) / sigma
-            scale = float(np.clip(1.4826 * np.median(np.abs(error[use])), 0.3, 2.0))
+            scale = float(np.clip(robust_sigma(error[use]), 0.3, 2.0))
             before = use
             fits = np.abs(error) <= _INLIER_SIGMAS * scale + QUANTUM_M / sigma
             use = (away_px <= radius) & fits

@@ -13,6 +13,7 @@ from typing import List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
+from atom_core.geometry.robust_sigma import PER_MEDIAN
 from atom_core.labeling.scan_beams import Beams, Part
 
 ON, BEHIND, BEFORE = 0, 1, -1  # where a return lies, as seen from the sensor
@@ -244,7 +245,7 @@ def _sigma(off: np.ndarray, expected_m: float) -> float:
     """Return the deviation of returns about a line fitted to them [m], by the median."""
     half = len(off) // 2
     median = float(np.partition(np.abs(off), half)[half])
-    sigma = 1.4826 * median * _few(len(off))
+    sigma = PER_MEDIAN * median * _few(len(off))
     return min(max(sigma, _LIMITS[0] * expected_m), _LIMITS[1] * expected_m)
 
 

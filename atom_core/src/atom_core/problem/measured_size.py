@@ -9,6 +9,7 @@ import numpy as np
 
 from atom_core.geometry import se3
 from atom_core.geometry.rectangle import Rectangle, signed_distance_to_rectangles
+from atom_core.geometry.robust_sigma import OF_A_MEDIAN, robust_sigma
 from atom_core.problem.measurements import Measurement
 from atom_core.problem.range_measurement import RangeMeasurement
 
@@ -80,8 +81,7 @@ def _side(
     sensor: str, pattern: str, across: int, border: Rectangle, lengths_m: np.ndarray
 ) -> MeasuredSide:
     median = float(np.median(lengths_m))
-    scatter = 1.4826 * float(np.median(np.abs(lengths_m - median)))
-    sigma = 1.25 * scatter / np.sqrt(len(lengths_m))  # of a median, for normal scatter
+    sigma = OF_A_MEDIAN * robust_sigma(lengths_m - median) / np.sqrt(len(lengths_m))
     configured = 2.0 * float(border.half_size[across])
     return MeasuredSide(sensor, pattern, across, configured, median, float(sigma), len(lengths_m))
 

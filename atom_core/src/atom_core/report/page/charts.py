@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, 
 
 import numpy as np
 
+from atom_core.geometry.robust_sigma import robust_sigma
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -18,17 +20,13 @@ INK, GREY, PALE = "#22272b", "#5b6770", "#c9d1d6"
 _BINS = 41
 _GRID = 8  # cells of the longer side of an image
 _LEAST_IN_CELL = 4
-_TO_SIGMA = 1.4826  # from the median of absolute values, for a normal distribution
 _MARK = 3.0
 _ROOM_FOR_LEGEND = 1.6  # length of an axis, in longest bars
 
 
 def fitted_sigma(values: np.ndarray) -> float:
-    """Return the standard deviation of a normal distribution about zero that fits (n,) values.
-
-    It is taken from the median, so that outliers do not count.
-    """
-    return _TO_SIGMA * float(np.median(np.abs(values))) if len(values) else 0.0
+    """Return `robust_sigma` of values (n,), 0 of none."""
+    return robust_sigma(values) if len(values) else 0.0
 
 
 def draw_histogram(axes: Axes, values: np.ndarray, unit: str, what: str) -> None:
