@@ -15,7 +15,7 @@ from atom_core.calibration.refine.moving_parts import moving_sentences
 from atom_core.model.dataset import Dataset
 from atom_core.model.labels import DetectionKey
 from atom_core.model.transforms import Edge
-from atom_core.problem.residuals import ORTHOGONAL, REPROJECTION
+from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION, UNITS
 from atom_core.report.calibration_results import (
     CalibrationResults,
     GroundTruth,
@@ -30,7 +30,7 @@ from atom_core.report.verdict import is_open, sigma_in_words
 _PROPAGATED_M = 2.0  # the distance whose deviations are shown
 _WIDEST_MATRIX = 12  # sensors, that a matrix of them still fits the screen
 _OUTLIERS_NAMED = 3
-_SHOWN = {"reprojection": ("px", 1.0, 4), "orthogonal": ("mm", 1e3, 2), "border": ("mm", 1e3, 2)}
+_SHOWN = {REPROJECTION: ("px", 1.0, 4), ORTHOGONAL: ("mm", 1e3, 2), BORDER: ("mm", 1e3, 2)}
 
 
 def calibration_report(
@@ -257,8 +257,7 @@ def _residual_table(dataset: Dataset, table: Table) -> str:
     averages: List[Any] = ["Averages"]  # of the printed values, as ATOM does
     for cells in list(zip(*rows))[1:]:
         averages.append(float(np.mean([v for v in cells if v is not None])))
-    units = {"reprojection": "px", "orthogonal": "m", "border": "m"}
-    headers = ["Collection"] + [f"{s} {kind} [{units[kind]}]" for s, kind in columns]
+    headers = ["Collection"] + [f"{s} {kind} [{UNITS[kind]}]" for s, kind in columns]
     title = "Residuals at the poses in the dataset (mean of each collection)"
     return text_table(headers, rows + [averages], title)
 

@@ -10,6 +10,7 @@ from atom_core.calibration.calibrate import Calibration
 from atom_core.calibration.judge.judgement import INCONSISTENT, RANK_DEFICIENT
 from atom_core.calibration.refine.error_words import UNESTIMATED, remedy
 from atom_core.problem.blocks import ROTATION, TRANSLATION
+from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION
 from atom_core.report.calibration_results import (
     CalibrationResults,
     ModelErrorResult,
@@ -32,12 +33,12 @@ from atom_core.report.verdict import (
     angle,
     caveats_first,
     counted,
+    distance,
     is_named,
     is_open,
     known_to,
     length,
     names_in_words,
-    pixels,
     sensor_verdict,
     worst,
 )
@@ -47,11 +48,11 @@ MORE_BOARDS = "collect boards for it near and far, tilted, and all over its view
 _NOTICEABLE = 2.0  # standard deviations of an error that is estimated
 _FAR_FROM_PRIOR = 4.0  # standard deviations of a prior
 _LABELS = "look at its labels (dataset_playback), then at its intrinsics and the board's measures"
-_WORDS = {"reprojection": "corners", "orthogonal": "points", "border": "border points"}
+_WORDS = {REPROJECTION: "corners", ORTHOGONAL: "points", BORDER: "border points"}
 _FROM = {
-    "reprojection": "from where they should be",
-    "orthogonal": "off the board",
-    "border": "off its border",
+    REPROJECTION: "from where they should be",
+    ORTHOGONAL: "off the board",
+    BORDER: "off its border",
 }
 
 
@@ -274,7 +275,7 @@ def _contradictions(results: CalibrationResults, name: str) -> List[Finding]:
     ]
     for misfit in calibration.misfits:
         if misfit.sensor == name:
-            told, alone = (_distance(misfit.kind, v) for v in (misfit.joint, misfit.alone))
+            told, alone = (distance(misfit.kind, v) for v in (misfit.joint, misfit.alone))
             sentence = (
                 f"{_WORDS[misfit.kind]} are {told} off, and {alone} where this sensor stands alone"
             )
@@ -300,7 +301,7 @@ def _of_the_data(sensor: SensorResult) -> List[Finding]:
     for kind, statistics in sensor.residuals.items():
         grade = RESIDUAL[kind].grade(statistics.mean)
         if grade != GOOD:
-            off = f"{_WORDS[kind]} are {_distance(kind, statistics.mean)} off in the mean"
+            off = f"{_WORDS[kind]} are {distance(kind, statistics.mean)} off in the mean"
             found.append(Finding(grade, off, _LABELS))
     items = sum(statistics.count for statistics in sensor.residuals.values())
     share = sensor.outliers / max(items, 1)
@@ -370,9 +371,9 @@ def _facts(
         facts.append(f"known to {length(metres)} and {angle(radians)}")
     facts.append(counted(sensor.boards, "board"))
     facts += [
-        f"{_WORDS[kind]} {_distance(kind, statistics.mean)} {_FROM[kind]}"
+        f"{_WORDS[kind]} {distance(kind, statistics.mean)} {_FROM[kind]}"
         for kind, statistics in sensor.residuals.items()
-        if kind != "border" and RESIDUAL[kind].grade(statistics.mean) == GOOD
+        if kind != BORDER and RESIDUAL[kind].grade(statistics.mean) == GOOD
     ]
     return facts
 
@@ -385,7 +386,3 @@ def _sigmas(results: CalibrationResults, edge: EdgeResult) -> Tuple[float, float
     sigma = edge.combined_sigma if results.has_combined_sigmas else edge.sigma
     sigma = sigma if edge.usual_sigma is None else edge.usual_sigma
     return float(np.max(sigma[TRANSLATION])), float(np.max(sigma[ROTATION]))
-
-
-def _distance(kind: str, value: float) -> str:
-    return pixels(value) if kind == "reprojection" else length(value)

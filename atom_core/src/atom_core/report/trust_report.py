@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Dict, List, Optional, Sequence
 
 from atom_core.evaluation.trust.checks import WORSE, Compared, Predicted, Trust
-from atom_core.report.verdict import angle, length, names_in_words, pixels
+from atom_core.report.verdict import angle, distance, length, names_in_words
 
 AGREE, DIFFER = "agree", "differ"
 
@@ -39,9 +39,9 @@ def _told(found: Sequence[Compared], limit: float) -> str:
 
 
 def _residuals(found: Predicted) -> str:
-    words = pixels if found.kind == "reprojection" else length
     name = found.compared.names[0]
-    return f"{name} {words(found.predicted)} off in the mean, {words(found.joint)} in the solution"
+    there, here = (distance(found.kind, value) for value in (found.predicted, found.joint))
+    return f"{name} {there} off in the mean, {here} in the solution"
 
 
 def contradictions(trust: Optional[Trust]) -> List[str]:

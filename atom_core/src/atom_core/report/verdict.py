@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence
 
 from atom_core.model.caveats import Caveat
+from atom_core.problem.residuals import BORDER, ORTHOGONAL, REPROJECTION
 from atom_core.solvers.robust_covariance import FEWEST
 
 GOOD, WEAK, WRONG = "good", "weak", "wrong"
@@ -34,9 +35,9 @@ class Limits(NamedTuple):
 # Of a calibration. Combined standard deviation of a sensor's place [m] and direction [rad]:
 KNOWN_M, KNOWN_RAD = Limits(0.01), Limits(math.radians(0.25))
 RESIDUAL = {  # mean distance at the solution [px, m, m]
-    "reprojection": Limits(1.0, 5.0),
-    "orthogonal": Limits(0.02, 0.05),
-    "border": Limits(0.03, 0.1),
+    REPROJECTION: Limits(1.0, 5.0),
+    ORTHOGONAL: Limits(0.02, 0.05),
+    BORDER: Limits(0.03, 0.1),
 }
 # Known no better [m], [rad], it is not known at all: larger figures tell of rounding alone.
 OPEN_M, OPEN_RAD = 10.0, math.radians(90.0)
@@ -44,14 +45,15 @@ OUTLIER_SHARE = Limits(0.1, 0.3)  # of a sensor's corners and points, beyond fou
 FEWEST_BOARDS = FEWEST  # with fewer detections of a sensor it is weak
 
 # Of an evaluation. Sensors against one another, at `AT_M` from the camera [m], and never less than
-# so many pixels; points off the plane of another range sensor's points [m]; how far apart
-# collections put a board that stays [m]; errors against the truth [m], [rad].
+# so many pixels; points off the plane of another range sensor's points [m]; how far apart, and
+# turned beyond noise, collections put a board that stays [m], [rad]; errors against the truth.
 AT_M = 2.0
 BETWEEN_CAMERAS_M, BETWEEN_CAMERAS_PX = Limits(0.004, 0.02), Limits(2.0, 6.0)
 RANGE_IN_IMAGE_M, RANGE_IN_IMAGE_PX = Limits(0.02, 0.06), Limits(4.0, 10.0)
 OFF_PLANE_M = Limits(0.025, 0.06)
 BESIDE_M = 1.0  # a turn counts as the way of what is so far beside the boards' middle [m]
 BOARD_APART_M = Limits(0.01, 0.05)
+BOARD_TURNED_RAD = Limits(math.radians(0.5), math.radians(2.0))
 ODD, ODD_SHARE = 2, 0.15  # collections beyond a second limit that are too many, and as a share
 TRUE_M, TRUE_RAD = Limits(0.01, 0.03), Limits(math.radians(0.25), math.radians(1.0))
 
@@ -188,6 +190,11 @@ def sigma_in_words(sigma: float, unit: str) -> str:
     if is_open(sigma, unit):
         return f"sigma beyond {OPEN_M:g} m" if unit == "m" else f"sigma beyond {OPEN_RAD:.1f} rad"
     return f"sigma {sigma:.3g} {unit}"
+
+
+def distance(kind: str, value: float) -> str:
+    """Return a residual of some kind, or a mean of them, in words."""
+    return pixels(value) if kind == REPROJECTION else length(value)
 
 
 def pixels(value: float) -> str:
