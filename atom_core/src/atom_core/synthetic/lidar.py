@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Dict, List, Mapping, NamedTuple, Optional, Tuple
+from typing import Dict, List, Mapping, NamedTuple, Tuple
 
 import numpy as np
 
@@ -84,43 +84,40 @@ def outermost(
     return beams[pattern.border.signed_distance(in_plane)[0] > -spacing_m]
 
 
-def scan(
-    model: AnyLidarModel,
-    lidar_T_patterns: Mapping[str, np.ndarray],
-    patterns: Mapping[str, Pattern],
-    world_T_lidar: np.ndarray,
-    room: Room,
-    noise: Noise,
-    rng: np.random.Generator,
-    background_step: int,
-    exact_border: bool,
-    errors: RangeErrors = RangeErrors(),  # noqa: B008 (frozen)
-    errors_rng: Optional[np.random.Generator] = None,
-) -> Tuple[np.ndarray, Dict[str, RangeLabel]]:
+def observe(view: View) -> Dict[str, RangeLabel]:
+    """Return the labels of the boards in a cloud, and keep the cloud."""
+    cloud, labels = _scan(view)
+    view.data.add(view.collection, view.sensor.name, cloud)
+    return labels
+
+
+def _scan(view: View) -> Tuple[np.ndarray, Dict[str, RangeLabel]]:
     """Return the cloud (n, 3) [m] in the LiDAR's frame and the labels of the boards in it.
 
     The cloud is in the order of the beams; of the room it holds every ``background_step``-th
     return. With ``exact_border`` the limit points are moved onto the board's true border.
     ``errors_rng`` draws which returns from dark squares are lost.
     """
-    nearest = np.full(len(model.directions), np.inf)
-    walls = room.distance(
-        world_T_lidar[:3, 3], model.directions[::background_step] @ world_T_lidar[:3, :3].T
-    )
+    model, patterns = view.rig.lidars[view.sensor.name], view.patterns
+    world_T_lidar, lidar_T_patterns = view.world_T_sensor, view.sensor_T_patterns
+    errors = view.errors if isinstance(view.errors, RangeErrors) else RangeErrors()
+    nearest, step = np.full(len(model.directions), np.inf), view.sampling.background_step
+    in_world = model.directions[::step] @ world_T_lidar[:3, :3].T
+    walls = view.rig.room.distance(world_T_lidar[:3, 3], in_world)
     in_range = (walls >= model.range_m[0]) & (walls <= model.range_m[1])
-    nearest[::background_step] = np.where(in_range, walls, np.inf)
+    nearest[::step] = np.where(in_range, walls, np.inf)
     seen: Dict[str, np.ndarray] = {}
     for name, lidar_T_pattern in lidar_T_patterns.items():
         beams, ranges = beams_on_board(model, lidar_T_pattern, patterns[name])
-        kept = (rng.random(len(beams)) >= noise.dropout) & (ranges < nearest[beams])
+        kept = (view.rng.random(len(beams)) >= view.noise.dropout) & (ranges < nearest[beams])
         nearest[beams[kept]] = ranges[kept]
         seen = {other: np.setdiff1d(ids, beams[kept]) for other, ids in seen.items()}
         seen[name] = beams[kept]
     error_m = np.zeros(len(nearest))
     if errors != RangeErrors():
         boards = {n: (pose, patterns[n]) for n, pose in lidar_T_patterns.items()}
-        behind = _Behind(model, world_T_lidar, room)
-        seen = _spoil(seen, boards, nearest, error_m, behind, errors, errors_rng)
+        behind = _Behind(model, world_T_lidar, view.rig.room)
+        seen = _spoil(seen, boards, nearest, error_m, behind, errors, view.errors_rng)
     returned = np.flatnonzero(np.isfinite(nearest))
     points = model.directions[returned] * nearest[returned, None]
     labels: Dict[str, RangeLabel] = {}
@@ -130,10 +127,11 @@ def scan(
             limit = outermost(model, beams, lidar_T_pattern, pattern)
             limit = np.searchsorted(returned, limit)
             labels[name] = RangeLabel(np.searchsorted(returned, beams), limit)
-            if exact_border:
+            if view.sampling.exact_border:
                 points[limit] = _moved_to_border(points[limit], lidar_T_pattern, pattern)
-    spoiled = _with_noise(points, list(labels.values()), noise, rng, error_m[returned])
-    return noise.round(spoiled), labels
+    errors_m = error_m[returned]
+    spoiled = _with_noise(points, list(labels.values()), view.noise, view.rng, errors_m)
+    return view.noise.round(spoiled), labels
 
 
 class _Behind(NamedTuple):
@@ -156,7 +154,7 @@ def _spoil(
     error_m: np.ndarray,
     behind: _Behind,
     errors: RangeErrors,
-    rng: Optional[np.random.Generator],
+    rng: np.random.Generator,
 ) -> Dict[str, np.ndarray]:
     """Return the beams that a labeler takes for those on each board.
 
@@ -181,7 +179,7 @@ def _spoil(
         error_m[beams] += errors.dark_offset_m * dark
         lost = np.zeros(len(beams), dtype=bool)
         if errors.dark_lost > 0:
-            lost = dark & ((rng or np.random.default_rng(0)).random(len(beams)) < errors.dark_lost)
+            lost = dark & (rng.random(len(beams)) < errors.dark_lost)
         missing = _share_beside(lidar_T_pattern, pattern, points, errors.divergence_rad)
         mixed_m = missing * (behind.ranges(beams) - nearest[beams])
         error_m[beams] += mixed_m
@@ -196,10 +194,7 @@ def _share_beside(
     """Return which share (n,) of beams that hit a board at ``points`` (n, 3) falls beside it."""
     if divergence_rad == 0.0:
         return np.zeros(len(points))
-    in_pattern = se3.apply(se3.inverse(lidar_T_pattern), points)
-    depth, outward = pattern.border.signed_distance(in_pattern[:, :2])
-    in_pattern[:, :2] -= depth[:, None] * outward
-    on_border = se3.apply(lidar_T_pattern, in_pattern)
+    on_border = _moved_to_border(points, lidar_T_pattern, pattern)
     ranges = np.linalg.norm(points, axis=1)
     beside = np.linalg.norm(np.cross(points / ranges[:, None], on_border), axis=1)
     return np.clip(0.5 - beside / (divergence_rad * ranges), 0.0, 1.0)
@@ -230,25 +225,6 @@ def _with_noise(
         error[label.indices] += noise.gross_range_errors(len(label.indices), rng)
     ranges = np.linalg.norm(points, axis=1)
     return points * (1.0 + error / ranges)[:, None]
-
-
-def observe(view: View) -> Dict[str, RangeLabel]:
-    """Return the labels of the boards in a cloud, and keep the cloud."""
-    cloud, labels = scan(
-        view.rig.lidars[view.sensor.name],
-        view.sensor_T_patterns,
-        view.patterns,
-        view.world_T_sensor,
-        view.rig.room,
-        view.noise,
-        view.rng,
-        view.sampling.background_step,
-        view.sampling.exact_border,
-        view.errors if isinstance(view.errors, RangeErrors) else RangeErrors(),
-        view.errors_rng,
-    )
-    view.data.add(view.collection, view.sensor.name, cloud)
-    return labels
 
 
 def outlook(rig: Rig, sensor: Sensor, lidar_T_pattern: np.ndarray, pattern: Pattern) -> Outlook:
