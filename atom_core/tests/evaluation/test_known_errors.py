@@ -13,7 +13,14 @@ from atom_core.errors import DatasetError
 from atom_core.evaluation.known_errors import known_of, parameters_of
 from atom_core.geometry.intrinsics import intrinsics_names, intrinsics_values, moved_camera
 from atom_core.io.calibration_json import StoredCalibration, StoredCamera, StoredError
-from atom_core.problem.board_errors import Bend, BoardAspect, BoardSize, BorderShift, BorderSize
+from atom_core.problem.board_errors import (
+    Bend,
+    BoardAspect,
+    BoardSize,
+    BoardThickness,
+    BorderShift,
+    BorderSize,
+)
 from atom_core.problem.direction_errors import (
     AzimuthWave,
     DepthCentre,
@@ -54,6 +61,7 @@ def errors_of(dataset):
         DepthCentre("depth_1", depth, 0),
         BoardSize("pattern_1"),
         BoardAspect("pattern_1"),
+        BoardThickness("pattern_1"),
         BorderShift("pattern_1", 0),
         BorderSize("pattern_1", 1),
         *Bend.of_board("pattern_1", dataset.patterns["pattern_1"].border),

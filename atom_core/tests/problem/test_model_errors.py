@@ -10,6 +10,7 @@ from atom_core.problem.board_errors import (
     Bend,
     BoardAspect,
     BoardSize,
+    BoardThickness,
     BorderShift,
     BorderSize,
     PrintTurn,
@@ -166,6 +167,7 @@ def test_both_solvers_see_the_same_corrected_rows(problem, errors):
         (BorderShift, 0.003),
         (BorderSize, 0.003),
         (Bend, 0.002),
+        (BoardThickness, 0.01),
         (JointOffset, 0.001),  # 0.06 deg
         (PrismaticOffset, 0.001),
         (LayerOffset, 0.005),

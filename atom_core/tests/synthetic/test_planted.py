@@ -298,6 +298,18 @@ def test_a_bent_board_has_its_sagitta(modality):
     np.testing.assert_allclose(height, 0.002 * (u**2 - 1.0 / 3.0), atol=1e-7)
 
 
+@pytest.mark.parametrize("modality", [LIDAR3D, DEPTH])
+def test_the_back_of_a_thick_board_lies_behind_its_print(modality):
+    def heights(bearing_rad):
+        realism = replace(PLAIN, thickness_m=0.018)
+        options = {"noise": EXACT, "modality": modality, "collections": 4}
+        synthetic = scenes.from_behind(0, bearing_rad=bearing_rad, realism=realism, **options)
+        return np.concatenate([p[:, 2] for _, p in points_in_pattern(synthetic, modality)])
+
+    np.testing.assert_allclose(heights(3.0), 0.018, atol=1e-7)
+    np.testing.assert_allclose(heights(0.0), 0.0, atol=1e-7)
+
+
 def test_cameras_see_the_bend():
     pixels, flat = [], []
     for _, label, sensor, pattern, camera_T_pattern in detections(scene(bend_m=0.02), RGB):

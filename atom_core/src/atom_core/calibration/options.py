@@ -9,7 +9,13 @@ import numpy as np
 
 from atom_core.model.dataset import Dataset
 from atom_core.model.joints import JointSelection
-from atom_core.problem.board_errors import Bend, BoardSize, BorderShift, BorderSize
+from atom_core.problem.board_errors import (
+    Bend,
+    BoardSize,
+    BoardThickness,
+    BorderShift,
+    BorderSize,
+)
 from atom_core.problem.model_errors import (
     AXES,
     DepthOffset,
@@ -57,6 +63,7 @@ class CalibrationOptions:
         board_size: patterns whose size is estimated.
         board_border: patterns of which shift and size of the border are estimated.
         board_bend: patterns whose bend along x and along y is estimated.
+        board_thickness: patterns of which is estimated how far their back lies behind the print.
         moving_edge_sigma: frames of moving parts (an arm's flange) whose poses in a collection are
             off: metres and radians along and about each axis, None where that is estimated.
         priors: metres and radians, standard deviations about the dataset's value, by the name of a
@@ -95,6 +102,7 @@ class CalibrationOptions:
     board_size: Tuple[str, ...] = ()
     board_border: Tuple[str, ...] = ()
     board_bend: Tuple[str, ...] = ()
+    board_thickness: Tuple[str, ...] = ()
     moving_edge_sigma: Mapping[str, Optional[Tuple[float, float]]] = field(default_factory=dict)
     priors: Mapping[str, Tuple[float, float]] = field(default_factory=dict)
     joint_biases: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
@@ -120,6 +128,7 @@ class CalibrationOptions:
             errors += [kind(name, axis) for name in self.board_border for axis in range(len(AXES))]
         for name in self.board_bend:
             errors += Bend.of_board(name, dataset.patterns[name].border)
+        errors += [BoardThickness(name) for name in self.board_thickness]
         return tuple(dict.fromkeys([*errors, *self.known_errors]))
 
     def __post_init__(self) -> None:

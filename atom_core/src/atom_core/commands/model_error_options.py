@@ -37,6 +37,8 @@ _OF_BOARDS = {
     "board_size": "by which part these boards are larger than described",
     "board_border": "where the four sides of these boards are, seen from the print",
     "board_bend": "how far the edges of these boards lie above their middle, along x and along y",
+    "board_thickness": "how far the backs of these boards, which range sensors see, lie behind "
+    "their prints",
 }
 
 

@@ -26,6 +26,7 @@ from atom_core.problem.board_errors import (
     Bend,
     BoardAspect,
     BoardSize,
+    BoardThickness,
     BorderShift,
     BorderSize,
     PrintTurn,
@@ -57,7 +58,8 @@ _TYPES: Mapping[str, Type[ModelError]] = {
         *(RangeOffset, RangeScale, DepthOffset, DepthScale, LayerOffset, DepthWave),
         *(AzimuthScale, AzimuthWave, ElevationOffset, ElevationScale),
         *(DepthFocalLength, DepthCentre),
-        *(BoardSize, BoardAspect, PrintTurn, BorderShift, BorderSize, Bend, CameraError),
+        *(BoardSize, BoardAspect, PrintTurn, BorderShift, BorderSize, Bend, BoardThickness),
+        CameraError,
     )
 }
 _LEAST_STEPS = 1e-3  # no error is known better than this part of its step

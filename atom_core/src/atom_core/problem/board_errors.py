@@ -1,4 +1,4 @@
-"""Errors of boards: of another size, of another shape, bent, their print beside its place."""
+"""Errors of boards: of another size, of another shape, bent, thick, their print elsewhere."""
 
 from __future__ import annotations
 
@@ -195,6 +195,29 @@ class Bend(AlongAxis):
             above[:, 2] = self.height(rows.in_plane)
             return rows.by_pattern_point(above)
         return None
+
+
+@dataclass(frozen=True)
+class BoardThickness(BoardError):
+    """How far a board's back lies behind its print, in the pattern's z [m].
+
+    The board's frame is that of its print, which range sensors on the other side do not see.
+    """
+
+    kind = "board_thickness"
+    step = 0.001
+    usual = 0.01
+
+    def height(self, rows: Rows) -> np.ndarray:
+        """Return (n,): the height of what is seen, at a thickness of one."""
+        return rows.from_behind.astype(float)
+
+    def _of_block(self, rows: Rows) -> Optional[np.ndarray]:
+        if not isinstance(rows.block, OrthogonalBlock) or not np.any(rows.from_behind):
+            return None
+        above = np.zeros((rows.block.count, 3))
+        above[:, 2] = self.height(rows)
+        return rows.by_pattern_point(above)
 
 
 def _flat(points: np.ndarray) -> np.ndarray:

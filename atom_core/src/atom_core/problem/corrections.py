@@ -18,12 +18,20 @@ from atom_core.problem.board_errors import (
     BoardAspect,
     BoardError,
     BoardSize,
+    BoardThickness,
     BorderShift,
     BorderSize,
     PrintTurn,
 )
 from atom_core.problem.direction_errors import DirectionError
-from atom_core.problem.model_errors import CameraError, ModelError, RangeOffset, RangeScale, rows_of
+from atom_core.problem.model_errors import (
+    CameraError,
+    ModelError,
+    RangeOffset,
+    RangeScale,
+    Rows,
+    rows_of,
+)
 from atom_core.problem.problem import Problem
 from atom_core.problem.residuals import (
     BorderBlock,
@@ -150,6 +158,13 @@ class _Correction:
             height += self.per_item(error, value) * error.height(in_pattern)
         return height
 
+    def back_m(self, rows: Rows) -> np.ndarray:
+        """Return (n,): how far boards that are seen from behind lie behind their print [m]."""
+        height = np.zeros(len(self._patterns))
+        for error, value in self.of_kind(BoardThickness).items():
+            height += self.per_item(error, value) * error.height(rows)
+        return height
+
     @property
     def numbers(self) -> np.ndarray:
         """(12,) by which the block's camera is moved."""
@@ -186,7 +201,7 @@ def _corrected_border(block: BorderBlock, before: _Correction, after: _Correctio
 def _on_surface(
     block: OrthogonalBlock, after: _Correction, poses: np.ndarray, patterns: np.ndarray
 ) -> ResidualBlock:
-    if not after.of_kind(Bend):
+    if not any(after.of_kind(kind) for kind in (Bend, BoardThickness)):
         return block if block.surface_m is None else replace(block, surface_m=None)
     rows = rows_of(block, poses, patterns, *block.linearise(poses))
-    return replace(block, surface_m=after.surface_m(rows.in_plane))
+    return replace(block, surface_m=after.surface_m(rows.in_plane) + after.back_m(rows))

@@ -90,6 +90,12 @@ class Rows:
         return -self.block.turned(self.by_twist[:, 0, 3:], self.poses[:, :3, :2])
 
     @cached_property
+    def from_behind(self) -> np.ndarray:
+        """(n,) bool: items of detections whose sensor sees the back of its board."""
+        along_normal = np.einsum("di,di->d", self.poses[:, :3, 2], self.poses[:, :3, 3])
+        return (along_normal < 0.0)[self.block.detection]
+
+    @cached_property
     def in_plane(self) -> np.ndarray:
         """(n, 2) range points in the pattern's plane, along its x and y [m]."""
         assert isinstance(self.block, RangeBlock)
@@ -342,6 +348,26 @@ class JointTilt(JointPositionError):
 
     kind = "joint_tilt"
     unit = RADIAN
+    usual = 0.0005
+    option = ""
+    is_named = False
+
+
+@dataclass(frozen=True)
+class JointShift(JointPositionError):
+    """How far a joint's axis is beside its description, across itself [m]: a link's length.
+
+    Along the axis it is the next joint's shift, or what is mounted there. It is like an offset of
+    a neighbour, and not named.
+
+    Attributes:
+        across: 0 or 1, along which of two axes.
+    """
+
+    across: int
+
+    kind = "joint_shift"
+    unit = METRE
     usual = 0.0005
     option = ""
     is_named = False

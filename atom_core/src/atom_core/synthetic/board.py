@@ -21,9 +21,11 @@ class BentPattern(Pattern):
 
     Attributes:
         sagitta_m: how much deeper its left and right sides lie than its middle.
+        thickness_m: how far its back lies behind the print.
     """
 
     sagitta_m: float = 0.0
+    thickness_m: float = 0.0
 
     def height_m(self, in_plane: np.ndarray) -> np.ndarray:
         """Return z (n,) of places (n, 2) on the board [m]; its mean over the board is 0."""
@@ -122,14 +124,15 @@ def board_hits(
         return hits(sensor_T_pattern, pattern.border, directions)
     origin = se3.inverse(sensor_T_pattern)[:3, 3]
     turned = directions @ sensor_T_pattern[:3, :3]
-    height, border = np.zeros(len(directions)), pattern.border
+    back_m = pattern.thickness_m if origin[2] > 0.0 else 0.0  # the back is what is seen
+    height, border = np.full(len(directions), back_m), pattern.border
     reach = 2.0 * border.half_size  # far beside the board its bend does not go on
     with np.errstate(divide="ignore", invalid="ignore"):
         for _ in range(_BEND_ROUNDS):
             t = (height - origin[2]) / turned[:, 2]
             in_plane = origin[:2] + t[:, None] * turned[:, :2]
             near = np.clip(in_plane, border.centre - reach, border.centre + reach)
-            height = pattern.height_m(near)
+            height = pattern.height_m(near) + back_m
     on_board = _within(border, in_plane) & (t > 0)
     return np.where(on_board, t, np.inf), in_plane
 

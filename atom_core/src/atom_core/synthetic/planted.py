@@ -163,17 +163,19 @@ class BoardErrors:
         scale: share by which it is larger, print and plate.
         shift_m: (x, y) by which the print is off its place on the plate.
         bend_m: sagitta over its width; positive: the sides lie deeper than the middle.
+        thickness_m: how far its back lies behind its print.
     """
 
     scale: float = 0.0
     shift_m: Tuple[float, float] = (0.0, 0.0)
     bend_m: float = 0.0
+    thickness_m: float = 0.0
 
     @classmethod
     def drawn(cls, realism: Realism, rng: np.random.Generator) -> BoardErrors:
         """Draw the errors of a board."""
         scale = realism.board_scale + realism.board_scale_sigma * rng.standard_normal()
-        return cls(float(scale), realism.print_shift_m, realism.bend_m)
+        return cls(float(scale), realism.print_shift_m, realism.bend_m, realism.thickness_m)
 
     def true_config(self, config: PatternConfig) -> PatternConfig:
         """Return the configuration of the board as it is, but for shift and bend."""
@@ -196,9 +198,9 @@ class BoardErrors:
                 border.x_min - x, border.y_min - y, border.x_max - x, border.y_max - y
             )
             pattern = replace(pattern, border=moved)
-        if self.bend_m == 0.0:
+        if self.bend_m == 0.0 and self.thickness_m == 0.0:
             return pattern
-        return BentPattern(**vars(pattern), sagitta_m=self.bend_m)
+        return BentPattern(**vars(pattern), sagitta_m=self.bend_m, thickness_m=self.thickness_m)
 
 
 @dataclass(frozen=True)

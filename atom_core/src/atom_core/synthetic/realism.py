@@ -49,6 +49,7 @@ class Realism:
             goes with the print.
         bend_m: sagitta of a board over its width; positive: its left and right sides lie deeper
             than its middle. The board's frame is that of the mean plane.
+        thickness_m: how far the back of a board lies behind its print, where sensors see it.
         moving_edge_sigma_m, moving_edge_sigma_rad: how far moving transforms of a collection are
             off, along and about each axis.
         stamp_sigma_s: how far stamps are off. Nothing moves while a synthetic scene is measured:
@@ -79,6 +80,7 @@ class Realism:
     board_scale_sigma: float = 0.0
     print_shift_m: Tuple[float, float] = (0.0, 0.0)
     bend_m: float = 0.0
+    thickness_m: float = 0.0
     moving_edge_sigma_m: float = 0.0
     moving_edge_sigma_rad: float = 0.0
     stamp_sigma_s: float = 0.0

@@ -200,6 +200,28 @@ def other_lens(
     return _simulate("other_lens", rig, rng, SceneOptions(seed=seed, **options))
 
 
+def from_behind(
+    seed: int = 0, *, modality: str = LIDAR3D, bearing_rad: float = np.pi, **options: Any
+) -> SyntheticDataset:
+    """Simulate two cameras before the boards' prints, and a range sensor elsewhere around them.
+
+    Args:
+        seed: of everything random.
+        modality: of the range sensor.
+        bearing_rad: where it stands, seen from the cameras' side; pi: it sees the backs alone, from
+            about pi / 2 the backs of some boards and the prints of others.
+        options: of ``SceneOptions``.
+    """
+    rng, centre = np.random.default_rng([seed, 111]), (0.0, 0.0, 1.0)
+    structure, mounts = _base(rng), []
+    sensors = (("rgb_1", RGB, -0.3), ("rgb_2", RGB, 0.3), (f"{modality}_1", modality, bearing_rad))
+    for name, kind, bearing in sensors:
+        place = _around(centre, bearing, rng)
+        mounts.append(_mounted(name, kind, place, centre, structure, rng))
+    rig = assemble("world", structure, mounts, anchored="rgb_1", room=_ROOM, centre=centre)
+    return _simulate("from_behind", rig, rng, SceneOptions(seed=seed, **options))
+
+
 def lidar_only(seed: int = 0, *, lidar3d: int = 3, **options: Any) -> SyntheticDataset:
     """Simulate LiDARs without any camera, the first one anchored."""
     rng = np.random.default_rng([seed, 102])

@@ -158,6 +158,7 @@ def check_model_errors(dataset: Dataset, options: CalibrationOptions) -> None:
         "board_size": (list(dataset.patterns), "pattern"),
         "board_border": (list(dataset.patterns), "pattern"),
         "board_bend": (list(dataset.patterns), "pattern"),
+        "board_thickness": (list(dataset.patterns), "pattern"),
     }
     for option, (there, noun) in suited.items():
         for name in getattr(options, option):

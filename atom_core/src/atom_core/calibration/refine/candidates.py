@@ -15,6 +15,7 @@ from atom_core.problem.board_errors import (
     Bend,
     BoardAspect,
     BoardSize,
+    BoardThickness,
     BorderShift,
     PrintTurn,
     SeenBorder,
@@ -44,7 +45,7 @@ from atom_core.problem.range_fields import (
     depth_waves,
     layer_offsets,
 )
-from atom_core.problem.residuals import BorderBlock
+from atom_core.problem.residuals import BorderBlock, OrthogonalBlock
 
 _NUMBERS = {
     "focal_length": (0, 1),
@@ -78,12 +79,14 @@ def candidates(dataset: Dataset, problem: Problem, x: np.ndarray) -> List[ModelE
                 for label, numbers in _NUMBERS.items()
                 if max(numbers) < len(intrinsics_names(camera))
             ]
-    with_border = _patterns_with_border(problem)
+    with_border, from_behind = _patterns_with_border(problem), _patterns_from_behind(problem, x)
     for name in dict.fromkeys(key.pattern for key in problem.detections):
         border = dataset.patterns[name].border
         found += [BoardSize(name), BoardAspect(name)]
         if name in with_border:  # else nothing is there beside which it is turned
             found.append(PrintTurn.of_board(name, border))
+        if name in from_behind:
+            found.append(BoardThickness(name))
         bends = Bend.of_board(name, border)
         for axis, bend in enumerate(bends):
             found += [BorderShift(name, axis), bend]
@@ -96,6 +99,14 @@ def _patterns_with_border(problem: Problem) -> Set[str]:
     """Return the patterns of which some sensor sees the border."""
     borders = [b.detection for b in problem.residual_blocks if isinstance(b, BorderBlock)]
     return {str(pattern) for seen in borders for pattern in np.unique(problem.patterns[seen])}
+
+
+def _patterns_from_behind(problem: Problem, x: np.ndarray) -> Set[str]:
+    """Return the patterns whose back some range sensor sees."""
+    poses = problem.poses(x)
+    behind = np.einsum("di,di->d", poses[:, :3, 2], poses[:, :3, 3]) < 0.0
+    seen = [b.detection for b in problem.residual_blocks if isinstance(b, OrthogonalBlock)]
+    return {str(pattern) for d in seen for pattern in np.unique(problem.patterns[d][behind[d]])}
 
 
 def _of_lidar(name: str) -> List[ModelError]:

@@ -10,6 +10,7 @@ from atom_core.problem.board_errors import (
     Bend,
     BoardAspect,
     BoardSize,
+    BoardThickness,
     BorderShift,
     BorderSize,
     PrintTurn,
@@ -205,6 +206,12 @@ _WORDS: Dict[Type[ModelError], Callable[[ModelError, float, float], str]] = {
     ),
     Bend: _Sentence(
         "board {error.target} is bent by {size} along {axis}; put it on something stiff", _MM
+    ),
+    BoardThickness: _Sentence(
+        "the back of board {error.target} lies {size} {word} its print, where range sensors see "
+        "it: measure how thick the board is",
+        _MM,
+        ("behind", "before"),
     ),
     CameraError: _camera,
     JointOffset: _Sentence(_JOINT, _DEG, _SMALL),
