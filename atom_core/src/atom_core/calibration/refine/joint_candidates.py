@@ -21,10 +21,13 @@ from atom_core.problem.model_errors import (
     JointOffset,
     JointPositionError,
     JointScale,
+    JointShift,
     JointTilt,
     JointWave,
+    ModelError,
     PrismaticOffset,
 )
+from atom_core.problem.moving_blocks import MovingPart
 from atom_core.problem.problem import Problem
 
 _STILL = 1e-6  # positions [rad, m] of a joint that does not move
@@ -54,26 +57,55 @@ def joint_candidates(dataset: Dataset, problem: Problem) -> List[JointPositionEr
         if np.any(twists):
             positions = np.array([joints[key.collection].position for key in problem.detections])
             found += _errors_of(name, first, twists, positions)
-            found += _tilts_of(dataset, problem, name, joints)
+            found += _axis_errors_of(dataset, problem, name, joints)
     return found
 
 
-def _tilts_of(
+def sizes_on_moving_parts(
+    sizes: Mapping[ModelError, float], dataset: Dataset, moving: Mapping[Edge, MovingPart]
+) -> Dict[ModelError, float]:
+    """Return standard deviations of errors: of joints' axes as far as their arm is off.
+
+    An arm that was given room, as if it were off by chance in each collection, may be off by its
+    links and axes, the same way wherever it stands alike. No check names these.
+
+    Args:
+        sizes: what is usual, in the errors' units.
+        dataset: with the joints.
+        moving: how far moving parts are off.
+    """
+    found = dict(sizes)
+    for edge, part in moving.items():
+        carried = {step.edge for step in dataset.graph.chain(dataset.world, edge.child)}
+        for error, size in sizes.items():
+            if isinstance(error, (JointTilt, JointShift)):
+                off = part.sigma_rad if isinstance(error, JointTilt) else part.sigma_m
+                if dataset.joint(error.target).edge in carried:
+                    found[error] = max(size, found[error], off)
+    return found
+
+
+def _axis_errors_of(
     dataset: Dataset, problem: Problem, name: str, joints: Mapping[str, JointState]
 ) -> List[JointPositionError]:
-    """Return the turns of a joint's axis about two axes across it; none where it stands still."""
+    """Return turns of a joint's axis about two axes across it, and shifts along these.
+
+    There are none where it stands still.
+    """
     states = list(joints.values())
     if np.ptp([state.position for state in states]) <= _STILL:
         return []
     _, _, axes = np.linalg.svd(states[0].axis[None])
     found: List[JointPositionError] = []
     for across, axis in enumerate(axes[1:]):
-        turn = np.append(axis, np.zeros(3))
-        in_child = {
-            key: se3.adjoint(se3.inverse(state.moved)) @ turn for key, state in joints.items()
-        }
-        twists = _twists(dataset, problem, states[0].edge, in_child)
-        found.append(JointTilt(name, twists, across))
+        for kind, part in ((JointTilt, ROTATION), (JointShift, TRANSLATION)):
+            move = np.zeros(6)
+            move[part] = axis
+            in_child = {
+                key: se3.adjoint(se3.inverse(state.moved)) @ move for key, state in joints.items()
+            }
+            twists = _twists(dataset, problem, states[0].edge, in_child)
+            found.append(kind(name, twists, across))
     return found
 
 
